@@ -1,0 +1,1 @@
+//! The rigid arm: model, kinematics and dynamics of a serial chain.

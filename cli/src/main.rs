@@ -1,0 +1,2 @@
+//! The `freeplay` command.
+fn main() {}

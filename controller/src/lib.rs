@@ -1,0 +1,1 @@
+//! Controllers: the SDK, the built-in controllers and the compensation QP.

@@ -1,0 +1,1 @@
+//! Reference motions: where the tool or the joints should be, when.

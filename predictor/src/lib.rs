@@ -1,0 +1,1 @@
+//! NARX network, Levenberg-Marquardt training, data windows and baselines.

@@ -1,0 +1,1 @@
+//! Recordings: MCAP and CSV, read and written with one set of column names.

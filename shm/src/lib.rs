@@ -1,0 +1,1 @@
+//! What crosses the process boundary: messages, links over iceoryx2, handshake, pacing.
