@@ -1,1 +1,42 @@
 //! What crosses the process boundary: messages, links over iceoryx2, handshake, pacing.
+//!
+//! The nouns, in the order in which data passes through them:
+//!
+//! - [`RunRoot`]: the folder of one run on tmpfs; whoever starts a run holds it, dropping it leaves nothing behind.
+//! - [`Address`]: what another process needs to find that run; travels in `FREEPLAY_RUN` or `--run`.
+//! - [`Hello`]: what a controller says first; its layout is frozen for all time.
+//! - [`Welcome`]: what the plant answers, with a [`Verdict`]; its layout is frozen for all time.
+//! - [`Offer`]: what the plant tells every controller about the run.
+//! - [`Greeting`]: what the plant learns about a controller that knocked.
+//! - [`State`]: the arm at one tick, from the plant to everyone who listens; holds a [`Reference`].
+//! - [`Command`]: the answer of one controller to one state.
+//! - [`MessageFault`]: why a message is not to be used.
+//! - [`PlantLink`]: the plant's end: publishes states, greets controllers, takes commands slot by slot.
+//! - [`ControllerLink`]: a controller's end: takes states, sends commands.
+//! - [`LinkError`]: why a link could not be opened or used, with the remedy.
+//! - [`Schedule`], [`now_ns`], [`sleep_then_spin_until`]: the wall clock of a paced run.
+//! - [`Backoff`]: how a lockstep run waits for its peer.
+//! - [`realtime`]: priority, affinity, memory locking: asked for, reported, never required.
+//!
+//! This is the only crate that names iceoryx2.
+
+pub mod address;
+pub mod error;
+pub mod handshake;
+pub mod links;
+pub mod messages;
+pub mod pacing;
+pub mod realtime;
+pub mod run_root;
+
+pub use address::{Address, RUN_ENV};
+pub use error::LinkError;
+pub use handshake::{Greeting, Hello, Offer, Pace, Verdict, Welcome};
+pub use links::{ControllerLink, PlantLink};
+pub use messages::{
+    Command, CommandKind, CommandStatus, Joints, LAYOUT_VERSION, MAGIC, MAX_JOINTS, MessageFault, Mode,
+    Reference, State,
+};
+pub use pacing::{Backoff, Schedule, now_ns, sleep_then_spin_until};
+pub use realtime::{Machine, RtReport, RtRequest};
+pub use run_root::RunRoot;

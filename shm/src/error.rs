@@ -1,0 +1,90 @@
+//! [`LinkError`]: why a link could not be opened or used.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use thiserror::Error;
+
+use crate::handshake::Verdict;
+
+/// Why a run or a link could not be opened or used, with the remedy.
+#[derive(Debug, Error)]
+pub enum LinkError {
+    /// No address was given.
+    #[error(
+        "no run to join: set FREEPLAY_RUN or pass --run, as `freeplay run` does for the controllers it starts"
+    )]
+    NoAddress,
+    /// The text is no address.
+    #[error(
+        "'{text}' is no address of a run: expected an absolute path of at most 128 bytes ending in a run id"
+    )]
+    BadAddress {
+        /// What was given.
+        text: String,
+    },
+    /// The run's folder is not there.
+    #[error("no run lives at {}: it has ended, or the address is wrong", path.display())]
+    NoRun {
+        /// The folder looked for.
+        path: PathBuf,
+    },
+    /// A folder or file of the run could not be made or read.
+    #[error("cannot {doing} {}: {source}; set FREEPLAY_SHM to a folder of yours on tmpfs", path.display())]
+    Folder {
+        /// What was tried.
+        doing: &'static str,
+        /// On what.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The folder of all runs can be written by others, so another user could read or change messages.
+    #[error("{} is not a folder of this user alone (owner {owner}, mode {mode:o}): remove it or set FREEPLAY_SHM", path.display())]
+    NotPrivate {
+        /// The folder.
+        path: PathBuf,
+        /// User id of its owner.
+        owner: u32,
+        /// Its permission bits.
+        mode: u32,
+    },
+    /// Nobody answered the hello in time.
+    #[error("no plant answered within {patience:?}{}: is it running, and does it greet?", waiting_for(last.as_ref()))]
+    NoPlant {
+        /// How long the controller tried.
+        patience: Duration,
+        /// What stood in the way last.
+        last: Option<String>,
+    },
+    /// The plant answered that this controller may not take part.
+    #[error("the plant refused this controller: {reason}")]
+    Refused {
+        /// The plant's verdict; `None` if this version does not know its code.
+        verdict: Option<Verdict>,
+        /// What does not fit and what to do.
+        reason: String,
+    },
+    /// The link has no slot of that number.
+    #[error("slot {slot} asked for, this run has slots 0 to {}", slots.saturating_sub(1))]
+    NoSlot {
+        /// The number asked for.
+        slot: usize,
+        /// How many there are.
+        slots: usize,
+    },
+    /// The transport failed.
+    #[error("cannot {doing} {service}: iceoryx2 says {cause}")]
+    Transport {
+        /// What was tried.
+        doing: &'static str,
+        /// On which service.
+        service: String,
+        /// What iceoryx2 said.
+        cause: String,
+    },
+}
+
+fn waiting_for(last: Option<&String>) -> String {
+    last.map_or_else(String::new, |last| format!(" (last: {last})"))
+}

@@ -1,0 +1,123 @@
+//! The wall clock of a paced run, and waiting in lockstep.
+
+use std::thread;
+use std::time::Duration;
+
+use rustix::io::Errno;
+use rustix::thread::clock_nanosleep_absolute;
+use rustix::time::{ClockId, Timespec, clock_gettime};
+
+const NS_PER_S: u64 = 1_000_000_000;
+
+/// `CLOCK_MONOTONIC` in nanoseconds: the same clock in every process of the machine.
+#[must_use]
+pub fn now_ns() -> u64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec as u64 * NS_PER_S + now.tv_nsec as u64
+}
+
+/// When each tick is due.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Schedule {
+    /// Time of tick 0, `CLOCK_MONOTONIC`, ns.
+    pub start_ns: u64,
+    /// Time between two ticks, ns.
+    pub period_ns: u64,
+}
+
+impl Schedule {
+    /// Time at which `tick` is due, `CLOCK_MONOTONIC`, ns.
+    #[must_use]
+    pub fn due_ns(&self, tick: u64) -> u64 {
+        self.start_ns + tick * self.period_ns
+    }
+
+    /// How late `now_ns` is for `tick`, ns; 0 if it is early.
+    #[must_use]
+    pub fn late_ns(&self, tick: u64, now_ns: u64) -> u64 {
+        now_ns.saturating_sub(self.due_ns(tick))
+    }
+
+    /// The tick in force at `now_ns`: the last one that is due; 0 before the start.
+    #[must_use]
+    pub fn tick_at(&self, now_ns: u64) -> u64 {
+        now_ns.saturating_sub(self.start_ns).checked_div(self.period_ns).unwrap_or(0)
+    }
+}
+
+/// Sleeps until `spin_ns` before `deadline_ns` (`CLOCK_MONOTONIC`), then spins to the deadline. Returns the time at
+/// which it returns, ns.
+///
+/// The sleep leaves the core to others, the spin hides how late the system wakes sleepers (40 to 130 µs are common).
+/// Under `SCHED_FIFO`, never spin longer than needed: Linux takes 50 ms of each second back from who does.
+pub fn sleep_then_spin_until(deadline_ns: u64, spin_ns: u64) -> u64 {
+    let wake_ns = deadline_ns.saturating_sub(spin_ns);
+    let wake = Timespec { tv_sec: (wake_ns / NS_PER_S) as i64, tv_nsec: (wake_ns % NS_PER_S) as _ };
+    if now_ns() < wake_ns {
+        while clock_nanosleep_absolute(ClockId::Monotonic, &wake) == Err(Errno::INTR) {}
+    }
+    loop {
+        let now = now_ns();
+        if now >= deadline_ns {
+            return now;
+        }
+        std::hint::spin_loop();
+    }
+}
+
+/// How lockstep waits for its peer: spin while an answer is likely to come at once, then let others run, then sleep.
+#[derive(Clone, Copy, Debug)]
+pub struct Backoff {
+    spin_ns: u64,
+    yield_ns: u64,
+    since_ns: Option<u64>,
+}
+
+impl Backoff {
+    /// Length of one sleep.
+    const SLEEP: Duration = Duration::from_micros(50);
+    /// How long to spin and yield before sleeping, ns.
+    const YIELD_NS: u64 = 1_000_000;
+
+    /// The policy for this machine: with one core there is nothing to spin for, with two the peer's core may be busy
+    /// with something else.
+    #[must_use]
+    pub fn for_this_machine() -> Self {
+        let spin_ns = match thread::available_parallelism().map_or(1, usize::from) {
+            1 => 0,
+            2 | 3 => 10_000,
+            _ => 20_000,
+        };
+        Self { spin_ns, yield_ns: Self::YIELD_NS, since_ns: None }
+    }
+
+    /// The policy in words, for the results.
+    #[must_use]
+    pub fn name(&self) -> String {
+        format!(
+            "spin {} µs, yield to {} µs, then sleep {} µs at a time",
+            self.spin_ns / 1000,
+            self.yield_ns / 1000,
+            Self::SLEEP.as_micros()
+        )
+    }
+
+    /// Forgets the waiting so far; call it when the peer has answered.
+    pub fn reset(&mut self) {
+        self.since_ns = None;
+    }
+
+    /// Waits a little; the longer it has gone on, the longer. Returns how long it has gone on, ns.
+    pub fn wait(&mut self) -> u64 {
+        let now = now_ns();
+        let waited = now - *self.since_ns.get_or_insert(now);
+        if waited < self.spin_ns {
+            std::hint::spin_loop();
+        } else if waited < self.yield_ns {
+            thread::yield_now();
+        } else {
+            thread::sleep(Self::SLEEP);
+        }
+        waited
+    }
+}
