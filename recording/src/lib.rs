@@ -1,1 +1,35 @@
-//! Recordings: MCAP and CSV, read and written with one set of column names.
+//! Recordings of an arm: CSV and MCAP, read and written with one set of column names.
+//!
+//! Units are SI, angles are radians. In the order in which data passes through them:
+//!
+//! - a [`Layout`] is the list of columns that a recorder is going to write;
+//! - a [`RowWriter`] takes one row per tick and writes it as it comes: a [`CsvWriter`] or a
+//!   [`McapWriter`], which also keeps [`Event`]s and metadata and survives being killed;
+//! - a [`Summary`] says what ended up in the file, a [`WriteError`] why it did not;
+//! - [`read`] turns a file of either kind into a [`Recording`]; a [`ReadError`] names the [`Place`] (file
+//!   and [`Row`]), the column, the value and the remedy; a [`ColumnError`] is about the header alone;
+//! - a [`Recording`] holds the columns by their meaning, sorted into [`Group`]s; [`Absent`] is what it
+//!   answers when asked for columns it does not have;
+//! - [`export`] writes a recording again, as CSV or MCAP.
+//!
+//! | column | meaning | unit |
+//! | --- | --- | --- |
+//! | `t` | time, increasing, may be jittered | s |
+//! | `q1`…`qn` | joint position as the robot's own encoder reads it | rad |
+//! | `qd1`…`qdn` | joint velocity (optional) | rad/s |
+//! | `tau1`…`taun` | joint torque as the robot measures it (optional) | N·m |
+//! | `q_ref1`…`q_refn` | commanded position (optional) | rad |
+//! | `q_link1`… | link-side encoder (optional, any of the joints) | rad |
+//! | `x`, `y`, `z` | tool position of frame `tool0` in the base frame (optional) | m |
+//! | `qx`, `qy`, `qz`, `qw` | its orientation (optional) | – |
+//! | others | kept, not used | – |
+
+mod error;
+mod names;
+mod recording;
+mod table;
+
+pub use error::{Place, ReadError, Row, WriteError};
+pub use names::{ColumnError, Group};
+pub use recording::{Absent, Event, Recording};
+pub use table::MAX_NUMBERS;

@@ -1,0 +1,302 @@
+//! What can be wrong with a recording, and what to do about it.
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::names::ColumnError;
+
+/// Where in a recording something is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Place {
+    /// The file.
+    pub file: PathBuf,
+    /// The row in it.
+    pub row: Row,
+}
+
+/// A row of a recording, counted as its format counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Row {
+    /// A line of a CSV, counted from 1, the header included.
+    Line(u64),
+    /// A message on the topic of a MCAP, counted from 1.
+    Message(u64),
+    /// A sample of a recording made in memory, counted from 1.
+    Sample(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let file = self.file.display();
+        match self.row {
+            Row::Line(line) => write!(f, "{file}:{line}"),
+            Row::Message(message) => write!(f, "{file}, message {message}"),
+            Row::Sample(sample) => write!(f, "{file}, sample {sample}"),
+        }
+    }
+}
+
+/// Why a file is not read as a recording. The message names the file, the line, the column, the value
+/// and what to do, on one line.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum ReadError {
+    /// The operating system does not give the file's bytes.
+    #[error("{}: {source}; check the path and the permissions", file.display())]
+    Io {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A folder where a file is expected.
+    #[error("{}: is a folder; name one recording in it (.csv or .mcap)", file.display())]
+    Folder {
+        /// The folder.
+        file: PathBuf,
+    },
+    /// No bytes.
+    #[error("{}: the file is empty; a CSV begins with a header such as t,q1,q2", file.display())]
+    Empty {
+        /// The file.
+        file: PathBuf,
+    },
+    /// Bytes that are no text.
+    #[error("{}: neither CSV nor MCAP ({what}); give a UTF-8 CSV or a MCAP", file.display())]
+    NotText {
+        /// The file.
+        file: PathBuf,
+        /// What the bytes look like.
+        what: &'static str,
+    },
+    /// Columns separated by something else than commas.
+    #[error(
+        "{place}: columns are separated by {separator:?}; separate them by \",\" and write decimals with a point: {remedy}"
+    )]
+    Separator {
+        /// The header's line.
+        place: Place,
+        /// What separates the columns.
+        separator: char,
+        /// A command that converts the file.
+        remedy: String,
+    },
+    /// The first line holds numbers.
+    #[error(
+        "{place}: no header: the first line begins with the number {value}; put the column names first, e.g. t,q1,q2"
+    )]
+    NoHeader {
+        /// The line.
+        place: Place,
+        /// Its first cell.
+        value: String,
+    },
+    /// The column names are no recording.
+    #[error("{}: {source}", file.display())]
+    Columns {
+        /// The file.
+        file: PathBuf,
+        /// What is wrong with them.
+        source: ColumnError,
+    },
+    /// A row with another number of cells than the header has.
+    #[error(
+        "{place}: expected {expected} cells as in the header, found {found}; complete or remove the row (decimals are written with a point, not a comma)"
+    )]
+    Ragged {
+        /// The row.
+        place: Place,
+        /// Cells of the header.
+        expected: usize,
+        /// Cells of the row.
+        found: usize,
+    },
+    /// A cell that is no number.
+    #[error("{place}: column {column}: {value:?} is not a number; {remedy}")]
+    NotANumber {
+        /// The row.
+        place: Place,
+        /// The column.
+        column: String,
+        /// The cell.
+        value: String,
+        /// What to do.
+        remedy: &'static str,
+    },
+    /// A value that is not finite.
+    #[error("{place}: column {column}: {value:?} is not a finite number; remove the row or interpolate it")]
+    NotFinite {
+        /// The row.
+        place: Place,
+        /// The column.
+        column: String,
+        /// The value as it stands in the file.
+        value: String,
+    },
+    /// Time that stands still or runs back.
+    #[error(
+        "{place}: column t: {value:?} does not come after {previous:?} in the row before; time must increase: sort the rows, remove repeated ones"
+    )]
+    Time {
+        /// The row.
+        place: Place,
+        /// Its time, s.
+        value: f64,
+        /// The time of the row before, s.
+        previous: f64,
+    },
+    /// A line that no recording has.
+    #[error("{place}: the line is longer than {limit} bytes; not a CSV, or a quote that is never closed")]
+    LongLine {
+        /// Where the line begins.
+        place: Place,
+        /// The longest line read, bytes.
+        limit: usize,
+    },
+    /// More numbers than are read at once.
+    #[error("{}: {columns} columns of {rows} rows or more are above the limit of {limit} numbers (8 bytes each); {remedy}", file.display())]
+    TooLarge {
+        /// The file.
+        file: PathBuf,
+        /// Its columns.
+        columns: usize,
+        /// Its rows, as far as they are known or estimated.
+        rows: u64,
+        /// The limit.
+        limit: u64,
+        /// How to thin it.
+        remedy: String,
+    },
+    /// A header and nothing below it.
+    #[error("{}: no samples{why}; record some motion", file.display())]
+    NoSamples {
+        /// The file.
+        file: PathBuf,
+        /// Why, where the file tells.
+        why: &'static str,
+    },
+    /// Columns of unequal length, in a recording made in memory.
+    #[error("{}: column {column} has {found} values, t has {expected}; give every column one value per sample", file.display())]
+    Lengths {
+        /// The recording.
+        file: PathBuf,
+        /// The column.
+        column: String,
+        /// Its values.
+        found: usize,
+        /// Values of the first column.
+        expected: usize,
+    },
+    /// A file called MCAP that is none.
+    #[error("{}: does not begin like a MCAP; name it .csv if it is one, else record it again", file.display())]
+    NotMcap {
+        /// The file.
+        file: PathBuf,
+    },
+    /// A MCAP that contradicts itself.
+    #[error("{}: damaged at byte {offset}: {what}; `mcap recover` saves what is left", file.display())]
+    Damaged {
+        /// The file.
+        file: PathBuf,
+        /// Where the damaged record begins.
+        offset: u64,
+        /// What is wrong.
+        what: String,
+    },
+    /// A MCAP this crate has no decompressor for.
+    #[error("{}: chunks are compressed with {compression:?}; convert them: `mcap compress --compression zstd`", file.display())]
+    Compression {
+        /// The file.
+        file: PathBuf,
+        /// The compression.
+        compression: String,
+    },
+    /// A MCAP without our topic.
+    #[error("{}: no topic {expected}; found: {topics}; record with `freeplay run`, or convert the joint columns to a CSV", file.display())]
+    NoTopic {
+        /// The file.
+        file: PathBuf,
+        /// The topic.
+        expected: &'static str,
+        /// The topics that are there.
+        topics: String,
+    },
+    /// A topic or a message in another form than this crate reads.
+    #[error(
+        "{place}: topic {topic}: {what}; it must be written as float64 fields, schema ros2msg, messages cdr (little-endian)"
+    )]
+    Form {
+        /// The message, or message 0 for the topic itself.
+        place: Place,
+        /// The topic.
+        topic: &'static str,
+        /// What is wrong.
+        what: String,
+    },
+}
+
+/// Why a recording is not written.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum WriteError {
+    /// The file's name does not say the format.
+    #[error("{}: a recording is written as .csv or .mcap; choose one of these endings", file.display())]
+    Ending {
+        /// The file.
+        file: PathBuf,
+    },
+    /// The file cannot be made.
+    #[error("{}: cannot be created: {source}; check the folder and its permissions", file.display())]
+    Create {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The columns make no recording.
+    #[error(transparent)]
+    Columns(#[from] ColumnError),
+    /// A row of another width than the layout.
+    #[error("{}: row {row}: expected {expected} values, found {found}", file.display())]
+    Width {
+        /// The file.
+        file: PathBuf,
+        /// The row, counted from 1.
+        row: u64,
+        /// Columns of the layout.
+        expected: usize,
+        /// Values of the row.
+        found: usize,
+    },
+    /// An event without a time.
+    #[error("{}: event {kind:?} has the time {t}; give a finite time in seconds", file.display())]
+    EventTime {
+        /// The file.
+        file: PathBuf,
+        /// The event's kind.
+        kind: String,
+        /// Its time.
+        t: f64,
+    },
+    /// The system takes no more bytes.
+    #[error("{}: writing stopped after {kept} of {rows} rows: {source}; the rows before it stay readable; free some space or write elsewhere", file.display())]
+    Stopped {
+        /// The file.
+        file: PathBuf,
+        /// Rows handed over, the last one included.
+        rows: u64,
+        /// Rows that are known to be in the file.
+        kept: u64,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Writing on after an error or after the end.
+    #[error("{}: no more can be written: the recording was closed by an error before or is finished", file.display())]
+    Closed {
+        /// The file.
+        file: PathBuf,
+    },
+}

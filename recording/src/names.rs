@@ -1,0 +1,320 @@
+//! The column names of a recording: which names the contract knows, and which sets of them make sense.
+
+use std::collections::HashSet;
+
+use thiserror::Error;
+
+/// A quantity measured once per joint: its columns carry the joint's number, counted from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Group {
+    /// `q1`…: position as the robot's own encoder reads it, through the gear ratio; rad.
+    Position,
+    /// `qd1`…: velocity; rad/s.
+    Velocity,
+    /// `tau1`…: torque as the robot measures it; N·m.
+    Torque,
+    /// `q_ref1`…: commanded position; rad.
+    Reference,
+    /// `q_link1`…: link-side encoder; rad. The only group that may exist for some joints alone.
+    Link,
+}
+
+impl Group {
+    /// Every group, in the order of the contract.
+    pub const ALL: [Group; 5] =
+        [Group::Position, Group::Velocity, Group::Torque, Group::Reference, Group::Link];
+
+    /// What stands before the joint's number in the column's name.
+    pub fn prefix(self) -> &'static str {
+        match self {
+            Group::Position => "q",
+            Group::Velocity => "qd",
+            Group::Torque => "tau",
+            Group::Reference => "q_ref",
+            Group::Link => "q_link",
+        }
+    }
+
+    /// The column of joint `joint`, counted from 0: `Group::Torque.column(2)` is `tau3`.
+    pub fn column(self, joint: usize) -> String {
+        format!("{}{}", self.prefix(), joint + 1)
+    }
+}
+
+/// The tool's position of frame `tool0` in the base frame, m.
+pub(crate) const TOOL: [&str; 3] = ["x", "y", "z"];
+/// The tool's orientation in the base frame, a unit quaternion.
+pub(crate) const ORIENTATION: [&str; 4] = ["qx", "qy", "qz", "qw"];
+
+/// What a column means.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) enum Role {
+    /// `t`, s.
+    Time,
+    /// A quantity of one joint, counted from 0.
+    Joint(Group, usize),
+    /// A coordinate of the tool: 0 is x.
+    Tool(usize),
+    /// A component of the tool's quaternion: 0 is x, 3 is w.
+    Orientation(usize),
+    /// Not in the contract: kept, not used.
+    Other,
+}
+
+/// A set of column names that is no recording.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum ColumnError {
+    /// The recording cannot do without this column.
+    #[error("column {column} is missing{hint}; found: {found}")]
+    Missing {
+        /// The missing column.
+        column: String,
+        /// A column that looks like the missing one under another name, and what to do; may be empty.
+        hint: String,
+        /// The columns that are there, shortened.
+        found: String,
+    },
+    /// Another number of joints than the arm has.
+    #[error(
+        "expected {expected} joint(s) (q1…q{expected}), found {found} (q1…q{found}): is this a recording of this arm?"
+    )]
+    JointCount {
+        /// Joints of the arm.
+        expected: usize,
+        /// Joints of the recording.
+        found: usize,
+    },
+    /// Joints counted from 0.
+    #[error(
+        "column {column}: joints are counted from 1; rename {prefix}0, {prefix}1… to {prefix}1, {prefix}2…"
+    )]
+    CountedFromZero {
+        /// The column.
+        column: String,
+        /// Its name without the number.
+        prefix: &'static str,
+    },
+    /// A quantity of a joint that has no position.
+    #[error(
+        "column {column} belongs to joint {joint}, but the positions end at q{joints}; add q{joint} or remove {column}"
+    )]
+    NoSuchJoint {
+        /// The column.
+        column: String,
+        /// Its joint, counted from 1.
+        joint: usize,
+        /// Number of joints that have a position.
+        joints: usize,
+    },
+    /// Columns that only make sense together.
+    #[error("column {missing} is missing beside {present}; give all of {whole} or none")]
+    Incomplete {
+        /// The first missing column.
+        missing: String,
+        /// A column of the same set that is there.
+        present: String,
+        /// The whole set.
+        whole: String,
+    },
+    /// The same name twice.
+    #[error("column {column} occurs twice; rename or remove one of them")]
+    Duplicate {
+        /// The name.
+        column: String,
+    },
+    /// A column without a name.
+    #[error(
+        "column number {number} has no name; name it or remove it (a comma at the end of the header makes one)"
+    )]
+    Unnamed {
+        /// Its place, counted from 1.
+        number: usize,
+    },
+    /// A name that would not survive being written and read again.
+    #[error(
+        "column number {number} is named {name:?}; remove the control characters and the spaces around the name"
+    )]
+    Unprintable {
+        /// Its place, counted from 1.
+        number: usize,
+        /// The name.
+        name: String,
+    },
+}
+
+/// What `name` means; a joint's number 0 is an error, since it would shift every joint by one.
+fn role(name: &str) -> Result<Role, ColumnError> {
+    if name == "t" {
+        return Ok(Role::Time);
+    }
+    if let Some(i) = TOOL.iter().position(|n| *n == name) {
+        return Ok(Role::Tool(i));
+    }
+    if let Some(i) = ORIENTATION.iter().position(|n| *n == name) {
+        return Ok(Role::Orientation(i));
+    }
+    let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    let Some(group) = Group::ALL.into_iter().find(|g| g.prefix() == stem) else { return Ok(Role::Other) };
+    match name[stem.len()..].parse::<usize>() {
+        Ok(0) => Err(ColumnError::CountedFromZero { column: name.into(), prefix: group.prefix() }),
+        Ok(number) if !name[stem.len()..].starts_with('0') => Ok(Role::Joint(group, number - 1)),
+        _ => Ok(Role::Other),
+    }
+}
+
+/// The columns of a recording, understood.
+#[derive(Debug, Clone)]
+pub(crate) struct Roles {
+    /// One per column, in the order of the columns.
+    pub roles: Vec<Role>,
+    /// Number of joints.
+    pub joints: usize,
+}
+
+impl Roles {
+    /// Understands `names`; `expected` is the number of joints of the arm, where it is known.
+    pub fn new(names: &[String], expected: Option<usize>) -> Result<Self, ColumnError> {
+        check_spelling(names)?;
+        let roles = names.iter().map(|name| role(name)).collect::<Result<Vec<_>, _>>()?;
+        let present: HashSet<Role> = roles.iter().copied().collect();
+        if !present.contains(&Role::Time) {
+            return Err(missing("t", names));
+        }
+        let joints = count_joints(&present, names)?;
+        if let Some(expected) = expected.filter(|e| *e != joints) {
+            return Err(ColumnError::JointCount { expected, found: joints });
+        }
+        check_groups(&roles, &present, joints)?;
+        check_set(&present, &TOOL, Role::Tool)?;
+        check_set(&present, &ORIENTATION, Role::Orientation)?;
+        Ok(Roles { roles, joints })
+    }
+}
+
+/// Every name is there, printable and unique.
+fn check_spelling(names: &[String]) -> Result<(), ColumnError> {
+    let mut seen = HashSet::new();
+    for (i, name) in names.iter().enumerate() {
+        if name.trim().is_empty() {
+            return Err(ColumnError::Unnamed { number: i + 1 });
+        }
+        if name.trim() != name || name.chars().any(char::is_control) {
+            return Err(ColumnError::Unprintable { number: i + 1, name: shorten(name) });
+        }
+        if !seen.insert(name.as_str()) {
+            return Err(ColumnError::Duplicate { column: shorten(name) });
+        }
+    }
+    Ok(())
+}
+
+/// The number of joints: q1, q2, … without a gap.
+fn count_joints(present: &HashSet<Role>, names: &[String]) -> Result<usize, ColumnError> {
+    let positions = present.iter().filter(|r| matches!(r, Role::Joint(Group::Position, _))).count();
+    let gap = (0..positions.max(1)).find(|j| !present.contains(&Role::Joint(Group::Position, *j)));
+    match gap {
+        Some(joint) => Err(missing(&Group::Position.column(joint), names)),
+        None => Ok(positions),
+    }
+}
+
+/// Each group has the joints of `q`, all of them unless it is the link-side encoder.
+fn check_groups(roles: &[Role], present: &HashSet<Role>, joints: usize) -> Result<(), ColumnError> {
+    for role in roles {
+        let Role::Joint(group, joint) = *role else { continue };
+        if joint >= joints {
+            let column = group.column(joint);
+            return Err(ColumnError::NoSuchJoint { column, joint: joint + 1, joints });
+        }
+        if group == Group::Link {
+            continue;
+        }
+        if let Some(gap) = (0..joints).find(|j| !present.contains(&Role::Joint(group, *j))) {
+            return Err(ColumnError::Incomplete {
+                missing: group.column(gap),
+                present: group.column(joint),
+                whole: format!("{}…{}", group.column(0), group.column(joints - 1)),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// The tool's columns come all or not at all.
+fn check_set(present: &HashSet<Role>, names: &[&str], role: fn(usize) -> Role) -> Result<(), ColumnError> {
+    let there = (0..names.len()).find(|i| present.contains(&role(*i)));
+    let gap = (0..names.len()).find(|i| !present.contains(&role(*i)));
+    match (there, gap) {
+        (Some(there), Some(gap)) => Err(ColumnError::Incomplete {
+            missing: names[gap].into(),
+            present: names[there].into(),
+            whole: names.join(", "),
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// `column` is missing: says which of `names` may be meant.
+fn missing(column: &str, names: &[String]) -> ColumnError {
+    let similar = names.iter().find(|name| {
+        let name = name.to_lowercase();
+        name == column || (column == "t" && name.starts_with("time"))
+    });
+    let hint = similar.map_or_else(String::new, |name| format!(" (rename {} to {column})", shorten(name)));
+    ColumnError::Missing { column: column.into(), hint, found: list(names) }
+}
+
+/// The first names of a list, and how many follow.
+pub(crate) fn list(names: &[String]) -> String {
+    const SHOWN: usize = 12;
+    if names.is_empty() {
+        return "none".into();
+    }
+    let shown = names.iter().take(SHOWN).map(|n| shorten(n)).collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN { format!("{shown} and {} more", names.len() - SHOWN) } else { shown }
+}
+
+/// A text fit for an error message: at most 40 characters.
+pub(crate) fn shorten(text: &str) -> String {
+    const SHOWN: usize = 40;
+    let mut short: String = text.chars().take(SHOWN).collect();
+    if short.len() < text.len() {
+        short.push('…');
+    }
+    short
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ColumnError, Group, Role, Roles, role};
+
+    fn roles(header: &str) -> Result<Roles, ColumnError> {
+        Roles::new(&header.split(',').map(String::from).collect::<Vec<_>>(), None)
+    }
+
+    #[test]
+    fn names_near_the_contract_stay_outside_it() {
+        for name in
+            ["qd_link1", "qd_ref1", "tau_cmd1", "q", "q01", "Q1", "q1x", "qq1", "q99999999999999999999999"]
+        {
+            assert_eq!(role(name), Ok(Role::Other), "{name}");
+        }
+        assert_eq!(role("q_link3"), Ok(Role::Joint(Group::Link, 2)));
+        assert_eq!(role("qx"), Ok(Role::Orientation(0)));
+    }
+
+    #[test]
+    fn a_huge_joint_number_is_a_gap_not_a_loop() {
+        let error = roles("t,q1,q18446744073709551615").expect_err("a gap");
+        assert!(matches!(error, ColumnError::Missing { column, .. } if column == "q2"));
+    }
+
+    #[test]
+    fn link_encoders_may_be_partial_and_nothing_else() {
+        assert_eq!(roles("t,q1,q2,q_link2").expect("partial link encoders").joints, 2);
+        for header in ["t,q1,q2,qd1", "t,q1,q2,tau2", "t,q1,q2,q_ref1", "t,q1,x,y", "t,q1,qx,qy,qz"] {
+            assert!(matches!(roles(header), Err(ColumnError::Incomplete { .. })), "{header}");
+        }
+    }
+}
