@@ -9,6 +9,10 @@ use crate::error::LinkError;
 /// Environment variable that carries an [`Address`] to another process.
 pub const RUN_ENV: &str = "FREEPLAY_RUN";
 
+/// Longest path of a run's folder, bytes: iceoryx2 takes paths of up to 255 bytes, and its longest name within the folder
+/// needs the rest.
+pub(crate) const MAX_ROOT: usize = 96;
+
 /// Where a run lives: its folder on tmpfs. The run's id is the folder's name; everything else follows from it.
 ///
 /// As text, an address is the folder's absolute path, e.g. `/dev/shm/freeplay-1000/4711-9f3c21aa`.
@@ -23,13 +27,13 @@ impl Address {
     ///
     /// # Errors
     /// [`LinkError::BadAddress`] unless `text` is an absolute path whose last part is a run id: letters, digits and
-    /// hyphens.
+    /// hyphens; of at most 96 bytes.
     pub fn parse(text: &str) -> Result<Self, LinkError> {
         let bad = || LinkError::BadAddress { text: text.to_owned() };
         let root = Path::new(text);
         let id = root.file_name().and_then(|name| name.to_str()).ok_or_else(bad)?;
         let is_id = id.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
-        if !root.is_absolute() || !is_id || text.len() > 128 {
+        if !root.is_absolute() || !is_id || text.len() > MAX_ROOT {
             return Err(bad());
         }
         Ok(Self { root: root.to_owned(), id: id.to_owned() })

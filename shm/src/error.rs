@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+use crate::address::MAX_ROOT;
 use crate::handshake::Verdict;
+use crate::services::MAX_SLOTS;
 
 /// Why a run or a link could not be opened or used, with the remedy.
 #[derive(Debug, Error)]
@@ -17,7 +19,7 @@ pub enum LinkError {
     NoAddress,
     /// The text is no address.
     #[error(
-        "'{text}' is no address of a run: expected an absolute path of at most 128 bytes ending in a run id"
+        "'{text}' is no address of a run: expected an absolute path of at most {MAX_ROOT} bytes ending in a run id"
     )]
     BadAddress {
         /// What was given.
@@ -72,6 +74,18 @@ pub enum LinkError {
         slot: usize,
         /// How many there are.
         slots: usize,
+    },
+    /// More slots than a run can have.
+    #[error("{slots} slots asked for, a run has 1 to {MAX_SLOTS}")]
+    SlotCount {
+        /// The number asked for.
+        slots: usize,
+    },
+    /// The run has a plant already.
+    #[error("the run at {} has a plant already: end it first, or start a run of its own", path.display())]
+    PlantExists {
+        /// The run's folder.
+        path: PathBuf,
     },
     /// The transport failed.
     #[error("cannot {doing} {service}: iceoryx2 says {cause}")]

@@ -16,27 +16,34 @@
 //! - [`LinkError`]: why a link could not be opened or used, with the remedy.
 //! - [`Schedule`], [`now_ns`], [`sleep_then_spin_until`]: the wall clock of a paced run.
 //! - [`Backoff`]: how a lockstep run waits for its peer.
-//! - [`realtime`]: priority, affinity, memory locking: asked for, reported, never required.
+//! - [`RtRequest`], [`RtReport`]: priority, affinity and memory locking, asked for, reported, never required.
+//! - [`Machine`]: the facts that timing depends on, stamped into every result.
 //!
 //! This is the only crate that names iceoryx2.
 
 pub mod address;
+pub mod controller_link;
 pub mod error;
 pub mod handshake;
-pub mod links;
+pub mod machine;
 pub mod messages;
 pub mod pacing;
+pub mod plant_link;
 pub mod realtime;
 pub mod run_root;
+pub mod services;
 
 pub use address::{Address, RUN_ENV};
+pub use controller_link::ControllerLink;
 pub use error::LinkError;
 pub use handshake::{Greeting, Hello, Offer, Pace, Verdict, Welcome};
-pub use links::{ControllerLink, PlantLink};
+pub use machine::Machine;
 pub use messages::{
     Command, CommandKind, CommandStatus, Joints, LAYOUT_VERSION, MAGIC, MAX_JOINTS, MessageFault, Mode,
     Reference, State,
 };
 pub use pacing::{Backoff, Schedule, now_ns, sleep_then_spin_until};
-pub use realtime::{Machine, RtReport, RtRequest};
-pub use run_root::RunRoot;
+pub use plant_link::PlantLink;
+pub use realtime::{Outcome, RtReport, RtRequest, prepare};
+pub use run_root::{RunRoot, SHM_ENV};
+pub use services::{COMMAND_BUFFER, MAX_SLOTS, STATE_BUFFER};

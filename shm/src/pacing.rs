@@ -7,6 +7,8 @@ use rustix::io::Errno;
 use rustix::thread::clock_nanosleep_absolute;
 use rustix::time::{ClockId, Timespec, clock_gettime};
 
+use crate::machine::cores;
+
 const NS_PER_S: u64 = 1_000_000_000;
 
 /// `CLOCK_MONOTONIC` in nanoseconds: the same clock in every process of the machine.
@@ -83,7 +85,7 @@ impl Backoff {
     /// with something else.
     #[must_use]
     pub fn for_this_machine() -> Self {
-        let spin_ns = match thread::available_parallelism().map_or(1, usize::from) {
+        let spin_ns = match cores() {
             1 => 0,
             2 | 3 => 10_000,
             _ => 20_000,

@@ -1,15 +1,24 @@
-//! Real-time set-up of the calling thread, and the facts of the machine: asked for, reported, never required.
+//! Real-time set-up of the calling thread: asked for, reported, never required.
 
+use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::process::{Resource, geteuid, getrlimit};
+use rustix::thread::{CpuSet, sched_setaffinity};
 use serde::Serialize;
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+    set_thread_priority_and_policy, thread_native_id,
+};
+
+use crate::machine::{Machine, cores};
 
 /// What to ask of the system for the calling thread.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RtRequest {
-    /// `SCHED_FIFO` priority, 1 to 99; `None` keeps the default scheduler.
+    /// `SCHED_FIFO` priority, 1 to 99; `None` keeps the scheduler as it is.
     pub priority: Option<u8>,
     /// Number of the core to stay on; `None` leaves the choice to the system.
     pub cpu: Option<usize>,
-    /// Whether to keep all pages of the process in memory.
+    /// Whether to keep all pages of the process in memory, now and later.
     pub lock_memory: bool,
 }
 
@@ -34,50 +43,75 @@ pub struct RtReport {
     pub cpu: Outcome,
     /// All pages kept in memory.
     pub lock_memory: Outcome,
-    /// The machine as it is after that.
+    /// The machine and this thread as they are after that.
     pub machine: Machine,
 }
 
-/// Facts of the machine and of the calling thread that timing depends on.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct Machine {
-    /// Model name of the processor.
-    pub cpu: String,
-    /// Number of cores this process may use.
-    pub cores: usize,
-    /// Name and release of the kernel.
-    pub kernel: String,
-    /// Whether the runs' folder is on tmpfs.
-    pub tmpfs: bool,
-    /// Scheduler in force for the calling thread: `SCHED_OTHER`, `SCHED_FIFO`, …
-    pub scheduler: String,
-    /// Real-time priority in force, 0 without.
-    pub priority: u8,
-    /// Whether the pages of the process are kept in memory.
-    pub mlock: bool,
-    /// How lockstep waits on this machine.
-    pub wait_policy: String,
-}
-
-/// Asks the system for what `request` says, for the calling thread, and reports what became of it.
+/// Asks the system for what `request` says, for the calling thread (memory: for the process), and reports what became of
+/// it.
 #[must_use]
 pub fn prepare(request: &RtRequest) -> RtReport {
-    let _ = request;
-    unimplemented!()
+    // Before this thread is tied to one core: the wait policy goes by what the process may use.
+    let _ = cores();
+    RtReport {
+        priority: outcome(request.priority.map(set_priority)),
+        cpu: outcome(request.cpu.map(stay_on)),
+        lock_memory: outcome(request.lock_memory.then(lock_memory)),
+        machine: Machine::read(),
+    }
 }
 
 impl RtReport {
-    /// One line per item that was asked for and refused.
+    /// One line per item that was asked for and refused, with the remedy.
     #[must_use]
     pub fn refusals(&self) -> Vec<String> {
-        unimplemented!()
+        let items = [
+            ("real-time priority", &self.priority),
+            ("staying on one core", &self.cpu),
+            ("locking memory", &self.lock_memory),
+        ];
+        let lines = items.into_iter().filter_map(|(item, outcome)| match outcome {
+            Outcome::Refused(why) => Some(format!("{item} refused: {why}")),
+            Outcome::NotAsked | Outcome::Granted => None,
+        });
+        lines.collect()
     }
 }
 
-impl Machine {
-    /// Reads the facts; what cannot be read is `"unknown"`.
-    #[must_use]
-    pub fn read() -> Self {
-        unimplemented!()
+fn outcome(result: Option<Result<(), String>>) -> Outcome {
+    match result {
+        None => Outcome::NotAsked,
+        Some(Ok(())) => Outcome::Granted,
+        Some(Err(why)) => Outcome::Refused(why),
     }
+}
+
+fn set_priority(priority: u8) -> Result<(), String> {
+    let value =
+        ThreadPriorityValue::try_from(priority).map_err(|_| format!("{priority} is not within 1 to 99"))?;
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    set_thread_priority_and_policy(thread_native_id(), ThreadPriority::Crossplatform(value), policy)
+        .map_err(|error| format!("{error}; run as root or grant it (ulimit -r, LimitRTPRIO)"))
+}
+
+fn stay_on(cpu: usize) -> Result<(), String> {
+    if cpu >= CpuSet::MAX_CPU {
+        return Err(format!("there is no core {cpu}"));
+    }
+    let mut set = CpuSet::new();
+    set.set(cpu);
+    sched_setaffinity(None, &set).map_err(|error| format!("core {cpu}: {error}"))
+}
+
+/// Locks present and future pages. With a limit on locked memory, locking future pages would make a later allocation fail,
+/// so then nothing is locked.
+fn lock_memory() -> Result<(), String> {
+    let limit = getrlimit(Resource::Memlock).current;
+    if let (Some(bytes), false) = (limit, geteuid().is_root()) {
+        let kib = bytes / 1024;
+        return Err(format!(
+            "limited to {kib} KiB, later allocations would fail; lift it (ulimit -l, LimitMEMLOCK)"
+        ));
+    }
+    mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| error.to_string())
 }

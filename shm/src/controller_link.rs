@@ -1,0 +1,277 @@
+//! [`ControllerLink`]: a controller's end of a run.
+
+use std::fmt::Debug;
+use std::fs::File;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use iceoryx2::node::Node;
+use iceoryx2::port::publisher::PublisherCreateError;
+use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
+
+use crate::address::Address;
+use crate::error::LinkError;
+use crate::handshake::{Hello, Verdict, Welcome};
+use crate::messages::{Command, LAYOUT_VERSION, MAGIC, State};
+use crate::run_root::{PlantSeat, join};
+use crate::services::{
+    self, CommandPublisher, DoorClient, Ipc, STATE_SERVICE, StateSubscriber, command_service, transport,
+};
+
+/// How often a controller looks whether the plant is there, and whether it has answered.
+const LOOK_AGAIN: Duration = Duration::from_micros(500);
+
+/// A controller's end of a run. Belongs to the thread that opened it. Dropping it frees the slot.
+///
+/// After set-up, [`next_state`](Self::next_state), [`newest_state`](Self::newest_state) and [`send`](Self::send) neither
+/// allocate nor wait.
+#[derive(Debug)]
+pub struct ControllerLink {
+    states: StateSubscriber,
+    commands: CommandPublisher,
+    last_tick: Option<u64>,
+    lost: u64,
+    skipped: u64,
+    service: String,
+    // Fields are dropped in this order: the node after its ports, the run's life last.
+    _node: Node<Ipc>,
+    seat: PlantSeat,
+    _life: File,
+}
+
+/// What a controller could open of the run before it was accepted: nothing of a run with another layout, and no
+/// publisher of a slot that is taken.
+struct Ends {
+    states: Option<StateSubscriber>,
+    commands: Option<CommandPublisher>,
+}
+
+impl ControllerLink {
+    /// Finds the plant of the run at `address`, says `hello` until it answers or `patience` ends, and takes the slot.
+    /// It does not matter who starts first. Of `hello`, the claim is filled in, and the run if it is 0.
+    ///
+    /// # Errors
+    /// [`LinkError::NoRun`] if the run has ended; [`LinkError::NoPlant`] if nobody answers in time;
+    /// [`LinkError::Refused`] with the reason; [`LinkError::Transport`] if iceoryx2 refuses.
+    pub fn connect(
+        address: &Address,
+        mut hello: Hello,
+        patience: Duration,
+    ) -> Result<(Self, Welcome), LinkError> {
+        let mut wait = Wait::new(patience);
+        let life = join(address)?;
+        let node = services::node(address)?;
+        let door = wait.until_ok("the plant has not opened its door", || services::door(&node).open())?;
+        let client = services::door_client(&door)?;
+        let ends = Ends::open(&node, hello.slot, &mut wait)?;
+        hello.claim = u32::from(ends.commands.is_some());
+        if hello.run == 0 {
+            hello.run = address.run();
+        }
+        let welcome = knock(&client, &hello, &mut wait)?;
+        let Ends { states: Some(states), commands: Some(commands) } = ends.of(&hello, &welcome)? else {
+            return Err(refusal(&hello, &welcome));
+        };
+        let seat = PlantSeat::watch(address)?;
+        let service = command_service(hello.slot);
+        let link = Self {
+            states,
+            commands,
+            last_tick: None,
+            lost: 0,
+            skipped: 0,
+            service,
+            _node: node,
+            seat,
+            _life: life,
+        };
+        Ok((link, welcome))
+    }
+
+    /// The oldest state not yet taken. States lost because this side was slow are counted in [`ControllerLink::lost`].
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`] if iceoryx2 refuses.
+    pub fn next_state(&mut self) -> Result<Option<State>, LinkError> {
+        let sample = self.states.receive().map_err(transport("take states of", STATE_SERVICE))?;
+        let Some(state) = sample.map(|sample| *sample.payload()) else { return Ok(None) };
+        // A tick that is not later than the last is that of another plant on the same run.
+        if let Some(last) = self.last_tick.filter(|&last| state.tick > last) {
+            self.lost += state.tick - last - 1;
+        }
+        self.last_tick = Some(state.tick);
+        Ok(Some(state))
+    }
+
+    /// Takes all waiting states and returns the newest; the others are counted in [`ControllerLink::skipped`].
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`] if iceoryx2 refuses.
+    pub fn newest_state(&mut self) -> Result<Option<State>, LinkError> {
+        let mut newest = None;
+        while let Some(state) = self.next_state()? {
+            self.skipped += u64::from(newest.is_some());
+            newest = Some(state);
+        }
+        Ok(newest)
+    }
+
+    /// How many states this side has lost so far because its buffer of [`STATE_BUFFER`](crate::STATE_BUFFER) was full.
+    #[must_use]
+    pub fn lost(&self) -> u64 {
+        self.lost
+    }
+
+    /// How many states [`ControllerLink::newest_state`] has passed over so far.
+    #[must_use]
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+
+    /// Sends `command` to the plant. Never waits: if the plant does not take commands, the oldest are lost.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`] if iceoryx2 refuses. A plant that died is no error.
+    pub fn send(&mut self, command: &Command) -> Result<(), LinkError> {
+        services::send(&self.commands, command).map_err(transport("send on", &self.service))
+    }
+
+    /// Whether the plant lives. One system call; look when no state has come for long.
+    #[must_use]
+    pub fn plant_lives(&self) -> bool {
+        self.seat.is_taken()
+    }
+}
+
+impl Ends {
+    /// Opens what can be opened. The plant opens its door last, so what is missing now is not there at all.
+    fn open(node: &Node<Ipc>, slot: u32, wait: &mut Wait) -> Result<Self, LinkError> {
+        use PublishSubscribeOpenError::{DoesNotExist, IncompatibleTypes};
+        let states =
+            wait.until_ok("the plant's states cannot be opened", || match services::states(node).open() {
+                Err(IncompatibleTypes | DoesNotExist) => Ok(None),
+                service => service.map(Some),
+            })?;
+        let commands =
+            wait.until_ok("the slot cannot be opened", || match services::commands(node, slot).open() {
+                Err(IncompatibleTypes | DoesNotExist) => Ok(None),
+                service => service.map(Some),
+            })?;
+        let states = states.map(|service| services::subscriber(&service, STATE_SERVICE)).transpose()?;
+        let commands = match commands.map(|service| services::publisher(&service)) {
+            None | Some(Err(PublisherCreateError::ExceedsMaxSupportedPublishers)) => None,
+            Some(publisher) => Some(publisher.map_err(transport("publish on", &command_service(slot)))?),
+        };
+        Ok(Self { states, commands })
+    }
+
+    /// These ends, if the plant has accepted `hello`.
+    fn of(self, hello: &Hello, welcome: &Welcome) -> Result<Self, LinkError> {
+        let is_ours = welcome.magic == MAGIC && welcome.layout == LAYOUT_VERSION;
+        if is_ours && welcome.verdict() == Some(Verdict::Accepted) {
+            Ok(self)
+        } else {
+            Err(refusal(hello, welcome))
+        }
+    }
+}
+
+/// Says `hello` until the plant answers.
+fn knock(client: &DoorClient, hello: &Hello, wait: &mut Wait) -> Result<Welcome, LinkError> {
+    loop {
+        wait.note("the plant is there but does not greet");
+        let pending = client.send_copy(*hello).map_err(transport("knock on", services::DOOR_SERVICE))?;
+        // The answer may arrive between a look for it and the look whether anybody holds our hello: look once more.
+        loop {
+            let is_held = pending.number_of_server_connections() > 0 && pending.is_connected();
+            let answer = pending.receive().map_err(transport("hear from", services::DOOR_SERVICE))?;
+            if let Some(answer) = answer {
+                return Ok(*answer.payload());
+            }
+            wait.a_little()?;
+            if !is_held {
+                break;
+            }
+        }
+    }
+}
+
+/// The plant's refusal of `hello`, in words.
+fn refusal(hello: &Hello, welcome: &Welcome) -> LinkError {
+    let verdict = welcome.verdict();
+    let reason = match verdict {
+        Some(Verdict::WrongMagic) => {
+            format!("its hello begins with {:#018x}, expected {:#018x}", hello.magic, welcome.magic)
+        }
+        Some(Verdict::WrongJoints) => {
+            format!(
+                "it is made for {} joints, the arm has {}: give it the arm of this run",
+                hello.joints, welcome.joints
+            )
+        }
+        Some(Verdict::SlotTaken) => {
+            format!("slot {} is held by another controller: end that one or take another slot", hello.slot)
+        }
+        Some(Verdict::WrongRun) => "it has the address of another run".to_owned(),
+        Some(Verdict::NoSuchSlot) => {
+            format!(
+                "it asks for slot {}, this run has slots 0 to {}",
+                hello.slot,
+                welcome.slots.saturating_sub(1)
+            )
+        }
+        Some(Verdict::Accepted | Verdict::WrongLayout) | None => format!(
+            "it speaks layout {} (State {} B, Command {} B), the plant speaks layout {} (State {} B, Command {} B): \
+             build both from one version",
+            hello.layout,
+            hello.state_size,
+            hello.command_size,
+            welcome.layout,
+            welcome.state_size,
+            welcome.command_size
+        ),
+    };
+    LinkError::Refused { verdict, reason }
+}
+
+/// Trying again until patience ends.
+struct Wait {
+    patience: Duration,
+    start: Instant,
+    last: Option<String>,
+}
+
+impl Wait {
+    fn new(patience: Duration) -> Self {
+        Self { patience, start: Instant::now(), last: None }
+    }
+
+    /// Notes what stands in the way now, to be told when patience ends.
+    fn note(&mut self, what: &str) {
+        self.last = Some(what.to_owned());
+    }
+
+    /// Waits a little, or fails if patience has ended.
+    fn a_little(&mut self) -> Result<(), LinkError> {
+        if self.start.elapsed() >= self.patience {
+            return Err(LinkError::NoPlant { patience: self.patience, last: self.last.take() });
+        }
+        thread::sleep(LOOK_AGAIN);
+        Ok(())
+    }
+
+    /// Tries until it succeeds.
+    fn until_ok<T, E: Debug>(
+        &mut self,
+        obstacle: &str,
+        mut attempt: impl FnMut() -> Result<T, E>,
+    ) -> Result<T, LinkError> {
+        loop {
+            match attempt() {
+                Ok(value) => return Ok(value),
+                Err(error) => self.note(&format!("{obstacle}: {error:?}")),
+            }
+            self.a_little()?;
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! [`PlantLink`]: the plant's end of a run.
+
+use std::fs::File;
+use std::time::Duration;
+
+use iceoryx2::node::Node;
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::PortFactory;
+
+use crate::address::Address;
+use crate::error::LinkError;
+use crate::handshake::{Greeting, Hello, Offer, Verdict};
+use crate::messages::{Command, State};
+use crate::run_root::{PlantSeat, join};
+use crate::services::{
+    self, CommandService, CommandSubscriber, DOOR_SERVICE, DoorServer, Ipc, MAX_SLOTS, STATE_SERVICE,
+    StatePublisher, command_service, transport,
+};
+
+/// The plant's end of a run. Belongs to the thread that opened it.
+///
+/// After set-up, [`publish`](Self::publish), [`next_command`](Self::next_command) and
+/// [`newest_command`](Self::newest_command) neither allocate nor wait, unless a listener has come or gone since the
+/// last call; calling [`greet`](Self::greet) takes that over.
+#[derive(Debug)]
+pub struct PlantLink {
+    states: StatePublisher,
+    slots: Vec<Slot>,
+    door: DoorServer,
+    offer: Offer,
+    run: u64,
+    // Fields are dropped in this order: the node after its ports, the seat when the services are gone, the run's life last.
+    node: Node<Ipc>,
+    _seat: PlantSeat,
+    _life: File,
+}
+
+/// The plant's end of one slot.
+#[derive(Debug)]
+struct Slot {
+    commands: CommandSubscriber,
+    service: CommandService,
+    skipped: u64,
+}
+
+impl PlantLink {
+    /// Opens the plant's end of the run at `address`, with `slots` slots for controllers.
+    ///
+    /// # Errors
+    /// [`LinkError::NoRun`] if the run has ended; [`LinkError::PlantExists`] if it has a plant;
+    /// [`LinkError::SlotCount`] unless there are 1 to [`MAX_SLOTS`] slots; [`LinkError::Transport`] if iceoryx2 refuses.
+    pub fn open(address: &Address, slots: usize, offer: Offer) -> Result<Self, LinkError> {
+        if slots == 0 || slots > MAX_SLOTS {
+            return Err(LinkError::SlotCount { slots });
+        }
+        let life = join(address)?;
+        let seat = PlantSeat::take(address)?;
+        let node = services::node(address)?;
+        let service = services::states(&node).open_or_create().map_err(transport("open", STATE_SERVICE))?;
+        let states = services::publisher(&service).map_err(transport("publish on", STATE_SERVICE))?;
+        let slots = (0..slots as u32).map(|slot| Slot::open(&node, slot)).collect::<Result<_, _>>()?;
+        let service = services::door(&node).open_or_create().map_err(transport("open", DOOR_SERVICE))?;
+        let door = services::door_server(&service)?;
+        Ok(Self { states, slots, door, offer, run: address.run(), node, _seat: seat, _life: life })
+    }
+
+    /// Publishes `state` to everyone who listens. Never waits: who is slow loses the oldest states.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`] if iceoryx2 refuses. A listener that died is no error.
+    pub fn publish(&mut self, state: &State) -> Result<(), LinkError> {
+        services::send(&self.states, state).map_err(transport("publish on", STATE_SERVICE))
+    }
+
+    /// The oldest command of `slot` not yet taken.
+    ///
+    /// # Errors
+    /// [`LinkError::NoSlot`]; [`LinkError::Transport`] if iceoryx2 refuses.
+    pub fn next_command(&mut self, slot: usize) -> Result<Option<Command>, LinkError> {
+        self.slot(slot)?.next(slot)
+    }
+
+    /// Takes all commands of `slot` and returns the newest; the others are counted in [`PlantLink::skipped`].
+    ///
+    /// # Errors
+    /// As [`PlantLink::next_command`].
+    pub fn newest_command(&mut self, slot: usize) -> Result<Option<Command>, LinkError> {
+        let this = self.slot(slot)?;
+        let mut newest = None;
+        while let Some(command) = this.next(slot)? {
+            this.skipped += u64::from(newest.is_some());
+            newest = Some(command);
+        }
+        Ok(newest)
+    }
+
+    /// How many commands of `slot` [`PlantLink::newest_command`] has passed over so far; 0 for a slot there is not.
+    #[must_use]
+    pub fn skipped(&self, slot: usize) -> u64 {
+        self.slots.get(slot).map_or(0, |slot| slot.skipped)
+    }
+
+    /// Answers every waiting hello: accepts it or says why not. Does not wait. Allocates and opens shared memory when
+    /// there is somebody to greet.
+    ///
+    /// A controller that is not answered for long says hello again, so one may be greeted twice.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`] if iceoryx2 refuses. A controller that died meanwhile is no error and not reported.
+    pub fn greet(&mut self) -> Result<Vec<Greeting>, LinkError> {
+        let mut greetings = Vec::new();
+        while let Some(request) = self.door.receive().map_err(transport("take hellos of", DOOR_SERVICE))? {
+            let hello: Hello = *request.payload();
+            let verdict = self.offer.judge(&hello, self.run, self.slots.len());
+            if verdict == Verdict::Accepted {
+                self.connect_to(hello.slot as usize);
+            }
+            if request.send_copy(self.offer.welcome(self.run, self.slots.len(), verdict)).is_ok() {
+                greetings.push(Greeting::of(&hello, verdict));
+            }
+        }
+        Ok(greetings)
+    }
+
+    /// Whether a living controller holds `slot`. Looks for dead processes and removes what they left: takes some hundred
+    /// microseconds and allocates, so not for a paced loop; there, a missing answer tells.
+    #[must_use]
+    pub fn is_held(&self, slot: usize) -> bool {
+        self.node.blocking_cleanup_dead_nodes(Duration::ZERO);
+        self.slots.get(slot).is_some_and(|slot| slot.service.dynamic_config().number_of_publishers() > 0)
+    }
+
+    fn slot(&mut self, slot: usize) -> Result<&mut Slot, LinkError> {
+        let slots = self.slots.len();
+        self.slots.get_mut(slot).ok_or(LinkError::NoSlot { slot, slots })
+    }
+
+    /// Opens the shared memory of the controller of `slot` now, so that the first tick need not. What fails is tried again
+    /// then.
+    fn connect_to(&mut self, slot: usize) {
+        let _ = self.states.update_connections();
+        if let Some(slot) = self.slots.get(slot) {
+            let _ = slot.commands.update_connections();
+        }
+    }
+}
+
+impl Slot {
+    fn open(node: &Node<Ipc>, slot: u32) -> Result<Self, LinkError> {
+        let name = command_service(slot);
+        let service = services::commands(node, slot).open_or_create().map_err(transport("open", &name))?;
+        let commands = services::subscriber(&service, &name)?;
+        Ok(Self { commands, service, skipped: 0 })
+    }
+
+    fn next(&mut self, slot: usize) -> Result<Option<Command>, LinkError> {
+        match self.commands.receive() {
+            Ok(command) => Ok(command.map(|command| *command.payload())),
+            Err(error) => Err(transport("take commands of", &command_service(slot as u32))(error)),
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! The iceoryx2 services of a run, each declared in one place.
+//!
+//! Whoever creates a service fixes its settings, so both ends use these functions. The plant creates all services, the
+//! door last; controllers only open them, so that one with another layout cannot spoil a run.
+//!
+//! | service | pattern | payload |
+//! | --- | --- | --- |
+//! | `freeplay/state` | publish-subscribe, 1 publisher, up to 8 subscribers | [`State`] |
+//! | `freeplay/command/<slot>` | publish-subscribe, 1 publisher, 1 subscriber | [`Command`] |
+//! | `freeplay/hello` | request-response, 1 server | [`Hello`], [`Welcome`] |
+//!
+//! Nothing waits for anybody: full buffers lose their oldest message, and a peer that cannot be reached is skipped.
+
+use std::fmt::Debug;
+
+use iceoryx2::config::Config;
+use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::port::backpressure_strategy::BackpressureStrategy;
+use iceoryx2::port::client::Client;
+use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use iceoryx2::port::server::Server;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::port::{DegradationAction, SendError};
+use iceoryx2::prelude::{
+    FileName, LogLevel, Path, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend, ipc,
+    set_log_level_from_env_or,
+};
+use iceoryx2::service::builder::publish_subscribe::Builder as PubSubBuilder;
+use iceoryx2::service::builder::request_response::Builder as ReqResBuilder;
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory as PubSub;
+use iceoryx2::service::port_factory::request_response::PortFactory as ReqRes;
+
+use crate::address::Address;
+use crate::error::LinkError;
+use crate::handshake::{Hello, Welcome};
+use crate::messages::{Command, State};
+use crate::run_root::make_segments_private;
+
+/// Between processes, each port used by one thread.
+pub(crate) type Ipc = ipc::Service;
+pub(crate) type StatePublisher = Publisher<Ipc, State, ()>;
+pub(crate) type StateSubscriber = Subscriber<Ipc, State, ()>;
+pub(crate) type CommandPublisher = Publisher<Ipc, Command, ()>;
+pub(crate) type CommandSubscriber = Subscriber<Ipc, Command, ()>;
+pub(crate) type CommandService = PubSub<Ipc, Command, ()>;
+pub(crate) type DoorServer = Server<Ipc, Hello, (), Welcome, ()>;
+pub(crate) type DoorClient = Client<Ipc, Hello, (), Welcome, ()>;
+pub(crate) type DoorService = ReqRes<Ipc, Hello, (), Welcome, ()>;
+
+/// Name of the service of states.
+pub(crate) const STATE_SERVICE: &str = "freeplay/state";
+/// Name of the service of hellos and welcomes.
+pub(crate) const DOOR_SERVICE: &str = "freeplay/hello";
+
+/// Largest number of slots of a run.
+pub const MAX_SLOTS: usize = 8;
+/// States a subscriber can fall behind before it loses the oldest.
+pub const STATE_BUFFER: usize = 16;
+/// Commands the plant can fall behind before it loses the oldest.
+pub const COMMAND_BUFFER: usize = 16;
+/// Processes that can take part in a run at once, those that are about to be refused included.
+const MAX_NODES: usize = 2 * MAX_SLOTS + 4;
+
+/// This process's node in the run at `address`: iceoryx2 kept inside the run's folder and prefix, silent about what we
+/// handle (`IOX2_LOG_LEVEL` changes that), and leaving signals alone.
+pub(crate) fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
+    set_log_level_from_env_or(LogLevel::Fatal);
+    let bad_address = |_| LinkError::BadAddress { text: address.to_string() };
+    let mut config = Config::default();
+    let root = Path::new(address.root().as_os_str().as_encoded_bytes()).map_err(bad_address)?;
+    config.global.set_root_path(&root);
+    config.global.prefix = FileName::new(address.prefix().as_bytes()).map_err(bad_address)?;
+    let node = NodeBuilder::new()
+        .config(&config)
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create::<Ipc>()
+        .map_err(transport("create the node of", "this process"))?;
+    make_segments_private(address)?;
+    Ok(node)
+}
+
+/// States from the plant to everybody who listens.
+pub(crate) fn states(node: &Node<Ipc>) -> PubSubBuilder<State, (), Ipc> {
+    publish_subscribe::<State>(node, STATE_SERVICE, STATE_BUFFER).max_subscribers(MAX_SLOTS)
+}
+
+/// Commands of the controller in `slot` to the plant.
+pub(crate) fn commands(node: &Node<Ipc>, slot: u32) -> PubSubBuilder<Command, (), Ipc> {
+    publish_subscribe::<Command>(node, &command_service(slot), COMMAND_BUFFER).max_subscribers(1)
+}
+
+/// Name of the service of commands of `slot`.
+pub(crate) fn command_service(slot: u32) -> String {
+    format!("freeplay/command/{slot}")
+}
+
+/// Hellos to the plant and its welcomes.
+pub(crate) fn door(node: &Node<Ipc>) -> ReqResBuilder<Hello, (), Welcome, (), Ipc> {
+    node.service_builder(&service_name(DOOR_SERVICE))
+        .request_response::<Hello, Welcome>()
+        .max_servers(1)
+        .max_clients(MAX_NODES)
+        .max_nodes(MAX_NODES)
+        .max_active_requests_per_client(2)
+        .enable_safe_overflow_for_requests(true)
+        .enable_safe_overflow_for_responses(true)
+        .enable_fire_and_forget_requests(false)
+}
+
+fn publish_subscribe<Message: Debug + ZeroCopySend>(
+    node: &Node<Ipc>,
+    name: &str,
+    buffer: usize,
+) -> PubSubBuilder<Message, (), Ipc> {
+    node.service_builder(&service_name(name))
+        .publish_subscribe::<Message>()
+        .max_publishers(1)
+        .max_nodes(MAX_NODES)
+        .history_size(0)
+        .subscriber_max_buffer_size(buffer)
+        .enable_safe_overflow(true)
+}
+
+fn service_name(name: &str) -> ServiceName {
+    name.try_into().expect("the names in this file are short and not empty")
+}
+
+/// The publisher of a service; one message is loaned at a time.
+pub(crate) fn publisher<Message: Debug + ZeroCopySend>(
+    service: &PubSub<Ipc, Message, ()>,
+) -> Result<Publisher<Ipc, Message, ()>, PublisherCreateError> {
+    service
+        .publisher_builder()
+        .max_loaned_samples(1)
+        .backpressure_strategy(BackpressureStrategy::DiscardData)
+        .set_degradation_handler(|_, _| DegradationAction::Ignore)
+        .create()
+}
+
+/// A subscriber of the service called `name`.
+pub(crate) fn subscriber<Message: Debug + ZeroCopySend>(
+    service: &PubSub<Ipc, Message, ()>,
+    name: &str,
+) -> Result<Subscriber<Ipc, Message, ()>, LinkError> {
+    service
+        .subscriber_builder()
+        .set_degradation_handler(|_, _| DegradationAction::Ignore)
+        .create()
+        .map_err(transport("subscribe to", name))
+}
+
+/// The server of the door.
+pub(crate) fn door_server(service: &DoorService) -> Result<DoorServer, LinkError> {
+    service
+        .server_builder()
+        .backpressure_strategy(BackpressureStrategy::DiscardData)
+        .set_request_degradation_handler(|_, _| DegradationAction::Ignore)
+        .set_response_degradation_handler(|_, _| DegradationAction::Ignore)
+        .create()
+        .map_err(transport("answer on", DOOR_SERVICE))
+}
+
+/// A client of the door.
+pub(crate) fn door_client(service: &DoorService) -> Result<DoorClient, LinkError> {
+    service
+        .client_builder()
+        .backpressure_strategy(BackpressureStrategy::DiscardData)
+        .set_request_degradation_handler(|_, _| DegradationAction::Ignore)
+        .set_response_degradation_handler(|_, _| DegradationAction::Ignore)
+        .create()
+        .map_err(transport("knock on", DOOR_SERVICE))
+}
+
+/// Sends a copy of `message`. When peers come or go, iceoryx2 may fail to connect to one of them and then sends to
+/// none; the second attempt does without it.
+pub(crate) fn send<Message: Debug + Copy + ZeroCopySend>(
+    publisher: &Publisher<Ipc, Message, ()>,
+    message: &Message,
+) -> Result<(), SendError> {
+    let sent = match publisher.send_copy(*message) {
+        Err(SendError::ConnectionError(_)) => publisher.send_copy(*message),
+        sent => sent,
+    };
+    sent.map(|_receivers| ())
+}
+
+/// What iceoryx2 said, as our error.
+pub(crate) fn transport<Cause: Debug>(doing: &'static str, service: &str) -> impl FnOnce(Cause) -> LinkError {
+    move |cause| LinkError::Transport { doing, service: service.to_owned(), cause: format!("{cause:?}") }
+}
