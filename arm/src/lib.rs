@@ -1,1 +1,35 @@
 //! The rigid arm: model, kinematics and dynamics of a serial chain.
+//!
+//! An arm is a chain of one to [`MAX_DOF`] revolute or prismatic joints on a fixed base, with a tool at its end. This crate
+//! knows nothing of time, of contact or of processes, and reads nothing but the model file.
+//!
+//! The nouns, in the order in which data passes through them:
+//!
+//! - [`ArmFile`]: what a model file says: an arm, the effects beyond the rigid body, and what was not used ([`load`],
+//!   [`parse_urdf`], [`parse_toml`], [`paper_arm`], [`to_toml`]).
+//! - [`Joint`]: one joint and the link it moves: [`JointKind`], axis, placement, [`Limits`], [`JointFriction`], [`Inertia`].
+//! - [`Arm`]: the checked, immutable chain of joints, with tool and gravity.
+//! - [`Workspace`]: the numbers that are worked out for one arm, allocated once; every function below writes into it.
+//! - Kinematics, q → poses: [`forward_kinematics`], [`jacobian`], [`tool_bias_acceleration`].
+//! - Inverse kinematics, pose → q: [`inverse_kinematics`], [`inverse_kinematics_global`], [`IkTask`], [`IkOptions`], [`IkReport`].
+//! - Inverse dynamics, q, v, a → tau: [`rnea`], [`bias`], [`gravity_torque`], [`joint_reaction`].
+//! - Mass matrix, q → M: [`crba`].
+//! - Forward dynamics, q, v, tau → a: [`aba`], [`hybrid_aba`] with one [`Drive`] per joint.
+//! - Energy: [`kinetic_energy`], [`potential_energy`].
+//!
+//! Conventions: SI units and radians. World is the base frame (`base_link`), z up. Slices of length [`Arm::dof`] hold q
+//! (rad or m), v (rad/s or m/s), a (rad/s² or m/s²) and tau (N·m or N). No function of the loop allocates, locks or logs.
+
+mod arm;
+mod dynamics;
+mod kinematics;
+mod spatial;
+mod workspace;
+
+pub use arm::{Arm, ArmError, Inertia, Joint, JointFriction, JointKind, Limits, MAX_DOF};
+pub use dynamics::energy::{kinetic_energy, potential_energy};
+pub use dynamics::forward::{Drive, aba, hybrid_aba};
+pub use dynamics::inverse::{bias, gravity_torque, joint_reaction, rnea};
+pub use dynamics::mass_matrix::crba;
+pub use kinematics::{forward_kinematics, jacobian, tool_bias_acceleration};
+pub use workspace::Workspace;

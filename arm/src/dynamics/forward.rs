@@ -1,0 +1,158 @@
+//! Forward dynamics: q, v and what drives each joint → accelerations.
+
+use nalgebra::Vector3;
+
+use crate::arm::{Arm, JointKind, LinkConstants};
+use crate::dynamics::inverse::{accelerate, along_axis, carried_acceleration};
+use crate::kinematics::{place_links, turn_links};
+use crate::spatial::{Acceleration, ArticulatedInertia, Wrench};
+use crate::workspace::{LinkState, Workspace, WrenchSource};
+
+/// What drives a joint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Drive {
+    /// A torque (N·m) or force (N); the acceleration follows.
+    Torque(f64),
+    /// A prescribed acceleration (rad/s² or m/s²); the torque that it needs follows.
+    Acceleration(f64),
+}
+
+/// Joint accelerations `a` (rad/s² or m/s²) under the torques `tau` at `q`, `v`, gravity included and joint friction left out:
+/// the solution of M(q) a = tau − h(q, v). The articulated-body algorithm (Featherstone 1983; 2008, §7.3), O(n).
+///
+/// At a posture where a joint feels no inertia the result is not finite; [`Arm::new`] excludes arms of which that is true
+/// everywhere.
+///
+/// # Panics
+/// If a slice or the workspace does not fit the arm.
+pub fn aba(arm: &Arm, ws: &mut Workspace, q: &[f64], v: &[f64], tau: &[f64], a: &mut [f64]) {
+    ws.check_sizes(arm, [tau.len(), a.len()]);
+    place_links(arm, ws, q);
+    turn_links(arm, ws, v);
+    gather(arm, ws, |i| Drive::Torque(tau[i]));
+    spread(arm, ws, |i| Drive::Torque(tau[i]), |i, acceleration, _| a[i] = acceleration);
+}
+
+/// Forward dynamics where some joints follow a prescribed motion (Featherstone 2008, §9.2): for a joint driven by
+/// [`Drive::Acceleration`] that value is copied to `a` and the torque it needs is written to `tau`; for the others the given
+/// torque is copied to `tau` and the acceleration written to `a`. A prescribed joint hands the inertia beyond it on in full.
+///
+/// # Panics
+/// If a slice or the workspace does not fit the arm.
+pub fn hybrid_aba(
+    arm: &Arm,
+    ws: &mut Workspace,
+    q: &[f64],
+    v: &[f64],
+    drive: &[Drive],
+    a: &mut [f64],
+    tau: &mut [f64],
+) {
+    ws.check_sizes(arm, [drive.len(), a.len(), tau.len()]);
+    place_links(arm, ws, q);
+    turn_links(arm, ws, v);
+    gather(arm, ws, |i| drive[i]);
+    spread(
+        arm,
+        ws,
+        |i| drive[i],
+        |i, acceleration, torque| {
+            a[i] = acceleration;
+            tau[i] = torque;
+        },
+    );
+}
+
+/// Calls `report` with the inertia (kg·m² or kg) that each joint feels when all joints beyond it are free, at `q`.
+pub(crate) fn felt_inertia(arm: &Arm, ws: &mut Workspace, q: &[f64], mut report: impl FnMut(usize, f64)) {
+    place_links(arm, ws, q);
+    for link in &mut ws.links {
+        link.omega = Vector3::zeros();
+        link.drift = Acceleration::default();
+    }
+    gather(arm, ws, |_| Drive::Torque(0.0));
+    for (i, link) in ws.links.iter().enumerate() {
+        report(i, 1.0 / link.inverse_felt);
+    }
+}
+
+/// Inertia of the link alone and the wrench that its velocity asks for, about its origin.
+#[inline]
+fn link_inertia(joint: &LinkConstants, link: &LinkState) -> (ArticulatedInertia, Wrench) {
+    if joint.massless {
+        return (ArticulatedInertia::default(), Wrench::default());
+    }
+    let inertia = joint.inertia.rotated(&link.rotation);
+    let h = link.rotation * joint.first_moment;
+    let wrench = Wrench {
+        moment: link.omega.cross(&inertia.times(&link.omega)),
+        force: link.omega.cross(&link.omega.cross(&h)),
+    };
+    (ArticulatedInertia::of_body(inertia, joint.mass, &h), wrench)
+}
+
+/// Articulated inertias and bias wrenches, from the last link inwards, after `place_links` and `turn_links`.
+#[inline]
+fn gather(arm: &Arm, ws: &mut Workspace, drive: impl Fn(usize) -> Drive) {
+    let mut carried_inertia = ArticulatedInertia::default();
+    let mut carried_wrench = Wrench::default();
+    for (i, (link, joint)) in ws.links.iter_mut().zip(arm.constants()).enumerate().rev() {
+        (link.articulated, link.wrench) = link_inertia(joint, link);
+        link.articulated.add(&carried_inertia);
+        link.wrench.add(&carried_wrench);
+
+        let mut inertia = link.articulated;
+        let mut wrench = link.wrench;
+        let mut drift = link.drift;
+        match drive(i) {
+            Drive::Acceleration(a) => accelerate(&mut drift, joint.kind, &link.axis, a),
+            Drive::Torque(tau) => {
+                link.column = match joint.kind {
+                    JointKind::Revolute => inertia.times_angular(&link.axis),
+                    JointKind::Prismatic => inertia.times_linear(&link.axis),
+                };
+                link.inverse_felt = 1.0 / along_axis(joint.kind, link, &link.column);
+                link.residual = tau - along_axis(joint.kind, link, &wrench);
+                inertia.subtract_outer(link.inverse_felt, &link.column);
+                let push = link.inverse_felt * link.residual;
+                wrench.moment += link.column.moment * push;
+                wrench.force += link.column.force * push;
+            }
+        }
+        wrench.add(&inertia.times(&drift));
+        carried_inertia = inertia.seen_from(&link.from_parent);
+        carried_wrench = wrench.seen_from(&link.from_parent);
+    }
+}
+
+/// Accelerations outwards, after [`gather`]; `report` gets joint number, acceleration and torque.
+#[inline]
+fn spread(
+    arm: &Arm,
+    ws: &mut Workspace,
+    drive: impl Fn(usize) -> Drive,
+    mut report: impl FnMut(usize, f64, f64),
+) {
+    let mut acceleration = Acceleration { angular: Vector3::zeros(), linear: -arm.gravity() };
+    for (i, (link, joint)) in ws.links.iter_mut().zip(arm.constants()).enumerate() {
+        acceleration = carried_acceleration(&acceleration, link);
+        match drive(i) {
+            Drive::Torque(tau) => {
+                let column = &link.column;
+                let carried =
+                    column.moment.dot(&acceleration.angular) + column.force.dot(&acceleration.linear);
+                let a = link.inverse_felt * (link.residual - carried);
+                accelerate(&mut acceleration, joint.kind, &link.axis, a);
+                report(i, a, tau);
+            }
+            Drive::Acceleration(a) => {
+                accelerate(&mut acceleration, joint.kind, &link.axis, a);
+                let mut wrench = link.articulated.times(&acceleration);
+                wrench.add(&link.wrench);
+                report(i, a, along_axis(joint.kind, link, &wrench));
+            }
+        }
+        link.acceleration = acceleration;
+    }
+    ws.wrench_source = WrenchSource::Articulated;
+}
