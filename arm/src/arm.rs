@@ -89,11 +89,40 @@ impl Inertia {
         Inertia { mass, com, about_com: (sum + sum.transpose()) * 0.5 }
     }
 
+    /// What makes the tensor impossible, in words: it is not finite, not symmetric or not positive semi-definite. Rounding of a
+    /// file that writes three digits passes.
+    pub fn tensor_problem(&self) -> Option<String> {
+        let size = self.about_com.amax();
+        if !self.about_com.iter().all(|x| x.is_finite()) {
+            return Some("not finite".to_owned());
+        }
+        if (self.about_com - self.about_com.transpose()).amax() > 1e-9 * size {
+            return Some("not symmetric".to_owned());
+        }
+        let least = size * self.principal_ratios().min();
+        if least < -1e-3 * size {
+            return Some(format!(
+                "not positive semi-definite: it has the principal moment {least:.3e}; check its signs"
+            ));
+        }
+        None
+    }
+
+    /// Principal moments over the largest element, so that no size of the tensor can over- or underflow.
+    fn principal_ratios(&self) -> Vector3<f64> {
+        let size = self.about_com.amax();
+        if size > 0.0 && size.is_finite() {
+            (self.about_com / size).symmetric_eigenvalues()
+        } else {
+            Vector3::zeros()
+        }
+    }
+
     /// How far the principal moments break the triangle inequality that every real body obeys: the largest minus the sum of
     /// the other two, over the trace; zero or below for a body that can exist.
     pub fn triangle_excess(&self) -> f64 {
-        let trace = self.about_com.trace();
-        if trace > 0.0 { (2.0 * self.about_com.symmetric_eigenvalues().max() - trace) / trace } else { 0.0 }
+        let moments = self.principal_ratios();
+        if moments.sum() > 0.0 { 2.0 * moments.max() / moments.sum() - 1.0 } else { 0.0 }
     }
 }
 
@@ -143,10 +172,10 @@ pub enum ArmError {
         number: usize,
     },
     /// A value outside its range, NaN or infinite.
-    #[error("{of}: {quantity} is {value}, but must be {must}")]
+    #[error("{}: {quantity} is {value}, but must be {must}", joint.as_ref().map_or("the arm".to_owned(), |name| format!("joint `{name}`")))]
     Value {
-        /// Whose value: the joint by name, or the arm.
-        of: String,
+        /// The joint whose value it is; `None` for the arm as a whole.
+        joint: Option<String>,
         /// Which quantity, with its unit.
         quantity: String,
         /// The value found.
@@ -173,6 +202,20 @@ pub enum ArmError {
         /// Number of joints.
         dof: usize,
     },
+}
+
+impl ArmError {
+    /// The joint that the error is about, if it is about one.
+    pub fn joint(&self) -> Option<&str> {
+        match self {
+            ArmError::Value { joint, .. } => joint.as_deref(),
+            ArmError::MovesNoInertia { name, .. } | ArmError::DuplicateName { name } => Some(name),
+            ArmError::NoJoints
+            | ArmError::TooManyJoints { .. }
+            | ArmError::EmptyName { .. }
+            | ArmError::NoSuchJoint { .. } => None,
+        }
+    }
 }
 
 /// A serial chain of joints on a fixed base, checked and immutable.
@@ -221,8 +264,8 @@ impl Arm {
         gravity: Vector3<f64>,
     ) -> Result<Arm, ArmError> {
         check::chain(&joints)?;
-        check::pose("the arm", "tool pose", &tool)?;
-        check::finite("the arm", "gravity (m/s²)", gravity.as_slice())?;
+        check::pose(None, "tool pose", &tool)?;
+        check::finite(None, "gravity (m/s²)", gravity.as_slice())?;
         for joint in &mut joints {
             check::joint(joint)?;
             let tensor = joint.inertia.about_com;
@@ -328,9 +371,6 @@ mod check {
         felt_inertia,
     };
 
-    /// Smallest eigenvalue of an inertia tensor over its trace that still passes for rounding in a file of three digits.
-    const ROUNDING: f64 = 1e-3;
-
     pub fn chain(joints: &[Joint]) -> Result<(), ArmError> {
         if joints.is_empty() {
             return Err(ArmError::NoJoints);
@@ -349,18 +389,26 @@ mod check {
         Ok(())
     }
 
-    fn value(of: &str, quantity: &str, value: impl ToString, must: &'static str) -> ArmError {
-        ArmError::Value { of: of.to_owned(), quantity: quantity.to_owned(), value: value.to_string(), must }
+    /// The joint that a value belongs to; `None` for the arm.
+    type Of<'a> = Option<&'a str>;
+
+    fn value(of: Of<'_>, quantity: &str, value: impl ToString, must: &'static str) -> ArmError {
+        ArmError::Value {
+            joint: of.map(str::to_owned),
+            quantity: quantity.to_owned(),
+            value: value.to_string(),
+            must,
+        }
     }
 
-    pub fn finite(of: &str, quantity: &str, values: &[f64]) -> Result<(), ArmError> {
+    pub fn finite(of: Of<'_>, quantity: &str, values: &[f64]) -> Result<(), ArmError> {
         match values.iter().find(|v| !v.is_finite()) {
             Some(v) => Err(value(of, quantity, v, "finite")),
             None => Ok(()),
         }
     }
 
-    pub fn pose(of: &str, quantity: &str, pose: &Isometry3<f64>) -> Result<(), ArmError> {
+    pub fn pose(of: Of<'_>, quantity: &str, pose: &Isometry3<f64>) -> Result<(), ArmError> {
         finite(of, quantity, pose.translation.vector.as_slice())?;
         finite(of, quantity, pose.rotation.coords.as_slice())?;
         let norm = pose.rotation.coords.norm();
@@ -371,24 +419,24 @@ mod check {
     }
 
     pub fn joint(joint: &Joint) -> Result<(), ArmError> {
-        let of = format!("joint `{}`", joint.name);
-        pose(&of, "placement", &joint.placement)?;
-        finite(&of, "axis", joint.axis.as_slice())?;
+        let of = Some(joint.name.as_str());
+        pose(of, "placement", &joint.placement)?;
+        finite(of, "axis", joint.axis.as_slice())?;
         if (joint.axis.norm() - 1.0).abs() > 1e-9 {
-            return Err(value(&of, "length of the axis", joint.axis.norm(), "1"));
+            return Err(value(of, "length of the axis", joint.axis.norm(), "1"));
         }
-        limits(&of, joint)?;
+        limits(of, joint)?;
         for (quantity, v) in
             [("viscous friction", joint.friction.viscous), ("Coulomb friction", joint.friction.coulomb)]
         {
             if !(v >= 0.0 && v.is_finite()) {
-                return Err(value(&of, quantity, v, "finite and not negative"));
+                return Err(value(of, quantity, v, "finite and not negative"));
             }
         }
-        inertia(&of, joint)
+        inertia(of, joint)
     }
 
-    fn limits(of: &str, joint: &Joint) -> Result<(), ArmError> {
+    fn limits(of: Of<'_>, joint: &Joint) -> Result<(), ArmError> {
         let l = &joint.limits;
         if l.lower.is_nan() || l.upper.is_nan() || l.lower > l.upper {
             let range = format!("{} … {}", l.lower, l.upper);
@@ -406,7 +454,7 @@ mod check {
         Ok(())
     }
 
-    fn inertia(of: &str, joint: &Joint) -> Result<(), ArmError> {
+    fn inertia(of: Of<'_>, joint: &Joint) -> Result<(), ArmError> {
         let inertia = &joint.inertia;
         if !(inertia.mass >= 0.0 && inertia.mass.is_finite()) {
             return Err(value(of, "mass (kg)", inertia.mass, "finite and not negative"));
@@ -414,16 +462,12 @@ mod check {
         finite(of, "centre of mass (m)", inertia.com.as_slice())?;
         let tensor: &Matrix3<f64> = &inertia.about_com;
         finite(of, "inertia (kg·m²)", tensor.as_slice())?;
-        let size = tensor.abs().max();
-        if (tensor - tensor.transpose()).abs().max() > 1e-9 * size {
-            return Err(value(of, "inertia (kg·m²)", format!("{tensor}"), "symmetric"));
+        match inertia.tensor_problem() {
+            Some(problem) => {
+                Err(value(of, "inertia (kg·m²)", problem, "symmetric and positive semi-definite"))
+            }
+            None => Ok(()),
         }
-        let least = tensor.symmetric_eigenvalues().min();
-        if least < -ROUNDING * size {
-            let found = format!("a tensor with the principal moment {least:.3e}");
-            return Err(value(of, "inertia (kg·m²)", found, "positive semi-definite: check its signs"));
-        }
-        Ok(())
     }
 
     /// An inertia felt by a joint that is zero in general position is zero everywhere (it is an analytic function of q), so a

@@ -23,6 +23,7 @@
 mod arm;
 mod dynamics;
 mod kinematics;
+mod model;
 mod spatial;
 mod workspace;
 
@@ -32,4 +33,7 @@ pub use dynamics::forward::{Drive, aba, hybrid_aba};
 pub use dynamics::inverse::{bias, gravity_torque, joint_reaction, rnea};
 pub use dynamics::mass_matrix::crba;
 pub use kinematics::{forward_kinematics, jacobian, tool_bias_acceleration};
+pub use model::{
+    ArmFile, EffectTable, MAX_FILE_BYTES, ModelError, Place, load, paper_arm, parse_toml, parse_urdf, to_toml,
+};
 pub use workspace::Workspace;

@@ -1,0 +1,170 @@
+//! What can be wrong with a model file.
+
+use std::fmt;
+use std::io;
+
+use thiserror::Error;
+
+use crate::arm::ArmError;
+
+/// A place in a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The file, or what stands for it.
+    pub origin: String,
+    /// Line, from 1.
+    pub line: usize,
+    /// Column in characters, from 1.
+    pub column: usize,
+}
+
+impl Place {
+    /// The place of byte `offset` in `text`.
+    pub(crate) fn in_text(origin: &str, text: &str, offset: usize) -> Place {
+        let before = &text.as_bytes()[..offset.min(text.len())];
+        let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
+        let start = before.iter().rposition(|&b| b == b'\n').map_or(0, |p| p + 1);
+        // Count characters by their first bytes.
+        let column = before[start..].iter().filter(|&&b| b & 0xC0 != 0x80).count() + 1;
+        Place { origin: origin.to_owned(), line, column }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}:{}", self.origin, self.line, self.column)
+    }
+}
+
+/// Why a model file could not be read.
+#[derive(Debug, Error)]
+pub enum ModelError {
+    /// The file could not be opened or read.
+    #[error("{path}: {source}; check the path and its permissions")]
+    Read {
+        /// The file.
+        path: String,
+        /// What the system says.
+        source: io::Error,
+    },
+    /// The file is not UTF-8.
+    #[error("{path}: not UTF-8 text from byte {offset} on; save it as UTF-8")]
+    NotUtf8 {
+        /// The file.
+        path: String,
+        /// First byte that is not UTF-8, from 0.
+        offset: usize,
+    },
+    /// The file is longer than allowed.
+    #[error("{origin}: longer than the 32 MiB allowed for a model file; is it a mesh or a recording?")]
+    TooLarge {
+        /// The file.
+        origin: String,
+    },
+    /// Nothing in the file.
+    #[error("{origin}: the file is empty; it should hold a URDF robot or a TOML arm")]
+    Empty {
+        /// The file.
+        origin: String,
+    },
+    /// Neither URDF nor TOML by its name.
+    #[error("{path}: unknown kind of model file; its name must end in .urdf, .xml or .toml")]
+    UnknownExtension {
+        /// The file.
+        path: String,
+    },
+    /// A xacro file that was not expanded.
+    #[error(
+        "{at}: {found} shows an unexpanded xacro file; run xacro first: `xacro arm.urdf.xacro > arm.urdf`"
+    )]
+    Xacro {
+        /// Where.
+        at: Place,
+        /// What shows it.
+        found: String,
+    },
+    /// Not well-formed XML or TOML, or a key that nobody knows.
+    #[error("{at}: {message}")]
+    Syntax {
+        /// Where.
+        at: Place,
+        /// What the parser says.
+        message: String,
+    },
+    /// A value that cannot be used.
+    #[error("{at}: {what} is `{value}`; {remedy}")]
+    Value {
+        /// Where.
+        at: Place,
+        /// Which value of what.
+        what: String,
+        /// As it stands in the file.
+        value: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// Something that has to be there is not.
+    #[error("{at}: {what} is missing; {remedy}")]
+    Missing {
+        /// Where it belongs.
+        at: Place,
+        /// What is missing.
+        what: String,
+        /// What to do.
+        remedy: String,
+    },
+    /// Two things of one kind with one name.
+    #[error("{at}: a second {what} called `{name}`; give every {what} a name of its own")]
+    Duplicate {
+        /// Where the second one stands.
+        at: Place,
+        /// Link or joint.
+        what: &'static str,
+        /// The name.
+        name: String,
+    },
+    /// A link with two parents.
+    #[error(
+        "{at}: link `{link}` is the child of joint `{first}` and of joint `{second}`; an arm is a tree: remove one of the two joints"
+    )]
+    TwoParents {
+        /// Where the second joint stands.
+        at: Place,
+        /// The link.
+        link: String,
+        /// The joint found first.
+        first: String,
+        /// The joint found second.
+        second: String,
+    },
+    /// Links in a closed loop.
+    #[error(
+        "{at}: joint `{joint}` is part of a closed loop of links; an arm is a tree: remove one joint of the loop"
+    )]
+    Loop {
+        /// Where a joint of the loop stands.
+        at: Place,
+        /// That joint.
+        joint: String,
+    },
+    /// More than one link without a parent.
+    #[error(
+        "{at}: {count} links have no parent joint ({names}); join all but one of them to the arm, or remove them"
+    )]
+    SeveralRoots {
+        /// Where the second of them stands.
+        at: Place,
+        /// How many.
+        count: usize,
+        /// Their names, the first few.
+        names: String,
+    },
+    /// The arm that the file describes is none.
+    #[error("{at}: {source}")]
+    Arm {
+        /// Where the joint stands, or the start of the file.
+        at: Place,
+        /// What is wrong with it.
+        source: ArmError,
+    },
+}

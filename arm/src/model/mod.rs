@@ -1,0 +1,91 @@
+//! Model files: URDF as found in the field, and the TOML arm file of this project.
+
+mod error;
+mod numbers;
+mod toml_read;
+mod toml_write;
+mod urdf;
+mod urdf_tree;
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use crate::arm::Arm;
+
+pub use error::{ModelError, Place};
+pub use toml_read::parse_toml;
+pub use toml_write::to_toml;
+pub use urdf::parse_urdf;
+
+/// Largest model file that is read, bytes.
+pub const MAX_FILE_BYTES: u64 = 32 << 20;
+
+/// An `[[effect]]` of an arm file as read: physics beyond the rigid body, to be interpreted by whoever knows the kind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EffectTable {
+    /// Kind of the effect, such as `coulomb_friction`.
+    pub kind: String,
+    /// Name of the joint that it sits at; `None` for an effect of the whole arm.
+    pub joint: Option<String>,
+    /// The other keys of the table, SI units.
+    pub parameters: toml::Table,
+    /// Line of the file on which the table begins, from 1.
+    pub line: usize,
+}
+
+/// What a model file says.
+#[derive(Clone, Debug)]
+pub struct ArmFile {
+    /// The rigid arm.
+    pub arm: Arm,
+    /// The effects beyond it, in the order of the file.
+    pub effects: Vec<EffectTable>,
+    /// What was read and is not used, or was read in a way worth knowing; one sentence each.
+    pub ignored: Vec<String>,
+}
+
+/// Reads a model file: `.urdf` or `.xml` as URDF, `.toml` as an arm file.
+///
+/// # Errors
+/// [`ModelError`] with file, line, column, value and remedy.
+pub fn load(path: &Path) -> Result<ArmFile, ModelError> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    match extension.as_str() {
+        "urdf" | "xml" => parse_urdf(&read_text(path)?, &path.display().to_string()),
+        "toml" => parse_toml(&read_text(path)?, path),
+        "xacro" => Err(ModelError::Xacro {
+            at: Place { origin: path.display().to_string(), line: 1, column: 1 },
+            found: "the file name".to_owned(),
+        }),
+        _ => Err(ModelError::UnknownExtension { path: path.display().to_string() }),
+    }
+}
+
+/// The arm of Erkaya (2018), Table 1, with six joints: the file `models/erkaya2018.toml` of this crate.
+pub fn paper_arm() -> ArmFile {
+    parse_toml(include_str!("../../models/erkaya2018.toml"), Path::new("erkaya2018.toml"))
+        .expect("the arm file inside the program is valid")
+}
+
+/// The text of a file no longer than [`MAX_FILE_BYTES`].
+fn read_text(path: &Path) -> Result<String, ModelError> {
+    let origin = path.display().to_string();
+    let read_error = |source| ModelError::Read { path: origin.clone(), source };
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(read_error)?;
+    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(read_error)?;
+    String::from_utf8(bytes)
+        .map_err(|error| ModelError::NotUtf8 { path: origin, offset: error.utf8_error().valid_up_to() })
+}
+
+/// Refuses a text longer than [`MAX_FILE_BYTES`] or without content.
+fn check_extent(text: &str, origin: &str) -> Result<(), ModelError> {
+    if text.len() as u64 > MAX_FILE_BYTES {
+        return Err(ModelError::TooLarge { origin: origin.to_owned() });
+    }
+    if text.trim_start_matches('\u{feff}').trim().is_empty() {
+        return Err(ModelError::Empty { origin: origin.to_owned() });
+    }
+    Ok(())
+}

@@ -1,0 +1,369 @@
+//! The TOML arm file: text → arm and effects.
+//!
+//! ```toml
+//! name = "arm"                      # optional with a URDF
+//! gravity = [0, 0, -9.81]           # optional, m/s² in the base frame
+//! urdf = "arm.urdf"                 # beside this file; or the joints from the base outwards:
+//!
+//! [[joint]]
+//! name = "joint_1"
+//! type = "revolute"                 # or "prismatic"
+//! axis = [0, 0, 1]                  # in the joint frame
+//! origin = { xyz = [0, 0, 0.3], rpy = [0, 0, 0] }   # in the frame of the link before; or quaternion = [x, y, z, w]
+//! mass = 2.0                        # kg; without it the link is massless
+//! com = [0.1, 0, 0]                 # m, in the link frame
+//! inertia = { ixx = 0.1, iyy = 0.1, izz = 0.1, ixy = 0, ixz = 0, iyz = 0 }   # kg·m² about the centre of mass, along the link frame
+//! limits = { lower = -1, upper = 1, velocity = 2, acceleration = 10, effort = 50 }   # infinite where missing
+//! damping = 0.1                     # N·m·s/rad or N·s/m
+//! friction = 0.5                    # N·m or N
+//!
+//! [tool]                            # tool0 in the frame of the last link
+//! xyz = [0.1, 0, 0]
+//!
+//! [[effect]]                        # physics beyond the rigid body
+//! kind = "coulomb_friction"
+//! joint = "joint_1"
+//! coulomb = 3.0
+//! ```
+
+use std::path::Path;
+
+use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use serde::Deserialize;
+use toml::Spanned;
+
+use super::error::{ModelError, Place};
+use super::numbers::{direction, rotation};
+use super::urdf_tree::GRAVITY;
+use super::{ArmFile, EffectTable, check_extent, load};
+use crate::arm::{Arm, ArmError, Inertia, Joint, JointFriction, JointKind, Limits};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ArmTable {
+    name: Option<String>,
+    gravity: Option<Spanned<[f64; 3]>>,
+    urdf: Option<Spanned<String>>,
+    #[serde(default)]
+    joint: Vec<Spanned<JointTable>>,
+    tool: Option<Spanned<FrameTable>>,
+    #[serde(default)]
+    effect: Vec<Spanned<toml::Table>>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct JointTable {
+    name: String,
+    r#type: KindName,
+    axis: Spanned<[f64; 3]>,
+    origin: Option<Spanned<FrameTable>>,
+    mass: Option<Spanned<f64>>,
+    com: Option<Spanned<[f64; 3]>>,
+    inertia: Option<Spanned<InertiaTable>>,
+    limits: Option<LimitsTable>,
+    damping: Option<Spanned<f64>>,
+    friction: Option<Spanned<f64>>,
+}
+
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum KindName {
+    Revolute,
+    Prismatic,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct FrameTable {
+    xyz: Option<[f64; 3]>,
+    rpy: Option<[f64; 3]>,
+    quaternion: Option<[f64; 4]>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct InertiaTable {
+    ixx: f64,
+    iyy: f64,
+    izz: f64,
+    #[serde(default)]
+    ixy: f64,
+    #[serde(default)]
+    ixz: f64,
+    #[serde(default)]
+    iyz: f64,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LimitsTable {
+    lower: Option<Spanned<f64>>,
+    upper: Option<Spanned<f64>>,
+    velocity: Option<Spanned<f64>>,
+    acceleration: Option<Spanned<f64>>,
+    effort: Option<Spanned<f64>>,
+}
+
+/// Reads the arm file `text`; `path` names it in errors, and a `urdf` in it is looked for beside it.
+///
+/// # Errors
+/// [`ModelError`] with line, column, value and remedy; unknown keys are errors.
+pub fn parse_toml(text: &str, path: &Path) -> Result<ArmFile, ModelError> {
+    let origin = path.display().to_string();
+    check_extent(text, &origin)?;
+    let table: ArmTable = toml::from_str(text).map_err(|error| syntax_error(&origin, text, &error))?;
+    let reader = Reader { origin: &origin, text };
+    let effects = reader.effects(&table.effect)?;
+    let (arm, ignored) = reader.arm(table, path)?;
+    for effect in &effects {
+        reader.check_effect_joint(effect, &arm)?;
+    }
+    Ok(ArmFile { arm, effects, ignored })
+}
+
+/// A parser error with its place; the caret that the parser draws is kept.
+fn syntax_error(origin: &str, text: &str, error: &toml::de::Error) -> ModelError {
+    let at = Place::in_text(origin, text, error.span().map_or(0, |span| span.start));
+    ModelError::Syntax { at, message: error.to_string().trim_end().to_owned() }
+}
+
+struct Reader<'a> {
+    origin: &'a str,
+    text: &'a str,
+}
+
+impl Reader<'_> {
+    fn arm(&self, table: ArmTable, path: &Path) -> Result<(Arm, Vec<String>), ModelError> {
+        let (base, ignored) = match &table.urdf {
+            Some(urdf) => {
+                let file = self.urdf(&table, urdf, path)?;
+                (Some(file.arm), file.ignored)
+            }
+            None => (None, Vec::new()),
+        };
+        let gravity = match &table.gravity {
+            Some(gravity) => Vector3::from(self.finite(gravity, "gravity")?),
+            None => GRAVITY,
+        };
+        let tool = match (&table.tool, &base) {
+            (Some(tool), _) => self.frame(tool, "tool")?,
+            (None, Some(base)) => *base.tool(),
+            (None, None) => Isometry3::identity(),
+        };
+        let joints = match &base {
+            Some(base) => base.joints().to_vec(),
+            None => table.joint.iter().map(|joint| self.joint(joint)).collect::<Result<_, _>>()?,
+        };
+        let name = table.name.as_deref().or(base.as_ref().map(Arm::name)).unwrap_or("arm");
+        let arm = Arm::new(name, joints, tool, gravity).map_err(|source| self.arm_error(&table, source))?;
+        Ok((arm, ignored))
+    }
+
+    fn urdf(&self, table: &ArmTable, urdf: &Spanned<String>, path: &Path) -> Result<ArmFile, ModelError> {
+        if let Some(joint) = table.joint.first() {
+            return Err(ModelError::Value {
+                at: self.place(joint),
+                what: "an inline joint beside `urdf`".to_owned(),
+                value: joint.get_ref().name.clone(),
+                remedy: "give either `urdf` or [[joint]] tables".to_owned(),
+            });
+        }
+        let file = path.parent().unwrap_or(Path::new("")).join(urdf.get_ref());
+        match load(&file) {
+            _ if file.extension().is_some_and(|e| e == "toml") => {
+                Err(self.value(urdf, "urdf", urdf.get_ref(), "name a .urdf or .xml file"))
+            }
+            Err(ModelError::Read { source, .. }) => {
+                let remedy = format!("it is looked for at {}, but: {source}", file.display());
+                Err(self.value(urdf, "urdf", urdf.get_ref(), &remedy))
+            }
+            other => other,
+        }
+    }
+
+    fn joint(&self, spanned: &Spanned<JointTable>) -> Result<Joint, ModelError> {
+        let table = spanned.get_ref();
+        let of = |what: &str| format!("joint `{}`: {what}", table.name);
+        let axis = self.finite(&table.axis, &of("axis"))?;
+        let axis = direction(axis).ok_or_else(|| {
+            self.value(&table.axis, &of("axis"), &format!("{axis:?}"), "an axis needs a direction")
+        })?;
+        let placement = match &table.origin {
+            Some(origin) => self.frame(origin, &of("origin"))?,
+            None => Isometry3::identity(),
+        };
+        let kind = match table.r#type {
+            KindName::Revolute => JointKind::Revolute,
+            KindName::Prismatic => JointKind::Prismatic,
+        };
+        let friction = JointFriction {
+            viscous: self.not_negative(table.damping.as_ref(), &of("damping"))?,
+            coulomb: self.not_negative(table.friction.as_ref(), &of("friction"))?,
+        };
+        let limits = match &table.limits {
+            Some(limits) => self.limits(limits, &of("limits"))?,
+            None => Limits::NONE,
+        };
+        let inertia = self.inertia(table, &of)?;
+        Ok(Joint { name: table.name.clone(), kind, axis, placement, limits, friction, inertia })
+    }
+
+    fn inertia(&self, table: &JointTable, of: &dyn Fn(&str) -> String) -> Result<Inertia, ModelError> {
+        let mass = self.not_negative(table.mass.as_ref(), &of("mass"))?;
+        let com = match &table.com {
+            Some(com) => Vector3::from(self.finite(com, &of("com"))?),
+            None => Vector3::zeros(),
+        };
+        let mut inertia = Inertia { mass, com, about_com: Matrix3::zeros() };
+        if let Some(spanned) = &table.inertia {
+            let &InertiaTable { ixx, iyy, izz, ixy, ixz, iyz } = spanned.get_ref();
+            inertia.about_com = Matrix3::new(ixx, ixy, ixz, ixy, iyy, iyz, ixz, iyz, izz);
+            if let Some(problem) = inertia.tensor_problem() {
+                let found = format!("ixx={ixx} iyy={iyy} izz={izz} ixy={ixy} ixz={ixz} iyz={iyz}");
+                return Err(self.value(spanned, &of("inertia"), &found, &problem));
+            }
+        }
+        Ok(inertia)
+    }
+
+    fn limits(&self, table: &LimitsTable, of: &str) -> Result<Limits, ModelError> {
+        let bound = |spanned: &Option<Spanned<f64>>, name: &str| match spanned {
+            Some(value) if !(*value.get_ref() > 0.0) => {
+                let found = value.get_ref().to_string();
+                Err(self.value(
+                    value,
+                    &format!("{of}: {name}"),
+                    &found,
+                    "it must be positive; leave it out for none",
+                ))
+            }
+            Some(value) => Ok(*value.get_ref()),
+            None => Ok(f64::INFINITY),
+        };
+        let lower = table.lower.as_ref().map_or(f64::NEG_INFINITY, |v| *v.get_ref());
+        let upper = table.upper.as_ref().map_or(f64::INFINITY, |v| *v.get_ref());
+        if let Some(value) = table.lower.as_ref().or(table.upper.as_ref())
+            && !(lower <= upper)
+        {
+            let remedy = "two numbers are needed, lower ≤ upper";
+            return Err(self.value(value, of, &format!("lower = {lower}, upper = {upper}"), remedy));
+        }
+        Ok(Limits {
+            lower,
+            upper,
+            velocity: bound(&table.velocity, "velocity")?,
+            acceleration: bound(&table.acceleration, "acceleration")?,
+            effort: bound(&table.effort, "effort")?,
+        })
+    }
+
+    fn frame(&self, spanned: &Spanned<FrameTable>, what: &str) -> Result<Isometry3<f64>, ModelError> {
+        let table = spanned.get_ref();
+        let xyz = table.xyz.unwrap_or_default();
+        let numbers = xyz.iter().chain(table.rpy.iter().flatten()).chain(table.quaternion.iter().flatten());
+        if let Some(bad) = numbers.into_iter().find(|x| !x.is_finite()) {
+            return Err(self.value(spanned, what, &bad.to_string(), "write finite numbers"));
+        }
+        let turn = match (table.rpy, table.quaternion) {
+            (Some(_), Some(_)) => {
+                return Err(self.value(spanned, what, "rpy and quaternion", "give one of the two"));
+            }
+            (Some(rpy), None) => rotation(rpy),
+            (None, None) => UnitQuaternion::identity(),
+            (None, Some([x, y, z, w])) => {
+                let quaternion = Quaternion::new(w, x, y, z);
+                if (quaternion.norm() - 1.0).abs() > 1e-6 {
+                    let found = format!("a quaternion of length {}", quaternion.norm());
+                    return Err(self.value(
+                        spanned,
+                        what,
+                        &found,
+                        "its length must be 1, in the order x, y, z, w",
+                    ));
+                }
+                // A quaternion written with all digits stays as it is, bit by bit.
+                if (quaternion.norm_squared() - 1.0).abs() < 1e-14 {
+                    UnitQuaternion::new_unchecked(quaternion)
+                } else {
+                    UnitQuaternion::new_normalize(quaternion)
+                }
+            }
+        };
+        Ok(Isometry3::from_parts(Translation3::new(xyz[0], xyz[1], xyz[2]), turn))
+    }
+
+    fn effects(&self, tables: &[Spanned<toml::Table>]) -> Result<Vec<EffectTable>, ModelError> {
+        tables.iter().map(|spanned| self.effect(spanned)).collect()
+    }
+
+    fn effect(&self, spanned: &Spanned<toml::Table>) -> Result<EffectTable, ModelError> {
+        let mut parameters = spanned.get_ref().clone();
+        let mut text = |key: &str| match parameters.remove(key) {
+            Some(toml::Value::String(text)) => Ok(Some(text)),
+            Some(other) => {
+                Err(self.value(spanned, &format!("effect: {key}"), &other.to_string(), "write a string"))
+            }
+            None => Ok(None),
+        };
+        let kind = text("kind")?.ok_or_else(|| ModelError::Missing {
+            at: self.place(spanned),
+            what: "effect: kind".to_owned(),
+            remedy: "write kind = \"…\" in the [[effect]]".to_owned(),
+        })?;
+        let joint = text("joint")?;
+        Ok(EffectTable { kind, joint, parameters, line: self.place(spanned).line })
+    }
+
+    fn check_effect_joint(&self, effect: &EffectTable, arm: &Arm) -> Result<(), ModelError> {
+        let Some(joint) = &effect.joint else { return Ok(()) };
+        if arm.joint_index(joint).is_some() {
+            return Ok(());
+        }
+        let known: Vec<_> = arm.joints().iter().map(|joint| joint.name.as_str()).collect();
+        Err(ModelError::Value {
+            at: Place { origin: self.origin.to_owned(), line: effect.line, column: 1 },
+            what: format!("effect `{}`: joint", effect.kind),
+            value: joint.clone(),
+            remedy: format!("the arm has {}", known.join(", ")),
+        })
+    }
+
+    fn finite(&self, spanned: &Spanned<[f64; 3]>, what: &str) -> Result<[f64; 3], ModelError> {
+        let values = *spanned.get_ref();
+        match values.iter().find(|x| !x.is_finite()) {
+            Some(bad) => Err(self.value(spanned, what, &bad.to_string(), "write finite numbers")),
+            None => Ok(values),
+        }
+    }
+
+    fn not_negative(&self, spanned: Option<&Spanned<f64>>, what: &str) -> Result<f64, ModelError> {
+        let Some(spanned) = spanned else { return Ok(0.0) };
+        let value = *spanned.get_ref();
+        if value >= 0.0 && value.is_finite() {
+            return Ok(value);
+        }
+        Err(self.value(spanned, what, &value.to_string(), "it must be finite and not negative"))
+    }
+
+    fn value<T>(&self, at: &Spanned<T>, what: &str, value: &str, remedy: &str) -> ModelError {
+        ModelError::Value {
+            at: self.place(at),
+            what: what.to_owned(),
+            value: value.to_owned(),
+            remedy: remedy.to_owned(),
+        }
+    }
+
+    fn place<T>(&self, spanned: &Spanned<T>) -> Place {
+        Place::in_text(self.origin, self.text, spanned.span().start)
+    }
+
+    fn arm_error(&self, table: &ArmTable, source: ArmError) -> ModelError {
+        let joint =
+            source.joint().and_then(|name| table.joint.iter().find(|joint| joint.get_ref().name == name));
+        let at =
+            joint.map_or(Place { origin: self.origin.to_owned(), line: 1, column: 1 }, |j| self.place(j));
+        ModelError::Arm { at, source }
+    }
+}
