@@ -1,2 +1,32 @@
 //! The `freeplay` command.
-fn main() {}
+//!
+//! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run` (the parent),
+//! `plant_command` and `controller_command` (its children), `columns` and `recorder` (what is kept), `summary`,
+//! `histogram_files`, `screen` and `run_report` (what a person sees); `compare` and `reference_runs` beside them.
+
+mod args;
+mod columns;
+mod compare;
+mod controller_command;
+mod exit;
+mod histogram_files;
+mod plant_command;
+mod process;
+mod recorder;
+mod reference_runs;
+mod run;
+mod run_report;
+mod scenario;
+mod screen;
+mod setup;
+mod summary;
+
+fn main() -> std::process::ExitCode {
+    match args::dispatch() {
+        Ok(exit) => exit.into(),
+        Err(failure) => {
+            eprintln!("freeplay: {failure}");
+            failure.exit.into()
+        }
+    }
+}

@@ -1,1 +1,33 @@
-//! The truth: an arm with play, stepped in time, and the process that plays the machine.
+//! The truth: an arm whose joints have play, stepped in time, and the loop that plays the machine.
+//!
+//! The nouns, in the order in which data passes through them:
+//!
+//! - [`Motion`]: where prescribed joints are, and how they brake.
+//! - [`System`]: the arm with play; [`Bearing`] is one joint's contact in it, [`Ledger`] keeps its energy.
+//! - [`Sensors`]: what the machine says of itself.
+//! - [`Gate`]: what may pass from a controller to the joints, and what is applied instead.
+//! - [`TickRecord`]: all that is worth keeping of one tick; it leaves the loop through a queue.
+//! - [`Stages`]: how long each stage of the loop took.
+//! - [`Plant`]: the loop itself.
+
+mod bearing;
+mod deviation;
+mod gate;
+mod ledger;
+mod motion;
+mod plant;
+mod sensors;
+mod stages;
+mod system;
+mod tick_record;
+
+pub use bearing::{Bearing, ContactTally, IMPACT_LIMIT};
+pub use deviation::{Deviation, DeviationStatistics};
+pub use gate::{Applied, Gate, GateLimits, Rejection};
+pub use ledger::Ledger;
+pub use motion::{Braking, Hermite, Motion};
+pub use plant::{Deadlines, Ending, Plant, PlantConfig, PlantError, PlantOutcome};
+pub use sensors::{Channel, Sensors, SensorsSpec};
+pub use stages::{Stage, Stages};
+pub use system::{Input, MAX_CONTACT_STEP, System, SystemError, TickPeaks};
+pub use tick_record::{MAX_PLAYS, PlayRecord, TickRecord};

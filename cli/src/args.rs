@@ -1,0 +1,46 @@
+//! What was typed.
+
+use clap::{Parser, Subcommand};
+
+use crate::exit::{Exit, Failure};
+
+/// Controller-in-the-loop harness for robot arms whose joints have play.
+///
+/// Exit codes: 0 done, 1 a verdict failed, 2 usage, 3 bad input or configuration, 4 machine not fit, 5 peer missing,
+/// 70 internal fault, 130 interrupted.
+#[derive(Parser, Debug)]
+#[command(name = "freeplay", version, max_term_width = 110)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    /// Run a scenario: an arm with play in one process, a controller in another, side by side for each controller.
+    Run(crate::run::RunArgs),
+    /// How far a model is from a recording, channel by channel.
+    Compare(crate::compare::CompareArgs),
+    /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
+    ReferenceRuns(crate::reference_runs::ReferenceArgs),
+    /// The process that plays the machine; `freeplay run` starts it.
+    #[command(hide = true)]
+    Plant(crate::plant_command::PlantArgs),
+    /// The process of a built-in controller; `freeplay run` starts it.
+    #[command(hide = true)]
+    Controller(crate::controller_command::ControllerArgs),
+}
+
+/// Understands the command line and does what it says.
+///
+/// # Errors
+/// What the command could not do, with the exit code.
+pub fn dispatch() -> Result<Exit, Failure> {
+    match Cli::parse().command {
+        Command::Run(args) => crate::run::run(&args),
+        Command::Compare(args) => crate::compare::compare(&args),
+        Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
+        Command::Plant(args) => crate::plant_command::plant(&args),
+        Command::Controller(args) => crate::controller_command::controller(&args),
+    }
+}

@@ -1,0 +1,148 @@
+//! What `freeplay run` records of a tick, by column, and back again.
+//!
+//! The contract's columns come first; after them everything that is needed to replay a controller bit for bit, and
+//! the truth that the controller did not see.
+
+use freeplay_plant::{Applied, TickRecord};
+use freeplay_recording::{ColumnError, Group, Layout, Recording};
+use freeplay_shm::{Joints, MAX_JOINTS, Mode, State};
+
+/// Joint arrays of State and Command beyond the contract's columns: name, and where to find them.
+type JointColumn = (&'static str, fn(&TickRecord) -> &Joints);
+
+const JOINT_COLUMNS: [JointColumn; 9] = [
+    ("applied", |r| &r.state.applied),
+    ("qd_ref", |r| &r.state.reference.qd),
+    ("qdd_ref", |r| &r.state.reference.qdd),
+    ("q_next", |r| &r.state.reference_next.q),
+    ("qd_next", |r| &r.state.reference_next.qd),
+    ("qdd_next", |r| &r.state.reference_next.qdd),
+    ("command", |r| r.command.as_ref().map_or(&NO_ANSWER, |c| &c.value)),
+    ("command_qd", |r| r.command.as_ref().map_or(&NO_ANSWER, |c| &c.velocity)),
+    ("command_qdd", |r| r.command.as_ref().map_or(&NO_ANSWER, |c| &c.acceleration)),
+];
+
+const NO_ANSWER: Joints = [f64::NAN; MAX_JOINTS];
+
+/// Single numbers of a tick beyond the contract's columns.
+type TickColumn = (&'static str, fn(&TickRecord) -> f64);
+
+const TICK_COLUMNS: [TickColumn; 13] = [
+    ("tick", |r| r.state.tick as f64),
+    ("flags", |r| f64::from(r.state.flags)),
+    ("in_force", |r| in_force(r.applied)),
+    ("rejected", |r| r.rejection.map_or(0.0, |reason| f64::from(reason as u8 + 1))),
+    ("deviation_x", |r| r.deviation[0]),
+    ("deviation_y", |r| r.deviation[1]),
+    ("deviation_z", |r| r.deviation[2]),
+    ("predicted_x", |r| predicted(r, 0)),
+    ("predicted_y", |r| predicted(r, 1)),
+    ("predicted_z", |r| predicted(r, 2)),
+    ("base_force", |r| r.peak_base_force),
+    ("predict_us", |r| r.command.as_ref().map_or(f64::NAN, |c| c.predict_ns as f64 * 1e-3)),
+    ("qp_us", |r| r.command.as_ref().map_or(f64::NAN, |c| c.qp_ns as f64 * 1e-3)),
+];
+
+/// Numbers of one joint's bearing.
+const PLAY_COLUMNS: [&str; 4] = ["play_1", "play_2", "normal_force", "contact_time"];
+
+fn in_force(applied: Applied) -> f64 {
+    match applied {
+        Applied::Guided => 0.0,
+        Applied::Command => 1.0,
+        Applied::Hold => 2.0,
+        Applied::Brake => 3.0,
+    }
+}
+
+fn predicted(record: &TickRecord, axis: usize) -> f64 {
+    record.command.as_ref().map_or(f64::NAN, |command| command.deviation[axis])
+}
+
+/// The columns of one run's recording.
+#[derive(Clone, Debug)]
+pub struct RunColumns {
+    joints: usize,
+    tracked: bool,
+    period: f64,
+    plays: Vec<String>,
+}
+
+impl RunColumns {
+    /// Columns for `joints` joints, of which those named in `plays` have play; `tracked` if the tool is measured.
+    pub fn new(joints: usize, plays: Vec<String>, tracked: bool, period: f64) -> Self {
+        Self { joints, tracked, period, plays }
+    }
+
+    /// The layout of the recording.
+    ///
+    /// # Errors
+    /// [`ColumnError`] if a joint's name makes a column of the contract.
+    pub fn layout(&self) -> Result<Layout, ColumnError> {
+        let joint = JOINT_COLUMNS.iter().flat_map(|(name, _)| (1..=self.joints).map(move |j| format!("{name}_{j}")));
+        let tick = TICK_COLUMNS.iter().map(|(name, _)| (*name).to_owned());
+        let plays = self.plays.iter().flat_map(|play| PLAY_COLUMNS.iter().map(move |name| play_column(play, name)));
+        let others: Vec<String> = tick.chain(joint).chain(plays).collect();
+        let others: Vec<&str> = others.iter().map(String::as_str).collect();
+        let groups = [Group::Position, Group::Velocity, Group::Torque, Group::Reference];
+        Layout::of(self.joints, &groups, self.tracked, &others)
+    }
+
+    /// Writes the row of `record` into `row`, in the layout's order.
+    pub fn fill(&self, record: &TickRecord, row: &mut Vec<f64>) {
+        let state = &record.state;
+        row.clear();
+        row.push(state.tick as f64 * self.period);
+        for values in [&state.q, &state.qd, &state.tau, &state.reference.q] {
+            row.extend_from_slice(&values[..self.joints]);
+        }
+        if self.tracked {
+            row.extend_from_slice(&state.tool);
+        }
+        row.extend(TICK_COLUMNS.iter().map(|(_, value)| value(record)));
+        for (_, values) in JOINT_COLUMNS {
+            row.extend_from_slice(&values(record)[..self.joints]);
+        }
+        for play in &record.plays[..self.plays.len()] {
+            row.extend([play.offset[0], play.offset[1], play.peak_normal_force, play.episode]);
+        }
+    }
+}
+
+/// Name of a bearing's column.
+pub fn play_column(joint: &str, quantity: &str) -> String {
+    format!("{joint}_{quantity}")
+}
+
+/// The State of row `index` of a recorded run, as it was published but for its wall-clock times; `None` if columns
+/// that a run records are missing.
+pub fn state_at(recording: &Recording, index: usize, run: u64, mode: Mode, period_ns: u64) -> Option<State> {
+    let joints = recording.joints();
+    let mut state = State::new(run, joints);
+    let joint_values = |name: &str, into: &mut Joints| -> Option<()> {
+        for (joint, value) in into.iter_mut().enumerate().take(joints) {
+            *value = recording.column(&format!("{name}{}", joint + 1))?[index];
+        }
+        Some(())
+    };
+    joint_values("q", &mut state.q)?;
+    joint_values("qd", &mut state.qd)?;
+    joint_values("tau", &mut state.tau)?;
+    joint_values("applied_", &mut state.applied)?;
+    joint_values("q_ref", &mut state.reference.q)?;
+    joint_values("qd_ref_", &mut state.reference.qd)?;
+    joint_values("qdd_ref_", &mut state.reference.qdd)?;
+    joint_values("q_next_", &mut state.reference_next.q)?;
+    joint_values("qd_next_", &mut state.reference_next.qd)?;
+    joint_values("qdd_next_", &mut state.reference_next.qdd)?;
+    state.tick = recording.column("tick")?[index] as u64;
+    state.flags = recording.column("flags")?[index] as u32;
+    state.mode = mode.code();
+    state.scheduled_ns = state.tick * period_ns;
+    if let (Some(tool), Some(orientation)) = (&recording.tool, &recording.orientation) {
+        for (value, column) in state.tool.iter_mut().zip(tool.iter().chain(orientation)) {
+            *value = column[index];
+        }
+    }
+    Some(state)
+}

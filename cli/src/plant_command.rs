@@ -1,0 +1,158 @@
+//! `freeplay plant`: the process that plays the machine for one run.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Instant, SystemTime};
+
+use clap::Args;
+use crossbeam::queue::ArrayQueue;
+use freeplay_plant::{Ending, Plant, PlantError, PlantOutcome};
+use freeplay_recording::RowWriter;
+use freeplay_shm::{Address, Offer, PlantLink, realtime};
+
+use crate::columns::RunColumns;
+use crate::exit::{Exit, Failure};
+use crate::histogram_files::{write_hgrm, write_hlog};
+use crate::recorder::{QUEUE, Recorder};
+use crate::scenario::{Pacing, RecordingKind, Scenario};
+use crate::setup::{Setup, realtime_request, write};
+use crate::summary::{RunFacts, RunSummary};
+
+/// Plays the machine of one run; `freeplay run` starts it.
+#[derive(Args, Debug)]
+pub struct PlantArgs {
+    /// Address of the run in shared memory.
+    #[arg(long, env = "FREEPLAY_RUN")]
+    run: String,
+    /// The effective scenario.
+    #[arg(long)]
+    scenario: PathBuf,
+    /// The task file that controllers are given.
+    #[arg(long)]
+    task: PathBuf,
+    /// Folder for what the run leaves.
+    #[arg(long)]
+    out: PathBuf,
+    /// Name of the run's files and of its controller in the summary.
+    #[arg(long)]
+    name: String,
+    /// End when the parent process ends.
+    #[arg(long)]
+    with_parent: bool,
+}
+
+/// Plays one run.
+///
+/// # Errors
+/// Bad input; no controller; a motion that can't be integrated.
+pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
+    if args.with_parent {
+        crate::process::end_with_parent()?;
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    crate::process::stop_on_signals(&stop)?;
+    let scenario = Scenario::load(Some(&args.scenario), &[]).map_err(Failure::input)?;
+    let setup = Setup::new(&scenario)?;
+    let address = Address::parse(&args.run).map_err(Failure::usage)?;
+    let offer = Offer {
+        joints: setup.plant.arm.dof(),
+        mode: setup.plant.mode,
+        pace: setup.plant.pace,
+        period_ns: setup.plant.period_ns,
+        ticks: setup.plant.ticks,
+        task: args.task.display().to_string(),
+    };
+    let link = PlantLink::open(&address, 1, offer).map_err(Failure::internal)?;
+    let queue = Arc::new(ArrayQueue::new(QUEUE));
+    let plays = play_names(&setup);
+    let mut plant = Plant::new(setup.plant.clone(), Arc::clone(&setup.path), link, address.run(), Arc::clone(&queue))
+        .map_err(failure)?;
+    let recorder = start_recorder(args, &scenario, &setup, &plays, queue)?;
+    let request = realtime_request(&scenario, scenario.realtime.plant_cpu);
+    let granted = realtime::prepare(&request);
+    let (began, clock) = (SystemTime::now(), Instant::now());
+    let outcome = plant.run(&stop);
+    let kept = recorder.finish().ok_or_else(|| Failure::internal("the recorder failed; its message is above"))?;
+    let outcome = outcome.map_err(failure)?;
+    write_hlog(&args.out.join(format!("{}.hlog", args.name)), plant.stages(), began, clock.elapsed())?;
+    write_hgrm(&args.out, &args.name, plant.stages())?;
+    let mut notes = outcome.refused.iter().map(|who| format!("refused: {who}")).collect::<Vec<_>>();
+    notes.extend(kept.fault.iter().map(|fault| format!("the recording ends early: {fault}")));
+    let summary = RunSummary::new(
+        &plant,
+        RunFacts {
+            controller: args.name.clone(),
+            pace: pace_name(scenario.pace).to_owned(),
+            ticks: outcome.ticks,
+            ending: outcome.ending,
+            state_hash: kept.state_hash,
+            plays,
+            realtime: granted,
+            recording: kept.recording.and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned())),
+            notes,
+        },
+    );
+    let text = serde_json::to_string_pretty(&summary).map_err(Failure::internal)?;
+    write(&args.out.join(format!("{}.json", args.name)), &text)?;
+    Ok(exit(&outcome))
+}
+
+fn play_names(setup: &Setup) -> Vec<String> {
+    setup.plant.clearances.iter().map(|(joint, _)| setup.arm().joints()[*joint].name.clone()).collect()
+}
+
+/// "lockstep" or "realtime".
+pub fn pace_name(pace: Pacing) -> &'static str {
+    match pace {
+        Pacing::Lockstep => "lockstep",
+        Pacing::Realtime => "realtime",
+    }
+}
+
+fn start_recorder(
+    args: &PlantArgs,
+    scenario: &Scenario,
+    setup: &Setup,
+    plays: &[String],
+    queue: Arc<ArrayQueue<freeplay_plant::TickRecord>>,
+) -> Result<Recorder, Failure> {
+    let period = setup.plant.period_ns as f64 * 1e-9;
+    let columns = RunColumns::new(setup.plant.arm.dof(), plays.to_vec(), scenario.sensors.track_tool, period);
+    let layout = columns.layout().map_err(Failure::input)?;
+    let extension = match scenario.recording {
+        RecordingKind::Mcap => Some("mcap"),
+        RecordingKind::Csv => Some("csv"),
+        RecordingKind::None => None,
+    };
+    let metadata = [
+        ("freeplay".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+        ("controller".to_owned(), args.name.clone()),
+        ("scenario".to_owned(), scenario.to_toml().map_err(Failure::internal)?),
+    ];
+    let writer = extension
+        .map(|extension| {
+            let path = args.out.join(format!("{}.{extension}", args.name));
+            RowWriter::create(&path, &layout, &metadata).map(|writer| (path, writer)).map_err(Failure::input)
+        })
+        .transpose()?;
+    Recorder::start(queue, columns, writer).map_err(Failure::internal)
+}
+
+fn failure(error: PlantError) -> Failure {
+    match error {
+        PlantError::NoController { .. } => Failure::peer(error),
+        PlantError::Law(_) | PlantError::TooManyJoints { .. } => Failure::input(error),
+        PlantError::System(_) => Failure { exit: Exit::Verdict, message: error.to_string() },
+        PlantError::Link(_) | PlantError::Histogram(_) => Failure::internal(error),
+    }
+}
+
+fn exit(outcome: &PlantOutcome) -> Exit {
+    match outcome.ending {
+        Ending::Finished => Exit::Done,
+        Ending::Braked { reason: freeplay_plant::Rejection::Missing, .. } => Exit::Peer,
+        Ending::Braked { .. } => Exit::Verdict,
+        Ending::Interrupted { .. } => Exit::Interrupted,
+    }
+}

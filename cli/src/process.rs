@@ -1,0 +1,27 @@
+//! What every process of a run does about signals and its parent.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use rustix::process::{Signal, set_parent_process_death_signal};
+
+use crate::exit::Failure;
+
+/// Makes SIGINT and SIGTERM set `stop`.
+///
+/// # Errors
+/// What the system says.
+pub fn stop_on_signals(stop: &Arc<AtomicBool>) -> Result<(), Failure> {
+    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(stop)).map_err(Failure::internal)?;
+    }
+    Ok(())
+}
+
+/// Asks the system to end this process with SIGTERM when its parent dies, so that a killed `freeplay run` leaves none.
+///
+/// # Errors
+/// What the system says.
+pub fn end_with_parent() -> Result<(), Failure> {
+    set_parent_process_death_signal(Some(Signal::TERM)).map_err(Failure::internal)
+}

@@ -1,0 +1,334 @@
+//! `freeplay reference-runs`: the 40 reference runs of the paper's arm, ours beside an independent simulator's.
+//!
+//! Definition of a run: the arm of `freeplay_arm::paper_arm` with play in joint 5, a path of `freeplay_path`, start on
+//! the path with the journal centred. `driven`: the six joints follow the path exactly. `ctc`: every tick
+//! τ = RNEA(q, v, q̈_d + 2ζω(q̇_d − v) + ω²(q_d − q)) of the six-joint model, ω = 50 rad/s, ζ = 1, applied at once and
+//! held for the tick. The reference took semi-implicit Euler steps of 10 µs.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use clap::Args;
+use comfy_table::{CellAlignment, Table, presets};
+use freeplay_arm::{Arm, Workspace, forward_kinematics, paper_arm, rnea};
+use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_path::{JointPath, PathKind, PathSpec};
+use freeplay_plant::{DeviationStatistics, Input, System};
+use indicatif::{ProgressBar, ProgressStyle};
+use serde::{Deserialize, Serialize};
+
+use crate::exit::{Exit, Failure};
+use crate::run::Format;
+
+/// The reference, as it was handed over.
+const REFERENCE: &str = include_str!("../data/reference_runs.csv");
+/// Length of a tick, s.
+const PERIOD: f64 = 1e-3;
+/// Joint with play.
+const JOINT: usize = 4;
+
+/// Simulates the reference runs.
+#[derive(Args, Debug)]
+pub struct ReferenceArgs {
+    /// Sub-steps of a tick.
+    #[arg(long, default_value_t = 50)]
+    substeps: u32,
+    /// Only runs whose name contains this.
+    #[arg(long, default_value = "")]
+    only: String,
+    /// Folder for a report.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// One row of the reference. Without play the contact columns are empty.
+#[derive(Clone, Debug, Deserialize)]
+struct Reference {
+    run: String,
+    mode: String,
+    path: PathKind,
+    c_mm: f64,
+    #[serde(rename = "T_s")]
+    period: f64,
+    gravity: f64,
+    /// What it came to, from the same row.
+    #[serde(skip)]
+    figures: Figures,
+}
+
+/// What a run came to: theirs or ours.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Figures {
+    /// Share of the time in free flight.
+    pub free: Option<f64>,
+    /// Share in impacts.
+    pub impact: Option<f64>,
+    /// Share in continuous contact.
+    pub continuous: Option<f64>,
+    /// Contacts begun.
+    pub n_contacts: Option<f64>,
+    /// Peak normal force, N.
+    #[serde(rename = "peak_FN")]
+    pub peak_normal: Option<f64>,
+    /// Peak force of joint 1, N.
+    #[serde(rename = "peak_J1")]
+    pub peak_base: f64,
+    /// RMS of the deviation along x, mm.
+    pub rms_x: f64,
+    /// RMS along y, mm.
+    pub rms_y: f64,
+    /// RMS along z, mm.
+    pub rms_z: f64,
+    /// RMS of its norm, mm.
+    pub norm_rms: f64,
+    /// Maximum of its norm, mm.
+    pub norm_max: f64,
+}
+
+/// One run, theirs beside ours.
+#[derive(Clone, Debug, Serialize)]
+pub struct Pair {
+    /// Name of the run.
+    pub run: String,
+    /// Whether the path is free of corners.
+    pub smooth: bool,
+    /// The reference's figures.
+    pub theirs: Figures,
+    /// Our figures.
+    pub ours: Figures,
+    /// What is out of tolerance, in words; empty if nothing is.
+    pub faults: Vec<String>,
+}
+
+/// Simulates all runs on all cores.
+fn simulate_all(rows: &[Reference], substeps: u32, bar: &ProgressBar) -> Result<Vec<Figures>, Failure> {
+    let next = AtomicUsize::new(0);
+    let workers = std::thread::available_parallelism().map_or(1, usize::from).min(rows.len().max(1));
+    let done: Vec<Result<Vec<(usize, Figures)>, Failure>> = std::thread::scope(|scope| {
+        let work = || {
+            let mut mine = Vec::new();
+            loop {
+                let index = next.fetch_add(1, Ordering::Relaxed);
+                let Some(row) = rows.get(index) else { return Ok(mine) };
+                mine.push((index, simulate(row, substeps)?));
+                bar.inc(1);
+            }
+        };
+        let threads: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
+        let lost = || Err(Failure::internal("a simulation failed; its message is above"));
+        threads.into_iter().map(|thread| thread.join().unwrap_or_else(|_| lost())).collect()
+    });
+    let mut figures = vec![Figures::default(); rows.len()];
+    for results in done {
+        for (index, result) in results? {
+            figures[index] = result;
+        }
+    }
+    Ok(figures)
+}
+
+/// A run being simulated.
+struct Simulation {
+    arm: Arm,
+    path: Arc<JointPath>,
+    system: System,
+    nominal: Workspace,
+    desired: [Vec<f64>; 3],
+    measured: [Vec<f64>; 2],
+    torque: Vec<f64>,
+}
+
+impl Simulation {
+    fn new(row: &Reference, substeps: u32) -> Result<Self, Failure> {
+        let arm = paper_arm().arm.with_gravity(nalgebra::Vector3::new(0.0, 0.0, -row.gravity));
+        let spec = PathSpec { kind: row.path, period: row.period, ..PathSpec::default() };
+        let path = Arc::new(JointPath::plan(&arm, &spec, 1.0 / PERIOD).map_err(Failure::input)?);
+        let clearance = Clearance::new(&ClearanceTable::new(row.c_mm * 1e-3)).map_err(Failure::input)?;
+        let plays = if row.c_mm > 0.0 { vec![(JOINT, clearance)] } else { Vec::new() };
+        let play = ArmWithPlay::new(&arm, &plays).map_err(Failure::input)?;
+        let mut system = System::new(play, &arm, PERIOD, substeps).map_err(Failure::input)?;
+        let dof = arm.dof();
+        let mut desired = [vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]];
+        let [q, v, a] = &mut desired;
+        path.at(0.0, q, v, a);
+        system.start(q, v);
+        let nominal = Workspace::new(&arm);
+        Ok(Self { arm, path, system, nominal, desired, measured: [vec![0.0; dof], vec![0.0; dof]], torque: vec![0.0; dof] })
+    }
+
+    /// Deviation of the tool now.
+    fn deviation(&mut self) -> nalgebra::Vector3<f64> {
+        let [q, v, a] = &mut self.desired;
+        self.path.at(self.system.time(), q, v, a);
+        let desired = forward_kinematics(&self.arm, &mut self.nominal, q);
+        self.system.tool().translation.vector - desired.translation.vector
+    }
+
+    /// Computed torque with the perfect six-joint model, without delay.
+    fn compute_torque(&mut self) {
+        const OMEGA: f64 = 50.0;
+        let [desired_q, desired_v, desired_a] = &self.desired;
+        let [q, v] = &mut self.measured;
+        self.system.play().gather(self.system.q(), q);
+        self.system.play().gather(self.system.v(), v);
+        let a: Vec<f64> = (0..q.len())
+            .map(|j| desired_a[j] + 2.0 * OMEGA * (desired_v[j] - v[j]) + OMEGA * OMEGA * (desired_q[j] - q[j]))
+            .collect();
+        rnea(&self.arm, &mut self.nominal, q, v, &a, &mut self.torque);
+    }
+}
+
+fn simulate(row: &Reference, substeps: u32) -> Result<Figures, Failure> {
+    let mut run = Simulation::new(row, substeps)?;
+    let by_motion = row.mode == "driven";
+    let driven = vec![by_motion; run.arm.dof()];
+    let mut deviation = DeviationStatistics::new(DeviationStatistics::START);
+    let ticks = (row.period / PERIOD).round() as u64;
+    for tick in 0..=ticks {
+        let now = run.deviation();
+        deviation.add(tick as f64 * PERIOD, &now);
+        if tick == ticks {
+            break;
+        }
+        if !by_motion {
+            run.compute_torque();
+        }
+        let input = Input { torque: &run.torque, driven: &driven, motion: &*run.path };
+        run.system.tick(&input).map_err(|error| Failure::internal(format!("{}: {error}", row.run)))?;
+    }
+    let [norm, x, y, z] = deviation.components();
+    let tally = run.system.tallies().next();
+    let fractions = tally.map(|tally| tally.fractions());
+    Ok(Figures {
+        free: fractions.map(|f| f[0]),
+        impact: fractions.map(|f| f[1]),
+        continuous: fractions.map(|f| f[2]),
+        n_contacts: tally.map(|tally| tally.contacts as f64),
+        peak_normal: tally.map(|tally| tally.peak_normal_force),
+        peak_base: run.system.take_peaks().base_force,
+        rms_x: x.rms,
+        rms_y: y.rms,
+        rms_z: z.rms,
+        norm_rms: norm.rms,
+        norm_max: norm.max,
+    })
+}
+
+/// What of `ours` is out of tolerance: fractions 0.5 points; RMS 1 % on smooth paths, 5 % on sharp ones; peak normal
+/// force 2 % on smooth paths; peak force of joint 1 2 %.
+fn faults(smooth: bool, theirs: &Figures, ours: &Figures) -> Vec<String> {
+    let mut faults = Vec::new();
+    let mut relative = |name: &str, theirs: f64, ours: f64, tolerance: f64| {
+        let error = ours / theirs - 1.0;
+        if error.abs() > tolerance {
+            faults.push(format!("{name} {:+.2} % (tolerance {} %)", error * 100.0, tolerance * 100.0));
+        }
+    };
+    // Without play the deviation is a tracking error of under a micrometre, below what the path's samples say.
+    if theirs.free.is_some() {
+        relative("RMS", theirs.norm_rms, ours.norm_rms, if smooth { 0.01 } else { 0.05 });
+    }
+    relative("peak force of joint 1", theirs.peak_base, ours.peak_base, 0.02);
+    if let (true, Some(theirs), Some(ours)) = (smooth, theirs.peak_normal, ours.peak_normal) {
+        relative("peak normal force", theirs, ours, 0.02);
+    }
+    let shares = [("free", theirs.free, ours.free), ("impact", theirs.impact, ours.impact), ("continuous", theirs.continuous, ours.continuous)];
+    for (name, theirs, ours) in shares {
+        if let (Some(theirs), Some(ours)) = (theirs, ours)
+            && (theirs - ours).abs() > 5e-3
+        {
+            faults.push(format!("{name} {:+.2} points (tolerance 0.5)", (ours - theirs) * 100.0));
+        }
+    }
+    faults
+}
+
+fn read_reference() -> Result<Vec<Reference>, csv::Error> {
+    let mut reader = csv::Reader::from_reader(REFERENCE.as_bytes());
+    let headers = reader.headers()?.clone();
+    reader
+        .records()
+        .map(|record| {
+            let record = record?;
+            let figures = record.deserialize(Some(&headers))?;
+            Ok(Reference { figures, ..record.deserialize(Some(&headers))? })
+        })
+        .collect()
+}
+
+/// Simulates the reference runs and shows them beside the reference.
+///
+/// # Errors
+/// A folder that can't be written; a run that can't be simulated.
+pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
+    let mut rows = read_reference().map_err(Failure::internal)?;
+    rows.retain(|row| row.run.contains(&args.only));
+    if rows.is_empty() {
+        return Err(Failure::usage(format!("no reference run has {:?} in its name", args.only)));
+    }
+    let bar = ProgressBar::new(rows.len() as u64);
+    if let Ok(style) = ProgressStyle::with_template("reference runs {bar:30} {pos}/{len} {elapsed}") {
+        bar.set_style(style);
+    }
+    let figures = simulate_all(&rows, args.substeps, &bar)?;
+    bar.finish_and_clear();
+    let pairs: Vec<Pair> = rows
+        .iter()
+        .zip(figures)
+        .map(|(row, ours)| {
+            let smooth = row.path != PathKind::SquareSharp;
+            let faults = faults(smooth, &row.figures, &ours);
+            Pair { run: row.run.clone(), smooth, theirs: row.figures, ours, faults }
+        })
+        .collect();
+    match args.format {
+        Format::Json => println!("{}", serde_json::to_string_pretty(&pairs).map_err(Failure::internal)?),
+        Format::Text => print_table(&pairs, args.substeps),
+    }
+    if let Some(out) = &args.out {
+        let report = crate::reference_report::write(&pairs, args.substeps, out)?;
+        eprintln!("report  {}", report.display());
+    }
+    Ok(if pairs.iter().all(|pair| pair.faults.is_empty()) { Exit::Done } else { Exit::Verdict })
+}
+
+/// "theirs / ours" of one figure.
+pub fn beside(theirs: Option<f64>, ours: Option<f64>, scale: f64, digits: usize) -> String {
+    match (theirs, ours) {
+        (Some(theirs), Some(ours)) => format!("{:.digits$} / {:.digits$}", theirs * scale, ours * scale),
+        _ => "–".to_owned(),
+    }
+}
+
+fn print_table(pairs: &[Pair], substeps: u32) {
+    let mut table = Table::new();
+    table.load_preset(presets::NOTHING);
+    table.set_header(["run", "free %", "continuous %", "contacts", "peak F_N [N]", "peak J1 [N]", "RMS [mm]", "max [mm]", ""]);
+    for pair in pairs {
+        let (theirs, ours) = (&pair.theirs, &pair.ours);
+        let verdict = if pair.faults.is_empty() { "ok".to_owned() } else { pair.faults.join("; ") };
+        table.add_row([
+            pair.run.clone(),
+            beside(theirs.free, ours.free, 100.0, 2),
+            beside(theirs.continuous, ours.continuous, 100.0, 2),
+            beside(theirs.n_contacts, ours.n_contacts, 1.0, 0),
+            beside(theirs.peak_normal, ours.peak_normal, 1.0, 0),
+            beside(Some(theirs.peak_base), Some(ours.peak_base), 1.0, 0),
+            beside(Some(theirs.norm_rms), Some(ours.norm_rms), 1.0, 4),
+            beside(Some(theirs.norm_max), Some(ours.norm_max), 1.0, 3),
+            verdict,
+        ]);
+    }
+    for column in 1..8 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    println!("reference / ours, {substeps} sub-steps a tick\n{table}");
+    let passed = pairs.iter().filter(|pair| pair.faults.is_empty()).count();
+    println!("\n{passed} of {} runs within tolerance (fractions 0.5 points; RMS 1 % smooth, 5 % sharp; peaks 2 %)", pairs.len());
+}

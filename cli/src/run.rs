@@ -1,0 +1,386 @@
+//! `freeplay run`: for each controller a plant process and a controller process, then one table and one report.
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::{Args, ValueEnum};
+use freeplay_controller::BUILT_IN;
+use freeplay_shm::{Address, RUN_ENV, RunRoot};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use rustix::process::{Pid, Signal, kill_process};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+
+use crate::exit::{Exit, Failure};
+use crate::plant_command::pace_name;
+use crate::scenario::{Pacing, RecordingKind, Scenario};
+use crate::setup::{Setup, write};
+use crate::summary::{RunSummary, SCHEMA};
+use crate::{run_report, screen};
+
+/// How results are printed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Format {
+    /// For a person.
+    #[default]
+    Text,
+    /// For a program.
+    Json,
+}
+
+/// Runs a scenario.
+#[derive(Args, Debug)]
+pub struct RunArgs {
+    /// The scenario; without it: the paper's arm, 0.6 mm of play in joint 5, the smooth path in 6 s.
+    scenario: Option<PathBuf>,
+    /// A controller: a built-in name or the path of an executable. Several run one after the other.
+    #[arg(long)]
+    controller: Vec<String>,
+    /// By the wall clock, or as fast as it goes and deterministic.
+    #[arg(long)]
+    pace: Option<Pacing>,
+    /// The plant's arm: "paper" or an arm file.
+    #[arg(long)]
+    model: Option<String>,
+    /// Change a key of the scenario, as in --set path.period=12.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// How the motion is recorded.
+    #[arg(long)]
+    recording: Option<RecordingKind>,
+    /// Seed of all noise.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Folder for what the run leaves; without it: out/ and the time.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+    /// Print the effective scenario and end.
+    #[arg(long)]
+    show: bool,
+    /// Start the controller this many seconds after the plant, or before it if negative.
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "S", hide = true)]
+    controller_delay: f64,
+    /// Say less.
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// One controller to run.
+struct Contestant {
+    /// As it was asked for.
+    asked: String,
+    /// Name of its files.
+    name: String,
+    /// Executable of its own, if it is none of the built-in.
+    executable: Option<PathBuf>,
+}
+
+/// Runs the scenario of `args` with each of its controllers.
+///
+/// # Errors
+/// Bad input, a controller that does not start, a process that fails.
+pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
+    let scenario = effective(args)?;
+    if args.show {
+        print!("{}", scenario.to_toml().map_err(Failure::internal)?);
+        return Ok(Exit::Done);
+    }
+    let contestants = contestants(&scenario)?;
+    let setup = Setup::new(&scenario)?;
+    let out = args.out.clone().unwrap_or_else(default_folder);
+    std::fs::create_dir_all(&out)
+        .map_err(|error| Failure::input(format!("cannot create the folder {}: {error}", out.display())))?;
+    let out = std::path::absolute(&out).map_err(Failure::input)?;
+    let files = Files {
+        scenario: out.join("scenario.toml"),
+        task: setup.write_task(&scenario, &out)?,
+        out,
+    };
+    write(&files.scenario, &absolute(&scenario)?.to_toml().map_err(Failure::internal)?)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    crate::process::stop_on_signals(&stop)?;
+    let (mut runs, mut exit) = (Vec::new(), Exit::Done);
+    for contestant in &contestants {
+        let progress = Progress::new(args.quiet, contestant, &setup, scenario.pace);
+        let ended = play(&scenario, contestant, &files, args.controller_delay, &stop);
+        progress.finish();
+        let (ended, summary) = ended?;
+        runs.extend(summary);
+        if exit == Exit::Done {
+            exit = ended;
+        }
+        if stop.load(Ordering::Relaxed) {
+            exit = Exit::Interrupted;
+            break;
+        }
+    }
+    finish(args, &scenario, &setup, &files.out, &runs)?;
+    Ok(exit)
+}
+
+/// The files that the processes of a run share.
+struct Files {
+    scenario: PathBuf,
+    task: PathBuf,
+    out: PathBuf,
+}
+
+fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
+    let mut sets = args.set.clone();
+    sets.extend(args.model.iter().map(|model| format!("model={model}")));
+    sets.extend(args.seed.iter().map(|seed| format!("seed={seed}")));
+    let mut scenario = Scenario::load(args.scenario.as_deref(), &sets).map_err(Failure::input)?;
+    if !args.controller.is_empty() {
+        scenario.controllers.clone_from(&args.controller);
+    }
+    scenario.pace = args.pace.unwrap_or(scenario.pace);
+    scenario.recording = args.recording.unwrap_or(scenario.recording);
+    Ok(scenario)
+}
+
+/// The scenario with paths that hold in any folder.
+fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
+    let mut scenario = scenario.clone();
+    if scenario.model != freeplay_controller::task::PAPER_MODEL {
+        scenario.model = std::path::absolute(&scenario.model).map_err(Failure::input)?.display().to_string();
+    }
+    scenario.path.file = scenario.path.file.map(std::path::absolute).transpose().map_err(Failure::input)?;
+    Ok(scenario)
+}
+
+fn default_folder() -> PathBuf {
+    let now = time::OffsetDateTime::now_utc();
+    let (date, time) = (now.date(), now.time());
+    let stamp = format!("{date}T{:02}-{:02}-{:02}", time.hour(), time.minute(), time.second());
+    Path::new("out").join(stamp)
+}
+
+/// The controllers of `scenario`, each with a name of its own.
+fn contestants(scenario: &Scenario) -> Result<Vec<Contestant>, Failure> {
+    let mut found: Vec<Contestant> = Vec::new();
+    for asked in &scenario.controllers {
+        let built_in = BUILT_IN.contains(&asked.as_str());
+        let path = Path::new(asked);
+        if !built_in && !path.is_file() {
+            return Err(if path.components().count() > 1 {
+                Failure::input(format!("controller {asked}: there is no such executable"))
+            } else {
+                crate::controller_command::unknown(asked)
+            });
+        }
+        let stem = path.file_name().map_or_else(|| asked.clone(), |name| name.to_string_lossy().into_owned());
+        let same = found.iter().filter(|other| other.name.split('#').next() == Some(&stem)).count();
+        let name = if same == 0 { stem } else { format!("{stem}#{}", same + 1) };
+        let executable =
+            (!built_in).then(|| std::path::absolute(path)).transpose().map_err(Failure::input)?;
+        found.push(Contestant { asked: asked.clone(), name, executable });
+    }
+    Ok(found)
+}
+
+/// Plays one run; what it came to, unless it was interrupted before it began.
+fn play(
+    scenario: &Scenario,
+    contestant: &Contestant,
+    files: &Files,
+    delay: f64,
+    stop: &AtomicBool,
+) -> Result<(Exit, Option<RunSummary>), Failure> {
+    let left = files.out.join(format!("{}.json", contestant.name));
+    if left.exists() {
+        std::fs::remove_file(&left).map_err(Failure::input)?;
+    }
+    let root = RunRoot::create().map_err(Failure::internal)?;
+    let wait = Duration::from_secs_f64(delay.abs().min(60.0));
+    let (mut plant, mut controller);
+    if delay < 0.0 {
+        controller = start_controller(scenario, contestant, root.address())?;
+        std::thread::sleep(wait);
+        plant = start_plant(contestant, files, root.address())?;
+    } else {
+        plant = start_plant(contestant, files, root.address())?;
+        std::thread::sleep(wait);
+        controller = start_controller(scenario, contestant, root.address())?;
+    }
+    let ended = supervise(&mut plant, &mut controller, contestant, stop);
+    for child in [&mut plant, &mut controller] {
+        // Errors here mean that the child is gone already, which is what is wanted.
+        let _ = child.kill();
+        let _ = child.wait();
+    }
+    let exit = ended?;
+    match std::fs::read_to_string(&left) {
+        Ok(text) => {
+            let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
+            summary.controller.clone_from(&contestant.asked);
+            Ok((exit, Some(summary)))
+        }
+        Err(_) if exit != Exit::Done => Ok((exit, None)),
+        Err(error) => Err(Failure::internal(format!("{}: {error}", left.display()))),
+    }
+}
+
+fn start_plant(contestant: &Contestant, files: &Files, address: &Address) -> Result<Child, Failure> {
+    let program = std::env::current_exe().map_err(Failure::internal)?;
+    Command::new(program)
+        .arg("plant")
+        .args(["--run", &address.to_string(), "--name", &contestant.name, "--with-parent"])
+        .arg("--scenario")
+        .arg(&files.scenario)
+        .arg("--task")
+        .arg(&files.task)
+        .arg("--out")
+        .arg(&files.out)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .map_err(|error| Failure::internal(format!("cannot start the plant: {error}")))
+}
+
+fn start_controller(scenario: &Scenario, contestant: &Contestant, address: &Address) -> Result<Child, Failure> {
+    let mut command = match &contestant.executable {
+        Some(executable) => Command::new(executable),
+        None => built_in_command(scenario, contestant)?,
+    };
+    command
+        .env(RUN_ENV, address.to_string())
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .spawn()
+        .map_err(|error| Failure::peer(format!("cannot start the controller {}: {error}", contestant.asked)))
+}
+
+fn built_in_command(scenario: &Scenario, contestant: &Contestant) -> Result<Command, Failure> {
+    let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
+    command.args(["controller", &contestant.asked, "--with-parent"]);
+    if scenario.pace == Pacing::Realtime {
+        let realtime = &scenario.realtime;
+        if realtime.priority > 0 {
+            command.args(["--priority", &realtime.priority.to_string()]);
+        }
+        if let Some(cpu) = realtime.controller_cpu {
+            command.args(["--cpu", &cpu.to_string()]);
+        }
+        if realtime.lock_memory {
+            command.arg("--lock-memory");
+        }
+    }
+    Ok(command)
+}
+
+/// How often the parent looks after its children.
+const LOOK: Duration = Duration::from_millis(5);
+/// How long a child may take to end after it was asked to.
+const GRACE: Duration = Duration::from_secs(10);
+
+/// Waits for the plant; a controller that ends before the plant has greeted it ends the run.
+fn supervise(
+    plant: &mut Child,
+    controller: &mut Child,
+    contestant: &Contestant,
+    stop: &AtomicBool,
+) -> Result<Exit, Failure> {
+    let (mut asked_to_stop, mut controller_left): (Option<Instant>, Option<std::process::ExitStatus>) = (None, None);
+    loop {
+        if let Some(status) = plant.try_wait().map_err(Failure::internal)? {
+            return plant_exit(status, controller_left, contestant);
+        }
+        // Reaping it at once lets the plant see that it is gone.
+        controller_left = controller_left.or(controller.try_wait().map_err(Failure::internal)?);
+        let over = controller_left.is_some_and(|status| status.code() != Some(0)) || stop.load(Ordering::Relaxed);
+        if stop.load(Ordering::Relaxed) && asked_to_stop.is_none() {
+            terminate(plant);
+            asked_to_stop = Some(Instant::now());
+        }
+        if over && asked_to_stop.is_some_and(|since| since.elapsed() > GRACE) {
+            return Err(Failure::internal("the plant did not end when it was asked to"));
+        }
+        std::thread::sleep(LOOK);
+    }
+}
+
+fn terminate(child: &Child) {
+    if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
+        // It may have ended by itself in the meantime.
+        let _ = kill_process(pid, Signal::TERM);
+    }
+}
+
+fn plant_exit(
+    status: std::process::ExitStatus,
+    controller: Option<std::process::ExitStatus>,
+    contestant: &Contestant,
+) -> Result<Exit, Failure> {
+    let said = |status: std::process::ExitStatus| match status.code() {
+        Some(code) => format!("exit code {code}"),
+        None => format!("{status}"),
+    };
+    match status.code() {
+        Some(0) => Ok(Exit::Done),
+        Some(1) => Ok(Exit::Verdict),
+        Some(5) => {
+            let left = controller.map_or_else(String::new, |status| format!(" ({})", said(status)));
+            eprintln!("freeplay: the controller {} went missing{left}", contestant.asked);
+            Ok(Exit::Peer)
+        }
+        Some(130) => Ok(Exit::Interrupted),
+        Some(3) => Err(Failure::input("the plant could not start; its message is above")),
+        _ => Err(Failure::internal(format!("the plant failed: {}", said(status)))),
+    }
+}
+
+/// A bar on standard error while a run goes on.
+struct Progress {
+    bar: ProgressBar,
+}
+
+impl Progress {
+    fn new(quiet: bool, contestant: &Contestant, setup: &Setup, pace: Pacing) -> Self {
+        let bar = ProgressBar::new_spinner();
+        if quiet {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
+        }
+        let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9;
+        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
+            bar.set_style(style);
+        }
+        bar.set_message(format!("{}: {seconds} s of motion, {}", contestant.asked, pace_name(pace)));
+        bar.enable_steady_tick(Duration::from_millis(120));
+        Self { bar }
+    }
+
+    fn finish(self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// Writes the summary and the report, and prints what a person, or a program, wants to see.
+fn finish(
+    args: &RunArgs,
+    scenario: &Scenario,
+    setup: &Setup,
+    out: &Path,
+    runs: &[RunSummary],
+) -> Result<(), Failure> {
+    let effective = scenario.to_toml().map_err(Failure::internal)?;
+    let hash: String = Sha256::digest(effective.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+    let machine = json!(freeplay_shm::Machine::read());
+    let summary = json!({
+        "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"),
+        "scenario": json!(scenario), "config_hash": hash, "machine": machine, "runs": runs,
+    });
+    let text = serde_json::to_string_pretty(&summary).map_err(Failure::internal)?;
+    write(&out.join("summary.json"), &text)?;
+    let report = run_report::write(scenario, setup, out, runs, &machine)?;
+    match args.format {
+        Format::Json => println!("{text}"),
+        Format::Text => print!("{}", screen::table(scenario, setup, runs, out, &report)),
+    }
+    Ok(())
+}

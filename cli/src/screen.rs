@@ -1,0 +1,154 @@
+//! What a person sees in the terminal after a run.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use comfy_table::{CellAlignment, Table, presets};
+use serde_json::Value;
+
+use crate::plant_command::pace_name;
+use crate::scenario::Scenario;
+use crate::setup::Setup;
+use crate::summary::RunSummary;
+
+/// The result of `freeplay run` in words and one table.
+pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path, report: &Path) -> String {
+    let mut text = heading(scenario, setup);
+    for line in machine_lines(runs) {
+        let _ = writeln!(text, "{line}");
+    }
+    let _ = writeln!(text, "\n{}", results(setup, runs));
+    let _ = writeln!(text, "deviation: true tool minus the perfect arm on the desired joints; rms, max and z after the first 0.5 s");
+    let _ = writeln!(text, "(the drop of the centred journal can't be compensated)\n");
+    for run in runs {
+        for note in remarks(run) {
+            let _ = writeln!(text, "{}: {note}", run.controller);
+        }
+    }
+    let here = std::env::current_dir().unwrap_or_default();
+    let shown = |path: &Path| path.strip_prefix(&here).unwrap_or(path).display().to_string();
+    let _ = writeln!(text, "report      {}", shown(report));
+    let _ = writeln!(text, "summary     {}", shown(&out.join("summary.json")));
+    if let Some(run) = runs.last() {
+        if let Some(recording) = &run.recording {
+            let _ = writeln!(text, "recording   {}   (one a controller)", shown(&out.join(recording)));
+        }
+        let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", shown(out));
+    }
+    let _ = writeln!(text, "next        freeplay run --controller ./mine   ·   freeplay compare --model M --recording R");
+    text
+}
+
+fn heading(scenario: &Scenario, setup: &Setup) -> String {
+    let plays: Vec<String> = setup
+        .plant
+        .clearances
+        .iter()
+        .map(|(joint, play)| format!("{} c = {:.2} mm", setup.arm().joints()[*joint].name, play.clearance * 1e3))
+        .collect();
+    let plays = if plays.is_empty() { "no play".to_owned() } else { plays.join(", ") };
+    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9;
+    let path = toml::Value::try_from(scenario.path.kind).map_or_else(|_| String::new(), |kind| kind.to_string());
+    format!(
+        "Freeplay {} · {} · {plays} · path {}, {seconds} s · {} Hz, {}\n",
+        env!("CARGO_PKG_VERSION"),
+        setup.arm().name(),
+        path.trim_matches('"'),
+        scenario.rate,
+        pace_name(scenario.pace),
+    )
+}
+
+/// The machine, and what it refused, once.
+fn machine_lines(runs: &[RunSummary]) -> Vec<String> {
+    let Some(run) = runs.first() else { return Vec::new() };
+    let machine = &run.realtime["machine"];
+    let text = |value: &Value| value.as_str().unwrap_or("?").to_owned();
+    let mut lines = vec![format!(
+        "machine: {} cores, {}, {}, wait: {}",
+        machine["cores"],
+        text(&machine["kernel"]),
+        text(&machine["scheduler"]),
+        text(&machine["wait_policy"]),
+    )];
+    for item in ["priority", "cpu", "lock_memory"] {
+        if let Some(reason) = run.realtime[item]["refused"].as_str() {
+            lines.push(format!("refused: {}: {reason}", item.replace('_', " ")));
+        }
+    }
+    lines
+}
+
+fn results(setup: &Setup, runs: &[RunSummary]) -> Table {
+    let mut table = Table::new();
+    table.load_preset(presets::NOTHING);
+    let joint = setup.plant.clearances.first().map(|(joint, _)| setup.arm().joints()[*joint].name.clone());
+    let contact = joint.as_ref().map_or_else(|| "contact".to_owned(), |joint| format!("contact in {joint}"));
+    table.set_header(vec![
+        "\ncontroller".to_owned(),
+        "deviation [mm]\nrms".to_owned(),
+        "\nmax".to_owned(),
+        "\nz rms".to_owned(),
+        format!("{contact}\nfree / impact / continuous"),
+        "missed\nticks".to_owned(),
+        "round trip [µs]\np50".to_owned(),
+        "\np99".to_owned(),
+        "\np99.9".to_owned(),
+    ]);
+    for run in runs {
+        table.add_row(row(run, joint.as_deref()));
+    }
+    for column in [1, 2, 3, 5, 6, 7, 8] {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
+}
+
+fn row(run: &RunSummary, joint: Option<&str>) -> Vec<String> {
+    let mm = |value: &Value| value.as_f64().map_or_else(|| "–".to_owned(), |mm| format!("{mm:.4}"));
+    let us = |key: &str| {
+        run.latency_us.get("round_trip").and_then(|stage| stage[key].as_f64()).map_or("–".to_owned(), |us| format!("{us:.0}"))
+    };
+    let contact = joint.map_or_else(|| "–".to_owned(), |joint| {
+        let tally = &run.contact["joints"][joint];
+        let percent = |key: &str| tally[key].as_f64().unwrap_or(f64::NAN) * 100.0;
+        format!("{:5.2} / {:.2} / {:.2} %", percent("free"), percent("impact"), percent("continuous"))
+    });
+    let deviation = &run.deviation_mm;
+    vec![
+        run.controller.clone(),
+        mm(&deviation["rms_after_start"]),
+        mm(&deviation["max_after_start"]),
+        mm(&deviation["axes"]["z"]["rms_after_start"]),
+        contact,
+        run.deadlines["missed"].to_string(),
+        us("p50"),
+        us("p99"),
+        us("p99.9"),
+    ]
+}
+
+/// What is out of the ordinary in a run, a line each.
+fn remarks(run: &RunSummary) -> Vec<String> {
+    let mut remarks = run.notes.clone();
+    if let Some(braked) = run.ending.get("braked") {
+        let reason = braked["reason"].as_str().unwrap_or("?").replace('_', " ");
+        remarks.push(format!("the brakes closed at tick {}: last command {reason}", braked["tick"]));
+    }
+    if let Some(rejected) = run.gate["rejected"].as_object() {
+        let counted: Vec<String> = rejected
+            .iter()
+            .filter(|(_, count)| count.as_u64() != Some(0))
+            .map(|(reason, count)| format!("{} {count}", reason.replace('_', " ")))
+            .collect();
+        if !counted.is_empty() {
+            remarks.push(format!("commands that did not pass the gate: {}", counted.join(", ")));
+        }
+    }
+    if run.deadlines["unrecorded"].as_u64().unwrap_or(0) > 0 {
+        remarks.push(format!("ticks missing in the recording: {}", run.deadlines["unrecorded"]));
+    }
+    remarks
+}

@@ -1,0 +1,158 @@
+//! From what was typed to what runs.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use freeplay_arm::{Arm, ArmFile, EffectTable};
+use freeplay_controller::task::PAPER_MODEL;
+use freeplay_controller::{LimitsFrom, Task, TaskMode};
+use freeplay_laws::{Clearance, Effects};
+use freeplay_path::JointPath;
+use freeplay_plant::PlantConfig;
+use freeplay_shm::{Mode, Pace, RtRequest};
+use nalgebra::Vector3;
+
+use crate::exit::Failure;
+use crate::scenario::{Drive, Pacing, Scenario};
+
+/// A scenario with its files read and its path planned.
+pub struct Setup {
+    /// What the plant is made of.
+    pub plant: PlantConfig,
+    /// The reference motion.
+    pub path: Arc<JointPath>,
+    /// The arm file with all plays of the scenario as effects: the truth.
+    pub truth: ArmFile,
+}
+
+/// Reads the arm file `model`, or the paper's arm.
+///
+/// # Errors
+/// The file's own error, as bad input.
+pub fn load_model(model: &str) -> Result<ArmFile, Failure> {
+    if model == PAPER_MODEL {
+        return Ok(freeplay_arm::paper_arm());
+    }
+    freeplay_arm::load(Path::new(model)).map_err(Failure::input)
+}
+
+/// The arm file of `scenario` with its gravity and with the scenario's plays as effects.
+fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
+    let mut file = load_model(&scenario.model)?;
+    if let Some(gravity) = scenario.gravity {
+        file.arm = file.arm.with_gravity(Vector3::from(gravity));
+    }
+    for (joint, table) in &scenario.clearance {
+        let parameters = toml::Table::try_from(table).map_err(Failure::internal)?;
+        let effect = EffectTable { kind: Clearance::KIND.to_owned(), joint: Some(joint.clone()), parameters, line: 0 };
+        file.effects.push(effect);
+    }
+    Ok(file)
+}
+
+impl Setup {
+    /// Reads the files of `scenario` and plans its path.
+    ///
+    /// # Errors
+    /// Bad input: an arm file, an effect or a path that can't be used.
+    pub fn new(scenario: &Scenario) -> Result<Self, Failure> {
+        let truth = truth(scenario)?;
+        let effects = Effects::of(&truth).map_err(|error| Failure::input(format!("{}: {error}", scenario.model)))?;
+        let path = JointPath::plan(&truth.arm, &scenario.path, scenario.rate).map_err(Failure::input)?;
+        let period_ns = (1e9 / scenario.rate).round() as u64;
+        let duration = scenario.duration.unwrap_or_else(|| path.duration());
+        let plant = PlantConfig {
+            arm: truth.arm.clone(),
+            clearances: effects.clearances,
+            mode: match scenario.mode {
+                Drive::Torque => Mode::Torque,
+                Drive::Driven => Mode::Driven,
+            },
+            pace: match scenario.pace {
+                Pacing::Lockstep => Pace::Lockstep,
+                Pacing::Realtime => Pace::RealTime,
+            },
+            period_ns,
+            substeps: scenario.substeps,
+            ticks: (duration * 1e9 / period_ns as f64).round().max(1.0) as u64,
+            sensors: scenario.sensors,
+            seed: scenario.seed,
+            hold: scenario.hold,
+            patience: Duration::from_secs_f64(scenario.patience),
+        };
+        check_step(&plant)?;
+        Ok(Self { plant, path: Arc::new(path), truth })
+    }
+
+    /// The arm without its plays.
+    pub fn arm(&self) -> &Arm {
+        &self.truth.arm
+    }
+
+    /// Writes the task of the controllers into `folder`, and the model beside it where none is named.
+    ///
+    /// # Errors
+    /// A file that can't be written.
+    pub fn write_task(&self, scenario: &Scenario, folder: &Path) -> Result<PathBuf, Failure> {
+        let model = match &scenario.controller.model {
+            Some(model) if model == PAPER_MODEL => model.clone(),
+            Some(model) => std::path::absolute(model).map_err(Failure::input)?.display().to_string(),
+            None => {
+                let path = folder.join("model.toml");
+                write(&path, &freeplay_arm::to_toml(&self.truth))?;
+                "model.toml".to_owned()
+            }
+        };
+        let mut path = scenario.path.clone();
+        path.file = path.file.map(std::path::absolute).transpose().map_err(Failure::input)?;
+        let task = Task {
+            model,
+            gravity: Some((*self.truth.arm.gravity()).into()),
+            mode: match scenario.mode {
+                Drive::Torque => TaskMode::Torque,
+                Drive::Driven => TaskMode::Driven,
+            },
+            rate: scenario.rate,
+            limits: LimitsFrom::Model,
+            path,
+            gains: scenario.controller.gains,
+            options: scenario.controller.options.clone(),
+        };
+        let file = folder.join("task.toml");
+        write(&file, &task.to_toml().map_err(Failure::internal)?)?;
+        std::path::absolute(&file).map_err(Failure::input)
+    }
+}
+
+/// A step that can't resolve a contact is refused before any process starts.
+fn check_step(plant: &PlantConfig) -> Result<(), Failure> {
+    let play = freeplay_laws::ArmWithPlay::new(&plant.arm, &plant.clearances).map_err(Failure::input)?;
+    let period = plant.period_ns as f64 * 1e-9;
+    freeplay_plant::System::new(play, &plant.arm, period, plant.substeps).map(|_| ()).map_err(Failure::input)
+}
+
+/// What the scenario asks of the operating system for the plant, or for the controller.
+pub fn realtime_request(scenario: &Scenario, cpu: Option<usize>) -> RtRequest {
+    let wanted = scenario.pace == Pacing::Realtime;
+    RtRequest {
+        priority: (wanted && scenario.realtime.priority > 0).then_some(scenario.realtime.priority),
+        cpu: cpu.filter(|_| wanted),
+        lock_memory: wanted && scenario.realtime.lock_memory,
+    }
+}
+
+/// Writes a file that only its owner can read.
+///
+/// # Errors
+/// The file and what the system said.
+pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    use std::io::Write;
+    use std::os::unix::fs::OpenOptionsExt;
+    let mut options = std::fs::OpenOptions::new();
+    options.write(true).create(true).truncate(true).mode(0o600);
+    options
+        .open(path)
+        .and_then(|mut file| file.write_all(text.as_bytes()))
+        .map_err(|error| Failure::input(format!("cannot write {}: {error}", path.display())))
+}

@@ -1,0 +1,155 @@
+//! `summary.json` of a run: schema `freeplay.summary/1`.
+
+use std::collections::BTreeMap;
+
+use freeplay_plant::{Deadlines, Deviation, Ending, Gate, Plant, Rejection, Stage, Stages};
+use freeplay_shm::realtime::RtReport;
+use hdrhistogram::Histogram;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+/// The schema of `summary.json`.
+pub const SCHEMA: &str = "freeplay.summary/1";
+
+/// What one run of one controller came to; written by the plant's process, read by `freeplay run`.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct RunSummary {
+    /// Name of the controller, as it was asked for.
+    pub controller: String,
+    /// "lockstep" or "realtime".
+    pub pace: String,
+    /// Ticks played.
+    pub ticks: u64,
+    /// How the run ended.
+    pub ending: Value,
+    /// SHA-256 of every State and Command.
+    pub state_hash: String,
+    /// The tool's deviation, mm.
+    pub deviation_mm: Value,
+    /// Contact in each joint with play.
+    pub contact: Value,
+    /// The force of the base on the first moving body, N.
+    pub base_force_N: Value,
+    /// Energies, J.
+    pub energy_J: Value,
+    /// Ticks without a command in time.
+    pub deadlines: Value,
+    /// What the gate did not let through.
+    pub gate: Value,
+    /// Latencies of each stage, µs.
+    pub latency_us: BTreeMap<String, Value>,
+    /// What became of the wishes to the operating system.
+    pub realtime: Value,
+    /// File name of the recording, if there is one.
+    pub recording: Option<String>,
+    /// What went wrong beside the run, in words.
+    pub notes: Vec<String>,
+}
+
+fn deviation(component: &Deviation) -> Value {
+    json!({
+        "rms": component.rms, "max": component.max, "mean": component.mean, "std": component.std,
+        "rms_after_start": component.rms_after_start, "max_after_start": component.max_after_start,
+    })
+}
+
+fn deviations(plant: &Plant) -> Value {
+    let [norm, x, y, z] = plant.deviation().components();
+    let mut value = deviation(&norm);
+    value["axes"] = json!({ "x": deviation(&x), "y": deviation(&y), "z": deviation(&z) });
+    value
+}
+
+fn contacts(plant: &Plant, plays: &[String]) -> Value {
+    let joints: serde_json::Map<String, Value> = plays
+        .iter()
+        .zip(plant.system().tallies())
+        .map(|(joint, tally)| {
+            let [free, impact, continuous] = tally.fractions();
+            let value = json!({
+                "free": free, "impact": impact, "continuous": continuous,
+                "contacts": tally.contacts, "impacts": tally.impacts,
+                "first_speed_m_s": tally.first_speed, "peak_speed_m_s": tally.peak_speed,
+                "peak_normal_force_N": tally.peak_normal_force, "peak_penetration_um": tally.peak_penetration * 1e6,
+            });
+            (joint.clone(), value)
+        })
+        .collect();
+    json!({ "joints": joints })
+}
+
+fn deadlines(counts: &Deadlines, gate: &Gate) -> Value {
+    let silent = counts.missed.saturating_sub(counts.late);
+    let by_cause = json!({
+        "late_answer": counts.late, "no_answer": silent, "plant_late": counts.plant_late,
+        "rejected": Rejection::ALL.iter().skip(1).map(|&reason| gate.rejected(reason)).sum::<u64>(),
+    });
+    json!({ "missed": counts.missed, "late": counts.late, "plant_late": counts.plant_late,
+            "unrecorded": counts.unrecorded, "by_cause": by_cause })
+}
+
+fn percentiles(histogram: &Histogram<u64>) -> Value {
+    let us = |ns: u64| ns as f64 * 1e-3;
+    json!({
+        "p50": us(histogram.value_at_quantile(0.5)), "p90": us(histogram.value_at_quantile(0.9)),
+        "p99": us(histogram.value_at_quantile(0.99)), "p99.9": us(histogram.value_at_quantile(0.999)),
+        "max": us(histogram.max()), "count": histogram.len(),
+    })
+}
+
+fn latencies(stages: &Stages) -> BTreeMap<String, Value> {
+    Stage::ALL
+        .iter()
+        .map(|&stage| (stage, stages.histogram(stage)))
+        .filter(|(_, histogram)| !histogram.is_empty())
+        .map(|(stage, histogram)| (stage.name().to_owned(), percentiles(histogram)))
+        .collect()
+}
+
+/// What is known of a run beside what the plant itself holds.
+pub struct RunFacts {
+    /// Name of the controller, as it was asked for.
+    pub controller: String,
+    /// "lockstep" or "realtime".
+    pub pace: String,
+    /// Ticks played.
+    pub ticks: u64,
+    /// How the run ended.
+    pub ending: Ending,
+    /// The hash of what was said.
+    pub state_hash: String,
+    /// Joints with play.
+    pub plays: Vec<String>,
+    /// What became of the wishes to the operating system.
+    pub realtime: RtReport,
+    /// File name of the recording.
+    pub recording: Option<String>,
+    /// What went wrong beside the run.
+    pub notes: Vec<String>,
+}
+
+impl RunSummary {
+    /// The summary of what `plant` did.
+    pub fn new(plant: &Plant, facts: RunFacts) -> Self {
+        let gate: serde_json::Map<String, Value> =
+            Rejection::ALL.iter().map(|&reason| (reason.name().to_owned(), json!(plant.gate().rejected(reason)))).collect();
+        let ledger = plant.system().ledger();
+        Self {
+            controller: facts.controller,
+            pace: facts.pace,
+            ticks: facts.ticks,
+            ending: json!(facts.ending),
+            state_hash: facts.state_hash,
+            deviation_mm: deviations(plant),
+            contact: contacts(plant, &facts.plays),
+            base_force_N: json!({ "peak": plant.peak_base_force() }),
+            energy_J: json!({ "ledger": ledger, "residual": ledger.residual() }),
+            deadlines: deadlines(&plant.deadlines(), plant.gate()),
+            gate: json!({ "rejected": gate }),
+            latency_us: latencies(plant.stages()),
+            realtime: json!(facts.realtime),
+            recording: facts.recording,
+            notes: facts.notes,
+        }
+    }
+}

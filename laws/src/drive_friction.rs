@@ -1,0 +1,43 @@
+//! Nominal friction of a joint's drive.
+//!
+//! Law: τ = −F_v v − F_c s(v), with the viscous coefficient F_v \[N·m·s/rad\], the Coulomb level F_c \[N·m\] and the
+//! sign s smoothed over a small speed v_ε so that an integrator can follow it: s(v) = tanh(v/v_ε).
+//!
+//! Source: Coulomb 1785 and the `<dynamics damping friction>` of URDF. For prismatic joints read N and m.
+
+use freeplay_arm::JointFriction;
+
+/// The friction of one drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveFriction {
+    /// F_v, N·m·s/rad.
+    pub viscous: f64,
+    /// F_c, N·m.
+    pub coulomb: f64,
+    /// v_ε, rad/s, > 0: below it the sign is smoothed.
+    pub smoothing: f64,
+}
+
+impl DriveFriction {
+    /// Speed over which the plant smooths the sign, rad/s (or m/s).
+    pub const SMOOTHING: f64 = 1e-3;
+
+    /// The friction that an arm file names for a joint.
+    pub fn nominal(friction: JointFriction) -> Self {
+        Self { viscous: friction.viscous, coulomb: friction.coulomb, smoothing: Self::SMOOTHING }
+    }
+
+    /// Torque on the joint, N·m: opposite to the velocity `v`, rad/s.
+    #[inline]
+    pub fn torque(&self, v: f64) -> f64 {
+        let coulomb = if self.coulomb == 0.0 { 0.0 } else { self.coulomb * (v / self.smoothing).tanh() };
+        -(self.viscous * v + coulomb)
+    }
+
+    /// Torque that the drive spends against friction with an unsmoothed sign, N·m: what a model of a recording says.
+    #[inline]
+    pub fn resisting(&self, v: f64) -> f64 {
+        let sign = if v == 0.0 { 0.0 } else { v.signum() };
+        self.viscous * v + self.coulomb * sign
+    }
+}

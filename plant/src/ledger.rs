@@ -1,0 +1,40 @@
+//! The energy ledger: where every joule went.
+//!
+//! E(t) − E(0) = W_drives − D_contact − D_friction − D_drives, with E kinetic + potential + stored in the contacts.
+//! The dissipated parts are integrated as states beside the motion, so that conservation can be tested although
+//! contacts lose energy (Simbody's way). What is left, [`Ledger::residual`], is the integrator's error.
+
+use serde::Serialize;
+
+/// Energies of one system, J.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Ledger {
+    /// Energy at the start: kinetic + potential + elastic.
+    pub initial: f64,
+    /// Kinetic energy now.
+    pub kinetic: f64,
+    /// Potential energy now, zero at the base's origin.
+    pub potential: f64,
+    /// Energy stored in the contacts now.
+    pub elastic: f64,
+    /// Work of the drives, prescribed joints included.
+    pub drives: f64,
+    /// Lost in the contacts' damping.
+    pub damping: f64,
+    /// Lost in the contacts' friction.
+    pub contact_friction: f64,
+    /// Lost in the drives' friction.
+    pub drive_friction: f64,
+}
+
+impl Ledger {
+    /// Kinetic + potential + elastic energy now.
+    pub fn total(&self) -> f64 {
+        self.kinetic + self.potential + self.elastic
+    }
+
+    /// What the entries leave unexplained; zero for an exact integrator.
+    pub fn residual(&self) -> f64 {
+        self.total() - self.initial - self.drives + self.damping + self.contact_friction + self.drive_friction
+    }
+}

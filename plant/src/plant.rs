@@ -1,0 +1,590 @@
+//! The loop that plays the machine: publish, take the answer, step, judge, record.
+//!
+//! The answer to tick k is applied during tick k + 1. In lockstep the plant waits for it; in real time it is due at
+//! the schedule's time of tick k + 1 (less the 50 µs in which it is judged), and what comes later is late. During tick 0 no command can have come yet: the
+//! joints are guided along the reference.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use crossbeam::queue::ArrayQueue;
+use freeplay_arm::{Arm, Workspace, forward_kinematics};
+use freeplay_laws::{ArmWithPlay, Clearance, LawError};
+use freeplay_path::JointPath;
+use freeplay_shm::{
+    Backoff, Command, Greeting, LinkError, MAX_JOINTS, Mode, Pace, PlantLink, Schedule, State, now_ns,
+    sleep_then_spin_until,
+};
+use thiserror::Error;
+
+use crate::{
+    Applied, Braking, DeviationStatistics, Gate, GateLimits, Hermite, Input, Motion, PlayRecord, Rejection, Sensors,
+    SensorsSpec,
+    Stage, Stages, System, SystemError, TickRecord,
+};
+
+/// All that makes a plant.
+#[derive(Clone, Debug)]
+pub struct PlantConfig {
+    /// The arm without its plays.
+    pub arm: Arm,
+    /// Plays by joint index, ascending.
+    pub clearances: Vec<(usize, Clearance)>,
+    /// Who moves the joints.
+    pub mode: Mode,
+    /// Lockstep or real time.
+    pub pace: Pace,
+    /// Length of a tick, ns.
+    pub period_ns: u64,
+    /// Sub-steps of a tick.
+    pub substeps: u32,
+    /// Length of the run, ticks.
+    pub ticks: u64,
+    /// The sensors.
+    pub sensors: SensorsSpec,
+    /// Seed of all noise.
+    pub seed: u64,
+    /// Ticks for which a missing command is bridged by the last one.
+    pub hold: u32,
+    /// How long to wait for a controller to start, and in lockstep for an answer.
+    pub patience: Duration,
+}
+
+/// Why the plant stopped without finishing.
+#[derive(Debug, Error)]
+pub enum PlantError {
+    /// The arm with play can't be built.
+    #[error(transparent)]
+    Law(#[from] LawError),
+    /// The motion can't be integrated.
+    #[error(transparent)]
+    System(#[from] SystemError),
+    /// Shared memory can't be used.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The histograms can't be made.
+    #[error("latency histograms: {0}")]
+    Histogram(#[from] hdrhistogram::CreationError),
+    /// The arm is too large for the messages.
+    #[error("the arm has {joints} joints; messages hold {MAX_JOINTS}")]
+    TooManyJoints {
+        /// Joints of the arm.
+        joints: usize,
+    },
+    /// No controller came.
+    #[error("no controller came within {patience:?}{}", said_refused(.refused))]
+    NoController {
+        /// How long the plant waited.
+        patience: Duration,
+        /// Who knocked and was refused.
+        refused: Vec<String>,
+    },
+}
+
+fn said_refused(refused: &[String]) -> String {
+    if refused.is_empty() { String::new() } else { format!("; refused: {}", refused.join("; ")) }
+}
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ending {
+    /// All ticks were played with the controller in charge.
+    Finished,
+    /// Commands failed the gate for too long; the rest was played with the brakes closed.
+    Braked {
+        /// Tick at which the brakes closed.
+        tick: u64,
+        /// Why the last command did not pass.
+        reason: Rejection,
+    },
+    /// Someone asked the run to stop.
+    Interrupted {
+        /// Ticks played.
+        tick: u64,
+    },
+}
+
+/// Ticks without a command in time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Deadlines {
+    /// Ticks whose answer had not come when it was due.
+    pub missed: u64,
+    /// Answers that came after they were due.
+    pub late: u64,
+    /// Ticks at which the plant itself woke up more than a period late.
+    pub plant_late: u64,
+    /// Records that the queue had no room for.
+    pub unrecorded: u64,
+}
+
+/// What a run leaves.
+#[derive(Clone, Debug)]
+pub struct PlantOutcome {
+    /// How it ended.
+    pub ending: Ending,
+    /// Name of the controller as it said.
+    pub controller: String,
+    /// Ticks played.
+    pub ticks: u64,
+    /// Controllers that knocked and were refused, in words.
+    pub refused: Vec<String>,
+}
+
+/// The plant of one run.
+pub struct Plant {
+    config: PlantConfig,
+    system: System,
+    path: Arc<JointPath>,
+    nominal: Workspace,
+    link: PlantLink,
+    run: u64,
+    gate: Gate,
+    sensors: Sensors,
+    queue: Arc<ArrayQueue<TickRecord>>,
+    stages: Stages,
+    deviation: DeviationStatistics,
+    deadlines: Deadlines,
+    applied: Applied,
+    motion: Hermite,
+    brakes: Braking,
+    driven: Vec<bool>,
+    torque: Vec<f64>,
+    state: State,
+    braked: Option<(u64, Rejection)>,
+    silent: bool,
+    peer: u32,
+    backoff: Backoff,
+    peak_base_force: f64,
+}
+
+/// Deceleration of a braking joint whose file names no acceleration limit, rad/s² (m/s²).
+const BRAKE_RATE: f64 = 10.0;
+/// How long the plant spins before the schedule's time, ns.
+const SPIN_NS: u64 = 200_000;
+/// Share of the period for which the answer is awaited before the plant steps, in real time.
+const ANSWER_WINDOW: u64 = 2;
+/// Real time: how long before the next tick the plant judges what it has, ns.
+const JUDGING_NS: u64 = 50_000;
+/// Every so many ticks the plant looks who else knocks.
+const GREETING_TICKS: u64 = 128;
+/// How long lockstep waits before it asks whether the peer still lives, ns.
+const LIFE_CHECK_NS: u64 = 20_000_000;
+
+impl Plant {
+    /// A plant at the start of `path`, with its end of the run open and nobody greeted yet.
+    ///
+    /// # Errors
+    /// See [`PlantError`].
+    pub fn new(
+        config: PlantConfig,
+        path: Arc<JointPath>,
+        link: PlantLink,
+        run: u64,
+        queue: Arc<ArrayQueue<TickRecord>>,
+    ) -> Result<Self, PlantError> {
+        let joints = config.arm.dof();
+        if joints > MAX_JOINTS {
+            return Err(PlantError::TooManyJoints { joints });
+        }
+        let period = config.period_ns as f64 * 1e-9;
+        let play = ArmWithPlay::new(&config.arm, &config.clearances)?;
+        let mut system = System::new(play, &config.arm, period, config.substeps)?;
+        let (mut q, mut v, mut a) = (vec![0.0; joints], vec![0.0; joints], vec![0.0; joints]);
+        path.at(0.0, &mut q, &mut v, &mut a);
+        system.start(&q, &v);
+        let rates = config.arm.joints().iter().map(|joint| joint.limits.acceleration);
+        Ok(Self {
+            nominal: Workspace::new(&config.arm),
+            gate: Gate::new(GateLimits::of(&config.arm, config.mode, period, config.hold), run, joints),
+            sensors: Sensors::new(&config.sensors, joints, config.seed),
+            stages: Stages::new()?,
+            deviation: DeviationStatistics::new(DeviationStatistics::START),
+            deadlines: Deadlines::default(),
+            applied: Applied::Guided,
+            motion: Hermite::new(joints),
+            brakes: Braking::new(rates.map(|rate| if rate.is_finite() { rate } else { BRAKE_RATE }).collect()),
+            driven: vec![true; joints],
+            torque: vec![0.0; joints],
+            state: State::new(run, joints),
+            braked: None,
+            silent: false,
+            peer: 0,
+            backoff: Backoff::for_this_machine(),
+            peak_base_force: 0.0,
+            config,
+            system,
+            path,
+            link,
+            run,
+            queue,
+        })
+    }
+
+    /// Waits for a controller, then plays the run; `stop` ends it early.
+    ///
+    /// # Errors
+    /// [`PlantError::NoController`] if none came; [`PlantError::System`] if the motion could not be integrated.
+    pub fn run(&mut self, stop: &AtomicBool) -> Result<PlantOutcome, PlantError> {
+        let mut refused = Vec::new();
+        let Some(controller) = self.await_controller(stop, &mut refused)? else {
+            return Ok(PlantOutcome {
+                ending: Ending::Interrupted { tick: 0 },
+                controller: String::new(),
+                ticks: 0,
+                refused,
+            });
+        };
+        // Tick 0 waits for its answer at either pace: the controller may still be planning. The schedule starts then.
+        let pace = std::mem::replace(&mut self.config.pace, Pace::Lockstep);
+        self.tick(0, &Schedule { start_ns: now_ns(), period_ns: self.config.period_ns })?;
+        self.config.pace = pace;
+        let schedule = Schedule { start_ns: now_ns(), period_ns: self.config.period_ns };
+        let mut tick = 1;
+        while tick < self.config.ticks && !stop.load(Ordering::Relaxed) {
+            self.tick(tick, &schedule)?;
+            tick += 1;
+            if tick % GREETING_TICKS == 0 {
+                self.note_greetings(&mut refused)?;
+            }
+        }
+        let ending = match self.braked {
+            _ if tick < self.config.ticks => Ending::Interrupted { tick },
+            Some((tick, reason)) => Ending::Braked { tick, reason },
+            None => Ending::Finished,
+        };
+        Ok(PlantOutcome { ending, controller, ticks: tick, refused })
+    }
+
+    fn await_controller(
+        &mut self,
+        stop: &AtomicBool,
+        refused: &mut Vec<String>,
+    ) -> Result<Option<String>, PlantError> {
+        let deadline = now_ns() + self.config.patience.as_nanos() as u64;
+        while !stop.load(Ordering::Relaxed) {
+            for greeting in self.link.greet()? {
+                match greeting {
+                    Greeting::Accepted { pid, name, .. } => {
+                        self.peer = pid;
+                        return Ok(Some(name));
+                    }
+                    Greeting::Refused { name, verdict, .. } => refused.push(format!("{name}: {verdict:?}")),
+                }
+            }
+            if now_ns() > deadline {
+                return Err(PlantError::NoController {
+                    patience: self.config.patience,
+                    refused: std::mem::take(refused),
+                });
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(None)
+    }
+
+    fn note_greetings(&mut self, refused: &mut Vec<String>) -> Result<(), PlantError> {
+        for greeting in self.link.greet()? {
+            if let Greeting::Refused { name, verdict, .. } = greeting {
+                refused.push(format!("{name}: {verdict:?}"));
+            }
+        }
+        Ok(())
+    }
+
+    fn tick(&mut self, tick: u64, schedule: &Schedule) -> Result<(), PlantError> {
+        let scheduled = self.wake(tick, schedule);
+        let mut record = self.observe(tick, scheduled);
+        self.state.published_ns = now_ns();
+        self.link.publish(&self.state)?;
+        record.state = self.state;
+        let mut answer = None;
+        if self.config.pace == Pace::RealTime {
+            // From publication, so that a plant that was held up waits for its answers while it catches up.
+            let window = self.state.published_ns + self.config.period_ns / ANSWER_WINDOW;
+            self.await_answer(tick, scheduled, window, &mut answer)?;
+        }
+        self.step(tick)?;
+        if answer.is_none() {
+            let deadline = match self.config.pace {
+                Pace::RealTime => sleep_then_spin_until(schedule.due_ns(tick + 1) - JUDGING_NS, 0),
+                Pace::Lockstep => now_ns() + self.config.patience.as_nanos() as u64,
+            };
+            self.await_answer(tick, scheduled, deadline, &mut answer)?;
+        }
+        self.judge(tick, answer.as_ref(), &mut record);
+        record.command = answer;
+        self.keep(record);
+        Ok(())
+    }
+
+    /// Waits for the tick's time; returns the time that latencies of this tick are taken against, ns.
+    fn wake(&mut self, tick: u64, schedule: &Schedule) -> u64 {
+        match self.config.pace {
+            Pace::Lockstep => now_ns(),
+            Pace::RealTime => {
+                let due = schedule.due_ns(tick);
+                let awake = sleep_then_spin_until(due, SPIN_NS);
+                self.stages.record(Stage::WakeUp, awake.saturating_sub(due));
+                self.deadlines.plant_late += u64::from(awake.saturating_sub(due) > self.config.period_ns);
+                due
+            }
+        }
+    }
+
+    /// Reads the sensors into the State of `tick`, and the truth into its record.
+    fn observe(&mut self, tick: u64, scheduled: u64) -> TickRecord {
+        let joints = self.config.arm.dof();
+        let period = self.config.period_ns as f64 * 1e-9;
+        let time = tick as f64 * period;
+        let play = self.system.play();
+        let state = &mut self.state;
+        state.tick = tick;
+        state.mode = self.config.mode.code();
+        state.scheduled_ns = match self.config.pace {
+            Pace::Lockstep => tick * self.config.period_ns,
+            Pace::RealTime => scheduled,
+        };
+        play.gather(self.system.q(), &mut state.q[..joints]);
+        play.gather(self.system.v(), &mut state.qd[..joints]);
+        state.tau[..joints].copy_from_slice(self.system.motor_torque());
+        // The answer is applied from the next tick on: a torque from its start, a position at its end.
+        let ahead = match self.config.mode {
+            Mode::Torque => period,
+            Mode::Driven => 2.0 * period,
+        };
+        for (reference, at) in [(&mut state.reference, time), (&mut state.reference_next, time + ahead)] {
+            self.path.at(at, &mut reference.q[..joints], &mut reference.qd[..joints], &mut reference.qdd[..joints]);
+        }
+        let desired = forward_kinematics(&self.config.arm, &mut self.nominal, &self.state.reference.q[..joints]);
+        let pose = self.system.tool();
+        let deviation = pose.translation.vector - desired.translation.vector;
+        self.deviation.add(time, &deviation);
+        let tool = tool_row(&pose);
+        self.sense(tick, tool);
+        TickRecord {
+            state: self.state,
+            command: None,
+            applied: self.applied,
+            rejection: None,
+            deviation: deviation.into(),
+            tool,
+            peak_base_force: self.system.take_peaks().base_force,
+            plays: self.plays(),
+        }
+    }
+
+    /// Puts what the sensors make of the truth into the State, and the flags.
+    fn sense(&mut self, tick: u64, mut tool: [f64; 7]) {
+        let joints = self.config.arm.dof();
+        let State { q, qd, tau, .. } = &mut self.state;
+        let position = &mut tool[..3];
+        self.sensors.read(&mut q[..joints], &mut qd[..joints], &mut tau[..joints], position);
+        let tracked = self.config.sensors.track_tool;
+        self.state.tool = if tracked { tool } else { [f64::NAN; 7] };
+        let flags = [
+            (State::FLAG_LAST, tick + 1 == self.config.ticks),
+            (State::FLAG_TOOL_TRACKED, tracked),
+            (State::FLAG_FALLBACK, matches!(self.applied, Applied::Hold | Applied::Brake)),
+        ];
+        self.state.flags = flags.iter().map(|&(flag, holds)| if holds { flag } else { 0 }).sum();
+    }
+
+    fn plays(&mut self) -> [PlayRecord; MAX_JOINTS] {
+        let mut records = [PlayRecord::default(); MAX_JOINTS];
+        for (index, record) in records.iter_mut().enumerate().take(self.system.bearings().len()) {
+            let [first, second] = self.system.play().plays()[index].slides;
+            record.offset = [self.system.q()[first], self.system.q()[second]];
+            let bearing = self.system.bearing_mut(index);
+            record.peak_normal_force = bearing.take_peak();
+            record.episode = bearing.episode();
+        }
+        records
+    }
+
+    /// Takes answers until the one to `tick` is there, the `deadline` has passed or the controller is gone.
+    fn await_answer(
+        &mut self,
+        tick: u64,
+        scheduled: u64,
+        deadline: u64,
+        answer: &mut Option<Command>,
+    ) -> Result<(), PlantError> {
+        self.backoff.reset();
+        let mut next_check = LIFE_CHECK_NS;
+        loop {
+            while let Some(command) = self.link.next_command(0)? {
+                let received = now_ns();
+                if command.tick < tick && command.check(self.run).is_ok() {
+                    self.deadlines.late += 1;
+                    continue;
+                }
+                self.clock(&command, scheduled, received);
+                *answer = Some(command);
+                return Ok(());
+            }
+            let now = now_ns();
+            if now >= deadline || self.silent || self.braked.is_some() {
+                return Ok(());
+            }
+            match self.config.pace {
+                Pace::RealTime => std::hint::spin_loop(),
+                Pace::Lockstep => {
+                    let waited = self.backoff.wait();
+                    if waited > next_check {
+                        next_check = waited + LIFE_CHECK_NS;
+                        if !process_lives(self.peer) {
+                            return Ok(());
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Counts the latencies that a command tells of.
+    fn clock(&mut self, command: &Command, scheduled: u64, received: u64) {
+        let published = self.state.published_ns;
+        let took = |from: u64, to: u64| to.saturating_sub(from);
+        self.stages.record(Stage::StateTransport, took(published, command.received_ns));
+        self.stages.record(Stage::Compute, took(command.received_ns, command.sent_ns));
+        self.stages.record(Stage::CommandTransport, took(command.sent_ns, received));
+        self.stages.record(Stage::RoundTrip, took(scheduled, received));
+        if command.predict_ns > 0 {
+            self.stages.record(Stage::Predict, command.predict_ns);
+        }
+        if command.qp_ns > 0 {
+            self.stages.record(Stage::Qp, command.qp_ns);
+        }
+    }
+
+    /// Integrates the tick under what is in force.
+    fn step(&mut self, tick: u64) -> Result<(), PlantError> {
+        let before = now_ns();
+        let motion: &dyn Motion = match self.applied {
+            Applied::Guided => &*self.path,
+            Applied::Brake => &self.brakes,
+            Applied::Command | Applied::Hold => &self.motion,
+        };
+        let by_motion = match self.applied {
+            Applied::Guided | Applied::Brake => true,
+            Applied::Command | Applied::Hold => self.config.mode == Mode::Driven,
+        };
+        self.driven.fill(by_motion);
+        self.system.tick(&Input { torque: &self.torque, driven: &self.driven, motion })?;
+        self.stages.record(Stage::PlantStep, now_ns() - before);
+        debug_assert_eq!(self.system.time(), (tick + 1) as f64 * self.config.period_ns as f64 * 1e-9);
+        Ok(())
+    }
+
+    /// Judges the answer and sets what is in force in the next tick.
+    fn judge(&mut self, tick: u64, answer: Option<&Command>, record: &mut TickRecord) {
+        if answer.is_none() {
+            self.deadlines.missed += 1;
+            // Who let the patience of lockstep pass is not waited for again.
+            self.silent |= self.config.pace == Pace::Lockstep;
+        }
+        let braking = self.applied == Applied::Brake;
+        let (applied, rejection) = self.gate.pass(answer, tick);
+        record.rejection = rejection;
+        self.applied = applied;
+        if let (Applied::Brake, None, Some(reason)) = (applied, self.braked, rejection) {
+            self.braked = Some((tick, reason));
+        }
+        let joints = self.config.arm.dof();
+        match applied {
+            Applied::Guided => {}
+            Applied::Brake if braking => {}
+            Applied::Brake => {
+                let (play, q, v) = (self.system.play(), self.system.q(), self.system.v());
+                self.brakes.close(self.system.time(), (0..joints).map(|joint| {
+                    let at = play.joint(joint);
+                    [q[at], v[at]]
+                }));
+            }
+            Applied::Command | Applied::Hold => self.command(),
+        }
+    }
+
+    /// Puts the last command that passed in force.
+    fn command(&mut self) {
+        let Some(command) = self.gate.last().copied() else { return };
+        let joints = self.config.arm.dof();
+        self.state.applied = command.value;
+        self.torque.copy_from_slice(&command.value[..joints]);
+        if self.config.mode == Mode::Driven {
+            let period = self.config.period_ns as f64 * 1e-9;
+            let held = self.applied == Applied::Hold;
+            let (play, system) = (self.system.play(), &self.system);
+            let now = (0..joints).map(|joint| system.coordinate(play.joint(joint)));
+            let next = (0..joints).map(|joint| {
+                if held {
+                    let [q, v, _] = system.coordinate(play.joint(joint));
+                    [q + v * period, v, 0.0]
+                } else {
+                    [command.value[joint], command.velocity[joint], command.acceleration[joint]]
+                }
+            });
+            self.motion.begin(system.time(), period, now);
+            self.motion.finish(next);
+        }
+    }
+
+    /// Hands the record to who keeps it. In lockstep nothing is lost: the plant waits for room.
+    fn keep(&mut self, record: TickRecord) {
+        let before = now_ns();
+        self.peak_base_force = self.peak_base_force.max(record.peak_base_force);
+        let mut pending = self.queue.push(record);
+        self.stages.record(Stage::Record, now_ns() - before);
+        while let (Err(record), Pace::Lockstep) = (pending, self.config.pace) {
+            std::thread::yield_now();
+            pending = self.queue.push(record);
+        }
+        self.deadlines.unrecorded += u64::from(pending.is_err());
+    }
+
+    /// Latencies of all stages.
+    pub fn stages(&self) -> &Stages {
+        &self.stages
+    }
+
+    /// The tool's deviation.
+    pub fn deviation(&self) -> &DeviationStatistics {
+        &self.deviation
+    }
+
+    /// Ticks without a command in time.
+    pub fn deadlines(&self) -> Deadlines {
+        self.deadlines
+    }
+
+    /// The gate with its counts.
+    pub fn gate(&self) -> &Gate {
+        &self.gate
+    }
+
+    /// The arm with play as the run left it.
+    pub fn system(&self) -> &System {
+        &self.system
+    }
+
+    /// The greatest force of the base on the first moving body, N.
+    pub fn peak_base_force(&self) -> f64 {
+        self.peak_base_force
+    }
+}
+
+/// A pose as x y z qx qy qz qw.
+fn tool_row(pose: &nalgebra::Isometry3<f64>) -> [f64; 7] {
+    let (p, r) = (pose.translation.vector, pose.rotation.coords);
+    [p.x, p.y, p.z, r.x, r.y, r.z, r.w]
+}
+
+/// Whether a process with this id exists.
+fn process_lives(pid: u32) -> bool {
+    i32::try_from(pid)
+        .ok()
+        .and_then(rustix::process::Pid::from_raw)
+        .is_some_and(|pid| rustix::process::test_kill_process(pid) != Err(rustix::io::Errno::SRCH))
+}

@@ -1,0 +1,90 @@
+//! How long each stage of the loop took, in nanoseconds, as HdrHistograms.
+//!
+//! In real time every latency is taken against the schedule, so that a stall of the loop counts for every tick that
+//! it delays (no coordinated omission; Tene, "How NOT to measure latency", 2013).
+
+use hdrhistogram::Histogram;
+
+/// A stage of the loop.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Schedule → the loop is awake. Real time only.
+    WakeUp,
+    /// Integrating one tick.
+    PlantStep,
+    /// Plant publishes → controller has the state.
+    StateTransport,
+    /// The controller's prediction.
+    Predict,
+    /// The controller's quadratic program.
+    Qp,
+    /// Controller has the state → controller sends the command.
+    Compute,
+    /// Controller sends → plant has the command.
+    CommandTransport,
+    /// Schedule (lockstep: publication) → plant has the command.
+    RoundTrip,
+    /// Handing the tick to the recorder.
+    Record,
+}
+
+impl Stage {
+    /// All stages in the order of the tick.
+    pub const ALL: [Stage; 9] = [
+        Self::WakeUp,
+        Self::PlantStep,
+        Self::StateTransport,
+        Self::Predict,
+        Self::Qp,
+        Self::Compute,
+        Self::CommandTransport,
+        Self::RoundTrip,
+        Self::Record,
+    ];
+
+    /// The name in `summary.json` and in `.hlog` tags.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::WakeUp => "wake_up",
+            Self::PlantStep => "plant_step",
+            Self::StateTransport => "state_transport",
+            Self::Predict => "predict",
+            Self::Qp => "qp",
+            Self::Compute => "compute",
+            Self::CommandTransport => "command_transport",
+            Self::RoundTrip => "round_trip",
+            Self::Record => "record",
+        }
+    }
+}
+
+/// One histogram a stage, 1 ns to 100 s at three digits; recording allocates nothing.
+#[derive(Clone, Debug)]
+pub struct Stages {
+    histograms: Vec<Histogram<u64>>,
+}
+
+impl Stages {
+    /// The longest latency that is told apart, ns; longer ones are counted as this.
+    pub const LONGEST: u64 = 100_000_000_000;
+
+    /// Empty histograms.
+    ///
+    /// # Errors
+    /// Never for these bounds; the library's error is passed on.
+    pub fn new() -> Result<Self, hdrhistogram::CreationError> {
+        let one = Histogram::new_with_bounds(1, Self::LONGEST, 3)?;
+        Ok(Self { histograms: vec![one; Stage::ALL.len()] })
+    }
+
+    /// Counts a latency of `nanoseconds` in `stage`.
+    #[inline]
+    pub fn record(&mut self, stage: Stage, nanoseconds: u64) {
+        self.histograms[stage as usize].saturating_record(nanoseconds.max(1));
+    }
+
+    /// The histogram of `stage`, ns.
+    pub fn histogram(&self, stage: Stage) -> &Histogram<u64> {
+        &self.histograms[stage as usize]
+    }
+}

@@ -1,0 +1,69 @@
+//! The crates depend on each other as `ARCHITECTURE.md` says, and in no other way.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::process::Command;
+
+type Edges = BTreeMap<String, BTreeSet<String>>;
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
+}
+
+fn short(name: &str) -> String {
+    name.trim_start_matches("freeplay-").to_owned()
+}
+
+/// The edges that cargo knows, development dependencies left out.
+fn actual() -> Edges {
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .current_dir(root())
+        .output()
+        .expect("cargo runs");
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).expect("metadata is JSON");
+    let edges_of = |package: &serde_json::Value| {
+        let dependencies = package["dependencies"].as_array().expect("dependencies");
+        let ours = dependencies.iter().filter(|d| d["path"].is_string() && d["kind"].is_null());
+        ours.map(|d| short(d["name"].as_str().expect("name"))).collect()
+    };
+    let packages = metadata["packages"].as_array().expect("packages");
+    packages.iter().map(|package| (short(package["name"].as_str().expect("name")), edges_of(package))).collect()
+}
+
+/// The edges that the architecture allows.
+fn allowed() -> Edges {
+    let text = std::fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
+    let section = text.split("## Crates").nth(1).expect("the section").split("\n## ").next().expect("its end");
+    let rows = section.lines().filter(|line| line.starts_with("| ") && !line.contains("---") && !line.contains("may use"));
+    rows.map(|row| {
+        let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
+        let uses = cells[2].split(',').map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned).collect();
+        (cells[0].to_owned(), uses)
+    })
+    .collect()
+}
+
+#[test]
+fn crates_depend_on_each_other_as_the_architecture_says() {
+    let (actual, allowed) = (actual(), allowed());
+    assert!(actual.len() > 8, "found {} crates", actual.len());
+    assert_eq!(actual.keys().collect::<Vec<_>>(), allowed.keys().collect::<Vec<_>>());
+    for (name, uses) in &actual {
+        let extra: Vec<_> = uses.difference(&allowed[name]).collect();
+        assert!(extra.is_empty(), "{name} uses {extra:?}, which ARCHITECTURE.md does not allow");
+    }
+}
+
+#[test]
+fn a_controller_can_never_name_the_plant() {
+    let edges = actual();
+    let mut reached: BTreeSet<String> = BTreeSet::new();
+    let mut open = vec!["controller".to_owned()];
+    while let Some(name) = open.pop() {
+        if reached.insert(name.clone()) {
+            open.extend(edges[&name].iter().cloned());
+        }
+    }
+    assert!(reached.len() > 3 && !reached.contains("plant"), "{reached:?}");
+}
