@@ -1,1 +1,50 @@
-//! Controllers: the SDK, the built-in controllers and the compensation QP.
+//! Controllers: the SDK, the built-in controllers and the compensation programme.
+//!
+//! A controller is a process of its own. It never sees the plant, only its states; what it knows of the arm is a model file, which
+//! may be wrong.
+//!
+//! The nouns, in the order in which data passes through them:
+//!
+//! - [`Task`]: the file that tells a controller its model, its reference path, its gains and its options.
+//! - [`Model`]: the arm of that model file, with the clearances that the controller believes in.
+//! - [`Controller`]: the trait: [`Controller::start`] with the task and the [`RunInfo`], then [`Controller::answer`] state by state.
+//! - [`Answer`]: what a controller makes of one state.
+//! - [`serve`]: the process of a controller: finds the run, shakes hands, answers, ends with an exit code; [`serve_with`] for those who
+//!   bring their own [`ServeOptions`].
+//! - [`LookAhead`]: the state of the joints when the answer takes effect.
+//! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`Rest`].
+//! - [`Outlook`]: that deviation at the ticks to come, smoothed by a [`Preview`].
+//! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`].
+//! - [`Correction`]: that correction over time, with its derivatives.
+//! - [`ComputedTorque`], [`QuasiStaticControl`]: the controllers that come with the project; [`built_in`] finds them by name.
+
+mod answer_loop;
+pub mod built_in;
+pub mod compensation;
+pub mod computed_torque;
+pub mod controller;
+pub mod correction;
+pub mod deviation;
+pub mod look_ahead;
+pub mod model;
+pub mod outlook;
+pub mod preview;
+pub mod qp;
+pub mod quasi_static;
+pub mod serve;
+pub mod task;
+
+pub use built_in::{BUILT_IN, built_in};
+pub use compensation::{CompensationReport, CompensationStatus, Compensator, Motion, Weights};
+pub use computed_torque::ComputedTorque;
+pub use controller::{Answer, Controller, ControllerError, RunInfo};
+pub use correction::Correction;
+pub use deviation::{QuasiStatic, Rest};
+pub use look_ahead::{JointState, LookAhead};
+pub use model::Model;
+pub use outlook::{JointMotion, Outlook};
+pub use preview::Preview;
+pub use qp::{Qp, QpError, QpReport, QpStatus};
+pub use quasi_static::{QuasiStaticControl, QuasiStaticOptions};
+pub use serve::{Ended, ServeError, ServeOptions, ServeReport, serve, serve_with};
+pub use task::{Gains, LimitsFrom, Task, TaskError, TaskMode};

@@ -1,0 +1,17 @@
+//! The controllers that come with the project, by name.
+
+use crate::computed_torque::{COMPUTED_TORQUE, ComputedTorque};
+use crate::controller::Controller;
+use crate::quasi_static::{QUASI_STATIC, QuasiStaticControl};
+
+/// The names that [`built_in`] knows.
+pub const BUILT_IN: [&str; 2] = [COMPUTED_TORQUE, QUASI_STATIC];
+
+/// The built-in controller of that name, if there is one.
+pub fn built_in(name: &str) -> Option<Box<dyn Controller>> {
+    match name {
+        COMPUTED_TORQUE => Some(Box::new(ComputedTorque::default())),
+        QUASI_STATIC => Some(Box::new(QuasiStaticControl::default())),
+        _ => None,
+    }
+}

@@ -1,0 +1,248 @@
+//! The compensation of one tick: which joint correction Δq takes a predicted deviation of the tool out.
+//!
+//! `min ½‖J_p Δq + r_p‖²_W + ε/2 ‖J_w Δq + r_w‖² + ρ/2 ‖Δq − Δq₋₁‖²` subject to, for every joint,
+//!
+//! - position: `q_min ≤ q_d + Δq ≤ q_max`,
+//! - speed: `|Δq − Δq₋₁| ≤ (v_max − |v_d|) T`,
+//! - acceleration: `|Δq − 2Δq₋₁ + Δq₋₂| ≤ (a_max − |a_d|) T²`,
+//!
+//! with J the Jacobian of the tool (linear rows J_p, angular rows J_w), r the deviation to be taken out (linear m, angular rad, base
+//! frame), q_d, v_d, a_d the desired motion at the instant of Δq and T the period of the ticks. Each of the three limits is an
+//! interval for Δq, so that a joint has one interval, their intersection: two rows of the programme. Inside, everything is in mm and
+//! mrad. With no limit active the minimiser is that of damped least squares.
+//!
+//! A desired motion that leaves no room would forbid the correction even to come to rest: the room is never less than
+//! [`LEAST_SHARE`] of the limit. Where the intervals do not meet or the programme fails, the correction is held, braking within the
+//! acceleration limit, and the report names the cause.
+
+use freeplay_arm::{Arm, Limits};
+use nalgebra::{DMatrix, Vector6};
+use serde::{Deserialize, Serialize};
+
+use crate::qp::{Qp, QpError, QpStatus};
+
+/// Largest correction of a joint, rad or m: more is not a correction.
+pub const LARGEST_CORRECTION: f64 = 0.1;
+/// Share of the speed and acceleration limits that the correction may always use.
+pub const LEAST_SHARE: f64 = 0.01;
+/// From SI to the units of the programme: mm and mrad.
+const MILLI: f64 = 1e3;
+
+/// The weights of the cost, in mm and mrad.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Weights {
+    /// Diagonal of W, 1/mm²: weights of the remaining deviation along x, y, z of the base frame.
+    pub position: [f64; 3],
+    /// ε, 1/mrad²: weight of the change of the tool's orientation; not used for arms of fewer than six joints.
+    pub orientation: f64,
+    /// ρ, 1/mrad² (1/mm²): weight of the change of the correction from tick to tick; > 0, so that the minimiser is unique.
+    pub change: f64,
+}
+
+impl Default for Weights {
+    fn default() -> Weights {
+        Weights { position: [1.0; 3], orientation: 0.01, change: 1e-5 }
+    }
+}
+
+impl Weights {
+    /// What is wrong with the weights, if anything.
+    pub fn fault(&self) -> Option<&'static str> {
+        let fine = |weight: f64| weight.is_finite() && weight >= 0.0;
+        if !(self.position.into_iter().all(fine) && fine(self.orientation)) {
+            Some("weights.position and weights.orientation must be finite and not negative")
+        } else if !(self.change.is_finite() && self.change > 0.0) {
+            Some("weights.change must be finite and above zero")
+        } else {
+            None
+        }
+    }
+}
+
+/// The desired motion of the joints at one instant: rad, rad/s, rad/s² (m for prismatic joints).
+#[derive(Clone, Copy, Debug)]
+pub struct Motion<'a> {
+    /// Positions q_d.
+    pub q: &'a [f64],
+    /// Velocities v_d.
+    pub v: &'a [f64],
+    /// Accelerations a_d.
+    pub a: &'a [f64],
+}
+
+/// How one compensation ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CompensationStatus {
+    /// The programme was solved; the correction is its minimiser.
+    Solved,
+    /// The limits of this joint (index) cannot all be kept; the correction is held, braking.
+    LimitsConflict(usize),
+    /// The programme ended in this way; the correction is held, braking.
+    Failed(QpStatus),
+}
+
+/// One compensation: how it ended, and the solver's effort.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CompensationReport {
+    /// How it ended.
+    pub status: CompensationStatus,
+    /// Iterations of the solver; 0 if it was not called.
+    pub iterations: u32,
+}
+
+/// The compensation programme of one arm with the corrections of the last two ticks.
+pub struct Compensator {
+    qp: Qp,
+    limits: Vec<Limits>,
+    period: f64,
+    row_weights: Vector6<f64>,
+    change: f64,
+    /// Δq₋₁ and Δq₋₂, SI.
+    last: Vec<f64>,
+    before: Vec<f64>,
+    // What follows is in mm and mrad.
+    weighted: DMatrix<f64>,
+    cost: DMatrix<f64>,
+    linear: Vec<f64>,
+    bounds: Vec<f64>,
+}
+
+impl Compensator {
+    /// For `arm` with its limits, ticks of `period` seconds, starting from no correction.
+    ///
+    /// # Errors
+    /// The solver's refusal; see [`QpError`].
+    pub fn new(arm: &Arm, period: f64, weights: &Weights) -> Result<Compensator, QpError> {
+        let n = arm.dof();
+        let rows = DMatrix::from_fn(2 * n, n, |row, column| match (row % n == column, row < n) {
+            (false, _) => 0.0,
+            (true, true) => 1.0,
+            (true, false) => -1.0,
+        });
+        let [x, y, z] = weights.position;
+        let orientation = if n < 6 { 0.0 } else { weights.orientation };
+        Ok(Compensator {
+            qp: Qp::new(&rows)?,
+            limits: arm.joints().iter().map(|joint| joint.limits).collect(),
+            period,
+            row_weights: Vector6::new(x, y, z, orientation, orientation, orientation),
+            change: weights.change,
+            last: vec![0.0; n],
+            before: vec![0.0; n],
+            weighted: DMatrix::zeros(6, n),
+            cost: DMatrix::zeros(n, n),
+            linear: vec![0.0; n],
+            bounds: vec![0.0; 2 * n],
+        })
+    }
+
+    /// The newest correction Δq, rad (m).
+    pub fn correction(&self) -> &[f64] {
+        &self.last
+    }
+
+    /// Sets the correction to `at`, at rest.
+    pub fn restart(&mut self, at: &[f64]) {
+        self.last.copy_from_slice(at);
+        self.before.copy_from_slice(at);
+    }
+
+    /// Moves on by one tick: the correction for the instant of `desired`, whose tool Jacobian (6×n) is `jacobian` and whose
+    /// deviation (linear m, angular rad, base frame) is `deviation`. The result is [`Self::correction`].
+    pub fn advance(
+        &mut self,
+        desired: Motion<'_>,
+        jacobian: &DMatrix<f64>,
+        deviation: &Vector6<f64>,
+    ) -> CompensationReport {
+        if let Some(joint) = self.fill_bounds(desired) {
+            self.hold_braking();
+            return CompensationReport {
+                status: CompensationStatus::LimitsConflict(joint),
+                iterations: 0,
+            };
+        }
+        self.fill_cost(jacobian, deviation);
+        let report = self.qp.solve(&self.cost, &self.linear, &self.bounds);
+        let iterations = report.iterations;
+        if !report.status.is_usable() {
+            self.hold_braking();
+            return CompensationReport { status: CompensationStatus::Failed(report.status), iterations };
+        }
+        self.before.copy_from_slice(&self.last);
+        for (last, solved) in self.last.iter_mut().zip(self.qp.solution()) {
+            *last = solved / MILLI;
+        }
+        CompensationReport { status: CompensationStatus::Solved, iterations }
+    }
+
+    /// P = JᵀWJ + ρ, q = JᵀW r − ρ Δq₋₁, with ε in the angular rows of W.
+    fn fill_cost(&mut self, jacobian: &DMatrix<f64>, deviation: &Vector6<f64>) {
+        for (mut weighted, column) in self.weighted.column_iter_mut().zip(jacobian.column_iter()) {
+            for row in 0..6 {
+                weighted[row] = self.row_weights[row] * column[row];
+            }
+        }
+        for (j, weighted) in self.weighted.column_iter().enumerate() {
+            for (i, column) in jacobian.column_iter().enumerate().take(j + 1) {
+                self.cost[(i, j)] = column.dot(&weighted);
+            }
+            self.cost[(j, j)] += self.change;
+            self.linear[j] = MILLI * (weighted.dot(deviation) - self.change * self.last[j]);
+        }
+    }
+
+    /// Writes each joint's interval into the bounds; the index of the first joint whose interval is empty, if any.
+    fn fill_bounds(&mut self, desired: Motion<'_>) -> Option<usize> {
+        let n = self.limits.len();
+        for joint in 0..n {
+            let (lower, upper) = self.interval(joint, desired);
+            // Written so that a desired motion that is not a number counts as a conflict.
+            if !(lower <= upper) {
+                return Some(joint);
+            }
+            self.bounds[joint] = MILLI * upper;
+            self.bounds[n + joint] = -MILLI * lower;
+        }
+        None
+    }
+
+    /// What position, speed and acceleration limits leave for the correction of `joint`, rad (m).
+    fn interval(&self, joint: usize, desired: Motion<'_>) -> (f64, f64) {
+        let limits = &self.limits[joint];
+        let (last, before) = (self.last[joint], self.before[joint]);
+        let speed_room = room(limits.velocity, desired.v[joint]) * self.period;
+        let acceleration_room = room(limits.acceleration, desired.a[joint]) * self.period * self.period;
+        let coasting = 2.0 * last - before;
+        let q = desired.q[joint];
+        // Clamped, not min/max: a position that is not a number must stay one.
+        let lower = (limits.lower - q).clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION);
+        let upper = (limits.upper - q).clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION);
+        if lower.is_nan() || upper.is_nan() || speed_room.is_nan() || acceleration_room.is_nan() {
+            return (f64::NAN, f64::NAN);
+        }
+        (
+            lower.max(last - speed_room).max(coasting - acceleration_room),
+            upper.min(last + speed_room).min(coasting + acceleration_room),
+        )
+    }
+
+    /// Lets the correction come to rest as fast as the acceleration limits allow, without a desired motion.
+    fn hold_braking(&mut self) {
+        for (joint, limits) in self.limits.iter().enumerate() {
+            let rate = self.last[joint] - self.before[joint];
+            let braking = limits.acceleration * self.period * self.period;
+            self.before[joint] = self.last[joint];
+            self.last[joint] += rate.signum() * (rate.abs() - braking).max(0.0);
+        }
+    }
+}
+
+/// What a motion of `desired` leaves of a limit, at least [`LEAST_SHARE`] of it.
+fn room(limit: f64, desired: f64) -> f64 {
+    if desired.is_nan() {
+        return f64::NAN;
+    }
+    (limit - desired.abs()).max(LEAST_SHARE * limit)
+}

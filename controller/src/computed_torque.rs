@@ -1,0 +1,113 @@
+//! The built-in `computed-torque`: the perfect arm's inverse dynamics with feedback, no compensation.
+//!
+//! `τ = RNEA(q⁺, v⁺, q̈_d + 2ζω (q̇_d − v⁺) + ω² (q_d − q⁺)) + friction of the drives at q̇_d`, with q⁺, v⁺ the predicted state and q_d,
+//! q̇_d, q̈_d the reference at the instant at which the torque takes effect. In mode driven the reference is passed on as it is.
+
+use freeplay_arm::{Arm, Workspace, rnea};
+use freeplay_laws::DriveFriction;
+use freeplay_shm::{Joints, Reference, State};
+
+use crate::compensation::Motion;
+use crate::controller::{Answer, Controller, ControllerError, RunInfo};
+use crate::look_ahead::{JointState, LookAhead, drive_frictions};
+use crate::model::Model;
+use crate::task::{Gains, Task, TaskMode};
+
+/// Name of the controller.
+pub const COMPUTED_TORQUE: &str = "computed-torque";
+
+/// The controller; see the module.
+#[derive(Default)]
+pub struct ComputedTorque {
+    ready: Option<Ready>,
+}
+
+struct Ready {
+    arm: Arm,
+    workspace: Workspace,
+    mode: TaskMode,
+    gains: Gains,
+    friction: Vec<DriveFriction>,
+    look_ahead: LookAhead,
+    no_torque: Vec<f64>,
+    acceleration: Vec<f64>,
+}
+
+impl Controller for ComputedTorque {
+    fn name(&self) -> &str {
+        COMPUTED_TORQUE
+    }
+
+    fn start(&mut self, task: &Task, run: &RunInfo) -> Result<(), ControllerError> {
+        let NoOptions {} = task.options(COMPUTED_TORQUE)?;
+        let arm = Model::load(task, run)?.arm;
+        let n = arm.dof();
+        self.ready = Some(Ready {
+            workspace: Workspace::new(&arm),
+            mode: task.mode,
+            gains: task.gains,
+            friction: drive_frictions(&arm),
+            look_ahead: LookAhead::new(&arm, task.period()),
+            no_torque: vec![0.0; n],
+            acceleration: vec![0.0; n],
+            arm,
+        });
+        Ok(())
+    }
+
+    fn answer(&mut self, state: &State, answer: &mut Answer) {
+        let Some(ready) = &mut self.ready else { return answer.give_up() };
+        let reference = &state.reference_next;
+        match ready.mode {
+            TaskMode::Driven => {
+                answer.value = reference.q;
+                answer.velocity = reference.qd;
+                answer.acceleration = reference.qdd;
+            }
+            TaskMode::Torque => {
+                if ready.torque(state, reference, &mut answer.value).is_none() {
+                    answer.give_up();
+                }
+            }
+        }
+    }
+}
+
+/// This controller understands no options.
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct NoOptions {}
+
+impl Ready {
+    fn torque(&mut self, state: &State, reference: &Reference, torque: &mut Joints) -> Option<()> {
+        let n = self.arm.dof();
+        let desired = Motion { q: &reference.q[..n], v: &reference.qd[..n], a: &reference.qdd[..n] };
+        let ahead = self.look_ahead.predict(&self.arm, state, &self.no_torque)?;
+        feedback(self.gains, desired, ahead, &mut self.acceleration);
+        rnea(&self.arm, &mut self.workspace, &ahead.q, &ahead.v, &self.acceleration, &mut torque[..n]);
+        add_drive_friction(&self.friction, desired.v, &mut torque[..n]);
+        all_finite(&torque[..n]).then_some(())
+    }
+}
+
+/// The acceleration that brings `state` to `desired`: `q̈_d + 2ζω (q̇_d − v) + ω² (q_d − q)`.
+pub(crate) fn feedback(gains: Gains, desired: Motion<'_>, state: &JointState, acceleration: &mut [f64]) {
+    let stiffness = gains.natural_frequency * gains.natural_frequency;
+    let damping = 2.0 * gains.damping_ratio * gains.natural_frequency;
+    for (joint, out) in acceleration.iter_mut().enumerate() {
+        *out = desired.a[joint]
+            + damping * (desired.v[joint] - state.v[joint])
+            + stiffness * (desired.q[joint] - state.q[joint]);
+    }
+}
+
+/// Adds what the drives spend against their own friction at the velocities `v`.
+pub(crate) fn add_drive_friction(friction: &[DriveFriction], v: &[f64], torque: &mut [f64]) {
+    for ((torque, friction), &v) in torque.iter_mut().zip(friction).zip(v) {
+        *torque -= friction.torque(v);
+    }
+}
+
+pub(crate) fn all_finite(values: &[f64]) -> bool {
+    values.iter().all(|value| value.is_finite())
+}

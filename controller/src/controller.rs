@@ -1,0 +1,131 @@
+//! What a controller is: one trait, and what it is told and asked.
+
+use freeplay_arm::{ArmError, ModelError};
+use freeplay_laws::LawError;
+use freeplay_path::PathError;
+use freeplay_shm::{CommandStatus, Joints, MAX_JOINTS, Mode, Pace, State};
+use thiserror::Error;
+
+use crate::qp::QpError;
+use crate::task::{Task, TaskError};
+
+/// A controller: it is started once with its task and then answers one state after another.
+///
+/// The answer to the state of tick k is in force from tick k + 1 to tick k + 2. A torque is computed for the instant of tick k + 1, at
+/// which it sets in; a position for that of tick k + 2, at which it is reached (see [`TaskMode::lead`](crate::TaskMode::lead)).
+/// [`State::reference_next`] is the reference at that instant. States come in order; where this side was too slow, some are missing. [`Controller::answer`] should neither allocate nor log nor wait, and must depend on nothing but the task and the states
+/// it was given, so that a recorded run can be replayed.
+pub trait Controller {
+    /// Name of the controller for people, at most 64 bytes.
+    fn name(&self) -> &str;
+
+    /// Gets ready for a run; everything that takes time or memory belongs here.
+    ///
+    /// # Errors
+    /// What the controller cannot do; it is shown to the user and ends the process.
+    fn start(&mut self, task: &Task, run: &RunInfo) -> Result<(), ControllerError>;
+
+    /// Answers `state`. `answer` is blank: everything zero, status ok.
+    fn answer(&mut self, state: &State, answer: &mut Answer);
+}
+
+/// What the plant says about the run in its welcome.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunInfo {
+    /// Number of joints of the arm.
+    pub joints: usize,
+    /// Who moves the joints.
+    pub mode: Mode,
+    /// When the plant takes its next step.
+    pub pace: Pace,
+    /// Time between two ticks, ns.
+    pub period_ns: u64,
+    /// Length of the run, ticks.
+    pub ticks: u64,
+}
+
+/// The answer to one state: what becomes a command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Answer {
+    /// How the controller arrived at it.
+    pub status: CommandStatus,
+    /// Torque, N·m (N), or position, rad (m), by the mode of the run.
+    pub value: Joints,
+    /// In mode driven: velocity, rad/s (m/s).
+    pub velocity: Joints,
+    /// In mode driven: acceleration, rad/s² (m/s²).
+    pub acceleration: Joints,
+    /// Predicted deviation of the tool at the instant of the answer that the play of the joints causes, before it is taken out, base frame, m.
+    pub deviation: [f64; 3],
+    /// How long the prediction took, ns.
+    pub predict_ns: u64,
+    /// How long the quadratic programme took, ns.
+    pub qp_ns: u64,
+    /// Iterations of the quadratic programme.
+    pub qp_iterations: u32,
+}
+
+impl Answer {
+    /// A blank answer.
+    pub const BLANK: Answer = Answer {
+        status: CommandStatus::Ok,
+        value: [0.0; MAX_JOINTS],
+        velocity: [0.0; MAX_JOINTS],
+        acceleration: [0.0; MAX_JOINTS],
+        deviation: [0.0; 3],
+        predict_ns: 0,
+        qp_ns: 0,
+        qp_iterations: 0,
+    };
+
+    /// Makes this the answer of a controller that has none: the plant's gate takes its fallback.
+    pub fn give_up(&mut self) {
+        *self = Answer { status: CommandStatus::NoAnswer, ..Answer::BLANK };
+    }
+}
+
+/// Why a controller cannot start.
+#[derive(Debug, Error)]
+pub enum ControllerError {
+    /// The task file cannot be used.
+    #[error(transparent)]
+    Task(#[from] TaskError),
+    /// The arm file cannot be used.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The arm with play cannot be built.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    /// An effect of the arm file cannot be used.
+    #[error("the controller's model: {0}")]
+    Law(#[from] LawError),
+    /// The reference motion cannot be planned on the model.
+    #[error("the controller's reference motion: {0}")]
+    Path(#[from] PathError),
+    /// The compensation programme cannot be set up.
+    #[error(transparent)]
+    Qp(#[from] QpError),
+    /// The model has another number of joints than the plant's arm.
+    #[error("the model {model} has {found} joints, the plant's arm has {expected}: give the controller a model of the same joints")]
+    JointCount {
+        /// The model.
+        model: String,
+        /// Its number of joints.
+        found: usize,
+        /// The plant's.
+        expected: usize,
+    },
+    /// Task and plant disagree.
+    #[error("the task says {key} = {task}, the plant says {plant}: write the same in both")]
+    Disagreement {
+        /// The key of the task.
+        key: &'static str,
+        /// The task's value.
+        task: String,
+        /// The plant's value.
+        plant: String,
+    },
+    /// A controller of the user's own that cannot start.
+    #[error("{0}")]
+    Custom(Box<dyn std::error::Error + Send + Sync>),
+}

@@ -1,0 +1,119 @@
+//! The correction of the joints along a motion: what the compensation says at three ticks, and its derivatives in the middle.
+
+use freeplay_arm::{Arm, Workspace, jacobian};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
+
+use crate::compensation::{CompensationReport, Compensator, Motion, Weights};
+use crate::qp::QpError;
+
+/// A correction at the start that is larger than this, rad (m), is not taken for one.
+const LARGEST_START: f64 = 0.01;
+
+/// The correction of one arm, planned one tick ahead of the instant at which it is used.
+///
+/// With Δq at the ticks j − 1, j and j + 1, velocity and acceleration at j are the centred differences. After a start the
+/// correction goes over from where the joints stand to the compensation within a blend time, by a quintic.
+pub struct Correction {
+    compensator: Compensator,
+    workspace: Workspace,
+    jacobian: DMatrix<f64>,
+    period: f64,
+    blend: f64,
+    /// Δq at which the blend starts, and what it moves the tool by.
+    start: DVector<f64>,
+    start_deviation: Vector6<f64>,
+    /// Ticks since the start.
+    age: u64,
+    /// Δq at j − 1 and j; the compensator holds that at j + 1.
+    older: Vec<f64>,
+    middle: Vec<f64>,
+    velocity: Vec<f64>,
+    acceleration: Vec<f64>,
+}
+
+impl Correction {
+    /// For `arm`, ticks of `period` seconds, a blend of `blend` seconds and the compensation's `weights`.
+    ///
+    /// # Errors
+    /// See [`QpError`].
+    pub fn new(arm: &Arm, period: f64, blend: f64, weights: &Weights) -> Result<Correction, QpError> {
+        let n = arm.dof();
+        Ok(Correction {
+            compensator: Compensator::new(arm, period, weights)?,
+            workspace: Workspace::new(arm),
+            jacobian: DMatrix::zeros(6, n),
+            period,
+            blend,
+            start: DVector::zeros(n),
+            start_deviation: Vector6::zeros(),
+            age: 0,
+            older: vec![0.0; n],
+            middle: vec![0.0; n],
+            velocity: vec![0.0; n],
+            acceleration: vec![0.0; n],
+        })
+    }
+
+    /// Starts anew, at rest, from the distance of the joints `q` to the reference `desired`: so that one controller takes over from
+    /// another without a jump. A distance of more than a centimetre (10 mrad) is a disturbance, not a correction.
+    pub fn start(&mut self, q: &[f64], desired: &[f64]) {
+        for (start, (q, desired)) in self.start.iter_mut().zip(q.iter().zip(desired)) {
+            let distance = q - desired;
+            *start = if distance.abs() <= LARGEST_START { distance } else { 0.0 };
+        }
+        self.age = 0;
+        self.older.copy_from_slice(self.start.as_slice());
+        self.middle.copy_from_slice(self.start.as_slice());
+        self.compensator.restart(self.start.as_slice());
+    }
+
+    /// Keeps the newest correction, at rest, after ticks have been missed.
+    pub fn hold(&mut self) {
+        self.older.copy_from_slice(self.compensator.correction());
+        self.middle.copy_from_slice(self.compensator.correction());
+        self.compensator.restart(&self.middle);
+    }
+
+    /// Moves on by one tick: plans the correction for the instant of `desired` (tick j + 1), at which the play of the joints moves the
+    /// tool by `deviation`, base frame, m. [`Self::motion`] is then that of the tick before (j).
+    pub fn advance(
+        &mut self,
+        arm: &Arm,
+        desired: Motion<'_>,
+        deviation: &Vector3<f64>,
+    ) -> CompensationReport {
+        jacobian(arm, &mut self.workspace, desired.q, &mut self.jacobian);
+        self.age += 1;
+        let share = quintic(self.age as f64 * self.period / self.blend);
+        let mut target = Vector6::new(deviation.x, deviation.y, deviation.z, 0.0, 0.0, 0.0) * share;
+        if share < 1.0 {
+            self.start_deviation.gemv(1.0, &self.jacobian, &self.start, 0.0);
+            target -= self.start_deviation * (1.0 - share);
+        }
+        std::mem::swap(&mut self.older, &mut self.middle);
+        self.middle.copy_from_slice(self.compensator.correction());
+        let report = self.compensator.advance(desired, &self.jacobian, &target);
+        self.differentiate();
+        report
+    }
+
+    fn differentiate(&mut self) {
+        let period = self.period;
+        for (joint, &newest) in self.compensator.correction().iter().enumerate() {
+            let (older, middle) = (self.older[joint], self.middle[joint]);
+            self.velocity[joint] = (newest - older) / (2.0 * period);
+            self.acceleration[joint] = (newest - 2.0 * middle + older) / (period * period);
+        }
+    }
+
+    /// Δq with its first and second derivative at tick j, rad, rad/s, rad/s² (m).
+    pub fn motion(&self) -> Motion<'_> {
+        Motion { q: &self.middle, v: &self.velocity, a: &self.acceleration }
+    }
+}
+
+/// The quintic from 0 at x = 0 to 1 at x = 1 with two derivatives zero at both ends.
+fn quintic(x: f64) -> f64 {
+    let x = x.clamp(0.0, 1.0);
+    x * x * x * (10.0 + x * (6.0 * x - 15.0))
+}

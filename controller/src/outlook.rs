@@ -1,0 +1,132 @@
+//! The deviation of the ticks to come: predicted along the controller's own path, or from a reference alone.
+
+use freeplay_laws::ArmWithPlay;
+use freeplay_path::JointPath;
+use freeplay_shm::Reference;
+use nalgebra::Vector3;
+
+use crate::compensation::Motion;
+use crate::deviation::QuasiStatic;
+use crate::preview::Preview;
+
+/// Where the reference of a state is farther than this from the controller's own path, rad (m), the path is not used.
+const SAME_PATH: f64 = 1e-3;
+
+/// A motion of the joints at one instant that owns its numbers.
+pub struct JointMotion {
+    q: Vec<f64>,
+    v: Vec<f64>,
+    a: Vec<f64>,
+}
+
+impl JointMotion {
+    /// `n` joints at rest at zero.
+    pub fn new(n: usize) -> JointMotion {
+        JointMotion { q: vec![0.0; n], v: vec![0.0; n], a: vec![0.0; n] }
+    }
+
+    /// The numbers.
+    pub fn as_motion(&self) -> Motion<'_> {
+        Motion { q: &self.q, v: &self.v, a: &self.a }
+    }
+
+    /// Becomes `motion`.
+    pub fn copy(&mut self, motion: Motion<'_>) {
+        self.q.copy_from_slice(motion.q);
+        self.v.copy_from_slice(motion.v);
+        self.a.copy_from_slice(motion.a);
+    }
+
+    /// Becomes what `reference` leads to in `period` seconds with its acceleration.
+    pub fn extrapolate(&mut self, reference: &Reference, period: f64) {
+        for joint in 0..self.q.len() {
+            let (q, v, a) = (reference.q[joint], reference.qd[joint], reference.qdd[joint]);
+            self.q[joint] = q + (v + 0.5 * a * period) * period;
+            self.v[joint] = v + a * period;
+            self.a[joint] = a;
+        }
+    }
+
+    /// Becomes `reference` plus `correction`.
+    pub fn add(&mut self, reference: &Reference, correction: Motion<'_>) {
+        for joint in 0..self.q.len() {
+            self.q[joint] = reference.q[joint] + correction.q[joint];
+            self.v[joint] = reference.qd[joint] + correction.v[joint];
+            self.a[joint] = reference.qdd[joint] + correction.a[joint];
+        }
+    }
+}
+
+/// The deviation ahead on the controller's own path, smoothed; or of any other motion, as it is.
+pub struct Outlook {
+    path: JointPath,
+    predictor: QuasiStatic,
+    preview: Preview,
+    period: f64,
+    motion: JointMotion,
+    /// The tick of the mean in `preview`, if it is filled.
+    middle: Option<u64>,
+}
+
+impl Outlook {
+    /// On `path`, for the arm with play `arm`, ticks of `period` seconds, averaging over `half` ticks before and after.
+    pub fn new(path: JointPath, arm: &ArmWithPlay, period: f64, half: usize) -> Outlook {
+        Outlook {
+            path,
+            predictor: QuasiStatic::new(arm, period),
+            preview: Preview::new(half),
+            period,
+            motion: JointMotion::new(arm.nominal_dof()),
+            middle: None,
+        }
+    }
+
+    /// Whether `reference` at the tick `tick` is on the path.
+    pub fn leads_through(&mut self, reference: &Reference, tick: u64) -> bool {
+        let own = self.on_path(tick).q;
+        own.iter().zip(&reference.q).all(|(own, given)| (own - given).abs() <= SAME_PATH)
+    }
+
+    /// The motion on the path at the tick `tick`.
+    pub fn on_path(&mut self, tick: u64) -> Motion<'_> {
+        self.follow(tick as f64);
+        self.motion.as_motion()
+    }
+
+    /// The smoothed deviation on the path at the tick `tick`, base frame, m; cheap if the last call was for the tick before.
+    pub fn at(&mut self, tick: u64) -> Vector3<f64> {
+        let half = self.preview.half() as f64;
+        if self.middle == Some(tick) {
+            return self.preview.mean();
+        }
+        if tick == 0 || self.middle != Some(tick - 1) {
+            self.predictor.restart();
+            // One more than there is room for: the first has no tick before it to tell how the load turns.
+            for offset in 0..=2 * self.preview.half() {
+                self.push(tick as f64 - half - 1.0 + offset as f64);
+            }
+        }
+        self.push(tick as f64 + half);
+        self.middle = Some(tick);
+        self.preview.mean()
+    }
+
+    /// The deviation during `motion`, which is not on the path and, from the second call on, one tick after that of the last call.
+    pub fn of(&mut self, motion: Motion<'_>) -> Vector3<f64> {
+        if self.middle.take().is_some() {
+            self.predictor.restart();
+        }
+        self.predictor.advance(motion)
+    }
+
+    fn follow(&mut self, tick: f64) {
+        let JointMotion { q, v, a } = &mut self.motion;
+        self.path.at(tick * self.period, q, v, a);
+    }
+
+    fn push(&mut self, tick: f64) {
+        self.follow(tick);
+        let deviation = self.predictor.advance(self.motion.as_motion());
+        self.preview.push(deviation);
+    }
+}

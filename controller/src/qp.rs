@@ -1,0 +1,223 @@
+//! A small dense quadratic programme of fixed size, solved again every tick by Clarabel.
+//!
+//! `min ½ xᵀP x + qᵀx  subject to  A x ≤ b`, with P symmetric positive semi-definite, A fixed at construction, and P, q, b new for
+//! every solve. The solver is built once and its data are overwritten in place.
+//!
+//! Settings, with what they are for (Clarabel 0.11): presolve off, or the data could not be updated; iterative refinement off, the
+//! largest gain in time at this size; a limit on the iterations instead of on the time, because Clarabel's clock accumulates over
+//! updates (its issue 233). Scale the problem so that variables and rows are of the order of one (mm, mrad).
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{
+    DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus, SupportedConeT,
+};
+use nalgebra::DMatrix;
+use thiserror::Error;
+
+/// Most iterations of one solve; a programme of this size takes about ten.
+pub const MAX_ITERATIONS: u32 = 25;
+
+/// Why a programme could not be set up.
+#[derive(Debug, Error)]
+pub enum QpError {
+    /// No variable or no row.
+    #[error("a quadratic programme needs at least one variable and one row, not {variables} and {rows}")]
+    Empty {
+        /// Number of variables asked for.
+        variables: usize,
+        /// Number of rows asked for.
+        rows: usize,
+    },
+    /// A coefficient of A is not a finite number.
+    #[error("the coefficient of row {row}, variable {variable} is {value}, not a finite number")]
+    NotFinite {
+        /// Row of the coefficient.
+        row: usize,
+        /// Variable of the coefficient.
+        variable: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// Clarabel refused the problem.
+    #[error("the solver refused the problem: {0}")]
+    Refused(#[from] SolverError),
+}
+
+/// How a solve ended; every end has its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum QpStatus {
+    /// Solved to the full tolerance (1e-8).
+    Solved,
+    /// Solved to the reduced tolerance only (1e-4).
+    AlmostSolved,
+    /// No point fulfils all rows.
+    Infeasible,
+    /// The cost has no lower bound.
+    Unbounded,
+    /// [`MAX_ITERATIONS`] were not enough.
+    IterationLimit,
+    /// The factorisation failed or the steps became too short.
+    NumericalFailure,
+    /// P, q or b holds a number that is not finite; nothing was solved.
+    BadData,
+}
+
+impl QpStatus {
+    /// Whether [`Qp::solution`] is the minimiser, to at least the reduced tolerance.
+    pub fn is_usable(self) -> bool {
+        matches!(self, QpStatus::Solved | QpStatus::AlmostSolved)
+    }
+}
+
+impl From<SolverStatus> for QpStatus {
+    fn from(status: SolverStatus) -> QpStatus {
+        match status {
+            SolverStatus::Solved => QpStatus::Solved,
+            SolverStatus::AlmostSolved => QpStatus::AlmostSolved,
+            SolverStatus::PrimalInfeasible | SolverStatus::AlmostPrimalInfeasible => QpStatus::Infeasible,
+            SolverStatus::DualInfeasible | SolverStatus::AlmostDualInfeasible => QpStatus::Unbounded,
+            SolverStatus::MaxIterations | SolverStatus::MaxTime => QpStatus::IterationLimit,
+            SolverStatus::NumericalError
+            | SolverStatus::InsufficientProgress
+            | SolverStatus::Unsolved
+            | SolverStatus::CallbackTerminated => QpStatus::NumericalFailure,
+        }
+    }
+}
+
+/// One solve: how it ended and how long it took.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct QpReport {
+    /// How the solve ended.
+    pub status: QpStatus,
+    /// Iterations of the interior-point method.
+    pub iterations: u32,
+}
+
+/// A programme of fixed size and rows, with room for the data of the next solve.
+pub struct Qp {
+    solver: DefaultSolver<f64>,
+    variables: usize,
+    /// Upper triangle of P, column after column: the order of Clarabel's compressed columns.
+    packed: Vec<f64>,
+    linear: Vec<f64>,
+    bounds: Vec<f64>,
+}
+
+impl Qp {
+    /// Sets up the programme with the rows A (m×n) and, until the first solve, P = 1, q = 0, b = 1.
+    ///
+    /// # Errors
+    /// A without rows or columns, a coefficient that is not finite, or Clarabel's refusal.
+    pub fn new(rows: &DMatrix<f64>) -> Result<Qp, QpError> {
+        let (m, n) = rows.shape();
+        if m == 0 || n == 0 {
+            return Err(QpError::Empty { variables: n, rows: m });
+        }
+        for variable in 0..n {
+            for row in 0..m {
+                let value = rows[(row, variable)];
+                if !value.is_finite() {
+                    return Err(QpError::NotFinite { row, variable, value });
+                }
+            }
+        }
+        let packed = packed_identity(n);
+        let (linear, bounds) = (vec![0.0; n], vec![1.0; m]);
+        let solver = DefaultSolver::new(
+            &upper_triangle(n, &packed),
+            &linear,
+            &compressed(rows),
+            &bounds,
+            &[SupportedConeT::NonnegativeConeT(m)],
+            settings(),
+        )?;
+        Ok(Qp { solver, variables: n, packed, linear, bounds })
+    }
+
+    /// Number of variables n.
+    pub fn variables(&self) -> usize {
+        self.variables
+    }
+
+    /// Number of rows m.
+    pub fn rows(&self) -> usize {
+        self.bounds.len()
+    }
+
+    /// Solves with the cost P (n×n; only its upper triangle is read) and `linear` q (n), and the right-hand sides `bounds` b (m).
+    ///
+    /// # Panics
+    /// If a shape is not the programme's: a mistake of the caller, found at the first call.
+    pub fn solve(&mut self, cost: &DMatrix<f64>, linear: &[f64], bounds: &[f64]) -> QpReport {
+        assert_eq!(cost.shape(), (self.variables, self.variables), "shape of P");
+        let mut next = 0;
+        for column in 0..self.variables {
+            for row in 0..=column {
+                self.packed[next] = cost[(row, column)];
+                next += 1;
+            }
+        }
+        self.linear.copy_from_slice(linear);
+        self.bounds.copy_from_slice(bounds);
+        let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+        if !(finite(&self.packed) && finite(&self.linear) && finite(&self.bounds)) {
+            return QpReport { status: QpStatus::BadData, iterations: 0 };
+        }
+        let updated = self
+            .solver
+            .update_P(&self.packed)
+            .and_then(|()| self.solver.update_q(&self.linear))
+            .and_then(|()| self.solver.update_b(&self.bounds));
+        updated.expect("presolve is off and the pattern never changes, so data can always be updated");
+        self.solver.solve();
+        QpReport { status: self.solver.solution.status.into(), iterations: self.solver.solution.iterations }
+    }
+
+    /// The minimiser x of the last solve, if its status was usable.
+    pub fn solution(&self) -> &[f64] {
+        &self.solver.solution.x
+    }
+
+    /// The multipliers z ≥ 0 of the rows: `P x + q + Aᵀz = 0` and `zᵢ (b − A x)ᵢ = 0` at the minimiser.
+    pub fn multipliers(&self) -> &[f64] {
+        &self.solver.solution.z
+    }
+}
+
+fn settings() -> DefaultSettings<f64> {
+    DefaultSettings {
+        verbose: false,
+        max_iter: MAX_ITERATIONS,
+        presolve_enable: false,
+        iterative_refinement_enable: false,
+        input_sparse_dropzeros: false,
+        ..DefaultSettings::default()
+    }
+}
+
+fn packed_identity(n: usize) -> Vec<f64> {
+    (0..n).flat_map(|column| (0..=column).map(move |row| if row == column { 1.0 } else { 0.0 })).collect()
+}
+
+/// The full upper triangle as compressed columns; entries that are zero now keep their place.
+fn upper_triangle(n: usize, packed: &[f64]) -> CscMatrix<f64> {
+    let starts = (0..=n).map(|column| column * (column + 1) / 2).collect();
+    let row_of = (0..n).flat_map(|column| 0..=column).collect();
+    CscMatrix::new(n, n, starts, row_of, packed.to_vec())
+}
+
+/// A dense matrix as compressed columns, without its zeros.
+fn compressed(dense: &DMatrix<f64>) -> CscMatrix<f64> {
+    let (mut starts, mut row_of, mut values) = (vec![0], Vec::new(), Vec::new());
+    for column in dense.column_iter() {
+        for (row, &value) in column.iter().enumerate() {
+            if value != 0.0 {
+                row_of.push(row);
+                values.push(value);
+            }
+        }
+        starts.push(values.len());
+    }
+    CscMatrix::new(dense.nrows(), dense.ncols(), starts, row_of, values)
+}
