@@ -9,9 +9,12 @@ use crate::error::LinkError;
 /// Environment variable that carries an [`Address`] to another process.
 pub const RUN_ENV: &str = "FREEPLAY_RUN";
 
-/// Longest path of a run's folder, bytes: iceoryx2 takes paths of up to 255 bytes, and its longest name within the folder
-/// needs the rest.
-pub(crate) const MAX_ROOT: usize = 96;
+/// Longest path of a run's folder, bytes. iceoryx2 takes paths of up to 255 bytes; the longest it makes within the folder,
+/// `/nodes/<39 digits>/freeplay-<id>_<40 digits>.service_tag`, takes 109 and the id.
+pub(crate) const MAX_ROOT: usize = 112;
+
+/// Longest run id, bytes.
+const MAX_ID: usize = 32;
 
 /// Where a run lives: its folder on tmpfs. The run's id is the folder's name; everything else follows from it.
 ///
@@ -27,12 +30,12 @@ impl Address {
     ///
     /// # Errors
     /// [`LinkError::BadAddress`] unless `text` is an absolute path whose last part is a run id: letters, digits and
-    /// hyphens; of at most 96 bytes.
+    /// hyphens, at most 32; the path of at most 112 bytes.
     pub fn parse(text: &str) -> Result<Self, LinkError> {
         let bad = || LinkError::BadAddress { text: text.to_owned() };
         let root = Path::new(text);
         let id = root.file_name().and_then(|name| name.to_str()).ok_or_else(bad)?;
-        let is_id = id.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
+        let is_id = id.len() <= MAX_ID && id.chars().all(|c| c.is_ascii_alphanumeric() || c == '-');
         if !root.is_absolute() || !is_id || text.len() > MAX_ROOT {
             return Err(bad());
         }
@@ -86,5 +89,35 @@ impl FromStr for Address {
 
     fn from_str(text: &str) -> Result<Self, LinkError> {
         Self::parse(text)
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_address_survives_being_written_and_read() {
+        let address = Address::parse("/dev/shm/freeplay-1000/4711-9f3c21aa").unwrap();
+        assert_eq!(address.to_string().parse::<Address>().unwrap(), address);
+        assert_eq!((address.id(), address.prefix().as_str()), ("4711-9f3c21aa", "freeplay-4711-9f3c21aa_"));
+    }
+
+    #[test]
+    fn the_run_is_the_published_hash_of_its_id() {
+        // Test vectors of the FNV reference code: "a" and "foobar".
+        assert_eq!(Address::parse("/a").unwrap().run(), 0xaf63_dc4c_8601_ec8c);
+        assert_eq!(Address::parse("/foobar").unwrap().run(), 0x8594_4171_f739_67e8);
+    }
+
+    #[test]
+    fn what_is_no_address_is_told() {
+        let long_path = format!("/{}/run", "x".repeat(MAX_ROOT));
+        let long_id = format!("/{}", "x".repeat(MAX_ID + 1));
+        for text in ["", "run", "tmp/run", "/", "/tmp/..", "/tmp/a_b", "/tmp/a b", &long_path, &long_id] {
+            let error = Address::parse(text).unwrap_err();
+            assert!(error.to_string().contains("is no address of a run"), "'{text}': {error}");
+        }
     }
 }

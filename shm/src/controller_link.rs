@@ -69,7 +69,7 @@ impl ControllerLink {
             hello.run = address.run();
         }
         let welcome = knock(&client, &hello, &mut wait)?;
-        let Ends { states: Some(states), commands: Some(commands) } = ends.of(&hello, &welcome)? else {
+        let (true, Some(states), Some(commands)) = (is_accepted(&welcome), ends.states, ends.commands) else {
             return Err(refusal(&hello, &welcome));
         };
         let seat = PlantSeat::watch(address)?;
@@ -164,16 +164,10 @@ impl Ends {
         };
         Ok(Self { states, commands })
     }
+}
 
-    /// These ends, if the plant has accepted `hello`.
-    fn of(self, hello: &Hello, welcome: &Welcome) -> Result<Self, LinkError> {
-        let is_ours = welcome.magic == MAGIC && welcome.layout == LAYOUT_VERSION;
-        if is_ours && welcome.verdict() == Some(Verdict::Accepted) {
-            Ok(self)
-        } else {
-            Err(refusal(hello, welcome))
-        }
-    }
+fn is_accepted(welcome: &Welcome) -> bool {
+    welcome.magic == MAGIC && welcome.layout == LAYOUT_VERSION && welcome.verdict() == Some(Verdict::Accepted)
 }
 
 /// Says `hello` until the plant answers.

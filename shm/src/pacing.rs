@@ -123,3 +123,50 @@ impl Backoff {
         waited
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_schedule_and_its_inverse_agree_around_every_tick() {
+        let schedule = Schedule { start_ns: 1_000_000_007, period_ns: 1_000_003 };
+        for tick in [0, 1, 2, 1000, 3_600_000] {
+            let due = schedule.due_ns(tick);
+            assert_eq!((schedule.tick_at(due), schedule.tick_at(due - 1)), (tick, tick.saturating_sub(1)));
+            assert_eq!((schedule.late_ns(tick, due + 5), schedule.late_ns(tick, due - 5)), (5, 0));
+        }
+        assert_eq!(Schedule { start_ns: 0, period_ns: 0 }.tick_at(7), 0);
+    }
+
+    #[test]
+    fn waiting_never_ends_early_and_mostly_on_time() {
+        for (sleep_ns, spin_ns) in
+            [(0, 0), (0, 100_000), (2_000_000, 0), (2_000_000, 200_000), (50_000, 1_000_000)]
+        {
+            let deadline = now_ns() + sleep_ns;
+            let late_ns = sleep_then_spin_until(deadline, spin_ns) - deadline;
+            println!("sleep {sleep_ns} ns, spin {spin_ns} ns: late by {late_ns} ns");
+            assert!(now_ns() >= deadline && late_ns < 1_000_000_000);
+        }
+        assert!(sleep_then_spin_until(0, 0) > 0, "a deadline long past returns at once");
+    }
+
+    #[test]
+    fn backoff_spins_then_yields_then_sleeps_and_starts_anew() {
+        let mut backoff = Backoff::for_this_machine();
+        println!("{}", backoff.name());
+        assert_eq!(backoff.wait(), 0);
+        let mut waits = 0_u64;
+        while backoff.wait() < Backoff::YIELD_NS {
+            waits += 1;
+        }
+        let before = now_ns();
+        backoff.wait();
+        let slept_ns = now_ns() - before;
+        println!("{waits} waits in the first ms, then {slept_ns} ns");
+        assert!(slept_ns >= Backoff::SLEEP.as_nanos() as u64);
+        backoff.reset();
+        assert_eq!(backoff.wait(), 0);
+    }
+}

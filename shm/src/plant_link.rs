@@ -17,6 +17,9 @@ use crate::services::{
     StatePublisher, command_service, transport,
 };
 
+/// How long to wait for another process that is removing what a dead one left.
+const CLEANING: Duration = Duration::from_millis(500);
+
 /// The plant's end of a run. Belongs to the thread that opened it.
 ///
 /// After set-up, [`publish`](Self::publish), [`next_command`](Self::next_command) and
@@ -126,7 +129,7 @@ impl PlantLink {
     /// microseconds and allocates, so not for a paced loop; there, a missing answer tells.
     #[must_use]
     pub fn is_held(&self, slot: usize) -> bool {
-        self.node.blocking_cleanup_dead_nodes(Duration::ZERO);
+        self.node.blocking_cleanup_dead_nodes(CLEANING);
         self.slots.get(slot).is_some_and(|slot| slot.service.dynamic_config().number_of_publishers() > 0)
     }
 

@@ -115,3 +115,44 @@ fn lock_memory() -> Result<(), String> {
     }
     mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE).map_err(|error| error.to_string())
 }
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_asked_for_is_left_alone() {
+        let report = prepare(&RtRequest::default());
+        assert_eq!(
+            (&report.priority, &report.cpu, &report.lock_memory),
+            (&Outcome::NotAsked, &Outcome::NotAsked, &Outcome::NotAsked)
+        );
+        assert!(report.refusals().is_empty());
+    }
+
+    #[test]
+    fn what_cannot_be_granted_is_told_in_one_line_each() {
+        let report = prepare(&RtRequest { priority: Some(100), cpu: Some(100_000), lock_memory: false });
+        println!("{:#?}", report.refusals());
+        assert_eq!(report.refusals().len(), 2);
+        assert!(report.refusals().iter().all(|line| line.contains("refused: ") && !line.contains('\n')));
+    }
+
+    #[test]
+    fn what_is_granted_is_in_force() {
+        let thread = std::thread::spawn(|| {
+            prepare(&RtRequest { priority: Some(7), cpu: Some(0), lock_memory: false })
+        });
+        let report = thread.join().unwrap();
+        println!("{report:?}");
+        let is_fifo = (report.machine.scheduler.as_str(), report.machine.priority) == ("SCHED_FIFO", 7);
+        assert_eq!(report.priority == Outcome::Granted, is_fifo, "granted to root, refused to others");
+        assert_eq!(
+            report.refusals().len(),
+            usize::from(!is_fifo) + usize::from(report.cpu != Outcome::Granted)
+        );
+        let json = serde_json::to_value(&report).unwrap();
+        assert_eq!(json["lock_memory"], "not_asked");
+    }
+}

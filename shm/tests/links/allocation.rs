@@ -1,0 +1,87 @@
+//! What a tick allocates after set-up: nothing of ours, and one small block of iceoryx2's per message sent.
+
+use std::hint::black_box;
+use std::ops::Range;
+
+use allocation_counter::{AllocationInfo, measure};
+use freeplay_shm::{Backoff, Command, ControllerLink, Hello, PlantLink, RunRoot, State};
+
+use crate::{PATIENCE, greet, open_plant};
+
+/// The first ticks settle connections, since the controller has just left the door; in the last, it goes.
+const MEASURED: Range<u64> = 20..220;
+const TICKS: u64 = 240;
+
+/// iceoryx2 0.10 counts the references to a loaned message in a block on the heap, 48 bytes, which it gives back when the
+/// message is sent. It never leaves the allocator's cache of the thread: no lock, no system call.
+const BYTES_PER_MESSAGE_SENT: u64 = 48;
+
+#[test]
+fn a_tick_allocates_nothing_but_the_block_of_a_loan() {
+    let run = RunRoot::create().unwrap();
+    let mut plant = open_plant(&run, 1);
+    let address = run.address().clone();
+    let controller = std::thread::spawn(move || {
+        let (mut link, _) = ControllerLink::connect(&address, Hello::new("frugal", 0, 0), PATIENCE).unwrap();
+        let used = controller_ticks(&mut link);
+        assert_eq!(link.lost(), 0);
+        used
+    });
+    greet(&mut plant, 1);
+    let used_by_plant = plant_ticks(&mut plant, run.address().run());
+    let used_by_controller = controller.join().unwrap();
+
+    for (side, (sending, all_else)) in [("plant", used_by_plant), ("controller", used_by_controller)] {
+        println!("{side}: sending {sending:?}, all else {all_else:?}");
+        assert_eq!(all_else, AllocationInfo::default(), "{side}");
+        let messages = MEASURED.end - MEASURED.start;
+        assert!(sending.count_total <= messages && sending.count_current == 0, "{side}");
+        assert!(sending.bytes_total <= messages * BYTES_PER_MESSAGE_SENT, "{side}");
+    }
+    assert!(measure(|| drop(black_box(Box::new(5)))).count_total > 0, "the counter counts");
+}
+
+/// What publishing and what all else of the measured ticks allocates.
+fn plant_ticks(plant: &mut PlantLink, run: u64) -> (AllocationInfo, AllocationInfo) {
+    let mut used = (AllocationInfo::default(), AllocationInfo::default());
+    let mut backoff = Backoff::for_this_machine();
+    for tick in 0..TICKS {
+        let state = State { tick, ..State::new(run, 7) };
+        let sending = measure(|| plant.publish(&state).unwrap());
+        backoff.reset();
+        let all_else = measure(|| {
+            while plant.newest_command(0).unwrap().is_none_or(|command| command.tick != tick) {
+                assert!(backoff.wait() < PATIENCE.as_nanos() as u64);
+            }
+            assert!(plant.greet().unwrap().is_empty());
+        });
+        if MEASURED.contains(&tick) {
+            used.0 += sending;
+            used.1 += all_else;
+        }
+    }
+    used
+}
+
+/// What sending and what all else of the measured ticks allocates.
+fn controller_ticks(link: &mut ControllerLink) -> (AllocationInfo, AllocationInfo) {
+    let mut used = (AllocationInfo::default(), AllocationInfo::default());
+    let mut backoff = Backoff::for_this_machine();
+    for tick in 0..TICKS {
+        let mut newest = None;
+        backoff.reset();
+        let all_else = measure(|| {
+            while newest.is_none() {
+                newest = link.next_state().unwrap();
+                assert!(backoff.wait() < PATIENCE.as_nanos() as u64);
+            }
+        });
+        let command = Command::answer_to(&newest.unwrap(), 0);
+        let sending = measure(|| link.send(&command).unwrap());
+        if MEASURED.contains(&tick) {
+            used.0 += sending;
+            used.1 += all_else;
+        }
+    }
+    used
+}

@@ -1,0 +1,136 @@
+//! What a run leaves behind: nothing; and who may look into it while it lives: its owner.
+
+use std::fs;
+use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
+use std::path::{Path, PathBuf};
+use std::thread::sleep;
+use std::time::Duration;
+
+use freeplay_shm::{Address, Hello, LinkError, PlantLink, RunRoot};
+
+use crate::child::Role;
+use crate::{connect_while_greeting, offer, open_plant};
+
+/// Everything of the run in shared memory: its folder with all that is in it, and its segments.
+pub fn traces(address: &Address) -> Vec<PathBuf> {
+    let segments = fs::read_dir("/dev/shm").unwrap().flatten().map(|entry| entry.path());
+    let of_run = |path: &PathBuf| path.to_string_lossy().contains(&address.prefix());
+    let mut found: Vec<PathBuf> = segments.filter(of_run).collect();
+    collect(address.root(), &mut found);
+    found
+}
+
+fn collect(path: &Path, found: &mut Vec<PathBuf>) {
+    if path.exists() {
+        found.push(path.to_owned());
+    }
+    for entry in fs::read_dir(path).into_iter().flatten().flatten() {
+        collect(&entry.path(), found);
+    }
+}
+
+pub fn assert_nothing_left(address: &Address) {
+    assert_eq!(traces(address), Vec::<PathBuf>::new());
+}
+
+/// A run with a plant and two controllers that have come; one has gone again.
+fn busy_run() -> (RunRoot, PlantLink) {
+    let run = RunRoot::create().unwrap();
+    let mut plant = open_plant(&run, 2);
+    for slot in 0..2 {
+        connect_while_greeting(&mut plant, run.address(), Hello::new("busy", slot, 0), |connected| {
+            std::mem::forget(connected.unwrap());
+        });
+    }
+    (run, plant)
+}
+
+#[test]
+fn nothing_is_left_whatever_is_dropped_first() {
+    let (run, plant) = busy_run();
+    let address = run.address().clone();
+    assert!(traces(&address).len() > 10, "{:?}", traces(&address));
+    drop(plant);
+    drop(run);
+    assert_nothing_left(&address);
+
+    let (run, plant) = busy_run();
+    let address = run.address().clone();
+    drop(run);
+    assert_nothing_left(&address);
+    drop(plant);
+    assert_nothing_left(&address);
+}
+
+#[test]
+fn nothing_is_open_to_others() {
+    let (run, _plant) = busy_run();
+    let folder = fs::metadata(run.address().root()).unwrap();
+    assert_eq!(folder.permissions().mode() & 0o7777, 0o700);
+    assert_eq!(fs::metadata(run.address().root().parent().unwrap()).unwrap().mode() & 0o7777, 0o700);
+    for path in traces(run.address()) {
+        let mode = fs::metadata(&path).unwrap().permissions().mode() & 0o7777;
+        let is_inside = path.starts_with(run.address().root());
+        assert!(is_inside || mode == 0o600, "{} has mode {mode:o}", path.display());
+    }
+}
+
+#[test]
+fn a_run_lives_as_long_as_anyone_takes_part() {
+    let mut root = Role::start("root", None);
+    let address = Address::parse(&root.hear("address: ")).unwrap();
+    let plant = PlantLink::open(&address, 1, offer(1)).unwrap();
+    root.kill();
+    RunRoot::sweep_dead();
+    assert!(traces(&address).len() > 5);
+    drop(plant);
+    // A process that another test is starting shares this one's locks until it is itself: sweep again.
+    for _ in 0..100 {
+        RunRoot::sweep_dead();
+        if traces(&address).is_empty() {
+            break;
+        }
+        sleep(Duration::from_millis(5));
+    }
+    assert_nothing_left(&address);
+    let error = PlantLink::open(&address, 1, offer(1)).unwrap_err();
+    assert!(matches!(error, LinkError::NoRun { .. }), "{error}");
+    assert_nothing_left(&address);
+}
+
+#[test]
+fn a_folder_with_the_longest_path_will_do_and_is_removed_at_the_end() {
+    let parent = tempfile::tempdir_in("/dev/shm").unwrap();
+    let name =
+        "x".repeat(112 - parent.path().as_os_str().len() - "//freeplay-4294967295/4194304-01234567".len());
+    let long = parent.path().join(name);
+    fs::create_dir(&long).unwrap();
+    let mut whole = Role::start_with("whole run", None, &[("FREEPLAY_SHM", long.to_str().unwrap())]);
+    let address = Address::parse(&whole.hear("address: ")).unwrap();
+    assert!(address.root().starts_with(&long) && traces(&address).len() > 10);
+    whole.kill();
+    let mut sweeper = Role::start_with("root", None, &[("FREEPLAY_SHM", long.to_str().unwrap())]);
+    sweeper.hear("address: ");
+    assert_nothing_left(&address);
+}
+
+#[test]
+fn a_folder_that_others_can_change_is_refused() {
+    let parent = tempfile::tempdir().unwrap();
+    let all_runs = parent.path().join(format!("freeplay-{}", parent.path().metadata().unwrap().uid()));
+    let refused = |remedy: &str| {
+        let shm = [("FREEPLAY_SHM", parent.path().to_str().unwrap())];
+        let reason = Role::start_with("refused root", None, &shm).hear("refused: ");
+        println!("{reason}");
+        assert!(reason.contains(remedy), "{reason}");
+    };
+    fs::create_dir(&all_runs).unwrap();
+    fs::set_permissions(&all_runs, fs::Permissions::from_mode(0o777)).unwrap();
+    refused("mode 777");
+    fs::remove_dir(&all_runs).unwrap();
+    symlink("/tmp", &all_runs).unwrap();
+    refused("is not a folder of this user alone");
+    fs::remove_file(&all_runs).unwrap();
+    fs::write(&all_runs, "").unwrap();
+    refused("set FREEPLAY_SHM");
+}
