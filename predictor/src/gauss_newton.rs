@@ -1,0 +1,447 @@
+//! A network's errors over a set of samples, as a least-squares problem.
+//!
+//! # Counting
+//! Each sample gives one error per output, e = ŷ − y (scaled), so 1500 samples of 3 outputs are 4500 rows of J.
+//!
+//! # Formula
+//! With bias inputs a₀ = 1, the derivative of output o by weight (i, j) of layer l is δ^o_i a_j: the backpropagated slope of
+//! unit i times what enters through the weight. So
+//!
+//! (JᵀJ)_{(i,j),(i′,j′)} = Σ_samples (Σ_o δ^o_i δ^o_i′) · (a_j a_j′),
+//!
+//! a sum of Kronecker products: the part in brackets that holds the outputs does not depend on j, j′ (A. Botev, H. Ritter,
+//! D. Barber, "Practical Gauss–Newton optimisation for deep learning", ICML 2017, Eq. 12 ff., where its mean is
+//! approximated; here the sum is exact). For each pair of layers it is one matrix product over the samples of all pairs
+//! (j, j′) with all pairs (i, i′); on the diagonal both factors are symmetric and only half of each is formed. Nothing
+//! depends on the number of outputs any more, and J itself is never formed: 2.5 times faster than JᵀJ of the 4500 rows.
+//!
+//! Samples are taken in batches small enough for the cache, in a fixed order on one thread: results are reproducible.
+
+use crate::activation::Activation;
+use crate::levenberg_marquardt::LeastSquares;
+use crate::network::weight_count;
+use crate::normal_equations::NormalEquations;
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, MatMut, MatRef, Par};
+use std::ops::Range;
+
+/// Samples per batch.
+const BATCH: usize = 192;
+
+/// Scaled regressors and outputs, one column per channel.
+#[derive(Debug, Clone)]
+pub struct Samples {
+    /// Regressors: samples × network inputs.
+    pub inputs: Mat<f64>,
+    /// Outputs: samples × network outputs.
+    pub outputs: Mat<f64>,
+}
+
+/// A network's training (and validation) errors; implements [`LeastSquares`].
+#[derive(Debug)]
+pub struct NetworkErrors {
+    sizes: Vec<usize>,
+    activation: Activation,
+    arch: pulp::Arch,
+    training: Samples,
+    validation: Option<Samples>,
+    layers: Vec<Layer>,
+    blocks: Vec<Block>,
+    error: Mat<f64>,
+    weighted: Mat<f64>,
+}
+
+/// One layer of weights and a batch's values around it.
+#[derive(Debug)]
+struct Layer {
+    /// Its weights' place in the flat list.
+    weights: Range<usize>,
+    fan_in: usize,
+    units: usize,
+    /// What enters, 1 for the bias first: batch × (fan-in + 1).
+    entering: Mat<f64>,
+    /// Slopes of the activation at what leaves: batch × units.
+    slope: Mat<f64>,
+    /// Derivatives of output o by the units' sums: per output batch × units.
+    delta: Vec<Mat<f64>>,
+}
+
+/// The part of JᵀJ between two layers (`first` ≤ `second`), and a batch's products for it.
+#[derive(Debug)]
+struct Block {
+    first: usize,
+    second: usize,
+    /// Pairs (of `second`, of `first`) of entering values: batch × pairs.
+    entering: Mat<f64>,
+    /// Pairs (of `second`, of `first`) of units: batch × pairs.
+    units: Mat<f64>,
+    /// The sums: pairs of entering values × pairs of units.
+    sum: Mat<f64>,
+}
+
+impl NetworkErrors {
+    /// The errors of networks of these layer sizes (at least two, each ≥ 1) on `training`, stopped early on
+    /// `validation`.
+    ///
+    /// # Panics
+    /// When the samples' columns are not the network's inputs and outputs.
+    #[must_use]
+    pub fn new(
+        sizes: &[usize],
+        activation: Activation,
+        training: Samples,
+        validation: Option<Samples>,
+    ) -> Self {
+        let outputs = sizes[sizes.len() - 1];
+        for samples in std::iter::once(&training).chain(&validation) {
+            assert_eq!((samples.inputs.ncols(), samples.outputs.ncols()), (sizes[0], outputs));
+            assert_eq!(samples.inputs.nrows(), samples.outputs.nrows());
+        }
+        let layers: Vec<Layer> = (1..sizes.len()).map(|layer| Layer::new(sizes, layer)).collect();
+        let pairs = (0..layers.len()).flat_map(|second| (0..=second).map(move |first| (first, second)));
+        let blocks = pairs.map(|(first, second)| Block::new(&layers, first, second)).collect();
+        Self {
+            sizes: sizes.to_vec(),
+            activation,
+            arch: pulp::Arch::new(),
+            training,
+            validation,
+            layers,
+            blocks,
+            error: Mat::zeros(BATCH, outputs),
+            weighted: Mat::zeros(BATCH, *sizes.iter().max().unwrap_or(&0)),
+        }
+    }
+
+    /// Fills the layers' values for a batch of the training samples, or of the validation samples, and the error.
+    fn forward(&mut self, weights: &[f64], batch: &Range<usize>, validate: bool) {
+        let Some(samples) = (if validate { self.validation.as_ref() } else { Some(&self.training) }) else {
+            return;
+        };
+        let rows = batch.len();
+        for (column, source) in samples.inputs.col_iter().enumerate() {
+            let target = &mut self.layers[0].entering.col_as_slice_mut(column + 1)[..rows];
+            copy(source.subrows(batch.start, rows), target);
+        }
+        for index in 0..self.layers.len() {
+            let (done, later) = self.layers.split_at_mut(index + 1);
+            let layer = &done[index];
+            let from = layer.entering.get(..rows, ..);
+            let matrix = layer.matrix(weights);
+            match later.first_mut() {
+                Some(next) => {
+                    let leaving = next.entering.get_mut(..rows, 1..);
+                    matmul(leaving, Accum::Replace, from, matrix, 1.0, Par::Seq);
+                    for unit in 0..layer.units {
+                        self.activation
+                            .apply(self.arch, &mut next.entering.col_as_slice_mut(unit + 1)[..rows]);
+                    }
+                }
+                None => {
+                    let error = self.error.get_mut(..rows, ..);
+                    matmul(error, Accum::Replace, from, matrix, 1.0, Par::Seq);
+                }
+            }
+        }
+        for (column, truth) in samples.outputs.col_iter().enumerate() {
+            let error = &mut self.error.col_as_slice_mut(column)[..rows];
+            let truth = truth.subrows(batch.start, rows);
+            error.iter_mut().zip(truth.iter()).for_each(|(error, truth)| *error -= truth);
+        }
+    }
+
+    fn sum_of_squares(&mut self, weights: &[f64], count: usize, validate: bool) -> f64 {
+        let mut sum = 0.0;
+        for batch in batches(count) {
+            self.forward(weights, &batch, validate);
+            for output in 0..self.error.ncols() {
+                sum += self.error.col_as_slice(output)[..batch.len()].iter().map(|e| e * e).sum::<f64>();
+            }
+        }
+        sum
+    }
+
+    /// Fills the derivatives of every output by every unit's sum, from the last layer to the first.
+    fn backward(&mut self, weights: &[f64], rows: usize) {
+        for index in (0..self.layers.len() - 1).rev() {
+            let (before, after) = self.layers.split_at_mut(index + 1);
+            let (layer, next) = (&mut before[index], &after[0]);
+            for unit in 0..layer.units {
+                let value = &next.entering.col_as_slice(unit + 1)[..rows];
+                let slope = &mut layer.slope.col_as_slice_mut(unit)[..rows];
+                slope.iter_mut().zip(value).for_each(|(slope, value)| *slope = self.activation.slope(*value));
+            }
+            let back = next.matrix(weights).get(1.., ..).transpose();
+            for (delta, later) in layer.delta.iter_mut().zip(&next.delta) {
+                let target = delta.get_mut(..rows, ..);
+                matmul(target, Accum::Replace, later.get(..rows, ..), back, 1.0, Par::Seq);
+                for unit in 0..layer.units {
+                    let slope = &layer.slope.col_as_slice(unit)[..rows];
+                    let delta = &mut delta.col_as_slice_mut(unit)[..rows];
+                    delta.iter_mut().zip(slope).for_each(|(delta, slope)| *delta *= slope);
+                }
+            }
+        }
+    }
+
+    /// Adds a batch's Jᵀe: for each layer (entering)ᵀ · Σ_o e_o δ^o.
+    fn add_gradient(&mut self, rows: usize, gradient: &mut [f64]) {
+        for layer in &self.layers {
+            for unit in 0..layer.units {
+                let sum = &mut self.weighted.col_as_slice_mut(unit)[..rows];
+                sum.fill(0.0);
+                for (output, delta) in layer.delta.iter().enumerate() {
+                    let error = &self.error.col_as_slice(output)[..rows];
+                    add_product(sum, error, &delta.col_as_slice(unit)[..rows]);
+                }
+            }
+            let target = &mut gradient[layer.weights.clone()];
+            let target = MatMut::from_column_major_slice_mut(target, layer.fan_in + 1, layer.units);
+            let entering = layer.entering.get(..rows, ..).transpose();
+            matmul(target, Accum::Add, entering, self.weighted.get(..rows, ..layer.units), 1.0, Par::Seq);
+        }
+    }
+}
+
+impl LeastSquares for NetworkErrors {
+    fn weights(&self) -> usize {
+        weight_count(&self.sizes)
+    }
+
+    fn errors(&self) -> usize {
+        self.training.outputs.nrows() * self.training.outputs.ncols()
+    }
+
+    fn cost(&mut self, weights: &[f64]) -> f64 {
+        self.sum_of_squares(weights, self.training.inputs.nrows(), false)
+    }
+
+    fn linearise(&mut self, weights: &[f64], equations: &mut NormalEquations) {
+        for block in &mut self.blocks {
+            block.sum.fill(0.0);
+        }
+        for batch in batches(self.training.inputs.nrows()) {
+            self.forward(weights, &batch, false);
+            self.backward(weights, batch.len());
+            self.add_gradient(batch.len(), &mut equations.gradient);
+            for block in &mut self.blocks {
+                block.add(&self.layers, batch.len());
+            }
+        }
+        for block in &self.blocks {
+            block.scatter(&self.layers, &mut equations.matrix);
+        }
+    }
+
+    #[expect(clippy::cast_precision_loss)]
+    fn validation(&mut self, weights: &[f64]) -> Option<f64> {
+        let samples = self.validation.as_ref()?.outputs.nrows();
+        let errors = samples * self.error.ncols();
+        Some(self.sum_of_squares(weights, samples, true) / errors as f64)
+    }
+}
+
+impl Layer {
+    fn new(sizes: &[usize], layer: usize) -> Self {
+        let (fan_in, units, outputs) = (sizes[layer - 1], sizes[layer], sizes[sizes.len() - 1]);
+        let start = weight_count(&sizes[..layer]);
+        let entering = Mat::from_fn(BATCH, fan_in + 1, |_, column| f64::from(column == 0));
+        // The derivative of output o by the last layer's sum i is 1 where o = i; earlier layers are overwritten.
+        let last = |output: usize| Mat::from_fn(BATCH, units, |_, unit| f64::from(unit == output));
+        Self {
+            weights: start..start + (fan_in + 1) * units,
+            fan_in,
+            units,
+            entering,
+            slope: Mat::zeros(BATCH, units),
+            delta: (0..outputs).map(last).collect(),
+        }
+    }
+
+    /// This layer's weights as (fan-in + 1) × units.
+    fn matrix<'w>(&self, weights: &'w [f64]) -> MatRef<'w, f64> {
+        MatRef::from_column_major_slice(&weights[self.weights.clone()], self.fan_in + 1, self.units)
+    }
+}
+
+impl Block {
+    fn new(layers: &[Layer], first: usize, second: usize) -> Self {
+        let count = |of: fn(&Layer) -> usize| {
+            let (m, n) = (of(&layers[second]), of(&layers[first]));
+            if first == second { n * (n + 1) / 2 } else { m * n }
+        };
+        let (entering, units) = (count(|layer| layer.fan_in + 1), count(|layer| layer.units));
+        Self {
+            first,
+            second,
+            entering: Mat::zeros(BATCH, entering),
+            units: Mat::zeros(BATCH, units),
+            sum: Mat::zeros(entering, units),
+        }
+    }
+
+    /// Pairs (k of `second`, k′ of `first`), k fastest; on the diagonal k ≥ k′ only.
+    fn pairs(&self, second: usize, first: usize) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let diagonal = self.first == self.second;
+        (0..first)
+            .flat_map(move |right| (if diagonal { right } else { 0 }..second).map(move |left| (left, right)))
+    }
+
+    fn add(&mut self, layers: &[Layer], rows: usize) {
+        let (second, first) = (&layers[self.second], &layers[self.first]);
+        for (pair, (left, right)) in self.pairs(second.fan_in + 1, first.fan_in + 1).enumerate() {
+            let product = &mut self.entering.col_as_slice_mut(pair)[..rows];
+            let left = &second.entering.col_as_slice(left)[..rows];
+            let right = &first.entering.col_as_slice(right)[..rows];
+            product.iter_mut().zip(left).zip(right).for_each(|((p, l), r)| *p = l * r);
+        }
+        for (pair, (left, right)) in self.pairs(second.units, first.units).enumerate() {
+            let sum = &mut self.units.col_as_slice_mut(pair)[..rows];
+            sum.fill(0.0);
+            for (second, first) in second.delta.iter().zip(&first.delta) {
+                add_product(sum, &second.col_as_slice(left)[..rows], &first.col_as_slice(right)[..rows]);
+            }
+        }
+        let entering = self.entering.get(..rows, ..).transpose();
+        let units = self.units.get(..rows, ..);
+        matmul(self.sum.as_mut(), Accum::Add, entering, units, 1.0, Par::Seq);
+    }
+
+    /// Puts the sums where they belong in the lower triangle.
+    fn scatter(&self, layers: &[Layer], matrix: &mut Mat<f64>) {
+        let (second, first) = (&layers[self.second], &layers[self.first]);
+        let (height, width) = (second.fan_in + 1, first.fan_in + 1);
+        for (pair, (unit, other)) in self.pairs(second.units, first.units).enumerate() {
+            let sums = self.sum.col_as_slice(pair);
+            let (row, column) = (second.weights.start + unit * height, first.weights.start + other * width);
+            for (sum, (left, right)) in sums.iter().zip(self.pairs(height, width)) {
+                matrix[(row + left, column + right)] = *sum;
+                if self.first == self.second && unit != other {
+                    matrix[(row + right, column + left)] = *sum;
+                }
+            }
+        }
+    }
+}
+
+/// sum += a · b, element by element.
+fn add_product(sum: &mut [f64], a: &[f64], b: &[f64]) {
+    sum.iter_mut().zip(a).zip(b).for_each(|((sum, a), b)| *sum += a * b);
+}
+
+fn copy(source: faer::ColRef<'_, f64>, target: &mut [f64]) {
+    target.iter_mut().zip(source.iter()).for_each(|(target, value)| *target = *value);
+}
+
+fn batches(count: usize) -> impl Iterator<Item = Range<usize>> {
+    (0..count).step_by(BATCH).map(move |start| start..(start + BATCH).min(count))
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::network::Network;
+    use rand::{RngExt, SeedableRng};
+
+    struct Case {
+        samples: Samples,
+        weights: Vec<f64>,
+    }
+
+    fn case(sizes: &[usize], count: usize, seed: u64) -> Case {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let mut matrix = |columns| Mat::from_fn(count, columns, |_, _| rng.random_range(-1.0..1.0));
+        let samples = Samples { inputs: matrix(sizes[0]), outputs: matrix(sizes[sizes.len() - 1]) };
+        let weights = (0..weight_count(sizes)).map(|_| rng.random_range(-0.8..0.8)).collect();
+        Case { samples, weights }
+    }
+
+    /// Errors of all samples by the streaming network: another implementation of the same formula.
+    fn errors(sizes: &[usize], activation: Activation, samples: &Samples, weights: &[f64]) -> Vec<f64> {
+        let network = Network::new(sizes, activation, weights.to_vec()).unwrap();
+        let mut scratch = network.scratch();
+        let row = |i: usize| samples.inputs.row(i).iter().copied().collect::<Vec<_>>();
+        let of_sample = |i: usize| {
+            let y = network.forward(&row(i), &mut scratch).to_vec();
+            y.into_iter().zip(samples.outputs.row(i).iter()).map(|(y, t)| y - t).collect::<Vec<_>>()
+        };
+        (0..samples.inputs.nrows()).flat_map(of_sample).collect()
+    }
+
+    /// J by central differences, one column per weight.
+    fn jacobian(sizes: &[usize], activation: Activation, case: &Case) -> Mat<f64> {
+        let h = 1.0e-5;
+        let shifted = |weight: usize, by: f64| {
+            let mut weights = case.weights.clone();
+            weights[weight] += by;
+            errors(sizes, activation, &case.samples, &weights)
+        };
+        let column = |weight| {
+            let (up, down) = (shifted(weight, h), shifted(weight, -h));
+            up.iter().zip(&down).map(|(u, d)| (u - d) / (2.0 * h)).collect::<Vec<_>>()
+        };
+        let columns: Vec<Vec<f64>> = (0..case.weights.len()).map(column).collect();
+        Mat::from_fn(columns[0].len(), columns.len(), |i, j| columns[j][i])
+    }
+
+    #[test]
+    fn normal_equations_equal_those_of_finite_differences() {
+        let shapes: [(&[usize], usize); 6] = [
+            (&[4, 5, 3, 2], 40),
+            (&[3, 4, 4, 4, 4, 3], 30),
+            (&[6, 3, 1], 1),
+            (&[2, 7, 3], 2 * BATCH + 17),
+            (&[5, 2], 20),
+            (&[1, 1, 1], 5),
+        ];
+        for (index, (sizes, count)) in shapes.into_iter().enumerate() {
+            for activation in [Activation::Tanh, Activation::Logistic] {
+                let case = case(sizes, count, index as u64);
+                let jacobian = jacobian(sizes, activation, &case);
+                let error = errors(sizes, activation, &case.samples, &case.weights);
+                let mut problem = NetworkErrors::new(sizes, activation, case.samples.clone(), None);
+                let mut equations = NormalEquations::new(case.weights.len());
+                problem.linearise(&case.weights, &mut equations);
+                let expected = jacobian.transpose() * &jacobian;
+                let scale = expected.norm_max();
+                let mut worst = 0.0_f64;
+                let mut informative = 0;
+                for i in 0..case.weights.len() {
+                    let gradient: f64 = jacobian.col(i).iter().zip(&error).map(|(j, e)| j * e).sum();
+                    worst = worst.max((gradient - equations.gradient()[i]).abs() / scale);
+                    for j in 0..=i {
+                        informative += usize::from(expected[(i, j)].abs() > 1.0e-6 * scale);
+                        worst = worst.max((expected[(i, j)] - equations.element(i, j)).abs() / scale);
+                    }
+                }
+                let elements = case.weights.len() * (case.weights.len() + 1) / 2;
+                eprintln!(
+                    "{sizes:?} {activation:?}: {informative} of {elements} elements matter, worst {worst:.1e}"
+                );
+                assert!(informative * 2 > elements && scale > 1.0e-2, "the comparison is not vacuous");
+                assert!(worst < 1.0e-7);
+            }
+        }
+    }
+
+    #[test]
+    fn cost_and_validation_equal_the_streaming_networks() {
+        let sizes = [4, 6, 2];
+        let Case { samples, weights } = case(&sizes, BATCH + 5, 3);
+        let held_out = case(&sizes, 2 * BATCH, 4).samples;
+        let mut problem =
+            NetworkErrors::new(&sizes, Activation::Tanh, samples.clone(), Some(held_out.clone()));
+        let square = |samples: &Samples| {
+            let all = errors(&sizes, Activation::Tanh, samples, &weights);
+            (all.iter().map(|e| e * e).sum::<f64>(), all.len())
+        };
+        let (cost, count) = square(&samples);
+        assert_eq!(problem.errors(), count);
+        assert!(cost > 1.0 && (problem.cost(&weights) / cost - 1.0).abs() < 1.0e-13);
+        let (validation, count) = square(&held_out);
+        let mse = problem.validation(&weights).unwrap();
+        assert!((mse * count as f64 / validation - 1.0).abs() < 1.0e-13);
+        assert!((problem.cost(&weights) / cost - 1.0).abs() < 1.0e-13, "validation leaves training alone");
+    }
+}

@@ -1,0 +1,204 @@
+//! The trained model: a nonlinear autoregressive network with exogenous inputs (NARX).
+//!
+//! *Series-parallel* (open loop): every prediction looks at measured outputs, h samples ahead. *Closed loop* (free run):
+//! from some instant on the model looks at its own predictions instead; errors accumulate. (K. S. Narendra, K.
+//! Parthasarathy, "Identification and control of dynamical systems using neural networks", IEEE Trans. Neural Networks 1(1),
+//! 1990, Sec. IV.)
+
+use crate::network::Network;
+use crate::predictor::{Predictor, PushError};
+use crate::scaling::Scaling;
+use crate::series::{Series, SeriesError};
+use crate::window::{Layout, Window, WindowError, check_windows};
+use serde::{Deserialize, Serialize};
+
+/// Where a model comes from.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Name of the arm whose motion it was trained on.
+    pub arm: String,
+    /// Hash of that arm's file.
+    pub arm_hash: String,
+    /// Command that made it.
+    pub command: String,
+}
+
+/// A trained model; made by [`crate::train`] or read from a file.
+#[derive(Debug, Clone)]
+pub struct Narx {
+    pub(crate) layout: Layout,
+    pub(crate) input_names: Vec<String>,
+    pub(crate) output_names: Vec<String>,
+    pub(crate) input_scaling: Scaling,
+    pub(crate) output_scaling: Scaling,
+    pub(crate) network: Network,
+    pub(crate) provenance: Provenance,
+}
+
+/// The pieces of a model don't fit together.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum NarxError {
+    /// The layout makes no sense.
+    #[error(transparent)]
+    Layout(#[from] WindowError),
+    /// The network's first or last layer does not fit the layout.
+    #[error(
+        "the lags of {inputs} input and {outputs} output channels make {width} regressors and {outputs} predictions, \
+         but the network takes {network_inputs} and gives {network_outputs}"
+    )]
+    NetworkShape {
+        /// Input channels.
+        inputs: usize,
+        /// Output channels.
+        outputs: usize,
+        /// Regressors by the layout.
+        width: usize,
+        /// Inputs of the network.
+        network_inputs: usize,
+        /// Outputs of the network.
+        network_outputs: usize,
+    },
+    /// A scaling has the wrong number of channels, or a value that cannot scale.
+    #[error(
+        "the {kind} scaling is not usable: it needs a finite minimum and a positive gain for each of {channels} channels"
+    )]
+    Scaling {
+        /// `input` or `output`.
+        kind: &'static str,
+        /// Channels it needs.
+        channels: usize,
+    },
+}
+
+/// Why a model cannot predict a series.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum PredictError {
+    /// The series has other channels than the model.
+    #[error(transparent)]
+    Channels(#[from] SeriesError),
+    /// A window does not suit the model.
+    #[error(transparent)]
+    Window(#[from] WindowError),
+    /// The model's own predictions got out of hand.
+    #[error("free run from sample {start} of run {run}: {source}")]
+    FreeRun {
+        /// Index of the run.
+        run: usize,
+        /// First predicted sample.
+        start: usize,
+        /// What happened.
+        source: PushError,
+    },
+}
+
+impl Narx {
+    /// Which samples it looks at and how far ahead.
+    #[must_use]
+    pub fn layout(&self) -> &Layout {
+        &self.layout
+    }
+
+    /// Names of its input channels.
+    #[must_use]
+    pub fn input_names(&self) -> &[String] {
+        &self.input_names
+    }
+
+    /// Names of its output channels.
+    #[must_use]
+    pub fn output_names(&self) -> &[String] {
+        &self.output_names
+    }
+
+    /// The network between scaled regressors and scaled outputs.
+    #[must_use]
+    pub fn network(&self) -> &Network {
+        &self.network
+    }
+
+    /// Where it comes from.
+    #[must_use]
+    pub fn provenance(&self) -> &Provenance {
+        &self.provenance
+    }
+
+    /// This model if its pieces fit together.
+    pub(crate) fn checked(self) -> Result<Self, NarxError> {
+        let (inputs, outputs) = (self.input_names.len(), self.output_names.len());
+        self.layout.check(inputs, outputs)?;
+        let (width, network) = (self.layout.width(inputs, outputs), &self.network);
+        let (network_inputs, network_outputs) = (network.inputs(), network.outputs());
+        if (width, outputs) != (network_inputs, network_outputs) {
+            return Err(NarxError::NetworkShape { inputs, outputs, width, network_inputs, network_outputs });
+        }
+        for (kind, scaling, channels) in
+            [("input", &self.input_scaling, inputs), ("output", &self.output_scaling, outputs)]
+        {
+            if scaling.channels() != channels || !scaling.is_usable() {
+                return Err(NarxError::Scaling { kind, channels });
+            }
+        }
+        Ok(self)
+    }
+
+    /// Open loop: the outputs at the windows' targets from measured samples, row-major, in the outputs' own units.
+    ///
+    /// # Errors
+    /// When the series has other channels, or a window lacks history or has another horizon.
+    pub fn predict(&self, series: &Series, windows: &[Window]) -> Result<Vec<f64>, PredictError> {
+        series.check_channels(&self.input_names, &self.output_names)?;
+        check_windows(series, windows, self.layout.memory(), self.layout.horizon)?;
+        let mut scratch = self.network.scratch();
+        let mut x = vec![0.0; self.network.inputs()];
+        let mut predictions = Vec::with_capacity(windows.len() * self.output_names.len());
+        for &window in windows {
+            self.layout.regressors(series, window, &mut x);
+            scale_regressors(&self.layout, &self.input_scaling, &self.output_scaling, &mut x);
+            let row = predictions.len();
+            predictions.extend_from_slice(self.network.forward(&x, &mut scratch));
+            self.output_scaling.reverse(&mut predictions[row..]);
+        }
+        Ok(predictions)
+    }
+
+    /// Closed loop: the outputs of samples `start` to `start + steps − 1` of one run, row-major, looking at measured inputs
+    /// but, from `start` on, at the model's own outputs.
+    ///
+    /// # Errors
+    /// When the series has other channels, `start` has less than memory + horizon samples before it, the run ends too
+    /// early, or a prediction is not finite.
+    pub fn free_run(
+        &self,
+        series: &Series,
+        run: usize,
+        start: usize,
+        steps: usize,
+    ) -> Result<Vec<f64>, PredictError> {
+        series.check_channels(&self.input_names, &self.output_names)?;
+        let Layout { horizon, .. } = self.layout;
+        let present = start.saturating_sub(horizon);
+        let edge = |ahead: usize| Window { run, present: present + ahead, target: start + ahead };
+        let ends = [edge(0), edge(steps.saturating_sub(1))];
+        check_windows(series, &ends, self.layout.memory(), horizon)?;
+        let mut predictor = Predictor::new(self.clone());
+        let mut predictions = Vec::with_capacity(steps * series.outputs());
+        for sample in present - self.layout.memory()..present + steps {
+            let measured = (sample < start).then(|| series.output(run, sample));
+            let ahead = self.layout.input_at_target.then(|| series.input(run, sample + horizon));
+            let prediction = predictor
+                .advance(series.input(run, sample), ahead, measured)
+                .map_err(|source| PredictError::FreeRun { run, start, source })?;
+            predictions.extend(prediction.into_iter().flatten());
+        }
+        Ok(predictions)
+    }
+}
+
+/// Scales one row of regressors, in the order in which [`Layout`] gathers them.
+pub(crate) fn scale_regressors(layout: &Layout, inputs: &Scaling, outputs: &Scaling, row: &mut [f64]) {
+    let of_inputs = layout.input_lags.len() + usize::from(layout.input_at_target);
+    let (u, y) = row.split_at_mut(of_inputs * inputs.channels());
+    u.chunks_exact_mut(inputs.channels().max(1)).for_each(|sample| inputs.apply(sample));
+    y.chunks_exact_mut(outputs.channels().max(1)).for_each(|sample| outputs.apply(sample));
+}

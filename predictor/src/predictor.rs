@@ -1,0 +1,240 @@
+//! A model fed sample by sample, inside a control loop: nothing is allocated after [`Predictor::new`].
+//!
+//! Each [`Predictor::push`] gives the samples of the present k and returns the prediction for k + h. Where the outputs
+//! of the present are not measured, the model's own prediction for k, made h samples ago, takes their place (closed
+//! loop); before there is one, the last outputs known, and before those the outputs given to
+//! [`Predictor::start_from`] (zero if none are).
+
+use crate::narx::Narx;
+use crate::network::Scratch;
+use crate::window::Layout;
+
+/// Why a sample is not taken. The predictor is unchanged, but a sample is missing: repeat it or reset.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+pub enum PushError {
+    /// A sample has another number of channels.
+    #[error("{given} {kind} values for {channels} channels")]
+    WrongLength {
+        /// `input`, `planned input` or `output`.
+        kind: &'static str,
+        /// Values given.
+        given: usize,
+        /// Channels of the model.
+        channels: usize,
+    },
+    /// A value is NaN or infinite.
+    #[error("{kind} channel {channel} is {value}: only finite samples can be used")]
+    NonFinite {
+        /// `input`, `planned input` or `output`.
+        kind: &'static str,
+        /// Index of the channel.
+        channel: usize,
+        /// The value.
+        value: f64,
+    },
+    /// The model looks at the inputs of the predicted instant, and they are not given (or the reverse).
+    #[error(
+        "inputs at the predicted instant: the model uses them: {used}, they are given: {given}; call the matching push"
+    )]
+    Planned {
+        /// Whether the model uses them.
+        used: bool,
+        /// Whether they are given.
+        given: bool,
+    },
+    /// The network's output overflowed. This sample *is* taken; its prediction counts as unknown.
+    #[error("prediction of output channel {channel} is {value}: reset the predictor")]
+    NonFinitePrediction {
+        /// Index of the channel.
+        channel: usize,
+        /// The value.
+        value: f64,
+    },
+}
+
+/// The latest rows of a signal, scaled; lag 0 is the newest.
+#[derive(Debug, Clone)]
+struct History {
+    channels: usize,
+    newest: usize,
+    rows: usize,
+    values: Vec<f64>,
+}
+
+impl History {
+    fn new(rows: usize, channels: usize) -> Self {
+        Self { channels, newest: 0, rows, values: vec![0.0; rows * channels] }
+    }
+
+    fn row(&self, lag: usize) -> &[f64] {
+        &self.values[(self.newest + lag) % self.rows * self.channels..][..self.channels]
+    }
+
+    /// Makes room for a new row and returns it; the oldest is lost.
+    fn push(&mut self) -> &mut [f64] {
+        self.newest = (self.newest + self.rows - 1) % self.rows;
+        &mut self.values[self.newest * self.channels..][..self.channels]
+    }
+}
+
+/// A model with its memory of the latest samples.
+#[derive(Debug, Clone)]
+pub struct Predictor {
+    narx: Narx,
+    scratch: Scratch,
+    inputs: History,
+    outputs: History,
+    /// Own predictions of the latest h samples, scaled; lag h − 1 is for the present.
+    pending: History,
+    /// Inputs at the predicted instant, scaled.
+    planned: Vec<f64>,
+    /// Outputs in use for the present, scaled.
+    present: Vec<f64>,
+    regressors: Vec<f64>,
+    prediction: Vec<f64>,
+    /// Samples taken, and own predictions made without a break.
+    taken: usize,
+    predicted: usize,
+}
+
+impl Predictor {
+    /// A predictor that has seen nothing and assumes outputs of zero (in their own units) until told better.
+    #[must_use]
+    pub fn new(narx: Narx) -> Self {
+        let (inputs, outputs) = (narx.input_names.len(), narx.output_names.len());
+        let Layout { horizon, .. } = narx.layout;
+        let rows = narx.layout.memory() + 1;
+        let mut predictor = Self {
+            scratch: narx.network.scratch(),
+            inputs: History::new(rows, inputs),
+            outputs: History::new(rows, outputs),
+            pending: History::new(horizon, outputs),
+            planned: vec![0.0; inputs],
+            present: vec![0.0; outputs],
+            regressors: vec![0.0; narx.network.inputs()],
+            prediction: vec![0.0; outputs],
+            taken: 0,
+            predicted: 0,
+            narx,
+        };
+        predictor.reset();
+        predictor
+    }
+
+    /// The model.
+    #[must_use]
+    pub fn narx(&self) -> &Narx {
+        &self.narx
+    }
+
+    /// Forgets all samples and assumes outputs of zero again.
+    pub fn reset(&mut self) {
+        (self.taken, self.predicted) = (0, 0);
+        self.present.fill(0.0);
+        self.narx.output_scaling.apply(&mut self.present);
+    }
+
+    /// Outputs to assume until one is measured or predicted, in their own units.
+    ///
+    /// # Errors
+    /// When the length is wrong or a value is not finite; nothing is then changed.
+    pub fn start_from(&mut self, outputs: &[f64]) -> Result<(), PushError> {
+        check("output", outputs, self.present.len())?;
+        self.present.copy_from_slice(outputs);
+        self.narx.output_scaling.apply(&mut self.present);
+        Ok(())
+    }
+
+    /// Takes the samples of the present k, outputs only if they are measured, and predicts the outputs of k + h (own
+    /// units). None until the memory is full.
+    ///
+    /// # Errors
+    /// When a sample has the wrong length or is not finite, when the model also wants the inputs at k + h, or when the
+    /// prediction is not finite.
+    pub fn push(&mut self, inputs: &[f64], outputs: Option<&[f64]>) -> Result<Option<&[f64]>, PushError> {
+        self.advance(inputs, None, outputs)
+    }
+
+    /// As [`Predictor::push`], for models that look at the inputs of the predicted instant k + h, `planned`.
+    ///
+    /// # Errors
+    /// As [`Predictor::push`]; also when the model does not use `planned`.
+    pub fn push_planned(
+        &mut self,
+        inputs: &[f64],
+        planned: &[f64],
+        outputs: Option<&[f64]>,
+    ) -> Result<Option<&[f64]>, PushError> {
+        self.advance(inputs, Some(planned), outputs)
+    }
+
+    pub(crate) fn advance(
+        &mut self,
+        inputs: &[f64],
+        planned: Option<&[f64]>,
+        outputs: Option<&[f64]>,
+    ) -> Result<Option<&[f64]>, PushError> {
+        self.check(inputs, planned, outputs)?;
+        self.remember(inputs, planned, outputs);
+        if self.taken <= self.narx.layout.memory() {
+            return Ok(None);
+        }
+        let Self { narx, inputs, outputs, .. } = self;
+        let planned = narx.layout.input_at_target.then_some(self.planned.as_slice());
+        narx.layout.gather(|lag| inputs.row(lag), planned, |lag| outputs.row(lag), &mut self.regressors);
+        let scaled = narx.network.forward(&self.regressors, &mut self.scratch);
+        if let Some((channel, &value)) = scaled.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+            self.predicted = 0;
+            return Err(PushError::NonFinitePrediction { channel, value });
+        }
+        self.pending.push().copy_from_slice(scaled);
+        self.predicted += 1;
+        self.prediction.copy_from_slice(scaled);
+        narx.output_scaling.reverse(&mut self.prediction);
+        Ok(Some(&self.prediction))
+    }
+
+    fn check(
+        &self,
+        inputs: &[f64],
+        planned: Option<&[f64]>,
+        outputs: Option<&[f64]>,
+    ) -> Result<(), PushError> {
+        let (used, given) = (self.narx.layout.input_at_target, planned.is_some());
+        if used != given {
+            return Err(PushError::Planned { used, given });
+        }
+        check("input", inputs, self.planned.len())?;
+        planned.map_or(Ok(()), |planned| check("planned input", planned, self.planned.len()))?;
+        outputs.map_or(Ok(()), |outputs| check("output", outputs, self.present.len()))
+    }
+
+    fn remember(&mut self, inputs: &[f64], planned: Option<&[f64]>, outputs: Option<&[f64]>) {
+        let (of_inputs, of_outputs) = (&self.narx.input_scaling, &self.narx.output_scaling);
+        let row = self.inputs.push();
+        row.copy_from_slice(inputs);
+        of_inputs.apply(row);
+        if let Some(planned) = planned {
+            self.planned.copy_from_slice(planned);
+            of_inputs.apply(&mut self.planned);
+        }
+        if let Some(outputs) = outputs {
+            self.present.copy_from_slice(outputs);
+            of_outputs.apply(&mut self.present);
+        } else if self.predicted >= self.narx.layout.horizon {
+            self.present.copy_from_slice(self.pending.row(self.narx.layout.horizon - 1));
+        }
+        self.outputs.push().copy_from_slice(&self.present);
+        self.taken += 1;
+    }
+}
+
+fn check(kind: &'static str, values: &[f64], channels: usize) -> Result<(), PushError> {
+    if values.len() != channels {
+        return Err(PushError::WrongLength { kind, given: values.len(), channels });
+    }
+    match values.iter().enumerate().find(|(_, value)| !value.is_finite()) {
+        None => Ok(()),
+        Some((channel, &value)) => Err(PushError::NonFinite { kind, channel, value }),
+    }
+}

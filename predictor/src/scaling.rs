@@ -1,0 +1,106 @@
+//! Scaling to \[-1, 1\], channel by channel, like MATLAB's `mapminmax`.
+//!
+//! # Formula
+//! s = (v − min) · gain − 1, gain = 2 / (max − min). A channel that is constant in the training data (or whose range is
+//! not a normal number) gets gain 1, as in MATLAB: it becomes −1 and tells the network nothing, and a later value
+//! comes through in its own unit.
+
+use serde::{Deserialize, Serialize};
+
+/// The map of each channel; made from the training data alone.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scaling {
+    minimum: Vec<f64>,
+    gain: Vec<f64>,
+}
+
+impl Scaling {
+    /// The scaling of `channels` channels that maps the smallest and largest values among `rows` to −1 and 1.
+    #[must_use]
+    pub fn fit<'a>(channels: usize, rows: impl IntoIterator<Item = &'a [f64]>) -> Self {
+        let mut range = vec![(f64::INFINITY, f64::NEG_INFINITY); channels];
+        for row in rows {
+            for ((low, high), value) in range.iter_mut().zip(row) {
+                *low = low.min(*value);
+                *high = high.max(*value);
+            }
+        }
+        let gain = |&(low, high): &(f64, f64)| {
+            let gain = 2.0 / (high - low);
+            if gain.is_normal() && gain > 0.0 { gain } else { 1.0 }
+        };
+        let minimum = |&(low, _): &(f64, f64)| if low.is_finite() { low } else { 0.0 };
+        Self { gain: range.iter().map(gain).collect(), minimum: range.iter().map(minimum).collect() }
+    }
+
+    /// Number of channels.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.gain.len()
+    }
+
+    /// Whether the map can be used in both directions: as many minima as gains, all finite, gains positive.
+    #[must_use]
+    pub fn is_usable(&self) -> bool {
+        self.minimum.len() == self.gain.len()
+            && self.minimum.iter().all(|m| m.is_finite())
+            && self.gain.iter().all(|g| g.is_finite() && *g > 0.0)
+    }
+
+    /// Scales one row in place.
+    pub fn apply(&self, row: &mut [f64]) {
+        for ((value, minimum), gain) in row.iter_mut().zip(&self.minimum).zip(&self.gain) {
+            *value = (*value - minimum) * gain - 1.0;
+        }
+    }
+
+    /// Takes one row back to its own units, in place.
+    pub fn reverse(&self, row: &mut [f64]) {
+        for ((value, minimum), gain) in row.iter_mut().zip(&self.minimum).zip(&self.gain) {
+            *value = (*value + 1.0) / gain + minimum;
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_training_range_becomes_minus_one_to_one_and_comes_back() {
+        let rows: [&[f64]; 3] = [&[0.2, -5.0, 1.0e-3], &[0.6, 10.0, 3.0e-3], &[0.3, 0.0, 2.0e-3]];
+        let scaling = Scaling::fit(3, rows);
+        let scaled = |row: &[f64]| {
+            let mut row = row.to_vec();
+            scaling.apply(&mut row);
+            row
+        };
+        assert_eq!(scaled(rows[0]), [-1.0, -1.0, -1.0]);
+        let top = scaled(rows[1]);
+        let mut worst = top.iter().fold(0.0_f64, |m, s| m.max((s - 1.0).abs()));
+        let mut middle = scaled(rows[2]);
+        worst = worst.max((middle[2] - 0.0).abs()).max((middle[0] + 0.5).abs());
+        scaling.reverse(&mut middle);
+        worst = middle.iter().zip(rows[2]).fold(worst, |m, (a, b)| m.max((a - b).abs()));
+        eprintln!("largest difference {worst:.1e}");
+        assert!(worst < 1.0e-14);
+    }
+
+    #[test]
+    fn constant_and_degenerate_channels_keep_their_unit() {
+        let rows: [&[f64]; 2] = [&[4.0, -f64::MAX, 0.0], &[4.0, f64::MAX, 5.0e-324]];
+        let scaling = Scaling::fit(3, rows);
+        assert!(scaling.is_usable());
+        let mut row = [4.0, -f64::MAX, 0.0];
+        scaling.apply(&mut row);
+        assert_eq!(row, [-1.0, -1.0, -1.0]);
+        let mut other = [4.5, 0.0, 0.0];
+        scaling.apply(&mut other);
+        assert_eq!(other[0], -0.5);
+        scaling.reverse(&mut other);
+        assert_eq!(other[0], 4.5);
+        assert!(Scaling::fit(2, []).is_usable(), "no rows at all");
+    }
+}

@@ -1,0 +1,178 @@
+//! From a series and a split to a trained model.
+//!
+//! Scaling is fitted to the training windows alone. Errors are those of the scaled outputs, so that every output counts
+//! the same whatever its unit; the mean squared errors of the history are in these scaled units.
+
+use crate::activation::Activation;
+use crate::gauss_newton::{NetworkErrors, Samples};
+use crate::initialise::nguyen_widrow;
+use crate::levenberg_marquardt::{Epoch, MinimiseError, Outcome, Settings, minimise};
+use crate::narx::{Narx, NarxError, Provenance, scale_regressors};
+use crate::network::{Network, NetworkError, weight_count};
+use crate::scaling::Scaling;
+use crate::series::Series;
+use crate::split::Split;
+use crate::window::{Layout, Window, WindowError, check_windows, targets};
+use faer::Mat;
+use std::ops::ControlFlow;
+
+/// What to train and how.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Recipe {
+    /// Samples to look at, and horizon.
+    pub layout: Layout,
+    /// Units of each hidden layer; none makes a linear model.
+    pub hidden: Vec<usize>,
+    /// Kind of hidden unit.
+    pub activation: Activation,
+    /// Seed of the start weights.
+    pub seed: u64,
+    /// Parameters of Levenberg–Marquardt.
+    pub settings: Settings,
+}
+
+/// A trained model and how training went.
+#[derive(Debug, Clone)]
+pub struct Trained {
+    /// The model.
+    pub narx: Narx,
+    /// Weights, reason to stop, and history; mean squared errors of scaled outputs.
+    pub outcome: Outcome,
+}
+
+/// Why a model cannot be trained.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum TrainError {
+    /// The layout makes no sense, or a window does not suit it.
+    #[error(transparent)]
+    Window(#[from] WindowError),
+    /// There are fewer errors than weights.
+    #[error(
+        "{windows} training windows of {outputs} outputs are too few for {weights} weights: give at least {needed}, \
+         or fewer lags or units"
+    )]
+    TooFewSamples {
+        /// Training windows given.
+        windows: usize,
+        /// Outputs per window.
+        outputs: usize,
+        /// Weights of the network.
+        weights: usize,
+        /// Windows needed.
+        needed: usize,
+    },
+    /// An output does not vary.
+    #[error(
+        "output `{channel}` is {value} in every training window: leave it out or train on runs in which it varies"
+    )]
+    ConstantOutput {
+        /// Name of the output.
+        channel: String,
+        /// Its value.
+        value: f64,
+    },
+    /// The layers make no network.
+    #[error(transparent)]
+    Network(#[from] NetworkError),
+    /// Levenberg–Marquardt cannot start.
+    #[error(transparent)]
+    Minimise(#[from] MinimiseError),
+    /// The trained pieces don't fit together.
+    #[error(transparent)]
+    Model(#[from] NarxError),
+}
+
+/// Trains a model on `split.train`, stopping early on `split.validation` unless that is empty. The same arguments give
+/// the same model. `progress` sees every epoch and may end the training.
+///
+/// # Errors
+/// When the layout, a window or a setting makes no sense, the training windows are too few, or an output is constant
+/// in them.
+pub fn train(
+    series: &Series,
+    split: &Split,
+    recipe: &Recipe,
+    provenance: Provenance,
+    progress: impl FnMut(&Epoch) -> ControlFlow<()>,
+) -> Result<Trained, TrainError> {
+    let layout = &recipe.layout;
+    let sizes = check(series, split, recipe)?;
+    let (input_scaling, output_scaling) = fit_scaling(series, &split.train, layout);
+    let samples = |windows: &[Window]| scaled(series, windows, layout, &input_scaling, &output_scaling);
+    let validation = (!split.validation.is_empty()).then(|| samples(&split.validation));
+    let mut errors = NetworkErrors::new(&sizes, recipe.activation, samples(&split.train), validation);
+    let start = nguyen_widrow(&sizes, recipe.activation, recipe.seed);
+    let outcome = minimise(&mut errors, start, &recipe.settings, progress)?;
+    let narx = Narx {
+        layout: layout.clone(),
+        input_names: series.input_names().to_vec(),
+        output_names: series.output_names().to_vec(),
+        network: Network::new(&sizes, recipe.activation, outcome.weights.clone())?,
+        input_scaling,
+        output_scaling,
+        provenance,
+    };
+    Ok(Trained { narx: narx.checked()?, outcome })
+}
+
+/// The layer sizes, if series, split and recipe go together.
+fn check(series: &Series, split: &Split, recipe: &Recipe) -> Result<Vec<usize>, TrainError> {
+    let (layout, outputs) = (&recipe.layout, series.outputs());
+    layout.check(series.inputs(), outputs)?;
+    for part in [&split.train, &split.validation] {
+        check_windows(series, part, layout.memory(), layout.horizon)?;
+    }
+    let mut sizes = vec![layout.width(series.inputs(), outputs)];
+    sizes.extend(&recipe.hidden);
+    sizes.push(outputs);
+    if sizes.contains(&0) {
+        return Err(NetworkError::BadSizes { sizes }.into());
+    }
+    let (windows, weights) = (split.train.len(), weight_count(&sizes));
+    let needed = weights.div_ceil(outputs);
+    if windows < needed {
+        return Err(TrainError::TooFewSamples { windows, outputs, weights, needed });
+    }
+    let value = |window: &Window, channel: usize| series.output(window.run, window.target)[channel];
+    for (channel, name) in series.output_names().iter().enumerate() {
+        let first = value(&split.train[0], channel);
+        if split.train.iter().all(|window| value(window, channel) == first) {
+            return Err(TrainError::ConstantOutput { channel: name.clone(), value: first });
+        }
+    }
+    Ok(sizes)
+}
+
+/// Scaling of inputs and outputs over everything the windows look at.
+pub(crate) fn fit_scaling(series: &Series, windows: &[Window], layout: &Layout) -> (Scaling, Scaling) {
+    let inputs = windows.iter().flat_map(|w| {
+        let past = layout.input_lags.iter().map(|lag| w.present - lag);
+        past.chain(layout.input_at_target.then_some(w.target)).map(|sample| series.input(w.run, sample))
+    });
+    let outputs = windows.iter().flat_map(|w| {
+        let past = layout.output_lags.iter().map(|lag| w.present - lag);
+        past.chain([w.target]).map(|sample| series.output(w.run, sample))
+    });
+    (Scaling::fit(series.inputs(), inputs), Scaling::fit(series.outputs(), outputs))
+}
+
+/// The windows' scaled regressors and true outputs.
+pub(crate) fn scaled(
+    series: &Series,
+    windows: &[Window],
+    layout: &Layout,
+    input_scaling: &Scaling,
+    output_scaling: &Scaling,
+) -> Samples {
+    let (width, outputs) = (layout.width(series.inputs(), series.outputs()), series.outputs());
+    let mut inputs = Mat::zeros(windows.len(), width);
+    let mut row = vec![0.0; width];
+    for (index, &window) in windows.iter().enumerate() {
+        layout.regressors(series, window, &mut row);
+        scale_regressors(layout, input_scaling, output_scaling, &mut row);
+        row.iter().enumerate().for_each(|(column, value)| inputs[(index, column)] = *value);
+    }
+    let mut truth = targets(series, windows);
+    truth.chunks_exact_mut(outputs).for_each(|row| output_scaling.apply(row));
+    Samples { inputs, outputs: Mat::from_fn(windows.len(), outputs, |i, j| truth[i * outputs + j]) }
+}

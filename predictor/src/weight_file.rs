@@ -1,0 +1,275 @@
+//! A trained model as a file: JSON with a format name and a version; every number comes back bit for bit.
+//!
+//! ```text
+//! { "format": "freeplay.narx", "version": 1,
+//!   "provenance": { "arm": …, "arm_hash": …, "command": … },
+//!   "inputs": [names], "outputs": [names],
+//!   "layout": { "input_lags": […], "output_lags": […], "horizon": …, "input_at_target": … },
+//!   "layers": [regressors, hidden…, outputs], "activation": "tanh" | "logistic",
+//!   "input_scaling": { "minimum": […], "gain": […] }, "output_scaling": {…},
+//!   "weights": [layer by layer, unit by unit, bias first] }
+//! ```
+
+use crate::activation::Activation;
+use crate::narx::{Narx, NarxError, Provenance};
+use crate::network::{Network, NetworkError};
+use crate::scaling::Scaling;
+use crate::window::Layout;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Name of the format.
+pub const FORMAT: &str = "freeplay.narx";
+/// Version written, and the only one read.
+pub const VERSION: u64 = 1;
+
+/// Why a weight file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum WeightFileError {
+    /// The file cannot be read or written.
+    #[error("{origin}: {source}")]
+    Io {
+        /// The file.
+        origin: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// It is not JSON, or a field is missing, unknown or of another type (line and column are given).
+    #[error("{origin}: not a readable weight file: {source}")]
+    Syntax {
+        /// The file.
+        origin: String,
+        /// What the parser says.
+        source: serde_json::Error,
+    },
+    /// It is JSON, but something else.
+    #[error("{origin}: format is `{found}`, not `{FORMAT}`: give a file made by training")]
+    OtherFormat {
+        /// The file.
+        origin: String,
+        /// Format found.
+        found: String,
+    },
+    /// Another version of the format.
+    #[error(
+        "{origin}: version {found} of {FORMAT}, but only {VERSION} can be read: train again with this program"
+    )]
+    OtherVersion {
+        /// The file.
+        origin: String,
+        /// Version found.
+        found: u64,
+    },
+    /// A weight is not a finite number.
+    #[error("{origin}: weight {index} is not a finite number: train again or restore the file")]
+    NonFiniteWeight {
+        /// The file.
+        origin: String,
+        /// Position in the list, from 0.
+        index: usize,
+    },
+    /// Layer sizes and weights don't fit.
+    #[error("{origin}: {source}")]
+    Network {
+        /// The file.
+        origin: String,
+        /// What does not fit.
+        source: NetworkError,
+    },
+    /// Layout, channels, scaling and network don't fit.
+    #[error("{origin}: {source}")]
+    Model {
+        /// The file.
+        origin: String,
+        /// What does not fit.
+        source: NarxError,
+    },
+}
+
+/// The model was trained for something else than it is to be used for.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum MismatchError {
+    /// It was trained on another arm.
+    #[error(
+        "the weights were trained on arm `{trained}` (hash {trained_hash}), not on `{wanted}` (hash {wanted_hash}): \
+         train for this arm; they were made by: {command}"
+    )]
+    OtherArm {
+        /// Arm of the weights.
+        trained: String,
+        /// Its hash.
+        trained_hash: String,
+        /// Arm wanted.
+        wanted: String,
+        /// Its hash.
+        wanted_hash: String,
+        /// Command that made the weights.
+        command: String,
+    },
+    /// It has other channels.
+    #[error("the weights' {kind} channels are {found:?}, but the controller has {expected:?}, in this order")]
+    OtherChannels {
+        /// `input` or `output`.
+        kind: &'static str,
+        /// Channels wanted.
+        expected: Vec<String>,
+        /// Channels of the weights.
+        found: Vec<String>,
+    },
+    /// It looks at other samples.
+    #[error("the weights' layout is {found:?}, but {expected:?} is wanted")]
+    OtherLayout {
+        /// Layout wanted.
+        expected: Box<Layout>,
+        /// Layout of the weights.
+        found: Box<Layout>,
+    },
+}
+
+#[derive(Deserialize)]
+struct Header {
+    format: Option<serde_json::Value>,
+    version: Option<u64>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    format: String,
+    version: u64,
+    provenance: Provenance,
+    inputs: Vec<String>,
+    outputs: Vec<String>,
+    layout: Layout,
+    layers: Vec<usize>,
+    activation: Activation,
+    input_scaling: Scaling,
+    output_scaling: Scaling,
+    /// JSON has no NaN or infinity; writers put null.
+    weights: Vec<Option<f64>>,
+}
+
+impl Narx {
+    /// The model as text of the weight file.
+    #[must_use]
+    pub fn to_json(&self) -> String {
+        let file = File {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            provenance: self.provenance.clone(),
+            inputs: self.input_names.clone(),
+            outputs: self.output_names.clone(),
+            layout: self.layout.clone(),
+            layers: self.network.sizes().to_vec(),
+            activation: self.network.activation(),
+            input_scaling: self.input_scaling.clone(),
+            output_scaling: self.output_scaling.clone(),
+            weights: self.network.weights().iter().map(|&w| Some(w)).collect(),
+        };
+        let mut text = serde_json::to_string_pretty(&file).expect("names and numbers are always JSON");
+        text.push('\n');
+        text
+    }
+
+    /// A model from the text of a weight file; `origin` names it in messages.
+    ///
+    /// # Errors
+    /// When the text is not such a file, of another version, or inconsistent, or a weight is not finite.
+    pub fn from_json(text: &str, origin: &str) -> Result<Self, WeightFileError> {
+        let named = || origin.to_owned();
+        let syntax = |source| WeightFileError::Syntax { origin: named(), source };
+        let header: Header = serde_json::from_str(text).map_err(syntax)?;
+        let format = header.format.unwrap_or(serde_json::Value::Null);
+        if format != FORMAT {
+            return Err(WeightFileError::OtherFormat { origin: named(), found: format.to_string() });
+        }
+        if let Some(found) = header.version.filter(|&version| version != VERSION) {
+            return Err(WeightFileError::OtherVersion { origin: named(), found });
+        }
+        let file: File = serde_json::from_str(text).map_err(syntax)?;
+        let missing = file.weights.iter().position(|w| !w.is_some_and(f64::is_finite));
+        if let Some(index) = missing {
+            return Err(WeightFileError::NonFiniteWeight { origin: named(), index });
+        }
+        let weights = file.weights.into_iter().flatten().collect();
+        let network = Network::new(&file.layers, file.activation, weights)
+            .map_err(|source| WeightFileError::Network { origin: named(), source })?;
+        let narx = Self {
+            layout: file.layout,
+            input_names: file.inputs,
+            output_names: file.outputs,
+            input_scaling: file.input_scaling,
+            output_scaling: file.output_scaling,
+            network,
+            provenance: file.provenance,
+        };
+        narx.checked().map_err(|source| WeightFileError::Model { origin: named(), source })
+    }
+
+    /// Writes the weight file.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), WeightFileError> {
+        let origin = path.display().to_string();
+        std::fs::write(path, self.to_json()).map_err(|source| WeightFileError::Io { origin, source })
+    }
+
+    /// Reads a weight file.
+    ///
+    /// # Errors
+    /// When the file cannot be read, and as [`Narx::from_json`].
+    pub fn load(path: &Path) -> Result<Self, WeightFileError> {
+        let origin = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => Self::from_json(&text, &origin),
+            Err(source) => Err(WeightFileError::Io { origin, source }),
+        }
+    }
+
+    /// Whether the model was trained on the arm with this hash (`name` is for the message).
+    ///
+    /// # Errors
+    /// When it was trained on another one.
+    pub fn check_arm(&self, name: &str, hash: &str) -> Result<(), MismatchError> {
+        let Provenance { arm, arm_hash, command } = self.provenance.clone();
+        if arm_hash == hash {
+            return Ok(());
+        }
+        Err(MismatchError::OtherArm {
+            trained: arm,
+            trained_hash: arm_hash,
+            wanted: name.to_owned(),
+            wanted_hash: hash.to_owned(),
+            command,
+        })
+    }
+
+    /// Whether the model has exactly these channels, in this order.
+    ///
+    /// # Errors
+    /// When it has others.
+    pub fn check_channels(&self, inputs: &[&str], outputs: &[&str]) -> Result<(), MismatchError> {
+        for (kind, wanted, found) in
+            [("input", inputs, &self.input_names), ("output", outputs, &self.output_names)]
+        {
+            if wanted != found {
+                let expected = wanted.iter().map(|&name| name.to_owned()).collect();
+                return Err(MismatchError::OtherChannels { kind, expected, found: found.clone() });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the model looks at exactly these samples.
+    ///
+    /// # Errors
+    /// When it looks at others.
+    pub fn check_layout(&self, layout: &Layout) -> Result<(), MismatchError> {
+        if self.layout == *layout {
+            return Ok(());
+        }
+        let (expected, found) = (Box::new(layout.clone()), Box::new(self.layout.clone()));
+        Err(MismatchError::OtherLayout { expected, found })
+    }
+}
