@@ -20,6 +20,8 @@ pub struct Place {
 /// A row of a recording, counted as its format counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Row {
+    /// None in particular: the recording as a whole.
+    Whole,
     /// A line of a CSV, counted from 1, the header included.
     Line(u64),
     /// A message on the topic of a MCAP, counted from 1.
@@ -32,6 +34,7 @@ impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let file = self.file.display();
         match self.row {
+            Row::Whole => write!(f, "{file}"),
             Row::Line(line) => write!(f, "{file}:{line}"),
             Row::Message(message) => write!(f, "{file}, message {message}"),
             Row::Sample(sample) => write!(f, "{file}, sample {sample}"),
@@ -95,10 +98,10 @@ pub enum ReadError {
         value: String,
     },
     /// The column names are no recording.
-    #[error("{}: {source}", file.display())]
+    #[error("{place}: {source}")]
     Columns {
-        /// The file.
-        file: PathBuf,
+        /// The header.
+        place: Place,
         /// What is wrong with them.
         source: ColumnError,
     },
@@ -229,7 +232,7 @@ pub enum ReadError {
         "{place}: topic {topic}: {what}; it must be written as float64 fields, schema ros2msg, messages cdr (little-endian)"
     )]
     Form {
-        /// The message, or message 0 for the topic itself.
+        /// The message, or the whole for the topic itself.
         place: Place,
         /// The topic.
         topic: &'static str,

@@ -24,12 +24,26 @@
 //! | `qx`, `qy`, `qz`, `qw` | its orientation (optional) | – |
 //! | others | kept, not used | – |
 
+mod csv_reader;
+mod csv_writer;
 mod error;
+mod line_guard;
+mod mcap_reader;
+mod mcap_records;
+mod mcap_writer;
 mod names;
+mod output;
+mod read;
 mod recording;
 mod table;
+mod tick;
+mod write;
 
+pub use csv_writer::CsvWriter;
 pub use error::{Place, ReadError, Row, WriteError};
+pub use mcap_writer::McapWriter;
 pub use names::{ColumnError, Group};
+pub use read::{read, read_from};
 pub use recording::{Absent, Event, Recording};
 pub use table::MAX_NUMBERS;
+pub use write::{Layout, RowWriter, Summary, export};

@@ -275,11 +275,11 @@ pub(crate) fn list(names: &[String]) -> String {
     if names.len() > SHOWN { format!("{shown} and {} more", names.len() - SHOWN) } else { shown }
 }
 
-/// A text fit for an error message: at most 40 characters.
+/// A text fit for an error message: at most 40 characters, on one line.
 pub(crate) fn shorten(text: &str) -> String {
     const SHOWN: usize = 40;
-    let mut short: String = text.chars().take(SHOWN).collect();
-    if short.len() < text.len() {
+    let mut short: String = text.chars().take(SHOWN).map(|c| if c.is_control() { '�' } else { c }).collect();
+    if text.chars().nth(SHOWN).is_some() {
         short.push('…');
     }
     short

@@ -10,6 +10,9 @@ use crate::recording::{Event, Recording};
 /// grow, up to twice that may be in use for a moment.
 pub const MAX_NUMBERS: u64 = 1 << 28;
 
+/// Why a file without its end has no samples.
+pub(crate) const ENDS_EARLY: &str = ": it ends before its first complete chunk";
+
 /// What a column outside the contract holds besides finite numbers.
 #[derive(Debug, Clone, Default)]
 struct Oddities {
@@ -33,17 +36,20 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// An empty table with these columns; `joints` is the number of joints of the arm, where known.
+    /// An empty table with these columns, which stand at `header`; `joints` is the number of joints of the
+    /// arm, where known.
     pub fn new(
-        file: &Path,
+        header: Place,
         names: Vec<String>,
         joints: Option<usize>,
         limit: u64,
     ) -> Result<Self, ReadError> {
-        let roles = Roles::new(&names, joints)
-            .map_err(|source| ReadError::Columns { file: file.to_path_buf(), source })?;
+        let roles = match Roles::new(&names, joints) {
+            Ok(roles) => roles,
+            Err(source) => return Err(ReadError::Columns { place: header, source }),
+        };
         Ok(Table {
-            file: file.to_path_buf(),
+            file: header.file,
             columns: vec![Vec::new(); names.len()],
             oddities: vec![Oddities::default(); names.len()],
             names,
@@ -59,7 +65,8 @@ impl Table {
     /// A table from whole columns, checked like rows.
     pub fn from_columns(file: &Path, columns: Vec<(String, Vec<f64>)>) -> Result<Self, ReadError> {
         let (names, values): (Vec<String>, Vec<Vec<f64>>) = columns.into_iter().unzip();
-        let mut table = Table::new(file, names, None, u64::MAX)?;
+        let whole = Place { file: file.to_path_buf(), row: Row::Whole };
+        let mut table = Table::new(whole, names, None, u64::MAX)?;
         let samples = values.first().map_or(0, Vec::len);
         if let Some(i) = values.iter().position(|v| v.len() != samples) {
             return Err(ReadError::Lengths {
@@ -99,11 +106,15 @@ impl Table {
         self.roles.roles[column] != Role::Other
     }
 
-    /// Makes room for `rows` rows, or refuses them if they are too many; `rows` may be an estimate.
-    pub fn reserve(&mut self, rows: u64) -> Result<(), ReadError> {
-        self.check_size(rows)?;
+    /// Makes room for about `rows` rows; refuses them if even half of them are too many.
+    pub fn expect_rows(&mut self, rows: u64) -> Result<(), ReadError> {
+        if self.check_size(rows / 2).is_err() {
+            return self.check_size(rows);
+        }
+        let most = (rows + rows / 50).min(self.limit / self.names.len() as u64);
         for column in &mut self.columns {
-            column.reserve_exact(rows as usize);
+            // Without the room the column grows as it goes.
+            let _ = column.try_reserve_exact((most as usize).saturating_sub(column.len()));
         }
         Ok(())
     }
@@ -167,7 +178,7 @@ impl Table {
     /// The finished recording.
     pub fn into_recording(mut self) -> Result<Recording, ReadError> {
         if self.columns[0].is_empty() {
-            let why = if self.truncated { ": it ends before its first complete chunk" } else { "" };
+            let why = if self.truncated { ENDS_EARLY } else { "" };
             return Err(ReadError::NoSamples { file: self.file, why });
         }
         self.describe_oddities();

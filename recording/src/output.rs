@@ -1,0 +1,124 @@
+//! The file below a writer: private to its owner, whole rows only, and silent after its first error.
+
+use std::fs::{File, OpenOptions, Permissions};
+use std::io::{self, Write};
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::path::Path;
+
+/// Where bytes go that may have to be taken back.
+pub(crate) trait Store: Write + Send {
+    /// Forgets everything after the first `length` bytes.
+    fn cut(&mut self, length: u64) -> io::Result<()>;
+}
+
+impl Store for File {
+    fn cut(&mut self, length: u64) -> io::Result<()> {
+        self.set_len(length)
+    }
+}
+
+/// A store that ends at a block's end whatever happens: when a block cannot be written whole, the part
+/// that was written is taken back, and no later block is accepted.
+pub(crate) struct Output {
+    store: Box<dyn Store>,
+    kept: u64,
+    failed: bool,
+}
+
+impl Output {
+    /// Creates (or empties) a file that only its owner may read and write.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let file = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)?;
+        if file.metadata()?.is_file() {
+            file.set_permissions(Permissions::from_mode(0o600))?;
+        }
+        Ok(Output::over(Box::new(file)))
+    }
+
+    /// Writes to any store.
+    pub fn over(store: Box<dyn Store>) -> Self {
+        Output { store, kept: 0, failed: false }
+    }
+
+    /// Bytes in the store.
+    pub fn kept(&self) -> u64 {
+        self.kept
+    }
+
+    /// Writes a whole block or nothing.
+    pub fn block(&mut self, bytes: &[u8]) -> io::Result<()> {
+        if self.failed {
+            return Err(io::Error::other("an earlier block could not be written"));
+        }
+        match self.store.write_all(bytes).and_then(|()| self.store.flush()) {
+            Ok(()) => {
+                self.kept += bytes.len() as u64;
+                Ok(())
+            }
+            Err(error) => {
+                self.failed = true;
+                // A device or a pipe cannot be cut: then nobody reads it back either.
+                let _ = self.store.cut(self.kept);
+                Err(error)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use std::io::{self, Write};
+    use std::sync::{Arc, Mutex};
+
+    use super::{Output, Store};
+
+    /// A store in memory that is full after `room` bytes.
+    #[derive(Clone, Default)]
+    pub struct Disk {
+        pub bytes: Arc<Mutex<Vec<u8>>>,
+        pub room: usize,
+    }
+
+    impl Disk {
+        pub fn with_room(room: usize) -> Self {
+            Disk { bytes: Arc::default(), room }
+        }
+
+        pub fn content(&self) -> Vec<u8> {
+            self.bytes.lock().expect("no writer panics").clone()
+        }
+    }
+
+    impl Write for Disk {
+        fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+            let mut bytes = self.bytes.lock().expect("no writer panics");
+            let fits = buf.len().min(self.room - bytes.len());
+            if fits == 0 && !buf.is_empty() {
+                return Err(io::Error::from(io::ErrorKind::StorageFull));
+            }
+            bytes.extend_from_slice(&buf[..fits]);
+            Ok(fits)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl Store for Disk {
+        fn cut(&mut self, length: u64) -> io::Result<()> {
+            self.bytes.lock().expect("no writer panics").truncate(length as usize);
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_block_is_kept_whole_or_not_at_all() {
+        let disk = Disk::with_room(10);
+        let mut output = Output::over(Box::new(disk.clone()));
+        output.block(b"123456").expect("there is room");
+        assert!(output.block(b"7890123").is_err());
+        assert!(output.block(b"7").is_err(), "nothing after an error, even if it would fit");
+        assert_eq!(disk.content(), b"123456");
+    }
+}

@@ -1,0 +1,183 @@
+//! Writing a recording row by row, and what both formats share.
+
+use std::path::{Path, PathBuf};
+
+use crate::csv_writer::CsvWriter;
+use crate::error::WriteError;
+use crate::mcap_writer::McapWriter;
+use crate::names::{ColumnError, Group, ORIENTATION, Roles, TOOL};
+use crate::recording::{Event, Recording};
+
+/// The columns of a recording that is going to be written, checked.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Layout {
+    columns: Vec<String>,
+}
+
+impl Layout {
+    /// A layout of these columns; rows are given in the same order. The customary order is the one of
+    /// [`Layout::of`].
+    ///
+    /// # Errors
+    /// The names make no recording: see [`ColumnError`].
+    pub fn new(columns: impl IntoIterator<Item = impl Into<String>>) -> Result<Self, ColumnError> {
+        let columns: Vec<String> = columns.into_iter().map(Into::into).collect();
+        Roles::new(&columns, None)?;
+        Ok(Layout { columns })
+    }
+
+    /// The layout in the order of the contract: `t`, the groups for every one of `joints` joints in the
+    /// order of [`Group::ALL`], the tool's position and orientation if `tool`, then `others`.
+    /// Positions are always there.
+    ///
+    /// # Errors
+    /// One of `others` is a name of the contract, a repetition or unprintable; or there are no joints.
+    pub fn of(joints: usize, groups: &[Group], tool: bool, others: &[&str]) -> Result<Self, ColumnError> {
+        let mut columns = vec!["t".to_string()];
+        for group in Group::ALL {
+            if group == Group::Position || groups.contains(&group) {
+                columns.extend((0..joints).map(|joint| group.column(joint)));
+            }
+        }
+        if tool {
+            columns.extend(TOOL.iter().chain(&ORIENTATION).map(ToString::to_string));
+        }
+        columns.extend(others.iter().map(ToString::to_string));
+        Layout::new(columns)
+    }
+
+    /// The names, in the order of a row.
+    pub fn columns(&self) -> &[String] {
+        &self.columns
+    }
+
+    /// Where `t` stands in a row.
+    pub(crate) fn time(&self) -> usize {
+        self.columns.iter().position(|name| name == "t").expect("Roles::new refuses names without t")
+    }
+}
+
+/// What a writer left in its file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Summary {
+    /// The file.
+    pub file: PathBuf,
+    /// Rows in it.
+    pub rows: u64,
+    /// Events in it; a CSV has no place for them.
+    pub events: u64,
+    /// Its size, bytes.
+    pub bytes: u64,
+}
+
+/// When to hand over what has gathered: after [`Pace::SECONDS`] of data or [`Pace::BYTES`], so that a
+/// recorder that is killed loses no more than that.
+#[derive(Debug, Default)]
+pub(crate) struct Pace {
+    since: Option<f64>,
+    bytes: usize,
+}
+
+impl Pace {
+    const SECONDS: f64 = 0.25;
+    const BYTES: usize = 256 * 1024;
+
+    /// Counts `bytes` written at time `t`, s; says whether to hand over now.
+    pub fn due(&mut self, t: f64, bytes: usize) -> bool {
+        self.bytes += bytes;
+        let since = *self.since.get_or_insert(t);
+        let due = t - since >= Self::SECONDS || self.bytes >= Self::BYTES;
+        if due {
+            *self = Pace::default();
+        }
+        due
+    }
+}
+
+/// Writes a recording as CSV or MCAP, row by row.
+///
+/// Complete rows reach the file every 0.25 s of data or 256 KiB, whichever comes first: what was handed over
+/// before is still readable when the process is killed. The file belongs to its owner alone (mode 0600);
+/// an existing one is replaced. After an error the writer refuses everything else, and never panics.
+/// A writer that is dropped finishes its file as well as it can.
+#[derive(Debug)]
+pub enum RowWriter {
+    /// Writes CSV.
+    Csv(CsvWriter),
+    /// Writes MCAP.
+    Mcap(McapWriter),
+}
+
+impl RowWriter {
+    /// Begins a recording in the format that the ending of `path` says (`.csv`, `.mcap`). A CSV has no
+    /// place for `metadata`: there it is left out.
+    ///
+    /// # Errors
+    /// [`WriteError::Ending`], [`WriteError::Create`], [`WriteError::Stopped`].
+    pub fn create(path: &Path, layout: &Layout, metadata: &[(String, String)]) -> Result<Self, WriteError> {
+        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("csv") => Ok(RowWriter::Csv(CsvWriter::create(path, layout)?)),
+            Some("mcap") => Ok(RowWriter::Mcap(McapWriter::create(path, layout, metadata)?)),
+            _ => Err(WriteError::Ending { file: path.to_path_buf() }),
+        }
+    }
+
+    /// Writes one row: a value per column of the layout. Values are written as they are, finite or not.
+    ///
+    /// # Errors
+    /// [`WriteError::Width`] (the writer goes on), [`WriteError::Stopped`], [`WriteError::Closed`].
+    pub fn write(&mut self, row: &[f64]) -> Result<(), WriteError> {
+        match self {
+            RowWriter::Csv(writer) => writer.write(row),
+            RowWriter::Mcap(writer) => writer.write(row),
+        }
+    }
+
+    /// Writes an event; a CSV has no place for one and leaves it out.
+    ///
+    /// # Errors
+    /// [`WriteError::EventTime`] (the writer goes on), [`WriteError::Stopped`], [`WriteError::Closed`].
+    pub fn event(&mut self, event: &Event) -> Result<(), WriteError> {
+        match self {
+            RowWriter::Csv(_) => Ok(()),
+            RowWriter::Mcap(writer) => writer.event(event),
+        }
+    }
+
+    /// Writes what is left and closes the file.
+    ///
+    /// # Errors
+    /// [`WriteError::Stopped`], [`WriteError::Closed`] after an earlier error.
+    pub fn finish(self) -> Result<Summary, WriteError> {
+        match self {
+            RowWriter::Csv(writer) => writer.finish(),
+            RowWriter::Mcap(writer) => writer.finish(),
+        }
+    }
+}
+
+/// Writes `recording` to `path`, as CSV or MCAP by the ending, columns in the order of the contract.
+/// Reading it again gives the same numbers, bit for bit.
+///
+/// # Errors
+/// As [`RowWriter`] has them.
+pub fn export(recording: &Recording, path: &Path) -> Result<Summary, WriteError> {
+    let layout = Layout::new(recording.columns())?;
+    let mut writer = RowWriter::create(path, &layout, &recording.metadata)?;
+    let columns: Vec<&[f64]> = recording.named().map(|(_, values)| values).collect();
+    let mut events = recording.events.iter().peekable();
+    let mut row = vec![0.0; columns.len()];
+    for sample in 0..recording.len() {
+        for (cell, column) in row.iter_mut().zip(&columns) {
+            *cell = column[sample];
+        }
+        while let Some(event) = events.next_if(|e| e.t <= recording.t[sample]) {
+            writer.event(event)?;
+        }
+        writer.write(&row)?;
+    }
+    for event in events {
+        writer.event(event)?;
+    }
+    writer.finish()
+}
