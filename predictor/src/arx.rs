@@ -2,7 +2,7 @@
 //!
 //! # Formula
 //! ŷ = ȳ + B (x − x̄), B = argmin Σ |y − ȳ − B (x − x̄)|² + λ n |B|² over the n training windows, on regressors and outputs scaled
-//! to \[-1, 1\] (A. E. Hoerl, R. W. Kennard, "Ridge regression", Technometrics 12(1), 1970, Eq. 2.1). λ is the one of
+//! to \[-1, 1\] (A. E. Hoerl, R. W. Kennard, "Ridge regression", Technometrics 12(1), 1970). λ is the one of
 //! [`RIDGES`] with the least mean squared error on the validation windows.
 
 use crate::gauss_newton::Samples;

@@ -36,6 +36,9 @@ pub enum BaselineError {
 }
 
 /// Persistence: the outputs of the present, ŷ\[k+h\] = y\[k\].
+///
+/// # Panics
+/// When a window lies outside its run (as do the others here).
 #[must_use]
 pub fn persistence(series: &Series, windows: &[Window]) -> Vec<f64> {
     windows.iter().flat_map(|w| series.output(w.run, w.present)).copied().collect()
@@ -49,7 +52,7 @@ pub fn persistence(series: &Series, windows: &[Window]) -> Vec<f64> {
 pub fn previous_lap(series: &Series, windows: &[Window], period: usize) -> Result<Vec<f64>, BaselineError> {
     let mut predictions = Vec::with_capacity(windows.len() * series.outputs());
     for &Window { run, present, target } in windows {
-        let back = period.saturating_mul((target - present).div_ceil(period.max(1)));
+        let back = period.saturating_mul(target.saturating_sub(present).div_ceil(period.max(1)));
         if back == 0 || back > target {
             return Err(BaselineError::NoPreviousLap { run, target, period, needed: back });
         }

@@ -3,7 +3,7 @@
 //! # Formula
 //! A hidden layer of s units on r inputs in \[-1, 1\]: weight vectors of length 0.7 s^(1/r) in random directions, biases
 //! spread evenly so that the units' active ranges cover the inputs (D. Nguyen, B. Widrow, "Improving the learning speed
-//! of 2-layer neural networks by choosing initial values of the adaptive weights", IJCNN 1990, Eqs. 5–7), then stretched
+//! of 2-layer neural networks by choosing initial values of the adaptive weights", IJCNN 1990), then stretched
 //! to the unit's active range, |z| < 2 for tanh and |z| < 4 for the logistic function, and shifted to inputs in \[0, 1\]
 //! after logistic units, as MATLAB's `initnw` does. Output weights and biases are uniform in (-1, 1).
 

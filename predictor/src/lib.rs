@@ -24,6 +24,7 @@ pub mod arx;
 pub mod baselines;
 pub mod gauss_newton;
 pub mod initialise;
+mod layer_pairs;
 pub mod levenberg_marquardt;
 pub mod metrics;
 pub mod narx;

@@ -2,7 +2,7 @@
 //!
 //! # Formulas
 //! MSE = mean (ŷ − y)², R = correlation of ŷ and y (Pearson), skill = 1 − MSE / MSE of the best baseline (A. H. Murphy,
-//! "Skill scores based on the mean square error", Monthly Weather Review 116, 1988, Eq. 4, with the best of several
+//! "Skill scores based on the mean square error", Monthly Weather Review 116, 1988, with the best of several
 //! references). Skill 1 is perfect, 0 is the baseline, below 0 is worse. R alone proves nothing: persistence reaches
 //! 0.999 on slowly varying outputs.
 

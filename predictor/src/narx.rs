@@ -3,7 +3,7 @@
 //! *Series-parallel* (open loop): every prediction looks at measured outputs, h samples ahead. *Closed loop* (free run):
 //! from some instant on the model looks at its own predictions instead; errors accumulate. (K. S. Narendra, K.
 //! Parthasarathy, "Identification and control of dynamical systems using neural networks", IEEE Trans. Neural Networks 1(1),
-//! 1990, Sec. IV.)
+//! 1990.)
 
 use crate::network::Network;
 use crate::predictor::{Predictor, PushError};
@@ -178,7 +178,11 @@ impl Narx {
         series.check_channels(&self.input_names, &self.output_names)?;
         let Layout { horizon, .. } = self.layout;
         let present = start.saturating_sub(horizon);
-        let edge = |ahead: usize| Window { run, present: present + ahead, target: start + ahead };
+        let edge = |ahead: usize| Window {
+            run,
+            present: present.saturating_add(ahead),
+            target: start.saturating_add(ahead),
+        };
         let ends = [edge(0), edge(steps.saturating_sub(1))];
         check_windows(series, &ends, self.layout.memory(), horizon)?;
         let mut predictor = Predictor::new(self.clone());

@@ -9,7 +9,7 @@
 //!
 //! # Layout in memory
 //! For [`Network::forward`] a second copy of the weights is kept in panels of four units, padded with zero weights:
-//! [biases] [weights on a₀] [weights on a₁] …, four numbers each. A panel's sums stay in registers.
+//! biases, weights on the first unit of the layer before, weights on the second, …, four numbers each. A panel's sums stay in registers.
 
 use crate::activation::{Activation, fused};
 
@@ -48,10 +48,12 @@ pub enum NetworkError {
     },
 }
 
-/// Number of weights, biases included, of a network with these layer sizes (inputs first, outputs last).
+/// Number of weights, biases included, of a network with these layer sizes (inputs first, outputs last); the largest
+/// number there is, if they are more.
 #[must_use]
 pub fn weight_count(sizes: &[usize]) -> usize {
-    sizes.windows(2).map(|pair| (pair[0] + 1) * pair[1]).sum()
+    let of_layer = |pair: &[usize]| pair[0].saturating_add(1).saturating_mul(pair[1]);
+    sizes.windows(2).map(of_layer).fold(0, usize::saturating_add)
 }
 
 /// An immutable network; see the module for its formula and the order of its weights.
@@ -304,6 +306,8 @@ mod tests {
         assert!(matches!(make(&[3, 0, 1], vec![]), Err(NetworkError::BadSizes { .. })));
         let wrong = make(&[40, 10, 10, 10, 10, 3], vec![0.0; 770]);
         assert!(matches!(wrong, Err(NetworkError::WrongWeightCount { needed: 773, given: 770, .. })));
+        let huge = make(&[usize::MAX, usize::MAX, 2], vec![0.0; 3]);
+        assert!(matches!(huge, Err(NetworkError::WrongWeightCount { .. })));
         let nan = make(&[1, 1], vec![0.0, f64::NAN]);
         assert!(matches!(nan, Err(NetworkError::NonFiniteWeight { index: 1, .. })));
     }

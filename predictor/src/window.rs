@@ -8,6 +8,9 @@
 use crate::series::Series;
 use serde::{Deserialize, Serialize};
 
+/// Largest lag and horizon, samples: more than a minute at 1 kHz, and little enough to keep in memory.
+pub const LONGEST: usize = 100_000;
+
 /// Which samples a prediction is made from, and for which instant.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -39,6 +42,12 @@ pub enum WindowError {
     /// The horizon is 0.
     #[error("horizon 0 predicts nothing: give 1 or more samples")]
     NoHorizon,
+    /// A lag or the horizon is beyond [`LONGEST`].
+    #[error("a lag or horizon of {samples} samples is too long: at most {LONGEST}")]
+    TooLong {
+        /// Samples asked for.
+        samples: usize,
+    },
     /// A lag appears twice.
     #[error("{kind} lag {lag} appears twice: give each lag once")]
     RepeatedLag {
@@ -89,10 +98,14 @@ impl Layout {
     /// Whether the layout makes sense for the given numbers of channels.
     ///
     /// # Errors
-    /// When the horizon is 0, a lag appears twice, or nothing is looked at.
+    /// When the horizon is 0, a lag or the horizon is too long, a lag appears twice, or nothing is looked at.
     pub fn check(&self, inputs: usize, outputs: usize) -> Result<(), WindowError> {
         if self.horizon == 0 {
             return Err(WindowError::NoHorizon);
+        }
+        let samples = self.memory().max(self.horizon);
+        if samples > LONGEST {
+            return Err(WindowError::TooLong { samples });
         }
         for (kind, lags) in [("input", &self.input_lags), ("output", &self.output_lags)] {
             if let Some(i) = (1..lags.len()).find(|&i| lags[..i].contains(&lags[i])) {
@@ -184,7 +197,7 @@ pub(crate) fn check_windows(
 ) -> Result<(), WindowError> {
     let fits = |w: &&Window| {
         let samples = series.runs().get(w.run).map_or(0, crate::series::Run::samples);
-        w.present >= memory && w.target == w.present + horizon && w.target < samples
+        w.present >= memory && w.target.checked_sub(w.present) == Some(horizon) && w.target < samples
     };
     match windows.iter().find(|w| !fits(w)) {
         None => Ok(()),
@@ -195,6 +208,9 @@ pub(crate) fn check_windows(
 }
 
 /// The true outputs at the windows' targets, row-major.
+///
+/// # Panics
+/// When a window lies outside its run.
 #[must_use]
 pub fn targets(series: &Series, windows: &[Window]) -> Vec<f64> {
     windows.iter().flat_map(|window| series.output(window.run, window.target)).copied().collect()
@@ -263,6 +279,8 @@ mod tests {
         assert_eq!(check(|l| l.horizon = 0), Err(WindowError::NoHorizon));
         let repeated = check(|l| l.input_lags = vec![0, 2, 0]);
         assert_eq!(repeated, Err(WindowError::RepeatedLag { kind: "input", lag: 0 }));
+        let long = check(|l| l.output_lags = vec![usize::MAX]);
+        assert_eq!(long, Err(WindowError::TooLong { samples: usize::MAX }));
         let nothing = Layout { input_lags: vec![0], output_lags: vec![], horizon: 1, input_at_target: true };
         assert_eq!(nothing.check(0, 3), Err(WindowError::NoRegressors));
         let short = windows(&series(), 4, 2).unwrap_err();

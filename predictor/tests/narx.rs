@@ -310,7 +310,7 @@ fn bad_prediction_input_is_named() {
         matches!(narx.predict(&series, &[Window { run, present, target }]), Err(PredictError::Window(_)))
     };
     assert!(attempt(0, 6, 9) && attempt(0, 20, 22) && attempt(0, 197, 200) && attempt(2, 20, 23));
-    for (start, steps) in [(9, 5), (150, 51), (2, 1)] {
+    for (start, steps) in [(9, 5), (150, 51), (2, 1), (150, usize::MAX)] {
         assert!(matches!(narx.free_run(&series, 0, start, steps), Err(PredictError::Window(_))));
     }
     assert_eq!(narx.free_run(&series, 0, 10, 190).unwrap().len(), 380);
