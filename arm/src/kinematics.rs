@@ -2,7 +2,8 @@
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Vector3, Vector6};
 
-use crate::arm::{Arm, JointKind};
+use crate::arm::Arm;
+use crate::joint::JointKind;
 use crate::spatial::Acceleration;
 use crate::workspace::{Workspace, isometry};
 
@@ -69,25 +70,20 @@ pub(crate) fn jacobian_column(arm: &Arm, ws: &Workspace, joint: usize, tool: &Ve
 }
 
 /// Rotation, position and axis of every link at `q`.
-#[inline]
+#[inline(always)]
 pub(crate) fn place_links(arm: &Arm, ws: &mut Workspace, q: &[f64]) {
     ws.check_sizes(arm, [q.len()]);
     let mut rotation = Matrix3::identity();
     let mut position = Vector3::zeros();
     for ((link, joint), &q) in ws.links.iter_mut().zip(arm.constants()).zip(q) {
         link.axis = rotation * joint.axis;
-        let local = match joint.kind {
-            JointKind::Revolute => {
-                link.from_parent = rotation * joint.offset;
-                let (sin, cos) = q.sin_cos();
-                joint.fixed + joint.cosine * cos + joint.sine * sin
-            }
-            JointKind::Prismatic => {
-                link.from_parent = rotation * (joint.offset + joint.slide * q);
-                joint.fixed
-            }
-        };
-        rotation *= local;
+        link.from_parent = rotation * (joint.offset + joint.slide * q);
+        if let Some(placed) = &joint.placed {
+            rotation *= placed;
+        }
+        if joint.kind == JointKind::Revolute {
+            rotation = joint.turn.applied(&rotation, q);
+        }
         position += link.from_parent;
         link.rotation = rotation;
         link.position = position;
@@ -97,7 +93,7 @@ pub(crate) fn place_links(arm: &Arm, ws: &mut Workspace, q: &[f64]) {
 /// Angular velocity of every link at `v`, and the part of each link's acceleration that velocity alone brings, after
 /// [`place_links`]. With r the way from the parent's origin and s the axis, it is ω×(s q̇) for the angular part of a revolute
 /// joint and ω×(ω×r), for a prismatic joint + 2 ω×(s q̇) (Coriolis 1835), for the linear part; ω is the parent's.
-#[inline]
+#[inline(always)]
 pub(crate) fn turn_links(arm: &Arm, ws: &mut Workspace, v: &[f64]) {
     ws.check_sizes(arm, [v.len()]);
     let mut omega = Vector3::zeros();

@@ -21,17 +21,26 @@
 //! (rad or m), v (rad/s or m/s), a (rad/s² or m/s²) and tau (N·m or N). No function of the loop allocates, locks or logs.
 
 mod arm;
+mod check;
 mod dynamics;
+mod inverse;
+mod joint;
 mod kinematics;
+mod link;
 mod model;
 mod spatial;
 mod workspace;
 
-pub use arm::{Arm, ArmError, Inertia, Joint, JointFriction, JointKind, Limits, MAX_DOF};
+pub use arm::{Arm, ArmError, MAX_DOF};
 pub use dynamics::energy::{kinetic_energy, potential_energy};
 pub use dynamics::forward::{Drive, aba, hybrid_aba};
 pub use dynamics::inverse::{bias, gravity_torque, joint_reaction, rnea};
 pub use dynamics::mass_matrix::crba;
+pub use inverse::{
+    IkError, IkOptions, IkReport, IkTask, inverse_kinematics, inverse_kinematics_global,
+    inverse_kinematics_with,
+};
+pub use joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 pub use kinematics::{forward_kinematics, jacobian, tool_bias_acceleration};
 pub use model::{
     ArmFile, EffectTable, MAX_FILE_BYTES, ModelError, Place, load, paper_arm, parse_toml, parse_urdf, to_toml,

@@ -19,19 +19,13 @@ impl Symmetric3 {
         Self { xx: m.m11, yy: m.m22, zz: m.m33, xy: m.m21, xz: m.m31, yz: m.m32 }
     }
 
-    /// `value` times the identity.
-    #[inline]
-    pub fn scaled_identity(value: f64) -> Self {
-        Self { xx: value, yy: value, zz: value, ..Self::default() }
-    }
-
     /// Sum of the diagonal.
     pub fn trace(&self) -> f64 {
         self.xx + self.yy + self.zz
     }
 
     /// This matrix times `v`.
-    #[inline]
+    #[inline(always)]
     pub fn times(&self, v: &Vector3<f64>) -> Vector3<f64> {
         Vector3::new(
             self.xx * v.x + self.xy * v.y + self.xz * v.z,
@@ -41,7 +35,7 @@ impl Symmetric3 {
     }
 
     /// R · this · Rᵀ: the same tensor seen from the frame that R leads to.
-    #[inline]
+    #[inline(always)]
     pub fn rotated(&self, r: &Matrix3<f64>) -> Self {
         let row1 = self.times(&Vector3::new(r.m11, r.m12, r.m13));
         let row2 = self.times(&Vector3::new(r.m21, r.m22, r.m23));
@@ -58,7 +52,7 @@ impl Symmetric3 {
     }
 
     /// Adds `other`.
-    #[inline]
+    #[inline(always)]
     pub fn add(&mut self, other: &Self) {
         self.xx += other.xx;
         self.yy += other.yy;
@@ -69,7 +63,7 @@ impl Symmetric3 {
     }
 
     /// Subtracts `scale · v vᵀ`.
-    #[inline]
+    #[inline(always)]
     pub fn subtract_outer(&mut self, scale: f64, v: &Vector3<f64>) {
         let w = v * scale;
         self.xx -= w.x * v.x;
@@ -82,7 +76,7 @@ impl Symmetric3 {
 
     /// The inertia about a point from which the old reference point is seen at `r`, of a body with this inertia about the old
     /// point, mass `m` and first moment `h` about the old point: J + m(r² 1 − r rᵀ) + 2(r·h) 1 − r hᵀ − h rᵀ (Steiner 1840).
-    #[inline]
+    #[inline(always)]
     pub fn seen_from(&self, r: &Vector3<f64>, m: f64, h: &Vector3<f64>) -> Self {
         let g = h + r * (0.5 * m);
         let d = Vector3::new(r.x * g.x, r.y * g.y, r.z * g.z) * 2.0;
@@ -106,13 +100,13 @@ pub(crate) struct Wrench {
 
 impl Wrench {
     /// The same wrench with its moment taken about a point from which the old one is seen at `r`.
-    #[inline]
+    #[inline(always)]
     pub fn seen_from(&self, r: &Vector3<f64>) -> Self {
         Self { moment: self.moment + r.cross(&self.force), force: self.force }
     }
 
     /// Adds `other`.
-    #[inline]
+    #[inline(always)]
     pub fn add(&mut self, other: &Self) {
         self.moment += other.moment;
         self.force += other.force;
@@ -139,14 +133,23 @@ pub(crate) struct ArticulatedInertia {
 }
 
 impl ArticulatedInertia {
-    /// That of one rigid body: inertia `j` about the link origin, mass `m`, first moment `h`.
-    #[inline]
-    pub fn of_body(j: Symmetric3, m: f64, h: &Vector3<f64>) -> Self {
-        Self { angular: j, cross: h.cross_matrix(), linear: Symmetric3::scaled_identity(m) }
+    /// Adds a rigid body: inertia `j` about the link origin, mass `m`, first moment `h`; its block H is [h].
+    #[inline(always)]
+    pub fn add_body(&mut self, j: &Symmetric3, m: f64, h: &Vector3<f64>) {
+        self.angular.add(j);
+        self.cross.m12 -= h.z;
+        self.cross.m13 += h.y;
+        self.cross.m21 += h.z;
+        self.cross.m23 -= h.x;
+        self.cross.m31 -= h.y;
+        self.cross.m32 += h.x;
+        self.linear.xx += m;
+        self.linear.yy += m;
+        self.linear.zz += m;
     }
 
     /// The wrench that causes the acceleration `a`.
-    #[inline]
+    #[inline(always)]
     pub fn times(&self, a: &Acceleration) -> Wrench {
         Wrench {
             moment: self.angular.times(&a.angular) + self.cross * a.linear,
@@ -155,19 +158,19 @@ impl ArticulatedInertia {
     }
 
     /// The column for turning about `axis`.
-    #[inline]
+    #[inline(always)]
     pub fn times_angular(&self, axis: &Vector3<f64>) -> Wrench {
         Wrench { moment: self.angular.times(axis), force: self.cross.tr_mul(axis) }
     }
 
     /// The column for sliding along `axis`.
-    #[inline]
+    #[inline(always)]
     pub fn times_linear(&self, axis: &Vector3<f64>) -> Wrench {
         Wrench { moment: self.cross * axis, force: self.linear.times(axis) }
     }
 
     /// Subtracts `scale · u uᵀ`, the part of the inertia that a free joint with column `u` does not hand on.
-    #[inline]
+    #[inline(always)]
     pub fn subtract_outer(&mut self, scale: f64, u: &Wrench) {
         self.angular.subtract_outer(scale, &u.moment);
         self.linear.subtract_outer(scale, &u.force);
@@ -176,7 +179,7 @@ impl ArticulatedInertia {
 
     /// The same inertia about a point from which the old reference point is seen at `r`:
     /// H′ = H + [r]M, J′ = J − H′[r] + [r]Hᵀ, M′ = M, with [r] the cross-product matrix.
-    #[inline]
+    #[inline(always)]
     pub fn seen_from(&self, r: &Vector3<f64>) -> Self {
         let m = &self.linear;
         let h = &self.cross;
@@ -203,13 +206,5 @@ impl ArticulatedInertia {
             cross: moved,
             linear: *m,
         }
-    }
-
-    /// Adds `other`.
-    #[inline]
-    pub fn add(&mut self, other: &Self) {
-        self.angular.add(&other.angular);
-        self.cross += other.cross;
-        self.linear.add(&other.linear);
     }
 }

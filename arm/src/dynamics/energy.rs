@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use crate::arm::{Arm, JointKind};
+use crate::arm::Arm;
+use crate::joint::JointKind;
 use crate::kinematics::{place_links, turn_links};
 use crate::workspace::Workspace;
 

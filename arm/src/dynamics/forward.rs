@@ -2,9 +2,11 @@
 
 use nalgebra::Vector3;
 
-use crate::arm::{Arm, JointKind, LinkConstants};
+use crate::arm::Arm;
 use crate::dynamics::inverse::{accelerate, along_axis, carried_acceleration};
+use crate::joint::JointKind;
 use crate::kinematics::{place_links, turn_links};
+use crate::link::LinkConstants;
 use crate::spatial::{Acceleration, ArticulatedInertia, Wrench};
 use crate::workspace::{LinkState, Workspace, WrenchSource};
 
@@ -76,57 +78,55 @@ pub(crate) fn felt_inertia(arm: &Arm, ws: &mut Workspace, q: &[f64], mut report:
     }
 }
 
-/// Inertia of the link alone and the wrench that its velocity asks for, about its origin.
-#[inline]
-fn link_inertia(joint: &LinkConstants, link: &LinkState) -> (ArticulatedInertia, Wrench) {
-    if joint.massless {
-        return (ArticulatedInertia::default(), Wrench::default());
-    }
-    let inertia = joint.inertia.rotated(&link.rotation);
+/// Adds the link itself to what it carries: its inertia, and the wrench that its velocity asks for.
+#[inline(always)]
+fn add_link(joint: &LinkConstants, link: &LinkState, inertia: &mut ArticulatedInertia, wrench: &mut Wrench) {
+    let j = joint.inertia.rotated(&link.rotation);
     let h = link.rotation * joint.first_moment;
-    let wrench = Wrench {
-        moment: link.omega.cross(&inertia.times(&link.omega)),
-        force: link.omega.cross(&link.omega.cross(&h)),
-    };
-    (ArticulatedInertia::of_body(inertia, joint.mass, &h), wrench)
+    inertia.add_body(&j, joint.mass, &h);
+    wrench.moment += link.omega.cross(&j.times(&link.omega));
+    wrench.force += link.omega.cross(&link.omega.cross(&h));
 }
 
 /// Articulated inertias and bias wrenches, from the last link inwards, after `place_links` and `turn_links`.
-#[inline]
+#[inline(always)]
 fn gather(arm: &Arm, ws: &mut Workspace, drive: impl Fn(usize) -> Drive) {
-    let mut carried_inertia = ArticulatedInertia::default();
-    let mut carried_wrench = Wrench::default();
+    let mut inertia = ArticulatedInertia::default();
+    let mut wrench = Wrench::default();
     for (i, (link, joint)) in ws.links.iter_mut().zip(arm.constants()).enumerate().rev() {
-        (link.articulated, link.wrench) = link_inertia(joint, link);
-        link.articulated.add(&carried_inertia);
-        link.wrench.add(&carried_wrench);
-
-        let mut inertia = link.articulated;
-        let mut wrench = link.wrench;
-        let mut drift = link.drift;
+        if !joint.massless {
+            add_link(joint, link, &mut inertia, &mut wrench);
+        }
+        link.articulated = inertia;
+        link.wrench = wrench;
         match drive(i) {
-            Drive::Acceleration(a) => accelerate(&mut drift, joint.kind, &link.axis, a),
+            Drive::Acceleration(a) => {
+                let mut drift = link.drift;
+                accelerate(&mut drift, joint.kind, &link.axis, a);
+                wrench.add(&inertia.times(&drift));
+            }
             Drive::Torque(tau) => {
-                link.column = match joint.kind {
+                let column = match joint.kind {
                     JointKind::Revolute => inertia.times_angular(&link.axis),
                     JointKind::Prismatic => inertia.times_linear(&link.axis),
                 };
-                link.inverse_felt = 1.0 / along_axis(joint.kind, link, &link.column);
-                link.residual = tau - along_axis(joint.kind, link, &wrench);
-                inertia.subtract_outer(link.inverse_felt, &link.column);
-                let push = link.inverse_felt * link.residual;
-                wrench.moment += link.column.moment * push;
-                wrench.force += link.column.force * push;
+                let inverse_felt = 1.0 / along_axis(joint.kind, &link.axis, &column);
+                let residual = tau - along_axis(joint.kind, &link.axis, &wrench);
+                inertia.subtract_outer(inverse_felt, &column);
+                wrench.add(&inertia.times(&link.drift));
+                let push = inverse_felt * residual;
+                wrench.moment += column.moment * push;
+                wrench.force += column.force * push;
+                (link.column, link.inverse_felt, link.residual) = (column, inverse_felt, residual);
             }
         }
-        wrench.add(&inertia.times(&drift));
-        carried_inertia = inertia.seen_from(&link.from_parent);
-        carried_wrench = wrench.seen_from(&link.from_parent);
+        inertia = inertia.seen_from(&link.from_parent);
+        wrench = wrench.seen_from(&link.from_parent);
     }
 }
 
 /// Accelerations outwards, after [`gather`]; `report` gets joint number, acceleration and torque.
-#[inline]
+#[inline(always)]
 fn spread(
     arm: &Arm,
     ws: &mut Workspace,
@@ -149,7 +149,7 @@ fn spread(
                 accelerate(&mut acceleration, joint.kind, &link.axis, a);
                 let mut wrench = link.articulated.times(&acceleration);
                 wrench.add(&link.wrench);
-                report(i, a, along_axis(joint.kind, link, &wrench));
+                report(i, a, along_axis(joint.kind, &link.axis, &wrench));
             }
         }
         link.acceleration = acceleration;

@@ -2,8 +2,10 @@
 
 use nalgebra::Vector3;
 
-use crate::arm::{Arm, JointKind, LinkConstants};
+use crate::arm::Arm;
+use crate::joint::JointKind;
 use crate::kinematics::{place_links, turn_links};
+use crate::link::LinkConstants;
 use crate::spatial::{Acceleration, Wrench};
 use crate::workspace::{LinkState, Workspace, WrenchSource};
 
@@ -44,7 +46,7 @@ pub fn gravity_torque(arm: &Arm, ws: &mut Workspace, q: &[f64], out: &mut [f64])
         let force = arm.gravity() * -joint.mass;
         let moment = -(link.rotation * joint.first_moment).cross(arm.gravity());
         link.wrench = Wrench { moment: moment + carried.moment, force: force + carried.force };
-        out[i] = along_axis(joint.kind, link, &link.wrench);
+        out[i] = along_axis(joint.kind, &link.axis, &link.wrench);
         carried = link.wrench.seen_from(&link.from_parent);
     }
     ws.wrench_source = WrenchSource::Transmitted;
@@ -66,16 +68,16 @@ pub fn joint_reaction(ws: &Workspace, joint: usize) -> (Vector3<f64>, Vector3<f6
 }
 
 /// The part of a wrench that the joint's motor has to provide.
-#[inline]
-pub(crate) fn along_axis(kind: JointKind, link: &LinkState, wrench: &Wrench) -> f64 {
+#[inline(always)]
+pub(crate) fn along_axis(kind: JointKind, axis: &Vector3<f64>, wrench: &Wrench) -> f64 {
     match kind {
-        JointKind::Revolute => link.axis.dot(&wrench.moment),
-        JointKind::Prismatic => link.axis.dot(&wrench.force),
+        JointKind::Revolute => axis.dot(&wrench.moment),
+        JointKind::Prismatic => axis.dot(&wrench.force),
     }
 }
 
 /// Acceleration of a link from its parent's, without the part that the joint's own acceleration adds.
-#[inline]
+#[inline(always)]
 pub(crate) fn carried_acceleration(parent: &Acceleration, link: &LinkState) -> Acceleration {
     Acceleration {
         angular: parent.angular + link.drift.angular,
@@ -84,7 +86,7 @@ pub(crate) fn carried_acceleration(parent: &Acceleration, link: &LinkState) -> A
 }
 
 /// Adds the joint's own acceleration `a`.
-#[inline]
+#[inline(always)]
 pub(crate) fn accelerate(acceleration: &mut Acceleration, kind: JointKind, axis: &Vector3<f64>, a: f64) {
     match kind {
         JointKind::Revolute => acceleration.angular += axis * a,
@@ -93,7 +95,7 @@ pub(crate) fn accelerate(acceleration: &mut Acceleration, kind: JointKind, axis:
 }
 
 /// The wrench that gives a link its acceleration; Newton–Euler about the link origin.
-#[inline]
+#[inline(always)]
 fn link_wrench(joint: &LinkConstants, link: &LinkState) -> Wrench {
     let Acceleration { angular, linear } = &link.acceleration;
     let h = link.rotation * joint.first_moment;
@@ -107,7 +109,7 @@ fn link_wrench(joint: &LinkConstants, link: &LinkState) -> Wrench {
 }
 
 /// Accelerations outwards, wrenches inwards, after `place_links` and `turn_links`.
-#[inline]
+#[inline(always)]
 fn newton_euler(arm: &Arm, ws: &mut Workspace, a: impl Fn(usize) -> f64, tau: &mut [f64]) {
     let mut acceleration = Acceleration { angular: Vector3::zeros(), linear: -arm.gravity() };
     for (i, (link, joint)) in ws.links.iter_mut().zip(arm.constants()).enumerate() {
@@ -119,7 +121,7 @@ fn newton_euler(arm: &Arm, ws: &mut Workspace, a: impl Fn(usize) -> f64, tau: &m
     let mut carried = Wrench::default();
     for ((link, joint), tau) in ws.links.iter_mut().zip(arm.constants()).zip(tau).rev() {
         link.wrench.add(&carried);
-        *tau = along_axis(joint.kind, link, &link.wrench);
+        *tau = along_axis(joint.kind, &link.axis, &link.wrench);
         carried = link.wrench.seen_from(&link.from_parent);
     }
     ws.wrench_source = WrenchSource::Transmitted;

@@ -2,8 +2,9 @@
 
 use nalgebra::{DMatrix, Vector3};
 
-use crate::arm::{Arm, JointKind};
+use crate::arm::Arm;
 use crate::dynamics::inverse::along_axis;
+use crate::joint::JointKind;
 use crate::kinematics::place_links;
 use crate::spatial::{Symmetric3, Wrench};
 use crate::workspace::Workspace;
@@ -29,10 +30,10 @@ pub fn crba(arm: &Arm, ws: &mut Workspace, q: &[f64], m: &mut DMatrix<f64>) {
                 Wrench { moment: link.first_moment.cross(&link.axis), force: link.axis * link.mass }
             }
         };
-        m[(i, i)] = along_axis(arm.constants()[i].kind, link, &wrench);
+        m[(i, i)] = along_axis(arm.constants()[i].kind, &link.axis, &wrench);
         for j in (0..i).rev() {
             wrench = wrench.seen_from(&ws.links[j + 1].from_parent);
-            let element = along_axis(arm.constants()[j].kind, &ws.links[j], &wrench);
+            let element = along_axis(arm.constants()[j].kind, &ws.links[j].axis, &wrench);
             m[(i, j)] = element;
             m[(j, i)] = element;
         }

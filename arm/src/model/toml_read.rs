@@ -36,7 +36,8 @@ use super::error::{ModelError, Place};
 use super::numbers::{direction, rotation};
 use super::urdf_tree::GRAVITY;
 use super::{ArmFile, EffectTable, check_extent, load};
-use crate::arm::{Arm, ArmError, Inertia, Joint, JointFriction, JointKind, Limits};
+use crate::arm::{Arm, ArmError};
+use crate::joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

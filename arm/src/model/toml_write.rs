@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 
 use super::numbers::rotation;
 use super::{ArmFile, EffectTable};
-use crate::arm::{Joint, JointKind, Limits};
+use crate::joint::{Joint, JointKind, Limits};
 
 /// The text of an arm file that [`crate::load`] reads back to the same arm, bit by bit, and the same effects. All joints are
 /// written inline, whatever the file they came from; what was ignored stands at the top as comments.

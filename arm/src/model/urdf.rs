@@ -8,7 +8,7 @@ use roxmltree::{Attribute, Document, Node, ParsingOptions};
 use super::error::{ModelError, Place};
 use super::numbers::{direction, parse_numbers, pose};
 use super::{ArmFile, check_extent, urdf_tree};
-use crate::arm::{Inertia, JointFriction, JointKind, Limits};
+use crate::joint::{Inertia, JointFriction, JointKind, Limits};
 
 /// Most XML nodes that are read; a robot with meshes by reference has some thousands.
 const MAX_NODES: u32 = 2_000_000;

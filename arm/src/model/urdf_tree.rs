@@ -5,7 +5,8 @@ use nalgebra::{Isometry3, Unit, Vector3};
 use super::ArmFile;
 use super::error::ModelError;
 use super::urdf::{Joint, Motion, Robot};
-use crate::arm::{Arm, ArmError, Inertia, Joint as ArmJoint, JointKind, MAX_DOF};
+use crate::arm::{Arm, ArmError, MAX_DOF};
+use crate::joint::{Inertia, Joint as ArmJoint, JointKind};
 
 /// Standard gravity of the model's files, m/s².
 pub(super) const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);

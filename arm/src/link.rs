@@ -1,0 +1,112 @@
+//! What the recursions need of each link, worked out once.
+
+use nalgebra::{Matrix3, Unit, Vector3};
+
+use crate::joint::{Inertia, Joint, JointKind};
+use crate::spatial::Symmetric3;
+
+/// What the recursions need of a joint and its link, worked out once.
+///
+/// The link frame is turned against the parent's by P Rot(axis, q) with P the rotation of the placement; the link origin in the
+/// parent's frame is `offset` + q `slide`.
+#[derive(Clone, Debug)]
+pub(crate) struct LinkConstants {
+    pub kind: JointKind,
+    /// P; `None` where it is the identity, as in most arm files that were written by hand.
+    pub placed: Option<Matrix3<f64>>,
+    pub turn: Turn,
+    pub offset: Vector3<f64>,
+    pub slide: Vector3<f64>,
+    /// Axis in the parent's link frame.
+    pub axis: Vector3<f64>,
+    /// Neither mass nor inertia: nothing to add to the articulated inertia.
+    pub massless: bool,
+    pub mass: f64,
+    /// m·c in the link frame, kg·m.
+    pub first_moment: Vector3<f64>,
+    /// Inertia about the link origin in the link frame, kg·m².
+    pub inertia: Symmetric3,
+}
+
+impl LinkConstants {
+    pub fn of(joint: &Joint) -> LinkConstants {
+        let placed = joint.placement.rotation.to_rotation_matrix().into_inner();
+        let axis = placed * joint.axis.into_inner();
+        let slide = match joint.kind {
+            JointKind::Revolute => Vector3::zeros(),
+            JointKind::Prismatic => axis,
+        };
+        let zero = Matrix3::zeros();
+        let Inertia { mass, com, about_com } = joint.inertia;
+        let about_origin =
+            about_com + (Matrix3::identity() * com.norm_squared() - com * com.transpose()) * mass;
+        LinkConstants {
+            kind: joint.kind,
+            placed: (placed != Matrix3::identity()).then_some(placed),
+            turn: Turn::about(&joint.axis),
+            offset: joint.placement.translation.vector,
+            slide,
+            axis,
+            massless: mass == 0.0 && about_com == zero,
+            mass,
+            first_moment: com * mass,
+            inertia: Symmetric3::from_matrix(&about_origin),
+        }
+    }
+}
+
+/// A rotation about a fixed axis, as it is multiplied from the right to the rotation of a frame.
+#[derive(Clone, Debug)]
+pub(crate) enum Turn {
+    /// About the coordinate axis `number` (0, 1, 2 for x, y, z), in the positive sense where `sign` is 1, else −1.
+    Coordinate { number: usize, sign: f64 },
+    /// About any axis u: 1 + sin q [u] + (1 − cos q) [u]² (Rodrigues 1840).
+    Skew { cross: Matrix3<f64>, squared: Matrix3<f64> },
+}
+
+impl Turn {
+    fn about(axis: &Unit<Vector3<f64>>) -> Turn {
+        match axis.iter().position(|x| x.abs() == 1.0) {
+            Some(number) => Turn::Coordinate { number, sign: axis[number] },
+            None => {
+                let cross = axis.cross_matrix();
+                Turn::Skew { cross, squared: cross * cross }
+            }
+        }
+    }
+
+    /// `rotation` · Rot(axis, q).
+    #[inline(always)]
+    pub fn applied(&self, rotation: &Matrix3<f64>, q: f64) -> Matrix3<f64> {
+        let (sin, cos) = q.sin_cos();
+        match self {
+            Turn::Coordinate { number, sign } => {
+                let sin = sin * sign;
+                let r = rotation;
+                let x = Vector3::new(r.m11, r.m21, r.m31);
+                let y = Vector3::new(r.m12, r.m22, r.m32);
+                let z = Vector3::new(r.m13, r.m23, r.m33);
+                // Two columns turn into each other; the third is the axis.
+                let turned = |a: Vector3<f64>, b: Vector3<f64>| (a * cos + b * sin, b * cos - a * sin);
+                let (x, y, z) = match number {
+                    0 => {
+                        let (y, z) = turned(y, z);
+                        (x, y, z)
+                    }
+                    1 => {
+                        let (z, x) = turned(z, x);
+                        (x, y, z)
+                    }
+                    _ => {
+                        let (x, y) = turned(x, y);
+                        (x, y, z)
+                    }
+                };
+                Matrix3::from_columns(&[x, y, z])
+            }
+            Turn::Skew { cross, squared } => {
+                rotation * (Matrix3::identity() + cross * sin + squared * (1.0 - cos))
+            }
+        }
+    }
+}
