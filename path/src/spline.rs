@@ -1,0 +1,123 @@
+//! Natural cubic spline through rows of numbers.
+//!
+//! Source: de Boor (1978), *A Practical Guide to Splines*, ch. IV: the interpolant with two continuous
+//! derivatives whose second derivative vanishes at both ends. It is exact for straight lines and of order h⁴ inside;
+//! within a few rows of an end whose true second derivative is not zero the order falls to h².
+
+/// A curve of `columns` values over time, piecewise cubic, with two continuous derivatives.
+#[derive(Clone, Debug)]
+pub(crate) struct Spline {
+    columns: usize,
+    times: Vec<f64>,
+    values: Vec<f64>,
+    /// Second derivatives at the knots, laid out as `values`.
+    curvature: Vec<f64>,
+}
+
+impl Spline {
+    /// Fits the rows `values` (row-major, `columns` wide) at the strictly increasing `times` (at least two).
+    pub fn natural(columns: usize, times: Vec<f64>, values: Vec<f64>) -> Spline {
+        let rows = times.len();
+        let mut curvature = vec![0.0; rows * columns];
+        let mut upper = vec![0.0; rows];
+        // Thomas elimination: the tridiagonal matrix is diagonally dominant, so no pivot is needed.
+        for i in 1..rows - 1 {
+            let (before, after) = (times[i] - times[i - 1], times[i + 1] - times[i]);
+            let pivot = 2.0 * (before + after) - before * upper[i - 1];
+            upper[i] = after / pivot;
+            for c in 0..columns {
+                let (k, below, above) = (i * columns + c, (i - 1) * columns + c, (i + 1) * columns + c);
+                let slopes = (values[above] - values[k]) / after - (values[k] - values[below]) / before;
+                curvature[k] = (6.0 * slopes - before * curvature[below]) / pivot;
+            }
+        }
+        for i in (1..rows - 1).rev() {
+            for c in 0..columns {
+                curvature[i * columns + c] -= upper[i] * curvature[(i + 1) * columns + c];
+            }
+        }
+        Spline { columns, times, values, curvature }
+    }
+
+    /// The knots, s.
+    pub fn times(&self) -> &[f64] {
+        &self.times
+    }
+
+    /// Value and two derivatives of `column` at time `t`, by the polynomial of interval `piece`.
+    pub fn evaluate(&self, piece: usize, column: usize, t: f64) -> [f64; 3] {
+        let (i, j) = (piece * self.columns + column, (piece + 1) * self.columns + column);
+        let h = self.times[piece + 1] - self.times[piece];
+        let u = t - self.times[piece];
+        let (m0, m1) = (self.curvature[i], self.curvature[j]);
+        let slope = (self.values[j] - self.values[i]) / h - h * (2.0 * m0 + m1) / 6.0;
+        let jerk = (m1 - m0) / h;
+        [
+            self.values[i] + u * (slope + u * (m0 / 2.0 + u * jerk / 6.0)),
+            slope + u * (m0 + u * jerk / 2.0),
+            m0 + u * jerk,
+        ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Spline;
+
+    /// Uneven knots on [0, 2π]: sin has zero second derivative at both ends, so the natural spline is of full order.
+    fn sine_errors(rows: usize) -> [f64; 3] {
+        let span = 2.0 * std::f64::consts::PI;
+        let times: Vec<f64> = (0..=rows)
+            .map(|k| k as f64 / rows as f64)
+            .map(|s| span * (s + 0.02 * (2.0 * span * s).sin()))
+            .collect();
+        let values = times.iter().flat_map(|t| [t.sin(), 2.0 - 3.0 * t]).collect();
+        let spline = Spline::natural(2, times, values);
+        let mut errors = [0.0_f64; 3];
+        for piece in 0..rows {
+            let (t0, t1) = (spline.times()[piece], spline.times()[piece + 1]);
+            for u in [0.0, 0.3, 0.5, 0.8, 1.0] {
+                let t = t0 + u * (t1 - t0);
+                let found = spline.evaluate(piece, 0, t);
+                for (error, (a, b)) in errors.iter_mut().zip(found.iter().zip([t.sin(), t.cos(), -t.sin()])) {
+                    *error = error.max((a - b).abs());
+                }
+                let line = spline.evaluate(piece, 1, t);
+                assert!((line[0] - (2.0 - 3.0 * t)).abs() < 1e-12 && (line[1] + 3.0).abs() < 1e-11);
+            }
+        }
+        errors
+    }
+
+    #[test]
+    fn converges_to_a_sine_with_the_orders_of_de_boor() {
+        let (coarse, fine) = (sine_errors(40), sine_errors(80));
+        for (k, order) in [4.0, 3.0, 2.0].into_iter().enumerate() {
+            let found = (coarse[k] / fine[k]).log2();
+            println!(
+                "derivative {k}: errors {:.2e}, {:.2e}; order {found:.2}, expected {order}",
+                coarse[k], fine[k]
+            );
+            assert!(coarse[k] > 1e-8, "the coarse spline must err, or nothing is tested");
+            assert!((found - order).abs() < 0.35);
+        }
+    }
+
+    #[test]
+    fn neighbours_agree_in_two_derivatives() {
+        let times = vec![0.0, 0.1, 0.9, 1.0, 3.0];
+        let spline = Spline::natural(1, times.clone(), vec![1.0, -2.0, 4.0, 0.0, 0.5]);
+        let mut worst = 0.0_f64;
+        for (knot, &t) in times.iter().enumerate().take(4).skip(1) {
+            let (left, right) = (spline.evaluate(knot - 1, 0, t), spline.evaluate(knot, 0, t));
+            assert!(
+                right[2].abs() > 0.1,
+                "a kink in the third derivative only shows where the second is not zero"
+            );
+            worst = (0..3).fold(worst, |w, k| w.max((left[k] - right[k]).abs() / (1.0 + right[k].abs())));
+        }
+        println!("worst jump at a knot {worst:.1e}, allowed 1e-12");
+        assert!(worst < 1e-12);
+        assert_eq!(spline.evaluate(0, 0, 0.0)[2], 0.0);
+    }
+}
