@@ -6,8 +6,8 @@ use std::time::{Duration, SystemTime};
 
 use freeplay_plant::{Stage, Stages};
 use hdrhistogram::Histogram;
-use hdrhistogram::serialization::V2DeflateSerializer;
-use hdrhistogram::serialization::interval_log::{IntervalLogWriterBuilder, Tag};
+use hdrhistogram::serialization::{Deserializer, V2DeflateSerializer};
+use hdrhistogram::serialization::interval_log::{IntervalLogIterator, IntervalLogWriterBuilder, LogEntry, Tag};
 
 use crate::exit::Failure;
 use crate::setup::write;
@@ -65,10 +65,11 @@ pub fn write_hgrm(folder: &Path, name: &str, stages: &Stages) -> Result<(), Fail
 
 fn distribution(text: &mut String, histogram: &Histogram<u64>) -> std::fmt::Result {
     writeln!(text, "{:>12} {:>14} {:>10} {:>14}\n", "Value", "Percentile", "TotalCount", "1/(1-Percentile)")?;
+    let mut count = 0;
     for step in histogram.iter_quantiles(5) {
         let quantile = step.quantile_iterated_to();
         let value = step.value_iterated_to() as f64 / UNIT;
-        let count = step.total_count_recorded();
+        count += step.count_since_last_iteration();
         if quantile < 1.0 {
             writeln!(text, "{value:>12.3} {quantile:>14.12} {count:>10} {:>14.2}", 1.0 / (1.0 - quantile))?;
         } else {
@@ -79,4 +80,26 @@ fn distribution(text: &mut String, histogram: &Histogram<u64>) -> std::fmt::Resu
     writeln!(text, "#[Mean    = {mean:>12.3}, StdDeviation   = {deviation:>12.3}]")?;
     writeln!(text, "#[Max     = {:>12.3}, Total count    = {:>12}]", histogram.max() as f64 / UNIT, histogram.len())?;
     writeln!(text, "#[Buckets = {:>12}, SubBuckets     = {:>12}]\n", histogram.buckets(), histogram.distinct_values())
+}
+
+/// Reads an interval log back: the histogram (ns) of each tag.
+///
+/// # Errors
+/// A file that can't be read or that is no interval log.
+pub fn read_hlog(path: &Path) -> Result<Vec<(String, Histogram<u64>)>, Failure> {
+    let fault = |what: String| Failure::input(format!("{}: {what}", path.display()));
+    let text = std::fs::read(path).map_err(|error| fault(error.to_string()))?;
+    let mut deserializer = Deserializer::new();
+    let mut found = Vec::new();
+    for entry in IntervalLogIterator::new(&text) {
+        let LogEntry::Interval(interval) = entry.map_err(|error| fault(format!("{error:?}")))? else { continue };
+        let encoded = base64::Engine::decode(
+            &base64::engine::general_purpose::STANDARD,
+            interval.encoded_histogram(),
+        );
+        let bytes = encoded.map_err(|error| fault(error.to_string()))?;
+        let histogram = deserializer.deserialize(&mut bytes.as_slice()).map_err(|error| fault(format!("{error:?}")))?;
+        found.push((interval.tag().map_or(String::new(), |tag| tag.as_str().to_owned()), histogram));
+    }
+    Ok(found)
 }

@@ -13,6 +13,7 @@ mod histogram_files;
 mod plant_command;
 mod process;
 mod recorder;
+mod reference_report;
 mod reference_runs;
 mod run;
 mod run_report;

@@ -306,7 +306,7 @@ pub fn beside(theirs: Option<f64>, ours: Option<f64>, scale: f64, digits: usize)
 
 fn print_table(pairs: &[Pair], substeps: u32) {
     let mut table = Table::new();
-    table.load_preset(presets::NOTHING);
+    table.load_style(presets::NOTHING);
     table.set_header(["run", "free %", "continuous %", "contacts", "peak F_N [N]", "peak J1 [N]", "RMS [mm]", "max [mm]", ""]);
     for pair in pairs {
         let (theirs, ours) = (&pair.theirs, &pair.ours);

@@ -81,7 +81,7 @@ fn machine_lines(runs: &[RunSummary]) -> Vec<String> {
 
 fn results(setup: &Setup, runs: &[RunSummary]) -> Table {
     let mut table = Table::new();
-    table.load_preset(presets::NOTHING);
+    table.load_style(presets::NOTHING);
     let joint = setup.plant.clearances.first().map(|(joint, _)| setup.arm().joints()[*joint].name.clone());
     let contact = joint.as_ref().map_or_else(|| "contact".to_owned(), |joint| format!("contact in {joint}"));
     table.set_header(vec![

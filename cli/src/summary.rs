@@ -16,6 +16,8 @@ pub const SCHEMA: &str = "freeplay.summary/1";
 pub struct RunSummary {
     /// Name of the controller, as it was asked for.
     pub controller: String,
+    /// Name of the run's files.
+    pub files: String,
     /// "lockstep" or "realtime".
     pub pace: String,
     /// Ticks played.
@@ -135,6 +137,7 @@ impl RunSummary {
             Rejection::ALL.iter().map(|&reason| (reason.name().to_owned(), json!(plant.gate().rejected(reason)))).collect();
         let ledger = plant.system().ledger();
         Self {
+            files: facts.controller.clone(),
             controller: facts.controller,
             pace: facts.pace,
             ticks: facts.ticks,

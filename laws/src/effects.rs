@@ -69,7 +69,7 @@ pub enum LawError {
         joint: String,
     },
     /// The extended arm can't be built.
-    #[error("the arm with play can't be built: {0}")]
+    #[error("the arm with play can't be built: {0}; two joints with play need a link with mass between them")]
     Arm(#[from] freeplay_arm::ArmError),
 }
 

@@ -1,0 +1,375 @@
+//! `freeplay compare`: how far a model is from a recording, channel by channel.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use comfy_table::{CellAlignment, presets};
+use freeplay_arm::{ArmFile, EffectTable};
+use freeplay_diagnosis::{Channel, ChannelError, Comparison, Kind, Residuals, Settings};
+use freeplay_laws::Effects;
+use freeplay_recording::Recording;
+use freeplay_report::text::{Digits, NOTHING, number};
+use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Section, Series, Table, Verdict};
+use serde_json::{Value, json};
+
+use crate::exit::{Exit, Failure};
+use crate::run::Format;
+use crate::setup::{load_model, write};
+
+/// Compares a recording with what a model makes of the recorded motion.
+///
+/// Torques: measured, against inverse dynamics of the measured motion plus the model's nominal friction. Tool: tracked position,
+/// against forward kinematics. Link encoders: against the motor side. Both sides pass the same low-pass.
+#[derive(Args, Debug)]
+pub struct CompareArgs {
+    /// The model: an arm file (URDF or TOML), or "paper".
+    #[arg(long, value_name = "FILE")]
+    model: String,
+    /// The recording: CSV or MCAP, from a machine or from `freeplay run`.
+    #[arg(long, value_name = "FILE")]
+    recording: PathBuf,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+    /// Folder for report.html, with measured against model for every joint, and compare.json.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz.
+    #[arg(long, value_name = "HZ")]
+    lowpass: Option<f64>,
+    /// Time left out at both ends; without it: five periods of the cutoff, an eighth of the recording at most.
+    #[arg(long, value_name = "S")]
+    trim: Option<f64>,
+}
+
+/// Compares the model and the recording of `args`.
+///
+/// # Errors
+/// Bad input: a file that can't be read, another number of joints, nothing to compare, a filter that can't be.
+pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
+    let file = load_model(&args.model)?;
+    Effects::of(&file).map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
+    let recording =
+        freeplay_recording::read(&args.recording, Some(file.arm.dof())).map_err(Failure::input)?;
+    let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
+    let (comparison, residuals) =
+        freeplay_diagnosis::compare(&file.arm, &recording, &settings).map_err(Failure::input)?;
+    let view = View { args, file: &file, recording: &recording, comparison: &comparison };
+    let json = view.json()?;
+    let report = args.out.as_deref().map(|out| view.write(out, &residuals, &json)).transpose()?;
+    match args.format {
+        Format::Json => println!("{json:#}"),
+        Format::Text => print!("{}", view.text(report.as_deref())),
+    }
+    Ok(Exit::Done)
+}
+
+/// Everything that is shown.
+struct View<'a> {
+    args: &'a CompareArgs,
+    file: &'a ArmFile,
+    recording: &'a Recording,
+    comparison: &'a Comparison,
+}
+
+impl View<'_> {
+    /// `freeplay.compare/1`, with what it was made from.
+    fn json(&self) -> Result<Value, Failure> {
+        let mut value = serde_json::to_value(self.comparison).map_err(Failure::internal)?;
+        value["model"] =
+            json!({ "file": self.args.model, "name": self.file.arm.name(), "ignored": self.file.ignored });
+        value["recording"] = json!(self.args.recording);
+        value["effects_left_out"] = self.file.effects.iter().map(effect_name).collect();
+        Ok(value)
+    }
+
+    /// Writes the report and the JSON into `out`; the report's path.
+    fn write(&self, out: &Path, residuals: &Residuals, json: &Value) -> Result<PathBuf, Failure> {
+        std::fs::create_dir_all(out).map_err(|error| {
+            Failure::input(format!("cannot create the folder {}: {error}", out.display()))
+        })?;
+        write(&out.join("compare.json"), &format!("{json:#}\n"))?;
+        let path = out.join("report.html");
+        self.document(residuals).write(&path).map_err(Failure::input)?;
+        Ok(path)
+    }
+
+    /// What a person sees in the terminal.
+    fn text(&self, report: Option<&Path>) -> String {
+        let mut text = format!("Freeplay {} · compare\n\n", env!("CARGO_PKG_VERSION"));
+        for (what, words) in self.heading() {
+            let _ = writeln!(text, "{what:11} {words}");
+        }
+        let _ = writeln!(text, "\n{}\n\n{}\n", self.verdict(), self.terminal_table());
+        for remark in self.remarks() {
+            let _ = writeln!(text, "note: {remark}");
+        }
+        let next = match report {
+            Some(path) => format!("report      {}", path.display()),
+            None => "next        add --out DIR for the curves, measured against model; --lowpass HZ for another filter".into(),
+        };
+        let _ = writeln!(text, "{next}");
+        text
+    }
+
+    /// Recording, model and treatment in words.
+    fn heading(&self) -> [(&'static str, String); 3] {
+        let (recording, comparison) = (self.recording, self.comparison);
+        let file_name = |path: &Path| {
+            path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+        };
+        let measured = format!(
+            "{}: {}, {} Hz, {} s, {} samples of {}",
+            file_name(&self.args.recording),
+            joints(recording.joints()),
+            brief(comparison.rate_hz),
+            brief(comparison.duration_s),
+            recording.len(),
+            contents(recording)
+        );
+        let frictions =
+            self.file.arm.joints().iter().filter(|j| j.friction.viscous > 0.0 || j.friction.coulomb > 0.0);
+        let friction = match frictions.count() {
+            0 => "no friction named".to_owned(),
+            count => format!("nominal friction in {}", joints(count)),
+        };
+        let name = self.file.arm.name();
+        let model = format!(
+            "{name} ({}): {}, {friction}",
+            file_name(Path::new(&self.args.model)),
+            joints(self.file.arm.dof())
+        );
+        let treated = format!(
+            "{} points at {} Hz; low-pass at {} Hz without phase on both sides, ends left out",
+            comparison.samples,
+            brief(comparison.compared_hz),
+            brief(comparison.lowpass_hz)
+        );
+        [("recording", measured), ("model", model), ("compared", treated)]
+    }
+
+    /// The worst channel and what that means.
+    fn verdict(&self) -> String {
+        let Some(worst) = self.comparison.worst() else {
+            return "Every channel is constant: there is nothing to judge the model by.".into();
+        };
+        let share = worst.nrmse_std.unwrap_or(f64::NAN);
+        let meaning = match share {
+            share if share < 0.05 => "the model says nearly all of it",
+            share if share < 0.3 => "the model says most of it",
+            share if share < 1.0 => "the model misses much of it",
+            _ => "a model that says the mean would do better",
+        };
+        let (scale, unit) = shown_in(worst.unit);
+        format!(
+            "Worst: {}, off by {} {unit} rms. That is {} % of how much it varies: {meaning}.",
+            label(worst),
+            brief(worst.rmse * scale),
+            brief(100.0 * share)
+        )
+    }
+
+    /// Notes of the readers and of the comparison, and what the model file says beyond the rigid arm.
+    fn remarks(&self) -> Vec<String> {
+        let effects = self.file.effects.iter().map(|effect| {
+            format!(
+                "{} is in the model file, but not in this comparison, which takes the rigid arm",
+                effect_name(effect)
+            )
+        });
+        let ignored = self.file.ignored.iter().map(|ignored| format!("model: {ignored}"));
+        self.comparison.notes.iter().cloned().chain(effects).chain(ignored).collect()
+    }
+
+    /// Whether the model names friction, so that there are two errors to show.
+    fn has_friction(&self) -> bool {
+        self.comparison.channels.iter().any(|channel| channel.rmse_without_friction.is_some())
+    }
+
+    fn terminal_table(&self) -> String {
+        let mut table = comfy_table::Table::new();
+        table.load_style(presets::NOTHING);
+        let mut header = vec![
+            "\nchannel",
+            "\njoint",
+            "\nunit",
+            "measured\nrms",
+            "error\nrms",
+            "error,\n% of rms",
+            "% of\nspread",
+        ];
+        header.push("mean\nerror");
+        if self.has_friction() {
+            header.push("error rms\nwithout friction");
+        }
+        let columns = header.len();
+        table.set_header(header);
+        for channel in &self.comparison.channels {
+            let (scale, unit) = shown_in(channel.unit);
+            let mut row = vec![
+                channel.name.clone(),
+                channel.joint.clone().unwrap_or_else(|| NOTHING.into()),
+                unit.into(),
+            ];
+            row.extend(numbers(channel, scale).into_iter().take(columns - 3).map(brief));
+            table.add_row(row);
+        }
+        for column in 3..columns {
+            if let Some(column) = table.column_mut(column) {
+                column.set_cell_alignment(CellAlignment::Right);
+            }
+        }
+        table.lines().map(|line| line.trim_end().to_owned()).collect::<Vec<_>>().join("\n")
+    }
+
+    fn document(&self, residuals: &Residuals) -> Document {
+        let [(_, recording), (_, model), (_, compared)] = self.heading();
+        let mut document =
+            Document::new("Model against recording").subtitle(format!("{} · {recording}", self.args.model));
+        let judged = match self.comparison.worst().and_then(|worst| worst.nrmse_std) {
+            Some(share) if share < 0.3 => Verdict::Ok,
+            Some(_) => Verdict::Warn,
+            None => Verdict::Info,
+        };
+        document = document.overview((judged, self.verdict())).overview(self.report_table());
+        let remarks = self.remarks();
+        if !remarks.is_empty() {
+            document = document.overview(Block::List(remarks));
+        }
+        let parts: [(&str, fn(Kind) -> bool); 3] = [
+            ("Joint torques", |kind| matches!(kind, Kind::Torque(_))),
+            ("Tool position", |kind| matches!(kind, Kind::Tool(_))),
+            ("Link encoders", |kind| matches!(kind, Kind::Link(_))),
+        ];
+        for (title, belongs) in parts {
+            let of_part =
+                residuals.channels.iter().zip(&self.comparison.channels).filter(|(c, _)| belongs(c.kind));
+            let section = of_part.fold(Section::new(title), |section, (channel, error)| {
+                section.with(chart(residuals, channel, error))
+            });
+            if !section.blocks.is_empty() {
+                document = document.section(section);
+            }
+        }
+        document.footer(model).footer(compared).footer(format!("freeplay {}", env!("CARGO_PKG_VERSION")))
+    }
+
+    fn report_table(&self) -> Table {
+        let mut table = Table::new("Measured minus model, after the same low-pass on both sides")
+            .column(Column::text("channel"))
+            .column(Column::text("joint"))
+            .column(Column::text("unit"))
+            .column(Column::number("measured rms", ""))
+            .column(Column::number("error rms", ""))
+            .column(Column::number("of rms", "%").group("error rms"))
+            .column(Column::number("of spread", "%").group("error rms").bars())
+            .column(Column::number("mean error", ""));
+        if self.has_friction() {
+            table = table.column(Column::number("error rms without friction", ""));
+        }
+        let columns = table.columns.len();
+        for channel in &self.comparison.channels {
+            let (scale, unit) = shown_in(channel.unit);
+            let joint = channel.joint.clone().unwrap_or_default();
+            let words = [Cell::from(channel.name.clone()), joint.into(), unit.into()];
+            table = table.row(words.into_iter().chain(numbers(channel, scale).map(Cell::from)).take(columns));
+        }
+        table.note("spread: standard deviation of the measured signal, which is what a model that says the mean is off by")
+    }
+}
+
+/// Measured against model over time for torques; their difference for positions, where both lie on one line.
+fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Chart {
+    let (scale, unit) = shown_in(channel.unit);
+    let line = |name: &str, values: &[f64]| {
+        // A point that is no number keeps the line from crossing a gap.
+        let (mut t, mut y) = (Vec::new(), Vec::new());
+        for stretch in &residuals.stretches {
+            t.extend_from_slice(&residuals.t[stretch.clone()]);
+            y.extend(values[stretch.clone()].iter().map(|value| value * scale));
+            t.push(residuals.t[stretch.end - 1]);
+            y.push(f64::NAN);
+        }
+        Series::line(name, &t, &y)
+    };
+    let what = if matches!(channel.kind, Kind::Torque(_)) { "torque or force" } else { "difference" };
+    let chart =
+        Chart::trace(label(error), Axis::new("time", "s"), Axis::new(what, unit)).group("time").in_view(0.0);
+    let difference = line("measured − model", &channel.residual());
+    if matches!(channel.kind, Kind::Torque(_)) {
+        chart
+            .series(line("measured", &channel.measured))
+            .series(line("model", &channel.model))
+            .series(difference.dashed())
+    } else {
+        chart.series(difference)
+    }
+}
+
+/// The numbers of a table's row: measured, error, shares in %, mean error, error without friction; NaN where there is none.
+fn numbers(channel: &ChannelError, scale: f64) -> [f64; 6] {
+    let percent = |share: Option<f64>| share.map_or(f64::NAN, |share| 100.0 * share);
+    [
+        channel.rms_measured * scale,
+        channel.rmse * scale,
+        percent(channel.nrmse),
+        percent(channel.nrmse_std),
+        channel.mean_error * scale,
+        channel.rmse_without_friction.map_or(f64::NAN, |rmse| rmse * scale),
+    ]
+}
+
+/// What a reader is shown for a unit: metres as mm, radians as mrad.
+fn shown_in(unit: &str) -> (f64, &str) {
+    match unit {
+        "m" => (1e3, "mm"),
+        "rad" => (1e3, "mrad"),
+        "N*m" => (1.0, "N·m"),
+        other => (1.0, other),
+    }
+}
+
+fn brief(value: f64) -> String {
+    number(value, Digits::Significant(3))
+}
+
+fn joints(count: usize) -> String {
+    format!("{count} joint{}", if count == 1 { "" } else { "s" })
+}
+
+/// `tau5 (joint_5)`, or `x` for the tool.
+fn label(channel: &ChannelError) -> String {
+    channel.joint.as_ref().map_or_else(|| channel.name.clone(), |joint| format!("{} ({joint})", channel.name))
+}
+
+/// `joint_clearance at joint_5`.
+fn effect_name(effect: &EffectTable) -> String {
+    let place = effect.joint.as_ref().map_or_else(String::new, |joint| format!(" at {joint}"));
+    format!("{}{place}", effect.kind)
+}
+
+/// What the recording holds, in words.
+fn contents(recording: &Recording) -> String {
+    let links = recording.q_link.iter().flatten().count();
+    let held = [
+        (recording.qd.is_some(), "velocity"),
+        (recording.tau.is_some(), "torque"),
+        (recording.q_ref.is_some(), "reference"),
+        (links > 0, "link encoders"),
+        (recording.tool.is_some(), "tool position"),
+        (recording.orientation.is_some(), "tool orientation (not compared)"),
+    ];
+    let held = held.into_iter().filter(|(held, _)| *held).map(|(_, name)| name.to_owned());
+    let mut words: Vec<String> = std::iter::once("position".to_owned()).chain(held).collect();
+    if !recording.others.is_empty() {
+        let names: Vec<&str> = recording.others.iter().take(4).map(|(name, _)| name.as_str()).collect();
+        let more = if recording.others.len() > names.len() { ", …" } else { "" };
+        words.push(format!(
+            "{} other columns ({}{more}), not used",
+            recording.others.len(),
+            names.join(", ")
+        ));
+    }
+    words.join(", ")
+}

@@ -1,0 +1,125 @@
+//! `freeplay run` in lockstep, end to end: two processes, shared memory, recording, summary, report.
+
+mod common;
+
+use common::{freeplay, freeplay_in, lockstep};
+use serde_json::Value;
+
+fn run_of<'a>(summary: &'a Value, controller: &str) -> &'a Value {
+    let runs = summary["runs"].as_array().expect("runs");
+    runs.iter().find(|run| run["controller"] == controller).expect("the controller's run")
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().expect("a number")
+}
+
+#[test]
+fn the_default_scenario_runs_every_built_in_controller() {
+    let ran = lockstep(1.0, &[]).expect(0);
+    let summary = ran.summary();
+    assert_eq!(summary["schema"], "freeplay.summary/1");
+    for controller in ["computed-torque", "quasi-static"] {
+        let run = run_of(&summary, controller);
+        assert_eq!(run["ticks"], 1000);
+        assert_eq!(run["ending"], "finished");
+        assert_eq!(run["deadlines"]["missed"], 0);
+        let joint = &run["contact"]["joints"]["joint_5"];
+        let total: f64 = ["free", "impact", "continuous"].iter().map(|key| number(&joint[*key])).sum();
+        assert!((total - 1.0).abs() < 1e-9, "fractions add up to {total}");
+        for file in [format!("{controller}.mcap"), format!("{controller}.hlog"), format!("{controller}.hgrm")] {
+            assert!(ran.out().join(&file).metadata().expect("written").len() > 100, "{file}");
+        }
+    }
+    let plain = number(&run_of(&summary, "computed-torque")["deviation_mm"]["rms_after_start"]);
+    let compensated = number(&run_of(&summary, "quasi-static")["deviation_mm"]["rms_after_start"]);
+    println!("after 0.5 s: {plain:.4} mm uncompensated, {compensated:.4} mm with quasi-static compensation");
+    assert!((plain - 0.6).abs() < 0.01, "the offset is the clearance: {plain}");
+    assert!(compensated < 0.05 * plain, "the compensation removes more than 95 %: {compensated}");
+    let report = std::fs::read_to_string(ran.out().join("report.html")).expect("a report");
+    assert!(report.contains("quasi-static") && report.len() < 5_000_000, "{} bytes", report.len());
+}
+
+#[test]
+fn two_lockstep_runs_are_the_same_to_the_byte_whoever_starts_first() {
+    let hash = |arguments: &[&str]| {
+        let mut all = vec!["--controller", "quasi-static", "--recording", "none"];
+        all.extend(arguments);
+        let summary = lockstep(0.3, &all).expect(0).summary();
+        summary["runs"][0]["state_hash"].as_str().expect("a hash").to_owned()
+    };
+    let first = hash(&[]);
+    assert_eq!(first.len(), 64);
+    assert_eq!(first, hash(&[]), "again");
+    assert_eq!(first, hash(&["--controller-delay", "0.7"]), "controller after the plant");
+    assert_eq!(first, hash(&["--controller-delay=-0.7"]), "controller before the plant");
+    assert_ne!(first, hash(&["--set", "clearance.joint_5.clearance=0.0005"]), "the hash tells runs apart");
+}
+
+#[test]
+fn noise_repeats_with_its_seed() {
+    let hash = |seed: &str| {
+        let noisy = ["--controller", "computed-torque", "--set", "sensors.position.noise=1e-6", "--seed", seed];
+        lockstep(0.1, &noisy).expect(0).summary()["runs"][0]["state_hash"].clone()
+    };
+    assert_eq!(hash("5"), hash("5"));
+    assert_ne!(hash("5"), hash("6"));
+}
+
+#[test]
+fn driven_joints_follow_the_reference_and_the_deviation_is_the_journal() {
+    let ran = lockstep(0.7, &["--set", "mode=driven", "--controller", "computed-torque"]).expect(0);
+    let summary = ran.summary();
+    let run = &summary["runs"][0];
+    // The driven arm at c = 0.6 mm, T = 6 s: the first drop gives 1692 N and 2923 N at joint 1 in the reference.
+    let peak = number(&run["contact"]["joints"]["joint_5"]["peak_normal_force_N"]);
+    let base = number(&run["base_force_N"]["peak"]);
+    println!("peak normal force {peak:.1} N, joint 1 {base:.1} N");
+    assert!((peak / 1692.0 - 1.0).abs() < 0.02 && (base / 2923.0 - 1.0).abs() < 0.02);
+    let rms = number(&run["deviation_mm"]["rms_after_start"]);
+    assert!((rms - 0.6).abs() < 0.006, "{rms}");
+}
+
+#[test]
+fn a_recording_reads_back_as_csv_and_as_mcap() {
+    for kind in ["csv", "mcap"] {
+        let ran = lockstep(0.1, &["--controller", "computed-torque", "--recording", kind]).expect(0);
+        let recording = freeplay_recording::read(&ran.out().join(format!("computed-torque.{kind}")), Some(6)).expect("it reads");
+        assert_eq!((recording.len(), recording.joints()), (100, 6));
+        assert!(recording.column("joint_5_play_2").is_some() && !recording.truncated);
+    }
+}
+
+#[test]
+fn an_arm_of_ones_own_runs_without_the_papers_play() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let urdf = r#"<robot name="two"><link name="base"/>
+      <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+        <limit lower="-2" upper="2" effort="200" velocity="3"/><dynamics damping="0.5" friction="0.2"/></joint>
+      <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
+        <inertia ixx="0.01" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+      <joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.4 0 0"/><axis xyz="0 1 0"/>
+        <limit lower="-2" upper="2" effort="100" velocity="3"/></joint>
+      <link name="fore"><inertial><origin xyz="0.15 0 0"/><mass value="2"/>
+        <inertia ixx="0.005" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"#;
+    std::fs::write(folder.path().join("two.urdf"), urdf).expect("written");
+    let scenario = "model = \"two.urdf\"\npace = \"lockstep\"\ncontrollers = [\"computed-torque\", \"quasi-static\"]\n\
+                    [path]\nkind = \"joint_sine\"\nperiod = 2\n[clearance.elbow]\nclearance = 0.0004\n";
+    std::fs::write(folder.path().join("two.toml"), scenario).expect("written");
+    let ran = freeplay_in(folder, &["run", "two.toml", "--quiet", "--out", "out"]).expect(0);
+    let summary = ran.summary();
+    let plain = number(&run_of(&summary, "computed-torque")["deviation_mm"]["rms_after_start"]);
+    let compensated = number(&run_of(&summary, "quasi-static")["deviation_mm"]["rms_after_start"]);
+    println!("two joints: {plain:.4} mm, compensated {compensated:.4} mm");
+    assert!(plain > 0.3, "the play shows: {plain}");
+}
+
+#[test]
+fn the_effective_scenario_reads_back_as_itself() {
+    let shown = freeplay(&["run", "--show", "--set", "path.period=12", "--set", "clearance.joint_4.clearance=0.0002"]).expect(0);
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("s.toml"), &shown.output.stdout).expect("written");
+    let again = freeplay_in(folder, &["run", "s.toml", "--show"]).expect(0);
+    assert_eq!(shown.stdout(), again.stdout());
+    assert!(shown.stdout().contains("period = 12.0") && shown.stdout().contains("[clearance.joint_4]"));
+}
