@@ -1,1 +1,55 @@
 //! Reports: one HTML file that needs no network.
+//!
+//! This crate draws documents and knows nothing of what they are about. Charts are drawn by uPlot, which travels inside
+//! the file (`vendor/uplot`); the page asks no server for anything and forbids itself to.
+//!
+//! The nouns, in the order in which data passes through them:
+//!
+//! - [`Document`]: title, overview (what a reader sees first), [`Section`]s, footer; written with [`Document::write`].
+//! - [`Block`]: what stands in an overview or a section: text, list, verdict, figures, table, chart, columns, code, details.
+//! - [`Verdict`]: ok, warn, fail or info; shown as a word and a sign, never as a colour alone.
+//! - [`Figure`]: a key number with its name, unit and remark, drawn as a tile.
+//! - [`Table`] of [`Column`]s and [`Cell`]s: units in the heading, decimals aligned, the [`Best`] marked.
+//! - [`Chart`] of [`Series`] over two [`Axis`]es, with [`Mark`]s; [`Scale`] and [`Style`] say how they are drawn.
+//! - [`thin`]: fewer points, every peak kept; done by itself so that a report stays below about 5 MB.
+//! - [`text`]: how a number is written, for every table of the project, on paper and in the terminal.
+//! - [`ReportError`]: why a report could not be written.
+//!
+//! ```
+//! use freeplay_report::{Axis, Cell, Chart, Column, Document, Section, Series, Table, Verdict};
+//!
+//! let t = [0.0, 1.0, 2.0];
+//! let page = Document::new("Two controllers")
+//!     .overview((Verdict::Ok, "both stay within 0.7 mm"))
+//!     .section(
+//!         Section::new("Deviation")
+//!             .with(
+//!                 Table::new("Tool deviation after the first 0.5 s")
+//!                     .column(Column::text("controller"))
+//!                     .column(Column::number("rms", "mm").fixed(3).lowest())
+//!                     .row([Cell::series("plain"), 0.599.into()])
+//!                     .row([Cell::series("compensated"), 0.011.into()]),
+//!             )
+//!             .with(
+//!                 Chart::trace("Deviation", Axis::new("time", "s"), Axis::new("deviation", "mm"))
+//!                     .series(Series::line("plain", &t, &[0.0, 0.6, 0.6]))
+//!                     .series(Series::line("compensated", &t, &[0.0, 0.1, 0.01])),
+//!             ),
+//!     )
+//!     .to_html();
+//! assert!(page.starts_with("<!DOCTYPE html>"));
+//! ```
+
+mod chart;
+mod chart_data;
+mod colours;
+mod document;
+mod html;
+mod table;
+pub mod text;
+mod thin;
+
+pub use chart::{Axis, Chart, Mark, Scale, Series, Style};
+pub use document::{Block, Document, Figure, ReportError, Section, Verdict};
+pub use table::{Best, Cell, Column, Content, Table};
+pub use thin::thin;

@@ -1,0 +1,47 @@
+//! The same colour for the same name in the whole document.
+
+use crate::document::{Block, Document};
+
+/// How many colours the style sheet has (`--series-0`, `--series-1`, …). Further names start again, dashed.
+pub(crate) const PALETTE: usize = 8;
+
+/// The names that have a colour, in the order in which a reader meets them.
+#[derive(Debug, Default)]
+pub(crate) struct Colours<'a> {
+    names: Vec<&'a str>,
+}
+
+impl<'a> Colours<'a> {
+    /// Gives a colour to each name that a series of the document goes by.
+    pub(crate) fn of(document: &'a Document) -> Self {
+        let mut colours = Self::default();
+        let sections = document.sections.iter().flat_map(|section| &section.blocks);
+        for block in document.overview.iter().chain(sections) {
+            colours.collect(block);
+        }
+        colours
+    }
+
+    /// The place of a name; none for a name without a series.
+    pub(crate) fn index(&self, name: &str) -> Option<usize> {
+        self.names.iter().position(|known| *known == name)
+    }
+
+    fn collect(&mut self, block: &'a Block) {
+        match block {
+            Block::Chart(chart) => {
+                for name in chart.series.iter().map(|series| series.colour_name()) {
+                    if !self.names.contains(&name) {
+                        self.names.push(name);
+                    }
+                }
+            }
+            Block::Columns(blocks) | Block::Details { blocks, .. } => {
+                for block in blocks {
+                    self.collect(block);
+                }
+            }
+            _ => {}
+        }
+    }
+}

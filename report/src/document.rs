@@ -1,0 +1,254 @@
+//! Documents, sections and the blocks they are made of.
+
+use std::path::{Path, PathBuf};
+
+use crate::chart::Chart;
+use crate::table::Table;
+
+/// A report: what is written into one HTML file.
+///
+/// A reader sees, in this order: title and subtitle, the overview, a table of contents, the sections, the footer. Texts
+/// are plain text: they are escaped, whatever they contain.
+#[derive(Debug, Clone, Default)]
+pub struct Document {
+    /// The heading of the page and the name of its window.
+    pub title: String,
+    /// One line below the title: what was run, when, on what; may be empty.
+    pub subtitle: String,
+    /// What is seen first: verdict, key figures, the table that answers the question.
+    pub overview: Vec<Block>,
+    /// The chapters, in the order of the table of contents.
+    pub sections: Vec<Section>,
+    /// Lines at the end: hashes, seeds, the command that made the report. The version is added to them.
+    pub footer: Vec<String>,
+}
+
+/// A chapter of a document, listed in the table of contents.
+#[derive(Debug, Clone, Default)]
+pub struct Section {
+    /// The heading.
+    pub title: String,
+    /// What stands under it.
+    pub blocks: Vec<Block>,
+}
+
+/// One piece of a document.
+#[derive(Debug, Clone)]
+pub enum Block {
+    /// Paragraphs, parted by blank lines; what stands between backticks is set as code.
+    Text(String),
+    /// A heading within a section; not in the table of contents.
+    Heading(String),
+    /// One line per entry, with bullets; backticks as in [`Block::Text`].
+    List(Vec<String>),
+    /// A verdict with the sentence that says what it is about.
+    Verdict(Verdict, String),
+    /// Key numbers as tiles.
+    Figures(Vec<Figure>),
+    /// A table.
+    Table(Table),
+    /// A chart.
+    Chart(Box<Chart>),
+    /// Blocks side by side where the window is wide enough, else one below the other.
+    Columns(Vec<Block>),
+    /// Text as typed: commands, files, messages.
+    Code(String),
+    /// Blocks that are folded away until the reader opens them.
+    Details {
+        /// The line that is always seen.
+        summary: String,
+        /// What it unfolds.
+        blocks: Vec<Block>,
+    },
+}
+
+/// How something came out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// As it should be.
+    Ok,
+    /// Works, but the reader should know.
+    Warn,
+    /// Not as it should be.
+    Fail,
+    /// Neither good nor bad.
+    Info,
+}
+
+/// A key number, drawn as a tile.
+#[derive(Debug, Clone, Default)]
+pub struct Figure {
+    /// What the number is.
+    pub label: String,
+    /// The number as it is to be read; see [`crate::text`].
+    pub value: String,
+    /// Its unit; may be empty.
+    pub unit: String,
+    /// A remark below it: a limit, a comparison; may be empty.
+    pub note: String,
+    /// How it came out, if it is judged.
+    pub verdict: Option<Verdict>,
+}
+
+/// Why a report could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// The file system refused.
+    #[error("cannot write the report {}: {source}; free some space or choose another folder", path.display())]
+    Write {
+        /// The file that was to be written.
+        path: PathBuf,
+        /// What the file system said.
+        source: std::io::Error,
+    },
+}
+
+impl Document {
+    /// A document with nothing but a title.
+    #[must_use]
+    pub fn new(title: impl Into<String>) -> Self {
+        Self { title: title.into(), ..Self::default() }
+    }
+
+    /// Sets the line below the title.
+    #[must_use]
+    pub fn subtitle(mut self, subtitle: impl Into<String>) -> Self {
+        self.subtitle = subtitle.into();
+        self
+    }
+
+    /// Adds a block to the overview.
+    #[must_use]
+    pub fn overview(mut self, block: impl Into<Block>) -> Self {
+        self.overview.push(block.into());
+        self
+    }
+
+    /// Adds a section.
+    #[must_use]
+    pub fn section(mut self, section: Section) -> Self {
+        self.sections.push(section);
+        self
+    }
+
+    /// Adds a line to the footer.
+    #[must_use]
+    pub fn footer(mut self, line: impl Into<String>) -> Self {
+        self.footer.push(line.into());
+        self
+    }
+
+    /// The whole page, with style, charts and data in it.
+    #[must_use]
+    pub fn to_html(&self) -> String {
+        crate::html::page(self)
+    }
+
+    /// Writes the page to `path`, whose folder must exist. An existing file is replaced only once the new one is whole.
+    ///
+    /// # Errors
+    /// [`ReportError::Write`] when the file cannot be written; nothing new is left behind then.
+    pub fn write(&self, path: &Path) -> Result<(), ReportError> {
+        let failed = |source| ReportError::Write { path: path.to_owned(), source };
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(".part");
+        let part = path.with_file_name(name);
+        std::fs::write(&part, self.to_html()).and_then(|()| std::fs::rename(&part, path)).map_err(|error| {
+            // The first error is the one to report; a part that was never made cannot be removed.
+            let _ = std::fs::remove_file(&part);
+            failed(error)
+        })
+    }
+}
+
+impl Section {
+    /// A section with nothing but a heading.
+    #[must_use]
+    pub fn new(title: impl Into<String>) -> Self {
+        Self { title: title.into(), blocks: Vec::new() }
+    }
+
+    /// Adds a block.
+    #[must_use]
+    pub fn with(mut self, block: impl Into<Block>) -> Self {
+        self.blocks.push(block.into());
+        self
+    }
+}
+
+impl Verdict {
+    /// [`Verdict::Ok`] or [`Verdict::Fail`].
+    #[must_use]
+    pub fn passed(ok: bool) -> Self {
+        if ok { Self::Ok } else { Self::Fail }
+    }
+
+    /// The word it is shown with.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Warn => "warn",
+            Self::Fail => "fail",
+            Self::Info => "info",
+        }
+    }
+}
+
+impl Figure {
+    /// A figure without remark and verdict.
+    #[must_use]
+    pub fn new(label: impl Into<String>, value: impl Into<String>, unit: impl Into<String>) -> Self {
+        Self { label: label.into(), value: value.into(), unit: unit.into(), ..Self::default() }
+    }
+
+    /// Sets the remark below the number.
+    #[must_use]
+    pub fn note(mut self, note: impl Into<String>) -> Self {
+        self.note = note.into();
+        self
+    }
+
+    /// Says how it came out.
+    #[must_use]
+    pub fn verdict(mut self, verdict: Verdict) -> Self {
+        self.verdict = Some(verdict);
+        self
+    }
+}
+
+impl From<&str> for Block {
+    fn from(text: &str) -> Self {
+        Self::Text(text.to_owned())
+    }
+}
+
+impl From<String> for Block {
+    fn from(text: String) -> Self {
+        Self::Text(text)
+    }
+}
+
+impl<T: Into<String>> From<(Verdict, T)> for Block {
+    fn from((verdict, text): (Verdict, T)) -> Self {
+        Self::Verdict(verdict, text.into())
+    }
+}
+
+impl From<Vec<Figure>> for Block {
+    fn from(figures: Vec<Figure>) -> Self {
+        Self::Figures(figures)
+    }
+}
+
+impl From<Table> for Block {
+    fn from(table: Table) -> Self {
+        Self::Table(table)
+    }
+}
+
+impl From<Chart> for Block {
+    fn from(chart: Chart) -> Self {
+        Self::Chart(Box::new(chart))
+    }
+}

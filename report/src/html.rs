@@ -1,0 +1,130 @@
+//! The page: frame, table of contents, sections.
+
+mod blocks;
+mod figure;
+mod table;
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use crate::colours::Colours;
+use crate::document::{Block, Document};
+use crate::thin::{LEAST_IN_SERIES, MOST_IN_DOCUMENT, MOST_IN_SERIES};
+
+const STYLE: &str = include_str!("report.css");
+const SCRIPT: &str = include_str!("glue.js");
+const UPLOT_STYLE: &str = include_str!("../vendor/uplot/uPlot.min.css");
+const UPLOT_SCRIPT: &str = include_str!("../vendor/uplot/uPlot.iife.min.js");
+const UPLOT_LICENCE: &str = include_str!("../vendor/uplot/LICENSE");
+
+/// The page may use what is in it and ask nobody for anything.
+const POLICY: &str =
+    "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:";
+
+/// What blocks need to know of the document they stand in.
+pub(crate) struct Context<'a> {
+    pub(crate) colours: Colours<'a>,
+    pub(crate) most_points: usize,
+}
+
+/// The whole page.
+pub(crate) fn page(document: &Document) -> String {
+    let context = Context { colours: Colours::of(document), most_points: points_per_series(document) };
+    let contents = document.sections.len() > 1;
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            (head(document))
+            body {
+                div.page.with-contents[contents] {
+                    (header(document))
+                    main {
+                        div.overview { (blocks::blocks(&document.overview, &context)) }
+                        @if contents { (table_of_contents(document)) }
+                        div.sections { (sections(document, &context)) }
+                    }
+                    (footer(document))
+                }
+            }
+        }
+    }
+    .into_string()
+}
+
+fn head(document: &Document) -> Markup {
+    html! {
+        head {
+            meta charset="utf-8";
+            meta http-equiv="Content-Security-Policy" content=(POLICY);
+            meta name="viewport" content="width=device-width, initial-scale=1";
+            meta name="generator" content=(program());
+            title { (document.title) }
+            style { (PreEscaped(UPLOT_STYLE)) (PreEscaped(STYLE)) }
+            script { "/*\n" (PreEscaped(UPLOT_LICENCE)) "*/\n" (PreEscaped(UPLOT_SCRIPT)) }
+            script { (PreEscaped(SCRIPT)) }
+        }
+    }
+}
+
+fn header(document: &Document) -> Markup {
+    html! {
+        header {
+            button #theme type="button" hidden { "Dark / light" }
+            h1 { (document.title) }
+            @if !document.subtitle.is_empty() { p.subtitle { (document.subtitle) } }
+        }
+    }
+}
+
+fn table_of_contents(document: &Document) -> Markup {
+    html! {
+        nav aria-label="Contents" {
+            ol {
+                @for (place, section) in document.sections.iter().enumerate() {
+                    li { a href={ "#section-" (place + 1) } { (section.title) } }
+                }
+            }
+            p.hint { "Charts: drag across to zoom, double-click to reset, click a name to hide it." }
+        }
+    }
+}
+
+fn sections(document: &Document, context: &Context<'_>) -> Markup {
+    html! {
+        @for (place, section) in document.sections.iter().enumerate() {
+            section #{ "section-" (place + 1) } {
+                h2 { (section.title) }
+                (blocks::blocks(&section.blocks, context))
+            }
+        }
+    }
+}
+
+fn footer(document: &Document) -> Markup {
+    html! {
+        footer {
+            @for line in &document.footer { p { (blocks::inline(line)) } }
+            p { (program()) " · charts: uPlot, © Leon Sorokin, MIT licence" }
+            noscript { p { "The charts need JavaScript; what they show is also said in words below each of them." } }
+        }
+    }
+}
+
+fn program() -> String {
+    format!("Freeplay {}", env!("CARGO_PKG_VERSION"))
+}
+
+/// How many points a series may have, so that the file stays small however many series there are.
+fn points_per_series(document: &Document) -> usize {
+    let sections = document.sections.iter().map(|section| count_series(&section.blocks)).sum::<usize>();
+    let series = count_series(&document.overview) + sections;
+    (MOST_IN_DOCUMENT / series.max(1)).clamp(LEAST_IN_SERIES, MOST_IN_SERIES)
+}
+
+fn count_series(blocks: &[Block]) -> usize {
+    let of_block = |block: &Block| match block {
+        Block::Chart(chart) => chart.series.len(),
+        Block::Columns(blocks) | Block::Details { blocks, .. } => count_series(blocks),
+        _ => 0,
+    };
+    blocks.iter().map(of_block).sum()
+}

@@ -1,0 +1,83 @@
+//! The page in a real browser: every chart is drawn, nothing is complained of, nothing sticks out at 360 pixels.
+//! Without a browser on the path, or with one that does not answer in time, this test says that it skips.
+
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
+mod common;
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use common::every_block;
+
+const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
+const PATIENCE: Duration = Duration::from_secs(15);
+
+/// Runs in the page under test: writes down how wide the content is beside the window.
+const PROBE: &str = "<script>setTimeout(() => { const root = document.documentElement; \
+    root.dataset.excess = root.scrollWidth - root.clientWidth; }, 500)</script>";
+
+#[test]
+fn charts_are_drawn_without_complaint() {
+    let Some(browser) = browser() else {
+        println!("skipped: no browser on the path ({})", BROWSERS.join(", "));
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    let page = every_block("a name </script> as long as names of controllers and joints tend to be");
+    std::fs::write(&path, page.to_html() + PROBE).unwrap();
+    let Some((dom, log)) = visit(&browser, &path, folder.path()) else {
+        println!("skipped: {} did not answer in {PATIENCE:?}", browser.display());
+        return;
+    };
+    let drawn = dom.matches("class=\"u-wrap\"").count();
+    println!("{drawn} charts drawn by {}", browser.display());
+    assert_eq!(drawn, 2, "the third is folded away until it is opened\n{log}");
+    assert!(dom.contains("data-excess=\"0\""), "the page scrolls sideways");
+    assert!(!log.contains("CONSOLE"), "{log}");
+}
+
+fn browser() -> Option<PathBuf> {
+    let path = std::env::var_os("PATH")?;
+    let folders: Vec<PathBuf> = std::env::split_paths(&path).collect();
+    BROWSERS
+        .iter()
+        .find_map(|name| folders.iter().map(|folder| folder.join(name)).find(|file| file.is_file()))
+}
+
+/// The document as the browser has it after its scripts, and what it logged; none when it does not answer.
+fn visit(browser: &Path, page: &Path, folder: &Path) -> Option<(String, String)> {
+    let (dom, log) = (folder.join("dom"), folder.join("log"));
+    let mut child = Command::new(browser)
+        .args([
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-quic",
+            "--no-first-run",
+            "--disable-sync",
+        ])
+        .args(["--disable-background-networking", "--disable-component-update", "--enable-logging=stderr"])
+        .args(["--window-size=360,800", "--virtual-time-budget=3000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", folder.join("profile").display()))
+        .arg(format!("file://{}", page.display()))
+        .stdout(File::create(&dom).unwrap())
+        .stderr(File::create(&log).unwrap())
+        .stdin(Stdio::null())
+        .spawn()
+        .ok()?;
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE {
+        if child.try_wait().unwrap().is_some() {
+            let read = |file| String::from_utf8_lossy(&std::fs::read(file).unwrap()).into_owned();
+            return Some((read(&dom), read(&log))).filter(|(dom, _)| dom.contains("</html>"));
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    None
+}

@@ -1,0 +1,50 @@
+//! What several tests need: a page with every kind of block.
+
+use freeplay_report::{
+    Axis, Block, Cell, Chart, Column, Document, Figure, Mark, Section, Series, Table, Verdict,
+};
+
+/// Every kind of block, each text of it being `text`, with three charts that are drawn and one that is empty.
+pub fn every_block(text: &str) -> Document {
+    let word = || text.to_owned();
+    let x = [0.0, 1.0, 2.0];
+    let axis = || Axis::new(text, text);
+    let trace = Chart::trace(text, axis(), axis())
+        .series(Series::line(text, &x, &[1.0, f64::NAN, f64::INFINITY]))
+        .series(Series::bars("bars", &x, &x).like(text))
+        .mark(Mark::Span { from: 0.5, to: 1.0, label: word() })
+        .mark(Mark::Level { y: 0.5, label: word() })
+        .group(text)
+        .in_view(0.0)
+        .note(text);
+    let plane = Chart::plane(text, axis(), axis())
+        .equal_axes()
+        .series(Series::circle("rim", (0.0, 0.0), 2.0))
+        .series(Series::points(text, &x, &x[..2]));
+    let percentiles = Chart::trace(text, Axis::percentile(text), Axis::log(text, text)).series(Series::step(
+        text,
+        &[0.0, 0.9, 0.99, 1.0],
+        &[1.0, 2.0, 30.0, 31.0],
+    ));
+    let empty = Chart::trace(text, axis(), axis()).series(Series::line(text, &[], &[]));
+    let table = Table::new(text)
+        .column(Column::text(text))
+        .column(Column::number(text, text).group(text).lowest().bars())
+        .row([Cell::series(text), 1.0.into()])
+        .row([text.into(), Cell::uncertain(2.0, 0.1).judged(Verdict::Warn), "surplus".into()])
+        .row([word().into()])
+        .note(text);
+    let figure = Figure::new(text, text, text).note(text).verdict(Verdict::Ok);
+    Document::new(text)
+        .subtitle(text)
+        .overview((Verdict::Fail, text))
+        .overview(Block::Figures(vec![figure]))
+        .section(Section::new(text).with(text).with(Block::List(vec![word()])).with(table).with(trace))
+        .section(
+            Section::new(text)
+                .with(Block::Heading(word()))
+                .with(Block::Columns(vec![plane.into(), Block::Code(word())]))
+                .with(Block::Details { summary: word(), blocks: vec![percentiles.into(), empty.into()] }),
+        )
+        .footer(text)
+}
