@@ -6,141 +6,16 @@
 //!
 //! Times in s, increasing, not necessarily even; the motion begins at the first row, whatever its time.
 
-use std::fmt;
 use std::path::{Path, PathBuf};
 
 use csv::StringRecord;
 
-/// Fewest rows of a path file.
-pub const FEWEST_ROWS: usize = 4;
+use crate::file_error::{FEWEST_ROWS, FileError, Place};
+
 /// Most numbers that are held for one path (256 MiB).
 pub(crate) const MOST_VALUES: usize = 1 << 25;
 /// How far the norm of a quaternion in a file may be from 1.
 const QUATERNION_TOLERANCE: f64 = 0.01;
-
-/// A place in a file: line and column (the ordinal of the field), both counted from 1.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
-    /// The file.
-    pub file: PathBuf,
-    /// The line, from 1.
-    pub line: u64,
-    /// The field within the line, from 1.
-    pub column: usize,
-}
-
-impl fmt::Display for Place {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}:{}:{}", self.file.display(), self.line, self.column)
-    }
-}
-
-/// Why a path file could not be read.
-#[derive(thiserror::Error, Debug)]
-pub enum FileError {
-    /// The file cannot be opened, or is not text.
-    #[error("{}: {source}", file.display())]
-    Read {
-        /// The file.
-        file: PathBuf,
-        /// What the reader says.
-        source: csv::Error,
-    },
-    /// A column that is needed is not in the header.
-    #[error("{place}: column {name} is missing: the header is t,q1…qn or t,x,y,z[,qx,qy,qz,qw]")]
-    MissingColumn {
-        /// The header.
-        place: Place,
-        /// The column that was looked for.
-        name: String,
-    },
-    /// A column that is needed is in the header twice.
-    #[error("{place}: column {name} appears twice: remove one")]
-    DuplicateColumn {
-        /// The second one.
-        place: Place,
-        /// Its name.
-        name: String,
-    },
-    /// The file is for another arm.
-    #[error("{place}: the file has {found} joint column(s), the arm {expected} joint(s)")]
-    JointCount {
-        /// The last joint column.
-        place: Place,
-        /// Joint columns in the header.
-        found: usize,
-        /// Joints of the arm.
-        expected: usize,
-    },
-    /// A row is shorter or longer than the header.
-    #[error("{place}: the row has {found} fields, the header {expected}")]
-    Ragged {
-        /// The row.
-        place: Place,
-        /// Fields of the row.
-        found: usize,
-        /// Fields of the header.
-        expected: usize,
-    },
-    /// A field is no finite number.
-    #[error("{place}: {name} = {text:?} is not a finite number")]
-    NotANumber {
-        /// The field.
-        place: Place,
-        /// Its column.
-        name: String,
-        /// Its text, cut if it is long.
-        text: String,
-    },
-    /// Time stands still or runs backwards.
-    #[error("{place}: t = {time} s does not come after {previous} s: time has to increase")]
-    TimeNotIncreasing {
-        /// The field.
-        place: Place,
-        /// The time found, s.
-        time: f64,
-        /// The time of the row before, s.
-        previous: f64,
-    },
-    /// A quaternion that is no orientation.
-    #[error("{place}: qx,qy,qz,qw have norm {norm}: a unit quaternion is needed")]
-    Quaternion {
-        /// The row.
-        place: Place,
-        /// The norm found.
-        norm: f64,
-    },
-    /// Too few rows for a smooth curve.
-    #[error("{}: {found} rows; at least {FEWEST_ROWS} are needed", file.display())]
-    TooFewRows {
-        /// The file.
-        file: PathBuf,
-        /// Rows found.
-        found: usize,
-    },
-    /// More rows than are held in memory.
-    #[error("{place}: more than {most} rows (over all laps): use fewer rows or laps")]
-    TooManyRows {
-        /// The first row too many.
-        place: Place,
-        /// The most rows of this width.
-        most: usize,
-    },
-    /// Several laps of a file that does not end where it begins.
-    #[error(
-        "{place}: {name} ends at {last} but begins at {first}: for several laps the last row repeats the first"
-    )]
-    NotClosed {
-        /// The field of the last row.
-        place: Place,
-        /// Its column.
-        name: String,
-        /// Value in the first row.
-        first: f64,
-        /// Value in the last row.
-        last: f64,
-    },
-}
 
 /// What the rows describe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

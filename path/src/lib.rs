@@ -13,6 +13,7 @@
 
 mod error;
 mod file;
+mod file_error;
 mod laps;
 mod nodes;
 mod plan;
@@ -26,7 +27,7 @@ mod tool;
 mod track;
 
 pub use error::PathError;
-pub use file::{FEWEST_ROWS, FileError, Place};
+pub use file_error::{FEWEST_ROWS, FileError, Place};
 pub use plan::HIGHEST_RATE;
 pub use spec::{
     LARGEST_BLEND, LONGEST_DURATION, PathKind, PathSpec, SHORTEST_PERIOD, SMALLEST_BLEND, Size, SpecError,
