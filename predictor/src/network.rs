@@ -9,7 +9,8 @@
 //!
 //! # Layout in memory
 //! For [`Network::forward`] a second copy of the weights is kept in panels of four units, padded with zero weights:
-//! biases, weights on the first unit of the layer before, weights on the second, …, four numbers each. A panel's sums stay in registers.
+//! biases, weights on the first unit of the layer before, weights on the second, …, four numbers each. A panel's sums
+//! stay in registers. (Three panels at once, to fetch each input only once, was tried and is slower.)
 
 use crate::activation::{Activation, fused};
 
