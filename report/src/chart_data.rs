@@ -90,6 +90,10 @@ impl<'a> ChartData<'a> {
             drawn_of: (0, 0),
             remarks: Vec::new(),
         };
+        if chart.series.iter().any(|series| series.style == Style::Bars) {
+            // Bars that do not begin at zero tell the wrong story.
+            data.in_view.extend(placed(chart.y.scale, 0.0));
+        }
         for series in &chart.series {
             data.add(chart, series, colours, most);
         }

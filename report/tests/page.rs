@@ -163,6 +163,16 @@ fn same_name_same_colour() {
     assert!(page.contains("class=\"swatch series-1\""), "the table shows the colour of b");
 }
 
+#[test]
+fn bars_begin_at_zero() {
+    for (y, expected) in [(Axis::new("y", ""), "[0]"), (Axis::log("y", ""), "[]")] {
+        let chart =
+            Chart::trace("c", Axis::new("x", ""), y).series(Series::bars("a", &[1.0, 2.0], &[5.0, 6.0]));
+        let data = chart_data(&Document::new("t").overview(chart).to_html());
+        assert_eq!(data[0]["in_view"].to_string(), expected);
+    }
+}
+
 /// 12 s at 1 kHz, 40 noisy series with the longest numbers there are.
 #[test]
 fn report_of_a_long_run_stays_small() {
