@@ -21,6 +21,8 @@ enum Command {
     Run(crate::run::RunArgs),
     /// How far a model is from a recording, channel by channel.
     Compare(crate::compare::CompareArgs),
+    /// The recorded states of a run to a new controller process, its commands beside the recorded ones.
+    Replay(crate::replay::ReplayArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
     ReferenceRuns(crate::reference_runs::ReferenceArgs),
     /// The process that plays the machine; `freeplay run` starts it.
@@ -39,6 +41,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
     match Cli::parse().command {
         Command::Run(args) => crate::run::run(&args),
         Command::Compare(args) => crate::compare::compare(&args),
+        Command::Replay(args) => crate::replay::replay(&args),
         Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
         Command::Plant(args) => crate::plant_command::plant(&args),
         Command::Controller(args) => crate::controller_command::controller(&args),

@@ -1,6 +1,7 @@
 //! `freeplay compare`: how far a model is from a recording, channel by channel.
 
 use std::fmt::Write as _;
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -59,10 +60,19 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let json = view.json()?;
     let report = args.out.as_deref().map(|out| view.write(out, &residuals, &json)).transpose()?;
     match args.format {
-        Format::Json => println!("{json:#}"),
-        Format::Text => print!("{}", view.text(report.as_deref())),
+        Format::Json => print(&format!("{json:#}\n")),
+        Format::Text => print(&view.text(report.as_deref())),
     }
-    Ok(Exit::Done)
+}
+
+/// Writes to the terminal or into a pipe, whose other end may close it early.
+fn print(text: &str) -> Result<Exit, Failure> {
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::internal(format!("cannot write the result: {error}")))
+        }
+        _ => Ok(Exit::Done),
+    }
 }
 
 /// Everything that is shown.
@@ -102,6 +112,8 @@ impl View<'_> {
             let _ = writeln!(text, "{what:11} {words}");
         }
         let _ = writeln!(text, "\n{}\n\n{}\n", self.verdict(), self.terminal_table());
+        let _ =
+            writeln!(text, "error: measured minus model; spread: standard deviation of the measured signal");
         for remark in self.remarks() {
             let _ = writeln!(text, "note: {remark}");
         }
@@ -237,17 +249,13 @@ impl View<'_> {
         if !remarks.is_empty() {
             document = document.overview(Block::List(remarks));
         }
-        let parts: [(&str, fn(Kind) -> bool); 3] = [
-            ("Joint torques", |kind| matches!(kind, Kind::Torque(_))),
-            ("Tool position", |kind| matches!(kind, Kind::Tool(_))),
-            ("Link encoders", |kind| matches!(kind, Kind::Link(_))),
-        ];
-        for (title, belongs) in parts {
-            let of_part =
-                residuals.channels.iter().zip(&self.comparison.channels).filter(|(c, _)| belongs(c.kind));
-            let section = of_part.fold(Section::new(title), |section, (channel, error)| {
-                section.with(chart(residuals, channel, error))
-            });
+        for title in ["Joint torques", "Tool position", "Link encoders"] {
+            let channels = residuals.channels.iter().zip(&self.comparison.channels);
+            let section = channels
+                .filter(|(channel, _)| section_of(channel.kind) == title)
+                .fold(Section::new(title), |section, (channel, error)| {
+                    section.with(chart(residuals, channel, error))
+                });
             if !section.blocks.is_empty() {
                 document = document.section(section);
             }
@@ -279,6 +287,15 @@ impl View<'_> {
     }
 }
 
+/// The section of the report that a channel belongs to.
+fn section_of(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Torque(_) => "Joint torques",
+        Kind::Tool(_) => "Tool position",
+        Kind::Link(_) => "Link encoders",
+    }
+}
+
 /// Measured against model over time for torques; their difference for positions, where both lie on one line.
 fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Chart {
     let (scale, unit) = shown_in(channel.unit);
@@ -293,7 +310,11 @@ fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Char
         }
         Series::line(name, &t, &y)
     };
-    let what = if matches!(channel.kind, Kind::Torque(_)) { "torque or force" } else { "difference" };
+    let what = match channel.kind {
+        Kind::Torque(_) if channel.unit == "N" => "force",
+        Kind::Torque(_) => "torque",
+        Kind::Tool(_) | Kind::Link(_) => "difference",
+    };
     let chart =
         Chart::trace(label(error), Axis::new("time", "s"), Axis::new(what, unit)).group("time").in_view(0.0);
     let difference = line("measured − model", &channel.residual());

@@ -2,7 +2,7 @@
 //!
 //! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run` (the parent),
 //! `plant_command` and `controller_command` (its children), `columns` and `recorder` (what is kept), `summary`,
-//! `histogram_files`, `screen` and `run_report` (what a person sees); `compare` and `reference_runs` beside them.
+//! `histogram_files`, `screen` and `run_report` (what a person sees); `compare`, `replay` and `reference_runs` beside them.
 
 mod args;
 mod columns;
@@ -15,6 +15,7 @@ mod process;
 mod recorder;
 mod reference_report;
 mod reference_runs;
+mod replay;
 mod run;
 mod run_report;
 mod scenario;

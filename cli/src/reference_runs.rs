@@ -114,7 +114,7 @@ fn simulate_all(rows: &[Reference], substeps: u32, bar: &ProgressBar) -> Result<
             loop {
                 let index = next.fetch_add(1, Ordering::Relaxed);
                 let Some(row) = rows.get(index) else { return Ok(mine) };
-                mine.push((index, simulate(row, substeps)?));
+                mine.push((index, simulate(row, substeps, 0.0)?));
                 bar.inc(1);
             }
         };
@@ -182,8 +182,12 @@ impl Simulation {
     }
 }
 
-fn simulate(row: &Reference, substeps: u32) -> Result<Figures, Failure> {
+/// Simulates `row`; the journal starts `nudge` m off the centre.
+fn simulate(row: &Reference, substeps: u32, nudge: f64) -> Result<Figures, Failure> {
     let mut run = Simulation::new(row, substeps)?;
+    if nudge > 0.0 {
+        run.system.place_journal(0, [nudge, 0.0], [0.0, 0.0]);
+    }
     let by_motion = row.mode == "driven";
     let driven = vec![by_motion; run.arm.dof()];
     let mut deviation = DeviationStatistics::new(DeviationStatistics::START);

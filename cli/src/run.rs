@@ -72,13 +72,34 @@ pub struct RunArgs {
 }
 
 /// One controller to run.
-struct Contestant {
+pub struct Contestant {
     /// As it was asked for.
     asked: String,
     /// Name of its files.
     name: String,
     /// Executable of its own, if it is none of the built-in.
     executable: Option<PathBuf>,
+}
+
+impl Contestant {
+    /// The controller `asked`: a built-in name or the path of an executable.
+    ///
+    /// # Errors
+    /// Neither of the two.
+    pub fn of(asked: &str) -> Result<Self, Failure> {
+        let built_in = BUILT_IN.contains(&asked);
+        let path = Path::new(asked);
+        if !built_in && !path.is_file() {
+            return Err(if path.components().count() > 1 {
+                Failure::input(format!("controller {asked}: there is no such executable"))
+            } else {
+                crate::controller_command::unknown(asked)
+            });
+        }
+        let name = path.file_name().map_or_else(|| asked.to_owned(), |name| name.to_string_lossy().into_owned());
+        let executable = (!built_in).then(|| std::path::absolute(path)).transpose().map_err(Failure::input)?;
+        Ok(Self { asked: asked.to_owned(), name, executable })
+    }
 }
 
 /// Runs the scenario of `args` with each of its controllers.
@@ -132,8 +153,9 @@ struct Files {
 }
 
 fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
-    let mut sets = args.set.clone();
-    sets.extend(args.model.iter().map(|model| format!("model={model}")));
+    // The model comes first: another arm drops the paper's play, which a later --set may put back.
+    let mut sets: Vec<String> = args.model.iter().map(|model| format!("model={model}")).collect();
+    sets.extend(args.set.iter().cloned());
     sets.extend(args.seed.iter().map(|seed| format!("seed={seed}")));
     let mut scenario = Scenario::load(args.scenario.as_deref(), &sets).map_err(Failure::input)?;
     if !args.controller.is_empty() {
@@ -165,21 +187,12 @@ fn default_folder() -> PathBuf {
 fn contestants(scenario: &Scenario) -> Result<Vec<Contestant>, Failure> {
     let mut found: Vec<Contestant> = Vec::new();
     for asked in &scenario.controllers {
-        let built_in = BUILT_IN.contains(&asked.as_str());
-        let path = Path::new(asked);
-        if !built_in && !path.is_file() {
-            return Err(if path.components().count() > 1 {
-                Failure::input(format!("controller {asked}: there is no such executable"))
-            } else {
-                crate::controller_command::unknown(asked)
-            });
+        let mut contestant = Contestant::of(asked)?;
+        let same = found.iter().filter(|other| other.name.split('#').next() == Some(&contestant.name)).count();
+        if same > 0 {
+            contestant.name = format!("{}#{}", contestant.name, same + 1);
         }
-        let stem = path.file_name().map_or_else(|| asked.clone(), |name| name.to_string_lossy().into_owned());
-        let same = found.iter().filter(|other| other.name.split('#').next() == Some(&stem)).count();
-        let name = if same == 0 { stem } else { format!("{stem}#{}", same + 1) };
-        let executable =
-            (!built_in).then(|| std::path::absolute(path)).transpose().map_err(Failure::input)?;
-        found.push(Contestant { asked: asked.clone(), name, executable });
+        found.push(contestant);
     }
     Ok(found)
 }
@@ -243,7 +256,11 @@ fn start_plant(contestant: &Contestant, files: &Files, address: &Address) -> Res
         .map_err(|error| Failure::internal(format!("cannot start the plant: {error}")))
 }
 
-fn start_controller(scenario: &Scenario, contestant: &Contestant, address: &Address) -> Result<Child, Failure> {
+/// Starts the process of a controller for the run at `address`.
+///
+/// # Errors
+/// A process that can't be started.
+pub fn start_controller(scenario: &Scenario, contestant: &Contestant, address: &Address) -> Result<Child, Failure> {
     let mut command = match &contestant.executable {
         Some(executable) => Command::new(executable),
         None => built_in_command(scenario, contestant)?,

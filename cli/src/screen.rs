@@ -67,7 +67,7 @@ fn machine_lines(runs: &[RunSummary]) -> Vec<String> {
     let mut lines = vec![format!(
         "machine: {} cores, {}, {}, wait: {}",
         machine["cores"],
-        text(&machine["kernel"]),
+        text(&machine["kernel"]).split(" #").next().unwrap_or_default(),
         text(&machine["scheduler"]),
         text(&machine["wait_policy"]),
     )];

@@ -31,9 +31,11 @@ pub struct RunSummary {
     /// Contact in each joint with play.
     pub contact: Value,
     /// The force of the base on the first moving body, N.
-    pub base_force_N: Value,
+    #[serde(rename = "base_force_N")]
+    pub base_force: Value,
     /// Energies, J.
-    pub energy_J: Value,
+    #[serde(rename = "energy_J")]
+    pub energy: Value,
     /// Ticks without a command in time.
     pub deadlines: Value,
     /// What the gate did not let through.
@@ -145,8 +147,8 @@ impl RunSummary {
             state_hash: facts.state_hash,
             deviation_mm: deviations(plant),
             contact: contacts(plant, &facts.plays),
-            base_force_N: json!({ "peak": plant.peak_base_force() }),
-            energy_J: json!({ "ledger": ledger, "residual": ledger.residual() }),
+            base_force: json!({ "peak": plant.peak_base_force() }),
+            energy: json!({ "ledger": ledger, "residual": ledger.residual() }),
             deadlines: deadlines(&plant.deadlines(), plant.gate()),
             gate: json!({ "rejected": gate }),
             latency_us: latencies(plant.stages()),

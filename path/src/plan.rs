@@ -10,7 +10,7 @@ use crate::laps::Laps;
 use crate::nodes::{Grid, Nodes};
 use crate::sine::{self, Swing};
 use crate::spec::{PathKind, PathSpec, Size, check_duration};
-use crate::spline::Spline;
+use crate::spline::{Ends, Spline};
 use crate::start::{explain, start_posture};
 use crate::table::JointPath;
 use crate::tool::ToolPath;
@@ -18,6 +18,10 @@ use crate::track::{FEWEST_JOINTS, Lost, Tracker};
 
 /// Highest rate of ticks that is planned for, Hz.
 pub const HIGHEST_RATE: f64 = 1e5;
+/// Samples a second through which the sharp square's joint path runs.
+const SHARP_RATE: f64 = 4000.0;
+/// Most samples of a lap of the sharp square.
+const MOST_SAMPLES: f64 = 240_000.0;
 /// Intervals of a smooth piece of a built-in path, however short.
 const FEWEST_INTERVALS: f64 = 8.0;
 
@@ -48,7 +52,11 @@ impl JointPath {
         match ToolPath::of(spec) {
             Some(path) => {
                 let grid = Grid::new(rate_hz, spec.period, FEWEST_INTERVALS);
-                follow(arm, spec.start.as_deref(), &path, grid, rate_hz)
+                let exact = follow(arm, spec.start.as_deref(), &path, grid, rate_hz)?;
+                match spec.kind {
+                    PathKind::SquareSharp => sampled(arm, &exact, Grid::new(rate_hz, spec.period, 1.0), rate_hz),
+                    _ => Ok(exact),
+                }
             }
             None => swing(arm, spec, rate_hz),
         }
@@ -59,10 +67,15 @@ fn plan_file(arm: &Arm, spec: &PathSpec, file: &Path, rate: f64) -> Result<Joint
     let mut rows = Rows::read(file, arm.dof(), spec.laps)?;
     check_duration(spec.laps, rows.span())?;
     rows.repeat(spec.laps)?;
-    let spline = Spline::natural(rows.names.len(), rows.times.clone(), std::mem::take(&mut rows.values));
+    let spline = Spline::through(
+        rows.names.len(),
+        rows.times.clone(),
+        std::mem::take(&mut rows.values),
+        Ends::Natural,
+    );
     let grid = Grid::new(rate, rows.span(), 1.0);
     let planned = match rows.content {
-        Content::Joints => tabulate(arm, &spline, grid, rate),
+        Content::Joints => tabulate(arm, &spline, grid, rate, 1),
         Content::Positions | Content::Poses => {
             let path = ToolPath::through(spline, rows.content == Content::Poses, spec);
             follow(arm, spec.start.as_deref(), &path, grid, rate)
@@ -72,14 +85,33 @@ fn plan_file(arm: &Arm, spec: &PathSpec, file: &Path, rate: f64) -> Result<Joint
 }
 
 /// A joint path through rows of joint positions.
-fn tabulate(arm: &Arm, spline: &Spline, grid: Grid, rate: f64) -> Result<JointPath, PathError> {
+fn tabulate(arm: &Arm, spline: &Spline, grid: Grid, rate: f64, laps: u32) -> Result<JointPath, PathError> {
     let knots = spline.times();
     let mut nodes = Nodes::new(arm);
     for (piece, ends) in knots.windows(2).enumerate() {
         fill(&mut nodes, grid.times(ends[0], ends[1]), |joint, t| spline.evaluate(piece, joint, t))?;
     }
     let lap = knots[knots.len() - 1];
-    Ok(nodes.into_path(rate, Laps { lap, count: 1 }))
+    Ok(nodes.into_path(rate, Laps { lap, count: laps }))
+}
+
+/// The sharp square as its definition has it: the cubic spline through the joints' positions at 4 kHz. It rounds the
+/// jumps of the acceleration over a sample or two and overshoots them by a few percent, as a sampled reference does.
+fn sampled(arm: &Arm, exact: &JointPath, grid: Grid, rate: f64) -> Result<JointPath, PathError> {
+    let laps = exact.laps();
+    let samples = (laps.lap * SHARP_RATE).round().clamp(4.0, MOST_SAMPLES);
+    let times: Vec<f64> = (0..=samples as u64).map(|k| k as f64 * laps.lap / samples).collect();
+    let dof = arm.dof();
+    let [mut q, mut v, mut a] = [0, 1, 2].map(|_| vec![0.0; dof]);
+    let mut values = Vec::with_capacity(times.len() * dof);
+    for &t in &times[..times.len() - 1] {
+        exact.at(t, &mut q, &mut v, &mut a);
+        values.extend_from_slice(&q);
+    }
+    // The last sample belongs to this lap, not to the next.
+    values.extend_from_slice(exact.lap_end());
+    let spline = Spline::through(dof, times, values, Ends::NotAKnot);
+    tabulate(arm, &spline, grid, rate, laps.count)
 }
 
 /// A swing of every joint.

@@ -1,8 +1,8 @@
-//! Natural cubic spline through rows of numbers.
+//! Cubic spline through rows of numbers.
 //!
-//! Source: de Boor (1978), *A Practical Guide to Splines*, ch. IV: the interpolant with two continuous
-//! derivatives whose second derivative vanishes at both ends. It is exact for straight lines and of order h⁴ inside;
-//! within a few rows of an end whose true second derivative is not zero the order falls to h².
+//! Source: de Boor (1978), *A Practical Guide to Splines*, ch. IV: the interpolant with two continuous derivatives.
+//! With natural ends it is exact for straight lines and of order h⁴ inside; within a few rows of an end whose true
+//! second derivative is not zero the order falls to h². With not-a-knot ends it is exact for cubics.
 
 /// A curve of `columns` values over time, piecewise cubic, with two continuous derivatives.
 #[derive(Clone, Debug)]
@@ -14,26 +14,54 @@ pub(crate) struct Spline {
     curvature: Vec<f64>,
 }
 
+/// What closes the equations at both ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ends {
+    /// The second derivative vanishes.
+    Natural,
+    /// The third derivative is continuous at the second and at the last but one knot.
+    NotAKnot,
+}
+
 impl Spline {
-    /// Fits the rows `values` (row-major, `columns` wide) at the strictly increasing `times` (at least two).
-    pub fn natural(columns: usize, times: Vec<f64>, values: Vec<f64>) -> Spline {
+    /// Fits the rows `values` (row-major, `columns` wide) at the strictly increasing `times`: at least two, or four
+    /// for [`Ends::NotAKnot`].
+    pub fn through(columns: usize, times: Vec<f64>, values: Vec<f64>, ends: Ends) -> Spline {
         let rows = times.len();
+        let step = |i: usize| times[i + 1] - times[i];
         let mut curvature = vec![0.0; rows * columns];
         let mut upper = vec![0.0; rows];
-        // Thomas elimination: the tridiagonal matrix is diagonally dominant, so no pivot is needed.
+        // Thomas elimination; the ends have been eliminated from the first and last row.
         for i in 1..rows - 1 {
-            let (before, after) = (times[i] - times[i - 1], times[i + 1] - times[i]);
-            let pivot = 2.0 * (before + after) - before * upper[i - 1];
-            upper[i] = after / pivot;
+            let (before, after) = (step(i - 1), step(i));
+            let (mut below, mut middle, mut above) = (before, 2.0 * (before + after), after);
+            if ends == Ends::NotAKnot && i == 1 {
+                (middle, above) = (middle + before * (before + after) / after, above - before * before / after);
+            }
+            if ends == Ends::NotAKnot && i == rows - 2 {
+                (middle, below) = (middle + after * (before + after) / before, below - after * after / before);
+            }
+            let pivot = middle - if i == 1 { 0.0 } else { below * upper[i - 1] };
+            upper[i] = if i == rows - 2 { 0.0 } else { above / pivot };
             for c in 0..columns {
-                let (k, below, above) = (i * columns + c, (i - 1) * columns + c, (i + 1) * columns + c);
-                let slopes = (values[above] - values[k]) / after - (values[k] - values[below]) / before;
-                curvature[k] = (6.0 * slopes - before * curvature[below]) / pivot;
+                let (k, previous, next) = (i * columns + c, (i - 1) * columns + c, (i + 1) * columns + c);
+                let slopes = (values[next] - values[k]) / after - (values[k] - values[previous]) / before;
+                let carried = if i == 1 { 0.0 } else { below * curvature[previous] };
+                curvature[k] = (6.0 * slopes - carried) / pivot;
             }
         }
         for i in (1..rows - 1).rev() {
             for c in 0..columns {
                 curvature[i * columns + c] -= upper[i] * curvature[(i + 1) * columns + c];
+            }
+        }
+        if ends == Ends::NotAKnot {
+            for c in 0..columns {
+                let m = |i: usize| curvature[i * columns + c];
+                let first = m(1) + (m(1) - m(2)) * step(0) / step(1);
+                let last = m(rows - 2) + (m(rows - 2) - m(rows - 3)) * step(rows - 2) / step(rows - 3);
+                curvature[c] = first;
+                curvature[(rows - 1) * columns + c] = last;
             }
         }
         Spline { columns, times, values, curvature }
@@ -62,7 +90,7 @@ impl Spline {
 
 #[cfg(test)]
 mod tests {
-    use super::Spline;
+    use super::{Ends, Spline};
 
     /// Uneven knots on [0, 2π]: sin has zero second derivative at both ends, so the natural spline is of full order.
     fn sine_errors(rows: usize) -> [f64; 3] {
@@ -72,7 +100,7 @@ mod tests {
             .map(|s| span * (s + 0.02 * (2.0 * span * s).sin()))
             .collect();
         let values = times.iter().flat_map(|t| [t.sin(), 2.0 - 3.0 * t]).collect();
-        let spline = Spline::natural(2, times, values);
+        let spline = Spline::through(2, times, values, Ends::Natural);
         let mut errors = [0.0_f64; 3];
         for piece in 0..rows {
             let (t0, t1) = (spline.times()[piece], spline.times()[piece + 1]);
@@ -104,9 +132,25 @@ mod tests {
     }
 
     #[test]
+    fn not_a_knot_ends_reproduce_a_cubic() {
+        let cubic = |t: f64| [1.0 - 2.0 * t + 3.0 * t * t - 0.5 * t.powi(3), -2.0 + 6.0 * t - 1.5 * t * t, 6.0 - 3.0 * t];
+        for times in [vec![0.0, 0.3, 0.5, 1.2], vec![-1.0, 0.0, 0.2, 1.0, 1.5, 3.0]] {
+            let values = times.iter().map(|&t| cubic(t)[0]).collect();
+            let spline = Spline::through(1, times.clone(), values, Ends::NotAKnot);
+            for (piece, ends) in times.windows(2).enumerate() {
+                let t = 0.4 * ends[0] + 0.6 * ends[1];
+                for (found, expected) in spline.evaluate(piece, 0, t).into_iter().zip(cubic(t)) {
+                    println!("margin {:.1e} of 1e-12", (found - expected).abs());
+                    assert!((found - expected).abs() < 1e-12);
+                }
+            }
+        }
+    }
+
+    #[test]
     fn neighbours_agree_in_two_derivatives() {
         let times = vec![0.0, 0.1, 0.9, 1.0, 3.0];
-        let spline = Spline::natural(1, times.clone(), vec![1.0, -2.0, 4.0, 0.0, 0.5]);
+        let spline = Spline::through(1, times.clone(), vec![1.0, -2.0, 4.0, 0.0, 0.5], Ends::Natural);
         let mut worst = 0.0_f64;
         for (knot, &t) in times.iter().enumerate().take(4).skip(1) {
             let (left, right) = (spline.evaluate(knot - 1, 0, t), spline.evaluate(knot, 0, t));

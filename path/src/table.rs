@@ -55,6 +55,16 @@ impl JointPath {
         self.laps.duration()
     }
 
+    /// The laps.
+    pub(crate) fn laps(&self) -> Laps {
+        self.laps
+    }
+
+    /// The position at the end of a lap.
+    pub(crate) fn lap_end(&self) -> &[f64] {
+        &self.values[self.values.len() - 3 * self.dof..][..self.dof]
+    }
+
     /// Number of joints.
     pub fn dof(&self) -> usize {
         self.dof

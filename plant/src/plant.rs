@@ -474,18 +474,20 @@ impl Plant {
         self.driven.fill(by_motion);
         self.system.tick(&Input { torque: &self.torque, driven: &self.driven, motion })?;
         self.stages.record(Stage::PlantStep, now_ns() - before);
-        debug_assert_eq!(self.system.time(), (tick + 1) as f64 * self.config.period_ns as f64 * 1e-9);
+        debug_assert_eq!(self.system.time(), (tick + 1) as f64 * (self.config.period_ns as f64 * 1e-9));
         Ok(())
     }
 
-    /// Judges the answer and sets what is in force in the next tick.
+    /// Judges the answer and sets what is in force in the next tick; closed brakes stay closed.
     fn judge(&mut self, tick: u64, answer: Option<&Command>, record: &mut TickRecord) {
+        if self.braked.is_some() {
+            return;
+        }
         if answer.is_none() {
             self.deadlines.missed += 1;
             // Who let the patience of lockstep pass is not waited for again.
             self.silent |= self.config.pace == Pace::Lockstep;
         }
-        let braking = self.applied == Applied::Brake;
         let (applied, rejection) = self.gate.pass(answer, tick);
         record.rejection = rejection;
         self.applied = applied;
@@ -495,7 +497,6 @@ impl Plant {
         let joints = self.config.arm.dof();
         match applied {
             Applied::Guided => {}
-            Applied::Brake if braking => {}
             Applied::Brake => {
                 let (play, q, v) = (self.system.play(), self.system.q(), self.system.v());
                 self.brakes.close(self.system.time(), (0..joints).map(|joint| {
