@@ -70,7 +70,14 @@ impl Inertia {
         let other_com = (pose * nalgebra::Point3::from(other.com)).coords;
         let other_about_com = rotation.matrix() * other.about_com * rotation.matrix().transpose();
         let mass = self.mass + other.mass;
-        let com = if mass > 0.0 { (self.com * self.mass + other_com * other.mass) / mass } else { self.com };
+        // A body without mass leaves the other's centre as it is, to the last digit.
+        let com = if other.mass == 0.0 {
+            self.com
+        } else if self.mass == 0.0 {
+            other_com
+        } else {
+            (self.com * self.mass + other_com * other.mass) / mass
+        };
         let offset = |c: &Vector3<f64>, m: f64| {
             let d = c - com;
             (Matrix3::identity() * d.norm_squared() - d * d.transpose()) * m

@@ -1,5 +1,7 @@
 //! Independent algorithms against each other on random arms of 1 to 12 joints, revolute and prismatic mixed.
 
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
 mod common;
 
 use common::{Random, close, distance, size};

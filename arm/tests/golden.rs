@@ -1,5 +1,7 @@
 //! The paper's arm against numbers of an independent library (`data/ORIGIN.md`).
 
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
 mod common;
 
 use common::{close, distance, rk4, size};

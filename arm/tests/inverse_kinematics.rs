@@ -1,5 +1,7 @@
 //! Inverse kinematics: round trips, the branch of the seed, and honest refusals.
 
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
 mod common;
 
 use std::f64::consts::TAU;

@@ -1,5 +1,7 @@
 //! Pendulums against published and closed-form motion.
 
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
 mod common;
 
 use common::{close, distance, rk4};

@@ -10,8 +10,8 @@ use crate::spatial::{Acceleration, Wrench};
 use crate::workspace::{LinkState, Workspace, WrenchSource};
 
 /// Joint torques `tau` (N·m or N) that give the accelerations `a` at `q`, `v`, gravity included and joint friction left out:
-/// tau = M(q) a + h(q, v). The recursive Newton–Euler algorithm (Luh, Walker & Paul 1980; Featherstone 2008, §5.3), in the form
-/// described in [`crate::dynamics`](self).
+/// tau = M(q) a + h(q, v). The recursive Newton–Euler algorithm (Luh, Walker & Paul 1980; Featherstone 2008, §5.3), with classical
+/// accelerations of the link origins in world axes.
 ///
 /// # Panics
 /// If a slice or the workspace does not fit the arm.

@@ -11,7 +11,7 @@ use crate::arm::ArmError;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
     /// The file, or what stands for it.
-    pub origin: String,
+    pub origin: Box<str>,
     /// Line, from 1.
     pub line: usize,
     /// Column in characters, from 1.
@@ -19,6 +19,11 @@ pub struct Place {
 }
 
 impl Place {
+    /// The first character of the file.
+    pub(crate) fn start(origin: &str) -> Place {
+        Place { origin: origin.into(), line: 1, column: 1 }
+    }
+
     /// The place of byte `offset` in `text`.
     pub(crate) fn in_text(origin: &str, text: &str, offset: usize) -> Place {
         let before = &text.as_bytes()[..offset.min(text.len())];
@@ -26,13 +31,22 @@ impl Place {
         let start = before.iter().rposition(|&b| b == b'\n').map_or(0, |p| p + 1);
         // Count characters by their first bytes.
         let column = before[start..].iter().filter(|&&b| b & 0xC0 != 0x80).count() + 1;
-        Place { origin: origin.to_owned(), line, column }
+        Place { origin: origin.into(), line, column }
     }
 }
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}:{}:{}", self.origin, self.line, self.column)
+    }
+}
+
+/// The text of a value as an error repeats it: not more than a line.
+pub(crate) fn shortened(value: &str) -> String {
+    const LONGEST: usize = 120;
+    match value.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{}…", &value[..end]),
+        None => value.to_owned(),
     }
 }
 
@@ -165,6 +179,6 @@ pub enum ModelError {
         /// Where the joint stands, or the start of the file.
         at: Place,
         /// What is wrong with it.
-        source: ArmError,
+        source: Box<ArmError>,
     },
 }

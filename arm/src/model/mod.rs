@@ -3,9 +3,11 @@
 mod error;
 mod numbers;
 mod toml_read;
+mod toml_tables;
 mod toml_write;
 mod urdf;
 mod urdf_tree;
+mod urdf_xml;
 
 use std::fs::File;
 use std::io::Read;
@@ -13,6 +15,7 @@ use std::path::Path;
 
 use crate::arm::Arm;
 
+use error::shortened;
 pub use error::{ModelError, Place};
 pub use toml_read::parse_toml;
 pub use toml_write::to_toml;
@@ -55,10 +58,10 @@ pub fn load(path: &Path) -> Result<ArmFile, ModelError> {
         "urdf" | "xml" => parse_urdf(&read_text(path)?, &path.display().to_string()),
         "toml" => parse_toml(&read_text(path)?, path),
         "xacro" => Err(ModelError::Xacro {
-            at: Place { origin: path.display().to_string(), line: 1, column: 1 },
+            at: Place::start(&path.display().to_string()),
             found: "the file name".to_owned(),
         }),
-        _ => Err(ModelError::UnknownExtension { path: path.display().to_string() }),
+        _ => Err(ModelError::UnknownExtension { path: shortened(&path.display().to_string()) }),
     }
 }
 

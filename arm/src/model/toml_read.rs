@@ -1,112 +1,45 @@
 //! The TOML arm file: text → arm and effects.
-//!
-//! ```toml
-//! name = "arm"                      # optional with a URDF
-//! gravity = [0, 0, -9.81]           # optional, m/s² in the base frame
-//! urdf = "arm.urdf"                 # beside this file; or the joints from the base outwards:
-//!
-//! [[joint]]
-//! name = "joint_1"
-//! type = "revolute"                 # or "prismatic"
-//! axis = [0, 0, 1]                  # in the joint frame
-//! origin = { xyz = [0, 0, 0.3], rpy = [0, 0, 0] }   # in the frame of the link before; or quaternion = [x, y, z, w]
-//! mass = 2.0                        # kg; without it the link is massless
-//! com = [0.1, 0, 0]                 # m, in the link frame
-//! inertia = { ixx = 0.1, iyy = 0.1, izz = 0.1, ixy = 0, ixz = 0, iyz = 0 }   # kg·m² about the centre of mass, along the link frame
-//! limits = { lower = -1, upper = 1, velocity = 2, acceleration = 10, effort = 50 }   # infinite where missing
-//! damping = 0.1                     # N·m·s/rad or N·s/m
-//! friction = 0.5                    # N·m or N
-//!
-//! [tool]                            # tool0 in the frame of the last link
-//! xyz = [0.1, 0, 0]
-//!
-//! [[effect]]                        # physics beyond the rigid body
-//! kind = "coulomb_friction"
-//! joint = "joint_1"
-//! coulomb = 3.0
-//! ```
 
 use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
-use serde::Deserialize;
 use toml::Spanned;
 
-use super::error::{ModelError, Place};
+use super::error::{ModelError, Place, shortened};
 use super::numbers::{direction, rotation};
+use super::toml_tables::{ArmTable, FrameTable, InertiaTable, JointTable, KindName, LimitsTable};
 use super::urdf_tree::GRAVITY;
 use super::{ArmFile, EffectTable, check_extent, load};
 use crate::arm::{Arm, ArmError};
 use crate::joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct ArmTable {
-    name: Option<String>,
-    gravity: Option<Spanned<[f64; 3]>>,
-    urdf: Option<Spanned<String>>,
-    #[serde(default)]
-    joint: Vec<Spanned<JointTable>>,
-    tool: Option<Spanned<FrameTable>>,
-    #[serde(default)]
-    effect: Vec<Spanned<toml::Table>>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct JointTable {
-    name: String,
-    r#type: KindName,
-    axis: Spanned<[f64; 3]>,
-    origin: Option<Spanned<FrameTable>>,
-    mass: Option<Spanned<f64>>,
-    com: Option<Spanned<[f64; 3]>>,
-    inertia: Option<Spanned<InertiaTable>>,
-    limits: Option<LimitsTable>,
-    damping: Option<Spanned<f64>>,
-    friction: Option<Spanned<f64>>,
-}
-
-#[derive(Clone, Copy, Deserialize)]
-#[serde(rename_all = "lowercase")]
-enum KindName {
-    Revolute,
-    Prismatic,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct FrameTable {
-    xyz: Option<[f64; 3]>,
-    rpy: Option<[f64; 3]>,
-    quaternion: Option<[f64; 4]>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct InertiaTable {
-    ixx: f64,
-    iyy: f64,
-    izz: f64,
-    #[serde(default)]
-    ixy: f64,
-    #[serde(default)]
-    ixz: f64,
-    #[serde(default)]
-    iyz: f64,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct LimitsTable {
-    lower: Option<Spanned<f64>>,
-    upper: Option<Spanned<f64>>,
-    velocity: Option<Spanned<f64>>,
-    acceleration: Option<Spanned<f64>>,
-    effort: Option<Spanned<f64>>,
-}
-
 /// Reads the arm file `text`; `path` names it in errors, and a `urdf` in it is looked for beside it.
+///
+/// ```toml
+/// name = "arm"                      # optional with a URDF
+/// gravity = [0, 0, -9.81]           # optional, m/s² in the base frame
+/// urdf = "arm.urdf"                 # beside this file; or the joints from the base outwards:
+///
+/// [[joint]]
+/// name = "joint_1"
+/// type = "revolute"                 # or "prismatic"
+/// axis = [0, 0, 1]                  # in the joint frame
+/// origin = { xyz = [0, 0, 0.3], rpy = [0, 0, 0] }   # in the frame of the link before; or quaternion = [x, y, z, w]
+/// mass = 2.0                        # kg; without it the link is massless
+/// com = [0.1, 0, 0]                 # m, in the link frame
+/// inertia = { ixx = 0.1, iyy = 0.1, izz = 0.1, ixy = 0, ixz = 0, iyz = 0 }   # kg·m² about the centre of mass, along the link frame
+/// limits = { lower = -1, upper = 1, velocity = 2, acceleration = 10, effort = 50 }   # infinite where missing
+/// damping = 0.1                     # N·m·s/rad or N·s/m
+/// friction = 0.5                    # N·m or N
+///
+/// [tool]                            # tool0 in the frame of the last link
+/// xyz = [0.1, 0, 0]
+///
+/// [[effect]]                        # physics beyond the rigid body
+/// kind = "coulomb_friction"
+/// joint = "joint_1"
+/// coulomb = 3.0
+/// ```
 ///
 /// # Errors
 /// [`ModelError`] with line, column, value and remedy; unknown keys are errors.
@@ -123,11 +56,20 @@ pub fn parse_toml(text: &str, path: &Path) -> Result<ArmFile, ModelError> {
     Ok(ArmFile { arm, effects, ignored })
 }
 
-/// A parser error with its place; the caret that the parser draws is kept.
+/// A parser error with its place and, under the message, the line and the caret that the parser draws.
 fn syntax_error(origin: &str, text: &str, error: &toml::de::Error) -> ModelError {
     let at = Place::in_text(origin, text, error.span().map_or(0, |span| span.start));
-    ModelError::Syntax { at, message: error.to_string().trim_end().to_owned() }
+    let mut message = error.message().to_owned();
+    let drawn = error.to_string();
+    for line in drawn.lines().skip(1).take_while(|line| line.contains('|') && line.len() <= LONGEST_LINE) {
+        message.push('\n');
+        message.push_str(line);
+    }
+    ModelError::Syntax { at, message }
 }
+
+/// A longer line of a file is not repeated in an error.
+const LONGEST_LINE: usize = 400;
 
 struct Reader<'a> {
     origin: &'a str,
@@ -171,16 +113,18 @@ impl Reader<'_> {
             });
         }
         let file = path.parent().unwrap_or(Path::new("")).join(urdf.get_ref());
-        match load(&file) {
-            _ if file.extension().is_some_and(|e| e == "toml") => {
-                Err(self.value(urdf, "urdf", urdf.get_ref(), "name a .urdf or .xml file"))
-            }
-            Err(ModelError::Read { source, .. }) => {
-                let remedy = format!("it is looked for at {}, but: {source}", file.display());
-                Err(self.value(urdf, "urdf", urdf.get_ref(), &remedy))
+        let extension = file.extension().map(|extension| extension.to_ascii_lowercase());
+        // An arm file on an arm file could stand on itself.
+        if !extension.is_some_and(|extension| extension == "urdf" || extension == "xml") {
+            return Err(self.value(urdf, "urdf", urdf.get_ref(), "name a .urdf or .xml file"));
+        }
+        load(&file).map_err(|error| match error {
+            ModelError::Read { source, .. } => {
+                let remedy = format!("looked for at {}: {source}", shortened(&file.display().to_string()));
+                self.value(urdf, "urdf", urdf.get_ref(), &remedy)
             }
             other => other,
-        }
+        })
     }
 
     fn joint(&self, spanned: &Spanned<JointTable>) -> Result<Joint, ModelError> {
@@ -230,7 +174,7 @@ impl Reader<'_> {
 
     fn limits(&self, table: &LimitsTable, of: &str) -> Result<Limits, ModelError> {
         let bound = |spanned: &Option<Spanned<f64>>, name: &str| match spanned {
-            Some(value) if !(*value.get_ref() > 0.0) => {
+            Some(value) if value.get_ref().is_nan() || *value.get_ref() <= 0.0 => {
                 let found = value.get_ref().to_string();
                 Err(self.value(
                     value,
@@ -245,7 +189,7 @@ impl Reader<'_> {
         let lower = table.lower.as_ref().map_or(f64::NEG_INFINITY, |v| *v.get_ref());
         let upper = table.upper.as_ref().map_or(f64::INFINITY, |v| *v.get_ref());
         if let Some(value) = table.lower.as_ref().or(table.upper.as_ref())
-            && !(lower <= upper)
+            && (lower > upper || lower.is_nan() || upper.is_nan())
         {
             let remedy = "two numbers are needed, lower ≤ upper";
             return Err(self.value(value, of, &format!("lower = {lower}, upper = {upper}"), remedy));
@@ -323,7 +267,7 @@ impl Reader<'_> {
         }
         let known: Vec<_> = arm.joints().iter().map(|joint| joint.name.as_str()).collect();
         Err(ModelError::Value {
-            at: Place { origin: self.origin.to_owned(), line: effect.line, column: 1 },
+            at: Place { line: effect.line, ..Place::start(self.origin) },
             what: format!("effect `{}`: joint", effect.kind),
             value: joint.clone(),
             remedy: format!("the arm has {}", known.join(", ")),
@@ -351,7 +295,7 @@ impl Reader<'_> {
         ModelError::Value {
             at: self.place(at),
             what: what.to_owned(),
-            value: value.to_owned(),
+            value: shortened(value),
             remedy: remedy.to_owned(),
         }
     }
@@ -363,8 +307,7 @@ impl Reader<'_> {
     fn arm_error(&self, table: &ArmTable, source: ArmError) -> ModelError {
         let joint =
             source.joint().and_then(|name| table.joint.iter().find(|joint| joint.get_ref().name == name));
-        let at =
-            joint.map_or(Place { origin: self.origin.to_owned(), line: 1, column: 1 }, |j| self.place(j));
-        ModelError::Arm { at, source }
+        let at = joint.map_or_else(|| Place::start(self.origin), |joint| self.place(joint));
+        ModelError::Arm { at, source: Box::new(source) }
     }
 }

@@ -3,10 +3,11 @@
 use std::collections::HashMap;
 
 use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
-use roxmltree::{Attribute, Document, Node, ParsingOptions};
+use roxmltree::{Document, Node, ParsingOptions};
 
-use super::error::{ModelError, Place};
-use super::numbers::{direction, parse_numbers, pose};
+use super::error::{ModelError, Place, shortened};
+use super::numbers::{direction, pose};
+use super::urdf_xml::{Reader, Source, children};
 use super::{ArmFile, check_extent, urdf_tree};
 use crate::joint::{Inertia, JointFriction, JointKind, Limits};
 
@@ -54,19 +55,6 @@ pub(super) struct Robot<'a> {
     pub source: Source<'a>,
 }
 
-/// The text and its name, for places in errors.
-#[derive(Clone, Copy)]
-pub(super) struct Source<'a> {
-    pub origin: &'a str,
-    pub text: &'a str,
-}
-
-impl Source<'_> {
-    pub fn place(&self, offset: usize) -> Place {
-        Place::in_text(self.origin, self.text, offset)
-    }
-}
-
 /// Reads a URDF robot from `text`; `origin` names the text in errors.
 ///
 /// The chain that ends in a link (or at a fixed joint) called `tool0` is the arm; without one, the longest chain of moving
@@ -87,12 +75,15 @@ pub fn parse_urdf(text: &str, origin: &str) -> Result<ArmFile, ModelError> {
 
 fn syntax_error(origin: &str, error: &roxmltree::Error) -> ModelError {
     let pos = error.pos();
-    let at = Place { origin: origin.to_owned(), line: pos.row as usize, column: pos.col as usize };
+    let at = Place { origin: origin.into(), line: pos.row as usize, column: pos.col as usize };
     match error {
         roxmltree::Error::UnknownNamespace(prefix, _) if prefix == "xacro" => {
             ModelError::Xacro { at, found: "an element `xacro:…`".to_owned() }
         }
-        _ => ModelError::Syntax { at, message: format!("not well-formed XML: {error}") },
+        _ => ModelError::Syntax {
+            at,
+            message: format!("not well-formed XML: {}", shortened(&error.to_string())),
+        },
     }
 }
 
@@ -103,15 +94,10 @@ fn refuse_xacro(document: &Document<'_>, source: &Source<'_>) -> Result<(), Mode
             return Err(ModelError::Xacro { at: at(), found: format!("<xacro:{}>", node.tag_name().name()) });
         }
         if let Some(attribute) = node.attributes().find(|a| a.value().contains("${")) {
-            return Err(ModelError::Xacro { at: at(), found: format!("`{}`", attribute.value()) });
+            return Err(ModelError::Xacro { at: at(), found: format!("`{}`", shortened(attribute.value())) });
         }
     }
     Ok(())
-}
-
-struct Reader<'a> {
-    source: Source<'a>,
-    notes: Vec<String>,
 }
 
 impl<'a> Reader<'a> {
@@ -120,7 +106,7 @@ impl<'a> Reader<'a> {
             return Err(ModelError::Value {
                 at: self.place(robot),
                 what: "the root element".to_owned(),
-                value: robot.tag_name().name().to_owned(),
+                value: shortened(robot.tag_name().name()),
                 remedy: "a URDF file holds one <robot>".to_owned(),
             });
         }
@@ -325,68 +311,6 @@ impl<'a> Reader<'a> {
         Ok(pose(xyz, rpy))
     }
 
-    /// The first child called `tag`, as the ROS parser takes it; further ones are noted.
-    fn first<'d, 'i>(&mut self, node: Node<'d, 'i>, tag: &str, owner: &str) -> Option<Node<'d, 'i>> {
-        let count = children(node, tag).count();
-        if count > 1 {
-            let within = node.tag_name().name();
-            self.notes.push(format!("{owner}: {count} <{tag}> in one <{within}>; the first one counts"));
-        }
-        children(node, tag).next()
-    }
-
-    fn not_negative(&self, node: Node<'_, '_>, name: &str, owner: &str) -> Result<Option<f64>, ModelError> {
-        let value = self.number(node, name, owner)?;
-        if value.is_some_and(|v| v < 0.0) {
-            let attribute = node.attribute_node(name).expect("it has just been read");
-            let what = format!("{owner}: <{} {name}>", node.tag_name().name());
-            return Err(self.value_error(attribute, what, "it must not be negative".to_owned()));
-        }
-        Ok(value)
-    }
-
-    fn number(&self, node: Node<'_, '_>, name: &str, owner: &str) -> Result<Option<f64>, ModelError> {
-        Ok(self.numbers::<1>(node, name, owner)?.map(|[value]| value))
-    }
-
-    /// The numbers of an attribute; `None` without it.
-    fn numbers<const N: usize>(
-        &self,
-        node: Node<'_, '_>,
-        name: &str,
-        owner: &str,
-    ) -> Result<Option<[f64; N]>, ModelError> {
-        let Some(attribute) = node.attribute_node(name) else { return Ok(None) };
-        parse_numbers(attribute.value()).map(Some).map_err(|remedy| {
-            self.value_error(attribute, format!("{owner}: <{} {name}>", node.tag_name().name()), remedy)
-        })
-    }
-
-    fn required<'d, 'i>(
-        &self,
-        node: Node<'d, 'i>,
-        name: &str,
-        owner: &str,
-    ) -> Result<Attribute<'d, 'i>, ModelError> {
-        let tag = node.tag_name().name();
-        node.attribute_node(name).filter(|a| !a.value().trim().is_empty()).ok_or_else(|| {
-            ModelError::Missing {
-                at: self.place(node),
-                what: format!("{owner}: attribute `{name}` of <{tag}>"),
-                remedy: format!("write <{tag} {name}=\"…\">"),
-            }
-        })
-    }
-
-    fn value_error(&self, attribute: Attribute<'_, '_>, what: String, remedy: String) -> ModelError {
-        let at = self.source.place(attribute.range_value().start);
-        ModelError::Value { at, what, value: attribute.value().to_owned(), remedy }
-    }
-
-    fn place(&self, node: Node<'_, '_>) -> Place {
-        self.source.place(node.range().start)
-    }
-
     /// Counts the elements that an arm has no use for, apart from looks.
     fn note_unused(&mut self, robot: Node<'_, '_>) {
         let mut counts: Vec<(&str, usize)> = Vec::new();
@@ -404,9 +328,4 @@ impl<'a> Reader<'a> {
             counts.into_iter().map(|(tag, count)| format!("<{tag}> is not used (found {count} times)")),
         );
     }
-}
-
-/// The child elements called `tag`.
-fn children<'d, 'i>(node: Node<'d, 'i>, tag: &str) -> impl Iterator<Item = Node<'d, 'i>> {
-    node.children().filter(move |child| child.has_tag_name(tag))
 }

@@ -202,5 +202,6 @@ fn note_what_is_left_off(robot: &mut Robot<'_>, tree: &Tree, chain: &[usize], se
 /// The place of the joint that an arm's error names.
 fn arm_error(robot: &Robot<'_>, source: ArmError) -> ModelError {
     let joint = source.joint().and_then(|name| robot.joints.iter().find(|joint| joint.name == name));
-    ModelError::Arm { at: robot.source.place(joint.map_or(0, |joint| joint.at)), source }
+    let at = robot.source.place(joint.map_or(0, |joint| joint.at));
+    ModelError::Arm { at, source: Box::new(source) }
 }

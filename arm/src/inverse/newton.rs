@@ -1,4 +1,4 @@
-//! Inverse kinematics: tool pose → q, by damped Newton steps from a seed.
+//! Damped Newton steps from a seed.
 //!
 //! The error e of the tool (position, then rotation vector, world axes) is reduced by the step Jᵀ(JJᵀ + λ1)⁻¹e, the least one
 //! that solves the damped problem (Levenberg 1944). The damping λ = |e|²·10⁻² falls with the error, which keeps convergence quadratic
@@ -6,104 +6,12 @@
 //! the number of joints, so nothing is allocated.
 
 use nalgebra::{Cholesky, Isometry3, Matrix6, SymmetricEigen, Vector3, Vector6};
-use thiserror::Error;
 
+use super::{IkError, IkOptions, IkReport, IkTask};
 use crate::arm::Arm;
-use crate::joint::{JointKind, Limits};
+use crate::joint::Limits;
 use crate::kinematics::{forward_kinematics, jacobian_column};
 use crate::workspace::Workspace;
-
-/// What the tool has to reach.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum IkTask {
-    /// Position and orientation: six conditions.
-    Pose,
-    /// The position alone: three conditions, for arms with fewer than six joints.
-    Position,
-}
-
-/// When to stop, and how far to go in one step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct IkOptions {
-    /// Most iterations from one seed.
-    pub max_iterations: usize,
-    /// Position error that counts as reached, m.
-    pub position_tolerance: f64,
-    /// Orientation error that counts as reached, rad.
-    pub rotation_tolerance: f64,
-    /// Largest change of one joint in one step, rad or m; it keeps the solution on the branch of the seed.
-    pub max_step: f64,
-}
-
-impl Default for IkOptions {
-    /// 100 iterations, 1e-12 m, 1e-12 rad, steps of at most 0.3 rad or m.
-    fn default() -> IkOptions {
-        IkOptions { max_iterations: 100, position_tolerance: 1e-12, rotation_tolerance: 1e-12, max_step: 0.3 }
-    }
-}
-
-/// What a solution looks like.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct IkReport {
-    /// Newton steps taken from the seed that led there.
-    pub iterations: usize,
-    /// Position error left, m.
-    pub position_error: f64,
-    /// Orientation error left, rad; 0 for [`IkTask::Position`].
-    pub rotation_error: f64,
-    /// Smallest singular value of the task's Jacobian at the solution (m and rad mixed): near zero at a singular posture.
-    pub conditioning: f64,
-    /// Smallest distance to a position limit, as a share of that joint's range (0 at a limit, 0.5 in the middle); 0.5 without limits.
-    pub limit_margin: f64,
-}
-
-/// Why no joint positions were found. `out` then holds the best positions reached.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum IkError {
-    /// The iteration came to rest away from the target.
-    #[error(
-        "the target is out of reach from here: {position_error:.3e} m and {rotation_error:.3e} rad are left after {iterations} steps; \
-         try another seed or move the target nearer"
-    )]
-    Unreachable {
-        /// Position error left, m.
-        position_error: f64,
-        /// Orientation error left, rad.
-        rotation_error: f64,
-        /// Steps taken.
-        iterations: usize,
-    },
-    /// Close to the target, but at a posture where the tool cannot move in the direction that is left.
-    #[error(
-        "the target lies at a singular posture (smallest singular value {conditioning:.1e}): {position_error:.3e} m and \
-         {rotation_error:.3e} rad are left; loosen the tolerance or move the target away from it"
-    )]
-    Singular {
-        /// Position error left, m.
-        position_error: f64,
-        /// Orientation error left, rad.
-        rotation_error: f64,
-        /// Smallest singular value of the Jacobian there.
-        conditioning: f64,
-    },
-    /// A solution that a joint may not take.
-    #[error(
-        "joint number {joint} (from 0) would have to stand at {value:.6}, outside {lower:.6} … {upper:.6}; try another seed"
-    )]
-    OutsideLimits {
-        /// The joint that exceeds its limit most, by its position in the chain from 0.
-        joint: usize,
-        /// Its position, rad or m.
-        value: f64,
-        /// Its lower limit.
-        lower: f64,
-        /// Its upper limit.
-        upper: f64,
-    },
-    /// A target or seed that is not a number.
-    #[error("the target and the seed must be finite numbers")]
-    NotFinite,
-}
 
 /// Joint positions `out` that bring the tool to `target` (pose of `tool0` in the base frame), from `seed` and on its branch, with
 /// the default [`IkOptions`]. An arm with more joints than the task has conditions takes the smallest steps.
@@ -153,48 +61,6 @@ pub fn inverse_kinematics_with(
     check_limits(arm, out)?;
     Ok(report)
 }
-
-/// Like [`inverse_kinematics`] without a seed: tries a fixed sequence of seeds inside the limits, turns revolute joints by whole
-/// turns into their limits, and returns the solution with the largest [`IkReport::limit_margin`], the first of equals. The same
-/// target always gives the same answer.
-///
-/// # Errors
-/// The error of the seed that came nearest: a solution outside the limits, else the smallest error left.
-///
-/// # Panics
-/// If `out` or the workspace does not fit the arm.
-pub fn inverse_kinematics_global(
-    arm: &Arm,
-    ws: &mut Workspace,
-    target: &Isometry3<f64>,
-    out: &mut [f64],
-    task: IkTask,
-) -> Result<IkReport, IkError> {
-    ws.check_sizes(arm, [out.len()]);
-    let n = arm.dof();
-    let (mut seed, mut q) = (vec![0.0; n], vec![0.0; n]);
-    let mut best: Result<IkReport, IkError> = Err(IkError::NotFinite);
-    for number in 0..SEEDS {
-        seed_inside_limits(arm, number, &mut seed);
-        let found = match inverse_kinematics(arm, ws, target, &seed, &mut q, task) {
-            Err(IkError::OutsideLimits { .. }) => {
-                turn_into_limits(arm, &mut q);
-                // From a solution this takes no step, but judges the turned joints.
-                let turned = q.clone();
-                inverse_kinematics(arm, ws, target, &turned, &mut q, task)
-            }
-            other => other,
-        };
-        if better(&found, &best) {
-            best = found;
-            out.copy_from_slice(&q);
-        }
-    }
-    best
-}
-
-/// Number of seeds of the global search.
-const SEEDS: usize = 64;
 
 /// Damping per squared error, 1/(m² or rad²).
 const DAMPING: f64 = 1e-2;
@@ -376,64 +242,4 @@ fn check_limits(arm: &Arm, q: &[f64]) -> Result<(), IkError> {
         }
     }
     worst.1
-}
-
-/// Adds whole turns to the revolute joints that stand outside their limits.
-fn turn_into_limits(arm: &Arm, q: &mut [f64]) {
-    const TURN: f64 = std::f64::consts::TAU;
-    for (joint, q) in arm.joints().iter().zip(q) {
-        let limits = &joint.limits;
-        if joint.kind != JointKind::Revolute || (*q >= limits.lower && *q <= limits.upper) {
-            continue;
-        }
-        let turned = if *q < limits.lower {
-            *q + ((limits.lower - *q) / TURN).ceil() * TURN
-        } else {
-            *q - ((*q - limits.upper) / TURN).ceil() * TURN
-        };
-        if turned >= limits.lower && turned <= limits.upper {
-            *q = turned;
-        }
-    }
-}
-
-/// Seed number `number`: the middle of the limits first, then points of the additive sequence with the roots of
-/// x^(n+1) = x + 1 (Roberts 2018), which fill the box evenly. A joint without limits ranges over ±π rad or ±1 m.
-fn seed_inside_limits(arm: &Arm, number: usize, seed: &mut [f64]) {
-    let n = arm.dof() as f64;
-    let mut root = 2.0_f64;
-    for _ in 0..60 {
-        root = (1.0 + root).powf(1.0 / (n + 1.0));
-    }
-    for (i, (joint, seed)) in arm.joints().iter().zip(seed).enumerate() {
-        let reach = match joint.kind {
-            JointKind::Revolute => std::f64::consts::PI,
-            JointKind::Prismatic => 1.0,
-        };
-        let lower = if joint.limits.lower.is_finite() {
-            joint.limits.lower
-        } else {
-            joint.limits.upper.min(reach) - 2.0 * reach
-        };
-        let upper = if joint.limits.upper.is_finite() { joint.limits.upper } else { lower + 2.0 * reach };
-        let share = (0.5 + number as f64 * root.powi(-(i as i32 + 1))).fract();
-        *seed = lower + share * (upper - lower);
-    }
-}
-
-/// Whether `found` is to be preferred to `best`.
-fn better(found: &Result<IkReport, IkError>, best: &Result<IkReport, IkError>) -> bool {
-    let left = |error: &IkError| match error {
-        IkError::OutsideLimits { .. } => 0.0,
-        IkError::Singular { position_error, rotation_error, .. }
-        | IkError::Unreachable { position_error, rotation_error, .. } => position_error + rotation_error,
-        IkError::NotFinite => f64::INFINITY,
-    };
-    match (found, best) {
-        // A hair's breadth of margin is no reason to prefer one solution: rounding must not decide.
-        (Ok(found), Ok(best)) => found.limit_margin > best.limit_margin + 1e-9,
-        (Ok(_), Err(_)) => true,
-        (Err(_), Ok(_)) => false,
-        (Err(found), Err(best)) => left(found) < left(best),
-    }
 }
