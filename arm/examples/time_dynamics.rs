@@ -6,8 +6,8 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use freeplay_arm::{
-    Arm, ArmError, Drive, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, aba, crba,
-    forward_kinematics, hybrid_aba, paper_arm, rnea,
+    Arm, ArmError, Drive, IkTask, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, aba, crba,
+    forward_kinematics, hybrid_aba, inverse_kinematics, paper_arm, rnea,
 };
 use nalgebra::{DMatrix, Isometry3, Vector3};
 
@@ -34,6 +34,14 @@ fn main() -> Result<(), ArmError> {
     time("aba", || aba(&arm, &mut ws, black_box(&q), &v, &v, &mut out));
     time("hybrid_aba, slides free", || {
         hybrid_aba(&arm, &mut ws, black_box(&q), &v, &drive, &mut out, &mut tau)
+    });
+
+    let arm = paper_arm().arm;
+    let mut ws = Workspace::new(&arm);
+    let (near, mut q) = ([0.0, 0.331, 0.06, 0.001, 1.18, 0.002], [0.0; 6]);
+    let target = forward_kinematics(&arm, &mut ws, &[0.0, 0.33, 0.06, 0.0, 1.18, 0.0]);
+    time("inverse_kinematics, 6", || {
+        black_box(inverse_kinematics(&arm, &mut ws, black_box(&target), &near, &mut q, IkTask::Pose).is_ok());
     });
     Ok(())
 }

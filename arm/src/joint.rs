@@ -109,7 +109,8 @@ impl Inertia {
     /// Principal moments over the largest element, so that no size of the tensor can over- or underflow.
     fn principal_ratios(&self) -> Vector3<f64> {
         let size = self.about_com.amax();
-        if size > 0.0 && size.is_finite() {
+        // The eigenvalue iteration does not end on NaN.
+        if size > 0.0 && self.about_com.iter().all(|x| x.is_finite()) {
             (self.about_com / size).symmetric_eigenvalues()
         } else {
             Vector3::zeros()

@@ -66,9 +66,11 @@ pub(crate) enum Turn {
 
 impl Turn {
     fn about(axis: &Unit<Vector3<f64>>) -> Turn {
+        // An axis that is only near a coordinate axis can also have a component of 1 to rounding.
+        let alone = axis.iter().filter(|&&x| x != 0.0).count() == 1;
         match axis.iter().position(|x| x.abs() == 1.0) {
-            Some(number) => Turn::Coordinate { number, sign: axis[number] },
-            None => {
+            Some(number) if alone => Turn::Coordinate { number, sign: axis[number] },
+            _ => {
                 let cross = axis.cross_matrix();
                 Turn::Skew { cross, squared: cross * cross }
             }

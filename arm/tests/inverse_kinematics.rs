@@ -174,6 +174,13 @@ fn what_cannot_be_solved_is_refused_with_the_reason() {
     let not_a_number = Isometry3::translation(f64::NAN, 0.0, 0.0);
     let error = inverse_kinematics(&arm, &mut ws, &not_a_number, &seed, &mut out, IkTask::Pose).unwrap_err();
     assert_eq!(error, IkError::NotFinite);
+
+    // Numbers that overflow on the way end in a refusal, not in a panic or a hang.
+    let absurd = Isometry3::translation(1e308, -1e308, 1e308);
+    assert!(inverse_kinematics(&arm, &mut ws, &absurd, &seed, &mut out, IkTask::Pose).is_err());
+    let slides = Random(8).arm(5);
+    let (mut ws, mut out) = (Workspace::new(&slides), [0.0; 5]);
+    assert!(inverse_kinematics(&slides, &mut ws, &absurd, &[1.7e308; 5], &mut out, IkTask::Pose).is_err());
 }
 
 /// With the wrist stretched the pose is still reached; the report says that it is singular there.

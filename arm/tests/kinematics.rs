@@ -1,10 +1,12 @@
 //! Kinematics against its own finite differences, and the link poses against the chain of placements.
 
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
 mod common;
 
 use common::{Random, close, size};
 use freeplay_arm::{Arm, JointKind, Workspace, forward_kinematics, jacobian, tool_bias_acceleration};
-use nalgebra::{DMatrix, DVector, Isometry3, Translation3, UnitQuaternion, Vector6};
+use nalgebra::{DMatrix, DVector, Isometry3, Translation3, Unit, UnitQuaternion, Vector3, Vector6};
 
 /// The pose of the tool by multiplying poses joint after joint: another way than that of the crate.
 fn chained(arm: &Arm, q: &[f64]) -> Isometry3<f64> {
@@ -50,6 +52,20 @@ fn tool_pose_is_the_product_of_the_poses_along_the_chain() {
     close("tool pose", worst, 1e-14);
 }
 
+/// An axis next to a coordinate axis, closer than rounding shows in its largest component, is still not that axis.
+#[test]
+fn an_axis_near_a_coordinate_axis_keeps_its_tilt() {
+    let mut random = Random(77);
+    let mut joint = random.joint(1);
+    joint.kind = JointKind::Revolute;
+    joint.axis = Unit::new_normalize(Vector3::new(1.0, 1e-9, 0.0));
+    assert_eq!(joint.axis.x, 1.0);
+    let arm =
+        Arm::new("tilted", vec![joint], Isometry3::translation(0.0, 0.0, 1.0), Vector3::zeros()).unwrap();
+    let pose = forward_kinematics(&arm, &mut Workspace::new(&arm), &[2.0]);
+    close("tilted axis", twist(&chained(&arm, &[2.0]), &pose).norm(), 1e-15);
+}
+
 #[test]
 fn jacobian_is_the_derivative_of_the_pose() {
     let mut worst = 0.0_f64;
@@ -77,7 +93,7 @@ fn jacobian_is_the_derivative_of_the_pose() {
 
 #[test]
 fn bias_acceleration_is_the_derivative_of_the_jacobian_along_the_motion() {
-    let mut worst = 0.0_f64;
+    let (mut worst, mut curved) = (0.0_f64, 0);
     for dof in 2..=12 {
         let mut random = Random(90 + dof);
         let arm = random.arm(dof as usize);
@@ -93,8 +109,9 @@ fn bias_acceleration_is_the_derivative_of_the_jacobian_along_the_motion() {
         };
         let difference = (at(h) - at(-h)) / (2.0 * h);
         let bias = tool_bias_acceleration(&arm, &mut ws, &q, &v);
-        assert!(size(difference.as_slice()) > 1e-3, "the motion is curved");
+        curved += usize::from(size(difference.as_slice()) > 1e-3);
         worst = worst.max((difference - bias).norm());
     }
+    assert!(curved >= 9, "the motion is curved, but for arms of slides");
     close("J̇ v against central differences", worst, 1e-8);
 }

@@ -190,8 +190,12 @@ fn gram(arm: &Arm, ws: &Workspace, tool: &Vector3<f64>, task: IkTask) -> Matrix6
 
 /// Smallest singular value of the task's Jacobian.
 fn conditioning(arm: &Arm, ws: &Workspace, tool: &Vector3<f64>, task: IkTask) -> f64 {
-    let eigenvalues = SymmetricEigen::new(gram(arm, ws, tool, task)).eigenvalues;
-    eigenvalues.min().max(0.0).sqrt()
+    let gram = gram(arm, ws, tool, task);
+    // Joint positions of 1e300 m overflow, and the eigenvalue iteration does not end on NaN.
+    if !gram.iter().all(|x| x.is_finite()) {
+        return 0.0;
+    }
+    SymmetricEigen::new(gram).eigenvalues.min().max(0.0).sqrt()
 }
 
 fn failure(

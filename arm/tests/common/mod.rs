@@ -43,13 +43,21 @@ impl Random {
         Inertia { mass, com: self.vector() * 0.3, about_com: (about_com + about_com.transpose()) * 0.5 }
     }
 
-    /// A joint with a random axis, placement and link.
+    /// A coordinate axis in either sense, as most joints of real arms have it, or any axis.
+    pub fn axis(&mut self) -> Unit<Vector3<f64>> {
+        let any = self.vector();
+        let coordinate = any.map(|x| if x.abs() == any.amax() { x.signum() } else { 0.0 });
+        Unit::new_normalize(if self.next() < 0.0 { coordinate } else { any })
+    }
+
+    /// A joint with a random axis, placement and link; some placements do not turn.
     pub fn joint(&mut self, number: usize) -> Joint {
+        let turn = if self.next() < -0.4 { UnitQuaternion::identity() } else { self.rotation() };
         Joint {
             name: format!("joint_{number}"),
             kind: if self.next() < -0.4 { JointKind::Prismatic } else { JointKind::Revolute },
-            axis: Unit::new_normalize(self.vector()),
-            placement: Isometry3::from_parts(Translation3::from(self.vector() * 0.5), self.rotation()),
+            axis: self.axis(),
+            placement: Isometry3::from_parts(Translation3::from(self.vector() * 0.5), turn),
             limits: Limits::NONE,
             friction: JointFriction::default(),
             inertia: self.inertia(),
