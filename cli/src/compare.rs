@@ -161,10 +161,13 @@ impl View<'_> {
         [("recording", measured), ("model", model), ("compared", treated)]
     }
 
-    /// The worst channel and what that means.
+    /// The worst channel and what that means, and how far the tool is off.
     fn verdict(&self) -> String {
+        let tool = self.comparison.tool_distance().map_or_else(String::new, |distance| {
+            format!(" The tool is {} mm rms from where the model puts it.", brief(distance * 1e3))
+        });
         let Some(worst) = self.comparison.worst() else {
-            return "Every channel is constant: there is nothing to judge the model by.".into();
+            return format!("Every channel is constant: there is no variation to judge the model by.{tool}");
         };
         let share = worst.nrmse_std.unwrap_or(f64::NAN);
         let meaning = match share {
@@ -175,7 +178,7 @@ impl View<'_> {
         };
         let (scale, unit) = shown_in(worst.unit);
         format!(
-            "Worst: {}, off by {} {unit} rms. That is {} % of how much it varies: {meaning}.",
+            "Worst: {}, off by {} {unit} rms. That is {} % of how much it varies: {meaning}.{tool}",
             label(worst),
             brief(worst.rmse * scale),
             brief(100.0 * share)

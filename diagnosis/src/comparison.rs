@@ -1,0 +1,158 @@
+//! How far a model is from a recording, in numbers.
+
+use freeplay_arm::Arm;
+use freeplay_recording::Recording;
+use serde::Serialize;
+
+use crate::error::ResidualError;
+use crate::motion::{Motion, Settings, Treatment};
+use crate::residual::{Channel, Kind, Residuals, check_joints, residuals};
+use crate::statistics::Moments;
+
+/// The schema of [`Comparison`] as JSON.
+pub const SCHEMA: &str = "freeplay.compare/1";
+
+/// A signal that varies by less than this share of its own size is constant.
+const CONSTANT: f64 = 1e-9;
+
+/// A channel that varies by less than this share of the largest of its unit is not worth judging.
+const NEGLIGIBLE: f64 = 1e-6;
+
+/// How far a model is from a recording: `freeplay compare --format json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Comparison {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Points that were compared: the recording on a uniform grid, filtered, without its ends, decimated.
+    pub samples: usize,
+    /// Samples of the recording.
+    pub rows: usize,
+    /// From its first sample to its last, s.
+    pub duration_s: f64,
+    /// Samples of the recording per second, Hz.
+    pub rate_hz: f64,
+    /// Cutoff of the zero-phase low-pass, Hz.
+    pub lowpass_hz: f64,
+    /// Points per second after decimation, Hz.
+    pub compared_hz: f64,
+    /// One entry a channel: torques, tool, link encoders.
+    pub channels: Vec<ChannelError>,
+    /// What a reader of the numbers should know, one sentence each.
+    pub notes: Vec<String>,
+}
+
+/// How far the model is from one channel. Numbers without a unit of their own are in the channel's unit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ChannelError {
+    /// Name of the column.
+    pub name: String,
+    /// What it measures.
+    #[serde(skip)]
+    pub kind: Kind,
+    /// `N*m`, `N`, `m` or `rad`.
+    pub unit: &'static str,
+    /// Name of the joint in the model; `None` for the tool.
+    pub joint: Option<String>,
+    /// Root of the mean square of measured minus model.
+    pub rmse: f64,
+    /// Root of the mean square of the measured signal.
+    pub rms_measured: f64,
+    /// `rmse / rms_measured`, a fraction: 1 is as bad as a model that says zero. `None` if nothing but zero was measured.
+    pub nrmse: Option<f64>,
+    /// Standard deviation of the measured signal.
+    pub std_measured: f64,
+    /// `rmse / std_measured`, a fraction: 1 is as bad as a model that says the mean. `None` if the measured signal is constant.
+    pub nrmse_std: Option<f64>,
+    /// `rmse` of the model without its nominal friction; `None` if it names none for this joint.
+    pub rmse_without_friction: Option<f64>,
+    /// Mean of measured minus model.
+    pub mean_error: f64,
+    /// Standard deviation of measured minus model: `rmse` without the constant part.
+    pub std_error: f64,
+    /// Largest amount of measured minus model.
+    pub max_error: f64,
+}
+
+impl Comparison {
+    /// The torque channel (where there is none: the channel) that the model explains worst, by `nrmse_std`; channels that hardly
+    /// measure anything beside the others of their unit are passed over.
+    pub fn worst(&self) -> Option<&ChannelError> {
+        let is_torque = |channel: &&ChannelError| matches!(channel.kind, Kind::Torque(_));
+        let any_torque = self.channels.iter().any(|channel| is_torque(&channel));
+        let greatest = |unit: &str| {
+            let same = self.channels.iter().filter(|channel| channel.unit == unit);
+            same.map(|channel| channel.rms_measured).fold(0.0, f64::max)
+        };
+        self.channels
+            .iter()
+            .filter(|channel| !any_torque || is_torque(channel))
+            .filter(|channel| channel.std_measured > NEGLIGIBLE * greatest(channel.unit))
+            .filter_map(|channel| Some((channel, channel.nrmse_std?)))
+            .max_by(|(_, a), (_, b)| a.total_cmp(b))
+            .map(|(channel, _)| channel)
+    }
+
+    /// Root of the mean square distance between the tracked tool and where the model puts it, m; `None` without a tracker.
+    pub fn tool_distance(&self) -> Option<f64> {
+        let tool = self.channels.iter().filter(|channel| matches!(channel.kind, Kind::Tool(_)));
+        let squares: Vec<f64> = tool.map(|channel| channel.rmse.powi(2)).collect();
+        (!squares.is_empty()).then(|| squares.iter().sum::<f64>().sqrt())
+    }
+}
+
+/// Compares `recording` with `arm`: the numbers, and the residuals they are made of.
+///
+/// # Errors
+/// See [`ResidualError`].
+pub fn compare(
+    arm: &Arm,
+    recording: &Recording,
+    settings: &Settings,
+) -> Result<(Comparison, Residuals), ResidualError> {
+    check_joints(arm, recording)?;
+    let treatment = Treatment::new(recording, settings)?;
+    let motion = Motion::new(recording, &treatment);
+    let residuals = residuals(arm, recording, &treatment, &motion)?;
+    let channels: Vec<ChannelError> =
+        residuals.channels.iter().map(|channel| error_of(arm, channel)).collect();
+    let mut notes = recording.notes.clone();
+    notes.extend_from_slice(treatment.notes());
+    notes.extend(crate::notes::on_motion(arm, recording, &treatment, &motion));
+    notes.extend(crate::notes::on_channels(recording, &channels));
+    let comparison = Comparison {
+        schema: SCHEMA,
+        samples: motion.len(),
+        rows: recording.len(),
+        duration_s: recording.duration(),
+        rate_hz: treatment.rate_hz(),
+        lowpass_hz: treatment.filter().cutoff_hz(),
+        compared_hz: treatment.rate_hz() / treatment.every() as f64,
+        channels,
+        notes,
+    };
+    Ok((comparison, residuals))
+}
+
+fn error_of(arm: &Arm, channel: &Channel) -> ChannelError {
+    let residual = channel.residual();
+    let (error, measured) = (Moments::of(&residual), Moments::of(&channel.measured));
+    let ratio = |scale: f64, least: f64| (scale > least).then(|| error.rms / scale);
+    ChannelError {
+        name: channel.name.clone(),
+        kind: channel.kind,
+        unit: channel.unit,
+        joint: match channel.kind {
+            Kind::Torque(joint) | Kind::Link(joint) => Some(arm.joints()[joint].name.clone()),
+            Kind::Tool(_) => None,
+        },
+        rmse: error.rms,
+        rms_measured: measured.rms,
+        nrmse: ratio(measured.rms, 0.0),
+        std_measured: measured.std,
+        nrmse_std: ratio(measured.std, CONSTANT * measured.rms),
+        rmse_without_friction: channel.residual_without_friction().map(|residual| Moments::of(&residual).rms),
+        mean_error: error.mean,
+        std_error: error.std,
+        max_error: residual.iter().fold(0.0, |most, error| most.max(error.abs())),
+    }
+}

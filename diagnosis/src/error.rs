@@ -1,0 +1,90 @@
+//! Why a recording and a model can't be compared.
+
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// Why residuals can't be formed.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ResidualError {
+    /// The recording has another number of joints than the model.
+    #[error(
+        "{}: {found} joint(s) (q1…q{found}), but the model has {expected}: {names}; give the model of this arm",
+        origin.display()
+    )]
+    JointCount {
+        /// The recording.
+        origin: PathBuf,
+        /// Joints of the model.
+        expected: usize,
+        /// Joints of the recording.
+        found: usize,
+        /// Names of the model's joints.
+        names: String,
+    },
+    /// The recording has nothing that a model could predict.
+    #[error(
+        "{}: nothing to compare: no column tau1…tau{joints} (measured joint torques, N*m), none of x, y, z (tracked tool, m) \
+         and no q_link (link-side encoders, rad); record one of them",
+        origin.display()
+    )]
+    NothingToCompare {
+        /// The recording.
+        origin: PathBuf,
+        /// Number of joints.
+        joints: usize,
+    },
+    /// Time stamps that no grid can be laid through.
+    #[error("{}: {samples} sample(s) over {duration_s:.3e} s make no time grid; record at least 4 samples", origin.display())]
+    Stamps {
+        /// The recording.
+        origin: PathBuf,
+        /// Number of samples.
+        samples: usize,
+        /// From the first stamp to the last, s.
+        duration_s: f64,
+    },
+    /// No stretch of the recording without a gap is long enough for the filter and the ends that are left out.
+    #[error(
+        "{}: the longest stretch without a gap lasts {longest_s:.3} s, less than the {needed_s:.3} s that a low-pass at \
+         {cutoff_hz:.4} Hz and the ends left out need; record longer, set a higher --lowpass or a lower --trim",
+        origin.display()
+    )]
+    TooShort {
+        /// The recording.
+        origin: PathBuf,
+        /// Length of the longest stretch, s.
+        longest_s: f64,
+        /// Least length, s.
+        needed_s: f64,
+        /// Cutoff of the filter, Hz.
+        cutoff_hz: f64,
+    },
+    /// A cutoff that this sampling rate can't carry.
+    #[error(
+        "a low-pass at {cutoff_hz} Hz is not possible for {rate_hz:.4} samples a second: choose between 0 and {most_hz:.4} Hz"
+    )]
+    Cutoff {
+        /// The cutoff asked for, Hz.
+        cutoff_hz: f64,
+        /// Samples per second.
+        rate_hz: f64,
+        /// Half of that, Hz.
+        most_hz: f64,
+    },
+    /// A time to leave out that is no time.
+    #[error("--trim {trim_s}: the time left out at both ends is a number of seconds, 0 or more")]
+    Trim {
+        /// What was asked for, s.
+        trim_s: f64,
+    },
+    /// The model's answer to the recorded motion is not finite.
+    #[error("{}: channel {channel}: the difference to the model is not finite; are q in rad (or m) and t in s?", origin.display())]
+    NotFinite {
+        /// The recording.
+        origin: PathBuf,
+        /// The channel.
+        channel: String,
+    },
+}

@@ -1,0 +1,214 @@
+//! The uniform time grid that a recording is put on.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use freeplay_recording::Recording;
+
+use crate::error::ResidualError;
+
+/// A step this many times longer than the tenth-longest per cent of steps is a gap: nothing is interpolated across it.
+const GAP_STEPS: f64 = 10.0;
+/// Stamps that are nowhere farther than this share of a step from a uniform grid are taken as uniform.
+const EVEN: f64 = 0.02;
+/// Where neighbouring steps differ by more than this factor, interpolation uses the straight line.
+const BURST: f64 = 4.0;
+
+/// A part of a recording without a gap, on the uniform grid.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Stretch {
+    /// The samples of the recording that it is made of.
+    pub rows: Range<usize>,
+    /// Time of its first point, s.
+    pub start: f64,
+    /// Number of grid points.
+    pub len: usize,
+    /// The stamps lie on the grid: samples are taken as they are.
+    even: bool,
+}
+
+/// A uniform time grid with the mean step of the recording, cut where the recording has gaps.
+///
+/// A gap is a step more than ten times as long as the 90th percentile of all steps, which neither jitter nor stamps that come in
+/// bursts make. Stamps within 2 % of a step of the grid are taken as the grid; others are interpolated by a cubic through
+/// the neighbours with the slopes of the parabola through three of them (error of third order in the step), or by the
+/// straight line where stamps come in bursts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    pub(crate) step: f64,
+    pub(crate) stretches: Vec<Stretch>,
+    /// Farthest stamp from the uniform grid, as a share of the step.
+    pub(crate) jitter: f64,
+}
+
+impl Grid {
+    /// The grid of a recording.
+    ///
+    /// # Errors
+    /// [`ResidualError::Stamps`] for fewer than four samples or stamps beyond the range of numbers.
+    pub fn new(recording: &Recording) -> Result<Self, ResidualError> {
+        let t = &recording.t;
+        let bad = || ResidualError::Stamps {
+            origin: recording.origin.clone(),
+            samples: t.len(),
+            duration_s: recording.duration(),
+        };
+        if t.len() < 4 {
+            return Err(bad());
+        }
+        let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
+        let place = steps.len() * 9 / 10;
+        let longest = GAP_STEPS * *steps.select_nth_unstable_by(place, f64::total_cmp).1;
+        let (count, sum) =
+            steps.iter().filter(|step| **step <= longest).fold((0.0, 0.0), |(n, s), d| (n + 1.0, s + d));
+        let step = sum / count;
+        if !(step > 0.0 && step.is_finite()) {
+            return Err(bad());
+        }
+        let mut grid = Self { step, stretches: Vec::new(), jitter: 0.0 };
+        let mut begin = 0;
+        for row in 1..=t.len() {
+            if row == t.len() || t[row] - t[row - 1] > longest {
+                grid.add(t, begin..row);
+                begin = row;
+            }
+        }
+        Ok(grid)
+    }
+
+    fn add(&mut self, t: &[f64], rows: Range<usize>) {
+        let stamps = &t[rows.clone()];
+        let (start, end) = (stamps[0], stamps[stamps.len() - 1]);
+        let off = |(k, stamp): (usize, &f64)| (stamp - start - k as f64 * self.step).abs() / self.step;
+        let jitter = stamps.iter().enumerate().map(off).fold(0.0, f64::max);
+        let even = jitter <= EVEN;
+        let len = if even { stamps.len() } else { ((end - start) / self.step + EVEN) as usize + 1 };
+        self.jitter = self.jitter.max(jitter);
+        self.stretches.push(Stretch { rows, start, len, even });
+    }
+
+    /// Grid points per second, Hz.
+    pub fn rate_hz(&self) -> f64 {
+        1.0 / self.step
+    }
+
+    /// The samples of `column` on the grid points of `stretch`.
+    pub(crate) fn resample<'a>(&self, stretch: &Stretch, t: &[f64], column: &'a [f64]) -> Cow<'a, [f64]> {
+        let column = &column[stretch.rows.clone()];
+        if stretch.even {
+            return Cow::Borrowed(column);
+        }
+        let t = &t[stretch.rows.clone()];
+        let mut below = 0;
+        let point = |k: usize| {
+            let time = stretch.start + k as f64 * self.step;
+            while below + 2 < t.len() && t[below + 1] <= time {
+                below += 1;
+            }
+            interpolate(t, column, below, time)
+        };
+        Cow::Owned((0..stretch.len).map(point).collect())
+    }
+}
+
+/// The value of `y` at `time` between the samples `i` and `i + 1`: the cubic Hermite polynomial.
+fn interpolate(t: &[f64], y: &[f64], i: usize, time: f64) -> f64 {
+    let width = t[i + 1] - t[i];
+    let u = ((time - t[i]) / width).clamp(0.0, 1.0);
+    let chord = (y[i + 1] - y[i]) / width;
+    let left = slope(t, y, i, width).unwrap_or(chord);
+    let right = slope(t, y, i + 1, width).unwrap_or(chord);
+    let bulge = u * (1.0 - u) * width;
+    y[i] + u * width * chord + bulge * ((1.0 - u) * (left - chord) - u * (right - chord))
+}
+
+/// Slope at sample `i` of the parabola through it and its neighbours; `None` at the ends, and where one of its steps is far
+/// shorter than the other or than `width`, since it would blow up what noise there is.
+fn slope(t: &[f64], y: &[f64], i: usize, width: f64) -> Option<f64> {
+    if i == 0 || i + 1 == t.len() {
+        return None;
+    }
+    let (before, after) = (t[i] - t[i - 1], t[i + 1] - t[i]);
+    if before.min(after) * BURST < width || before.min(after) * BURST < before.max(after) {
+        return None;
+    }
+    let (rise, next) = ((y[i] - y[i - 1]) / before, (y[i + 1] - y[i]) / after);
+    Some((after * rise + before * next) / (before + after))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use freeplay_recording::Recording;
+
+    use super::Grid;
+
+    fn recording(t: Vec<f64>) -> Recording {
+        let q = t.iter().map(|t| (2.0 * (t % 1e6)).sin()).collect();
+        Recording::new(Path::new("made"), vec![("t".into(), t), ("q1".into(), q)]).expect("a recording")
+    }
+
+    /// Stamps off the grid by up to a third of a step, in a way that repeats.
+    fn jittered(count: usize, step: f64) -> Vec<f64> {
+        (0..count).map(|k| (k as f64 + 0.33 * (k as f64 * 2.4).sin()) * step).collect()
+    }
+
+    #[test]
+    fn interpolation_converges_with_the_third_power_of_the_step() {
+        let error = |count: usize| {
+            let made = recording(jittered(count, 4.0 / count as f64));
+            let grid = Grid::new(&made).expect("a grid");
+            assert!(grid.jitter > 0.2, "the stamps are jittered: {}", grid.jitter);
+            let [stretch] = grid.stretches.as_slice() else { panic!("one stretch") };
+            let q = grid.resample(stretch, &made.t, &made.q[0]);
+            let off = |k: usize| (q[k] - (2.0 * (stretch.start + k as f64 * grid.step)).sin()).abs();
+            (2..q.len() - 2).map(off).fold(0.0, f64::max)
+        };
+        let (coarse, fine) = (error(200), error(400));
+        println!("off by {coarse:.1e}, then {fine:.1e}: order {:.2}", (coarse / fine).log2());
+        assert!((coarse / fine).log2() > 2.5 && coarse < 1e-4);
+    }
+
+    #[test]
+    fn gaps_cut_and_do_not_stretch_the_grid() {
+        let t: Vec<f64> = (0..900).map(|k| f64::from(k) * 0.01 + if k < 300 { 0.0 } else { 1e6 }).collect();
+        let grid = Grid::new(&recording(t)).expect("a grid");
+        assert!((grid.step - 0.01).abs() < 1e-9, "{}", grid.step);
+        assert_eq!(grid.stretches.iter().map(|s| s.len).collect::<Vec<_>>(), [300, 600]);
+    }
+
+    #[test]
+    fn bursts_of_stamps_stay_bounded() {
+        let t: Vec<f64> = (0..1000).map(|k| f64::from(k / 5) * 0.01 + f64::from(k % 5) * 1e-9).collect();
+        let made = recording(t);
+        let grid = Grid::new(&made).expect("a grid");
+        let points: usize = grid.stretches.iter().map(|s| s.len).sum();
+        assert!(grid.stretches.len() == 1 && points <= 1001, "{points} points");
+        let noisy: Vec<f64> = (0..1000).map(|k| f64::from(k * 7919 % 13) / 13.0).collect();
+        let even = grid.resample(&grid.stretches[0], &made.t, &noisy);
+        assert!(even.iter().all(|y| (0.0..=1.0).contains(y)), "no overshoot between noisy neighbours");
+    }
+
+    #[test]
+    fn odd_stamps_are_an_error_or_a_grid_never_a_panic() {
+        assert!(Grid::new(&recording(vec![0.0, 1.0, 2.0])).is_err());
+        assert!(
+            Grid::new(&recording(vec![-1e308, 0.0, 1e308, 1.7e308])).is_err(),
+            "beyond the range of numbers"
+        );
+        for t in [
+            vec![0.0, 1e-300, 2e-300, 1.0],
+            vec![0.0, 1.0, 1e9, 1e18, 1e27],
+            vec![1e15, 1e15 + 1.0, 1e15 + 2.0, 1e18],
+        ] {
+            let made = recording(t);
+            if let Ok(grid) = Grid::new(&made) {
+                for stretch in &grid.stretches {
+                    assert!(stretch.len <= 2 * made.len() + 8, "{} points", stretch.len);
+                    grid.resample(stretch, &made.t, &made.q[0]);
+                }
+            }
+        }
+    }
+}

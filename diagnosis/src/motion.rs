@@ -1,0 +1,248 @@
+//! The one treatment that every column of a recording gets, and the motion that comes of it.
+
+use std::ops::Range;
+
+use freeplay_recording::Recording;
+
+use crate::error::ResidualError;
+use crate::filter::{LowPass, derivatives};
+use crate::grid::{Grid, Stretch};
+
+/// The default cutoff: this share of the sampling rate, within these bounds, Hz.
+const CUTOFF_SHARE: f64 = 0.03;
+const LEAST_CUTOFF: f64 = 10.0;
+const GREATEST_CUTOFF: f64 = 40.0;
+/// Least number of points kept per period of the cutoff.
+const POINTS_PER_PERIOD: f64 = 6.0;
+/// Periods of the cutoff that a stretch must last to be used.
+const LEAST_PERIODS: f64 = 4.0;
+/// The ends left out are at most this share of a stretch.
+const GREATEST_TRIM: f64 = 0.125;
+
+/// What a user may choose; `None` is the rule.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Settings {
+    /// Cutoff of the low-pass, Hz. The rule: [`default_cutoff_hz`].
+    pub lowpass_hz: Option<f64>,
+    /// Time left out at both ends of every stretch, s. The rule: five periods of the cutoff, in which the filter's memory
+    /// of the end fades to 10⁻⁵; an eighth of the stretch at most.
+    pub trim_s: Option<f64>,
+}
+
+/// The cutoff for a recording of `rate_hz` samples a second, Hz: 3 % of the rate, but 10 Hz at least (an arm's motion is
+/// below), 40 Hz at most (its structure resonates from about there on), and never above a quarter of the rate.
+pub fn default_cutoff_hz(rate_hz: f64) -> f64 {
+    (CUTOFF_SHARE * rate_hz).clamp(LEAST_CUTOFF, GREATEST_CUTOFF).min(rate_hz / 4.0)
+}
+
+/// The treatment: the uniform grid, the zero-phase low-pass, the ends left out, the decimation. The same for every
+/// column, measured or modelled, so that what it takes away is missing on both sides.
+#[derive(Debug, Clone)]
+pub struct Treatment {
+    grid: Grid,
+    filter: LowPass,
+    trim_s: Option<f64>,
+    every: usize,
+    notes: Vec<String>,
+}
+
+impl Treatment {
+    /// The treatment of `recording`.
+    ///
+    /// # Errors
+    /// [`ResidualError::Stamps`], [`ResidualError::Cutoff`], [`ResidualError::Trim`], and [`ResidualError::TooShort`] if no stretch
+    /// lasts four periods of the cutoff.
+    pub fn new(recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
+        if let Some(trim_s) = settings.trim_s.filter(|trim| !(*trim >= 0.0 && trim.is_finite())) {
+            return Err(ResidualError::Trim { trim_s });
+        }
+        let grid = Grid::new(recording)?;
+        let rate_hz = grid.rate_hz();
+        let cutoff_hz = settings.lowpass_hz.unwrap_or_else(|| default_cutoff_hz(rate_hz));
+        let filter = LowPass::new(rate_hz, cutoff_hz)?;
+        let every = ((rate_hz / (POINTS_PER_PERIOD * cutoff_hz) + 1e-6) as usize).max(1);
+        let mut treatment = Self { grid, filter, trim_s: settings.trim_s, every, notes: Vec::new() };
+        treatment.drop_short_stretches(recording)?;
+        Ok(treatment)
+    }
+
+    fn drop_short_stretches(&mut self, recording: &Recording) -> Result<(), ResidualError> {
+        let step = self.grid.step;
+        let needed_s =
+            (LEAST_PERIODS / self.filter.cutoff_hz()).max(2.0 * self.trim_s.unwrap_or(0.0) + 2.0 * step);
+        let lasts = |stretch: &Stretch| (stretch.len - 1) as f64 * step;
+        let longest_s = self.grid.stretches.iter().map(lasts).fold(0.0, f64::max);
+        let all = self.grid.stretches.len();
+        self.grid.stretches.retain(|stretch| lasts(stretch) >= needed_s);
+        let kept = self.grid.stretches.len();
+        if kept == 0 {
+            let (origin, cutoff_hz) = (recording.origin.clone(), self.filter.cutoff_hz());
+            return Err(ResidualError::TooShort { origin, longest_s, needed_s, cutoff_hz });
+        }
+        if all > 1 {
+            let dropped = all - kept;
+            self.notes.push(format!(
+                "the time stamps have {} gap(s); each stretch between them is filtered by itself{}",
+                all - 1,
+                if dropped > 0 { format!(", {dropped} too short to be used") } else { String::new() }
+            ));
+        }
+        if self.grid.jitter > 0.02 {
+            self.notes.push(format!(
+                "the time stamps are uneven (up to {:.2} of a step off): columns are interpolated to {:.4} Hz",
+                self.grid.jitter,
+                self.grid.rate_hz()
+            ));
+        }
+        Ok(())
+    }
+
+    /// The low-pass.
+    pub fn filter(&self) -> &LowPass {
+        &self.filter
+    }
+
+    /// Rate of the grid before decimation, Hz.
+    pub fn rate_hz(&self) -> f64 {
+        self.grid.rate_hz()
+    }
+
+    /// One of how many grid points is kept.
+    pub fn every(&self) -> usize {
+        self.every
+    }
+
+    /// What was met on the way, one sentence each.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// Grid points of `stretch` that are kept.
+    fn kept(&self, stretch: &Stretch) -> impl Iterator<Item = usize> {
+        let trim_s = self.trim_s.unwrap_or_else(|| {
+            self.filter.settling_time().min(GREATEST_TRIM * (stretch.len - 1) as f64 * self.grid.step)
+        });
+        let trim = (trim_s / self.grid.step + 1e-6) as usize;
+        (trim..stretch.len - trim).step_by(self.every)
+    }
+
+    /// Times of the kept points, s.
+    pub fn times(&self) -> Vec<f64> {
+        let times =
+            |s: &Stretch| self.kept(s).map(|k| s.start + k as f64 * self.grid.step).collect::<Vec<_>>();
+        self.grid.stretches.iter().flat_map(times).collect()
+    }
+
+    /// The stretches without gaps, as ranges of kept points.
+    pub fn stretches(&self) -> Vec<Range<usize>> {
+        let mut begin = 0;
+        let range = |stretch: &Stretch| {
+            let end = begin + self.kept(stretch).count();
+            std::mem::replace(&mut begin, end)..end
+        };
+        self.grid.stretches.iter().map(range).collect()
+    }
+
+    /// `column` of `recording` on the kept points, not filtered.
+    pub fn unfiltered(&self, recording: &Recording, column: &[f64]) -> Vec<f64> {
+        let mut out = Vec::new();
+        for stretch in &self.grid.stretches {
+            let raw = self.grid.resample(stretch, &recording.t, column);
+            out.extend(self.kept(stretch).map(|k| raw[k]));
+        }
+        out
+    }
+
+    /// `column` of `recording`, treated.
+    pub fn smooth(&self, recording: &Recording, column: &[f64]) -> Vec<f64> {
+        let mut out = Vec::new();
+        for stretch in &self.grid.stretches {
+            let smooth = self.filter.apply(&self.grid.resample(stretch, &recording.t, column));
+            out.extend(self.kept(stretch).map(|k| smooth[k]));
+        }
+        out
+    }
+
+    /// `column` treated, with its first and second derivative with respect to time.
+    pub fn smooth_with_derivatives(&self, recording: &Recording, column: &[f64]) -> [Vec<f64>; 3] {
+        let mut out = [const { Vec::new() }; 3];
+        for stretch in &self.grid.stretches {
+            let smooth = self.filter.apply(&self.grid.resample(stretch, &recording.t, column));
+            let (first, second) = derivatives(&smooth, self.grid.step);
+            for (out, whole) in out.iter_mut().zip([smooth, first, second]) {
+                out.extend(self.kept(stretch).map(|k| whole[k]));
+            }
+        }
+        out
+    }
+
+    /// `law` of the velocity that belongs to the position `column`, treated as a measured column is. For laws with a jump: a jump
+    /// in a measured torque has gone through the filter, so the law's has to as well.
+    pub fn smooth_law_of_velocity(
+        &self,
+        recording: &Recording,
+        column: &[f64],
+        law: impl Fn(f64) -> f64,
+    ) -> Vec<f64> {
+        let mut out = Vec::new();
+        for stretch in &self.grid.stretches {
+            let smooth = self.filter.apply(&self.grid.resample(stretch, &recording.t, column));
+            let (velocity, _) = derivatives(&smooth, self.grid.step);
+            let answer = self.filter.apply(&velocity.into_iter().map(&law).collect::<Vec<_>>());
+            out.extend(self.kept(stretch).map(|k| answer[k]));
+        }
+        out
+    }
+}
+
+/// The measured motion of an arm on the treated grid.
+///
+/// Velocity and acceleration are derivatives of the position, also where the recording has velocities: a recorded velocity has
+/// gone through a filter of the drive's own, whose delay would show up as viscous friction or inertia that the
+/// arm does not have.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Motion {
+    /// Time, s.
+    pub t: Vec<f64>,
+    /// Position, `[joint][point]`, rad or m.
+    pub q: Vec<Vec<f64>>,
+    /// Velocity, `[joint][point]`, rad/s or m/s.
+    pub v: Vec<Vec<f64>>,
+    /// Acceleration, `[joint][point]`, rad/s² or m/s².
+    pub a: Vec<Vec<f64>>,
+    /// Stretches without gaps, as ranges of points.
+    pub stretches: Vec<Range<usize>>,
+}
+
+impl Motion {
+    /// The motion that `recording` holds, under `treatment`.
+    pub fn new(recording: &Recording, treatment: &Treatment) -> Self {
+        let (t, stretches) = (treatment.times(), treatment.stretches());
+        let mut motion = Self { t, q: Vec::new(), v: Vec::new(), a: Vec::new(), stretches };
+        for column in &recording.q {
+            let [q, v, a] = treatment.smooth_with_derivatives(recording, column);
+            motion.q.push(q);
+            motion.v.push(v);
+            motion.a.push(a);
+        }
+        motion
+    }
+
+    /// Number of points.
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+
+    /// No points: never so for a motion under a [`Treatment`].
+    pub fn is_empty(&self) -> bool {
+        self.t.is_empty()
+    }
+
+    /// Position, velocity and acceleration of all joints at `point` into slices of one number per joint.
+    pub fn at(&self, point: usize, q: &mut [f64], v: &mut [f64], a: &mut [f64]) {
+        for joint in 0..self.q.len() {
+            (q[joint], v[joint], a[joint]) =
+                (self.q[joint][point], self.v[joint][point], self.a[joint][point]);
+        }
+    }
+}

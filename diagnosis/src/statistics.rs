@@ -1,0 +1,23 @@
+//! Moments of a signal.
+
+/// Mean, spread and size of a signal; zeros for an empty one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Moments {
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation about the mean.
+    pub std: f64,
+    /// Root of the mean square.
+    pub rms: f64,
+}
+
+impl Moments {
+    /// The moments of `values`.
+    pub fn of(values: &[f64]) -> Self {
+        let count = values.len().max(1) as f64;
+        let mean = values.iter().sum::<f64>() / count;
+        let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / count;
+        let square = values.iter().map(|value| value * value).sum::<f64>() / count;
+        Self { mean, std: variance.sqrt(), rms: square.sqrt() }
+    }
+}
