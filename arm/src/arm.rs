@@ -97,6 +97,9 @@ impl Arm {
     /// An arm of `joints` from the base outwards, with the pose of the tool frame `tool0` in the last link's frame and the
     /// acceleration of gravity in the base frame, m/s².
     ///
+    /// An inertia tensor has to be positive semi-definite. One that breaks the triangle inequality, as many CAD exports and
+    /// identified models do, is accepted: [`crate::Inertia::triangle_excess`] tells.
+    ///
     /// # Errors
     /// [`ArmError`] names the joint, the value and what is allowed: see its variants.
     pub fn new(

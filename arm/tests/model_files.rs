@@ -236,7 +236,7 @@ fn random_arms_read_back_bit_by_bit() {
     for dof in 1..=12 {
         let mut random = Random(300 + dof as u64);
         let mut file =
-            ArmFile { arm: random.arm(dof), effects: Vec::new(), ignored: vec!["one\ntwo".to_owned()] };
+            ArmFile { arm: random.arm(dof), effects: Vec::new(), ignored: vec!["one\ntwo\u{7f}".to_owned()] };
         file.arm = file.arm.with_gravity(random.vector());
         let back = read_back(&file);
         assert_same(&file, &back);

@@ -2,6 +2,13 @@
 
 use nalgebra::{Isometry3, Translation3, Unit, UnitQuaternion, Vector3};
 
+/// Excess over the triangle inequality of an inertia tensor that is worth a note; below it is rounding.
+pub(crate) const IMPOSSIBLE: f64 = 1e-2;
+
+/// The note on such a tensor.
+pub(crate) const NO_REAL_BODY: &str =
+    "no real body has this inertia (triangle inequality); used as it stands";
+
 /// Why a number could not be read: the remedy to print after the value.
 pub(crate) fn parse_number(token: &str) -> Result<f64, String> {
     match token.parse::<f64>() {

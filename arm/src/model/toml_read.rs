@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vec
 use toml::Spanned;
 
 use super::error::{ModelError, Place, shortened};
-use super::numbers::{direction, rotation};
+use super::numbers::{IMPOSSIBLE, NO_REAL_BODY, direction, rotation};
 use super::toml_tables::{ArmTable, FrameTable, InertiaTable, JointTable, KindName, LimitsTable};
 use super::urdf_tree::GRAVITY;
 use super::{ArmFile, EffectTable, check_extent, load};
@@ -99,6 +99,10 @@ impl Reader<'_> {
             None => table.joint.iter().map(|joint| self.joint(joint)).collect::<Result<_, _>>()?,
         };
         let name = table.name.as_deref().or(base.as_ref().map(Arm::name)).unwrap_or("arm");
+        let impossible =
+            joints.iter().filter(|joint| base.is_none() && joint.inertia.triangle_excess() > IMPOSSIBLE);
+        let notes = impossible.map(|joint| format!("joint `{}`: {NO_REAL_BODY}", joint.name));
+        let ignored = ignored.into_iter().chain(notes).collect();
         let arm = Arm::new(name, joints, tool, gravity).map_err(|source| self.arm_error(&table, source))?;
         Ok((arm, ignored))
     }

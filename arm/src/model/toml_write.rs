@@ -13,7 +13,7 @@ use crate::joint::{Joint, JointKind, Limits};
 pub fn to_toml(file: &ArmFile) -> String {
     let mut text = String::new();
     for note in &file.ignored {
-        line(&mut text, format_args!("# {}", note.replace(['\n', '\r'], " ")));
+        line(&mut text, format_args!("# {}", note.replace(char::is_control, " ")));
     }
     let arm = &file.arm;
     line(&mut text, format_args!("name = {}", quoted(arm.name())));

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
 use roxmltree::{Document, Node, ParsingOptions};
 
 use super::error::{ModelError, Place, shortened};
-use super::numbers::{direction, pose};
+use super::numbers::{IMPOSSIBLE, NO_REAL_BODY, direction, pose};
 use super::urdf_xml::{Reader, Source, children};
 use super::{ArmFile, check_extent, urdf_tree};
 use crate::joint::{Inertia, JointFriction, JointKind, Limits};
@@ -296,10 +296,8 @@ impl<'a> Reader<'a> {
                 remedy: problem,
             });
         }
-        if body.triangle_excess() > 1e-2 {
-            self.notes.push(format!(
-                "{owner}: no real body has this inertia (triangle inequality); used as it stands"
-            ));
+        if body.triangle_excess() > IMPOSSIBLE {
+            self.notes.push(format!("{owner}: {NO_REAL_BODY}"));
         }
         Ok(Inertia::zero().joined_with(&body, &pose))
     }
