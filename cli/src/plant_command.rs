@@ -66,19 +66,24 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let link = PlantLink::open(&address, 1, offer).map_err(Failure::internal)?;
     let queue = Arc::new(ArrayQueue::new(QUEUE));
     let plays = play_names(&setup);
-    let mut plant = Plant::new(setup.plant.clone(), Arc::clone(&setup.path), link, address.run(), Arc::clone(&queue))
-        .map_err(failure)?;
+    let mut plant =
+        Plant::new(setup.plant.clone(), Arc::clone(&setup.path), link, address.run(), Arc::clone(&queue))
+            .map_err(failure)?;
     let recorder = start_recorder(args, &scenario, &setup, &plays, queue)?;
     let request = realtime_request(&scenario, scenario.realtime.plant_cpu);
     let granted = realtime::prepare(&request);
     let (began, clock) = (SystemTime::now(), Instant::now());
     let outcome = plant.run(&stop);
-    let kept = recorder.finish().ok_or_else(|| Failure::internal("the recorder failed; its message is above"))?;
+    let kept =
+        recorder.finish().ok_or_else(|| Failure::internal("the recorder failed; its message is above"))?;
     let outcome = outcome.map_err(failure)?;
-    write_hlog(&args.out.join(format!("{}.hlog", args.name)), plant.stages(), began, clock.elapsed())?;
-    write_hgrm(&args.out, &args.name, plant.stages())?;
+    let fault = kept.fault.map(|fault| format!("the recording ends early: {fault}"));
+    if let Some(fault) = &fault {
+        // At once: where the disk is full, there may be no summary to carry it.
+        eprintln!("freeplay: {fault}");
+    }
     let mut notes = outcome.refused.iter().map(|who| format!("refused: {who}")).collect::<Vec<_>>();
-    notes.extend(kept.fault.iter().map(|fault| format!("the recording ends early: {fault}")));
+    notes.extend(fault.clone());
     let summary = RunSummary::new(
         &plant,
         RunFacts {
@@ -95,7 +100,12 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     );
     let text = serde_json::to_string_pretty(&summary).map_err(Failure::internal)?;
     write(&args.out.join(format!("{}.json", args.name)), &text)?;
-    Ok(exit(&outcome))
+    write_hlog(&args.out.join(format!("{}.hlog", args.name)), plant.stages(), began, clock.elapsed())?;
+    write_hgrm(&args.out, &args.name, plant.stages())?;
+    Ok(match exit(&outcome) {
+        Exit::Done if fault.is_some() => Exit::Input,
+        exit => exit,
+    })
 }
 
 fn play_names(setup: &Setup) -> Vec<String> {
@@ -141,6 +151,8 @@ fn start_recorder(
 
 fn failure(error: PlantError) -> Failure {
     match error {
+        // Somebody came but did not fit: that is a matter of configuration.
+        PlantError::NoController { ref refused, .. } if !refused.is_empty() => Failure::input(error),
         PlantError::NoController { .. } => Failure::peer(error),
         PlantError::Law(_) | PlantError::TooManyJoints { .. } => Failure::input(error),
         PlantError::System(_) => Failure { exit: Exit::Verdict, message: error.to_string() },

@@ -4,17 +4,21 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use rustix::process::{Signal, set_parent_process_death_signal};
+use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
 
 use crate::exit::Failure;
 
-/// Makes SIGINT and SIGTERM set `stop`.
+/// Makes SIGINT and SIGTERM set `stop`, and a file that reaches the largest size allowed (`ulimit -f`) an error of the
+/// write like a full disk, where it would end the process.
 ///
 /// # Errors
 /// What the system says.
 pub fn stop_on_signals(stop: &Arc<AtomicBool>) -> Result<(), Failure> {
-    for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
+    for signal in [SIGINT, SIGTERM] {
         signal_hook::flag::register(signal, Arc::clone(stop)).map_err(Failure::internal)?;
     }
+    // Nobody reads the flag: that the signal is handled is enough for the write to return.
+    signal_hook::flag::register(SIGXFSZ, Arc::default()).map_err(Failure::internal)?;
     Ok(())
 }
 

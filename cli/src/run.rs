@@ -1,7 +1,7 @@
 //! `freeplay run`: for each controller a plant process and a controller process, then one table and one report.
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -16,7 +16,7 @@ use sha2::{Digest, Sha256};
 
 use crate::exit::{Exit, Failure};
 use crate::plant_command::pace_name;
-use crate::scenario::{Pacing, RecordingKind, Scenario};
+use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
 use crate::setup::{Setup, write};
 use crate::summary::{RunSummary, SCHEMA};
 use crate::{run_report, screen};
@@ -96,8 +96,10 @@ impl Contestant {
                 crate::controller_command::unknown(asked)
             });
         }
-        let name = path.file_name().map_or_else(|| asked.to_owned(), |name| name.to_string_lossy().into_owned());
-        let executable = (!built_in).then(|| std::path::absolute(path)).transpose().map_err(Failure::input)?;
+        let name =
+            path.file_name().map_or_else(|| asked.to_owned(), |name| name.to_string_lossy().into_owned());
+        let executable =
+            (!built_in).then(|| std::path::absolute(path)).transpose().map_err(Failure::input)?;
         Ok(Self { asked: asked.to_owned(), name, executable })
     }
 }
@@ -118,31 +120,35 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     std::fs::create_dir_all(&out)
         .map_err(|error| Failure::input(format!("cannot create the folder {}: {error}", out.display())))?;
     let out = std::path::absolute(&out).map_err(Failure::input)?;
-    let files = Files {
-        scenario: out.join("scenario.toml"),
-        task: setup.write_task(&scenario, &out)?,
-        out,
-    };
+    let files = Files { scenario: out.join("scenario.toml"), task: setup.write_task(&scenario, &out)?, out };
     write(&files.scenario, &absolute(&scenario)?.to_toml().map_err(Failure::internal)?)?;
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
-    let (mut runs, mut exit) = (Vec::new(), Exit::Done);
+    let (mut runs, mut exit, mut failure) = (Vec::new(), Exit::Done, None);
     for contestant in &contestants {
         let progress = Progress::new(args.quiet, contestant, &setup, scenario.pace);
         let ended = play(&scenario, contestant, &files, args.controller_delay, &stop);
         progress.finish();
-        let (ended, summary) = ended?;
-        runs.extend(summary);
-        if exit == Exit::Done {
-            exit = ended;
+        match ended {
+            Err(error) => {
+                failure = Some(error);
+                break;
+            }
+            Ok((ended, summary)) => {
+                runs.extend(summary);
+                exit = if exit == Exit::Done { ended } else { exit };
+            }
         }
         if stop.load(Ordering::Relaxed) {
             exit = Exit::Interrupted;
             break;
         }
     }
-    finish(args, &scenario, &setup, &files.out, &runs)?;
-    Ok(exit)
+    // What other controllers came to is not lost with the one that failed.
+    if failure.is_none() || !runs.is_empty() {
+        finish(args, &scenario, &setup, &files.out, &runs)?;
+    }
+    failure.map_or(Ok(exit), Err)
 }
 
 /// The files that the processes of a run share.
@@ -157,7 +163,10 @@ fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
     let mut sets: Vec<String> = args.model.iter().map(|model| format!("model={model}")).collect();
     sets.extend(args.set.iter().cloned());
     sets.extend(args.seed.iter().map(|seed| format!("seed={seed}")));
-    let mut scenario = Scenario::load(args.scenario.as_deref(), &sets).map_err(Failure::input)?;
+    let mut scenario = Scenario::load(args.scenario.as_deref(), &sets).map_err(|error| match error {
+        ScenarioError::Set { .. } => Failure::usage(error),
+        error => Failure::input(error),
+    })?;
     if !args.controller.is_empty() {
         scenario.controllers.clone_from(&args.controller);
     }
@@ -188,7 +197,8 @@ fn contestants(scenario: &Scenario) -> Result<Vec<Contestant>, Failure> {
     let mut found: Vec<Contestant> = Vec::new();
     for asked in &scenario.controllers {
         let mut contestant = Contestant::of(asked)?;
-        let same = found.iter().filter(|other| other.name.split('#').next() == Some(&contestant.name)).count();
+        let same =
+            found.iter().filter(|other| other.name.split('#').next() == Some(&contestant.name)).count();
         if same > 0 {
             contestant.name = format!("{}#{}", contestant.name, same + 1);
         }
@@ -211,22 +221,20 @@ fn play(
     }
     let root = RunRoot::create().map_err(Failure::internal)?;
     let wait = Duration::from_secs_f64(delay.abs().min(60.0));
-    let (mut plant, mut controller);
-    if delay < 0.0 {
-        controller = start_controller(scenario, contestant, root.address())?;
+    let plant = || start_plant(contestant, files, root.address()).map(Running);
+    let controller = || start_controller(scenario, contestant, root.address()).map(Running);
+    let (mut plant, mut controller) = if delay < 0.0 {
+        let controller = controller()?;
         std::thread::sleep(wait);
-        plant = start_plant(contestant, files, root.address())?;
+        (plant()?, controller)
     } else {
-        plant = start_plant(contestant, files, root.address())?;
+        let plant = plant()?;
         std::thread::sleep(wait);
-        controller = start_controller(scenario, contestant, root.address())?;
-    }
-    let ended = supervise(&mut plant, &mut controller, contestant, stop);
-    for child in [&mut plant, &mut controller] {
-        // Errors here mean that the child is gone already, which is what is wanted.
-        let _ = child.kill();
-        let _ = child.wait();
-    }
+        (plant, controller()?)
+    };
+    let ended = supervise(&mut plant.0, &mut controller.0, contestant, stop);
+    // Before the folder of the run is removed, and before a next run begins.
+    drop((plant, controller));
     let exit = ended?;
     match std::fs::read_to_string(&left) {
         Ok(text) => {
@@ -234,8 +242,20 @@ fn play(
             summary.controller.clone_from(&contestant.asked);
             Ok((exit, Some(summary)))
         }
+        Err(_) if exit == Exit::Input => Err(Failure::input("the plant ended; its message is above")),
         Err(_) if exit != Exit::Done => Ok((exit, None)),
         Err(error) => Err(Failure::internal(format!("{}: {error}", left.display()))),
+    }
+}
+
+/// A child process; ended when this is dropped.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Errors here mean that the child is gone already, which is what is wanted.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
     }
 }
 
@@ -260,7 +280,11 @@ fn start_plant(contestant: &Contestant, files: &Files, address: &Address) -> Res
 ///
 /// # Errors
 /// A process that can't be started.
-pub fn start_controller(scenario: &Scenario, contestant: &Contestant, address: &Address) -> Result<Child, Failure> {
+pub fn start_controller(
+    scenario: &Scenario,
+    contestant: &Contestant,
+    address: &Address,
+) -> Result<Child, Failure> {
     let mut command = match &contestant.executable {
         Some(executable) => Command::new(executable),
         None => built_in_command(scenario, contestant)?,
@@ -293,30 +317,37 @@ fn built_in_command(scenario: &Scenario, contestant: &Contestant) -> Result<Comm
 
 /// How often the parent looks after its children.
 const LOOK: Duration = Duration::from_millis(5);
-/// How long a child may take to end after it was asked to.
+/// How long the plant may take to end after it was asked to.
 const GRACE: Duration = Duration::from_secs(10);
+/// How long a stopped plant may wait for an answer of its controller before that is taken away.
+const LAST_ANSWER: Duration = Duration::from_millis(300);
 
-/// Waits for the plant; a controller that ends before the plant has greeted it ends the run.
+/// Waits for the plant. Without a controller it brakes and plays the run to its end, or gives up when nobody came.
 fn supervise(
     plant: &mut Child,
     controller: &mut Child,
     contestant: &Contestant,
     stop: &AtomicBool,
 ) -> Result<Exit, Failure> {
-    let (mut asked_to_stop, mut controller_left): (Option<Instant>, Option<std::process::ExitStatus>) = (None, None);
+    let (mut asked_to_stop, mut controller_left): (Option<Instant>, Option<ExitStatus>) = (None, None);
     loop {
         if let Some(status) = plant.try_wait().map_err(Failure::internal)? {
             return plant_exit(status, controller_left, contestant);
         }
         // Reaping it at once lets the plant see that it is gone.
         controller_left = controller_left.or(controller.try_wait().map_err(Failure::internal)?);
-        let over = controller_left.is_some_and(|status| status.code() != Some(0)) || stop.load(Ordering::Relaxed);
-        if stop.load(Ordering::Relaxed) && asked_to_stop.is_none() {
-            terminate(plant);
-            asked_to_stop = Some(Instant::now());
-        }
-        if over && asked_to_stop.is_some_and(|since| since.elapsed() > GRACE) {
-            return Err(Failure::internal("the plant did not end when it was asked to"));
+        if stop.load(Ordering::Relaxed) {
+            let since = asked_to_stop.get_or_insert_with(|| {
+                terminate(plant);
+                Instant::now()
+            });
+            // A hung controller would keep a plant in lockstep waiting for as long as its patience lasts.
+            if since.elapsed() > LAST_ANSWER && controller_left.is_none() {
+                let _ = controller.kill();
+            }
+            if since.elapsed() > GRACE {
+                return Err(Failure::internal("the plant did not end when it was asked to"));
+            }
         }
         std::thread::sleep(LOOK);
     }
@@ -329,25 +360,31 @@ fn terminate(child: &Child) {
     }
 }
 
+/// What a run came to, from how its plant and, where it did, its controller ended.
 fn plant_exit(
-    status: std::process::ExitStatus,
-    controller: Option<std::process::ExitStatus>,
+    status: ExitStatus,
+    controller: Option<ExitStatus>,
     contestant: &Contestant,
 ) -> Result<Exit, Failure> {
-    let said = |status: std::process::ExitStatus| match status.code() {
+    let said = |status: ExitStatus| match status.code() {
         Some(code) => format!("exit code {code}"),
         None => format!("{status}"),
     };
     match status.code() {
         Some(0) => Ok(Exit::Done),
         Some(1) => Ok(Exit::Verdict),
+        Some(3) => Ok(Exit::Input),
         Some(5) => {
-            let left = controller.map_or_else(String::new, |status| format!(" ({})", said(status)));
-            eprintln!("freeplay: the controller {} went missing{left}", contestant.asked);
-            Ok(Exit::Peer)
+            let how = match controller {
+                Some(status) if !status.success() => format!("ended before the run did ({})", said(status)),
+                _ => "did not answer in time".to_owned(),
+            };
+            eprintln!("freeplay: the controller {} {how}", contestant.asked);
+            // By the contract of exit codes it had said what is wrong with its input.
+            let refused = controller.and_then(|status| status.code()) == Some(3);
+            Ok(if refused { Exit::Input } else { Exit::Peer })
         }
         Some(130) => Ok(Exit::Interrupted),
-        Some(3) => Err(Failure::input("the plant could not start; its message is above")),
         _ => Err(Failure::internal(format!("the plant failed: {}", said(status)))),
     }
 }
@@ -386,18 +423,22 @@ fn finish(
     runs: &[RunSummary],
 ) -> Result<(), Failure> {
     let effective = scenario.to_toml().map_err(Failure::internal)?;
-    let hash: String = Sha256::digest(effective.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+    let hash: String =
+        Sha256::digest(effective.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
     let machine = json!(freeplay_shm::Machine::read());
     let summary = json!({
         "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"),
         "scenario": json!(scenario), "config_hash": hash, "machine": machine, "runs": runs,
     });
     let text = serde_json::to_string_pretty(&summary).map_err(Failure::internal)?;
-    write(&out.join("summary.json"), &text)?;
-    let report = run_report::write(scenario, setup, out, runs, &machine)?;
+    let report = write(&out.join("summary.json"), &text)
+        .and_then(|()| run_report::write(scenario, setup, out, runs, &machine));
+    // Shown even where the disk has no room for it.
     match args.format {
         Format::Json => println!("{text}"),
-        Format::Text => print!("{}", screen::table(scenario, setup, runs, out, &report)),
+        Format::Text => {
+            print!("{}", screen::table(scenario, setup, runs, out, report.as_deref().unwrap_or(out)));
+        }
     }
-    Ok(())
+    report.map(|_| ())
 }

@@ -7,10 +7,10 @@ use std::time::Duration;
 use freeplay_arm::{Arm, ArmFile, EffectTable};
 use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{LimitsFrom, Task, TaskMode};
-use freeplay_laws::{Clearance, Effects};
+use freeplay_laws::{Clearance, Effects, LawError};
 use freeplay_path::JointPath;
 use freeplay_plant::PlantConfig;
-use freeplay_shm::{Mode, Pace, RtRequest};
+use freeplay_shm::{MAX_JOINTS, Mode, Pace, RtRequest};
 use nalgebra::Vector3;
 
 use crate::exit::Failure;
@@ -40,15 +40,47 @@ pub fn load_model(model: &str) -> Result<ArmFile, Failure> {
 /// The arm file of `scenario` with its gravity and with the scenario's plays as effects.
 fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
     let mut file = load_model(&scenario.model)?;
+    let joints = file.arm.dof();
+    if joints > MAX_JOINTS {
+        return Err(Failure::input(format!(
+            "{}: the arm has {joints} joints, a run carries at most {MAX_JOINTS}: give those that stand still type = \"fixed\"",
+            scenario.model
+        )));
+    }
     if let Some(gravity) = scenario.gravity {
         file.arm = file.arm.with_gravity(Vector3::from(gravity));
     }
     for (joint, table) in &scenario.clearance {
+        if file.arm.joint_index(joint).is_none() {
+            let names: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
+            return Err(Failure::input(format!(
+                "scenario: clearance.{joint}: the arm has no joint of that name; it has {}",
+                names.join(", ")
+            )));
+        }
         let parameters = toml::Table::try_from(table).map_err(Failure::internal)?;
-        let effect = EffectTable { kind: Clearance::KIND.to_owned(), joint: Some(joint.clone()), parameters, line: 0 };
+        let effect =
+            EffectTable { kind: Clearance::KIND.to_owned(), joint: Some(joint.clone()), parameters, line: 0 };
         file.effects.push(effect);
     }
     Ok(file)
+}
+
+/// Names the place of the first effect of `file`, read from `model`, that can't be used for the reason `error`.
+fn faulty_effect(model: &str, file: &ArmFile, error: &LawError) -> Failure {
+    let is_usable = |count: usize| {
+        let effects = file.effects[..count].to_vec();
+        Effects::of(&ArmFile { effects, ..file.clone() }).is_ok()
+    };
+    let place =
+        (1..=file.effects.len()).find(|&count| !is_usable(count)).map(|count| &file.effects[count - 1]);
+    let place = match (place, error) {
+        // These name the line themselves.
+        (None, _) | (_, LawError::Unreadable { .. } | LawError::UnknownKind { .. }) => model.to_owned(),
+        (Some(effect), _) if effect.line > 0 => format!("{model}: line {}", effect.line),
+        (Some(effect), _) => format!("scenario: clearance.{}", effect.joint.as_deref().unwrap_or("?")),
+    };
+    Failure::input(format!("{place}: {error}"))
 }
 
 impl Setup {
@@ -58,7 +90,7 @@ impl Setup {
     /// Bad input: an arm file, an effect or a path that can't be used.
     pub fn new(scenario: &Scenario) -> Result<Self, Failure> {
         let truth = truth(scenario)?;
-        let effects = Effects::of(&truth).map_err(|error| Failure::input(format!("{}: {error}", scenario.model)))?;
+        let effects = Effects::of(&truth).map_err(|error| faulty_effect(&scenario.model, &truth, &error))?;
         let path = JointPath::plan(&truth.arm, &scenario.path, scenario.rate).map_err(Failure::input)?;
         let period_ns = (1e9 / scenario.rate).round() as u64;
         let duration = scenario.duration.unwrap_or_else(|| path.duration());
@@ -129,7 +161,9 @@ impl Setup {
 fn check_step(plant: &PlantConfig) -> Result<(), Failure> {
     let play = freeplay_laws::ArmWithPlay::new(&plant.arm, &plant.clearances).map_err(Failure::input)?;
     let period = plant.period_ns as f64 * 1e-9;
-    freeplay_plant::System::new(play, &plant.arm, period, plant.substeps).map(|_| ()).map_err(Failure::input)
+    freeplay_plant::System::new(play, &plant.arm, period, plant.substeps)
+        .map(|_| ())
+        .map_err(|error| Failure::input(format!("scenario: substeps = {}: {error}", plant.substeps)))
 }
 
 /// What the scenario asks of the operating system for the plant, or for the controller.

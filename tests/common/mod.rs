@@ -1,24 +1,197 @@
-//! Runs of the real binary in fresh folders.
+//! Runs of the real binary in fresh folders, each with shared memory of its own.
 #![allow(dead_code, reason = "each test binary uses its own part")]
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command, ExitStatus, Output, Stdio};
+use std::time::{Duration, Instant};
 
+use freeplay_recording::Recording;
 use serde_json::Value;
 use tempfile::TempDir;
 
 /// The binary under test.
 pub const FREEPLAY: &str = env!("CARGO_BIN_EXE_freeplay");
 
+/// Where runs have their shared memory, and so where they could leave some.
+const SHM: &str = "/dev/shm";
+
+/// How long a call may take before it counts as hung.
+const LONGEST: Duration = Duration::from_secs(60);
+
+/// How often something that is waited for is looked at.
+const LOOK: Duration = Duration::from_millis(2);
+
+/// A call of the binary to be made.
+pub struct Call {
+    /// Where it runs.
+    pub folder: TempDir,
+    /// The folder for its shared memory.
+    pub shm: TempDir,
+    /// The program with its arguments.
+    pub command: Command,
+}
+
+impl Call {
+    /// `freeplay` with `arguments`, in `folder`.
+    pub fn new(folder: TempDir, arguments: &[&str]) -> Self {
+        let mut command = Command::new(FREEPLAY);
+        command.args(arguments);
+        Self::of(folder, command)
+    }
+
+    /// Any `command`, in `folder`.
+    pub fn of(folder: TempDir, mut command: Command) -> Self {
+        let shm = tempfile::Builder::new().prefix("fp-").tempdir_in(SHM).expect("a folder in shared memory");
+        let file = |name: &str| std::fs::File::create(folder.path().join(name)).expect("a file");
+        // Files, not pipes: a process that outlives its run cannot keep the test waiting.
+        command.current_dir(folder.path()).env("FREEPLAY_SHM", shm.path()).env_remove("FREEPLAY_RUN");
+        command.stdin(Stdio::null()).stdout(file("stdout")).stderr(file("stderr"));
+        Self { folder, shm, command }
+    }
+
+    /// A lockstep run of the default scenario cut to `duration` seconds, with more `arguments`.
+    pub fn lockstep(duration: f64, arguments: &[&str]) -> Self {
+        let duration = format!("duration={duration}");
+        let mut all = vec!["run", "--pace", "lockstep", "--quiet", "--out", "out", "--set", &duration];
+        all.extend(arguments);
+        Self::new(fresh_folder(), &all)
+    }
+
+    /// Sets an environment variable of the call and of what it starts.
+    pub fn env(mut self, name: &str, value: impl AsRef<std::ffi::OsStr>) -> Self {
+        self.command.env(name, value);
+        self
+    }
+
+    /// Starts it.
+    pub fn start(mut self) -> Started {
+        let child = self.command.spawn().expect("it starts");
+        Started { folder: self.folder, shm: self.shm, child }
+    }
+
+    /// Starts it and waits for its end.
+    pub fn run(self) -> Ran {
+        self.start().wait()
+    }
+}
+
+/// A call under way; killed when this is dropped.
+pub struct Started {
+    /// Where it runs.
+    pub folder: TempDir,
+    /// The folder for its shared memory.
+    pub shm: TempDir,
+    child: Child,
+}
+
+impl Started {
+    /// Its process id.
+    pub fn pid(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// The folder of results.
+    pub fn out(&self) -> PathBuf {
+        self.folder.path().join("out")
+    }
+
+    /// Waits until `what` is there.
+    pub fn until<T>(&self, name: &str, mut what: impl FnMut() -> Option<T>) -> T {
+        let start = Instant::now();
+        loop {
+            if let Some(found) = what() {
+                return found;
+            }
+            assert!(
+                start.elapsed() < LONGEST,
+                "{name} did not come; stderr:\n{}",
+                text_of(self.folder.path(), "stderr")
+            );
+            std::thread::sleep(LOOK);
+        }
+    }
+
+    /// The id of its child process whose command line holds `word`.
+    pub fn child_with(&self, word: &str) -> u32 {
+        let list = format!("/proc/{0}/task/{0}/children", self.pid());
+        self.until(word, || {
+            let ids = std::fs::read_to_string(&list).ok()?;
+            let mut ids = ids.split_whitespace().filter_map(|id| id.parse().ok());
+            ids.find(|id: &u32| {
+                std::fs::read_to_string(format!("/proc/{id}/cmdline"))
+                    .is_ok_and(|line| line.split('\0').any(|argument| argument == word))
+            })
+        })
+    }
+
+    /// The address of its run in shared memory.
+    pub fn address(&self) -> String {
+        let all = || std::fs::read_dir(self.shm.path()).ok()?.flatten().next();
+        self.until("the run's folder", || {
+            let run = std::fs::read_dir(all()?.path()).ok()?.flatten().next()?;
+            Some(run.path().display().to_string())
+        })
+    }
+
+    /// Sends it the signal called `name`.
+    pub fn signal(&self, name: &str) {
+        send_signal(self.pid(), name);
+    }
+
+    /// How it ended; fails if it does not.
+    pub fn wait(mut self) -> Ran {
+        let start = Instant::now();
+        let status = loop {
+            if let Some(status) = self.child.try_wait().expect("a child") {
+                break status;
+            }
+            if start.elapsed() > LONGEST {
+                let _ = self.child.kill();
+                panic!("it hangs; stderr:\n{}", text_of(self.folder.path(), "stderr"));
+            }
+            std::thread::sleep(LOOK);
+        };
+        Ran::new(self.folder, self.shm, self.child.id(), status)
+    }
+}
+
+/// Sends the signal called `name` to the process `pid`.
+pub fn send_signal(pid: u32, name: &str) {
+    let sent = Command::new("kill").args(["-s", name, &pid.to_string()]).status().expect("kill");
+    assert!(sent.success(), "kill -s {name} {pid}");
+}
+
+/// Whether the process `pid` runs: a zombie does not.
+pub fn runs(pid: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    // The state follows the name, which is in brackets.
+    stat.rsplit_once(") ").is_some_and(|(_, rest)| !rest.starts_with('Z'))
+}
+
+fn text_of(folder: &Path, name: &str) -> String {
+    let bytes = std::fs::read(folder.join(name)).unwrap_or_default();
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
 /// What one call of the binary left.
 pub struct Ran {
     /// Its folder; removed when this is dropped.
     pub folder: TempDir,
+    /// Where its shared memory was.
+    pub shm: TempDir,
+    /// Its process id.
+    pub pid: u32,
     /// What it printed and how it ended.
     pub output: Output,
 }
 
 impl Ran {
+    fn new(folder: TempDir, shm: TempDir, pid: u32, status: ExitStatus) -> Self {
+        let read = |name: &str| std::fs::read(folder.path().join(name)).expect("written");
+        let output = Output { status, stdout: read("stdout"), stderr: read("stderr") };
+        Self { folder, shm, pid, output }
+    }
+
     /// The exit code.
     pub fn code(&self) -> i32 {
         self.output.status.code().expect("not killed")
@@ -41,6 +214,19 @@ impl Ran {
         serde_json::from_str(&text).expect("summary.json is JSON")
     }
 
+    /// The summary of the only run.
+    pub fn run(&self) -> Value {
+        let runs = self.summary()["runs"].take();
+        assert_eq!(runs.as_array().map(Vec::len), Some(1), "{runs:#}\n{}", self.dump());
+        runs[0].clone()
+    }
+
+    /// The recording called `name` in the folder of results.
+    pub fn recording(&self, name: &str) -> Recording {
+        let read = freeplay_recording::read(&self.out().join(name), None);
+        read.unwrap_or_else(|error| panic!("{error}: {}", self.dump()))
+    }
+
     /// The folder of results.
     pub fn out(&self) -> PathBuf {
         self.folder.path().join("out")
@@ -51,39 +237,50 @@ impl Ran {
         format!("exit {:?}\nstdout:\n{}\nstderr:\n{}", self.output.status, self.stdout(), self.stderr())
     }
 
-    /// Fails with all there is to say unless the exit code is `code`.
+    /// Fails with all there is to say unless the exit code is `code` and nothing is left in shared memory.
     pub fn expect(self, code: i32) -> Self {
         assert_eq!(self.output.status.code(), Some(code), "{}", self.dump());
+        let left = self.left_in_shared_memory();
+        assert!(left.is_empty(), "left in shared memory: {left:?}\n{}", self.dump());
         self
     }
+
+    /// What its runs have left in shared memory: in their own folder, and as segments, whose names begin with the run's
+    /// id and so with the id of the process that made the run.
+    pub fn left_in_shared_memory(&self) -> Vec<PathBuf> {
+        left_in_shared_memory(self.shm.path(), self.pid)
+    }
+}
+
+/// What runs made by the process `pid` with their folder in `shm` have in shared memory.
+pub fn left_in_shared_memory(shm: &Path, pid: u32) -> Vec<PathBuf> {
+    let entries = |folder: &Path| -> Vec<PathBuf> {
+        let found = std::fs::read_dir(folder).expect("a folder");
+        found.flatten().map(|entry| entry.path()).collect()
+    };
+    let prefix = format!("freeplay-{pid}-");
+    let is_segment =
+        |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(&prefix));
+    let segments = entries(Path::new(SHM)).into_iter().filter(is_segment);
+    entries(shm).into_iter().chain(segments).collect()
+}
+
+/// A folder that is removed when it is dropped.
+pub fn fresh_folder() -> TempDir {
+    tempfile::tempdir().expect("a folder")
 }
 
 /// Calls `freeplay` with `arguments` in a fresh folder.
 pub fn freeplay(arguments: &[&str]) -> Ran {
-    freeplay_in(tempfile::tempdir().expect("a folder"), arguments)
+    freeplay_in(fresh_folder(), arguments)
 }
 
 /// Calls `freeplay` with `arguments` in `folder`.
 pub fn freeplay_in(folder: TempDir, arguments: &[&str]) -> Ran {
-    let output = Command::new(FREEPLAY).args(arguments).current_dir(folder.path()).output().expect("freeplay starts");
-    Ran { folder, output }
+    Call::new(folder, arguments).run()
 }
 
 /// A lockstep run of the default scenario cut to `duration` seconds, with more `arguments`.
 pub fn lockstep(duration: f64, arguments: &[&str]) -> Ran {
-    let duration = format!("duration={duration}");
-    let mut all = vec!["run", "--pace", "lockstep", "--quiet", "--out", "out", "--set", &duration];
-    all.extend(arguments);
-    freeplay(&all)
-}
-
-/// What runs of this user have in shared memory.
-pub fn left_in_shared_memory() -> Vec<PathBuf> {
-    let entries = |folder: &Path| -> Vec<PathBuf> {
-        std::fs::read_dir(folder).map(|found| found.flatten().map(|entry| entry.path()).collect()).unwrap_or_default()
-    };
-    let ours = |path: &PathBuf| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with("freeplay"));
-    entries(Path::new("/dev/shm")).into_iter().filter(ours).flat_map(|path| {
-        if path.is_dir() { entries(&path) } else { vec![path] }
-    }).collect()
+    Call::lockstep(duration, arguments).run()
 }

@@ -1,0 +1,179 @@
+//! A controller with a fault of choice: computed torque until the fault sets in.
+//!
+//! `FREEPLAY_FAULT` names it: `nan@100` from tick 100 on, `nan@100+5` for five ticks, `mute` without a tick. `pause` waits
+//! until the file `FREEPLAY_RESUME` is there, so that a test can do something in the middle of a run.
+//!
+//! It speaks the messages itself, since the SDK would not let it misbehave.
+
+use std::process::ExitCode;
+use std::thread;
+use std::time::Duration;
+
+use freeplay_controller::{Answer, ComputedTorque, Controller, RunInfo, ServeOptions, Task};
+use freeplay_shm::{
+    Backoff, Command, CommandKind, CommandStatus, ControllerLink, Hello, Joints, LAYOUT_VERSION, MAX_JOINTS,
+    Mode, State, now_ns,
+};
+use rustix::process::{Signal, getpid, kill_process};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// What goes wrong, and when.
+struct Fault {
+    name: String,
+    from: u64,
+    count: u64,
+}
+
+impl Fault {
+    fn from_env() -> Result<Self, Failure> {
+        let text = std::env::var("FREEPLAY_FAULT")?;
+        let (name, when) = text.split_once('@').unwrap_or((&text, "0"));
+        let (from, count) = when.split_once('+').map_or((when, None), |(from, count)| (from, Some(count)));
+        let count = count.map_or(Ok(u64::MAX), str::parse)?;
+        Ok(Self { name: name.to_owned(), from: from.parse()?, count })
+    }
+
+    fn holds(&self, tick: u64) -> bool {
+        (self.from..self.from.saturating_add(self.count)).contains(&tick)
+    }
+}
+
+fn main() -> ExitCode {
+    match Fault::from_env().and_then(|fault| play(&fault)) {
+        Ok(code) => code,
+        Err(error) => {
+            eprintln!("faulty: {error}");
+            ExitCode::from(3)
+        }
+    }
+}
+
+fn play(fault: &Fault) -> Result<ExitCode, Failure> {
+    match fault.name.as_str() {
+        "leave" => return Ok(ExitCode::from(7)),
+        "mute" => sleep_for_ever(),
+        _ => {}
+    }
+    let options = ServeOptions::from_args(std::env::args().skip(1))?;
+    let mut hello = Hello::new("faulty", options.slot, 0);
+    match fault.name.as_str() {
+        "other_layout" => hello.layout = LAYOUT_VERSION + 1,
+        "other_arm" => hello.joints = 7,
+        _ => {}
+    }
+    let (mut link, welcome) = ControllerLink::connect(&options.address, hello, options.patience)?;
+    let run = RunInfo {
+        joints: welcome.joints as usize,
+        mode: welcome.mode().ok_or("a mode")?,
+        pace: welcome.pace().ok_or("a pace")?,
+        period_ns: welcome.period_ns,
+        ticks: welcome.ticks,
+    };
+    let task = Task::load(welcome.task().as_ref())?;
+    let mut good = ComputedTorque::default();
+    good.start(&task, &run)?;
+    let mut backoff = Backoff::for_this_machine();
+    loop {
+        let Some(state) = link.next_state()? else {
+            if !link.plant_lives() {
+                return Ok(ExitCode::from(5));
+            }
+            backoff.wait();
+            continue;
+        };
+        backoff.reset();
+        let mut command = answer(&mut good, &state);
+        if fault.holds(state.tick) {
+            misbehave(fault, &run);
+            spoil(&fault.name, &state, &mut command);
+            if fault.name == "twice" {
+                link.send(&command)?;
+            }
+        }
+        link.send(&command)?;
+        if state.has(State::FLAG_LAST) {
+            return Ok(ExitCode::SUCCESS);
+        }
+    }
+}
+
+fn answer(good: &mut ComputedTorque, state: &State) -> Command {
+    let (received_ns, mut answer) = (now_ns(), Answer::BLANK);
+    good.answer(state, &mut answer);
+    Command {
+        received_ns,
+        sent_ns: now_ns(),
+        value: answer.value,
+        velocity: answer.velocity,
+        acceleration: answer.acceleration,
+        ..Command::answer_to(state, 0)
+    }
+}
+
+/// What the process does instead of answering.
+fn misbehave(fault: &Fault, run: &RunInfo) {
+    match fault.name.as_str() {
+        "abort" => std::process::abort(),
+        "exit" => std::process::exit(0),
+        "kill" => signal_self(Signal::KILL),
+        "stop" => signal_self(Signal::STOP),
+        "sleep" => sleep_for_ever(),
+        "late" => thread::sleep(Duration::from_nanos(3 * run.period_ns)),
+        "pause" => pause(),
+        _ => {}
+    }
+}
+
+fn signal_self(signal: Signal) {
+    kill_process(getpid(), signal).expect("a signal for this process");
+}
+
+fn sleep_for_ever() -> ! {
+    loop {
+        thread::sleep(Duration::from_secs(3600));
+    }
+}
+
+/// Waits until the test lets this process go on, or whoever started it has ended.
+fn pause() {
+    let resume = std::env::var_os("FREEPLAY_RESUME").expect("FREEPLAY_RESUME names a file");
+    let parent = std::os::unix::process::parent_id();
+    while !std::fs::exists(&resume).unwrap_or(true) && std::os::unix::process::parent_id() == parent {
+        thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// What is wrong with the command.
+fn spoil(fault: &str, state: &State, command: &mut Command) {
+    let joint = 1;
+    match fault {
+        "nan" => command.value[joint] = f64::NAN,
+        "infinite" => command.value[joint] = f64::NEG_INFINITY,
+        "nan_velocity" => command.velocity[joint] = f64::NAN,
+        "huge" => command.value = [1e9; MAX_JOINTS],
+        // Within the range of the paper's second joint, 4000 N·m, and further from any torque that holds it than that.
+        "jump" if state.mode == Mode::Torque.code() => {
+            command.value[joint] = 3999.0_f64.copysign(-command.value[joint])
+        }
+        "jump" => command.value[joint] += 0.2,
+        "stale" => command.tick = state.tick.saturating_sub(1),
+        "early" => command.tick += 1,
+        "other_run" => command.run ^= 1,
+        "other_magic" => command.magic = 0,
+        "other_version" => command.layout += 1,
+        "more_joints" => command.joints += 1,
+        "other_kind" => {
+            command.kind = match command.kind == CommandKind::Torque.code() {
+                true => CommandKind::Position,
+                false => CommandKind::Torque,
+            }
+            .code();
+        }
+        "no_answer" => {
+            command.status = CommandStatus::NoAnswer.code();
+            command.value = Joints::default();
+        }
+        _ => {}
+    }
+}

@@ -1,0 +1,1 @@
+//! What bad input does to a call of the real binary.
