@@ -123,3 +123,21 @@ fn the_effective_scenario_reads_back_as_itself() {
     assert_eq!(shown.stdout(), again.stdout());
     assert!(shown.stdout().contains("period = 12.0") && shown.stdout().contains("[clearance.joint_4]"));
 }
+
+#[test]
+fn replaying_a_recording_gives_the_same_commands_byte_for_byte() {
+    for (mode, controller) in [("torque", "computed-torque"), ("torque", "quasi-static"), ("driven", "quasi-static")] {
+        let mode = format!("mode={mode}");
+        let ran = lockstep(0.4, &["--controller", controller, "--set", &mode]).expect(0);
+        let recording = ran.out().join(format!("{controller}.mcap"));
+        let recording = recording.to_str().expect("UTF-8");
+        let replayed = freeplay(&["replay", recording, "--against", controller, "--format", "json"]).expect(0);
+        let difference: Value = serde_json::from_str(&replayed.stdout()).expect("JSON");
+        println!("{mode}, {controller}: {} of {}", difference["identical_ticks"], difference["ticks"]);
+        assert_eq!((&difference["ticks"], &difference["identical_ticks"]), (&400.into(), &400.into()));
+        let other = if controller == "quasi-static" { "computed-torque" } else { "quasi-static" };
+        let replayed = freeplay(&["replay", recording, "--against", other, "--format", "json"]).expect(0);
+        let difference: Value = serde_json::from_str(&replayed.stdout()).expect("JSON");
+        assert_ne!(difference["identical_ticks"], 400, "another controller commands otherwise");
+    }
+}

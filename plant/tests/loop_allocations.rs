@@ -1,0 +1,71 @@
+//! The plant's loop allocates nothing: a longer run allocates exactly as often as a shorter one.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use crossbeam::queue::ArrayQueue;
+use freeplay_arm::paper_arm;
+use freeplay_laws::{Clearance, ClearanceTable};
+use freeplay_path::{JointPath, PathSpec};
+use freeplay_plant::{Ending, Plant, PlantConfig, SensorsSpec};
+use freeplay_shm::{Backoff, Command, ControllerLink, Hello, Mode, Offer, Pace, PlantLink, RunRoot, State};
+
+/// Plays `ticks` ticks against a controller in another thread; how often the plant's thread allocated, and the records.
+fn play(ticks: u64) -> (u64, usize) {
+    let root = RunRoot::create().expect("a run");
+    let address = root.address().clone();
+    let offer = Offer { joints: 6, mode: Mode::Driven, pace: Pace::Lockstep, period_ns: 1_000_000, ticks, task: String::new() };
+    let link = PlantLink::open(&address, 1, offer).expect("the plant's end");
+    let arm = paper_arm().arm;
+    let path = Arc::new(JointPath::plan(&arm, &PathSpec::default(), 1000.0).expect("the smooth path"));
+    let config = PlantConfig {
+        arm,
+        clearances: vec![(4, Clearance::new(&ClearanceTable::new(0.6e-3)).expect("in range"))],
+        mode: Mode::Driven,
+        pace: Pace::Lockstep,
+        period_ns: 1_000_000,
+        substeps: 20,
+        ticks,
+        sensors: SensorsSpec::default(),
+        seed: 1,
+        hold: 20,
+        patience: Duration::from_secs(10),
+    };
+    let queue = Arc::new(ArrayQueue::new(ticks as usize));
+    let mut plant = Plant::new(config, path, link, address.run(), Arc::clone(&queue)).expect("a plant");
+    let controller = std::thread::spawn(move || {
+        let hello = Hello::new("follower", 0, 0);
+        let (mut link, _) = ControllerLink::connect(&address, hello, Duration::from_secs(10)).expect("welcome");
+        let mut backoff = Backoff::for_this_machine();
+        loop {
+            let Some(state) = link.next_state().expect("a link") else {
+                backoff.wait();
+                continue;
+            };
+            backoff.reset();
+            let mut command = Command::answer_to(&state, 0);
+            (command.value, command.velocity) = (state.reference_next.q, state.reference_next.qd);
+            command.acceleration = state.reference_next.qdd;
+            link.send(&command).expect("sent");
+            if state.has(State::FLAG_LAST) {
+                break;
+            }
+        }
+    });
+    let stop = AtomicBool::new(false);
+    let mut ending = None;
+    let counted = allocation_counter::measure(|| ending = Some(plant.run(&stop).expect("a run").ending));
+    controller.join().expect("the controller");
+    assert_eq!(ending, Some(Ending::Finished));
+    assert_eq!(plant.deadlines().missed, 0);
+    (counted.count_total, queue.len())
+}
+
+#[test]
+fn a_longer_run_allocates_no_more_than_a_shorter_one() {
+    let (short, long) = (play(50), play(550));
+    println!("50 ticks: {} allocations, 550 ticks: {}", short.0, long.0);
+    assert_eq!((short.1, long.1), (50, 550), "every tick is recorded");
+    assert_eq!(short.0, long.0, "the start allocates, the loop does not");
+}
