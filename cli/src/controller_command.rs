@@ -1,4 +1,8 @@
-//! `freeplay controller`: the process of a built-in controller.
+//! `freeplay controller`: the process of a controller.
+
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use clap::Args;
 use freeplay_controller::{BUILT_IN, Ended, ServeOptions, built_in, serve_with};
@@ -6,11 +10,11 @@ use freeplay_shm::{Address, RtRequest};
 
 use crate::exit::{Exit, Failure};
 
-/// Runs a built-in controller as a process of its own; `freeplay run` starts it.
+/// Runs a controller as a process of its own; `freeplay run` starts it.
 #[derive(Args, Debug)]
 pub struct ControllerArgs {
-    /// Name of the controller.
-    name: String,
+    /// Name of a built-in controller, or path of an executable, which finds the run in its environment.
+    name: PathBuf,
     /// Address of the run in shared memory.
     #[arg(long, env = "FREEPLAY_RUN")]
     run: String,
@@ -26,20 +30,20 @@ pub struct ControllerArgs {
     /// Lock all memory.
     #[arg(long)]
     lock_memory: bool,
-    /// End when the parent process ends.
-    #[arg(long)]
-    with_parent: bool,
+    /// End when this process, the parent, ends.
+    #[arg(long, value_name = "PID")]
+    with_parent: Option<u32>,
 }
 
 /// Serves one run.
 ///
 /// # Errors
-/// An unknown name, a run that can't be joined, a task that can't be used.
+/// An unknown name, an executable that can't be started, a run that can't be joined, a task that can't be used.
 pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
-    if args.with_parent {
-        crate::process::end_with_parent()?;
-    }
-    let mut controller = built_in(&args.name).ok_or_else(|| unknown(&args.name))?;
+    args.with_parent.map_or(Ok(()), crate::process::end_with_parent)?;
+    let Some(mut controller) = args.name.to_str().and_then(built_in) else {
+        return Err(become_executable(&args.name));
+    };
     let address = Address::parse(&args.run).map_err(Failure::usage)?;
     let realtime = RtRequest { priority: args.priority, cpu: args.cpu, lock_memory: args.lock_memory };
     let options = ServeOptions { slot: args.slot, realtime, ..ServeOptions::new(address) };
@@ -56,6 +60,16 @@ pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
             message: error.to_string(),
         }),
     }
+}
+
+/// Lets the executable `path` take this process over: it ends with the parent as a built-in controller does.
+/// Returns only if it does not.
+fn become_executable(path: &Path) -> Failure {
+    if path.components().count() < 2 {
+        return unknown(&path.display().to_string());
+    }
+    let error = Command::new(path).exec();
+    Failure::peer(format!("cannot start the controller {}: {error}", path.display()))
 }
 
 /// No built-in controller has this name.

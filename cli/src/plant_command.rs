@@ -37,9 +37,9 @@ pub struct PlantArgs {
     /// Name of the run's files and of its controller in the summary.
     #[arg(long)]
     name: String,
-    /// End when the parent process ends.
-    #[arg(long)]
-    with_parent: bool,
+    /// End when this process, the parent, ends.
+    #[arg(long, value_name = "PID")]
+    with_parent: Option<u32>,
 }
 
 /// Plays one run.
@@ -47,9 +47,7 @@ pub struct PlantArgs {
 /// # Errors
 /// Bad input; no controller; a motion that can't be integrated.
 pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
-    if args.with_parent {
-        crate::process::end_with_parent()?;
-    }
+    args.with_parent.map_or(Ok(()), crate::process::end_with_parent)?;
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     let scenario = Scenario::load(Some(&args.scenario), &[]).map_err(Failure::input)?;

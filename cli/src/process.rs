@@ -22,10 +22,16 @@ pub fn stop_on_signals(stop: &Arc<AtomicBool>) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Asks the system to end this process with SIGTERM when its parent dies, so that a killed `freeplay run` leaves none.
+/// Asks the system to end this process with SIGTERM when its parent, the process `parent`, dies, so that a killed
+/// `freeplay run` leaves none. It holds for a program that takes this process over, too.
 ///
 /// # Errors
-/// What the system says.
-pub fn end_with_parent() -> Result<(), Failure> {
-    set_parent_process_death_signal(Some(Signal::TERM)).map_err(Failure::internal)
+/// What the system says; or the parent is gone already.
+pub fn end_with_parent(parent: u32) -> Result<(), Failure> {
+    set_parent_process_death_signal(Some(Signal::TERM)).map_err(Failure::internal)?;
+    if std::os::unix::process::parent_id() == parent {
+        Ok(())
+    } else {
+        Err(Failure::peer(format!("process {parent}, which started this one, has ended")))
+    }
 }

@@ -19,7 +19,7 @@ pub fn write(pairs: &[Pair], substeps: u32, folder: &Path) -> Result<PathBuf, Fa
     let document = Document::new("Reference runs of the paper's arm")
         .subtitle(format!("an independent simulator (semi-implicit Euler, 10 µs) beside this one ({substeps} sub-steps a tick)"))
         .overview((Verdict::passed(passed == pairs.len()), words))
-        .overview("Tolerances: contact fractions 0.5 points; RMS of the deviation 1 % on smooth paths, 5 % on sharp ones; peak normal force 2 % on smooth paths; peak force of joint 1 2 %. At sharp corners in 6 s a run is chaotic: where one start is out of tolerance, the reference must lie within tolerance of the spread of starts a picometre apart.")
+        .overview("Tolerances: contact fractions 0.5 points; RMS of the deviation 1 % on smooth paths, 5 % on sharp ones; peak normal force 2 % on smooth paths; peak force of joint 1 2 %. At sharp corners in 6 s a run is chaotic: where one start is out of tolerance, the reference must lie within tolerance of the spread over clearances within 0.002 %.")
         .section(Section::new("Contact").with(contact(pairs)))
         .section(Section::new("Deviation").with(deviation(pairs)))
         .footer(format!("freeplay {}", env!("CARGO_PKG_VERSION")));

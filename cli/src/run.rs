@@ -10,6 +10,7 @@ use clap::{Args, ValueEnum};
 use freeplay_controller::BUILT_IN;
 use freeplay_shm::{Address, RUN_ENV, RunRoot};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use rustix::fs::{Access, access};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::json;
 use sha2::{Digest, Sha256};
@@ -95,6 +96,11 @@ impl Contestant {
             } else {
                 crate::controller_command::unknown(asked)
             });
+        }
+        if !built_in && access(path, Access::EXEC_OK).is_err() {
+            return Err(Failure::input(format!(
+                "controller {asked}: not executable: name a program, or allow it with chmod +x"
+            )));
         }
         let name =
             path.file_name().map_or_else(|| asked.to_owned(), |name| name.to_string_lossy().into_owned());
@@ -263,7 +269,8 @@ fn start_plant(contestant: &Contestant, files: &Files, address: &Address) -> Res
     let program = std::env::current_exe().map_err(Failure::internal)?;
     Command::new(program)
         .arg("plant")
-        .args(["--run", &address.to_string(), "--name", &contestant.name, "--with-parent"])
+        .args(["--run", &address.to_string(), "--name", &contestant.name])
+        .args(["--with-parent", &std::process::id().to_string()])
         .arg("--scenario")
         .arg(&files.scenario)
         .arg("--task")
@@ -285,11 +292,7 @@ pub fn start_controller(
     contestant: &Contestant,
     address: &Address,
 ) -> Result<Child, Failure> {
-    let mut command = match &contestant.executable {
-        Some(executable) => Command::new(executable),
-        None => built_in_command(scenario, contestant)?,
-    };
-    command
+    controller_command(scenario, contestant)?
         .env(RUN_ENV, address.to_string())
         .stdin(Stdio::null())
         .stdout(Stdio::null())
@@ -297,10 +300,13 @@ pub fn start_controller(
         .map_err(|error| Failure::peer(format!("cannot start the controller {}: {error}", contestant.asked)))
 }
 
-fn built_in_command(scenario: &Scenario, contestant: &Contestant) -> Result<Command, Failure> {
+/// This program, which an executable takes over: so it ends with this process, too.
+fn controller_command(scenario: &Scenario, contestant: &Contestant) -> Result<Command, Failure> {
     let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
-    command.args(["controller", &contestant.asked, "--with-parent"]);
-    if scenario.pace == Pacing::Realtime {
+    let built_in = Path::new(&contestant.asked);
+    command.arg("controller").arg(contestant.executable.as_deref().unwrap_or(built_in));
+    command.args(["--with-parent", &std::process::id().to_string()]);
+    if scenario.pace == Pacing::Realtime && contestant.executable.is_none() {
         let realtime = &scenario.realtime;
         if realtime.priority > 0 {
             command.args(["--priority", &realtime.priority.to_string()]);
