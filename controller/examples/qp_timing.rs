@@ -25,7 +25,7 @@ fn main() {
 fn measure(blocks: usize) {
     let mut random = ChaCha8Rng::seed_from_u64(6);
     let rows = DMatrix::from_fn(2 * blocks * JOINTS, JOINTS, |row, column| {
-        let sign = if (row / JOINTS) % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = if (row / JOINTS).is_multiple_of(2) { 1.0 } else { -1.0 };
         if row % JOINTS == column { sign } else { 0.0 }
     });
     let mut qp = Qp::new(&rows).expect("the rows are finite");

@@ -5,7 +5,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use freeplay_shm::{Backoff, Command, ControllerLink, MessageFault, Pace, State, now_ns, sleep_then_spin_until};
+use freeplay_shm::{
+    Backoff, Command, ControllerLink, MessageFault, Pace, State, now_ns, sleep_then_spin_until,
+};
 use signal_hook::SigId;
 use signal_hook::consts::{SIGINT, SIGTERM};
 

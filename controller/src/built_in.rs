@@ -4,7 +4,7 @@ use crate::computed_torque::{COMPUTED_TORQUE, ComputedTorque};
 use crate::controller::Controller;
 use crate::quasi_static::{QUASI_STATIC, QuasiStaticControl};
 
-/// The names that [`built_in`] knows.
+/// The names that [`built_in()`] knows.
 pub const BUILT_IN: [&str; 2] = [COMPUTED_TORQUE, QUASI_STATIC];
 
 /// The built-in controller of that name, if there is one.

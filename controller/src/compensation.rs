@@ -12,7 +12,7 @@
 //! mrad. With no limit active the minimiser is that of damped least squares.
 //!
 //! A desired motion that leaves no room would forbid the correction even to come to rest: the room is never less than
-//! [`LEAST_SHARE`] of the limit. Where the intervals do not meet or the programme fails, the correction is held, braking within the
+//! [`LEAST_SHARE`] of the limit. Towards a position limit the correction is no faster than it can brake with that share. Where the intervals do not meet or the programme fails, the correction is held, braking within the
 //! acceleration limit, and the report names the cause.
 
 use freeplay_arm::{Arm, Limits};
@@ -158,10 +158,7 @@ impl Compensator {
     ) -> CompensationReport {
         if let Some(joint) = self.fill_bounds(desired) {
             self.hold_braking();
-            return CompensationReport {
-                status: CompensationStatus::LimitsConflict(joint),
-                iterations: 0,
-            };
+            return CompensationReport { status: CompensationStatus::LimitsConflict(joint), iterations: 0 };
         }
         self.fill_cost(jacobian, deviation);
         let report = self.qp.solve(&self.cost, &self.linear, &self.bounds);
@@ -198,8 +195,8 @@ impl Compensator {
         let n = self.limits.len();
         for joint in 0..n {
             let (lower, upper) = self.interval(joint, desired);
-            // Written so that a desired motion that is not a number counts as a conflict.
-            if !(lower <= upper) {
+            // A desired motion that is not a number makes limits that are not: a conflict too.
+            if lower.is_nan() || upper.is_nan() || lower > upper {
                 return Some(joint);
             }
             self.bounds[joint] = MILLI * upper;
@@ -222,9 +219,10 @@ impl Compensator {
         if lower.is_nan() || upper.is_nan() || speed_room.is_nan() || acceleration_room.is_nan() {
             return (f64::NAN, f64::NAN);
         }
+        let braking = LEAST_SHARE * limits.acceleration * self.period * self.period;
         (
-            lower.max(last - speed_room).max(coasting - acceleration_room),
-            upper.min(last + speed_room).min(coasting + acceleration_room),
+            (last - speed_room.min(longest_step(last - lower, braking))).max(coasting - acceleration_room),
+            (last + speed_room.min(longest_step(upper - last, braking))).min(coasting + acceleration_room),
         )
     }
 
@@ -236,6 +234,16 @@ impl Compensator {
             self.before[joint] = self.last[joint];
             self.last[joint] += rate.signum() * (rate.abs() - braking).max(0.0);
         }
+    }
+}
+
+/// The longest step of one tick towards a limit at `distance` after which steps that shrink by `braking` each still end before it: the
+/// s with `s²/(2 braking) + s/2 = distance`. Beyond the limit, the step back to it.
+fn longest_step(distance: f64, braking: f64) -> f64 {
+    if distance <= 0.0 || braking.is_infinite() {
+        distance
+    } else {
+        (0.25 * braking * braking + 2.0 * distance * braking).sqrt() - 0.5 * braking
     }
 }
 

@@ -58,17 +58,17 @@ impl Controller for ComputedTorque {
     fn answer(&mut self, state: &State, answer: &mut Answer) {
         let Some(ready) = &mut self.ready else { return answer.give_up() };
         let reference = &state.reference_next;
-        match ready.mode {
+        let computed = match ready.mode {
+            TaskMode::Torque => ready.torque(state, reference, &mut answer.value),
             TaskMode::Driven => {
                 answer.value = reference.q;
                 answer.velocity = reference.qd;
                 answer.acceleration = reference.qdd;
+                Some(())
             }
-            TaskMode::Torque => {
-                if ready.torque(state, reference, &mut answer.value).is_none() {
-                    answer.give_up();
-                }
-            }
+        };
+        if computed.is_none() || !answer.is_finite() {
+            answer.give_up();
         }
     }
 }
@@ -86,7 +86,7 @@ impl Ready {
         feedback(self.gains, desired, ahead, &mut self.acceleration);
         rnea(&self.arm, &mut self.workspace, &ahead.q, &ahead.v, &self.acceleration, &mut torque[..n]);
         add_drive_friction(&self.friction, desired.v, &mut torque[..n]);
-        all_finite(&torque[..n]).then_some(())
+        Some(())
     }
 }
 
@@ -106,8 +106,4 @@ pub(crate) fn add_drive_friction(friction: &[DriveFriction], v: &[f64], torque: 
     for ((torque, friction), &v) in torque.iter_mut().zip(friction).zip(v) {
         *torque -= friction.torque(v);
     }
-}
-
-pub(crate) fn all_finite(values: &[f64]) -> bool {
-    values.iter().all(|value| value.is_finite())
 }

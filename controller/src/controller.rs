@@ -78,6 +78,13 @@ impl Answer {
         qp_iterations: 0,
     };
 
+    /// Whether every number for the joints and the deviation is finite.
+    pub fn is_finite(&self) -> bool {
+        let joints = [&self.value, &self.velocity, &self.acceleration];
+        let finite = |value: &f64| value.is_finite();
+        joints.into_iter().flatten().all(finite) && self.deviation.iter().all(finite)
+    }
+
     /// Makes this the answer of a controller that has none: the plant's gate takes its fallback.
     pub fn give_up(&mut self) {
         *self = Answer { status: CommandStatus::NoAnswer, ..Answer::BLANK };
@@ -106,7 +113,9 @@ pub enum ControllerError {
     #[error(transparent)]
     Qp(#[from] QpError),
     /// The model has another number of joints than the plant's arm.
-    #[error("the model {model} has {found} joints, the plant's arm has {expected}: give the controller a model of the same joints")]
+    #[error(
+        "the model {model} has {found} joints, the plant's arm has {expected}: give the controller a model of the same joints"
+    )]
     JointCount {
         /// The model.
         model: String,

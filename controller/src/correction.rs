@@ -3,6 +3,7 @@
 use freeplay_arm::{Arm, Workspace, jacobian};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
+use crate::centred::Centred;
 use crate::compensation::{CompensationReport, Compensator, Motion, Weights};
 use crate::qp::QpError;
 
@@ -11,8 +12,7 @@ const LARGEST_START: f64 = 0.01;
 
 /// The correction of one arm, planned one tick ahead of the instant at which it is used.
 ///
-/// With Δq at the ticks j − 1, j and j + 1, velocity and acceleration at j are the centred differences. After a start the
-/// correction goes over from where the joints stand to the compensation within a blend time, by a quintic.
+/// After a start it goes over from where the joints stand to the compensation within a blend time, by a quintic.
 pub struct Correction {
     compensator: Compensator,
     workspace: Workspace,
@@ -24,11 +24,8 @@ pub struct Correction {
     start_deviation: Vector6<f64>,
     /// Ticks since the start.
     age: u64,
-    /// Δq at j − 1 and j; the compensator holds that at j + 1.
-    older: Vec<f64>,
-    middle: Vec<f64>,
-    velocity: Vec<f64>,
-    acceleration: Vec<f64>,
+    /// Δq at the ticks j − 1, j, j + 1.
+    course: Centred,
 }
 
 impl Correction {
@@ -47,10 +44,7 @@ impl Correction {
             start: DVector::zeros(n),
             start_deviation: Vector6::zeros(),
             age: 0,
-            older: vec![0.0; n],
-            middle: vec![0.0; n],
-            velocity: vec![0.0; n],
-            acceleration: vec![0.0; n],
+            course: Centred::new(n, period),
         })
     }
 
@@ -61,17 +55,19 @@ impl Correction {
             let distance = q - desired;
             *start = if distance.abs() <= LARGEST_START { distance } else { 0.0 };
         }
-        self.age = 0;
-        self.older.copy_from_slice(self.start.as_slice());
-        self.middle.copy_from_slice(self.start.as_slice());
-        self.compensator.restart(self.start.as_slice());
+        self.begin();
     }
 
-    /// Keeps the newest correction, at rest, after ticks have been missed.
-    pub fn hold(&mut self) {
-        self.older.copy_from_slice(self.compensator.correction());
-        self.middle.copy_from_slice(self.compensator.correction());
-        self.compensator.restart(&self.middle);
+    /// Starts anew, at rest, from the newest correction, after ticks have been missed.
+    pub fn resume(&mut self) {
+        self.start.copy_from_slice(self.compensator.correction());
+        self.begin();
+    }
+
+    fn begin(&mut self) {
+        self.age = 0;
+        self.course.rest(self.start.as_slice());
+        self.compensator.restart(self.start.as_slice());
     }
 
     /// Moves on by one tick: plans the correction for the instant of `desired` (tick j + 1), at which the play of the joints moves the
@@ -90,25 +86,14 @@ impl Correction {
             self.start_deviation.gemv(1.0, &self.jacobian, &self.start, 0.0);
             target -= self.start_deviation * (1.0 - share);
         }
-        std::mem::swap(&mut self.older, &mut self.middle);
-        self.middle.copy_from_slice(self.compensator.correction());
         let report = self.compensator.advance(desired, &self.jacobian, &target);
-        self.differentiate();
+        self.course.push(self.compensator.correction());
         report
-    }
-
-    fn differentiate(&mut self) {
-        let period = self.period;
-        for (joint, &newest) in self.compensator.correction().iter().enumerate() {
-            let (older, middle) = (self.older[joint], self.middle[joint]);
-            self.velocity[joint] = (newest - older) / (2.0 * period);
-            self.acceleration[joint] = (newest - 2.0 * middle + older) / (period * period);
-        }
     }
 
     /// Δq with its first and second derivative at tick j, rad, rad/s, rad/s² (m).
     pub fn motion(&self) -> Motion<'_> {
-        Motion { q: &self.middle, v: &self.velocity, a: &self.acceleration }
+        self.course.motion()
     }
 }
 

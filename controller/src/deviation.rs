@@ -7,18 +7,20 @@
 //! `n = (u + m u⊥)/√(1 + m²),  u⊥ = (−u₂, u₁),  F_N = |b|/√(1 + m²)`,
 //!
 //! and loads the drive with the moment −m F_N R_j. The sliding speed is v_T = R_j q̇ + (c + δ) ṅ·t with q̇ the turning of the joint
-//! and t = axis × n. The journal is displaced by d = (c + δ) n, δ = (F_N/K)^(2/3), and the tool by Σ J_slides d.
+//! and t = axis × n; since ṅ holds the change of atan m, m is the root of m = μ(v_T(m)), taken over the last tick. The journal is displaced by d = (c + δ) n, δ = (F_N/K)^(2/3), and the tool by Σ J_slides d.
 //!
 //! Source: the contact laws of Erkaya (2018), Eqs. 3–7, solved for rest. It fails where the journal detaches (|b| → 0).
 
 use freeplay_arm::{Workspace, jacobian, rnea};
-use freeplay_laws::{ArmWithPlay, Play};
+use freeplay_laws::{ArmWithPlay, Clearance, Play};
 use nalgebra::{DMatrix, Vector3};
 
 use crate::compensation::Motion;
 
 /// Below this force, N, a journal has no side to lie on; the prediction keeps the last one.
 const LEAST_FORCE: f64 = 1e-9;
+/// Halvings of the interval of friction coefficients: to 1e-9 of it.
+const BISECTIONS: usize = 30;
 
 /// How the journal of one joint with play rests in its bearing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,8 +31,10 @@ pub struct Rest {
     pub displacement: [f64; 2],
     /// Moment of the contact friction on the joint, N·m.
     pub moment: f64,
-    /// Direction u of the load, for the turning rate at the next tick.
+    /// Direction u of the load, if there was one.
     load: Option<[f64; 2]>,
+    /// Angle atan m by which friction turns the normal away from it, rad.
+    tilt: f64,
 }
 
 /// The predictor of one arm with play; follows one motion tick by tick.
@@ -73,26 +77,41 @@ impl QuasiStatic {
         self.rests.fill(Rest::default());
     }
 
-    /// How the journals rest during the nominal motion `motion`, one tick after the motion of the last call. Returns the deviation
-    /// of the tool, base frame, m.
-    pub fn advance(&mut self, motion: Motion<'_>) -> Vector3<f64> {
+    /// How the journals rest during the nominal motion `motion`, one tick after the motion of the last call: [`Self::rests`].
+    pub fn advance(&mut self, motion: Motion<'_>) {
         self.spread(motion);
         rnea(self.arm.arm(), &mut self.workspace, &self.q, &self.v, &self.a, &mut self.tau);
         for (play, rest) in self.arm.plays().iter().zip(&mut self.rests) {
             let b = play.slides.map(|slide| self.tau[slide]);
             *rest = settle(play, b, self.v[play.turn], rest, self.period);
         }
-        self.tool_deviation()
     }
 
-    /// Torques of the drives, N·m (N), that move the arm along `motion` with the journals where [`Self::rests`] says, against the
-    /// friction of the contacts but without that of the drives.
-    pub fn feed_forward(&mut self, motion: Motion<'_>, torque: &mut [f64]) {
+    /// The displacements of all journals, m: two for each joint with play.
+    pub fn displacements(&self) -> impl Iterator<Item = f64> {
+        self.rests.iter().flat_map(|rest| rest.displacement)
+    }
+
+    /// The deviation of the tool, base frame, m, when the joints are at `q` and the journals rest as [`Self::rests`] says.
+    pub fn deviation(&mut self, q: &[f64]) -> Vector3<f64> {
+        self.evaluate_jacobian(q);
+        move_tool(&self.arm, &self.jacobian, self.displacements())
+    }
+
+    /// The deviation of the tool, base frame, m, when the joints are at `q` and the journals displaced by `displacements`, m.
+    pub fn deviation_with(&mut self, q: &[f64], displacements: &[f64]) -> Vector3<f64> {
+        self.evaluate_jacobian(q);
+        move_tool(&self.arm, &self.jacobian, displacements.iter().copied())
+    }
+
+    /// Torques of the drives, N·m (N), that move the arm along `motion` while the journals move as `journals` says (displacements, m,
+    /// with derivatives), against the friction of the contacts in [`Self::rests`] but without that of the drives.
+    pub fn feed_forward(&mut self, motion: Motion<'_>, journals: Motion<'_>, torque: &mut [f64]) {
         self.spread(motion);
-        for (play, rest) in self.arm.plays().iter().zip(&self.rests) {
-            for (slide, displacement) in play.slides.into_iter().zip(rest.displacement) {
-                self.q[slide] = displacement;
-            }
+        for (index, slide) in self.arm.plays().iter().flat_map(|play| play.slides).enumerate() {
+            self.q[slide] = journals.q[index];
+            self.v[slide] = journals.v[index];
+            self.a[slide] = journals.a[index];
         }
         rnea(self.arm.arm(), &mut self.workspace, &self.q, &self.v, &self.a, &mut self.tau);
         self.arm.gather(&self.tau, torque);
@@ -108,46 +127,52 @@ impl QuasiStatic {
         }
     }
 
-    /// Writes a nominal motion into the coordinates of the arm with play, the slides in the middle.
+    fn evaluate_jacobian(&mut self, q: &[f64]) {
+        self.q.fill(0.0);
+        self.arm.spread(q, &mut self.q);
+        jacobian(self.arm.arm(), &mut self.workspace, &self.q, &mut self.jacobian);
+    }
+
+    /// Writes a nominal motion into the coordinates of the arm with play, the slides at rest in the middle.
     fn spread(&mut self, motion: Motion<'_>) {
-        for play in self.arm.plays() {
-            for slide in play.slides {
-                self.q[slide] = 0.0;
-            }
+        for slide in self.arm.plays().iter().flat_map(|play| play.slides) {
+            (self.q[slide], self.v[slide], self.a[slide]) = (0.0, 0.0, 0.0);
         }
         self.arm.spread(motion.q, &mut self.q);
         self.arm.spread(motion.v, &mut self.v);
         self.arm.spread(motion.a, &mut self.a);
     }
+}
 
-    fn tool_deviation(&mut self) -> Vector3<f64> {
-        jacobian(self.arm.arm(), &mut self.workspace, &self.q, &mut self.jacobian);
-        let mut deviation = Vector3::zeros();
-        for (play, rest) in self.arm.plays().iter().zip(&self.rests) {
-            for (slide, displacement) in play.slides.into_iter().zip(rest.displacement) {
-                deviation += self.jacobian.fixed_view::<3, 1>(0, slide) * displacement;
-            }
-        }
-        deviation
-    }
+/// What `displacements` of the journals move the tool by: Σ J_slides d.
+fn move_tool(
+    arm: &ArmWithPlay,
+    jacobian: &DMatrix<f64>,
+    displacements: impl Iterator<Item = f64>,
+) -> Vector3<f64> {
+    let slides = arm.plays().iter().flat_map(|play| play.slides);
+    slides.zip(displacements).map(|(slide, d)| jacobian.fixed_view::<3, 1>(0, slide) * d).sum()
 }
 
 /// How a journal rests under the force `b` of its bearing while its joint turns at `turning`, rad/s; `last` is one tick of `period`
 /// seconds before.
 fn settle(play: &Play, b: [f64; 2], turning: f64, last: &Rest, period: f64) -> Rest {
     let force = b[0].hypot(b[1]);
-    if !(force > LEAST_FORCE) {
+    if force.is_nan() || force <= LEAST_FORCE {
         return Rest { force, moment: 0.0, ..*last };
     }
     let clearance = &play.clearance;
     let u = [-b[0] / force, -b[1] / force];
-    let reach = clearance.clearance + clearance.normal.static_penetration(force);
-    // ṅ·t with t = (u₂, −u₁), as the load turns; friction turns the normal much less than that.
-    let load_turning = last
-        .load
-        .map_or(0.0, |before| ((u[0] - before[0]) * u[1] - (u[1] - before[1]) * u[0]) / period);
-    let sliding = clearance.journal_radius() * turning + reach * load_turning;
-    let m = clearance.friction.coefficient(sliding);
+    let surface_speed = clearance.journal_radius() * turning;
+    let m = match last.load {
+        None => clearance.friction.coefficient(surface_speed),
+        Some(before) => {
+            // (c + δ) times the turning of u towards t = (u₂, −u₁) is the speed of a journal that does not tilt.
+            let turned = (u[0] - before[0]) * u[1] - (u[1] - before[1]) * u[0];
+            let reach = clearance.clearance + clearance.normal.static_penetration(force);
+            tilt(clearance, surface_speed + reach * turned / period, reach / period, last.tilt)
+        }
+    };
     let root = (1.0 + m * m).sqrt();
     let normal_force = force / root;
     let reach = clearance.clearance + clearance.normal.static_penetration(normal_force);
@@ -156,5 +181,23 @@ fn settle(play: &Play, b: [f64; 2], turning: f64, last: &Rest, period: f64) -> R
         displacement: [reach * (u[0] - m * u[1]) / root, reach * (u[1] + m * u[0]) / root],
         moment: -m * normal_force * clearance.journal_radius(),
         load: Some(u),
+        tilt: m.atan(),
     }
+}
+
+/// The signed friction coefficient m of a journal that, tilting by atan m, slides at `speed − lever (atan m − before)`, m/s: the root
+/// of `m = μ(v_T)` by bisection. Tilting back takes time: without this the journal would jump where the sliding changes its sign.
+fn tilt(clearance: &Clearance, speed: f64, lever: f64, before: f64) -> f64 {
+    let friction = &clearance.friction;
+    let largest = friction.static_coefficient.max(friction.dynamic_coefficient);
+    let (mut low, mut high) = (-largest, largest);
+    for _ in 0..BISECTIONS {
+        let m = 0.5 * (low + high);
+        if m > friction.coefficient(speed - lever * (m.atan() - before)) {
+            high = m;
+        } else {
+            low = m;
+        }
+    }
+    0.5 * (low + high)
 }

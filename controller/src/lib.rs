@@ -9,17 +9,18 @@
 //! - [`Model`]: the arm of that model file, with the clearances that the controller believes in.
 //! - [`Controller`]: the trait: [`Controller::start`] with the task and the [`RunInfo`], then [`Controller::answer`] state by state.
 //! - [`Answer`]: what a controller makes of one state.
-//! - [`serve`]: the process of a controller: finds the run, shakes hands, answers, ends with an exit code; [`serve_with`] for those who
+//! - [`serve()`]: the process of a controller: finds the run, shakes hands, answers, ends with an exit code; [`serve_with`] for those who
 //!   bring their own [`ServeOptions`].
 //! - [`LookAhead`]: the state of the joints when the answer takes effect.
 //! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`Rest`].
-//! - [`Outlook`]: that deviation at the ticks to come, smoothed by a [`Preview`].
+//! - [`Outlook`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
 //! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`].
-//! - [`Correction`]: that correction over time, with its derivatives.
-//! - [`ComputedTorque`], [`QuasiStaticControl`]: the controllers that come with the project; [`built_in`] finds them by name.
+//! - [`Correction`]: that correction over time, with its derivatives by [`Centred`] differences.
+//! - [`ComputedTorque`], [`QuasiStaticControl`]: the controllers that come with the project; [`built_in()`] finds them by name.
 
 mod answer_loop;
 pub mod built_in;
+pub mod centred;
 pub mod compensation;
 pub mod computed_torque;
 pub mod controller;
@@ -35,6 +36,7 @@ pub mod serve;
 pub mod task;
 
 pub use built_in::{BUILT_IN, built_in};
+pub use centred::Centred;
 pub use compensation::{CompensationReport, CompensationStatus, Compensator, Motion, Weights};
 pub use computed_torque::ComputedTorque;
 pub use controller::{Answer, Controller, ControllerError, RunInfo};

@@ -54,11 +54,7 @@ fn without_limits(arm: &Arm) -> Result<Arm, ControllerError> {
 fn check(task: &Task, file: &ArmFile, run: &RunInfo) -> Result<(), ControllerError> {
     let found = file.arm.dof();
     if found != run.joints {
-        return Err(ControllerError::JointCount {
-            model: task.model.clone(),
-            found,
-            expected: run.joints,
-        });
+        return Err(ControllerError::JointCount { model: task.model.clone(), found, expected: run.joints });
     }
     let mode = match task.mode {
         TaskMode::Torque => Mode::Torque,

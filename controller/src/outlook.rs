@@ -1,9 +1,8 @@
-//! The deviation of the ticks to come: predicted along the controller's own path, or from a reference alone.
+//! Where the journals will be at the ticks to come: predicted along the controller's own path, or from a reference alone.
 
 use freeplay_laws::ArmWithPlay;
 use freeplay_path::JointPath;
 use freeplay_shm::Reference;
-use nalgebra::Vector3;
 
 use crate::compensation::Motion;
 use crate::deviation::QuasiStatic;
@@ -57,7 +56,7 @@ impl JointMotion {
     }
 }
 
-/// The deviation ahead on the controller's own path, smoothed; or of any other motion, as it is.
+/// The displacements of the journals ahead on the controller's own path, smoothed; or of any other motion, as they are.
 pub struct Outlook {
     path: JointPath,
     predictor: QuasiStatic,
@@ -66,15 +65,18 @@ pub struct Outlook {
     motion: JointMotion,
     /// The tick of the mean in `preview`, if it is filled.
     middle: Option<u64>,
+    displacements: Vec<f64>,
 }
 
 impl Outlook {
     /// On `path`, for the arm with play `arm`, ticks of `period` seconds, averaging over `half` ticks before and after.
     pub fn new(path: JointPath, arm: &ArmWithPlay, period: f64, half: usize) -> Outlook {
+        let width = 2 * arm.plays().len();
         Outlook {
             path,
             predictor: QuasiStatic::new(arm, period),
-            preview: Preview::new(half),
+            preview: Preview::new(half, width),
+            displacements: vec![0.0; width],
             period,
             motion: JointMotion::new(arm.nominal_dof()),
             middle: None,
@@ -93,30 +95,36 @@ impl Outlook {
         self.motion.as_motion()
     }
 
-    /// The smoothed deviation on the path at the tick `tick`, base frame, m; cheap if the last call was for the tick before.
-    pub fn at(&mut self, tick: u64) -> Vector3<f64> {
+    /// The smoothed displacements on the path at the tick `tick`, m: two for each joint with play. Cheap if the last call was for
+    /// the tick before.
+    pub fn at(&mut self, tick: u64) -> &[f64] {
         let half = self.preview.half() as f64;
-        if self.middle == Some(tick) {
-            return self.preview.mean();
-        }
-        if tick == 0 || self.middle != Some(tick - 1) {
-            self.predictor.restart();
-            // One more than there is room for: the first has no tick before it to tell how the load turns.
-            for offset in 0..=2 * self.preview.half() {
-                self.push(tick as f64 - half - 1.0 + offset as f64);
+        if self.middle != Some(tick) {
+            if tick == 0 || self.middle != Some(tick - 1) {
+                self.predictor.restart();
+                // One more than there is room for: the first has no tick before it to tell how the load turns.
+                for offset in 0..=2 * self.preview.half() {
+                    self.push(tick as f64 - half - 1.0 + offset as f64);
+                }
             }
+            self.push(tick as f64 + half);
+            self.middle = Some(tick);
         }
-        self.push(tick as f64 + half);
-        self.middle = Some(tick);
-        self.preview.mean()
+        self.preview.mean(&mut self.displacements);
+        &self.displacements
     }
 
-    /// The deviation during `motion`, which is not on the path and, from the second call on, one tick after that of the last call.
-    pub fn of(&mut self, motion: Motion<'_>) -> Vector3<f64> {
+    /// The displacements during `motion`, which is not on the path and, from the second call on, one tick after that of the last
+    /// call.
+    pub fn of(&mut self, motion: Motion<'_>) -> &[f64] {
         if self.middle.take().is_some() {
             self.predictor.restart();
         }
-        self.predictor.advance(motion)
+        self.predictor.advance(motion);
+        for (slot, value) in self.displacements.iter_mut().zip(self.predictor.displacements()) {
+            *slot = value;
+        }
+        &self.displacements
     }
 
     fn follow(&mut self, tick: f64) {
@@ -126,7 +134,7 @@ impl Outlook {
 
     fn push(&mut self, tick: f64) {
         self.follow(tick);
-        let deviation = self.predictor.advance(self.motion.as_motion());
-        self.preview.push(deviation);
+        self.predictor.advance(self.motion.as_motion());
+        self.preview.push(self.predictor.displacements());
     }
 }

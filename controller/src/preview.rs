@@ -1,36 +1,56 @@
-//! A centred moving average over a predicted signal, of which the future is known.
+//! A centred, weighted moving average over a predicted signal, of which the future is known.
 
-use nalgebra::Vector3;
+use std::f64::consts::PI;
 
 /// The last 2h + 1 values of a signal; their mean belongs to the instant of the middle one, h ticks before the newest.
+///
+/// The weights are those of Hann's window, sin²(π i/(2h + 2)), i = 1…2h + 1: where the signal jumps, the mean goes over with a smooth
+/// acceleration, which a mean of equal weights would have in two blows.
 #[derive(Clone, Debug)]
 pub struct Preview {
-    values: Vec<Vector3<f64>>,
-    /// Where the oldest value is.
+    /// Row after row.
+    values: Vec<f64>,
+    width: usize,
+    length: usize,
+    /// Row of the oldest value.
     oldest: usize,
+    /// From the oldest to the newest; they add up to 1.
+    weights: Vec<f64>,
 }
 
 impl Preview {
-    /// With `half` values before and after the middle.
-    pub fn new(half: usize) -> Preview {
-        Preview { values: vec![Vector3::zeros(); 2 * half + 1], oldest: 0 }
+    /// For a signal of `width` numbers, with `half` values before and after the middle.
+    pub fn new(half: usize, width: usize) -> Preview {
+        let length = 2 * half + 1;
+        let hann = |i: usize| (PI * (i + 1) as f64 / (length + 1) as f64).sin().powi(2);
+        let sum: f64 = (0..length).map(hann).sum();
+        let weights = (0..length).map(|i| hann(i) / sum).collect();
+        Preview { values: vec![0.0; length * width], width, length, oldest: 0, weights }
     }
 
     /// Number of values before, and after, the middle: how far ahead the newest is.
     pub fn half(&self) -> usize {
-        self.values.len() / 2
+        self.length / 2
     }
 
     /// Adds the newest value, dropping the oldest.
-    pub fn push(&mut self, value: Vector3<f64>) {
-        self.values[self.oldest] = value;
-        self.oldest = (self.oldest + 1) % self.values.len();
+    pub fn push(&mut self, value: impl IntoIterator<Item = f64>) {
+        let row = &mut self.values[self.oldest * self.width..][..self.width];
+        for (slot, value) in row.iter_mut().zip(value) {
+            *slot = value;
+        }
+        self.oldest = (self.oldest + 1) % self.length;
     }
 
-    /// The mean of all values, summed from the oldest to the newest.
-    pub fn mean(&self) -> Vector3<f64> {
-        let (newer, older) = self.values.split_at(self.oldest);
-        let sum: Vector3<f64> = older.iter().chain(newer).sum();
-        sum / self.values.len() as f64
+    /// Writes the weighted mean of all values, summed from the oldest to the newest.
+    pub fn mean(&self, mean: &mut [f64]) {
+        mean.fill(0.0);
+        for age in 0..self.length {
+            let row = (self.oldest + age) % self.length;
+            let weight = self.weights[age];
+            for (sum, value) in mean.iter_mut().zip(&self.values[row * self.width..][..self.width]) {
+                *sum += weight * value;
+            }
+        }
     }
 }

@@ -8,9 +8,7 @@
 //! updates (its issue 233). Scale the problem so that variables and rows are of the order of one (mm, mrad).
 
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{
-    DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus, SupportedConeT,
-};
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverError, SolverStatus, SupportedConeT};
 use nalgebra::DMatrix;
 use thiserror::Error;
 

@@ -1,18 +1,20 @@
 //! The built-in `quasi-static`: no learning; the deviation that physics predicts, taken out by the compensation programme.
 //!
-//! The controller plans the reference path itself, so that it knows the deviation of the ticks to come: it smooths it by a centred
-//! moving average, corrects the joints for it ([`Correction`]) and tracks the corrected motion by inverse dynamics with feedback, with
-//! the journals where they will rest and the friction of their contacts fed forward. Where the reference in the state is not that of
+//! The controller plans the reference path itself, so that it knows where the journals will rest at the ticks to come: it smooths
+//! that by a centred moving average, corrects the joints for it ([`Correction`]) and tracks the corrected motion by inverse dynamics with feedback, with
+//! the motion of the journals and the friction of their contacts fed forward. Where the reference in the state is not that of
 //! its own path, the deviation is predicted from that reference alone, without a look ahead.
 
 use freeplay_arm::Arm;
 use freeplay_laws::{ArmWithPlay, DriveFriction};
 use freeplay_path::JointPath;
-use freeplay_shm::{CommandStatus, Joints, MAX_JOINTS, Reference, State, now_ns};
+use freeplay_shm::{CommandStatus, Joints, Reference, State, now_ns};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+use crate::centred::Centred;
 use crate::compensation::{CompensationStatus, Motion, Weights};
-use crate::computed_torque::{add_drive_friction, all_finite, feedback};
+use crate::computed_torque::{add_drive_friction, feedback};
 use crate::controller::{Answer, Controller, ControllerError, RunInfo};
 use crate::correction::Correction;
 use crate::deviation::QuasiStatic;
@@ -25,7 +27,9 @@ use crate::task::{Gains, Task, TaskError, TaskMode};
 /// Name of the controller.
 pub const QUASI_STATIC: &str = "quasi-static";
 
-/// Missed ticks that are caught up one by one; after more, the correction is held.
+/// Shortest span of the moving average, s: where the predicted journals jump, less of it asks for wild torques.
+pub const SHORTEST_AVERAGE: f64 = 0.01;
+/// Missed ticks that are caught up one by one; after more, the correction starts anew from where it was.
 const MOST_CAUGHT_UP: u64 = 3;
 
 /// What the controller understands in the task's `[options]`.
@@ -34,7 +38,7 @@ const MOST_CAUGHT_UP: u64 = 3;
 pub struct QuasiStaticOptions {
     /// Time in which the correction goes from none to full, s.
     pub blend: f64,
-    /// Span of the moving average over the predicted deviation, s; 0 for none.
+    /// Span of the moving average over the predicted journals, s: 0 for none, else at least [`SHORTEST_AVERAGE`].
     pub average: f64,
     /// Weights of the compensation.
     pub weights: Weights,
@@ -42,7 +46,7 @@ pub struct QuasiStaticOptions {
 
 impl Default for QuasiStaticOptions {
     fn default() -> QuasiStaticOptions {
-        QuasiStaticOptions { blend: 0.3, average: 0.041, weights: Weights::default() }
+        QuasiStaticOptions { blend: 0.3, average: 0.021, weights: Weights::default() }
     }
 }
 
@@ -51,8 +55,8 @@ impl QuasiStaticOptions {
         let within = |value: f64, least: f64, most: f64| value >= least && value <= most;
         let fault = if !within(self.blend, 1e-3, 60.0) {
             Some("blend must be 0.001 to 60 s")
-        } else if !within(self.average, 0.0, 1.0) {
-            Some("average must be 0 to 1 s")
+        } else if self.average != 0.0 && !within(self.average, SHORTEST_AVERAGE, 1.0) {
+            Some("average must be 0, or 0.01 to 1 s")
         } else {
             self.weights.fault()
         };
@@ -91,12 +95,16 @@ struct Ready {
     mode: TaskMode,
     gains: Gains,
     period: f64,
+    /// Whether the predicted journals are smooth enough to be differentiated.
+    smooth: bool,
     friction: Vec<DriveFriction>,
     look_ahead: LookAhead,
     outlook: Outlook,
     /// Predicts for the instant of the answer and feeds forward.
     predictor: QuasiStatic,
     correction: Correction,
+    /// The smoothed displacements of the journals, m.
+    journals: Centred,
     /// Tick of the last state.
     tick: Option<u64>,
     planned: JointMotion,
@@ -121,11 +129,13 @@ impl Ready {
             mode: task.mode,
             gains: task.gains,
             period,
+            smooth: half > 0,
             friction: drive_frictions(&model.arm),
             look_ahead: LookAhead::new(&model.arm, period),
             outlook,
             predictor: QuasiStatic::new(&with_play, period),
             correction: Correction::new(&model.arm, period, options.blend, &options.weights)?,
+            journals: Centred::new(2 * model.clearances.len(), period),
             tick: None,
             planned: JointMotion::new(n),
             target: JointMotion::new(n),
@@ -138,14 +148,15 @@ impl Ready {
     /// `None` if there is no answer: the state or the prediction is not finite.
     fn answer(&mut self, state: &State, answer: &mut Answer) -> Option<()> {
         let n = self.arm.dof();
-        if !(all_finite(&state.q[..n]) && all_finite(&state.qd[..n])) {
+        let measured = state.q[..n].iter().chain(&state.qd[..n]);
+        if !measured.copied().all(f64::is_finite) {
             return None;
         }
         self.catch_up(state, answer);
         self.plan(state.tick, Some(&state.reference_next), answer);
         self.target.add(&state.reference_next, self.correction.motion());
         let begun = now_ns();
-        answer.deviation = self.predictor.advance(self.target.as_motion()).into();
+        answer.deviation = self.predict(&state.reference_next).into();
         answer.predict_ns += now_ns() - begun;
         match self.mode {
             TaskMode::Driven => {
@@ -156,10 +167,7 @@ impl Ready {
             }
             TaskMode::Torque => self.torque(state, &mut answer.value)?,
         }
-        let answers = [&answer.value, &answer.velocity, &answer.acceleration];
-        (answers.into_iter().all(|joints: &[f64; MAX_JOINTS]| all_finite(joints))
-            && all_finite(&answer.deviation))
-        .then_some(())
+        answer.is_finite().then_some(())
     }
 
     /// Brings the correction to where it was to be at `state`: starts it, or makes up for missed ticks.
@@ -173,7 +181,8 @@ impl Ready {
                         self.plan(tick, None, answer);
                     }
                 } else {
-                    self.correction.hold();
+                    self.correction.resume();
+                    self.journals.clear();
                 }
                 if missed > 0 {
                     self.predictor.restart();
@@ -181,6 +190,7 @@ impl Ready {
             }
             _ => {
                 self.correction.start(&state.q[..n], &state.reference.q[..n]);
+                self.journals.clear();
                 self.predictor.restart();
             }
         }
@@ -193,7 +203,7 @@ impl Ready {
         let begun = now_ns();
         let instant = tick + self.mode.lead();
         let foreign = reference.filter(|reference| !self.outlook.leads_through(reference, instant));
-        let deviation = match foreign {
+        let journals = match foreign {
             None => {
                 self.planned.copy(self.outlook.on_path(instant + 1));
                 self.outlook.at(instant + 1)
@@ -203,8 +213,15 @@ impl Ready {
                 self.outlook.of(self.planned.as_motion())
             }
         };
+        if foreign.is_none() && self.smooth {
+            self.journals.push(journals);
+        } else {
+            self.journals.rest(journals);
+        }
+        let planned = self.planned.as_motion();
+        let deviation = self.predictor.deviation_with(planned.q, self.journals.newest());
         let predicted = now_ns();
-        let report = self.correction.advance(&self.arm, self.planned.as_motion(), &deviation);
+        let report = self.correction.advance(&self.arm, planned, &deviation);
         answer.predict_ns += predicted - begun;
         answer.qp_ns += now_ns() - predicted;
         answer.qp_iterations += report.iterations;
@@ -219,13 +236,21 @@ impl Ready {
         }
     }
 
+    /// The deviation during `reference`, not smoothed.
+    fn predict(&mut self, reference: &Reference) -> Vector3<f64> {
+        let n = self.arm.dof();
+        let motion = Motion { q: &reference.q[..n], v: &reference.qd[..n], a: &reference.qdd[..n] };
+        self.predictor.advance(motion);
+        self.predictor.deviation(motion.q)
+    }
+
     fn torque(&mut self, state: &State, torque: &mut Joints) -> Option<()> {
         let n = self.arm.dof();
         let ahead = self.look_ahead.predict(&self.arm, state, &self.contact_moments)?;
         let target = self.target.as_motion();
         feedback(self.gains, target, ahead, &mut self.acceleration);
         let next = Motion { q: &ahead.q, v: &ahead.v, a: &self.acceleration };
-        self.predictor.feed_forward(next, &mut torque[..n]);
+        self.predictor.feed_forward(next, self.journals.motion(), &mut torque[..n]);
         add_drive_friction(&self.friction, target.v, &mut torque[..n]);
         self.contact_moments.fill(0.0);
         self.predictor.add_contact_moments(&mut self.contact_moments);

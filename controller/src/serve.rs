@@ -30,12 +30,7 @@ pub struct ServeOptions {
 impl ServeOptions {
     /// For the run at `address`, slot 0, ten seconds of patience, nothing asked of the system.
     pub fn new(address: Address) -> ServeOptions {
-        ServeOptions {
-            address,
-            slot: 0,
-            patience: Duration::from_secs(10),
-            realtime: RtRequest::default(),
-        }
+        ServeOptions { address, slot: 0, patience: Duration::from_secs(10), realtime: RtRequest::default() }
     }
 
     /// From the arguments of a command line (`--run ADDRESS`, `--slot N`; others are left alone), else from the environment variables
@@ -83,7 +78,9 @@ pub enum ServeError {
     #[error(transparent)]
     Controller(#[from] ControllerError),
     /// The welcome says something that this version does not know.
-    #[error("the plant's welcome says {field} = {code}, which this version does not know: rebuild both sides from one version")]
+    #[error(
+        "the plant's welcome says {field} = {code}, which this version does not know: rebuild both sides from one version"
+    )]
     UnknownCode {
         /// The field.
         field: &'static str,
@@ -187,7 +184,10 @@ pub fn serve(mut controller: impl Controller) -> ExitCode {
 ///
 /// # Errors
 /// See [`ServeError`].
-pub fn serve_with(controller: &mut dyn Controller, options: &ServeOptions) -> Result<ServeReport, ServeError> {
+pub fn serve_with(
+    controller: &mut dyn Controller,
+    options: &ServeOptions,
+) -> Result<ServeReport, ServeError> {
     let stop = Stop::on_signals()?;
     let hello = Hello::new(controller.name(), options.slot, 0);
     let (link, welcome) = ControllerLink::connect(&options.address, hello, options.patience)?;

@@ -1,5 +1,7 @@
 //! The compensation of one tick: damped least squares inside the limits, the limits where they bind, and named failures.
 
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
 use freeplay_arm::{
     Arm, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, forward_kinematics, jacobian, paper_arm,
 };
@@ -165,7 +167,8 @@ fn what_cannot_be_kept_is_named_and_the_correction_brakes() {
     let mut advance = |q: &[f64; 6], a: &[f64; 6], r: &Vector6<f64>| {
         let before = compensator.correction().to_vec();
         let status = compensator.advance(Motion { q, v: &rest, a }, &j, r).status;
-        let step: Vec<f64> = compensator.correction().iter().zip(before).map(|(now, then)| now - then).collect();
+        let step: Vec<f64> =
+            compensator.correction().iter().zip(before).map(|(now, then)| now - then).collect();
         (status, DVector::from_vec(step).amax())
     };
     for _ in 0..5 {

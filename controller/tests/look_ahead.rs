@@ -1,5 +1,7 @@
 //! The prediction of the joints by one tick against finer integration, and friction that stops but never turns around.
 
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
 use freeplay_arm::{Arm, Joint, JointFriction, Workspace, aba, paper_arm, rnea};
 use freeplay_controller::look_ahead::{LookAhead, drive_frictions};
 use freeplay_shm::State;
@@ -67,7 +69,9 @@ fn the_error_falls_with_the_square_of_the_period() {
         };
         let (coarse, half) = (error(1e-3), error(5e-4));
         let order = (coarse / half).log2();
-        println!("{name}: velocity error {coarse:.1e} rad/s at 1 ms, {half:.1e} at 0.5 ms, order {order:.2} (1.8 to 2.2)");
+        println!(
+            "{name}: velocity error {coarse:.1e} rad/s at 1 ms, {half:.1e} at 0.5 ms, order {order:.2} (1.8 to 2.2)"
+        );
         assert!((1.8..2.2).contains(&order));
     }
 }
@@ -82,7 +86,9 @@ fn a_joint_held_by_friction_stays_and_a_balanced_one_keeps_its_speed() {
     torque.iter_mut().for_each(|torque| *torque += 2.5);
     let ahead = look_ahead.predict(&arm, &state(Q, [0.0; 6], &torque), &[0.0; 6]).unwrap();
     let creep = ahead.v.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
-    println!("held joints creep at {creep:.1e} rad/s (limit 1e-3, the speed over which friction is smoothed)");
+    println!(
+        "held joints creep at {creep:.1e} rad/s (limit 1e-3, the speed over which friction is smoothed)"
+    );
     assert!(creep < 1e-3);
 
     let v = [5e-3, -2e-3, 0.3, 0.01, -0.5, 4e-4];

@@ -1,5 +1,7 @@
 //! The quadratic programme against closed forms, its optimality conditions and an independent method.
 
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
 use freeplay_controller::qp::{Qp, QpError, QpStatus};
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};

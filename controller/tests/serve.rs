@@ -1,12 +1,14 @@
 //! The process of a controller, played in threads: handshake, answers, and every way in which it ends.
 
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
 use std::process::Command as Process;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use freeplay_controller::{
-    Answer, ComputedTorque, Controller, ControllerError, Ended, RunInfo, ServeError, ServeOptions, ServeReport,
-    Task, serve_with,
+    Answer, ComputedTorque, Controller, ControllerError, Ended, RunInfo, ServeError, ServeOptions,
+    ServeReport, Task, serve_with,
 };
 use freeplay_shm::{Address, Command, CommandStatus, Greeting, Mode, Offer, Pace, PlantLink, RunRoot, State};
 
@@ -129,33 +131,26 @@ fn play(
 #[test]
 fn every_state_is_answered_until_the_last() {
     for pace in [Pace::Lockstep, Pace::RealTime] {
-        let report = play(
-            Bench::new(pace, TASK),
-            Probe { give_up_at: Some(3), ..PROBE },
-            |mut bench| {
-                for tick in 0..20 {
-                    bench.publish(tick, tick == 19);
-                    let command = bench.answer();
-                    command.check(bench.address.run()).unwrap();
-                    assert_eq!(command.tick, tick);
-                    assert!(command.sent_ns >= command.received_ns && command.received_ns > 0);
-                    if tick == 3 {
-                        assert_eq!(command.status, CommandStatus::NoAnswer.code());
-                    } else {
-                        assert_eq!(
-                            (command.value[0], command.deviation, command.qp_iterations),
-                            (tick as f64, [1.0, 2.0, 3.0], 7)
-                        );
-                    }
+        let report = play(Bench::new(pace, TASK), Probe { give_up_at: Some(3), ..PROBE }, |mut bench| {
+            for tick in 0..20 {
+                bench.publish(tick, tick == 19);
+                let command = bench.answer();
+                command.check(bench.address.run()).unwrap();
+                assert_eq!(command.tick, tick);
+                assert!(command.sent_ns >= command.received_ns && command.received_ns > 0);
+                if tick == 3 {
+                    assert_eq!(command.status, CommandStatus::NoAnswer.code());
+                } else {
+                    assert_eq!(
+                        (command.value[0], command.deviation, command.qp_iterations),
+                        (tick as f64, [1.0, 2.0, 3.0], 7)
+                    );
                 }
-            },
-        )
+            }
+        })
         .unwrap();
         println!("{pace:?}: {report:?}");
-        assert_eq!(
-            (report.ended, report.answered, report.lost, report.skipped),
-            (Ended::LastTick, 20, 0, 0)
-        );
+        assert_eq!((report.ended, report.answered, report.lost, report.skipped), (Ended::LastTick, 20, 0, 0));
     }
 }
 

@@ -1,5 +1,7 @@
 //! Task files: what is read, what is refused and with which words.
 
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
 use std::path::Path;
 
 use freeplay_controller::{
@@ -72,6 +74,7 @@ fn controllers_refuse_what_does_not_fit() {
         ("[options]\nblnd = 1", RUN, "unknown field `blnd`"),
         ("[options]\nblend = 0", RUN, "blend must be"),
         ("[options]\naverage = -1", RUN, "average must be"),
+        ("[options]\naverage = 0.005", RUN, "average must be"),
         ("[options.weights]\nchange = 0", RUN, "weights.change"),
         ("[options.weights]\nposition = [1, 1, -1]", RUN, "weights.position"),
         ("", RunInfo { joints: 7, ..RUN }, "has 6 joints, the plant's arm has 7"),

@@ -1,11 +1,13 @@
 //! A small stand-in for the plant: the arm with play under a controller, tick by tick, in this process. Semi-implicit Euler with
 //! 20 µs, contacts by the laws that the plant uses too. For tests of controllers only.
 
-#![allow(dead_code)] // every test file uses a part of it
+#![allow(dead_code, reason = "every test file uses a part of it")]
 
 use std::path::PathBuf;
 
-use freeplay_arm::{ArmFile, Drive, EffectTable, Workspace, forward_kinematics, hybrid_aba, paper_arm, to_toml};
+use freeplay_arm::{
+    ArmFile, Drive, EffectTable, Workspace, forward_kinematics, hybrid_aba, paper_arm, to_toml,
+};
 use freeplay_controller::{Answer, Controller, RunInfo, Task, TaskMode};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable, Journal, bearing_contact};
 use freeplay_path::JointPath;
@@ -17,13 +19,15 @@ const SUBSTEPS: usize = 50;
 /// Time after which the deviation counts: the drop of a centred journal cannot be compensated, s.
 pub const AFTER: f64 = 0.5;
 
-/// The paper's arm with the clearance `c`, m, at joint 5, as a model file in `folder`.
-pub fn model_file(folder: &std::path::Path, c: f64) -> PathBuf {
+/// The paper's arm with the clearances `clearances` (joint, m), as a model file in `folder`.
+pub fn model_file(folder: &std::path::Path, clearances: &[(usize, f64)]) -> PathBuf {
     let mut file = paper_arm();
-    let mut parameters = toml::Table::new();
-    parameters.insert("clearance".to_owned(), c.into());
-    let joint = file.arm.joints()[4].name.clone();
-    file.effects.push(EffectTable { kind: Clearance::KIND.to_owned(), joint: Some(joint), parameters, line: 0 });
+    for &(joint, c) in clearances {
+        let mut parameters = toml::Table::new();
+        parameters.insert("clearance".to_owned(), c.into());
+        let joint = Some(file.arm.joints()[joint].name.clone());
+        file.effects.push(EffectTable { kind: Clearance::KIND.to_owned(), joint, parameters, line: 0 });
+    }
     let path = folder.join("model.toml");
     std::fs::write(&path, to_toml(&file)).unwrap();
     path
@@ -185,9 +189,7 @@ impl Simulation {
             }
             let to = match &self.in_force {
                 None => self.reference((self.tick + 1) as f64),
-                Some(answer) => {
-                    Reference { q: answer.value, qd: answer.velocity, qdd: answer.acceleration }
-                }
+                Some(answer) => Reference { q: answer.value, qd: answer.velocity, qdd: answer.acceleration },
             };
             if guided {
                 let start = self.reference(0.0);
@@ -271,8 +273,14 @@ impl Simulation {
         let d0 = at(1, 0) - c0 - c1 - c2;
         let d1 = at(1, 1) * h - c1 - 2.0 * c2;
         let d2 = at(1, 2) * h * h - 2.0 * c2;
-        let c =
-            [c0, c1, c2, 10.0 * d0 - 4.0 * d1 + 0.5 * d2, -15.0 * d0 + 7.0 * d1 - d2, 6.0 * d0 - 3.0 * d1 + 0.5 * d2];
+        let c = [
+            c0,
+            c1,
+            c2,
+            10.0 * d0 - 4.0 * d1 + 0.5 * d2,
+            -15.0 * d0 + 7.0 * d1 - d2,
+            6.0 * d0 - 3.0 * d1 + 0.5 * d2,
+        ];
         let horner = |weights: [f64; 6]| (0..6).rev().fold(0.0, |sum, i| sum * s + weights[i] * c[i]);
         let slope = |i: usize| i as f64;
         let q = horner([1.0; 6]);

@@ -1,0 +1,55 @@
+//! The moving average with its look ahead, and derivatives by centred differences.
+
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
+use std::f64::consts::PI;
+
+use freeplay_controller::{Centred, Preview};
+
+#[test]
+fn the_average_is_that_of_the_window() {
+    let signal = |tick: i32| [f64::from(tick).sin(), f64::from(tick * tick)];
+    let mut preview = Preview::new(3, 2);
+    assert_eq!(preview.half(), 3);
+    for tick in 0..7 {
+        preview.push(signal(tick));
+    }
+    for newest in 7..40 {
+        preview.push(signal(newest));
+        let mut mean = [0.0; 2];
+        preview.mean(&mut mean);
+        for (part, mean) in mean.into_iter().enumerate() {
+            let weight = |tick: i32| (PI * f64::from(tick - newest + 7) / 8.0).sin().powi(2);
+            let window = newest - 6..=newest;
+            let sum: f64 = window.clone().map(weight).sum();
+            let expected = window.map(|tick| weight(tick) * signal(tick)[part]).sum::<f64>() / sum;
+            assert!((mean - expected).abs() < 1e-12 * expected.abs().max(1.0), "{mean} is not {expected}");
+        }
+    }
+}
+
+#[test]
+fn centred_differences_are_exact_for_a_parabola() {
+    let (period, mut course) = (1e-3, Centred::new(1, 1e-3));
+    course.clear();
+    let parabola =
+        |tick: i32| 3.0 + 2.0 * f64::from(tick) * period - 5.0 * (f64::from(tick) * period).powi(2);
+    for tick in 0..10 {
+        course.push(&[parabola(tick)]);
+        let motion = course.motion();
+        if tick < 2 {
+            assert_eq!((motion.v[0], motion.a[0]), (0.0, 0.0), "no derivatives before three values");
+        } else {
+            let t = f64::from(tick - 1) * period;
+            let errors =
+                [motion.q[0] - parabola(tick - 1), motion.v[0] - (2.0 - 10.0 * t), motion.a[0] + 10.0];
+            println!("{errors:?} (limits 1e-15, 1e-11, 1e-8)");
+            assert!(errors[0].abs() < 1e-15 && errors[1].abs() < 1e-11 && errors[2].abs() < 1e-8);
+        }
+    }
+    course.rest(&[7.0]);
+    assert_eq!((course.motion().q[0], course.motion().v[0], course.motion().a[0]), (7.0, 0.0, 0.0));
+    course.push(&[7.0 + 1e-6]);
+    let a = course.motion().a[0];
+    assert!((a - 1.0).abs() < 1e-6, "what was at rest accelerates: {a}");
+}
