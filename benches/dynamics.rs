@@ -20,9 +20,15 @@ fn main() {
     let (mut a, mut out) = ([0.0; 8], [0.0; 8]);
     let mut m = DMatrix::zeros(8, 8);
     let drive: Vec<Drive> = tau.iter().map(|&torque| Drive::Torque(torque)).collect();
-    common::measure("ABA, 8 dof", "(Pinocchio 1.68, MuJoCo 1.02)", 20_000, 50, || aba(arm, &mut ws, &q, &v, &tau, &mut a));
-    common::measure("hybrid ABA, 8 dof", "", 20_000, 50, || hybrid_aba(arm, &mut ws, &q, &v, &drive, &mut a, &mut out));
-    common::measure("RNEA, 8 dof", "(Pinocchio 0.94)", 20_000, 50, || rnea(arm, &mut ws, &q, &v, &tau, &mut out));
+    common::measure("ABA, 8 dof", "(Pinocchio 1.68, MuJoCo 1.02)", 20_000, 50, || {
+        aba(arm, &mut ws, &q, &v, &tau, &mut a)
+    });
+    common::measure("hybrid ABA, 8 dof", "", 20_000, 50, || {
+        hybrid_aba(arm, &mut ws, &q, &v, &drive, &mut a, &mut out)
+    });
+    common::measure("RNEA, 8 dof", "(Pinocchio 0.94)", 20_000, 50, || {
+        rnea(arm, &mut ws, &q, &v, &tau, &mut out)
+    });
     common::measure("CRBA, 8 dof", "(Pinocchio 0.62)", 20_000, 50, || crba(arm, &mut ws, &q, &mut m));
     common::measure("forward kinematics, 8 dof", "", 20_000, 50, || {
         forward_kinematics(arm, &mut ws, &q);

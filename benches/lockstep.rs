@@ -11,7 +11,16 @@ fn main() {
             .map(|_| {
                 let start = Instant::now();
                 let status = Command::new(env!("CARGO_BIN_EXE_freeplay"))
-                    .args(["run", "--pace", "lockstep", "--set", "path.period=12", "--quiet", "--controller", controller])
+                    .args([
+                        "run",
+                        "--pace",
+                        "lockstep",
+                        "--set",
+                        "path.period=12",
+                        "--quiet",
+                        "--controller",
+                        controller,
+                    ])
                     .arg("--out")
                     .arg(&folder)
                     .stdout(std::process::Stdio::null())
@@ -22,7 +31,10 @@ fn main() {
             })
             .collect();
         factors.sort_by(f64::total_cmp);
-        println!("{controller:<20} {:.1} x real time (median of 5; {:.1} to {:.1}), start-up and report included", factors[2], factors[0], factors[4]);
+        println!(
+            "{controller:<20} {:.1} x real time (median of 5; {:.1} to {:.1}), start-up and report included",
+            factors[2], factors[0], factors[4]
+        );
         let text = std::fs::read_to_string(folder.join("summary.json")).expect("a summary");
         let summary: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         for stage in ["plant_step", "round_trip", "compute", "qp"] {

@@ -14,7 +14,8 @@ use freeplay_shm::{Command, State};
 fn main() {
     common::machine();
     let arm = paper_arm().arm;
-    let path = JointPath::plan(&arm, &PathSpec { laps: 100, ..PathSpec::default() }, 1000.0).expect("the smooth path");
+    let path = JointPath::plan(&arm, &PathSpec { laps: 100, ..PathSpec::default() }, 1000.0)
+        .expect("the smooth path");
     let clearance = Clearance::new(&ClearanceTable::new(0.6e-3)).expect("in range");
     for substeps in [50, 100] {
         for (name, driven) in [("driven", true), ("torque", false)] {
@@ -31,9 +32,15 @@ fn main() {
             let torque: Vec<f64> = system.motor_torque().to_vec();
             let input = Input { torque: &torque, driven: &[driven; 6], motion: &path };
             let samples = if driven { 5000 } else { 500 };
-            common::measure(&format!("tick, {substeps} sub-steps, {name}, in contact"), "(goal 60 at 50)", samples, 1, || {
-                system.tick(&input).expect("finite");
-            });
+            common::measure(
+                &format!("tick, {substeps} sub-steps, {name}, in contact"),
+                "(goal 60 at 50)",
+                samples,
+                1,
+                || {
+                    system.tick(&input).expect("finite");
+                },
+            );
         }
     }
     let state = State::new(1, 6);

@@ -6,7 +6,13 @@ use std::time::Instant;
 use hdrhistogram::Histogram;
 
 /// Times `work` in batches of `batch` calls after a warm-up and prints its distribution per call, in `unit` ns.
-pub fn measure(name: &str, yardstick: &str, samples: u32, batch: u32, mut work: impl FnMut()) -> Histogram<u64> {
+pub fn measure(
+    name: &str,
+    yardstick: &str,
+    samples: u32,
+    batch: u32,
+    mut work: impl FnMut(),
+) -> Histogram<u64> {
     let mut histogram = Histogram::<u64>::new(3).expect("three digits are possible");
     for _ in 0..samples / 10 {
         work();

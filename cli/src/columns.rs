@@ -79,9 +79,11 @@ impl RunColumns {
     /// # Errors
     /// [`ColumnError`] if a joint's name makes a column of the contract.
     pub fn layout(&self) -> Result<Layout, ColumnError> {
-        let joint = JOINT_COLUMNS.iter().flat_map(|(name, _)| (1..=self.joints).map(move |j| format!("{name}_{j}")));
+        let joint =
+            JOINT_COLUMNS.iter().flat_map(|(name, _)| (1..=self.joints).map(move |j| format!("{name}_{j}")));
         let tick = TICK_COLUMNS.iter().map(|(name, _)| (*name).to_owned());
-        let plays = self.plays.iter().flat_map(|play| PLAY_COLUMNS.iter().map(move |name| play_column(play, name)));
+        let plays =
+            self.plays.iter().flat_map(|play| PLAY_COLUMNS.iter().map(move |name| play_column(play, name)));
         let others: Vec<String> = tick.chain(joint).chain(plays).collect();
         let others: Vec<&str> = others.iter().map(String::as_str).collect();
         let groups = [Group::Position, Group::Velocity, Group::Torque, Group::Reference];

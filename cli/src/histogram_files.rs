@@ -6,8 +6,10 @@ use std::time::{Duration, SystemTime};
 
 use freeplay_plant::{Stage, Stages};
 use hdrhistogram::Histogram;
+use hdrhistogram::serialization::interval_log::{
+    IntervalLogIterator, IntervalLogWriterBuilder, LogEntry, Tag,
+};
 use hdrhistogram::serialization::{Deserializer, V2DeflateSerializer};
-use hdrhistogram::serialization::interval_log::{IntervalLogIterator, IntervalLogWriterBuilder, LogEntry, Tag};
 
 use crate::exit::Failure;
 use crate::setup::write;
@@ -20,7 +22,12 @@ const UNIT: f64 = 1e3;
 ///
 /// # Errors
 /// A file that can't be written.
-pub fn write_hlog(path: &Path, stages: &Stages, start: SystemTime, duration: Duration) -> Result<(), Failure> {
+pub fn write_hlog(
+    path: &Path,
+    stages: &Stages,
+    start: SystemTime,
+    duration: Duration,
+) -> Result<(), Failure> {
     let mut text = Vec::new();
     let mut serializer = V2DeflateSerializer::new();
     let mut log = IntervalLogWriterBuilder::new()
@@ -78,8 +85,18 @@ fn distribution(text: &mut String, histogram: &Histogram<u64>) -> std::fmt::Resu
     }
     let (mean, deviation) = (histogram.mean() / UNIT, histogram.stdev() / UNIT);
     writeln!(text, "#[Mean    = {mean:>12.3}, StdDeviation   = {deviation:>12.3}]")?;
-    writeln!(text, "#[Max     = {:>12.3}, Total count    = {:>12}]", histogram.max() as f64 / UNIT, histogram.len())?;
-    writeln!(text, "#[Buckets = {:>12}, SubBuckets     = {:>12}]\n", histogram.buckets(), histogram.distinct_values())
+    writeln!(
+        text,
+        "#[Max     = {:>12.3}, Total count    = {:>12}]",
+        histogram.max() as f64 / UNIT,
+        histogram.len()
+    )?;
+    writeln!(
+        text,
+        "#[Buckets = {:>12}, SubBuckets     = {:>12}]\n",
+        histogram.buckets(),
+        histogram.distinct_values()
+    )
 }
 
 /// Reads an interval log back: the histogram (ns) of each tag.
@@ -92,13 +109,14 @@ pub fn read_hlog(path: &Path) -> Result<Vec<(String, Histogram<u64>)>, Failure> 
     let mut deserializer = Deserializer::new();
     let mut found = Vec::new();
     for entry in IntervalLogIterator::new(&text) {
-        let LogEntry::Interval(interval) = entry.map_err(|error| fault(format!("{error:?}")))? else { continue };
-        let encoded = base64::Engine::decode(
-            &base64::engine::general_purpose::STANDARD,
-            interval.encoded_histogram(),
-        );
+        let LogEntry::Interval(interval) = entry.map_err(|error| fault(format!("{error:?}")))? else {
+            continue;
+        };
+        let encoded =
+            base64::Engine::decode(&base64::engine::general_purpose::STANDARD, interval.encoded_histogram());
         let bytes = encoded.map_err(|error| fault(error.to_string()))?;
-        let histogram = deserializer.deserialize(&mut bytes.as_slice()).map_err(|error| fault(format!("{error:?}")))?;
+        let histogram =
+            deserializer.deserialize(&mut bytes.as_slice()).map_err(|error| fault(format!("{error:?}")))?;
         found.push((interval.tag().map_or(String::new(), |tag| tag.as_str().to_owned()), histogram));
     }
     Ok(found)

@@ -38,9 +38,13 @@ fn number(value: Option<f64>, scale: f64) -> Cell {
 
 fn contact(pairs: &[Pair]) -> Table {
     let mut table = Table::new("Contact and peak forces").column(Column::text("run"));
-    for (group, unit, digits) in
-        [("free flight", "%", 2), ("continuous", "%", 2), ("contacts", "", 0), ("peak normal force", "N", 0), ("peak force of joint 1", "N", 0)]
-    {
+    for (group, unit, digits) in [
+        ("free flight", "%", 2),
+        ("continuous", "%", 2),
+        ("contacts", "", 0),
+        ("peak normal force", "N", 0),
+        ("peak force of joint 1", "N", 0),
+    ] {
         for whose in ["reference", "ours"] {
             table = table.column(Column::number(whose, unit).fixed(digits).group(group));
         }

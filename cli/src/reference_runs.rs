@@ -176,7 +176,8 @@ impl Simulation {
         let arm = paper_arm().arm.with_gravity(nalgebra::Vector3::new(0.0, 0.0, -row.gravity));
         let spec = PathSpec { kind: row.path, period: row.period, ..PathSpec::default() };
         let path = Arc::new(JointPath::plan(&arm, &spec, 1.0 / PERIOD).map_err(Failure::input)?);
-        let clearance = Clearance::new(&ClearanceTable::new(row.c_mm * 1e-3 * (1.0 + nudge))).map_err(Failure::input)?;
+        let clearance =
+            Clearance::new(&ClearanceTable::new(row.c_mm * 1e-3 * (1.0 + nudge))).map_err(Failure::input)?;
         let plays = if row.c_mm > 0.0 { vec![(JOINT, clearance)] } else { Vec::new() };
         let play = ArmWithPlay::new(&arm, &plays).map_err(Failure::input)?;
         let mut system = System::new(play, &arm, PERIOD, substeps).map_err(Failure::input)?;
@@ -186,7 +187,15 @@ impl Simulation {
         path.at(0.0, q, v, a);
         system.start(q, v);
         let nominal = Workspace::new(&arm);
-        Ok(Self { arm, path, system, nominal, desired, measured: [vec![0.0; dof], vec![0.0; dof]], torque: vec![0.0; dof] })
+        Ok(Self {
+            arm,
+            path,
+            system,
+            nominal,
+            desired,
+            measured: [vec![0.0; dof], vec![0.0; dof]],
+            torque: vec![0.0; dof],
+        })
     }
 
     /// Deviation of the tool now.
@@ -205,7 +214,9 @@ impl Simulation {
         self.system.play().gather(self.system.q(), q);
         self.system.play().gather(self.system.v(), v);
         let a: Vec<f64> = (0..q.len())
-            .map(|j| desired_a[j] + 2.0 * OMEGA * (desired_v[j] - v[j]) + OMEGA * OMEGA * (desired_q[j] - q[j]))
+            .map(|j| {
+                desired_a[j] + 2.0 * OMEGA * (desired_v[j] - v[j]) + OMEGA * OMEGA * (desired_q[j] - q[j])
+            })
             .collect();
         rnea(&self.arm, &mut self.nominal, q, v, &a, &mut self.torque);
     }
@@ -290,7 +301,11 @@ fn faults(smooth: bool, theirs: &Figures, ours: &Figures) -> Vec<String> {
     if let (true, Some(theirs), Some(ours)) = (smooth, theirs.peak_normal, ours.peak_normal) {
         relative("peak normal force", theirs, ours, 0.02);
     }
-    let shares = [("free", theirs.free, ours.free), ("impact", theirs.impact, ours.impact), ("continuous", theirs.continuous, ours.continuous)];
+    let shares = [
+        ("free", theirs.free, ours.free),
+        ("impact", theirs.impact, ours.impact),
+        ("continuous", theirs.continuous, ours.continuous),
+    ];
     for (name, theirs, ours) in shares {
         if let (Some(theirs), Some(ours)) = (theirs, ours)
             && (theirs - ours).abs() > 5e-3
@@ -306,7 +321,14 @@ fn faults(smooth: bool, theirs: &Figures, ours: &Figures) -> Vec<String> {
 fn pair(row: &Reference, substeps: u32, ours: Figures) -> Result<Pair, Failure> {
     let smooth = row.path != PathKind::SquareSharp;
     let theirs = row.figures;
-    let mut pair = Pair { run: row.run.clone(), smooth, theirs, ours, faults: faults(smooth, &theirs, &ours), spread: None };
+    let mut pair = Pair {
+        run: row.run.clone(),
+        smooth,
+        theirs,
+        ours,
+        faults: faults(smooth, &theirs, &ours),
+        spread: None,
+    };
     if !smooth && !pair.faults.is_empty() {
         let ends = spread(row, substeps, ours)?;
         pair.faults = faults(smooth, &theirs, &nearest(&theirs, &ends));
@@ -320,7 +342,11 @@ impl Pair {
     pub fn verdict(&self) -> String {
         let range = |ends: &[Figures; 2]| {
             let percent = |end: &Figures| end.free.unwrap_or(f64::NAN) * 100.0;
-            format!("{:.1} to {:.1} % free for clearances within 0.002 %", percent(&ends[0]), percent(&ends[1]))
+            format!(
+                "{:.1} to {:.1} % free for clearances within 0.002 %",
+                percent(&ends[0]),
+                percent(&ends[1])
+            )
         };
         match (&self.spread, self.faults.is_empty()) {
             (None, true) => "ok".to_owned(),
@@ -360,7 +386,11 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
     }
     let figures = simulate_all(&rows, args.substeps, &bar)?;
     bar.finish_and_clear();
-    let pairs = rows.iter().zip(figures).map(|(row, ours)| pair(row, args.substeps, ours)).collect::<Result<Vec<_>, _>>()?;
+    let pairs = rows
+        .iter()
+        .zip(figures)
+        .map(|(row, ours)| pair(row, args.substeps, ours))
+        .collect::<Result<Vec<_>, _>>()?;
     match args.format {
         Format::Json => println!("{}", serde_json::to_string_pretty(&pairs).map_err(Failure::internal)?),
         Format::Text => print_table(&pairs, args.substeps),
@@ -383,7 +413,17 @@ pub fn beside(theirs: Option<f64>, ours: Option<f64>, scale: f64, digits: usize)
 fn print_table(pairs: &[Pair], substeps: u32) {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
-    table.set_header(["run", "free %", "continuous %", "contacts", "peak F_N [N]", "peak J1 [N]", "RMS [mm]", "max [mm]", ""]);
+    table.set_header([
+        "run",
+        "free %",
+        "continuous %",
+        "contacts",
+        "peak F_N [N]",
+        "peak J1 [N]",
+        "RMS [mm]",
+        "max [mm]",
+        "",
+    ]);
     for pair in pairs {
         let (theirs, ours) = (&pair.theirs, &pair.ours);
         table.add_row([
@@ -405,5 +445,8 @@ fn print_table(pairs: &[Pair], substeps: u32) {
     }
     println!("reference / ours, {substeps} sub-steps a tick\n{table}");
     let passed = pairs.iter().filter(|pair| pair.faults.is_empty()).count();
-    println!("\n{passed} of {} runs within tolerance (fractions 0.5 points; RMS 1 % smooth, 5 % sharp; peaks 2 %)", pairs.len());
+    println!(
+        "\n{passed} of {} runs within tolerance (fractions 0.5 points; RMS 1 % smooth, 5 % sharp; peaks 2 %)",
+        pairs.len()
+    );
 }

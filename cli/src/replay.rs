@@ -127,18 +127,21 @@ fn feed(
     name: &str,
 ) -> Result<Difference, Failure> {
     greet(link)?;
-    let mut difference = Difference { schema: "freeplay.replay/1", controller: name.to_owned(), ..Difference::default() };
+    let mut difference =
+        Difference { schema: "freeplay.replay/1", controller: name.to_owned(), ..Difference::default() };
     let joints = recording.joints();
     for index in 0..recording.len() {
         let state = state_at(recording, index, run, setup.plant.mode, setup.plant.period_ns);
-        let mut state = state.ok_or_else(|| Failure::input("the recording lacks columns that `freeplay run` writes"))?;
+        let mut state =
+            state.ok_or_else(|| Failure::input("the recording lacks columns that `freeplay run` writes"))?;
         state.published_ns = now_ns();
         link.publish(&state).map_err(Failure::internal)?;
         let command = answer(link, state.tick)?;
         let recorded: Option<Vec<f64>> = (1..=joints)
             .map(|joint| recording.column(&format!("command_{joint}")).map(|column| column[index]))
             .collect();
-        let recorded = recorded.ok_or_else(|| Failure::input("the recording lacks the columns command_1…"))?;
+        let recorded =
+            recorded.ok_or_else(|| Failure::input("the recording lacks the columns command_1…"))?;
         // Ticks that the recorded controller left unanswered have nothing to compare.
         if recorded.iter().all(|value| value.is_finite()) {
             difference.add(state.tick, &recorded, &command.value[..joints]);
@@ -151,13 +154,12 @@ fn feed(
 fn greet(link: &mut PlantLink) -> Result<(), Failure> {
     let deadline = now_ns() + PATIENCE.as_nanos() as u64;
     while now_ns() < deadline {
-        for greeting in link.greet().map_err(Failure::internal)? {
-            match greeting {
-                Greeting::Accepted { .. } => return Ok(()),
-                Greeting::Refused { name, verdict, .. } => {
-                    return Err(Failure::input(format!("{name} was refused: {verdict:?}")));
-                }
+        match link.greet().map_err(Failure::internal)?.into_iter().next() {
+            Some(Greeting::Accepted { .. }) => return Ok(()),
+            Some(Greeting::Refused { name, verdict, .. }) => {
+                return Err(Failure::input(format!("{name} was refused: {verdict:?}")));
             }
+            None => {}
         }
         std::thread::sleep(Duration::from_millis(1));
     }

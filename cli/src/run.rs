@@ -406,7 +406,7 @@ impl Progress {
         if quiet {
             bar.set_draw_target(ProgressDrawTarget::hidden());
         }
-        let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9;
+        let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
         if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
             bar.set_style(style);
         }

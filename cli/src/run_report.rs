@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use freeplay_recording::Recording;
-use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Figure, Mark, Section, Series, Table, Verdict};
+use freeplay_report::{
+    Axis, Block, Cell, Chart, Column, Document, Figure, Mark, Section, Series, Table, Verdict,
+};
 use hdrhistogram::Histogram;
 use serde_json::Value;
 
@@ -35,7 +37,8 @@ pub fn write(
     let played = runs.iter().map(|run| Played::read(run, out)).collect::<Result<Vec<_>, _>>()?;
     let plays: Vec<&str> =
         setup.plant.clearances.iter().map(|(joint, _)| setup.arm().joints()[*joint].name.as_str()).collect();
-    let mut document = Document::new("Freeplay run").subtitle(format!("{}, {} controllers", setup.arm().name(), runs.len()));
+    let mut document =
+        Document::new("Freeplay run").subtitle(format!("{}, {} controllers", setup.arm().name(), runs.len()));
     for block in overview(runs) {
         document = document.overview(block);
     }
@@ -56,8 +59,10 @@ pub fn write(
 impl<'a> Played<'a> {
     fn read(summary: &'a RunSummary, out: &Path) -> Result<Self, Failure> {
         let recording = match &summary.recording {
-            Some(name) => Some(freeplay_recording::read(&out.join(name), None).map_err(Failure::input)?),
-            None => None,
+            Some(name) if summary.ticks > 0 => {
+                Some(freeplay_recording::read(&out.join(name), None).map_err(Failure::input)?)
+            }
+            _ => None,
         };
         let latencies = read_hlog(&out.join(format!("{}.hlog", summary.files)))?;
         Ok(Self { summary, recording, latencies })
@@ -99,7 +104,13 @@ fn overview(runs: &[RunSummary]) -> Vec<Block> {
         .collect();
     let figures = runs
         .iter()
-        .map(|run| Figure::new(run.controller.clone(), format!("{:.4}", mm(&run.deviation_mm["rms_after_start"])), "mm RMS"))
+        .map(|run| {
+            Figure::new(
+                run.controller.clone(),
+                format!("{:.4}", mm(&run.deviation_mm["rms_after_start"])),
+                "mm RMS",
+            )
+        })
         .collect();
     blocks.push(Block::Figures(figures));
     blocks
@@ -139,11 +150,15 @@ fn deviation(played: &[Played]) -> Section {
             axis("z"),
         ]);
     }
-    let table = table.note("The drop of a centred journal in the first half second cannot be compensated by position commands.");
+    let table = table.note(
+        "The drop of a centred journal in the first half second cannot be compensated by position commands.",
+    );
     let mut section = Section::new("Tool deviation").with(table);
     for axis in ["x", "y", "z"] {
         let title = format!("Deviation along {axis}");
-        if let Some(chart) = chart(played, &title, Axis::new("deviation", "mm"), &format!("deviation_{axis}"), 1e3) {
+        if let Some(chart) =
+            chart(played, &title, Axis::new("deviation", "mm"), &format!("deviation_{axis}"), 1e3)
+        {
             section = section.with(chart);
         }
     }
@@ -184,7 +199,9 @@ fn contact(played: &[Played], play: &str, clearance: f64) -> Section {
     ) {
         section = section.with(chart.mark(Mark::Level { y: 2.0, label: "impact / continuous".into() }));
     }
-    section.with(Block::Columns(played.iter().filter_map(|run| orbit(run, play, clearance)).map(Block::from).collect()))
+    section.with(Block::Columns(
+        played.iter().filter_map(|run| orbit(run, play, clearance)).map(Block::from).collect(),
+    ))
 }
 
 /// The journal's path in its bearing.
@@ -194,10 +211,14 @@ fn orbit(run: &Played, play: &str, clearance: f64) -> Option<Chart> {
         Some(recording.column(&play_column(play, quantity))?.iter().map(|value| value * 1e3).collect())
     };
     let (first, second) = (scaled("play_1")?, scaled("play_2")?);
-    let chart = Chart::plane(format!("Journal in its bearing: {}", run.name()), Axis::new("play 1", "mm"), Axis::new("play 2", "mm"))
-        .equal_axes()
-        .series(Series::circle("clearance", (0.0, 0.0), clearance * 1e3).dashed())
-        .series(Series::points(run.name(), &first, &second));
+    let chart = Chart::plane(
+        format!("Journal in its bearing: {}", run.name()),
+        Axis::new("play 1", "mm"),
+        Axis::new("play 2", "mm"),
+    )
+    .equal_axes()
+    .series(Series::circle("clearance", (0.0, 0.0), clearance * 1e3).dashed())
+    .series(Series::points(run.name(), &first, &second));
     Some(chart)
 }
 
@@ -208,12 +229,15 @@ fn torques(played: &[Played], setup: &Setup) -> Section {
             freeplay_arm::JointKind::Revolute => "N·m",
             freeplay_arm::JointKind::Prismatic => "N",
         };
-        if let Some(chart) = chart(played, &joint.name, Axis::new("torque", unit), &format!("tau{}", index + 1), 1.0) {
+        if let Some(chart) =
+            chart(played, &joint.name, Axis::new("torque", unit), &format!("tau{}", index + 1), 1.0)
+        {
             section = section.with(chart.height(180));
         }
     }
     let base = Axis::new("force, peak of the tick", "N");
-    if let Some(chart) = chart(played, "Force of the base on the first moving body", base, "base_force", 1.0) {
+    if let Some(chart) = chart(played, "Force of the base on the first moving body", base, "base_force", 1.0)
+    {
         section = section.with(chart);
     }
     section
@@ -249,13 +273,19 @@ fn latencies(played: &[Played]) -> Section {
         }
     }
     let mut section = Section::new("Latencies").with(table);
-    for (stage, title) in [("round_trip", "Round trip"), ("compute", "Controller compute"), ("wake_up", "Wake-up lateness"), ("plant_step", "Plant step")] {
+    for (stage, title) in [
+        ("round_trip", "Round trip"),
+        ("compute", "Controller compute"),
+        ("wake_up", "Wake-up lateness"),
+        ("plant_step", "Plant step"),
+    ] {
         let mut chart = Chart::trace(title, Axis::percentile("percentile"), Axis::log("latency", "µs"));
         for run in played {
             let Some((_, histogram)) = run.latencies.iter().find(|(tag, _)| tag == stage) else { continue };
             let most = 1.0 - 1.0 / histogram.len() as f64;
             let x: Vec<f64> = quantiles().filter(|&quantile| quantile <= most).collect();
-            let y: Vec<f64> = x.iter().map(|&quantile| histogram.value_at_quantile(quantile) as f64 * 1e-3).collect();
+            let y: Vec<f64> =
+                x.iter().map(|&quantile| histogram.value_at_quantile(quantile) as f64 * 1e-3).collect();
             chart = chart.series(Series::line(run.name(), &x, &y));
         }
         if !chart.series.is_empty() {

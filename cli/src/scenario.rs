@@ -222,10 +222,8 @@ impl Scenario {
             scenario.clearance.clear();
         }
         let folder = path.parent().unwrap_or(Path::new("."));
-        let paper = freeplay_controller::task::PAPER_MODEL;
-        let beside = |name: &str| if name == paper { name.to_owned() } else { folder.join(name).display().to_string() };
-        scenario.model = beside(&scenario.model);
-        scenario.controller.model = scenario.controller.model.as_deref().map(beside);
+        scenario.model = beside(folder, &scenario.model);
+        scenario.controller.model = scenario.controller.model.map(|model| beside(folder, &model));
         scenario.path.file = scenario.path.file.map(|file| folder.join(file));
         Ok((scenario, given))
     }
@@ -234,8 +232,10 @@ impl Scenario {
     fn set(self, given: toml::Table, sets: &[String]) -> Result<Self, ScenarioError> {
         let mut table = toml::Table::try_from(&self)?;
         for set in sets {
-            let fault = |message: &str| ScenarioError::Set { given: set.clone(), message: message.to_owned() };
-            let (key, value) = set.split_once('=').ok_or_else(|| fault("write key=value, as in path.period=12"))?;
+            let fault =
+                |message: &str| ScenarioError::Set { given: set.clone(), message: message.to_owned() };
+            let (key, value) =
+                set.split_once('=').ok_or_else(|| fault("write key=value, as in path.period=12"))?;
             if key.trim() == "model" && !given.contains_key("clearance") {
                 table.remove("clearance");
                 table.insert("clearance".to_owned(), toml::Value::Table(toml::Table::new()));
@@ -245,12 +245,18 @@ impl Scenario {
             let checked: Result<Self, toml::de::Error> = table.clone().try_into();
             checked.map_err(|error| fault(error.message()))?;
         }
-        table.try_into().map_err(|source: toml::de::Error| ScenarioError::Contradiction(source.message().to_owned()))
+        table
+            .try_into()
+            .map_err(|source: toml::de::Error| ScenarioError::Contradiction(source.message().to_owned()))
     }
 
     fn check(&self) -> Result<(), ScenarioError> {
         let within = |key, value: f64, fits: bool, range| {
-            if value.is_finite() && fits { Ok(()) } else { Err(ScenarioError::OutOfRange { key, value, range }) }
+            if value.is_finite() && fits {
+                Ok(())
+            } else {
+                Err(ScenarioError::OutOfRange { key, value, range })
+            }
         };
         within("rate", self.rate, self.rate >= 1.0 && self.rate <= 1e5, "1 to 100000 ticks per second")?;
         within(
@@ -259,7 +265,12 @@ impl Scenario {
             (1..=100_000).contains(&self.substeps),
             "1 to 100000 sub-steps a tick",
         )?;
-        within("patience", self.patience, self.patience > 0.0 && self.patience <= 3600.0, "above 0 to 3600 s")?;
+        within(
+            "patience",
+            self.patience,
+            self.patience > 0.0 && self.patience <= 3600.0,
+            "above 0 to 3600 s",
+        )?;
         if let Some(duration) = self.duration {
             within("duration", duration, duration > 0.0 && duration <= 86_400.0, "above 0 to 86400 s")?;
         }
@@ -283,10 +294,22 @@ impl Scenario {
     }
 }
 
+/// The model `name` as seen from `folder`; the paper's arm is in no folder.
+fn beside(folder: &Path, name: &str) -> String {
+    if name == freeplay_controller::task::PAPER_MODEL {
+        name.to_owned()
+    } else {
+        folder.join(name).display().to_string()
+    }
+}
+
 /// A value as TOML understands it; what is no TOML value is text.
 fn parse_value(text: &str) -> toml::Value {
     let document: Result<toml::Table, _> = toml::from_str(&format!("value = {text}"));
-    document.ok().and_then(|mut table| table.remove("value")).unwrap_or_else(|| toml::Value::String(text.to_owned()))
+    document
+        .ok()
+        .and_then(|mut table| table.remove("value"))
+        .unwrap_or_else(|| toml::Value::String(text.to_owned()))
 }
 
 /// Puts `value` at the dotted `key`; integers become floats where a float stands.

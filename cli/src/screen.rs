@@ -18,7 +18,10 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
         let _ = writeln!(text, "{line}");
     }
     let _ = writeln!(text, "\n{}", results(setup, runs));
-    let _ = writeln!(text, "deviation: true tool minus the perfect arm on the desired joints; rms, max and z after the first 0.5 s");
+    let _ = writeln!(
+        text,
+        "deviation: true tool minus the perfect arm on the desired joints; rms, max and z after the first 0.5 s"
+    );
     let _ = writeln!(text, "(the drop of the centred journal can't be compensated)\n");
     for run in runs {
         for note in remarks(run) {
@@ -35,7 +38,10 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
         }
         let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", shown(out));
     }
-    let _ = writeln!(text, "next        freeplay run --controller ./mine   ·   freeplay compare --model M --recording R");
+    let _ = writeln!(
+        text,
+        "next        freeplay run --controller ./mine   ·   freeplay compare --model M --recording R"
+    );
     text
 }
 
@@ -44,11 +50,14 @@ fn heading(scenario: &Scenario, setup: &Setup) -> String {
         .plant
         .clearances
         .iter()
-        .map(|(joint, play)| format!("{} c = {:.2} mm", setup.arm().joints()[*joint].name, play.clearance * 1e3))
+        .map(|(joint, play)| {
+            format!("{} c = {:.2} mm", setup.arm().joints()[*joint].name, play.clearance * 1e3)
+        })
         .collect();
     let plays = if plays.is_empty() { "no play".to_owned() } else { plays.join(", ") };
-    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9;
-    let path = toml::Value::try_from(scenario.path.kind).map_or_else(|_| String::new(), |kind| kind.to_string());
+    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
+    let path =
+        toml::Value::try_from(scenario.path.kind).map_or_else(|_| String::new(), |kind| kind.to_string());
     format!(
         "Freeplay {} · {} · {plays} · path {}, {seconds} s · {} Hz, {}\n",
         env!("CARGO_PKG_VERSION"),
@@ -109,13 +118,19 @@ fn results(setup: &Setup, runs: &[RunSummary]) -> Table {
 fn row(run: &RunSummary, joint: Option<&str>) -> Vec<String> {
     let mm = |value: &Value| value.as_f64().map_or_else(|| "–".to_owned(), |mm| format!("{mm:.4}"));
     let us = |key: &str| {
-        run.latency_us.get("round_trip").and_then(|stage| stage[key].as_f64()).map_or("–".to_owned(), |us| format!("{us:.0}"))
+        run.latency_us
+            .get("round_trip")
+            .and_then(|stage| stage[key].as_f64())
+            .map_or("–".to_owned(), |us| format!("{us:.0}"))
     };
-    let contact = joint.map_or_else(|| "–".to_owned(), |joint| {
-        let tally = &run.contact["joints"][joint];
-        let percent = |key: &str| tally[key].as_f64().unwrap_or(f64::NAN) * 100.0;
-        format!("{:5.2} / {:.2} / {:.2} %", percent("free"), percent("impact"), percent("continuous"))
-    });
+    let contact = joint.map_or_else(
+        || "–".to_owned(),
+        |joint| {
+            let tally = &run.contact["joints"][joint];
+            let percent = |key: &str| tally[key].as_f64().unwrap_or(f64::NAN) * 100.0;
+            format!("{:5.2} / {:.2} / {:.2} %", percent("free"), percent("impact"), percent("continuous"))
+        },
+    );
     let deviation = &run.deviation_mm;
     vec![
         run.controller.clone(),
@@ -136,6 +151,9 @@ fn remarks(run: &RunSummary) -> Vec<String> {
     if let Some(braked) = run.ending.get("braked") {
         let reason = braked["reason"].as_str().unwrap_or("?").replace('_', " ");
         remarks.push(format!("the brakes closed at tick {}: last command {reason}", braked["tick"]));
+    }
+    if let Some(interrupted) = run.ending.get("interrupted") {
+        remarks.push(format!("interrupted after {} ticks", interrupted["tick"]));
     }
     if let Some(rejected) = run.gate["rejected"].as_object() {
         let counted: Vec<String> = rejected

@@ -135,8 +135,10 @@ pub struct RunFacts {
 impl RunSummary {
     /// The summary of what `plant` did.
     pub fn new(plant: &Plant, facts: RunFacts) -> Self {
-        let gate: serde_json::Map<String, Value> =
-            Rejection::ALL.iter().map(|&reason| (reason.name().to_owned(), json!(plant.gate().rejected(reason)))).collect();
+        let gate: serde_json::Map<String, Value> = Rejection::ALL
+            .iter()
+            .map(|&reason| (reason.name().to_owned(), json!(plant.gate().rejected(reason))))
+            .collect();
         let ledger = plant.system().ledger();
         Self {
             files: facts.controller.clone(),

@@ -109,7 +109,12 @@ impl ClearanceTable {
                 self.material.poisson > -1.0 && self.material.poisson <= 0.5,
                 "above -1, to 0.5",
             ),
-            ("restitution", self.restitution, self.restitution > 0.0 && self.restitution <= 1.0, "above 0, to 1"),
+            (
+                "restitution",
+                self.restitution,
+                self.restitution > 0.0 && self.restitution <= 1.0,
+                "above 0, to 1",
+            ),
             ("friction", self.friction, self.friction >= 0.0, "0 or more"),
             ("static_friction", static_friction, static_friction >= 0.0, "0 or more"),
             ("static_speed", self.static_speed, self.static_speed > 0.0, "above 0 m/s"),
@@ -120,7 +125,12 @@ impl ClearanceTable {
                 "above static_speed",
             ),
             ("impact_speed_floor", self.impact_speed_floor, self.impact_speed_floor > 0.0, "above 0 m/s"),
-            ("clearance", self.clearance, self.clearance == 0.0 || self.clearance >= 1e-6, "0, or 1e-6 m and more"),
+            (
+                "clearance",
+                self.clearance,
+                self.clearance == 0.0 || self.clearance >= 1e-6,
+                "0, or 1e-6 m and more",
+            ),
         ];
         checks
             .into_iter()
@@ -157,9 +167,9 @@ impl Clearance {
             return Err(LawError::OutOfRange { kind: Self::KIND.into(), parameter, value, range });
         }
         let journal_radius = table.bearing_radius - table.clearance;
-        let stiffness = table
-            .stiffness
-            .unwrap_or_else(|| hertz_stiffness(table.material, table.material, table.bearing_radius, journal_radius));
+        let stiffness = table.stiffness.unwrap_or_else(|| {
+            hertz_stiffness(table.material, table.material, table.bearing_radius, journal_radius)
+        });
         Ok(Self {
             clearance: table.clearance,
             bearing_radius: table.bearing_radius,
@@ -180,9 +190,12 @@ impl Clearance {
     /// # Errors
     /// [`LawError::Unreadable`] for unknown or missing parameters, [`LawError::OutOfRange`] for values that cannot be.
     pub fn from_effect(effect: &EffectTable) -> Result<Self, LawError> {
-        let table: ClearanceTable = effect.parameters.clone().try_into().map_err(|error: toml::de::Error| {
-            LawError::Unreadable { kind: effect.kind.clone(), line: effect.line, message: error.message().to_owned() }
-        })?;
+        let table: ClearanceTable =
+            effect.parameters.clone().try_into().map_err(|error: toml::de::Error| LawError::Unreadable {
+                kind: effect.kind.clone(),
+                line: effect.line,
+                message: error.message().to_owned(),
+            })?;
         Self::new(&table)
     }
 

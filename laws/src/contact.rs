@@ -32,7 +32,12 @@ impl Default for Material {
 ///
 /// K = 4/(3(σ_b + σ_j)) √(R_b R_j/(R_b − R_j)) with σ = (1 − ν²)/E. The conformal radii differ by the clearance.
 /// The formula knows no length of the bearing; that is the paper's choice, kept here.
-pub fn hertz_stiffness(bearing: Material, journal: Material, bearing_radius: f64, journal_radius: f64) -> f64 {
+pub fn hertz_stiffness(
+    bearing: Material,
+    journal: Material,
+    bearing_radius: f64,
+    journal_radius: f64,
+) -> f64 {
     let sigma = |m: Material| (1.0 - m.poisson * m.poisson) / m.young;
     let radii = bearing_radius * journal_radius / (bearing_radius - journal_radius);
     4.0 / (3.0 * (sigma(bearing) + sigma(journal))) * radii.sqrt()

@@ -89,12 +89,21 @@ impl Effects {
         let mut effects = Self::default();
         for table in &file.effects {
             if table.kind != Clearance::KIND {
-                return Err(LawError::UnknownKind { kind: table.kind.clone(), line: table.line, known: Clearance::KIND });
+                return Err(LawError::UnknownKind {
+                    kind: table.kind.clone(),
+                    line: table.line,
+                    known: Clearance::KIND,
+                });
             }
             let name = table.joint.clone().unwrap_or_default();
             let Some(joint) = file.arm.joint_index(&name) else {
                 let joints = file.arm.joints().iter().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", ");
-                return Err(LawError::UnknownJoint { kind: table.kind.clone(), line: table.line, joint: name, joints });
+                return Err(LawError::UnknownJoint {
+                    kind: table.kind.clone(),
+                    line: table.line,
+                    joint: name,
+                    joints,
+                });
             };
             effects.add_clearance(&file.arm, joint, Clearance::from_effect(table)?)?;
         }

@@ -16,7 +16,9 @@ fn stiffness_agrees_with_equation_4() {
         assert!((got / expected - 1.0).abs() < 2e-5);
     }
     // The fifteen digits of the reference runs.
-    for (c, expected) in [(0.2e-3, 37549096622.15234), (0.4e-3, 26278893436.210533), (0.6e-3, 21231943730.984646)] {
+    for (c, expected) in
+        [(0.2e-3, 37549096622.15234), (0.4e-3, 26278893436.210533), (0.6e-3, 21231943730.984646)]
+    {
         let margin = (stiffness(c) / expected - 1.0).abs();
         println!("c = {c}: margin {margin:.1e} of 1e-12");
         assert!(margin < 1e-12);
@@ -35,8 +37,10 @@ fn impact(contact: &NormalContact, mass: f64, speed: f64, step: f64) -> [f64; 4]
         let (k2x, k2v) = (v + 0.5 * step * k1v, accelerate(x + 0.5 * step * k1x, v + 0.5 * step * k1v));
         let (k3x, k3v) = (v + 0.5 * step * k2v, accelerate(x + 0.5 * step * k2x, v + 0.5 * step * k2v));
         let (k4x, k4v) = (v + step * k3v, accelerate(x + step * k3x, v + step * k3v));
-        let (next_x, next_v) =
-            (x + step / 6.0 * (k1x + 2.0 * k2x + 2.0 * k3x + k4x), v + step / 6.0 * (k1v + 2.0 * k2v + 2.0 * k3v + k4v));
+        let (next_x, next_v) = (
+            x + step / 6.0 * (k1x + 2.0 * k2x + 2.0 * k3x + k4x),
+            v + step / 6.0 * (k1v + 2.0 * k2v + 2.0 * k3v + k4v),
+        );
         if next_x <= 0.0 {
             return [-next_v / speed, t + step * x / (x - next_x), peak, deepest];
         }
@@ -48,7 +52,8 @@ fn impact(contact: &NormalContact, mass: f64, speed: f64, step: f64) -> [f64; 4]
 
 #[test]
 fn every_law_returns_the_restitution_of_its_closed_form() {
-    let oracle: serde_json::Value = serde_json::from_str(include_str!("data/ln_restitution.json")).expect("oracle");
+    let oracle: serde_json::Value =
+        serde_json::from_str(include_str!("data/ln_restitution.json")).expect("oracle");
     let laws = [
         ("Lankarani", NormalLaw::LankaraniNikravesh),
         ("Hunt", NormalLaw::HuntCrossley),
@@ -106,14 +111,16 @@ fn an_elastic_impact_is_hertz() {
         assert!((got[0] - 1.0).abs() < 1e-6, "elastic: {}", got[0]);
         assert!((got[3] / closed - 1.0).abs() < 1e-6, "depth {} against {closed}", got[3]);
         assert!((got[3] / depth - 1.0).abs() < 1e-3 && (got[2] / force - 1.0).abs() < 1e-3);
-        assert!((got[1] / duration - 1.0).abs() < 1e-3 && (got[1] / (2.943_28 * closed / v) - 1.0).abs() < 1e-5);
+        assert!(
+            (got[1] / duration - 1.0).abs() < 1e-3 && (got[1] / (2.943_28 * closed / v) - 1.0).abs() < 1e-5
+        );
     }
 }
 
 #[test]
 fn the_contact_never_pulls_and_stores_what_its_elastic_force_says() {
     let contact = NormalContact::new(2e10, NormalLaw::HuGuo, 0.3);
-    assert!(contact.damping * -1.0 < -1.0, "this law would pull if it were let");
+    assert!(contact.damping > 1.0, "this law would pull if it were let");
     assert_eq!(contact.force(1e-6, -1.0, 0.1), 0.0);
     let (x, h) = (1e-5, 1e-9);
     let slope = (contact.elastic_energy(x + h) - contact.elastic_energy(x - h)) / (2.0 * h);

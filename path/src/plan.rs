@@ -54,7 +54,9 @@ impl JointPath {
                 let grid = Grid::new(rate_hz, spec.period, FEWEST_INTERVALS);
                 let exact = follow(arm, spec.start.as_deref(), &path, grid, rate_hz)?;
                 match spec.kind {
-                    PathKind::SquareSharp => sampled(arm, &exact, Grid::new(rate_hz, spec.period, 1.0), rate_hz),
+                    PathKind::SquareSharp => {
+                        sampled(arm, &exact, Grid::new(rate_hz, spec.period, 1.0), rate_hz)
+                    }
                     _ => Ok(exact),
                 }
             }

@@ -36,10 +36,12 @@ impl Spline {
             let (before, after) = (step(i - 1), step(i));
             let (mut below, mut middle, mut above) = (before, 2.0 * (before + after), after);
             if ends == Ends::NotAKnot && i == 1 {
-                (middle, above) = (middle + before * (before + after) / after, above - before * before / after);
+                (middle, above) =
+                    (middle + before * (before + after) / after, above - before * before / after);
             }
             if ends == Ends::NotAKnot && i == rows - 2 {
-                (middle, below) = (middle + after * (before + after) / before, below - after * after / before);
+                (middle, below) =
+                    (middle + after * (before + after) / before, below - after * after / before);
             }
             let pivot = middle - if i == 1 { 0.0 } else { below * upper[i - 1] };
             upper[i] = if i == rows - 2 { 0.0 } else { above / pivot };
@@ -133,7 +135,9 @@ mod tests {
 
     #[test]
     fn not_a_knot_ends_reproduce_a_cubic() {
-        let cubic = |t: f64| [1.0 - 2.0 * t + 3.0 * t * t - 0.5 * t.powi(3), -2.0 + 6.0 * t - 1.5 * t * t, 6.0 - 3.0 * t];
+        let cubic = |t: f64| {
+            [1.0 - 2.0 * t + 3.0 * t * t - 0.5 * t.powi(3), -2.0 + 6.0 * t - 1.5 * t * t, 6.0 - 3.0 * t]
+        };
         for times in [vec![0.0, 0.3, 0.5, 1.2], vec![-1.0, 0.0, 0.2, 1.0, 1.5, 3.0]] {
             let values = times.iter().map(|&t| cubic(t)[0]).collect();
             let spline = Spline::through(1, times.clone(), values, Ends::NotAKnot);

@@ -33,7 +33,11 @@ impl ContactTally {
     /// Shares of the time in free flight, impact and continuous contact; they add up to 1 once time has passed.
     pub fn fractions(&self) -> [f64; 3] {
         let total = self.free + self.impact + self.continuous;
-        if total > 0.0 { [self.free, self.impact, self.continuous].map(|time| time / total) } else { [0.0; 3] }
+        if total > 0.0 {
+            [self.free, self.impact, self.continuous].map(|time| time / total)
+        } else {
+            [0.0; 3]
+        }
     }
 }
 
@@ -51,7 +55,14 @@ pub struct Bearing {
 impl Bearing {
     /// A bearing whose journal has not touched yet.
     pub fn new(clearance: Clearance) -> Self {
-        Self { clearance, touching: false, impact_speed: 0.0, episode: 0.0, recent_peak: 0.0, tally: ContactTally::default() }
+        Self {
+            clearance,
+            touching: false,
+            impact_speed: 0.0,
+            episode: 0.0,
+            recent_peak: 0.0,
+            tally: ContactTally::default(),
+        }
     }
 
     /// The law of this bearing.

@@ -120,7 +120,15 @@ pub struct Gate {
 impl Gate {
     /// A gate for the run `run` and `joints` joints that nothing has passed yet.
     pub fn new(limits: GateLimits, run: u64, joints: usize) -> Self {
-        Self { limits, run, joints, last: None, missed: 0, braking: false, rejected: [0; Rejection::ALL.len()] }
+        Self {
+            limits,
+            run,
+            joints,
+            last: None,
+            missed: 0,
+            braking: false,
+            rejected: [0; Rejection::ALL.len()],
+        }
     }
 
     /// Judges the answer to the tick `due`; says what is to be applied in the next tick, and why not the command.
@@ -199,6 +207,9 @@ mod tests {
 
     const RUN: u64 = 7;
 
+    /// A rejection and what provokes it.
+    type Case = (Rejection, fn(&mut Command));
+
     fn gate() -> Gate {
         let limits = GateLimits {
             mode: Mode::Torque,
@@ -220,7 +231,7 @@ mod tests {
 
     #[test]
     fn each_fault_is_named_and_none_is_applied() {
-        let cases: [(Rejection, fn(&mut Command)); 10] = [
+        let cases: [Case; 10] = [
             (Rejection::Malformed, |c| c.magic = 1),
             (Rejection::Malformed, |c| c.layout += 1),
             (Rejection::Malformed, |c| c.run = 8),

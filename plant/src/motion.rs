@@ -115,7 +115,11 @@ mod tests {
     #[test]
     fn a_quintic_is_reproduced_exactly() {
         let poly = |t: f64| {
-            [1.0 + t - 2.0 * t.powi(3) + 0.7 * t.powi(5), 1.0 - 6.0 * t * t + 3.5 * t.powi(4), -12.0 * t + 14.0 * t.powi(3)]
+            [
+                1.0 + t - 2.0 * t.powi(3) + 0.7 * t.powi(5),
+                1.0 - 6.0 * t * t + 3.5 * t.powi(4),
+                -12.0 * t + 14.0 * t.powi(3),
+            ]
         };
         let mut motion = Hermite::new(1);
         motion.begin(0.2, 0.5, [poly(0.2)].into_iter());

@@ -19,9 +19,8 @@ use freeplay_shm::{
 use thiserror::Error;
 
 use crate::{
-    Applied, Braking, DeviationStatistics, Gate, GateLimits, Hermite, Input, Motion, PlayRecord, Rejection, Sensors,
-    SensorsSpec,
-    Stage, Stages, System, SystemError, TickRecord,
+    Applied, Braking, DeviationStatistics, Gate, GateLimits, Hermite, Input, Motion, PlayRecord, Rejection,
+    Sensors, SensorsSpec, Stage, Stages, System, SystemError, TickRecord,
 };
 
 /// All that makes a plant.
@@ -204,7 +203,9 @@ impl Plant {
             deadlines: Deadlines::default(),
             applied: Applied::Guided,
             motion: Hermite::new(joints),
-            brakes: Braking::new(rates.map(|rate| if rate.is_finite() { rate } else { BRAKE_RATE }).collect()),
+            brakes: Braking::new(
+                rates.map(|rate| if rate.is_finite() { rate } else { BRAKE_RATE }).collect(),
+            ),
             driven: vec![true; joints],
             torque: vec![0.0; joints],
             state: State::new(run, joints),
@@ -355,9 +356,15 @@ impl Plant {
             Mode::Driven => 2.0 * period,
         };
         for (reference, at) in [(&mut state.reference, time), (&mut state.reference_next, time + ahead)] {
-            self.path.at(at, &mut reference.q[..joints], &mut reference.qd[..joints], &mut reference.qdd[..joints]);
+            self.path.at(
+                at,
+                &mut reference.q[..joints],
+                &mut reference.qd[..joints],
+                &mut reference.qdd[..joints],
+            );
         }
-        let desired = forward_kinematics(&self.config.arm, &mut self.nominal, &self.state.reference.q[..joints]);
+        let desired =
+            forward_kinematics(&self.config.arm, &mut self.nominal, &self.state.reference.q[..joints]);
         let pose = self.system.tool();
         let deviation = pose.translation.vector - desired.translation.vector;
         self.deviation.add(time, &deviation);
@@ -499,10 +506,13 @@ impl Plant {
             Applied::Guided => {}
             Applied::Brake => {
                 let (play, q, v) = (self.system.play(), self.system.q(), self.system.v());
-                self.brakes.close(self.system.time(), (0..joints).map(|joint| {
-                    let at = play.joint(joint);
-                    [q[at], v[at]]
-                }));
+                self.brakes.close(
+                    self.system.time(),
+                    (0..joints).map(|joint| {
+                        let at = play.joint(joint);
+                        [q[at], v[at]]
+                    }),
+                );
             }
             Applied::Command | Applied::Hold => self.command(),
         }

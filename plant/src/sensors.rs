@@ -63,9 +63,14 @@ impl Default for SensorsSpec {
 impl SensorsSpec {
     /// What is wrong with these sensors, if anything: the channel and the fault.
     pub fn fault(&self) -> Option<String> {
-        [("position", &self.position), ("velocity", &self.velocity), ("torque", &self.torque), ("tool", &self.tool)]
-            .into_iter()
-            .find_map(|(name, channel)| Some(format!("sensors.{name}: {}", channel.fault()?)))
+        [
+            ("position", &self.position),
+            ("velocity", &self.velocity),
+            ("torque", &self.torque),
+            ("tool", &self.tool),
+        ]
+        .into_iter()
+        .find_map(|(name, channel)| Some(format!("sensors.{name}: {}", channel.fault()?)))
     }
 }
 

@@ -5,7 +5,9 @@
 //! dynamics a sub-step, second order where the forces are smooth (leapfrog; Hairer, Lubich & Wanner 2006, §I.1.4).
 //! Contacts need [`MAX_CONTACT_STEP`] or less: a Hertz impact of this arm lasts about 0.5 ms.
 
-use freeplay_arm::{Arm, Drive, Workspace, forward_kinematics, hybrid_aba, joint_reaction, kinetic_energy, potential_energy};
+use freeplay_arm::{
+    Arm, Drive, Workspace, forward_kinematics, hybrid_aba, joint_reaction, kinetic_energy, potential_energy,
+};
 use freeplay_laws::{ArmWithPlay, BearingContact, DriveFriction, Journal};
 use nalgebra::Isometry3;
 use thiserror::Error;
@@ -213,7 +215,9 @@ impl System {
 
     /// Adds the forces of the bearings.
     fn touch(&mut self, step: f64) {
-        for ((at, bearing), contact) in self.play.plays().iter().zip(&mut self.bearings).zip(&mut self.contacts) {
+        for ((at, bearing), contact) in
+            self.play.plays().iter().zip(&mut self.bearings).zip(&mut self.contacts)
+        {
             let approach = journal(&self.middle_q, &self.middle_v, at).approach(&at.clearance);
             *contact = bearing.contact(&approach, step);
             for (slide, force) in at.slides.into_iter().zip(contact.force) {

@@ -74,7 +74,9 @@ fn digest_state(state: &State, hash: &mut Sha256) {
 
 fn digest_command(command: &Command, hash: &mut Sha256) {
     hash.update(command.tick.to_le_bytes());
-    for word in [command.layout, command.joints, command.slot, command.status, command.qp_iterations, command.kind] {
+    for word in
+        [command.layout, command.joints, command.slot, command.status, command.qp_iterations, command.kind]
+    {
         hash.update(word.to_le_bytes());
     }
     for values in [&command.value, &command.velocity, &command.acceleration] {

@@ -76,7 +76,11 @@ fn the_ledger_of_a_driven_arm_closes_better_with_smaller_steps() {
             system.tick(&Input { torque: &[0.0; 6], driven: &[true; 6], motion: &path }).expect("finite");
         }
         let ledger = system.ledger();
-        println!("{substeps} sub-steps: residual {:.2e} J of {:.2e} J lost", ledger.residual(), ledger.damping);
+        println!(
+            "{substeps} sub-steps: residual {:.2e} J of {:.2e} J lost",
+            ledger.residual(),
+            ledger.damping
+        );
         (ledger.residual() / ledger.damping).abs()
     };
     let (coarse, fine) = (residual(50), residual(400));

@@ -24,7 +24,10 @@ fn first_contacts(step: f64, count: usize) -> Vec<[f64; 4]> {
             system.bearing_mut(0).take_peak();
             contacts.push([system.time() - 0.5 * step, system.bearings()[0].impact_speed(), 0.0, 0.0]);
         }
-        if was && !touching && let Some(last) = contacts.last_mut() {
+        if was
+            && !touching
+            && let Some(last) = contacts.last_mut()
+        {
             last[2] = system.bearing_mut(0).take_peak();
         }
         was = touching;

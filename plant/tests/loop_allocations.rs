@@ -15,7 +15,14 @@ use freeplay_shm::{Backoff, Command, ControllerLink, Hello, Mode, Offer, Pace, P
 fn play(ticks: u64) -> (u64, usize) {
     let root = RunRoot::create().expect("a run");
     let address = root.address().clone();
-    let offer = Offer { joints: 6, mode: Mode::Driven, pace: Pace::Lockstep, period_ns: 1_000_000, ticks, task: String::new() };
+    let offer = Offer {
+        joints: 6,
+        mode: Mode::Driven,
+        pace: Pace::Lockstep,
+        period_ns: 1_000_000,
+        ticks,
+        task: String::new(),
+    };
     let link = PlantLink::open(&address, 1, offer).expect("the plant's end");
     let arm = paper_arm().arm;
     let path = Arc::new(JointPath::plan(&arm, &PathSpec::default(), 1000.0).expect("the smooth path"));
@@ -36,7 +43,8 @@ fn play(ticks: u64) -> (u64, usize) {
     let mut plant = Plant::new(config, path, link, address.run(), Arc::clone(&queue)).expect("a plant");
     let controller = std::thread::spawn(move || {
         let hello = Hello::new("follower", 0, 0);
-        let (mut link, _) = ControllerLink::connect(&address, hello, Duration::from_secs(10)).expect("welcome");
+        let (mut link, _) =
+            ControllerLink::connect(&address, hello, Duration::from_secs(10)).expect("welcome");
         let mut backoff = Backoff::for_this_machine();
         loop {
             let Some(state) = link.next_state().expect("a link") else {

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{close, let_go, paper, system};
-use freeplay_arm::{paper_arm, rnea, Workspace};
+use freeplay_arm::{Workspace, paper_arm, rnea};
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{Input, System};
 
@@ -23,7 +23,8 @@ fn drive(system: &mut System, path: &JointPath, ticks: u64) {
 fn every_revolute_joint_can_have_play_and_several_at_once() {
     let arm = paper_arm().arm;
     let path = JointPath::plan(&arm, &PathSpec::default(), 1000.0).expect("the smooth path");
-    let sets: Vec<Vec<usize>> = (0..6).map(|joint| vec![joint]).chain([vec![3, 4], vec![1, 2, 3, 4]]).collect();
+    let sets: Vec<Vec<usize>> =
+        (0..6).map(|joint| vec![joint]).chain([vec![3, 4], vec![1, 2, 3, 4]]).collect();
     for joints in sets {
         let plays: Vec<_> = joints.iter().map(|&joint| (joint, paper(0.3e-3))).collect();
         let mut system = system(&arm, &plays, 1e-3, 100);
@@ -34,7 +35,10 @@ fn every_revolute_joint_can_have_play_and_several_at_once() {
             close("fractions add up", fractions.iter().sum(), 1.0, 1e-12);
             let [first, second] = play.slides;
             let eccentricity = system.q()[first].hypot(system.q()[second]);
-            println!("joints {joints:?}, joint {}: {fractions:?}, eccentricity {eccentricity:.6}", play.joint);
+            println!(
+                "joints {joints:?}, joint {}: {fractions:?}, eccentricity {eccentricity:.6}",
+                play.joint
+            );
             assert!(eccentricity < 0.3e-3 + 60e-6, "the journal stays in its bearing");
         }
         let ledger = system.ledger();
@@ -46,7 +50,8 @@ fn every_revolute_joint_can_have_play_and_several_at_once() {
 fn two_plays_with_nothing_heavy_between_them_are_refused() {
     // The paper's arm has no mass after joint 1: with play in joints 1 and 2 that body would fly off.
     let arm = paper_arm().arm;
-    let error = freeplay_laws::ArmWithPlay::new(&arm, &[(0, paper(0.3e-3)), (1, paper(0.3e-3))]).expect_err("refused");
+    let error = freeplay_laws::ArmWithPlay::new(&arm, &[(0, paper(0.3e-3)), (1, paper(0.3e-3))])
+        .expect_err("refused");
     println!("{error}");
     assert!(error.to_string().contains("joint_1"), "{error}");
 }

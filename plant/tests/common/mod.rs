@@ -25,7 +25,10 @@ pub fn rod(name: &str, mass: f64, length: f64, at: f64) -> Joint {
         name: name.to_owned(),
         kind: JointKind::Revolute,
         axis: Vector3::y_axis(),
-        placement: Isometry3::from_parts(Translation3::new(at, 0.0, 0.0), nalgebra::UnitQuaternion::identity()),
+        placement: Isometry3::from_parts(
+            Translation3::new(at, 0.0, 0.0),
+            nalgebra::UnitQuaternion::identity(),
+        ),
         limits: Limits::NONE,
         friction: JointFriction::default(),
         inertia: Inertia {
@@ -43,7 +46,8 @@ pub fn chain(joints: Vec<Joint>, gravity: f64) -> Arm {
 /// The steel bearing of the pendulum oracle.
 pub fn steel(clearance: f64, friction: f64) -> Clearance {
     let material = Material { young: 207e9, poisson: 0.3 };
-    Clearance::new(&ClearanceTable { material, friction, ..ClearanceTable::new(clearance) }).expect("in range")
+    Clearance::new(&ClearanceTable { material, friction, ..ClearanceTable::new(clearance) })
+        .expect("in range")
 }
 
 pub fn paper(clearance: f64) -> Clearance {
