@@ -63,6 +63,13 @@ impl Call {
         self
     }
 
+    /// Lets it have the shared memory of an earlier call.
+    pub fn sharing(mut self, shm: TempDir) -> Self {
+        self.command.env("FREEPLAY_SHM", shm.path());
+        self.shm = shm;
+        self
+    }
+
     /// Starts it.
     pub fn start(mut self) -> Started {
         let child = self.command.spawn().expect("it starts");
@@ -95,20 +102,17 @@ impl Started {
         self.folder.path().join("out")
     }
 
-    /// Waits until `what` is there.
+    /// Waits until `what`, called `name`, is there; fails if this call ends before.
     pub fn until<T>(&self, name: &str, mut what: impl FnMut() -> Option<T>) -> T {
-        let start = Instant::now();
-        loop {
-            if let Some(found) = what() {
-                return found;
-            }
+        until(name, || {
+            let (found, lives) = (what(), runs(self.pid()));
             assert!(
-                start.elapsed() < LONGEST,
-                "{name} did not come; stderr:\n{}",
+                lives || found.is_some(),
+                "no {name}; stderr:\n{}",
                 text_of(self.folder.path(), "stderr")
             );
-            std::thread::sleep(LOOK);
-        }
+            found
+        })
     }
 
     /// The id of its child process whose command line holds `word`.
@@ -152,6 +156,18 @@ impl Started {
             std::thread::sleep(LOOK);
         };
         Ran::new(self.folder, self.shm, self.child.id(), status)
+    }
+}
+
+/// Waits until `what`, called `name`, is there.
+pub fn until<T>(name: &str, mut what: impl FnMut() -> Option<T>) -> T {
+    let start = Instant::now();
+    loop {
+        if let Some(found) = what() {
+            return found;
+        }
+        assert!(start.elapsed() < LONGEST, "{name} did not come");
+        std::thread::sleep(LOOK);
     }
 }
 

@@ -1,10 +1,11 @@
 //! A controller with a fault of choice: computed torque until the fault sets in.
 //!
-//! `FREEPLAY_FAULT` names it: `nan@100` from tick 100 on, `nan@100+5` for five ticks, `mute` without a tick. `pause` waits
-//! until the file `FREEPLAY_RESUME` is there, so that a test can do something in the middle of a run.
+//! `FREEPLAY_FAULT` names it: `nan@100` from tick 100 on, `nan@50+5,100` for five ticks before that, too. `pause` makes the
+//! file `FREEPLAY_RESUME.paused` and waits for `FREEPLAY_RESUME`, so that a test can act in the middle of a run.
 //!
 //! It speaks the messages itself, since the SDK would not let it misbehave.
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::thread;
 use std::time::Duration;
@@ -18,24 +19,27 @@ use rustix::process::{Signal, getpid, kill_process};
 
 type Failure = Box<dyn std::error::Error>;
 
-/// What goes wrong, and when.
+/// What goes wrong, and from which tick on for how many.
 struct Fault {
     name: String,
-    from: u64,
-    count: u64,
+    when: Vec<(u64, u64)>,
 }
 
 impl Fault {
     fn from_env() -> Result<Self, Failure> {
         let text = std::env::var("FREEPLAY_FAULT")?;
         let (name, when) = text.split_once('@').unwrap_or((&text, "0"));
-        let (from, count) = when.split_once('+').map_or((when, None), |(from, count)| (from, Some(count)));
-        let count = count.map_or(Ok(u64::MAX), str::parse)?;
-        Ok(Self { name: name.to_owned(), from: from.parse()?, count })
+        let window = |text: &str| {
+            let (from, count) =
+                text.split_once('+').map_or((text, None), |(from, count)| (from, Some(count)));
+            Ok((from.parse()?, count.map_or(Ok(u64::MAX), str::parse)?))
+        };
+        let when = when.split(',').map(window).collect::<Result<_, Failure>>()?;
+        Ok(Self { name: name.to_owned(), when })
     }
 
     fn holds(&self, tick: u64) -> bool {
-        (self.from..self.from.saturating_add(self.count)).contains(&tick)
+        self.when.iter().any(|&(from, count)| (from..from.saturating_add(count)).contains(&tick))
     }
 }
 
@@ -135,11 +139,11 @@ fn sleep_for_ever() -> ! {
     }
 }
 
-/// Waits until the test lets this process go on, or whoever started it has ended.
+/// Tells the test that this process waits, and waits until it is let go on.
 fn pause() {
-    let resume = std::env::var_os("FREEPLAY_RESUME").expect("FREEPLAY_RESUME names a file");
-    let parent = std::os::unix::process::parent_id();
-    while !std::fs::exists(&resume).unwrap_or(true) && std::os::unix::process::parent_id() == parent {
+    let resume = PathBuf::from(std::env::var_os("FREEPLAY_RESUME").expect("FREEPLAY_RESUME names a file"));
+    std::fs::write(resume.with_extension("paused"), "").expect("the test can be told");
+    while !resume.exists() {
         thread::sleep(Duration::from_millis(1));
     }
 }
