@@ -28,17 +28,24 @@ fn actual() -> Edges {
         ours.map(|d| short(d["name"].as_str().expect("name"))).collect()
     };
     let packages = metadata["packages"].as_array().expect("packages");
-    packages.iter().map(|package| (short(package["name"].as_str().expect("name")), edges_of(package))).collect()
+    packages
+        .iter()
+        .map(|package| (short(package["name"].as_str().expect("name")), edges_of(package)))
+        .collect()
 }
 
 /// The edges that the architecture allows.
 fn allowed() -> Edges {
     let text = std::fs::read_to_string(root().join("ARCHITECTURE.md")).expect("ARCHITECTURE.md");
-    let section = text.split("## Crates").nth(1).expect("the section").split("\n## ").next().expect("its end");
-    let rows = section.lines().filter(|line| line.starts_with("| ") && !line.contains("---") && !line.contains("may use"));
+    let section =
+        text.split("## Crates").nth(1).expect("the section").split("\n## ").next().expect("its end");
+    let rows = section
+        .lines()
+        .filter(|line| line.starts_with("| ") && !line.contains("---") && !line.contains("may use"));
     rows.map(|row| {
         let cells: Vec<&str> = row.trim_matches('|').split('|').map(str::trim).collect();
-        let uses = cells[2].split(',').map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned).collect();
+        let uses =
+            cells[2].split(',').map(str::trim).filter(|name| !name.is_empty()).map(str::to_owned).collect();
         (cells[0].to_owned(), uses)
     })
     .collect()

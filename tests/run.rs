@@ -27,7 +27,8 @@ fn the_default_scenario_runs_every_built_in_controller() {
         let joint = &run["contact"]["joints"]["joint_5"];
         let total: f64 = ["free", "impact", "continuous"].iter().map(|key| number(&joint[*key])).sum();
         assert!((total - 1.0).abs() < 1e-9, "fractions add up to {total}");
-        for file in [format!("{controller}.mcap"), format!("{controller}.hlog"), format!("{controller}.hgrm")] {
+        for file in [format!("{controller}.mcap"), format!("{controller}.hlog"), format!("{controller}.hgrm")]
+        {
             assert!(ran.out().join(&file).metadata().expect("written").len() > 100, "{file}");
         }
     }
@@ -59,7 +60,8 @@ fn two_lockstep_runs_are_the_same_to_the_byte_whoever_starts_first() {
 #[test]
 fn noise_repeats_with_its_seed() {
     let hash = |seed: &str| {
-        let noisy = ["--controller", "computed-torque", "--set", "sensors.position.noise=1e-6", "--seed", seed];
+        let noisy =
+            ["--controller", "computed-torque", "--set", "sensors.position.noise=1e-6", "--seed", seed];
         lockstep(0.1, &noisy).expect(0).summary()["runs"][0]["state_hash"].clone()
     };
     assert_eq!(hash("5"), hash("5"));
@@ -84,7 +86,8 @@ fn driven_joints_follow_the_reference_and_the_deviation_is_the_journal() {
 fn a_recording_reads_back_as_csv_and_as_mcap() {
     for kind in ["csv", "mcap"] {
         let ran = lockstep(0.1, &["--controller", "computed-torque", "--recording", kind]).expect(0);
-        let recording = freeplay_recording::read(&ran.out().join(format!("computed-torque.{kind}")), Some(6)).expect("it reads");
+        let recording = freeplay_recording::read(&ran.out().join(format!("computed-torque.{kind}")), Some(6))
+            .expect("it reads");
         assert_eq!((recording.len(), recording.joints()), (100, 6));
         assert!(recording.column("joint_5_play_2").is_some() && !recording.truncated);
     }
@@ -116,7 +119,15 @@ fn an_arm_of_ones_own_runs_without_the_papers_play() {
 
 #[test]
 fn the_effective_scenario_reads_back_as_itself() {
-    let shown = freeplay(&["run", "--show", "--set", "path.period=12", "--set", "clearance.joint_4.clearance=0.0002"]).expect(0);
+    let shown = freeplay(&[
+        "run",
+        "--show",
+        "--set",
+        "path.period=12",
+        "--set",
+        "clearance.joint_4.clearance=0.0002",
+    ])
+    .expect(0);
     let folder = tempfile::tempdir().expect("a folder");
     std::fs::write(folder.path().join("s.toml"), &shown.output.stdout).expect("written");
     let again = freeplay_in(folder, &["run", "s.toml", "--show"]).expect(0);
@@ -126,12 +137,15 @@ fn the_effective_scenario_reads_back_as_itself() {
 
 #[test]
 fn replaying_a_recording_gives_the_same_commands_byte_for_byte() {
-    for (mode, controller) in [("torque", "computed-torque"), ("torque", "quasi-static"), ("driven", "quasi-static")] {
+    for (mode, controller) in
+        [("torque", "computed-torque"), ("torque", "quasi-static"), ("driven", "quasi-static")]
+    {
         let mode = format!("mode={mode}");
         let ran = lockstep(0.4, &["--controller", controller, "--set", &mode]).expect(0);
         let recording = ran.out().join(format!("{controller}.mcap"));
         let recording = recording.to_str().expect("UTF-8");
-        let replayed = freeplay(&["replay", recording, "--against", controller, "--format", "json"]).expect(0);
+        let replayed =
+            freeplay(&["replay", recording, "--against", controller, "--format", "json"]).expect(0);
         let difference: Value = serde_json::from_str(&replayed.stdout()).expect("JSON");
         println!("{mode}, {controller}: {} of {}", difference["identical_ticks"], difference["ticks"]);
         assert_eq!((&difference["ticks"], &difference["identical_ticks"]), (&400.into(), &400.into()));
