@@ -201,12 +201,13 @@ impl Ready {
     /// `reference` is that of the answer; without one, the path is taken to be followed.
     fn plan(&mut self, tick: u64, reference: Option<&Reference>, answer: &mut Answer) {
         let begun = now_ns();
-        let instant = tick + self.mode.lead();
+        let instant = tick.saturating_add(self.mode.lead());
+        let ahead = instant.saturating_add(1);
         let foreign = reference.filter(|reference| !self.outlook.leads_through(reference, instant));
         let journals = match foreign {
             None => {
-                self.planned.copy(self.outlook.on_path(instant + 1));
-                self.outlook.at(instant + 1)
+                self.planned.copy(self.outlook.on_path(ahead));
+                self.outlook.at(ahead)
             }
             Some(reference) => {
                 self.planned.extrapolate(reference, self.period);

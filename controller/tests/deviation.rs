@@ -31,16 +31,15 @@ fn at_rest_the_journal_hangs_below_by_clearance_and_penetration() {
     assert_eq!(predictor.rests()[0].moment, 0.0, "no turning, no friction");
 }
 
-/// A motion on which all joints move, at the time t.
+/// A motion on which all joints move, at the time t: positions, velocities, accelerations.
 fn motion(t: f64) -> [[f64; 6]; 3] {
-    let mut out = [[0.0; 6]; 3];
-    for i in 0..6 {
-        let (amplitude, omega) = (0.3, 2.0 + 0.3 * i as f64);
-        out[0][i] = 0.4 + amplitude * (omega * t).sin();
-        out[1][i] = amplitude * omega * (omega * t).cos();
-        out[2][i] = -amplitude * omega * omega * (omega * t).sin();
-    }
-    out
+    let amplitude = 0.3;
+    let omega = |joint: usize| 2.0 + 0.3 * joint as f64;
+    [
+        std::array::from_fn(|i| 0.4 + amplitude * (omega(i) * t).sin()),
+        std::array::from_fn(|i| amplitude * omega(i) * (omega(i) * t).cos()),
+        std::array::from_fn(|i| -amplitude * omega(i).powi(2) * (omega(i) * t).sin()),
+    ]
 }
 
 #[test]

@@ -8,6 +8,7 @@ use freeplay_controller::{
     Controller, ControllerError, LimitsFrom, QuasiStaticControl, RunInfo, Task, TaskError, TaskMode, built_in,
 };
 use freeplay_shm::{Mode, Pace};
+use proptest::prelude::{ProptestConfig, prop_assert, proptest};
 
 const RUN: RunInfo =
     RunInfo { joints: 6, mode: Mode::Torque, pace: Pace::Lockstep, period_ns: 1_000_000, ticks: 10 };
@@ -94,4 +95,22 @@ fn controllers_refuse_what_does_not_fit() {
     let error = built_in("computed-torque").unwrap().start(&task("[options]\nblend = 1"), &RUN).unwrap_err();
     assert!(error.to_string().contains("unknown field `blend`"), "{error}");
     assert!(built_in("narx").is_none());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 4000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// 4000 texts made of a good file with one piece replaced by anything: read or refused, never a panic.
+    #[test]
+    fn no_text_makes_the_reader_panic(at in 0usize..400, length in 0usize..12, piece in ".{0,12}") {
+        let mut task = Task { gravity: Some([0.0, 0.0, -9.81]), ..Task::default() };
+        task.options.insert("blend".into(), 0.25.into());
+        let good = task.to_toml().unwrap();
+        let start = good.floor_char_boundary(at.min(good.len()));
+        let end = good.floor_char_boundary((start + length).min(good.len()));
+        let text = format!("{}{piece}{}", &good[..start], &good[end..]);
+        if let Err(error) = Task::parse(&text, "task.toml") {
+            prop_assert!(error.to_string().contains("task.toml"));
+        }
+    }
 }
