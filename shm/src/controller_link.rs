@@ -1,7 +1,6 @@
 //! [`ControllerLink`]: a controller's end of a run.
 
 use std::fmt::Debug;
-use std::fs::File;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -13,9 +12,10 @@ use crate::address::Address;
 use crate::error::LinkError;
 use crate::handshake::{Hello, Verdict, Welcome};
 use crate::messages::{Command, LAYOUT_VERSION, MAGIC, State};
-use crate::run_root::{PlantSeat, join};
+use crate::outbox::Outbox;
+use crate::run_root::{PlantSeat, Share};
 use crate::services::{
-    self, CommandPublisher, DoorClient, Ipc, STATE_SERVICE, StateSubscriber, command_service, transport,
+    self, DoorClient, Ipc, STATE_SERVICE, StateSample, StateSubscriber, command_service, transport,
 };
 
 /// How often a controller looks whether the plant is there, and whether it has answered.
@@ -28,22 +28,22 @@ const LOOK_AGAIN: Duration = Duration::from_micros(500);
 #[derive(Debug)]
 pub struct ControllerLink {
     states: StateSubscriber,
-    commands: CommandPublisher,
+    commands: Outbox<Command>,
     last_tick: Option<u64>,
     lost: u64,
     skipped: u64,
     service: String,
-    // Fields are dropped in this order: the node after its ports, the run's life last.
+    // Fields are dropped in this order: the node after its ports, the share last.
     _node: Node<Ipc>,
     seat: PlantSeat,
-    _life: File,
+    _share: Share,
 }
 
 /// What a controller could open of the run before it was accepted: nothing of a run with another layout, and no
 /// publisher of a slot that is taken.
 struct Ends {
     states: Option<StateSubscriber>,
-    commands: Option<CommandPublisher>,
+    commands: Option<Outbox<Command>>,
 }
 
 impl ControllerLink {
@@ -59,7 +59,7 @@ impl ControllerLink {
         patience: Duration,
     ) -> Result<(Self, Welcome), LinkError> {
         let mut wait = Wait::new(patience);
-        let life = join(address)?;
+        let share = Share::take(address)?;
         let node = services::node(address)?;
         let door = wait.until_ok("the plant has not opened its door", || services::door(&node).open())?;
         let client = services::door_client(&door)?;
@@ -83,7 +83,7 @@ impl ControllerLink {
             service,
             _node: node,
             seat,
-            _life: life,
+            _share: share,
         };
         Ok((link, welcome))
     }
@@ -92,15 +92,9 @@ impl ControllerLink {
     ///
     /// # Errors
     /// [`LinkError::Transport`] if iceoryx2 refuses.
+    #[inline]
     pub fn next_state(&mut self) -> Result<Option<State>, LinkError> {
-        let sample = self.states.receive().map_err(transport("take states of", STATE_SERVICE))?;
-        let Some(state) = sample.map(|sample| *sample.payload()) else { return Ok(None) };
-        // A tick that is not later than the last is that of another plant on the same run.
-        if let Some(last) = self.last_tick.filter(|&last| state.tick > last) {
-            self.lost += state.tick - last - 1;
-        }
-        self.last_tick = Some(state.tick);
-        Ok(Some(state))
+        Ok(self.next_sample()?.map(|sample| *sample.payload()))
     }
 
     /// Takes all waiting states and returns the newest; the others are counted in [`ControllerLink::skipped`].
@@ -108,12 +102,12 @@ impl ControllerLink {
     /// # Errors
     /// [`LinkError::Transport`] if iceoryx2 refuses.
     pub fn newest_state(&mut self) -> Result<Option<State>, LinkError> {
-        let mut newest = None;
-        while let Some(state) = self.next_state()? {
+        let mut newest: Option<StateSample> = None;
+        while let Some(sample) = self.next_sample()? {
             self.skipped += u64::from(newest.is_some());
-            newest = Some(state);
+            newest = Some(sample);
         }
-        Ok(newest)
+        Ok(newest.map(|sample| *sample.payload()))
     }
 
     /// How many states this side has lost so far because its buffer of [`STATE_BUFFER`](crate::STATE_BUFFER) was full.
@@ -132,8 +126,23 @@ impl ControllerLink {
     ///
     /// # Errors
     /// [`LinkError::Transport`] if iceoryx2 refuses. A plant that died is no error.
+    #[inline]
     pub fn send(&mut self, command: &Command) -> Result<(), LinkError> {
-        services::send(&self.commands, command).map_err(transport("send on", &self.service))
+        self.commands.send(command).map_err(transport("send on", &self.service))
+    }
+
+    /// The oldest state not yet taken, where it lies in shared memory.
+    #[inline]
+    fn next_sample(&mut self) -> Result<Option<StateSample>, LinkError> {
+        let Some(sample) = self.states.receive().map_err(transport("take states of", STATE_SERVICE))? else {
+            return Ok(None);
+        };
+        // A tick that is not later than the last is that of another plant on the same run.
+        if let Some(last) = self.last_tick.filter(|&last| sample.tick > last) {
+            self.lost += sample.tick - last - 1;
+        }
+        self.last_tick = Some(sample.tick);
+        Ok(Some(sample))
     }
 
     /// Whether the plant lives. One system call; look when no state has come for long.
@@ -144,25 +153,37 @@ impl ControllerLink {
 }
 
 impl Ends {
-    /// Opens what can be opened. The plant opens its door last, so what is missing now is not there at all.
+    const NONE: Self = Self { states: None, commands: None };
+
+    /// Opens what can be opened. The plant opens its door last, so what is missing now is not there at all. Who does not get
+    /// the slot listens to no states, so that the refused cannot crowd out the others.
     fn open(node: &Node<Ipc>, slot: u32, wait: &mut Wait) -> Result<Self, LinkError> {
-        use PublishSubscribeOpenError::{DoesNotExist, IncompatibleTypes};
-        let states =
-            wait.until_ok("the plant's states cannot be opened", || match services::states(node).open() {
-                Err(IncompatibleTypes | DoesNotExist) => Ok(None),
-                service => service.map(Some),
-            })?;
-        let commands =
-            wait.until_ok("the slot cannot be opened", || match services::commands(node, slot).open() {
-                Err(IncompatibleTypes | DoesNotExist) => Ok(None),
-                service => service.map(Some),
-            })?;
-        let states = states.map(|service| services::subscriber(&service, STATE_SERVICE)).transpose()?;
-        let commands = match commands.map(|service| services::publisher(&service)) {
-            None | Some(Err(PublisherCreateError::ExceedsMaxSupportedPublishers)) => None,
-            Some(publisher) => Some(publisher.map_err(transport("publish on", &command_service(slot)))?),
+        let open_slot = || if_there(services::commands(node, slot).open());
+        let Some(service) = wait.until_ok("the slot cannot be opened", open_slot)? else {
+            return Ok(Self::NONE);
         };
-        Ok(Self { states, commands })
+        let commands = match services::outbox(&service) {
+            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => return Ok(Self::NONE),
+            outbox => outbox.map_err(transport("publish on", &command_service(slot)))?,
+        };
+        let open_states = || if_there(services::states(node).open());
+        let states = match wait.until_ok("the states cannot be opened", open_states)? {
+            Some(service) => Some(services::subscriber(&service, STATE_SERVICE)?),
+            None => None,
+        };
+        Ok(Self { states, commands: Some(commands) })
+    }
+}
+
+/// The service, or `None` if there is none or one of another layout: for the plant to judge.
+fn if_there<Service>(
+    opened: Result<Service, PublishSubscribeOpenError>,
+) -> Result<Option<Service>, PublishSubscribeOpenError> {
+    match opened {
+        Err(PublishSubscribeOpenError::IncompatibleTypes | PublishSubscribeOpenError::DoesNotExist) => {
+            Ok(None)
+        }
+        opened => opened.map(Some),
     }
 }
 

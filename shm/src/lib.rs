@@ -27,6 +27,7 @@ pub mod error;
 pub mod handshake;
 pub mod machine;
 pub mod messages;
+mod outbox;
 pub mod pacing;
 pub mod plant_link;
 pub mod realtime;

@@ -72,10 +72,13 @@ pub fn sleep_then_spin_until(deadline_ns: u64, spin_ns: u64) -> u64 {
 pub struct Backoff {
     spin_ns: u64,
     yield_ns: u64,
-    since_ns: Option<u64>,
+    looks: u32,
+    since_ns: u64,
 }
 
 impl Backoff {
+    /// How often to look before looking at the clock, which takes as long as a look for the answer.
+    const FIRST_LOOKS: u32 = 64;
     /// Length of one sleep.
     const SLEEP: Duration = Duration::from_micros(50);
     /// How long to spin and yield before sleeping, ns.
@@ -90,7 +93,7 @@ impl Backoff {
             2 | 3 => 10_000,
             _ => 20_000,
         };
-        Self { spin_ns, yield_ns: Self::YIELD_NS, since_ns: None }
+        Self { spin_ns, yield_ns: Self::YIELD_NS, looks: 0, since_ns: 0 }
     }
 
     /// The policy in words, for the results.
@@ -106,13 +109,28 @@ impl Backoff {
 
     /// Forgets the waiting so far; call it when the peer has answered.
     pub fn reset(&mut self) {
-        self.since_ns = None;
+        self.looks = 0;
     }
 
-    /// Waits a little; the longer it has gone on, the longer. Returns how long it has gone on, ns.
+    /// Waits a little; the longer it has gone on, the longer. Returns how long it has gone on, ns; the first microseconds
+    /// are not counted.
+    #[inline]
     pub fn wait(&mut self) -> u64 {
+        if self.looks < Self::FIRST_LOOKS && self.spin_ns > 0 {
+            self.looks += 1;
+            std::hint::spin_loop();
+            return 0;
+        }
+        self.wait_by_the_clock()
+    }
+
+    fn wait_by_the_clock(&mut self) -> u64 {
         let now = now_ns();
-        let waited = now - *self.since_ns.get_or_insert(now);
+        if self.looks <= Self::FIRST_LOOKS {
+            self.looks = Self::FIRST_LOOKS + 1;
+            self.since_ns = now;
+        }
+        let waited = now - self.since_ns;
         if waited < self.spin_ns {
             std::hint::spin_loop();
         } else if waited < self.yield_ns {

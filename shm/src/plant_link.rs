@@ -1,6 +1,5 @@
 //! [`PlantLink`]: the plant's end of a run.
 
-use std::fs::File;
 use std::time::Duration;
 
 use iceoryx2::node::Node;
@@ -11,10 +10,11 @@ use crate::address::Address;
 use crate::error::LinkError;
 use crate::handshake::{Greeting, Hello, Offer, Verdict};
 use crate::messages::{Command, State};
-use crate::run_root::{PlantSeat, join};
+use crate::outbox::Outbox;
+use crate::run_root::{PlantSeat, Share};
 use crate::services::{
-    self, CommandService, CommandSubscriber, DOOR_SERVICE, DoorServer, Ipc, MAX_SLOTS, STATE_SERVICE,
-    StatePublisher, command_service, transport,
+    self, CommandSample, CommandService, CommandSubscriber, DOOR_SERVICE, DoorServer, Ipc, MAX_SLOTS,
+    STATE_SERVICE, command_service, transport,
 };
 
 /// How long to wait for another process that is removing what a dead one left.
@@ -27,15 +27,15 @@ const CLEANING: Duration = Duration::from_millis(500);
 /// last call; calling [`greet`](Self::greet) takes that over.
 #[derive(Debug)]
 pub struct PlantLink {
-    states: StatePublisher,
+    states: Outbox<State>,
     slots: Vec<Slot>,
     door: DoorServer,
     offer: Offer,
     run: u64,
-    // Fields are dropped in this order: the node after its ports, the seat when the services are gone, the run's life last.
+    // Fields are dropped in this order: the node after its ports, the seat when the services are gone, the share last.
     node: Node<Ipc>,
     _seat: PlantSeat,
-    _life: File,
+    _share: Share,
 }
 
 /// The plant's end of one slot.
@@ -56,45 +56,48 @@ impl PlantLink {
         if slots == 0 || slots > MAX_SLOTS {
             return Err(LinkError::SlotCount { slots });
         }
-        let life = join(address)?;
+        let share = Share::take(address)?;
         let seat = PlantSeat::take(address)?;
         let node = services::node(address)?;
-        let service = services::states(&node).open_or_create().map_err(transport("open", STATE_SERVICE))?;
-        let states = services::publisher(&service).map_err(transport("publish on", STATE_SERVICE))?;
+        let service = services::create_states(&node)?;
+        let states = services::outbox(&service).map_err(transport("publish on", STATE_SERVICE))?;
         let slots = (0..slots as u32).map(|slot| Slot::open(&node, slot)).collect::<Result<_, _>>()?;
-        let service = services::door(&node).open_or_create().map_err(transport("open", DOOR_SERVICE))?;
+        let service = services::create_door(&node)?;
         let door = services::door_server(&service)?;
-        Ok(Self { states, slots, door, offer, run: address.run(), node, _seat: seat, _life: life })
+        Ok(Self { states, slots, door, offer, run: address.run(), node, _seat: seat, _share: share })
     }
 
     /// Publishes `state` to everyone who listens. Never waits: who is slow loses the oldest states.
     ///
     /// # Errors
     /// [`LinkError::Transport`] if iceoryx2 refuses. A listener that died is no error.
+    #[inline]
     pub fn publish(&mut self, state: &State) -> Result<(), LinkError> {
-        services::send(&self.states, state).map_err(transport("publish on", STATE_SERVICE))
+        self.states.send(state).map_err(transport("publish on", STATE_SERVICE))
     }
 
     /// The oldest command of `slot` not yet taken.
     ///
     /// # Errors
     /// [`LinkError::NoSlot`]; [`LinkError::Transport`] if iceoryx2 refuses.
+    #[inline]
     pub fn next_command(&mut self, slot: usize) -> Result<Option<Command>, LinkError> {
-        self.slot(slot)?.next(slot)
+        Ok(self.slot(slot)?.next(slot)?.map(|command| *command.payload()))
     }
 
     /// Takes all commands of `slot` and returns the newest; the others are counted in [`PlantLink::skipped`].
     ///
     /// # Errors
     /// As [`PlantLink::next_command`].
+    #[inline]
     pub fn newest_command(&mut self, slot: usize) -> Result<Option<Command>, LinkError> {
         let this = self.slot(slot)?;
-        let mut newest = None;
+        let mut newest: Option<CommandSample> = None;
         while let Some(command) = this.next(slot)? {
             this.skipped += u64::from(newest.is_some());
             newest = Some(command);
         }
-        Ok(newest)
+        Ok(newest.map(|command| *command.payload()))
     }
 
     /// How many commands of `slot` [`PlantLink::newest_command`] has passed over so far; 0 for a slot there is not.
@@ -133,6 +136,7 @@ impl PlantLink {
         self.slots.get(slot).is_some_and(|slot| slot.service.dynamic_config().number_of_publishers() > 0)
     }
 
+    #[inline]
     fn slot(&mut self, slot: usize) -> Result<&mut Slot, LinkError> {
         let slots = self.slots.len();
         self.slots.get_mut(slot).ok_or(LinkError::NoSlot { slot, slots })
@@ -141,7 +145,7 @@ impl PlantLink {
     /// Opens the shared memory of the controller of `slot` now, so that the first tick need not. What fails is tried again
     /// then.
     fn connect_to(&mut self, slot: usize) {
-        let _ = self.states.update_connections();
+        self.states.meet_peers();
         if let Some(slot) = self.slots.get(slot) {
             let _ = slot.commands.update_connections();
         }
@@ -150,16 +154,16 @@ impl PlantLink {
 
 impl Slot {
     fn open(node: &Node<Ipc>, slot: u32) -> Result<Self, LinkError> {
-        let name = command_service(slot);
-        let service = services::commands(node, slot).open_or_create().map_err(transport("open", &name))?;
-        let commands = services::subscriber(&service, &name)?;
+        let service = services::create_commands(node, slot)?;
+        let commands = services::subscriber(&service, &command_service(slot))?;
         Ok(Self { commands, service, skipped: 0 })
     }
 
-    fn next(&mut self, slot: usize) -> Result<Option<Command>, LinkError> {
-        match self.commands.receive() {
-            Ok(command) => Ok(command.map(|command| *command.payload())),
-            Err(error) => Err(transport("take commands of", &command_service(slot as u32))(error)),
-        }
+    /// The oldest command not yet taken, where it lies in shared memory.
+    #[inline]
+    fn next(&mut self, slot: usize) -> Result<Option<CommandSample>, LinkError> {
+        self.commands
+            .receive()
+            .map_err(|error| transport("take commands of", &command_service(slot as u32))(error))
     }
 }

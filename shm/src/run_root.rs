@@ -3,7 +3,8 @@
 //! All runs of a user live in one folder of mode 0700, `freeplay-<uid>` in `/dev/shm` or in `$FREEPLAY_SHM`. Each run
 //! has a folder in it, named by its id. Who takes part in a run (the [`RunRoot`] itself and every open link) holds a
 //! shared `flock` on the run's folder; the kernel lets go of it however the process ends. So a run lives as long as its
-//! folder cannot be locked exclusively, and what belongs to a run that does not live can be removed by anybody.
+//! folder cannot be locked exclusively. Who leaves last removes the run; what belongs to a run whose last process was killed
+//! can be removed by anybody.
 //!
 //! Making, sweeping and removing runs happens under an exclusive `flock` on the folder of all runs.
 
@@ -31,8 +32,7 @@ const SEGMENTS: &str = "/dev/shm";
 #[derive(Debug)]
 pub struct RunRoot {
     address: Address,
-    /// Holds the shared lock on the run's folder.
-    _life: File,
+    _share: Share,
 }
 
 impl RunRoot {
@@ -48,8 +48,8 @@ impl RunRoot {
         let root = all.join(new_id()?);
         let address = Address::parse(&root.display().to_string())?;
         DirBuilder::new().mode(0o700).create(&root).map_err(folder_fault("create", &root))?;
-        let life = join(&address)?;
-        Ok(Self { address, _life: life })
+        let share = Share::take(&address)?;
+        Ok(Self { address, _share: share })
     }
 
     /// What other processes need to find the run.
@@ -70,19 +70,42 @@ impl RunRoot {
 
 impl Drop for RunRoot {
     fn drop(&mut self) {
-        let all = all_runs_of(&self.address);
-        let _held = hold_all_runs(all, false);
-        remove(&self.address);
-        remove_if_empty(all);
+        end(&self.address);
     }
 }
 
-/// Takes part in the run at `address` until the returned file is dropped.
-pub(crate) fn join(address: &Address) -> Result<File, LinkError> {
-    let no_run = || LinkError::NoRun { path: address.root().to_owned() };
-    let folder = File::open(address.root()).map_err(|_| no_run())?;
-    folder.lock_shared().map_err(folder_fault("lock", address.root()))?;
-    if is_gone(&folder) { Err(no_run()) } else { Ok(folder) }
+/// Taking part in a run: the shared lock on its folder.
+#[derive(Debug)]
+pub(crate) struct Share {
+    folder: File,
+    address: Address,
+}
+
+impl Share {
+    /// Takes part in the run at `address`.
+    pub(crate) fn take(address: &Address) -> Result<Self, LinkError> {
+        let no_run = || LinkError::NoRun { path: address.root().to_owned() };
+        let folder = File::open(address.root()).map_err(|_| no_run())?;
+        folder.lock_shared().map_err(folder_fault("lock", address.root()))?;
+        if is_gone(&folder) { Err(no_run()) } else { Ok(Self { folder, address: address.clone() }) }
+    }
+}
+
+impl Drop for Share {
+    fn drop(&mut self) {
+        // Nobody else takes part: whoever started the run was killed.
+        if !is_gone(&self.folder) && self.folder.try_lock().is_ok() {
+            end(&self.address);
+        }
+    }
+}
+
+/// Removes everything of the run.
+fn end(address: &Address) {
+    let all = address.root().parent().unwrap_or(address.root());
+    let _held = hold_all_runs(all, false);
+    remove(address);
+    remove_if_empty(all);
 }
 
 /// Gives the owner alone access to the run's shared memory: iceoryx2 makes one small segment (a counter of nodes) that
@@ -105,18 +128,16 @@ pub(crate) fn all_runs() -> PathBuf {
     std::path::absolute(&parent).unwrap_or(parent).join(name)
 }
 
-fn all_runs_of(address: &Address) -> &Path {
-    address.root().parent().unwrap_or(address.root())
-}
-
 /// Locks the folder of all runs, made first if `make`, and sees that it is this user's alone.
 fn hold_all_runs(all: &Path, make: bool) -> Result<File, LinkError> {
     loop {
-        match DirBuilder::new().mode(0o700).create(all) {
-            Err(error) if make && error.kind() != ErrorKind::AlreadyExists => {
-                return Err(folder_fault("create", all)(error));
+        if make {
+            match DirBuilder::new().mode(0o700).create(all) {
+                Err(error) if error.kind() != ErrorKind::AlreadyExists => {
+                    return Err(folder_fault("create", all)(error));
+                }
+                _ => (),
             }
-            _ => (),
         }
         let folder = match File::open(all) {
             Err(error) if make && error.kind() == ErrorKind::NotFound => continue,

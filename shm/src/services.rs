@@ -1,7 +1,8 @@
 //! The iceoryx2 services of a run, each declared in one place.
 //!
-//! Whoever creates a service fixes its settings, so both ends use these functions. The plant creates all services, the
-//! door last; controllers only open them, so that one with another layout cannot spoil a run.
+//! Whoever makes a service fixes its settings. The plant makes all services, the door last; controllers only open them, by
+//! name and type and without asking for settings, so that one of another version can neither spoil a run nor miss being
+//! told why it is refused.
 //!
 //! | service | pattern | payload |
 //! | --- | --- | --- |
@@ -15,16 +16,17 @@ use std::fmt::Debug;
 
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::port::DegradationAction;
 use iceoryx2::port::backpressure_strategy::BackpressureStrategy;
 use iceoryx2::port::client::Client;
-use iceoryx2::port::publisher::{Publisher, PublisherCreateError};
+use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::server::Server;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::port::{DegradationAction, SendError};
 use iceoryx2::prelude::{
     FileName, LogLevel, Path, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend, ipc,
     set_log_level_from_env_or,
 };
+use iceoryx2::sample::Sample;
 use iceoryx2::service::builder::publish_subscribe::Builder as PubSubBuilder;
 use iceoryx2::service::builder::request_response::Builder as ReqResBuilder;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as PubSub;
@@ -34,14 +36,15 @@ use crate::address::Address;
 use crate::error::LinkError;
 use crate::handshake::{Hello, Welcome};
 use crate::messages::{Command, State};
+use crate::outbox::Outbox;
 use crate::run_root::make_segments_private;
 
 /// Between processes, each port used by one thread.
 pub(crate) type Ipc = ipc::Service;
-pub(crate) type StatePublisher = Publisher<Ipc, State, ()>;
 pub(crate) type StateSubscriber = Subscriber<Ipc, State, ()>;
-pub(crate) type CommandPublisher = Publisher<Ipc, Command, ()>;
 pub(crate) type CommandSubscriber = Subscriber<Ipc, Command, ()>;
+pub(crate) type StateSample = Sample<Ipc, State, ()>;
+pub(crate) type CommandSample = Sample<Ipc, Command, ()>;
 pub(crate) type CommandService = PubSub<Ipc, Command, ()>;
 pub(crate) type DoorServer = Server<Ipc, Hello, (), Welcome, ()>;
 pub(crate) type DoorClient = Client<Ipc, Hello, (), Welcome, ()>;
@@ -81,12 +84,17 @@ pub(crate) fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
 
 /// States from the plant to everybody who listens.
 pub(crate) fn states(node: &Node<Ipc>) -> PubSubBuilder<State, (), Ipc> {
-    publish_subscribe::<State>(node, STATE_SERVICE, STATE_BUFFER).max_subscribers(MAX_SLOTS)
+    node.service_builder(&service_name(STATE_SERVICE)).publish_subscribe()
 }
 
 /// Commands of the controller in `slot` to the plant.
 pub(crate) fn commands(node: &Node<Ipc>, slot: u32) -> PubSubBuilder<Command, (), Ipc> {
-    publish_subscribe::<Command>(node, &command_service(slot), COMMAND_BUFFER).max_subscribers(1)
+    node.service_builder(&service_name(&command_service(slot))).publish_subscribe()
+}
+
+/// Hellos to the plant and its welcomes.
+pub(crate) fn door(node: &Node<Ipc>) -> ReqResBuilder<Hello, (), Welcome, (), Ipc> {
+    node.service_builder(&service_name(DOOR_SERVICE)).request_response()
 }
 
 /// Name of the service of commands of `slot`.
@@ -94,10 +102,21 @@ pub(crate) fn command_service(slot: u32) -> String {
     format!("freeplay/command/{slot}")
 }
 
-/// Hellos to the plant and its welcomes.
-pub(crate) fn door(node: &Node<Ipc>) -> ReqResBuilder<Hello, (), Welcome, (), Ipc> {
-    node.service_builder(&service_name(DOOR_SERVICE))
-        .request_response::<Hello, Welcome>()
+/// Makes the service of states.
+pub(crate) fn create_states(node: &Node<Ipc>) -> Result<PubSub<Ipc, State, ()>, LinkError> {
+    let settings = with_settings(states(node), STATE_BUFFER).max_subscribers(MAX_SLOTS);
+    settings.open_or_create().map_err(transport("make", STATE_SERVICE))
+}
+
+/// Makes the service of commands of `slot`.
+pub(crate) fn create_commands(node: &Node<Ipc>, slot: u32) -> Result<CommandService, LinkError> {
+    let settings = with_settings(commands(node, slot), COMMAND_BUFFER).max_subscribers(1);
+    settings.open_or_create().map_err(transport("make", &command_service(slot)))
+}
+
+/// Makes the door.
+pub(crate) fn create_door(node: &Node<Ipc>) -> Result<DoorService, LinkError> {
+    door(node)
         .max_servers(1)
         .max_clients(MAX_NODES)
         .max_nodes(MAX_NODES)
@@ -105,15 +124,16 @@ pub(crate) fn door(node: &Node<Ipc>) -> ReqResBuilder<Hello, (), Welcome, (), Ip
         .enable_safe_overflow_for_requests(true)
         .enable_safe_overflow_for_responses(true)
         .enable_fire_and_forget_requests(false)
+        .open_or_create()
+        .map_err(transport("make", DOOR_SERVICE))
 }
 
-fn publish_subscribe<Message: Debug + ZeroCopySend>(
-    node: &Node<Ipc>,
-    name: &str,
+/// What states and commands have in common.
+fn with_settings<Message: Debug + ZeroCopySend>(
+    service: PubSubBuilder<Message, (), Ipc>,
     buffer: usize,
 ) -> PubSubBuilder<Message, (), Ipc> {
-    node.service_builder(&service_name(name))
-        .publish_subscribe::<Message>()
+    service
         .max_publishers(1)
         .max_nodes(MAX_NODES)
         .history_size(0)
@@ -125,16 +145,17 @@ fn service_name(name: &str) -> ServiceName {
     name.try_into().expect("the names in this file are short and not empty")
 }
 
-/// The publisher of a service; one message is loaned at a time.
-pub(crate) fn publisher<Message: Debug + ZeroCopySend>(
+/// The sending end of a service.
+pub(crate) fn outbox<Message: Debug + Copy + ZeroCopySend>(
     service: &PubSub<Ipc, Message, ()>,
-) -> Result<Publisher<Ipc, Message, ()>, PublisherCreateError> {
-    service
+) -> Result<Outbox<Message>, PublisherCreateError> {
+    let publisher = service
         .publisher_builder()
         .max_loaned_samples(1)
         .backpressure_strategy(BackpressureStrategy::DiscardData)
         .set_degradation_handler(|_, _| DegradationAction::Ignore)
-        .create()
+        .create()?;
+    Ok(Outbox::new(publisher))
 }
 
 /// A subscriber of the service called `name`.
@@ -169,19 +190,6 @@ pub(crate) fn door_client(service: &DoorService) -> Result<DoorClient, LinkError
         .set_response_degradation_handler(|_, _| DegradationAction::Ignore)
         .create()
         .map_err(transport("knock on", DOOR_SERVICE))
-}
-
-/// Sends a copy of `message`. When peers come or go, iceoryx2 may fail to connect to one of them and then sends to
-/// none; the second attempt does without it.
-pub(crate) fn send<Message: Debug + Copy + ZeroCopySend>(
-    publisher: &Publisher<Ipc, Message, ()>,
-    message: &Message,
-) -> Result<(), SendError> {
-    let sent = match publisher.send_copy(*message) {
-        Err(SendError::ConnectionError(_)) => publisher.send_copy(*message),
-        sent => sent,
-    };
-    sent.map(|_receivers| ())
 }
 
 /// What iceoryx2 said, as our error.

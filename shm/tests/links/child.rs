@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use freeplay_shm::{Address, ControllerLink, Hello, PlantLink, RUN_ENV, RunRoot, State};
 use iceoryx2::config::Config;
-use iceoryx2::node::NodeBuilder;
+use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::prelude::{FileName, Path, SemanticString, SignalHandlingMode, ipc};
 
 use crate::{PATIENCE, expected_answers, greet, offer, run_lockstep, serve};
@@ -124,11 +124,7 @@ fn plant() {
 fn grabber() {
     let address = Address::from_env().unwrap();
     let (link, _) = ControllerLink::connect(&address, Hello::new("grabber", 0, 7), PATIENCE).unwrap();
-    let mut config = Config::default();
-    config.global.set_root_path(&Path::new(address.root().as_os_str().as_encoded_bytes()).unwrap());
-    config.global.prefix = FileName::new(address.prefix().as_bytes()).unwrap();
-    let node = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
-    let node = node.create::<ipc::Service>().unwrap();
+    let node = bare_node(&address);
     let states =
         node.service_builder(&"freeplay/state".try_into().unwrap()).publish_subscribe::<State>().open();
     let states = states.unwrap().subscriber_builder().create().unwrap();
@@ -141,6 +137,15 @@ fn grabber() {
     say(&format!("holding: {}", first.tick));
     sleep_until_killed();
     drop((first, second, link));
+}
+
+/// A node of the run over iceoryx2 itself, from what the address tells everybody.
+pub fn bare_node(address: &Address) -> Node<ipc::Service> {
+    let mut config = Config::default();
+    config.global.set_root_path(&Path::new(address.root().as_os_str().as_encoded_bytes()).unwrap());
+    config.global.prefix = FileName::new(address.prefix().as_bytes()).unwrap();
+    let node = NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled);
+    node.create().unwrap()
 }
 
 /// A run with both ends in this process; says its address, answers 50 ticks, and stays.

@@ -4,10 +4,13 @@ use std::fs;
 use std::time::{Duration, Instant};
 
 use freeplay_shm::{
-    Address, ControllerLink, Greeting, Hello, LinkError, MAX_SLOTS, Pace, PlantLink, RunRoot, Verdict,
+    Address, Command, ControllerLink, Greeting, Hello, LinkError, MAX_SLOTS, Pace, PlantLink, RunRoot,
+    Verdict, Welcome,
 };
 
-use crate::child::Role;
+use iceoryx2::prelude::ZeroCopySend;
+
+use crate::child::{Role, bare_node};
 use crate::{PATIENCE, connect_while_greeting, greet, offer, open_plant};
 
 /// Says `hello` to a plant with two slots and seven joints and returns both sides' view of the refusal.
@@ -131,4 +134,46 @@ fn programs_in_other_languages_find_the_types_by_name() {
     for name in ["freeplay.State", "freeplay.Command", "freeplay.Hello", "freeplay.Welcome"] {
         assert!(text.contains(name), "no {name} in:\n{text}");
     }
+}
+
+/// The state of a plant of another version: iceoryx2 itself refuses to open it as ours.
+#[derive(Debug, Clone, Copy, ZeroCopySend)]
+#[repr(C)]
+#[type_name("freeplay.State")]
+struct OtherState {
+    magic: u64,
+    more: [f64; 200],
+}
+
+#[test]
+fn a_plant_of_another_version_refuses_in_the_same_words() {
+    let run = RunRoot::create().unwrap();
+    let node = bare_node(run.address());
+    let states =
+        node.service_builder(&"freeplay/state".try_into().unwrap()).publish_subscribe::<OtherState>();
+    let _states = states.create().unwrap();
+    let commands =
+        node.service_builder(&"freeplay/command/0".try_into().unwrap()).publish_subscribe::<Command>();
+    let _commands = commands.create().unwrap();
+    let door =
+        node.service_builder(&"freeplay/hello".try_into().unwrap()).request_response::<Hello, Welcome>();
+    let server = door.create().unwrap().server_builder().create().unwrap();
+
+    let address = run.address().clone();
+    let controller = std::thread::spawn(move || {
+        ControllerLink::connect(&address, Hello::new("old", 0, 7), PATIENCE).unwrap_err()
+    });
+    let hello = loop {
+        assert!(!controller.is_finished(), "{:?}", controller.join());
+        let Some(request) = server.receive().unwrap() else { continue };
+        let mut welcome = offer(1).welcome(run.address().run(), 1, Verdict::WrongLayout);
+        (welcome.layout, welcome.state_size) = (2, size_of::<OtherState>() as u32);
+        request.send_copy(welcome).unwrap();
+        break *request.payload();
+    };
+    assert_eq!((hello.layout, hello.state_size, hello.claim), (1, 1072, 1));
+    let text = controller.join().unwrap().to_string();
+    println!("{text}");
+    assert!(text.contains("it speaks layout 1 (State 1072 B"), "{text}");
+    assert!(text.contains("the plant speaks layout 2 (State 1608 B"), "{text}");
 }
