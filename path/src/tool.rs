@@ -164,7 +164,7 @@ mod tests {
 
     use super::{ToolPath, ToolSample};
     use crate::spec::PathSpec;
-    use crate::spline::Spline;
+    use crate::spline::{Ends, Spline};
 
     /// Seven rows of a turning, moving tool.
     fn turning() -> ToolPath {
@@ -173,7 +173,8 @@ mod tests {
             let q = UnitQuaternion::from_euler_angles(0.4 * t, (1.1 * t).sin(), 0.7 * t * t).into_inner();
             [t, t * t, (2.0 * t).cos(), q.i, q.j, q.k, q.w]
         });
-        ToolPath::through(Spline::natural(7, times.clone(), rows.collect()), true, &PathSpec::default())
+        let spline = Spline::through(7, times.clone(), rows.collect(), Ends::Natural);
+        ToolPath::through(spline, true, &PathSpec::default())
     }
 
     /// Largest difference between the stated angular velocity and acceleration and central differences of step h.
