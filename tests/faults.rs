@@ -173,6 +173,34 @@ fn torques_that_jump_are_counted_one_by_one() {
 }
 
 #[test]
+fn a_motion_that_cannot_be_integrated_fails_the_run_and_keeps_its_recording() {
+    // An arm without limits lets every finite torque pass.
+    let link = |name| {
+        format!(
+            r#"<link name="{name}"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
+            <inertia ixx="0.01" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>"#
+        )
+    };
+    let joint = |name, parent, child| {
+        format!(
+            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
+            <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/></joint>"#
+        )
+    };
+    let (upper, fore) = (link("upper"), link("fore"));
+    let joints = joint("shoulder", "base", "upper") + &joint("elbow", "upper", "fore");
+    let urdf = format!(r#"<robot name="free"><link name="base"/>{upper}{fore}{joints}</robot>"#);
+    let call = under("huge@100", &["--model", "free.urdf", "--set", "path.kind=joint_sine"]);
+    std::fs::write(call.folder.path().join("free.urdf"), urdf).expect("written");
+    let ran = call.run().expect(1);
+    println!("{}", ran.stderr().trim());
+    assert!(ran.stderr().contains("coordinate shoulder is not finite at t = 0.10"), "{}", ran.dump());
+    let recording = recording(&ran);
+    assert_eq!(recording.len(), 101);
+    assert!(column(&recording, "applied_1").iter().all(|value| value.is_finite()));
+}
+
+#[test]
 fn a_command_sent_twice_changes_nothing() {
     let ran = under("twice", &[]).run().expect(0);
     let run = ran.run();
@@ -293,7 +321,7 @@ fn a_second_controller_is_refused_and_does_no_harm() {
     let second = Call::new(fresh_folder(), &["controller", "computed-torque", "--run", &address]).start();
     second.until("the second controller", || (nodes() == 3).then_some(()));
     // It knocks as soon as it can; the plant looks who is there every 128 ticks.
-    thread::sleep(Duration::from_millis(200));
+    thread::sleep(Duration::from_millis(300));
     std::fs::write(resume, "").expect("written");
     let second = second.wait().expect(3);
     println!("{}", second.stderr().trim());
@@ -329,9 +357,9 @@ fn a_killed_plant_ends_the_run_and_the_next_one_starts_clean() {
 
 #[test]
 fn a_controller_whose_plant_is_killed_ends_by_itself() {
-    let made = under("none", &[]).run().expect(0);
+    let made = under("none", &["--set", "path.period=6"]).run().expect(0);
     let scenario = std::fs::read_to_string(made.out().join("scenario.toml")).expect("a scenario");
-    std::fs::write(made.out().join("long.toml"), scenario.replace("duration = 0.3", "duration = 1.0"))
+    std::fs::write(made.out().join("long.toml"), scenario.replace("duration = 0.3", "duration = 6.0"))
         .expect("written");
     let root = RunRoot::create().expect("a run");
     let address = root.address().to_string();
@@ -388,22 +416,46 @@ fn a_signal_while_nobody_has_come_ends_the_run() {
     assert_eq!(ran.run()["ending"], json!({ "interrupted": { "tick": 0 } }));
 }
 
+/// A run of six seconds under `fault` of which a quarter of a second is recorded, with the ids of plant and controller.
+fn started(fault: &str) -> (Started, [u32; 2]) {
+    let arguments = ["--set", "patience=60", "--set", "path.period=6", "--set", "duration=6"];
+    let run = under(fault, &arguments).start();
+    until_recorded(&run);
+    let children = [run.child_with("plant"), run.child_with(&faulty())];
+    (run, children)
+}
+
 #[test]
-fn a_killed_run_takes_its_children_along_and_the_next_one_sweeps() {
-    for fault in ["none", "sleep@300"] {
-        let run =
-            under(fault, &["--set", "patience=60", "--set", "path.period=6", "--set", "duration=6"]).start();
-        until_recorded(&run);
-        let children = [run.child_with("plant"), run.child_with(&faulty())];
+fn a_killed_run_takes_its_children_along_and_leaves_nothing() {
+    for fault in ["none", "sleep@270"] {
+        let (run, children) = started(fault);
         run.signal("KILL");
         let ran = run.wait();
         until("the end of its children", || children.iter().all(|&child| !runs(child)).then_some(()));
-        assert!(!ran.left_in_shared_memory().is_empty(), "kill -9 leaves nothing: this tests nothing");
+        assert_eq!(ran.left_in_shared_memory(), Vec::<PathBuf>::new(), "{fault}");
         let recording = recording(&ran);
-        println!("{fault}: {} ticks, truncated: {}", recording.len(), recording.truncated);
-        assert!(recording.len() >= 250);
+        println!("{fault}: {} ticks", recording.len());
+        assert!(recording.len() >= 250 && !recording.truncated);
         assert_safe(&recording, false);
-        let next = under("none", &[]).sharing(ran.shm).run().expect(0);
-        assert_eq!(left_in_shared_memory(next.shm.path(), ran.pid), Vec::<PathBuf>::new());
     }
+}
+
+#[test]
+fn what_is_left_when_all_processes_are_killed_at_once_is_swept_by_the_next_run() {
+    let (run, [plant, controller]) = started("sleep@270");
+    // The parent first, stopped, so that it cannot tidy up after its children.
+    run.signal("STOP");
+    send_signal(plant, "KILL");
+    send_signal(controller, "KILL");
+    run.signal("KILL");
+    let ran = run.wait();
+    until("the end of all", || [plant, controller].iter().all(|&child| !runs(child)).then_some(()));
+    let left = ran.left_in_shared_memory().len();
+    assert!(left > 0, "kill -9 leaves nothing: this tests nothing");
+    let recording = recording(&ran);
+    println!("{left} things left, {} ticks recorded", recording.len());
+    assert!(recording.len() >= 250 && recording.truncated);
+    assert_safe(&recording, false);
+    let next = under("none", &[]).sharing(ran.shm).run().expect(0);
+    assert_eq!(left_in_shared_memory(next.shm.path(), ran.pid), Vec::<PathBuf>::new());
 }

@@ -1,1 +1,479 @@
-//! What bad input does to a call of the real binary.
+//! What bad input does to a call of the real binary: nothing runs, nothing is written, one message names the place, the
+//! value and what to do, and the exit code is the documented one.
+
+mod common;
+
+use std::fmt::Write as _;
+use std::process::Command;
+
+use common::{Call, FREEPLAY, Ran, fresh_folder};
+
+/// Files of a case: name and contents.
+type Files<'a> = &'a [(&'a str, &'a str)];
+
+/// A case: its name, the files it needs, the arguments after those that all cases of a table share, the exit code, and
+/// the words that have to be said.
+type Case<'a> = (&'a str, Files<'a>, &'a [&'a str], i32, &'a [&'a str]);
+
+/// An arm of a revolute and a prismatic joint that all cases find as `two.urdf`.
+const TWO: &str = r#"<robot name="two"><link name="base"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+    <limit lower="-2" upper="2" effort="200" velocity="3"/></joint>
+  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
+    <inertia ixx="0.01" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="slide" type="prismatic"><parent link="upper"/><child link="fore"/><axis xyz="1 0 0"/>
+    <limit lower="-2" upper="2" effort="200" velocity="3"/></joint>
+  <link name="fore"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
+    <inertia ixx="0.01" iyy="0.05" izz="0.05" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>"#;
+
+/// Plays `cases` after the arguments `shared`.
+fn play(shared: &[&str], cases: &[Case]) {
+    for &(name, files, arguments, code, said) in cases {
+        let folder = fresh_folder();
+        for (file, contents) in [("two.urdf", TWO)].iter().chain(files) {
+            std::fs::write(folder.path().join(file), contents).expect("written");
+        }
+        let all: Vec<&str> = shared.iter().chain(arguments).copied().collect();
+        let ran = Call::new(folder, &all).run().expect(code);
+        let stderr = ran.stderr();
+        println!("{code}  {name}: {}", stderr.lines().next().unwrap_or_default());
+        for words in said {
+            assert!(stderr.contains(words), "{name}: {words:?} is not said: {}", ran.dump());
+        }
+        // clap speaks for itself about the command line.
+        assert!(stderr.starts_with("freeplay: ") || code == 2, "{name}: {}", ran.dump());
+        assert!(!stderr.contains("panicked") && stderr.len() < 1500, "{name}: {}", ran.dump());
+        assert!(ran.stdout().is_empty() && !ran.out().exists(), "{name} left something: {}", ran.dump());
+    }
+}
+
+/// A run of the paper's arm.
+const RUN: [&str; 9] = [
+    "run",
+    "--pace",
+    "lockstep",
+    "--quiet",
+    "--out",
+    "out",
+    "--controller=computed-torque",
+    "--set",
+    "duration=0.05",
+];
+
+/// A run of an arm of one's own in joint space.
+fn run_of(model: &str) -> Vec<&str> {
+    [&RUN, ["--set", "path.kind=joint_sine", "--set", "path.period=2", "--model", model].as_slice()].concat()
+}
+
+#[test]
+fn bad_arm_files() {
+    let negative = TWO.replacen("value=\"3\"", "value=\"-3\"", 1);
+    let tree = TWO.replace("child link=\"fore\"", "child link=\"upper\"");
+    let thirteen = chain_of(13);
+    let long = format!("<robot name=\"long\"><!-- {} --></robot>", "x".repeat(33 << 20));
+    let deep = "<a>".repeat(100_000);
+    let cases: [Case; 10] = [
+        ("empty", &[("a.urdf", "")], &["--model", "a.urdf"], 3, &["a.urdf: the file is empty", "URDF"]),
+        (
+            "broken",
+            &[("a.urdf", "<robot name=\"a\">\n<link")],
+            &["--model", "a.urdf"],
+            3,
+            &["a.urdf:", "XML"],
+        ),
+        ("huge", &[("a.urdf", &long)], &["--model", "a.urdf"], 3, &["a.urdf", "32 MiB"]),
+        ("nested", &[("a.urdf", &deep)], &["--model", "a.urdf"], 3, &["a.urdf:", "XML"]),
+        (
+            "mass",
+            &[("a.urdf", &negative)],
+            &["--model", "a.urdf"],
+            3,
+            &["a.urdf:4:", "`upper`", "-3", "must not be"],
+        ),
+        ("tree", &[("a.urdf", &tree)], &["--model", "a.urdf"], 3, &["a.urdf:", "`upper`", "remove one"]),
+        ("missing", &[], &["--model", "a.urdf"], 3, &["a.urdf: No such file", "check the path"]),
+        ("folder", &[], &["--model", "."], 3, &[".", "must end in .urdf"]),
+        (
+            "kind",
+            &[("a.dae", "")],
+            &["--model", "a.dae"],
+            3,
+            &["a.dae: unknown kind", ".urdf, .xml or .toml"],
+        ),
+        (
+            "joints",
+            &[("a.urdf", &thirteen)],
+            &["--model", "a.urdf"],
+            3,
+            &["a.urdf", "13 joints", "at most 12", "fixed"],
+        ),
+    ];
+    play(&[&RUN, ["--set", "path.kind=joint_sine"].as_slice()].concat(), &cases);
+}
+
+/// A URDF of `joints` revolute joints one after the other.
+fn chain_of(joints: usize) -> String {
+    let mut urdf = String::from("<robot name=\"chain\"><link name=\"l0\"/>");
+    for joint in 1..=joints {
+        let _ = write!(
+            urdf,
+            r#"<joint name="j{joint}" type="revolute"><parent link="l{}"/><child link="l{joint}"/>
+            <axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="200" velocity="3"/></joint>
+            <link name="l{joint}"><inertial><mass value="1"/>
+            <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>"#,
+            joint - 1
+        );
+    }
+    urdf + "</robot>"
+}
+
+#[test]
+fn bad_effects_in_arm_files() {
+    let arm = |effects: &str| format!("urdf = \"two.urdf\"\n{effects}");
+    let one = "[[effect]]\nkind = \"joint_clearance\"\njoint = \"shoulder\"\nclearance = 0.0003\n";
+    let key = arm(&one.replace("clearance = ", "clearence = "));
+    let (kind, joint) =
+        (arm(&one.replace("joint_clearance", "wobble")), arm(&one.replace("shoulder", "wrist")));
+    let (slide, wide) = (arm(&one.replace("shoulder", "slide")), arm(&one.replace("0.0003", "0.02")));
+    let (text, twice) = (arm(&one.replace("0.0003", "\"much\"")), arm(&format!("{one}{one}")));
+    let top = arm("gravitty = 3\n");
+    let urdf = "urdf = \"none.urdf\"\n";
+    let cases: [Case; 9] = [
+        (
+            "key",
+            &[("a.toml", &key)],
+            &[],
+            3,
+            &["a.toml: line 2", "`clearence`", "expected one of `clearance`"],
+        ),
+        ("kind", &[("a.toml", &kind)], &[], 3, &["a.toml: line 2", "\"wobble\"", "known: joint_clearance"]),
+        ("joint", &[("a.toml", &joint)], &[], 3, &["a.toml:2:", "`wrist`", "the arm has shoulder, slide"]),
+        ("prismatic", &[("a.toml", &slide)], &[], 3, &["a.toml: line 2", "slide is prismatic", "revolute"]),
+        (
+            "radius",
+            &[("a.toml", &wide)],
+            &[],
+            3,
+            &["a.toml: line 2", "clearance = 0.02", "below the bearing radius"],
+        ),
+        ("text", &[("a.toml", &text)], &[], 3, &["a.toml: line 2", "\"much\"", "expected f64"]),
+        ("twice", &[("a.toml", &twice)], &[], 3, &["a.toml: line 6", "shoulder has it twice; remove one"]),
+        ("top", &[("a.toml", &top)], &[], 3, &["a.toml:2:", "`gravitty`", "expected one of"]),
+        ("urdf", &[("a.toml", urdf)], &[], 3, &["a.toml:1:", "`none.urdf`", "No such file"]),
+    ];
+    play(&run_of("a.toml"), &cases);
+    let clearance = ["--set", "clearance.slide.clearance=1e-4"];
+    let said = ["scenario: clearance.slide", "slide is prismatic", "needs a revolute joint"];
+    play(&run_of("two.urdf"), &[("prismatic", &[], &clearance, 3, &said)]);
+}
+
+#[test]
+fn bad_scenarios() {
+    let cases: [Case; 10] = [
+        (
+            "key",
+            &[("s.toml", "seed = 1\nsubstep = 3\n")],
+            &["s.toml"],
+            3,
+            &["s.toml", "line 2", "`substep`", "`substeps`"],
+        ),
+        (
+            "inner key",
+            &[("s.toml", "[path]\nperod = 3\n")],
+            &["s.toml"],
+            3,
+            &["s.toml", "line 2", "`perod`", "`period`"],
+        ),
+        (
+            "play's key",
+            &[("s.toml", "[clearance.joint_5]\nclearance = 1e-4\nradius = 1\n")],
+            &["s.toml"],
+            3,
+            &["s.toml", "line 3", "`radius`", "`bearing_radius`"],
+        ),
+        (
+            "type",
+            &[("s.toml", "rate = \"fast\"\n")],
+            &["s.toml"],
+            3,
+            &["s.toml", "line 1", "\"fast\"", "expected f64"],
+        ),
+        (
+            "variant",
+            &[("s.toml", "pace = \"slow\"\n")],
+            &["s.toml"],
+            3,
+            &["line 1", "`slow`", "`realtime` or `lockstep`"],
+        ),
+        (
+            "twice",
+            &[("s.toml", "seed = 1\nseed = 2\n")],
+            &["s.toml"],
+            3,
+            &["s.toml", "line 2", "duplicate key"],
+        ),
+        ("syntax", &[("s.toml", "seed = 1\n[path\n")], &["s.toml"], 3, &["s.toml", "line 2", "expected `]`"]),
+        ("model", &[("s.toml", "model = \"a.urdf\"\n")], &["s.toml"], 3, &["a.urdf", "No such file"]),
+        ("missing", &[], &["s.toml"], 3, &["cannot read the scenario s.toml", "No such file"]),
+        ("folder", &[], &["."], 3, &["cannot read the scenario .", "Is a directory"]),
+    ];
+    play(&RUN, &cases);
+}
+
+#[test]
+fn values_out_of_range() {
+    let set = |given| ["--set", given];
+    // What is set, and what is said.
+    let cases: [(&str, &[&str]); 22] = [
+        ("duration=-1", &["duration = -1", "above 0 to 86400 s"]),
+        ("duration=nan", &["duration = NaN", "above 0 to 86400 s"]),
+        ("rate=0", &["rate = 0", "1 to 100000"]),
+        ("patience=0", &["patience = 0", "above 0 to 3600 s"]),
+        ("substeps=0", &["substeps = 0", "1 to 100000"]),
+        ("substeps=5", &["substeps = 5", "2e-4 s can't resolve a contact", "more sub-steps"]),
+        ("gravity=[0,0,inf]", &["gravity = inf", "three finite numbers"]),
+        ("controllers=[]", &["controllers is empty", "name at least one"]),
+        ("clearance.wrist.clearance=1e-4", &["clearance.wrist", "no joint of that name", "joint_1, joint_2"]),
+        (
+            "clearance.joint_5.clearance=0.01",
+            &["clearance.joint_5", "clearance = 0.01", "below the bearing radius"],
+        ),
+        ("clearance.joint_5.clearance=-1", &["clearance.joint_5", "clearance = -1", "0 m to below"]),
+        ("clearance.joint_5.clearance=nan", &["clearance.joint_5", "clearance = NaN"]),
+        ("clearance.joint_5.restitution=2", &["clearance.joint_5", "restitution = 2", "above 0, to 1"]),
+        ("path.period=-3", &["path.period = -3 s", "a lap takes between"]),
+        ("path.laps=0", &["path.laps = 0", "1 or more"]),
+        ("path.kind=file", &["path.file"]),
+        ("path.period=0.5", &["joint_3", "faster than its limit 2.7", "more time"]),
+        ("path.centre=[5,0,0]", &["cannot reach (5.", "move path.centre", "path.start"]),
+        ("path.size=[5,5,5]", &["cannot reach", "lower path.size"]),
+        ("path.start=[0,0]", &["path.start has 2 values", "6 joints"]),
+        ("sensors.position.noise=-1", &["sensors", "noise", "-1"]),
+        ("realtime.priority=100", &["realtime.priority = 100", "0 (none) to 99"]),
+    ];
+    // The list of controllers is given by the file or by --set, never by both.
+    let shared: Vec<&str> = RUN.iter().copied().filter(|word| !word.starts_with("--controller")).collect();
+    for (given, said) in cases {
+        play(&shared, &[(given, &[], &set(given), 3, said)]);
+    }
+}
+
+#[test]
+fn bad_command_lines() {
+    let cases: [Case; 14] = [
+        ("no value", &[], &["--set", "rate"], 2, &["--set rate: write key=value"]),
+        ("no key", &[], &["--set", "=3"], 2, &["--set =3: the key is empty"]),
+        (
+            "unknown key",
+            &[],
+            &["--set", "nonsense=1"],
+            2,
+            &["--set nonsense=1", "unknown field", "`substeps`"],
+        ),
+        ("unknown inner key", &[], &["--set", "path.perod=1"], 2, &["--set path.perod=1", "`period`"]),
+        ("no table", &[], &["--set", "seed.x=1"], 2, &["--set seed.x=1: seed is not a table"]),
+        ("type", &[], &["--set", "path.period=abc"], 2, &["path.period=abc", "\"abc\"", "expected f64"]),
+        ("sign", &[], &["--set", "seed=-1"], 2, &["--set seed=-1", "-1"]),
+        ("number", &[], &["--seed", "x"], 2, &["--seed", "'x'"]),
+        ("flag", &[], &["--fast"], 2, &["--fast", "--help"]),
+        ("pace", &[], &["--recording", "wav"], 2, &["wav", "mcap, csv, none"]),
+        (
+            "controller",
+            &[],
+            &["--controller", "mpc"],
+            2,
+            &["\"mpc\"", "computed-torque, quasi-static", "path"],
+        ),
+        ("executable", &[], &["--controller", "./mpc"], 3, &["./mpc", "no such executable"]),
+        (
+            "no program",
+            &[],
+            &["--controller", "./two.urdf"],
+            3,
+            &["./two.urdf", "not executable", "chmod +x"],
+        ),
+        ("folder", &[], &["--controller", "./"], 3, &["./", "no such executable"]),
+    ];
+    play(&RUN, &cases);
+    play(&[], &[("command", &[], &["fly"], 2, &["'fly'", "--help"])]);
+}
+
+#[test]
+fn bad_paths() {
+    let table = |rows: &str| format!("t,q1,q2\n0,0,0\n{rows}\n2,0,0\n3,0,0\n");
+    let (nan, text) = (table("1,nan,0"), table("1,0,zero"));
+    let (ragged, back) = (table("1,0"), "t,q1,q2\n0,0,0\n1,0.1,0\n0.5,0,0\n2,0,0\n");
+    let far = "t,q1,q2\n0,0,0\n10,2.5,0\n20,0,0\n30,0,0\n";
+    let cases: [Case; 11] = [
+        ("NaN", &[("p.csv", &nan)], &[], 3, &["p.csv:3:2", "q1", "\"nan\"", "finite number"]),
+        ("text", &[("p.csv", &text)], &[], 3, &["p.csv:3:3", "q2", "\"zero\"", "finite number"]),
+        ("ragged", &[("p.csv", &ragged)], &[], 3, &["p.csv:3:", "2 fields, the header 3"]),
+        ("time", &[("p.csv", back)], &[], 3, &["p.csv:4:1", "0.5 s", "after 1 s", "time has to increase"]),
+        (
+            "joints",
+            &[("p.csv", "t,q1,q2,q3\n0,0,0,0\n")],
+            &[],
+            3,
+            &["p.csv:1:", "3 joint column", "the arm 2"],
+        ),
+        ("column", &[("p.csv", "t,a\n0,0\n")], &[], 3, &["p.csv:1", "q1", "t,q1…qn"]),
+        ("short", &[("p.csv", "t,q1,q2\n0,0,0\n")], &[], 3, &["p.csv: 1 rows", "at least 4"]),
+        ("empty", &[("p.csv", "")], &[], 3, &["p.csv:1", "column t is missing"]),
+        ("limit", &[("p.csv", far)], &[], 3, &["p.csv:", "shoulder", "limit 2.0"]),
+        ("missing", &[], &[], 3, &["p.csv: No such file"]),
+        ("folder", &[], &["--set", "path.file=."], 3, &[".: Is a directory"]),
+    ];
+    let shared =
+        [&RUN, ["--model", "two.urdf", "--set", "path.kind=file", "--set", "path.file=p.csv"].as_slice()];
+    play(&shared.concat(), &cases);
+}
+
+/// A recording of 400 samples of two joints with the row at `line` replaced.
+fn recording(header: &str, line: usize, row: &str) -> String {
+    let mut csv = format!("{header}\n");
+    for sample in 0..400 {
+        let t = f64::from(sample) * 0.01;
+        let q = (5.0 * t).sin();
+        // The header is line 1.
+        let _ = match sample as usize + 2 == line {
+            true => writeln!(csv, "{row}"),
+            false => writeln!(csv, "{t},{q},{},1,2", 0.1 * q),
+        };
+    }
+    csv
+}
+
+#[test]
+fn bad_recordings() {
+    let header = "t,q1,q2,tau1,tau2";
+    let (nan, text) = (recording(header, 19, "0.17,nan,0,1,2"), recording(header, 19, "0.17,0,0,1,high"));
+    let (back, ragged) = (recording(header, 19, "0.15,0,0,1,2"), recording(header, 19, "0.17,0,0"));
+    let (joints, bare) = (recording("t,q1,q2,q3,q4", 0, ""), recording("t,q1,q2,a,b", 0, ""));
+    let (gap, comma) = (recording("t,q1,q3,tau1,tau2", 0, ""), recording(header, 0, "").replace(',', ";"));
+    let short: String = recording(header, 0, "").lines().take(4).map(|line| format!("{line}\n")).collect();
+    let good = recording(header, 0, "");
+    let given = ["--model", "two.urdf", "--recording", "r.csv"];
+    let filter = [given.as_slice(), &["--lowpass", "1e9"]].concat();
+    let trim = [given.as_slice(), &["--trim", "100"]].concat();
+    let cases: [Case; 15] = [
+        ("NaN", &[("r.csv", &nan)], &given, 3, &["r.csv:19", "q1", "\"nan\"", "interpolate"]),
+        ("text", &[("r.csv", &text)], &given, 3, &["r.csv:19", "tau2", "\"high\""]),
+        ("time", &[("r.csv", &back)], &given, 3, &["r.csv:19", "0.15", "after 0.16", "sort the rows"]),
+        ("ragged", &[("r.csv", &ragged)], &given, 3, &["r.csv:19", "expected 5 cells", "found 3"]),
+        (
+            "joints",
+            &[("r.csv", &joints)],
+            &given,
+            3,
+            &["r.csv:1", "expected 2 joint", "found 4", "of this arm?"],
+        ),
+        (
+            "no torque",
+            &[("r.csv", &bare)],
+            &given,
+            3,
+            &["r.csv", "nothing to compare", "tau1…tau2", "record one"],
+        ),
+        ("gap", &[("r.csv", &gap)], &given, 3, &["r.csv:1", "q2"]),
+        ("semicolons", &[("r.csv", &comma)], &given, 3, &["r.csv:1", "separate them by"]),
+        ("short", &[("r.csv", &short)], &given, 3, &["r.csv: 3 sample", "at least 4"]),
+        ("empty", &[("r.csv", "")], &given, 3, &["r.csv: the file is empty", "t,q1,q2"]),
+        ("missing", &[], &given, 3, &["r.csv: No such file", "check the path"]),
+        ("folder", &[], &["--model", "two.urdf", "--recording", "."], 3, &["is a folder", ".csv or .mcap"]),
+        (
+            "filter",
+            &[("r.csv", &good)],
+            &filter,
+            3,
+            &["low-pass at 1000000000 Hz", "choose between 0 and 50"],
+        ),
+        ("trim", &[("r.csv", &good)], &trim, 3, &["r.csv", "3.99"]),
+        ("no recording", &[], &["--model", "two.urdf"], 2, &["--recording"]),
+    ];
+    play(&["compare", "--out", "out"], &cases);
+}
+
+#[test]
+fn what_a_controller_cannot_use_is_bad_input() {
+    let cases: [(&str, &[&str]); 3] = [
+        ("controller.options.horizon=1", &["options of the controller computed-torque", "`horizon`"]),
+        ("controller.model=none.toml", &["none.toml: No such file", "check the path"]),
+        ("controller.gains.damping_ratio=-1", &["gains.damping_ratio = -1", "above 0 and at most 10"]),
+    ];
+    for (given, said) in cases {
+        let ran = Call::new(fresh_folder(), &[&RUN, ["--set", given].as_slice()].concat()).run().expect(3);
+        println!("3  {given}: {}", ran.stderr().lines().next().unwrap_or_default());
+        for words in said {
+            assert!(ran.stderr().contains(words), "{given}: {words:?} is not said: {}", ran.dump());
+        }
+    }
+}
+
+#[test]
+fn a_folder_that_cannot_be_written_is_refused_before_anything_runs() {
+    for out in ["two.urdf", "two.urdf/out", "/proc/none/out"] {
+        let folder = fresh_folder();
+        std::fs::write(folder.path().join("two.urdf"), TWO).expect("written");
+        let arguments = ["run", "--pace", "lockstep", "--quiet", "--set", "duration=0.05", "--out", out];
+        let ran = Call::new(folder, &arguments).run().expect(3);
+        println!("3  {out}: {}", ran.stderr().trim());
+        assert!(
+            ran.stderr().contains("cannot create the folder") && ran.stderr().contains(out),
+            "{}",
+            ran.dump()
+        );
+    }
+}
+
+/// The arguments of a run whose recording takes a good megabyte, as a line of a shell.
+fn long_run(kind: &str) -> String {
+    let set = "--set duration=2 --set path.period=2 --controller computed-torque";
+    format!("{FREEPLAY} run --pace lockstep --quiet --out out --recording {kind} {set}")
+}
+
+/// Fails unless the run in `ran` went on to its end, said that its recording ends early and kept the beginning.
+fn assert_recorded_in_part(ran: &Ran, kind: &str) {
+    println!("3  {kind}: {}", ran.stderr().trim());
+    assert!(ran.stderr().contains("the recording ends early"), "{}", ran.dump());
+    assert!(ran.stderr().contains("the rows before it stay readable; free some space"), "{}", ran.dump());
+    assert!(ran.stdout().contains("the recording ends early"), "{}", ran.dump());
+    let recording = ran.recording(&format!("computed-torque.{kind}"));
+    assert!((100..2000).contains(&recording.len()), "{} rows", recording.len());
+}
+
+#[test]
+fn a_file_that_may_not_grow_ends_the_recording_and_not_the_run() {
+    for kind in ["csv", "mcap"] {
+        let mut shell = Command::new("sh");
+        // 1200 blocks of 512 bytes: room for the largest segment of shared memory and the report, not for the recording.
+        shell.args(["-c", &format!("ulimit -f 1200 && exec {}", long_run(kind))]);
+        let ran = Call::of(fresh_folder(), shell).run().expect(3);
+        assert_recorded_in_part(&ran, kind);
+        assert_eq!((&ran.run()["ending"], &ran.run()["ticks"]), (&"finished".into(), &2000.into()));
+        assert!(ran.run()["notes"].to_string().contains("the recording ends early"), "{}", ran.dump());
+    }
+}
+
+#[test]
+fn a_full_disk_ends_the_recording_and_not_the_run() {
+    // A disk of its own needs a namespace of its own, which not every machine allows.
+    let mount = "mkdir out kept && mount -t tmpfs -o size=400k none out";
+    let may = Command::new("unshare").args(["-rm", "true"]).status().is_ok_and(|status| status.success());
+    if !may {
+        println!("skipped: this machine allows no namespace to mount a small disk in");
+        return;
+    }
+    for kind in ["csv", "mcap"] {
+        let mut shell = Command::new("unshare");
+        shell.args([
+            "-rm",
+            "sh",
+            "-c",
+            &format!("{mount} && {}; code=$?; cp out/* kept; exit $code", long_run(kind)),
+        ]);
+        let ran = Call::of(fresh_folder(), shell).run().expect(3);
+        std::fs::remove_dir(ran.out()).expect("what was below the disk is empty");
+        std::fs::rename(ran.folder.path().join("kept"), ran.out()).expect("renamed");
+        assert_recorded_in_part(&ran, kind);
+    }
+}

@@ -91,7 +91,7 @@ impl Contestant {
         let built_in = BUILT_IN.contains(&asked);
         let path = Path::new(asked);
         if !built_in && !path.is_file() {
-            return Err(if path.components().count() > 1 {
+            return Err(if asked.contains('/') {
                 Failure::input(format!("controller {asked}: there is no such executable"))
             } else {
                 crate::controller_command::unknown(asked)
