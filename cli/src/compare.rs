@@ -1,7 +1,6 @@
 //! `freeplay compare`: how far a model is from a recording, channel by channel.
 
 use std::fmt::Write as _;
-use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -16,6 +15,7 @@ use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
 use crate::run::Format;
+use crate::say::say;
 use crate::setup::{load_model, write};
 
 /// Compares a recording with what a model makes of the recorded motion.
@@ -60,19 +60,10 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let json = view.json()?;
     let report = args.out.as_deref().map(|out| view.write(out, &residuals, &json)).transpose()?;
     match args.format {
-        Format::Json => print(&format!("{json:#}\n")),
-        Format::Text => print(&view.text(report.as_deref())),
+        Format::Json => say(&format!("{json:#}\n"))?,
+        Format::Text => say(&view.text(report.as_deref()))?,
     }
-}
-
-/// Writes to the terminal or into a pipe, whose other end may close it early.
-fn print(text: &str) -> Result<Exit, Failure> {
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
-            Err(Failure::internal(format!("cannot write the result: {error}")))
-        }
-        _ => Ok(Exit::Done),
-    }
+    Ok(Exit::Done)
 }
 
 /// Everything that is shown.
@@ -101,7 +92,7 @@ impl View<'_> {
         })?;
         write(&out.join("compare.json"), &format!("{json:#}\n"))?;
         let path = out.join("report.html");
-        self.document(residuals).write(&path).map_err(Failure::input)?;
+        write(&path, &self.document(residuals).to_html())?;
         Ok(path)
     }
 

@@ -18,6 +18,7 @@ mod reference_runs;
 mod replay;
 mod run;
 mod run_report;
+mod say;
 mod scenario;
 mod screen;
 mod setup;

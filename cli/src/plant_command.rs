@@ -82,6 +82,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     }
     let mut notes = outcome.refused.iter().map(|who| format!("refused: {who}")).collect::<Vec<_>>();
     notes.extend(fault.clone());
+    notes.extend(outcome.divergence.iter().map(ToString::to_string));
     let summary = RunSummary::new(
         &plant,
         RunFacts {
@@ -162,7 +163,7 @@ fn exit(outcome: &PlantOutcome) -> Exit {
     match outcome.ending {
         Ending::Finished => Exit::Done,
         Ending::Braked { reason: freeplay_plant::Rejection::Missing, .. } => Exit::Peer,
-        Ending::Braked { .. } => Exit::Verdict,
+        Ending::Braked { .. } | Ending::Diverged { .. } => Exit::Verdict,
         Ending::Interrupted { .. } => Exit::Interrupted,
     }
 }

@@ -24,7 +24,7 @@ pub fn write(pairs: &[Pair], substeps: u32, folder: &Path) -> Result<PathBuf, Fa
         .section(Section::new("Deviation").with(deviation(pairs)))
         .footer(format!("freeplay {}", env!("CARGO_PKG_VERSION")));
     let path = folder.join("report.html");
-    document.write(&path).map_err(Failure::input)?;
+    crate::setup::write(&path, &document.to_html())?;
     Ok(path)
 }
 

@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::exit::{Exit, Failure};
 use crate::run::Format;
+use crate::say::say;
 
 /// The reference, as it was handed over.
 const REFERENCE: &str = include_str!("../data/reference_runs.csv");
@@ -392,8 +393,10 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
         .map(|(row, ours)| pair(row, args.substeps, ours))
         .collect::<Result<Vec<_>, _>>()?;
     match args.format {
-        Format::Json => println!("{}", serde_json::to_string_pretty(&pairs).map_err(Failure::internal)?),
-        Format::Text => print_table(&pairs, args.substeps),
+        Format::Json => {
+            say(&format!("{}\n", serde_json::to_string_pretty(&pairs).map_err(Failure::internal)?))?
+        }
+        Format::Text => say(&in_words(&pairs, args.substeps))?,
     }
     if let Some(out) = &args.out {
         let report = crate::reference_report::write(&pairs, args.substeps, out)?;
@@ -410,7 +413,7 @@ pub fn beside(theirs: Option<f64>, ours: Option<f64>, scale: f64, digits: usize)
     }
 }
 
-fn print_table(pairs: &[Pair], substeps: u32) {
+fn in_words(pairs: &[Pair], substeps: u32) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     table.set_header([
@@ -443,10 +446,9 @@ fn print_table(pairs: &[Pair], substeps: u32) {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    println!("reference / ours, {substeps} sub-steps a tick\n{table}");
     let passed = pairs.iter().filter(|pair| pair.faults.is_empty()).count();
-    println!(
-        "\n{passed} of {} runs within tolerance (fractions 0.5 points; RMS 1 % smooth, 5 % sharp; peaks 2 %)",
+    format!(
+        "reference / ours, {substeps} sub-steps a tick\n{table}\n\n{passed} of {} runs within tolerance (fractions 0.5 points; RMS 1 % smooth, 5 % sharp; peaks 2 %)\n",
         pairs.len()
-    );
+    )
 }

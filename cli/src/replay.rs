@@ -11,6 +11,7 @@ use serde::Serialize;
 use crate::columns::state_at;
 use crate::exit::{Exit, Failure};
 use crate::run::{Contestant, Format, start_controller};
+use crate::say::say;
 use crate::scenario::{Pacing, Scenario};
 use crate::setup::Setup;
 
@@ -96,8 +97,10 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     let _ = controller.wait();
     let difference = outcome?;
     match args.format {
-        Format::Json => println!("{}", serde_json::to_string_pretty(&difference).map_err(Failure::internal)?),
-        Format::Text => print(&difference),
+        Format::Json => {
+            say(&format!("{}\n", serde_json::to_string_pretty(&difference).map_err(Failure::internal)?))?
+        }
+        Format::Text => say(&in_words(&difference))?,
     }
     Ok(Exit::Done)
 }
@@ -181,15 +184,16 @@ fn answer(link: &mut PlantLink, tick: u64) -> Result<Command, Failure> {
     Err(Failure::peer(format!("no answer to tick {tick} within {PATIENCE:?}")))
 }
 
-fn print(difference: &Difference) {
-    println!(
-        "{} of {} commands of {} are identical to the recorded ones",
+fn in_words(difference: &Difference) -> String {
+    let mut text = format!(
+        "{} of {} commands of {} are identical to the recorded ones\n",
         difference.identical_ticks, difference.ticks, difference.controller
     );
     if let Some(tick) = difference.first_differing_tick {
-        println!("the first differs at tick {tick}; by joint, greatest and RMS difference:");
+        text += &format!("the first differs at tick {tick}; by joint, greatest and RMS difference:\n");
         for (joint, (greatest, rms)) in difference.greatest.iter().zip(&difference.rms).enumerate() {
-            println!("  {}: {greatest:.4e}  {rms:.4e}", joint + 1);
+            text += &format!("  {}: {greatest:.4e}  {rms:.4e}\n", joint + 1);
         }
     }
+    text
 }

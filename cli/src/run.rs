@@ -17,6 +17,7 @@ use sha2::{Digest, Sha256};
 
 use crate::exit::{Exit, Failure};
 use crate::plant_command::pace_name;
+use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
 use crate::setup::{Setup, write};
 use crate::summary::{RunSummary, SCHEMA};
@@ -117,7 +118,7 @@ impl Contestant {
 pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     let scenario = effective(args)?;
     if args.show {
-        print!("{}", scenario.to_toml().map_err(Failure::internal)?);
+        say(&scenario.to_toml().map_err(Failure::internal)?)?;
         return Ok(Exit::Done);
     }
     let contestants = contestants(&scenario)?;
@@ -441,9 +442,9 @@ fn finish(
         .and_then(|()| run_report::write(scenario, setup, out, runs, &machine));
     // Shown even where the disk has no room for it.
     match args.format {
-        Format::Json => println!("{text}"),
+        Format::Json => say(&format!("{text}\n"))?,
         Format::Text => {
-            print!("{}", screen::table(scenario, setup, runs, out, report.as_deref().unwrap_or(out)));
+            say(&screen::table(scenario, setup, runs, out, report.as_deref().unwrap_or(out)))?;
         }
     }
     report.map(|_| ())

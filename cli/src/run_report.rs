@@ -52,7 +52,7 @@ pub fn write(
         .section(configuration(scenario, machine)?)
         .footer(format!("freeplay {}", env!("CARGO_PKG_VERSION")));
     let path = out.join("report.html");
-    document.write(&path).map_err(Failure::input)?;
+    crate::setup::write(&path, &document.to_html())?;
     Ok(path)
 }
 

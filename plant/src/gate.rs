@@ -79,19 +79,25 @@ pub struct GateLimits {
     pub upper: Joints,
     /// Greatest change of each joint's value from tick to tick.
     pub change: Joints,
+    /// Greatest speed of each joint that a position may come with, rad/s (m/s).
+    pub speed: Joints,
+    /// Greatest acceleration of each joint that a position may come with, rad/s² (m/s²).
+    pub acceleration: Joints,
     /// Ticks for which the last good command is held.
     pub hold: u32,
 }
 
 impl GateLimits {
-    /// Limits of `arm`, stepped by `period` s: effort and its change by one effort limit a tick in torque mode; range
-    /// and speed in driven mode.
+    /// Limits of `arm`, stepped by `period` s: effort and its change by one effort limit a tick in torque mode; range,
+    /// speed and acceleration in driven mode.
     pub fn of(arm: &Arm, mode: Mode, period: f64, hold: u32) -> Self {
         let mut limits = Self {
             mode,
             lower: [0.0; MAX_JOINTS],
             upper: [0.0; MAX_JOINTS],
             change: [0.0; MAX_JOINTS],
+            speed: [0.0; MAX_JOINTS],
+            acceleration: [0.0; MAX_JOINTS],
             hold,
         };
         for (i, joint) in arm.joints().iter().enumerate().take(MAX_JOINTS) {
@@ -100,6 +106,7 @@ impl GateLimits {
                 Mode::Torque => (-of.effort, of.effort, of.effort),
                 Mode::Driven => (of.lower, of.upper, of.velocity * period),
             };
+            (limits.speed[i], limits.acceleration[i]) = (of.velocity, of.acceleration);
         }
         limits
     }
@@ -191,8 +198,15 @@ impl Gate {
         if value < self.limits.lower[joint] || value > self.limits.upper[joint] {
             return Err(Rejection::OutOfRange);
         }
-        // After a hold of m ticks the joint has had m + 1 ticks for the change.
-        let room = self.limits.change[joint] * f64::from(self.missed + 1);
+        let (speed, acceleration) = (self.limits.speed[joint], self.limits.acceleration[joint]);
+        if command.velocity[joint].abs() > speed || command.acceleration[joint].abs() > acceleration {
+            return Err(Rejection::TooFast);
+        }
+        // A joint that was held for m ticks has moved on for m + 1; a held torque has stayed.
+        let room = match self.limits.mode {
+            Mode::Torque => self.limits.change[joint],
+            Mode::Driven => self.limits.change[joint] * f64::from(self.missed + 1),
+        };
         match &self.last {
             Some(last) if (value - last.value[joint]).abs() > room => Err(Rejection::TooFast),
             _ => Ok(()),
@@ -216,6 +230,8 @@ mod tests {
             lower: [-100.0; MAX_JOINTS],
             upper: [100.0; MAX_JOINTS],
             change: [10.0; MAX_JOINTS],
+            speed: [5.0; MAX_JOINTS],
+            acceleration: [50.0; MAX_JOINTS],
             hold: 2,
         };
         Gate::new(limits, RUN, 2)
@@ -231,7 +247,7 @@ mod tests {
 
     #[test]
     fn each_fault_is_named_and_none_is_applied() {
-        let cases: [Case; 10] = [
+        let cases: [Case; 12] = [
             (Rejection::Malformed, |c| c.magic = 1),
             (Rejection::Malformed, |c| c.layout += 1),
             (Rejection::Malformed, |c| c.run = 8),
@@ -242,6 +258,8 @@ mod tests {
             (Rejection::NotFinite, |c| c.value[1] = f64::NAN),
             (Rejection::OutOfRange, |c| c.value[1] = 101.0),
             (Rejection::TooFast, |c| c.value[0] = 30.0),
+            (Rejection::TooFast, |c| c.velocity[1] = -6.0),
+            (Rejection::TooFast, |c| c.acceleration[1] = 51.0),
         ];
         for (expected, spoil) in cases {
             let mut gate = gate();
@@ -270,10 +288,15 @@ mod tests {
     }
 
     #[test]
-    fn a_command_after_a_gap_may_have_moved_on() {
-        let mut gate = gate();
-        gate.pass(Some(&command(0, 0.0)), 0);
-        gate.pass(None, 1);
-        assert_eq!(gate.pass(Some(&command(2, 19.0)), 2), (Applied::Command, None));
+    fn a_position_after_a_gap_may_have_moved_on_a_torque_may_not() {
+        for (mode, second) in [(Mode::Driven, None), (Mode::Torque, Some(Rejection::TooFast))] {
+            let mut gate = gate();
+            gate.limits.mode = mode;
+            let command =
+                |tick, value| Command { kind: u32::from(mode == Mode::Driven), ..command(tick, value) };
+            assert_eq!(gate.pass(Some(&command(0, 0.0)), 0).1, None);
+            gate.pass(None, 1);
+            assert_eq!(gate.pass(Some(&command(2, 19.0)), 2).1, second);
+        }
     }
 }

@@ -98,6 +98,11 @@ pub enum Ending {
         /// Why the last command did not pass.
         reason: Rejection,
     },
+    /// The motion could no longer be integrated.
+    Diverged {
+        /// Ticks played.
+        tick: u64,
+    },
     /// Someone asked the run to stop.
     Interrupted {
         /// Ticks played.
@@ -129,6 +134,8 @@ pub struct PlantOutcome {
     pub ticks: u64,
     /// Controllers that knocked and were refused, in words.
     pub refused: Vec<String>,
+    /// Why the motion could no longer be integrated, if it could not.
+    pub divergence: Option<SystemError>,
 }
 
 /// The plant of one run.
@@ -235,27 +242,45 @@ impl Plant {
                 controller: String::new(),
                 ticks: 0,
                 refused,
+                divergence: None,
             });
         };
+        let (mut played, mut divergence) = (0, None);
+        match self.play(stop, &mut refused, &mut played) {
+            Ok(()) => {}
+            Err(PlantError::System(error)) => divergence = Some(error),
+            Err(error) => return Err(error),
+        }
+        let ending = match self.braked {
+            _ if divergence.is_some() => Ending::Diverged { tick: played },
+            _ if played < self.config.ticks => Ending::Interrupted { tick: played },
+            Some((tick, reason)) => Ending::Braked { tick, reason },
+            None => Ending::Finished,
+        };
+        Ok(PlantOutcome { ending, controller, ticks: played, refused, divergence })
+    }
+
+    /// Plays tick after tick; `played` counts them.
+    fn play(
+        &mut self,
+        stop: &AtomicBool,
+        refused: &mut Vec<String>,
+        played: &mut u64,
+    ) -> Result<(), PlantError> {
         // Tick 0 waits for its answer at either pace: the controller may still be planning. The schedule starts then.
         let pace = std::mem::replace(&mut self.config.pace, Pace::Lockstep);
         self.tick(0, &Schedule { start_ns: now_ns(), period_ns: self.config.period_ns })?;
         self.config.pace = pace;
         let schedule = Schedule { start_ns: now_ns(), period_ns: self.config.period_ns };
-        let mut tick = 1;
-        while tick < self.config.ticks && !stop.load(Ordering::Relaxed) {
-            self.tick(tick, &schedule)?;
-            tick += 1;
-            if tick % GREETING_TICKS == 0 {
-                self.note_greetings(&mut refused)?;
+        *played = 1;
+        while *played < self.config.ticks && !stop.load(Ordering::Relaxed) {
+            self.tick(*played, &schedule)?;
+            *played += 1;
+            if (*played).is_multiple_of(GREETING_TICKS) {
+                self.note_greetings(refused)?;
             }
         }
-        let ending = match self.braked {
-            _ if tick < self.config.ticks => Ending::Interrupted { tick },
-            Some((tick, reason)) => Ending::Braked { tick, reason },
-            None => Ending::Finished,
-        };
-        Ok(PlantOutcome { ending, controller, ticks: tick, refused })
+        Ok(())
     }
 
     fn await_controller(
@@ -265,14 +290,18 @@ impl Plant {
     ) -> Result<Option<String>, PlantError> {
         let deadline = now_ns() + self.config.patience.as_nanos() as u64;
         while !stop.load(Ordering::Relaxed) {
+            let mut accepted = None;
             for greeting in self.link.greet()? {
                 match greeting {
                     Greeting::Accepted { pid, name, .. } => {
                         self.peer = pid;
-                        return Ok(Some(name));
+                        accepted = Some(name);
                     }
                     Greeting::Refused { name, verdict, .. } => refused.push(format!("{name}: {verdict:?}")),
                 }
+            }
+            if accepted.is_some() {
+                return Ok(accepted);
             }
             if now_ns() > deadline {
                 return Err(PlantError::NoController {
@@ -306,7 +335,7 @@ impl Plant {
             let window = self.state.published_ns + self.config.period_ns / ANSWER_WINDOW;
             self.await_answer(tick, scheduled, window, &mut answer)?;
         }
-        self.step(tick)?;
+        self.step()?;
         if answer.is_none() {
             let deadline = match self.config.pace {
                 Pace::RealTime => sleep_then_spin_until(schedule.due_ns(tick + 1) - JUDGING_NS, 0),
@@ -424,7 +453,7 @@ impl Plant {
             while let Some(command) = self.link.next_command(0)? {
                 let received = now_ns();
                 if command.tick < tick && command.check(self.run).is_ok() {
-                    self.deadlines.late += 1;
+                    self.deadlines.late += u64::from(self.braked.is_none());
                     continue;
                 }
                 self.clock(&command, scheduled, received);
@@ -467,7 +496,7 @@ impl Plant {
     }
 
     /// Integrates the tick under what is in force.
-    fn step(&mut self, tick: u64) -> Result<(), PlantError> {
+    fn step(&mut self) -> Result<(), PlantError> {
         let before = now_ns();
         let motion: &dyn Motion = match self.applied {
             Applied::Guided => &*self.path,
@@ -481,7 +510,6 @@ impl Plant {
         self.driven.fill(by_motion);
         self.system.tick(&Input { torque: &self.torque, driven: &self.driven, motion })?;
         self.stages.record(Stage::PlantStep, now_ns() - before);
-        debug_assert_eq!(self.system.time(), (tick + 1) as f64 * (self.config.period_ns as f64 * 1e-9));
         Ok(())
     }
 
