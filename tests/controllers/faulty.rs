@@ -155,6 +155,8 @@ fn spoil(fault: &str, state: &State, command: &mut Command) {
         "nan" => command.value[joint] = f64::NAN,
         "infinite" => command.value[joint] = f64::NEG_INFINITY,
         "nan_velocity" => command.velocity[joint] = f64::NAN,
+        "speeding" => command.velocity[joint] = 1e6,
+        "jolting" => command.acceleration[joint] = -1e9,
         "huge" => command.value = [1e9; MAX_JOINTS],
         // Within the range of the paper's second joint, 4000 N·m, and further from any torque that holds it than that.
         "jump" if state.mode == Mode::Torque.code() => {
