@@ -13,7 +13,8 @@ use crate::error::LinkError;
 use crate::handshake::{Hello, Verdict, Welcome};
 use crate::messages::{Command, LAYOUT_VERSION, MAGIC, State};
 use crate::outbox::Outbox;
-use crate::run_root::{PlantSeat, Share};
+use crate::run_root::Share;
+use crate::seat::PlantSeat;
 use crate::services::{
     self, DoorClient, Ipc, STATE_SERVICE, StateSample, StateSubscriber, command_service, transport,
 };

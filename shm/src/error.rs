@@ -1,6 +1,7 @@
 //! [`LinkError`]: why a link could not be opened or used.
 
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use thiserror::Error;
@@ -39,7 +40,7 @@ pub enum LinkError {
         /// On what.
         path: PathBuf,
         /// What the system said.
-        source: std::io::Error,
+        source: io::Error,
     },
     /// The folder of all runs can be written by others, so another user could read or change messages.
     #[error("{} is not a folder of this user alone (owner {owner}, mode {mode:o}): remove it or set FREEPLAY_SHM", path.display())]
@@ -97,6 +98,12 @@ pub enum LinkError {
         /// What iceoryx2 said.
         cause: String,
     },
+}
+
+/// What the system said while `doing` something on `path`, as our error.
+pub(crate) fn folder_fault(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> LinkError + use<> {
+    let path = path.to_owned();
+    move |source| LinkError::Folder { doing, path, source }
 }
 
 fn waiting_for(last: Option<&String>) -> String {

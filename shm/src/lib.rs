@@ -32,6 +32,8 @@ pub mod pacing;
 pub mod plant_link;
 pub mod realtime;
 pub mod run_root;
+mod seat;
+mod segments;
 pub mod services;
 
 pub use address::{Address, RUN_ENV};

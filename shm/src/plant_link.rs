@@ -1,7 +1,5 @@
 //! [`PlantLink`]: the plant's end of a run.
 
-use std::time::Duration;
-
 use iceoryx2::node::Node;
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::PortFactory;
@@ -11,14 +9,12 @@ use crate::error::LinkError;
 use crate::handshake::{Greeting, Hello, Offer, Verdict};
 use crate::messages::{Command, State};
 use crate::outbox::Outbox;
-use crate::run_root::{PlantSeat, Share};
+use crate::run_root::Share;
+use crate::seat::PlantSeat;
 use crate::services::{
     self, CommandSample, CommandService, CommandSubscriber, DOOR_SERVICE, DoorServer, Ipc, MAX_SLOTS,
     STATE_SERVICE, command_service, transport,
 };
-
-/// How long to wait for another process that is removing what a dead one left.
-const CLEANING: Duration = Duration::from_millis(500);
 
 /// The plant's end of a run. Belongs to the thread that opened it.
 ///
@@ -35,7 +31,7 @@ pub struct PlantLink {
     // Fields are dropped in this order: the node after its ports, the seat when the services are gone, the share last.
     node: Node<Ipc>,
     _seat: PlantSeat,
-    _share: Share,
+    share: Share,
 }
 
 /// The plant's end of one slot.
@@ -64,7 +60,7 @@ impl PlantLink {
         let slots = (0..slots as u32).map(|slot| Slot::open(&node, slot)).collect::<Result<_, _>>()?;
         let service = services::create_door(&node)?;
         let door = services::door_server(&service)?;
-        Ok(Self { states, slots, door, offer, run: address.run(), node, _seat: seat, _share: share })
+        Ok(Self { states, slots, door, offer, run: address.run(), node, _seat: seat, share })
     }
 
     /// Publishes `state` to everyone who listens. Never waits: who is slow loses the oldest states.
@@ -129,10 +125,10 @@ impl PlantLink {
     }
 
     /// Whether a living controller holds `slot`. Looks for dead processes and removes what they left: takes some hundred
-    /// microseconds and allocates, so not for a paced loop; there, a missing answer tells.
+    /// microseconds, at worst a fifth of a second, and allocates, so not for a paced loop; there, a missing answer tells.
     #[must_use]
     pub fn is_held(&self, slot: usize) -> bool {
-        self.node.blocking_cleanup_dead_nodes(CLEANING);
+        services::clean(&self.node, self.share.address());
         self.slots.get(slot).is_some_and(|slot| slot.service.dynamic_config().number_of_publishers() > 0)
     }
 

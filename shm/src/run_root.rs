@@ -8,24 +8,21 @@
 //!
 //! Making, sweeping and removing runs happens under an exclusive `flock` on the folder of all runs.
 
-use std::fs::{self, DirBuilder, File, TryLockError};
-use std::io::{self, ErrorKind};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt, PermissionsExt};
+use std::fs::{self, DirBuilder, File};
+use std::io::ErrorKind;
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
-use std::thread;
-use std::time::Duration;
 
 use rustix::process::getuid;
 use rustix::rand::{GetRandomFlags, getrandom};
 
 use crate::address::Address;
-use crate::error::LinkError;
+use crate::error::{LinkError, folder_fault};
+use crate::segments::{self, SEGMENTS};
+use crate::services;
 
 /// Environment variable naming another folder for the runs than `/dev/shm`.
 pub const SHM_ENV: &str = "FREEPLAY_SHM";
-
-/// Where Linux keeps POSIX shared memory objects, which is where iceoryx2 puts its segments.
-const SEGMENTS: &str = "/dev/shm";
 
 /// The folder of one run in shared memory, of mode 0700. Whoever starts a run holds it; dropping it removes everything
 /// of the run. Hold it until all processes of the run have ended.
@@ -40,16 +37,23 @@ impl RunRoot {
     ///
     /// # Errors
     /// [`LinkError::Folder`] if the system refuses, [`LinkError::NotPrivate`] if others can write to the folder of all
-    /// runs, [`LinkError::BadAddress`] if its path is too long.
+    /// runs, [`LinkError::BadAddress`] if its path is too long, [`LinkError::Transport`] if iceoryx2 refuses.
     pub fn create() -> Result<Self, LinkError> {
         let all = all_runs();
-        let _held = hold_all_runs(&all, true)?;
+        let held = hold_all_runs(&all, true)?;
         sweep(&all);
         let root = all.join(new_id()?);
         let address = Address::parse(&root.display().to_string())?;
         DirBuilder::new().mode(0o700).create(&root).map_err(folder_fault("create", &root))?;
         let share = Share::take(&address)?;
-        Ok(Self { address, _share: share })
+        drop(held);
+        let run = Self { address, _share: share };
+        let at_segments = |doing| folder_fault(doing, Path::new(SEGMENTS));
+        segments::mark(run.address()).map_err(at_segments("write to"))?;
+        // The first node makes what all nodes of the run share. Made here, nobody who starts later can be killed amidst it.
+        drop(services::node(run.address())?);
+        segments::make_private(run.address()).map_err(at_segments("close to others what is in"))?;
+        Ok(run)
     }
 
     /// What other processes need to find the run.
@@ -61,7 +65,7 @@ impl RunRoot {
     /// Removes what runs that no longer live left behind, and returns their ids. What cannot be removed stays.
     pub fn sweep_dead() -> Vec<String> {
         let all = all_runs();
-        let Ok(_held) = hold_all_runs(&all, false) else { return Vec::new() };
+        let _held = hold_all_runs(&all, false);
         let swept = sweep(&all);
         remove_if_empty(&all);
         swept
@@ -89,12 +93,17 @@ impl Share {
         folder.lock_shared().map_err(folder_fault("lock", address.root()))?;
         if is_gone(&folder) { Err(no_run()) } else { Ok(Self { folder, address: address.clone() }) }
     }
+
+    /// The run taken part in.
+    pub(crate) fn address(&self) -> &Address {
+        &self.address
+    }
 }
 
 impl Drop for Share {
     fn drop(&mut self) {
-        // Nobody else takes part: whoever started the run was killed.
-        if !is_gone(&self.folder) && self.folder.try_lock().is_ok() {
+        // Nobody else takes part, so whoever started the run was killed; or the run has ended while we still did.
+        if is_gone(&self.folder) || self.folder.try_lock().is_ok() {
             end(&self.address);
         }
     }
@@ -106,19 +115,6 @@ fn end(address: &Address) {
     let _held = hold_all_runs(all, false);
     remove(address);
     remove_if_empty(all);
-}
-
-/// Gives the owner alone access to the run's shared memory: iceoryx2 makes one small segment (a counter of nodes) that
-/// everybody may write to.
-pub(crate) fn make_segments_private(address: &Address) -> Result<(), LinkError> {
-    for path in segments(address) {
-        let Ok(metadata) = fs::metadata(&path) else { continue };
-        if metadata.permissions().mode() & 0o077 != 0 {
-            let owner_only = fs::Permissions::from_mode(0o600);
-            fs::set_permissions(&path, owner_only).map_err(folder_fault("close to others", &path))?;
-        }
-    }
-    Ok(())
 }
 
 /// The folder of all runs of this user.
@@ -161,33 +157,28 @@ fn see_private(folder: &File, path: &Path) -> Result<(), LinkError> {
     Err(LinkError::NotPrivate { path: path.to_owned(), owner, mode })
 }
 
-/// Removes the runs in `all` that no longer live and returns their ids.
+/// Removes the runs that no longer live, those in `all` and those that have left a mark, and returns their ids.
 fn sweep(all: &Path) -> Vec<String> {
-    let Ok(entries) = fs::read_dir(all) else { return Vec::new() };
-    let addresses = entries.flatten().filter_map(|entry| Address::parse(entry.path().to_str()?).ok());
-    let is_dead =
-        |address: &Address| File::open(address.root()).is_ok_and(|folder| folder.try_lock().is_ok());
-    addresses.filter(is_dead).inspect(remove).map(|address| address.id().to_owned()).collect()
+    let entries = fs::read_dir(all).into_iter().flatten().flatten();
+    let in_folder = entries.filter_map(|entry| Address::parse(entry.path().to_str()?).ok());
+    let dead = in_folder.chain(segments::marked()).filter(is_dead);
+    dead.inspect(remove).map(|address| address.id().to_owned()).collect()
+}
+
+fn is_dead(address: &Address) -> bool {
+    match File::open(address.root()) {
+        Ok(folder) => folder.try_lock().is_ok(),
+        Err(error) => error.kind() == ErrorKind::NotFound,
+    }
 }
 
 fn remove(address: &Address) {
-    for segment in segments(address) {
-        let _ = fs::remove_file(segment);
-    }
+    segments::remove_all(address);
     let _ = fs::remove_dir_all(address.root());
 }
 
 fn remove_if_empty(all: &Path) {
     let _ = fs::remove_dir(all);
-}
-
-/// The run's shared memory objects.
-fn segments(address: &Address) -> impl Iterator<Item = PathBuf> {
-    let prefix = address.prefix();
-    let entries = fs::read_dir(SEGMENTS).into_iter().flatten().flatten();
-    entries
-        .filter(move |entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()))
-        .map(|entry| entry.path())
 }
 
 /// Whether the open folder has been removed.
@@ -201,55 +192,4 @@ fn new_id() -> Result<String, LinkError> {
     getrandom(&mut random, GetRandomFlags::empty())
         .map_err(|errno| folder_fault("draw a random number from", Path::new("/dev/random"))(errno.into()))?;
     Ok(format!("{}-{:08x}", std::process::id(), u32::from_ne_bytes(random)))
-}
-
-fn folder_fault(doing: &'static str, path: &Path) -> impl FnOnce(io::Error) -> LinkError + use<> {
-    let path = path.to_owned();
-    move |source| LinkError::Folder { doing, path, source }
-}
-
-/// Who is the plant of a run: the process that holds the lock on a file in the run's folder.
-#[derive(Debug)]
-pub(crate) struct PlantSeat {
-    file: File,
-}
-
-impl PlantSeat {
-    /// Takes the seat.
-    pub(crate) fn take(address: &Address) -> Result<Self, LinkError> {
-        let seat = Self::open(address)?;
-        // A controller that looks whether the plant lives holds the lock for a moment.
-        for _ in 0..20 {
-            match seat.file.try_lock() {
-                Ok(()) => return Ok(seat),
-                Err(TryLockError::WouldBlock) => thread::sleep(Duration::from_millis(1)),
-                Err(TryLockError::Error(error)) => return Err(folder_fault("lock", address.root())(error)),
-            }
-        }
-        Err(LinkError::PlantExists { path: address.root().to_owned() })
-    }
-
-    /// Watches the seat without taking it.
-    pub(crate) fn watch(address: &Address) -> Result<Self, LinkError> {
-        Self::open(address)
-    }
-
-    /// Whether a living process has taken the seat.
-    pub(crate) fn is_taken(&self) -> bool {
-        match self.file.try_lock_shared() {
-            Ok(()) => {
-                let _ = self.file.unlock();
-                false
-            }
-            Err(_) => true,
-        }
-    }
-
-    fn open(address: &Address) -> Result<Self, LinkError> {
-        let path = address.root().join("plant.lock");
-        let mut options = File::options();
-        options.create(true).append(true).mode(0o600);
-        let file = options.open(&path).map_err(folder_fault("open", &path))?;
-        Ok(Self { file })
-    }
 }

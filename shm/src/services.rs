@@ -13,6 +13,7 @@
 //! Nothing waits for anybody: full buffers lose their oldest message, and a peer that cannot be reached is skipped.
 
 use std::fmt::Debug;
+use std::time::Duration;
 
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
@@ -37,7 +38,7 @@ use crate::error::LinkError;
 use crate::handshake::{Hello, Welcome};
 use crate::messages::{Command, State};
 use crate::outbox::Outbox;
-use crate::run_root::make_segments_private;
+use crate::segments::remove_unborn;
 
 /// Between processes, each port used by one thread.
 pub(crate) type Ipc = ipc::Service;
@@ -64,8 +65,12 @@ pub const COMMAND_BUFFER: usize = 16;
 /// Processes that can take part in a run at once, those that are about to be refused included.
 const MAX_NODES: usize = 2 * MAX_SLOTS + 4;
 
+/// How long to wait for another process that is removing what a dead one left.
+const CLEANING: Duration = Duration::from_millis(500);
+
 /// This process's node in the run at `address`: iceoryx2 kept inside the run's folder and prefix, silent about what we
-/// handle (`IOX2_LOG_LEVEL` changes that), and leaving signals alone.
+/// handle (`IOX2_LOG_LEVEL` changes that), and leaving signals alone. It cleans up after the dead when we say so, not when it
+/// is dropped.
 pub(crate) fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
     set_log_level_from_env_or(LogLevel::Fatal);
     let bad_address = |_| LinkError::BadAddress { text: address.to_string() };
@@ -73,13 +78,22 @@ pub(crate) fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
     let root = Path::new(address.root().as_os_str().as_encoded_bytes()).map_err(bad_address)?;
     config.global.set_root_path(&root);
     config.global.prefix = FileName::new(address.prefix().as_bytes()).map_err(bad_address)?;
+    config.global.node.cleanup_dead_nodes_on_creation = false;
+    config.global.node.cleanup_dead_nodes_on_destruction = false;
+    config.global.service.cleanup_dead_nodes_on_open = false;
     let node = NodeBuilder::new()
         .config(&config)
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
         .map_err(transport("create the node of", "this process"))?;
-    make_segments_private(address)?;
+    clean(&node, address);
     Ok(node)
+}
+
+/// Removes what dead processes left in the run, so that their places are free again.
+pub(crate) fn clean(node: &Node<Ipc>, address: &Address) {
+    remove_unborn(address);
+    node.blocking_cleanup_dead_nodes(CLEANING);
 }
 
 /// States from the plant to everybody who listens.

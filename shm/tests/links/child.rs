@@ -23,6 +23,7 @@ fn role() {
         Ok("grabber") => grabber(),
         Ok("whole run") => whole_run(),
         Ok("root") => root(),
+        Ok("sweeper") => say(&format!("swept: {:?}", RunRoot::sweep_dead())),
         Ok("refused root") => say(&format!("refused: {}", RunRoot::create().unwrap_err())),
         Ok(other) => panic!("no role '{other}'"),
         Err(_) => (),
@@ -61,6 +62,10 @@ impl Role {
             }
             heard += &line;
         }
+    }
+
+    pub fn pid(&self) -> u32 {
+        self.process.id()
     }
 
     /// `kill -9`.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::thread::sleep;
 use std::time::Duration;
 
-use freeplay_shm::{Address, Hello, LinkError, PlantLink, RunRoot};
+use freeplay_shm::{Address, Hello, LinkError, PlantLink, RunRoot, SHM_ENV};
 
 use crate::child::Role;
 use crate::{connect_while_greeting, offer, open_plant};
@@ -99,20 +99,35 @@ fn a_run_lives_as_long_as_anyone_takes_part() {
     assert_nothing_left(&address);
 }
 
-#[test]
-fn a_folder_with_the_longest_path_will_do_and_is_removed_at_the_end() {
+/// Kills a whole run in a folder whose path is as long as it may be; `then` gets that folder and is to have it swept.
+fn with_a_dead_run_elsewhere(then: impl FnOnce(&Path)) {
     let parent = tempfile::tempdir_in("/dev/shm").unwrap();
-    let name =
-        "x".repeat(112 - parent.path().as_os_str().len() - "//freeplay-4294967295/4194304-01234567".len());
-    let long = parent.path().join(name);
-    fs::create_dir(&long).unwrap();
-    let mut whole = Role::start_with("whole run", None, &[("FREEPLAY_SHM", long.to_str().unwrap())]);
+    let longest = 112 - "/freeplay-4294967295/4194304-01234567".len();
+    let folder = parent.path().join("x".repeat(longest - parent.path().as_os_str().len() - 1));
+    fs::create_dir(&folder).unwrap();
+    let mut whole = Role::start_with("whole run", None, &[(SHM_ENV, folder.to_str().unwrap())]);
     let address = Address::parse(&whole.hear("address: ")).unwrap();
-    assert!(address.root().starts_with(&long) && traces(&address).len() > 10);
+    assert!(address.root().starts_with(&folder) && traces(&address).len() > 10);
+    assert!(traces(&address).iter().any(|path| !path.starts_with(&folder)), "all lies in the folder");
+    // From now on any other test that starts a run may sweep this one.
     whole.kill();
-    let mut sweeper = Role::start_with("root", None, &[("FREEPLAY_SHM", long.to_str().unwrap())]);
-    sweeper.hear("address: ");
+    then(&folder);
     assert_nothing_left(&address);
+}
+
+#[test]
+fn a_dead_run_in_another_folder_is_swept_from_there_and_from_anywhere() {
+    with_a_dead_run_elsewhere(|folder| {
+        Role::start_with("sweeper", None, &[(SHM_ENV, folder.to_str().unwrap())]).hear("swept: ");
+        assert_eq!(fs::read_dir(folder).unwrap().count(), 0);
+    });
+    with_a_dead_run_elsewhere(|_| {
+        RunRoot::sweep_dead();
+    });
+    with_a_dead_run_elsewhere(|folder| {
+        fs::remove_dir_all(folder).unwrap();
+        RunRoot::sweep_dead();
+    });
 }
 
 #[test]
@@ -120,7 +135,7 @@ fn a_folder_that_others_can_change_is_refused() {
     let parent = tempfile::tempdir().unwrap();
     let all_runs = parent.path().join(format!("freeplay-{}", parent.path().metadata().unwrap().uid()));
     let refused = |remedy: &str| {
-        let shm = [("FREEPLAY_SHM", parent.path().to_str().unwrap())];
+        let shm = [(SHM_ENV, parent.path().to_str().unwrap())];
         let reason = Role::start_with("refused root", None, &shm).hear("refused: ");
         println!("{reason}");
         assert!(reason.contains(remedy), "{reason}");
