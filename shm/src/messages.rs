@@ -131,7 +131,8 @@ pub struct State {
     pub applied: Joints,
     /// Reference at tick k.
     pub reference: Reference,
-    /// Reference at tick k + 1, when the answer to this state is applied.
+    /// Reference at the instant that the answer to this state is for: in mode torque the start of tick k + 1, from which a
+    /// torque is held; in mode driven its end, where a position is to be reached.
     pub reference_next: Reference,
     /// Measured pose of frame `tool0` in the base frame: x y z, m; unit quaternion qx qy qz qw, 1. NaN if not tracked.
     pub tool: [f64; 7],
@@ -220,7 +221,8 @@ pub struct Command {
     pub velocity: Joints,
     /// q̈: with kind position, joint frame, rad/s² (m/s²); else zero.
     pub acceleration: Joints,
-    /// Predicted deviation of the tool from its reference at tick k + 1, base frame, m; zero if not predicted.
+    /// Predicted deviation of the tool that the play causes at that instant, before it is taken out; base frame, m; zero
+    /// if not predicted.
     pub deviation: [f64; 3],
 }
 
