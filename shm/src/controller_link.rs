@@ -5,7 +5,6 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use iceoryx2::node::Node;
-use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 
 use crate::address::Address;
@@ -14,7 +13,7 @@ use crate::handshake::{Hello, Verdict, Welcome};
 use crate::messages::{Command, LAYOUT_VERSION, MAGIC, State};
 use crate::outbox::Outbox;
 use crate::run_root::Share;
-use crate::seat::PlantSeat;
+use crate::seat::Seat;
 use crate::services::{
     self, DoorClient, Ipc, STATE_SERVICE, StateSample, StateSubscriber, command_service, transport,
 };
@@ -34,14 +33,14 @@ pub struct ControllerLink {
     lost: u64,
     skipped: u64,
     service: String,
-    // Fields are dropped in this order: the node after its ports, the share last.
+    // Fields are dropped in this order: the node after its ports, then the seat, the share last.
     _node: Node<Ipc>,
-    seat: PlantSeat,
+    _seat: Seat,
+    plant: Seat,
     _share: Share,
 }
 
-/// What a controller could open of the run before it was accepted: nothing of a run with another layout, and no
-/// publisher of a slot that is taken.
+/// What a controller could open of the run before it was accepted: not what has another layout or is not there.
 struct Ends {
     states: Option<StateSubscriber>,
     commands: Option<Outbox<Command>>,
@@ -64,8 +63,11 @@ impl ControllerLink {
         let node = services::node(address)?;
         let door = wait.until_ok("the plant has not opened its door", || services::door(&node).open())?;
         let client = services::door_client(&door)?;
-        let ends = Ends::open(&node, hello.slot, &mut wait)?;
-        hello.claim = u32::from(ends.commands.is_some());
+        let seat = Seat::of_controller(address, hello.slot)?;
+        let is_ours = seat.take()?;
+        // Who does not get the slot listens to nothing, so that the refused cannot crowd out the others.
+        let ends = if is_ours { Ends::open(&node, hello.slot, &mut wait)? } else { Ends::NONE };
+        hello.claim = u32::from(is_ours);
         if hello.run == 0 {
             hello.run = address.run();
         }
@@ -73,7 +75,7 @@ impl ControllerLink {
         let (true, Some(states), Some(commands)) = (is_accepted(&welcome), ends.states, ends.commands) else {
             return Err(refusal(&hello, &welcome));
         };
-        let seat = PlantSeat::watch(address)?;
+        let plant = Seat::of_plant(address)?;
         let service = command_service(hello.slot);
         let link = Self {
             states,
@@ -83,7 +85,8 @@ impl ControllerLink {
             skipped: 0,
             service,
             _node: node,
-            seat,
+            _seat: seat,
+            plant,
             _share: share,
         };
         Ok((link, welcome))
@@ -149,30 +152,23 @@ impl ControllerLink {
     /// Whether the plant lives. One system call; look when no state has come for long.
     #[must_use]
     pub fn plant_lives(&self) -> bool {
-        self.seat.is_taken()
+        self.plant.is_taken()
     }
 }
 
 impl Ends {
     const NONE: Self = Self { states: None, commands: None };
 
-    /// Opens what can be opened. The plant opens its door last, so what is missing now is not there at all. Who does not get
-    /// the slot listens to no states, so that the refused cannot crowd out the others.
+    /// Opens what can be opened. The plant opens its door last, so what is missing now is not there at all.
     fn open(node: &Node<Ipc>, slot: u32, wait: &mut Wait) -> Result<Self, LinkError> {
         let open_slot = || if_there(services::commands(node, slot).open());
-        let Some(service) = wait.until_ok("the slot cannot be opened", open_slot)? else {
-            return Ok(Self::NONE);
-        };
-        let commands = match services::outbox(&service) {
-            Err(PublisherCreateError::ExceedsMaxSupportedPublishers) => return Ok(Self::NONE),
-            outbox => outbox.map_err(transport("publish on", &command_service(slot)))?,
-        };
         let open_states = || if_there(services::states(node).open());
-        let states = match wait.until_ok("the states cannot be opened", open_states)? {
-            Some(service) => Some(services::subscriber(&service, STATE_SERVICE)?),
-            None => None,
-        };
-        Ok(Self { states, commands: Some(commands) })
+        let commands = wait.until_ok("the slot cannot be opened", open_slot)?;
+        let states = wait.until_ok("the states cannot be opened", open_states)?;
+        let commands =
+            commands.map(|service| services::outbox(&service, &command_service(slot))).transpose()?;
+        let states = states.map(|service| services::subscriber(&service, STATE_SERVICE)).transpose()?;
+        Ok(Self { states, commands })
     }
 }
 

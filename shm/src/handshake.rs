@@ -59,7 +59,7 @@ pub struct Hello {
     pub joints: u32,
     /// The slot the controller asks for, from 0.
     pub slot: u32,
-    /// 1 if the sender holds the command publisher of that slot, of which there is one; else 0.
+    /// 1 if the sender holds the exclusive `flock` on `slot-<slot>.lock` in the run's folder; else 0.
     pub claim: u32,
     /// Process id of the controller.
     pub pid: u32,

@@ -2,7 +2,6 @@
 
 use iceoryx2::node::Node;
 use iceoryx2::port::update_connections::UpdateConnections;
-use iceoryx2::prelude::PortFactory;
 
 use crate::address::Address;
 use crate::error::LinkError;
@@ -10,10 +9,10 @@ use crate::handshake::{Greeting, Hello, Offer, Verdict};
 use crate::messages::{Command, State};
 use crate::outbox::Outbox;
 use crate::run_root::Share;
-use crate::seat::PlantSeat;
+use crate::seat::Seat;
 use crate::services::{
-    self, CommandSample, CommandService, CommandSubscriber, DOOR_SERVICE, DoorServer, Ipc, MAX_SLOTS,
-    STATE_SERVICE, command_service, transport,
+    self, CommandSample, CommandSubscriber, DOOR_SERVICE, DoorServer, Ipc, MAX_SLOTS, STATE_SERVICE,
+    command_service, transport,
 };
 
 /// The plant's end of a run. Belongs to the thread that opened it.
@@ -28,17 +27,17 @@ pub struct PlantLink {
     door: DoorServer,
     offer: Offer,
     run: u64,
-    // Fields are dropped in this order: the node after its ports, the seat when the services are gone, the share last.
-    node: Node<Ipc>,
-    _seat: PlantSeat,
-    share: Share,
+    // Fields are dropped in this order: the node after its ports, then the seat, the share last.
+    _node: Node<Ipc>,
+    _seat: Seat,
+    _share: Share,
 }
 
 /// The plant's end of one slot.
 #[derive(Debug)]
 struct Slot {
     commands: CommandSubscriber,
-    service: CommandService,
+    seat: Seat,
     skipped: u64,
 }
 
@@ -53,14 +52,18 @@ impl PlantLink {
             return Err(LinkError::SlotCount { slots });
         }
         let share = Share::take(address)?;
-        let seat = PlantSeat::take(address)?;
+        let seat = Seat::of_plant(address)?;
+        if !seat.take()? {
+            return Err(LinkError::PlantExists { path: address.root().to_owned() });
+        }
         let node = services::node(address)?;
         let service = services::create_states(&node)?;
-        let states = services::outbox(&service).map_err(transport("publish on", STATE_SERVICE))?;
-        let slots = (0..slots as u32).map(|slot| Slot::open(&node, slot)).collect::<Result<_, _>>()?;
+        let states = services::outbox(&service, STATE_SERVICE)?;
+        let slots =
+            (0..slots as u32).map(|slot| Slot::open(address, &node, slot)).collect::<Result<_, _>>()?;
         let service = services::create_door(&node)?;
         let door = services::door_server(&service)?;
-        Ok(Self { states, slots, door, offer, run: address.run(), node, _seat: seat, share })
+        Ok(Self { states, slots, door, offer, run: address.run(), _node: node, _seat: seat, _share: share })
     }
 
     /// Publishes `state` to everyone who listens. Never waits: who is slow loses the oldest states.
@@ -124,12 +127,10 @@ impl PlantLink {
         Ok(greetings)
     }
 
-    /// Whether a living controller holds `slot`. Looks for dead processes and removes what they left: takes some hundred
-    /// microseconds, at worst a fifth of a second, and allocates, so not for a paced loop; there, a missing answer tells.
+    /// Whether a living controller holds `slot`. One system call; look when no command has come for long.
     #[must_use]
     pub fn is_held(&self, slot: usize) -> bool {
-        services::clean(&self.node, self.share.address());
-        self.slots.get(slot).is_some_and(|slot| slot.service.dynamic_config().number_of_publishers() > 0)
+        self.slots.get(slot).is_some_and(|slot| slot.seat.is_taken())
     }
 
     #[inline]
@@ -149,10 +150,10 @@ impl PlantLink {
 }
 
 impl Slot {
-    fn open(node: &Node<Ipc>, slot: u32) -> Result<Self, LinkError> {
+    fn open(address: &Address, node: &Node<Ipc>, slot: u32) -> Result<Self, LinkError> {
         let service = services::create_commands(node, slot)?;
         let commands = services::subscriber(&service, &command_service(slot))?;
-        Ok(Self { commands, service, skipped: 0 })
+        Ok(Self { commands, seat: Seat::of_controller(address, slot)?, skipped: 0 })
     }
 
     /// The oldest command not yet taken, where it lies in shared memory.

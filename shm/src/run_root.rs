@@ -65,9 +65,9 @@ impl RunRoot {
     /// Removes what runs that no longer live left behind, and returns their ids. What cannot be removed stays.
     pub fn sweep_dead() -> Vec<String> {
         let all = all_runs();
-        let _held = hold_all_runs(&all, false);
+        let held = hold_all_runs(&all, false);
         let swept = sweep(&all);
-        remove_if_empty(&all);
+        remove_if_empty(&all, held);
         swept
     }
 }
@@ -93,11 +93,6 @@ impl Share {
         folder.lock_shared().map_err(folder_fault("lock", address.root()))?;
         if is_gone(&folder) { Err(no_run()) } else { Ok(Self { folder, address: address.clone() }) }
     }
-
-    /// The run taken part in.
-    pub(crate) fn address(&self) -> &Address {
-        &self.address
-    }
 }
 
 impl Drop for Share {
@@ -112,9 +107,9 @@ impl Drop for Share {
 /// Removes everything of the run.
 fn end(address: &Address) {
     let all = address.root().parent().unwrap_or(address.root());
-    let _held = hold_all_runs(all, false);
+    let held = hold_all_runs(all, false);
     remove(address);
-    remove_if_empty(all);
+    remove_if_empty(all, held);
 }
 
 /// The folder of all runs of this user.
@@ -177,8 +172,11 @@ fn remove(address: &Address) {
     let _ = fs::remove_dir_all(address.root());
 }
 
-fn remove_if_empty(all: &Path) {
-    let _ = fs::remove_dir(all);
+/// Removes the folder of all runs if it is held and empty. Without holding it, somebody may just be making a run in it.
+fn remove_if_empty(all: &Path, held: Result<File, LinkError>) {
+    if held.is_ok() {
+        let _ = fs::remove_dir(all);
+    }
 }
 
 /// Whether the open folder has been removed.

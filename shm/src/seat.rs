@@ -1,4 +1,4 @@
-//! [`PlantSeat`]: who is the plant of a run.
+//! [`Seat`]: a part in a run that one process has at a time.
 
 use std::fs::{File, TryLockError};
 use std::os::unix::fs::OpenOptionsExt;
@@ -8,37 +8,55 @@ use std::time::Duration;
 use crate::address::Address;
 use crate::error::{LinkError, folder_fault};
 
-/// Who is the plant of a run: the process that holds the lock on a file in the run's folder.
+/// How often to look for a seat that is taken, a millisecond apart: who merely looks at it, and a process that has just been
+/// started by one that sits, hold it for a moment.
+const LOOKS: u32 = 20;
+
+/// A part in a run that one process has at a time: the plant, or a controller in its slot. It is the exclusive `flock` on a
+/// file in the run's folder, `plant.lock` or `slot-<n>.lock`, so the kernel frees it however the process ends.
 #[derive(Debug)]
-pub(crate) struct PlantSeat {
+pub(crate) struct Seat {
     file: File,
 }
 
-impl PlantSeat {
-    /// Takes the seat.
-    pub(crate) fn take(address: &Address) -> Result<Self, LinkError> {
-        let seat = Self::watch(address)?;
-        // A controller that looks whether the plant lives holds the lock for a moment.
-        for _ in 0..20 {
-            match seat.file.try_lock() {
-                Ok(()) => return Ok(seat),
-                Err(TryLockError::WouldBlock) => sleep(Duration::from_millis(1)),
-                Err(TryLockError::Error(error)) => return Err(folder_fault("lock", address.root())(error)),
-            }
-        }
-        Err(LinkError::PlantExists { path: address.root().to_owned() })
+impl Seat {
+    /// The seat of the plant.
+    pub(crate) fn of_plant(address: &Address) -> Result<Self, LinkError> {
+        Self::open(address, "plant.lock")
     }
 
-    /// Watches the seat without taking it.
-    pub(crate) fn watch(address: &Address) -> Result<Self, LinkError> {
-        let path = address.root().join("plant.lock");
+    /// The seat of the controller in `slot`.
+    pub(crate) fn of_controller(address: &Address, slot: u32) -> Result<Self, LinkError> {
+        Self::open(address, &format!("slot-{slot}.lock"))
+    }
+
+    fn open(address: &Address, name: &str) -> Result<Self, LinkError> {
+        let path = address.root().join(name);
         let mut options = File::options();
         options.create(true).append(true).mode(0o600);
         let file = options.open(&path).map_err(folder_fault("open", &path))?;
         Ok(Self { file })
     }
 
-    /// Whether a living process has taken the seat.
+    /// Takes the seat until this is dropped, or returns `false` if another process has it.
+    pub(crate) fn take(&self) -> Result<bool, LinkError> {
+        for _ in 0..LOOKS {
+            match self.file.try_lock() {
+                Ok(()) => return Ok(true),
+                Err(TryLockError::WouldBlock) => sleep(Duration::from_millis(1)),
+                Err(TryLockError::Error(source)) => {
+                    return Err(LinkError::Folder {
+                        doing: "lock a file of",
+                        path: "the run".into(),
+                        source,
+                    });
+                }
+            }
+        }
+        Ok(false)
+    }
+
+    /// Whether another living process has taken the seat. Not for who has taken it itself.
     pub(crate) fn is_taken(&self) -> bool {
         match self.file.try_lock_shared() {
             Ok(()) => {

@@ -10,6 +10,9 @@
 //! | `freeplay/command/<slot>` | publish-subscribe, 1 publisher, 1 subscriber | [`Command`] |
 //! | `freeplay/hello` | request-response, 1 server | [`Hello`], [`Welcome`] |
 //!
+//! A controller in another language takes the `flock` on `slot-<n>.lock` in the run's folder, opens the slot's commands and
+//! the states, says hello with claim 1, and hears the welcome; then it answers states until one has the flag of the last.
+//!
 //! Nothing waits for anybody: full buffers lose their oldest message, and a peer that cannot be reached is skipped.
 
 use std::fmt::Debug;
@@ -20,7 +23,6 @@ use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::port::DegradationAction;
 use iceoryx2::port::backpressure_strategy::BackpressureStrategy;
 use iceoryx2::port::client::Client;
-use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::server::Server;
 use iceoryx2::port::subscriber::Subscriber;
 use iceoryx2::prelude::{
@@ -63,14 +65,16 @@ pub const STATE_BUFFER: usize = 16;
 /// Commands the plant can fall behind before it loses the oldest.
 pub const COMMAND_BUFFER: usize = 16;
 /// Processes that can take part in a run at once, those that are about to be refused included.
-const MAX_NODES: usize = 2 * MAX_SLOTS + 4;
+const MAX_NODES: usize = 2 * MAX_SLOTS + SPARE;
+/// Places for dead processes: iceoryx2 may fail to clean up after one that was killed at a bad moment. Who has a part in the
+/// run is not for the number of places to say but for the seats.
+const SPARE: usize = 4;
 
 /// How long to wait for another process that is removing what a dead one left.
 const CLEANING: Duration = Duration::from_millis(500);
 
 /// This process's node in the run at `address`: iceoryx2 kept inside the run's folder and prefix, silent about what we
-/// handle (`IOX2_LOG_LEVEL` changes that), and leaving signals alone. It cleans up after the dead when we say so, not when it
-/// is dropped.
+/// handle (`IOX2_LOG_LEVEL` changes that), and leaving signals alone. It cleans up after the dead here and at no other time.
 pub(crate) fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
     set_log_level_from_env_or(LogLevel::Fatal);
     let bad_address = |_| LinkError::BadAddress { text: address.to_string() };
@@ -86,14 +90,9 @@ pub(crate) fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
         .map_err(transport("create the node of", "this process"))?;
-    clean(&node, address);
-    Ok(node)
-}
-
-/// Removes what dead processes left in the run, so that their places are free again.
-pub(crate) fn clean(node: &Node<Ipc>, address: &Address) {
     remove_unborn(address);
     node.blocking_cleanup_dead_nodes(CLEANING);
+    Ok(node)
 }
 
 /// States from the plant to everybody who listens.
@@ -118,20 +117,20 @@ pub(crate) fn command_service(slot: u32) -> String {
 
 /// Makes the service of states.
 pub(crate) fn create_states(node: &Node<Ipc>) -> Result<PubSub<Ipc, State, ()>, LinkError> {
-    let settings = with_settings(states(node), STATE_BUFFER).max_subscribers(MAX_SLOTS);
+    let settings = with_settings(states(node), STATE_BUFFER).max_subscribers(MAX_SLOTS + SPARE);
     settings.open_or_create().map_err(transport("make", STATE_SERVICE))
 }
 
 /// Makes the service of commands of `slot`.
 pub(crate) fn create_commands(node: &Node<Ipc>, slot: u32) -> Result<CommandService, LinkError> {
-    let settings = with_settings(commands(node, slot), COMMAND_BUFFER).max_subscribers(1);
+    let settings = with_settings(commands(node, slot), COMMAND_BUFFER).max_subscribers(1 + SPARE);
     settings.open_or_create().map_err(transport("make", &command_service(slot)))
 }
 
 /// Makes the door.
 pub(crate) fn create_door(node: &Node<Ipc>) -> Result<DoorService, LinkError> {
     door(node)
-        .max_servers(1)
+        .max_servers(1 + SPARE)
         .max_clients(MAX_NODES)
         .max_nodes(MAX_NODES)
         .max_active_requests_per_client(2)
@@ -148,7 +147,7 @@ fn with_settings<Message: Debug + ZeroCopySend>(
     buffer: usize,
 ) -> PubSubBuilder<Message, (), Ipc> {
     service
-        .max_publishers(1)
+        .max_publishers(1 + SPARE)
         .max_nodes(MAX_NODES)
         .history_size(0)
         .subscriber_max_buffer_size(buffer)
@@ -159,16 +158,18 @@ fn service_name(name: &str) -> ServiceName {
     name.try_into().expect("the names in this file are short and not empty")
 }
 
-/// The sending end of a service.
+/// The sending end of the service called `name`.
 pub(crate) fn outbox<Message: Debug + Copy + ZeroCopySend>(
     service: &PubSub<Ipc, Message, ()>,
-) -> Result<Outbox<Message>, PublisherCreateError> {
+    name: &str,
+) -> Result<Outbox<Message>, LinkError> {
     let publisher = service
         .publisher_builder()
         .max_loaned_samples(1)
         .backpressure_strategy(BackpressureStrategy::DiscardData)
         .set_degradation_handler(|_, _| DegradationAction::Ignore)
-        .create()?;
+        .create()
+        .map_err(transport("publish on", name))?;
     Ok(Outbox::new(publisher))
 }
 

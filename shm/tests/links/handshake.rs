@@ -65,7 +65,7 @@ fn a_second_controller_in_another_process_finds_the_slot_taken() {
     let (error, greeting) = connect_while_greeting(&mut plant, run.address(), second, Result::unwrap_err);
     assert!(error.to_string().contains("slot 0 is held by another controller"), "{error}");
     assert!(matches!(greeting, Greeting::Refused { verdict: Verdict::SlotTaken, .. }), "{greeting:?}");
-    assert!(plant.is_held(0) && !plant.is_held(1));
+    assert!(plant.is_held(0) && !plant.is_held(1) && !plant.is_held(2));
 }
 
 #[test]
