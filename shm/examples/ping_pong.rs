@@ -55,8 +55,15 @@ fn set_up(cpu: usize, is_fifo: bool) {
 }
 
 fn plant(is_fifo: bool) -> Outcome<()> {
+    let start = now_ns();
     let (ours, bare) = (RunRoot::create()?, RunRoot::create()?);
+    let made = now_ns();
     let mut plant = PlantLink::open(ours.address(), 1, offer())?;
+    println!(
+        "a run made in {:.0} µs, the plant's end opened in {:.0} µs",
+        us(made - start) / 2.0,
+        us(now_ns() - made)
+    );
     let bare_ends = BarePlant::open(bare.address())?;
     let mut controller = start_controller(ours.address(), bare.address(), is_fifo)?;
     set_up(0, is_fifo);
@@ -89,7 +96,9 @@ fn plant(is_fifo: bool) -> Outcome<()> {
 }
 
 fn controller(ours: &Address, bare: &Address, is_fifo: bool) -> Outcome<()> {
+    let start = now_ns();
     let (mut link, _) = ControllerLink::connect(ours, Hello::new("ping-pong", 0, 7), PATIENCE)?;
+    println!("the controller's end opened in {:.0} µs, greeting included", us(now_ns() - start));
     let bare_ends = BareController::open(bare)?;
     set_up(1, is_fifo);
     for _ in 0..TURNS {
