@@ -41,7 +41,7 @@ pub struct RunArgs {
     /// A controller: a built-in name or the path of an executable. Several run one after the other.
     #[arg(long)]
     controller: Vec<String>,
-    /// By the wall clock, or as fast as it goes and deterministic.
+    /// By the wall clock, or as fast as it goes and deterministic; without it: the scenario's, else lockstep.
     #[arg(long)]
     pace: Option<Pacing>,
     /// The plant's arm: "paper" or an arm file.

@@ -29,9 +29,9 @@ pub enum Drive {
 #[serde(rename_all = "snake_case")]
 pub enum Pacing {
     /// By the wall clock.
-    #[default]
     Realtime,
-    /// When the answer is there.
+    /// When the answer is there: the same to the bit on every machine, and as fast as it goes.
+    #[default]
     Lockstep,
 }
 

@@ -40,7 +40,7 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
     }
     let _ = writeln!(
         text,
-        "next        freeplay run --controller ./mine   ·   freeplay compare --model M --recording R"
+        "next        freeplay run --pace realtime   ·   freeplay run --controller ./mine   ·   freeplay compare --model M --recording R"
     );
     text
 }
