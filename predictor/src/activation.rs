@@ -120,7 +120,6 @@ fn tanh<const FUSED: bool>(x: f64) -> f64 {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

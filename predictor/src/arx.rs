@@ -179,7 +179,6 @@ fn centre(matrix: &mut Mat<f64>) -> Vec<f64> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::metrics::score;

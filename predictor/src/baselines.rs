@@ -88,7 +88,6 @@ pub fn physics_with_residual(
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::metrics::score;

@@ -212,7 +212,6 @@ fn batches(count: usize) -> impl Iterator<Item = Range<usize>> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use crate::network::Network;

@@ -61,7 +61,6 @@ fn direction(fan_in: usize, rng: &mut ChaCha8Rng) -> Vec<f64> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -131,7 +131,6 @@ fn score_channel(pairs: impl Iterator<Item = (f64, f64)>) -> Score {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

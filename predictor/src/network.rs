@@ -226,7 +226,6 @@ fn pack(sizes: &[usize], weights: &[f64]) -> Vec<Lanes> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};

@@ -110,7 +110,6 @@ impl DampedSolver {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use nalgebra::{DMatrix, DVector};

@@ -64,7 +64,6 @@ impl Scaling {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

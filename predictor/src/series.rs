@@ -212,7 +212,6 @@ fn check_finite(run: &str, names: &[String], values: &[f64]) -> Result<(), Serie
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 

@@ -121,7 +121,6 @@ fn counts(windows: usize, fractions: Fractions) -> Result<[usize; 3], FractionsE
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
     use std::collections::HashSet;

@@ -217,7 +217,6 @@ pub fn targets(series: &Series, windows: &[Window]) -> Vec<f64> {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
 
