@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use freeplay_report::text::{Digits, number};
 use freeplay_report::{
-    Axis, Block, Cell, Chart, Column, Document, Figure, Mark, Section, Series, Table, Verdict,
+    Axis, Block, Cell, Chart, Column, Document, Drawing, Figure, Mark, Section, Series, Table, Verdict,
 };
 
 const CONTROLLERS: [&str; 3] = ["computed-torque", "quasi-static", "narx-qp"];
@@ -33,6 +33,7 @@ fn gallery() -> Document {
         .section(torques())
         .section(latencies())
         .section(reference_runs())
+        .section(Section::new("A drawing").with(drawing()))
         .section(odds_and_ends())
         .footer("configuration 3f9c1a07 · seed 8821 · `freeplay run --period 12`")
 }
@@ -267,6 +268,28 @@ fn reference_runs() -> Section {
         ]);
     }
     Section::new("Reference runs").with(table)
+}
+
+fn drawing() -> Drawing {
+    let t = ticks();
+    let height: Vec<f64> = t.iter().map(|&t| -CLEARANCE_MM * bounce(t.min(0.2))).collect();
+    let across: Vec<f64> = t.iter().map(|&t| 0.05 * (t * 9.0).sin()).collect();
+    Drawing::new("A journal in its bearing")
+        .caption("Drawn once, as SVG: it needs no script and prints as it is seen.")
+        .beside()
+        .panel(
+            Chart::plane("orbit", Axis::new("play 1", "mm"), Axis::new("play 2", "mm"))
+                .equal_axes()
+                .series(Series::circle("clearance", (0.0, 0.0), CLEARANCE_MM).dashed())
+                .series(Series::line("journal", &across, &height)),
+        )
+        .panel(
+            Chart::trace("height", Axis::new("time", "s"), Axis::new("play 2", "mm"))
+                .height(398)
+                .mark(Mark::Level { y: -CLEARANCE_MM, label: "rim".into() })
+                .mark(Mark::Span { from: 0.0, to: 0.2, label: "bounces".into() })
+                .series(Series::line("journal", &t[..400], &height[..400])),
+        )
 }
 
 fn odds_and_ends() -> Section {

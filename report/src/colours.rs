@@ -1,5 +1,6 @@
 //! The same colour for the same name in the whole document.
 
+use crate::chart::Chart;
 use crate::document::{Block, Document};
 
 /// How many colours the style sheet has (`--series-0`, `--series-1`, …). Further names start again, dashed.
@@ -29,19 +30,22 @@ impl<'a> Colours<'a> {
 
     fn collect(&mut self, block: &'a Block) {
         match block {
-            Block::Chart(chart) => {
-                for name in chart.series.iter().map(|series| series.colour_name()) {
-                    if !self.names.contains(&name) {
-                        self.names.push(name);
-                    }
-                }
-            }
+            Block::Chart(chart) => self.collect_series(chart),
+            Block::Drawing(drawing) => drawing.panels.iter().for_each(|panel| self.collect_series(panel)),
             Block::Columns(blocks) | Block::Details { blocks, .. } => {
                 for block in blocks {
                     self.collect(block);
                 }
             }
             _ => {}
+        }
+    }
+
+    fn collect_series(&mut self, chart: &'a Chart) {
+        for name in chart.series.iter().map(|series| series.colour_name()) {
+            if !self.names.contains(&name) {
+                self.names.push(name);
+            }
         }
     }
 }

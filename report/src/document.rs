@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::chart::Chart;
+use crate::drawing::Drawing;
 use crate::table::Table;
 
 /// A report: what is written into one HTML file.
@@ -43,12 +44,23 @@ pub enum Block {
     List(Vec<String>),
     /// A verdict with the sentence that says what it is about.
     Verdict(Verdict, String),
+    /// A verdict in words of its own, such as "does not hold", with the sentence that says what it is about.
+    Judged {
+        /// How it came out.
+        verdict: Verdict,
+        /// The word in place of [`Verdict::word`].
+        word: String,
+        /// What it is about.
+        text: String,
+    },
     /// Key numbers as tiles.
     Figures(Vec<Figure>),
     /// A table.
     Table(Table),
     /// A chart.
     Chart(Box<Chart>),
+    /// A figure drawn once, as SVG.
+    Drawing(Box<Drawing>),
     /// Blocks side by side where the window is wide enough, else one below the other.
     Columns(Vec<Block>),
     /// Text as typed: commands, files, messages.
@@ -250,5 +262,11 @@ impl From<Table> for Block {
 impl From<Chart> for Block {
     fn from(chart: Chart) -> Self {
         Self::Chart(Box::new(chart))
+    }
+}
+
+impl From<Drawing> for Block {
+    fn from(drawing: Drawing) -> Self {
+        Self::Drawing(Box::new(drawing))
     }
 }

@@ -1,6 +1,7 @@
 //! The page: frame, table of contents, sections.
 
 mod blocks;
+mod drawing;
 mod figure;
 mod table;
 

@@ -31,6 +31,8 @@ pub struct Column {
     pub best: Best,
     /// Whether each number gets a bar as long as the number is large, beside the largest of the column.
     pub bars: bool,
+    /// Whether its texts are broken into lines where they are long.
+    pub wraps: bool,
 }
 
 /// Which number of a column is marked. It takes two different numbers to have a best one.
@@ -61,6 +63,8 @@ pub enum Content {
     Empty,
     /// Plain text.
     Text(String),
+    /// A verdict in words of its own, such as "does not hold".
+    Judged(Verdict, String),
     /// The name of a series: shown with the colour that this name has in the charts.
     Series(String),
     /// A number, written as its column says; NaN is shown as a dash.
@@ -117,6 +121,7 @@ impl Column {
             digits: Digits::Significant(3),
             best: Best::Unmarked,
             bars: false,
+            wraps: false,
         }
     }
 
@@ -155,6 +160,13 @@ impl Column {
         self
     }
 
+    /// Breaks long texts into lines.
+    #[must_use]
+    pub fn wrapping(mut self) -> Self {
+        self.wraps = true;
+        self
+    }
+
     /// Draws a bar behind each number.
     #[must_use]
     pub fn bars(mut self) -> Self {
@@ -182,6 +194,12 @@ impl Cell {
         Self { content: Content::Empty, verdict: Some(verdict) }
     }
 
+    /// A verdict in words of its own.
+    #[must_use]
+    pub fn verdict_in_words(verdict: Verdict, word: impl Into<String>) -> Self {
+        Content::Judged(verdict, word.into()).into()
+    }
+
     /// Says how it came out.
     #[must_use]
     pub fn judged(mut self, verdict: Verdict) -> Self {
@@ -194,7 +212,7 @@ impl Cell {
         let value = match self.content {
             Content::Number(value) | Content::Uncertain(value, _) => value,
             Content::Count(count) => count as f64,
-            Content::Empty | Content::Text(_) | Content::Series(_) => return None,
+            Content::Empty | Content::Text(_) | Content::Judged(..) | Content::Series(_) => return None,
         };
         value.is_finite().then_some(value)
     }

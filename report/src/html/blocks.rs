@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::{Context, figure, table};
+use super::{Context, drawing, figure, table};
 use crate::document::{Block, Figure, Verdict};
 
 /// Blocks, one below the other.
@@ -15,10 +15,12 @@ fn one(block: &Block, context: &Context<'_>) -> Markup {
         Block::Text(text) => paragraphs(text),
         Block::Heading(text) => html! { h3 { (text) } },
         Block::List(lines) => html! { ul { @for line in lines { li { (inline(line)) } } } },
-        Block::Verdict(verdict, text) => banner(*verdict, text),
+        Block::Verdict(verdict, text) => banner(*verdict, verdict.word(), text),
+        Block::Judged { verdict, word, text } => banner(*verdict, word, text),
         Block::Figures(figures) => tiles(figures),
         Block::Table(content) => table::table(content, context),
         Block::Chart(chart) => figure::chart(chart, context),
+        Block::Drawing(content) => drawing::drawing(content, context),
         Block::Columns(columns) => html! {
             div.columns { @for column in columns { div { (one(column, context)) } } }
         },
@@ -45,6 +47,11 @@ pub(crate) fn inline(text: &str) -> Markup {
 
 /// The sign and the word of a verdict.
 pub(crate) fn badge(verdict: Verdict) -> Markup {
+    badge_with(verdict, verdict.word())
+}
+
+/// The sign of a verdict with a word of its own.
+pub(crate) fn badge_with(verdict: Verdict, word: &str) -> Markup {
     let sign = match verdict {
         Verdict::Ok => "✓",
         Verdict::Warn => "!",
@@ -52,7 +59,7 @@ pub(crate) fn badge(verdict: Verdict) -> Markup {
         Verdict::Info => "i",
     };
     html! {
-        span.badge.(verdict.word()) { span.sign aria-hidden="true" { (sign) } " " (verdict.word()) }
+        span.badge.(verdict.word()) { span.sign aria-hidden="true" { (sign) } " " (word) }
     }
 }
 
@@ -61,8 +68,8 @@ fn paragraphs(text: &str) -> Markup {
     html! { @for paragraph in paragraphs { p { (inline(paragraph)) } } }
 }
 
-fn banner(verdict: Verdict, text: &str) -> Markup {
-    html! { p.verdict.(verdict.word()) { (badge(verdict)) span { (inline(text)) } } }
+fn banner(verdict: Verdict, word: &str, text: &str) -> Markup {
+    html! { p.verdict.(verdict.word()) { (badge_with(verdict, word)) span { (inline(text)) } } }
 }
 
 fn tiles(figures: &[Figure]) -> Markup {

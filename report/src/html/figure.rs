@@ -34,7 +34,7 @@ fn place(chart: &Chart) -> String {
 }
 
 /// What a reader who cannot see the chart should know of it.
-fn in_words(chart: &Chart) -> String {
+pub(crate) fn in_words(chart: &Chart) -> String {
     let kind = if chart.plane { "Points in the plane" } else { "Chart" };
     let mut words = format!("{kind}: {} upwards against {} across.", chart.y.heading(), chart.x.heading());
     for series in &chart.series {

@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::Context;
-use super::blocks::{badge, inline};
+use super::blocks::{badge, badge_with, inline};
 use crate::table::{Best, Cell, Column, Content, Table};
 use crate::text::{number, uncertain};
 
@@ -85,7 +85,7 @@ fn body_row(table: &Table, drawn: &[Drawn], row: &[Cell], context: &Context<'_>)
         tr {
             @for (place, cell) in row.iter().enumerate() {
                 @let column = table.columns.get(place).zip(drawn.get(place));
-                @if place == 0 { th scope="row" { (content(cell, column, context)) } }
+                @if place == 0 { th scope="row" .wraps[column.is_some_and(|(column, _)| column.wraps)] { (content(cell, column, context)) } }
                 @else { (body_cell(cell, column, context)) }
             }
             @for _ in 0..missing { td {} }
@@ -95,10 +95,11 @@ fn body_row(table: &Table, drawn: &[Drawn], row: &[Cell], context: &Context<'_>)
 
 fn body_cell(cell: &Cell, column: Option<(&Column, &Drawn)>, context: &Context<'_>) -> Markup {
     let number = column.map_or_else(|| is_number(&cell.content), |(_, drawn)| drawn.numeric);
+    let wraps = column.is_some_and(|(column, _)| column.wraps);
     let bar = column.filter(|(column, drawn)| column.bars && drawn.longest > 0.0).zip(cell.value());
     let bar = bar.map(|((_, drawn), value)| format!("--part: {:.1}%", 100.0 * value.abs() / drawn.longest));
     html! {
-        td .number[number] .bar[bar.is_some()] style=[bar] { (content(cell, column, context)) }
+        td .number[number] .bar[bar.is_some()] .wraps[wraps] style=[bar] { (content(cell, column, context)) }
     }
 }
 
@@ -109,6 +110,7 @@ fn content(cell: &Cell, column: Option<(&Column, &Drawn)>, context: &Context<'_>
     let written = match &cell.content {
         Content::Empty => html! {},
         Content::Text(text) => inline(text),
+        Content::Judged(verdict, word) => badge_with(*verdict, word),
         Content::Series(name) => html! { (swatch(name, context)) (name) },
         Content::Number(value) => html! { (number(*value, digits)) },
         Content::Uncertain(value, half_width) => html! { (uncertain(*value, *half_width)) },

@@ -1,7 +1,7 @@
 //! What several tests need: a page with every kind of block.
 
 use freeplay_report::{
-    Axis, Block, Cell, Chart, Column, Document, Figure, Mark, Section, Series, Table, Verdict,
+    Axis, Block, Cell, Chart, Column, Document, Drawing, Figure, Mark, Section, Series, Table, Verdict,
 };
 
 /// Every kind of block, each text of it being `text`, with three charts that are drawn and one that is empty.
@@ -26,13 +26,22 @@ pub fn every_block(text: &str) -> Document {
         &[0.0, 0.9, 0.99, 1.0],
         &[1.0, 2.0, 30.0, 31.0],
     ));
+    let drawing = Drawing::new(text)
+        .caption(text)
+        .panel(
+            Chart::trace(text, axis(), axis())
+                .series(Series::line(text, &x, &[1.0, f64::NAN, 3.0]))
+                .note(text),
+        )
+        .panel(plane.clone().mark(Mark::At { x: 0.0, label: word() }))
+        .panel(Chart::trace(text, axis(), axis()));
     let empty = Chart::trace(text, axis(), axis()).series(Series::line(text, &[], &[]));
     let table = Table::new(text)
         .column(Column::text(text))
         .column(Column::number(text, text).group(text).lowest().bars())
         .row([Cell::series(text), 1.0.into()])
         .row([text.into(), Cell::uncertain(2.0, 0.1).judged(Verdict::Warn), "surplus".into()])
-        .row([word().into()])
+        .row([word().into(), Cell::verdict_in_words(Verdict::Info, text)])
         .note(text);
     let figure = Figure::new(text, text, text).note(text).verdict(Verdict::Ok);
     Document::new(text)
@@ -46,5 +55,10 @@ pub fn every_block(text: &str) -> Document {
                 .with(Block::Columns(vec![plane.into(), Block::Code(word())]))
                 .with(Block::Details { summary: word(), blocks: vec![percentiles.into(), empty.into()] }),
         )
+        .section(Section::new(text).with(drawing).with(Block::Judged {
+            verdict: Verdict::Warn,
+            word: word(),
+            text: word(),
+        }))
         .footer(text)
 }
