@@ -1,9 +1,13 @@
 //! What the `[[effect]]` tables of an arm file say, as laws.
 
-use freeplay_arm::{ArmFile, JointKind};
+use freeplay_arm::{Arm, ArmFile, EffectTable};
 use thiserror::Error;
 
-use crate::Clearance;
+use crate::catalogue::{CATALOGUE, kind};
+use crate::effect::{Effect, Kind};
+use crate::injection::Injection;
+use crate::scene::changed;
+use crate::{Clearance, Values};
 
 /// Why an effect can't be taken from an arm file.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -38,7 +42,7 @@ pub enum LawError {
         /// Line in the arm file.
         line: usize,
         /// The kinds there are.
-        known: &'static str,
+        known: String,
     },
     /// The effect names a joint that the arm does not have, or none.
     #[error("line {line}: effect {kind}: joint {joint:?} is not one of {joints}")]
@@ -53,7 +57,7 @@ pub enum LawError {
         joints: String,
     },
     /// The effect cannot sit on this joint.
-    #[error("effect {kind}: joint {joint} is prismatic; a clearance needs a revolute joint")]
+    #[error("effect {kind}: joint {joint} is prismatic; the effect needs a revolute joint")]
     WrongJoint {
         /// The effect's kind.
         kind: String,
@@ -68,14 +72,48 @@ pub enum LawError {
         /// The joint.
         joint: String,
     },
+    /// An effect changes the arm into one that cannot exist.
+    #[error("the arm with its effects can't be built: {0}")]
+    Changed(freeplay_arm::ArmError),
     /// The extended arm can't be built.
     #[error("the arm with play can't be built: {0}; two joints with play need a link with mass between them")]
     Arm(#[from] freeplay_arm::ArmError),
 }
 
-/// The effects of an arm file, by kind.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// An effect at its place.
+#[derive(Debug)]
+pub struct Placed {
+    /// Its entry in the catalogue.
+    pub kind: &'static Kind,
+    /// Index of the joint it sits at; `None` for an effect of the whole arm.
+    pub joint: Option<usize>,
+    /// The law with its parameters.
+    pub effect: Box<dyn Effect>,
+}
+
+impl Placed {
+    /// The effect that `table` describes, at its place in `arm`.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn new(table: &EffectTable, arm: &Arm) -> Result<Placed, LawError> {
+        let Some(kind) = kind(&table.kind) else {
+            return Err(LawError::UnknownKind {
+                kind: table.kind.clone(),
+                line: table.line,
+                known: CATALOGUE.iter().map(|kind| kind.name).collect::<Vec<_>>().join(", "),
+            });
+        };
+        let values = Values::of(kind, table, arm)?;
+        Ok(Placed { kind, joint: values.joint().ok(), effect: (kind.build)(&values)? })
+    }
+}
+
+/// The effects of an arm file.
+#[derive(Debug, Default)]
 pub struct Effects {
+    /// All of them, in the order of the file.
+    pub placed: Vec<Placed>,
     /// Clearances by joint index of the nominal arm, in ascending order.
     pub clearances: Vec<(usize, Clearance)>,
 }
@@ -88,50 +126,46 @@ impl Effects {
     pub fn of(file: &ArmFile) -> Result<Self, LawError> {
         let mut effects = Self::default();
         for table in &file.effects {
-            if table.kind != Clearance::KIND {
-                return Err(LawError::UnknownKind {
-                    kind: table.kind.clone(),
-                    line: table.line,
-                    known: Clearance::KIND,
-                });
-            }
-            let name = table.joint.clone().unwrap_or_default();
-            let Some(joint) = file.arm.joint_index(&name) else {
-                let joints = file.arm.joints().iter().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", ");
-                return Err(LawError::UnknownJoint {
-                    kind: table.kind.clone(),
-                    line: table.line,
-                    joint: name,
-                    joints,
-                });
-            };
-            effects.add_clearance(&file.arm, joint, Clearance::from_effect(table)?)?;
+            effects.add(Placed::new(table, &file.arm)?, &file.arm)?;
         }
         Ok(effects)
     }
 
-    /// Adds a clearance at the joint with index `joint` of `arm`; a clearance of zero adds nothing.
+    /// Adds `placed`, an effect of `arm`.
     ///
     /// # Errors
-    /// [`LawError::WrongJoint`] for a prismatic joint, [`LawError::Twice`] if the joint has one.
-    pub fn add_clearance(
-        &mut self,
-        arm: &freeplay_arm::Arm,
-        joint: usize,
-        clearance: Clearance,
-    ) -> Result<(), LawError> {
-        let of = &arm.joints()[joint];
-        let kind = Clearance::KIND.to_owned();
-        if of.kind != JointKind::Revolute {
-            return Err(LawError::WrongJoint { kind, joint: of.name.clone() });
+    /// [`LawError::Twice`] for a second effect of the same kind at the same place.
+    pub fn add(&mut self, placed: Placed, arm: &Arm) -> Result<(), LawError> {
+        let same = |other: &Placed| other.kind.name == placed.kind.name && other.joint == placed.joint;
+        if self.placed.iter().any(same) {
+            let joint = placed.joint.map_or("none", |joint| &arm.joints()[joint].name).to_owned();
+            return Err(LawError::Twice { kind: placed.kind.name.to_owned(), joint });
         }
-        if self.clearances.iter().any(|(at, _)| *at == joint) {
-            return Err(LawError::Twice { kind, joint: of.name.clone() });
-        }
-        if clearance.clearance > 0.0 {
-            self.clearances.push((joint, clearance));
-            self.clearances.sort_by_key(|(at, _)| *at);
-        }
+        let mut clearances = self.injection().clearances;
+        let mut injection = Injection::default();
+        placed.effect.inject(&mut injection);
+        clearances.extend(injection.clearances);
+        clearances.retain(|(_, clearance)| clearance.clearance > 0.0);
+        clearances.sort_by_key(|(joint, _)| *joint);
+        self.clearances = clearances;
+        self.placed.push(placed);
         Ok(())
+    }
+
+    /// What these effects put into a plant, beside their changes of the arm.
+    pub fn injection(&self) -> Injection {
+        let mut injection = Injection::default();
+        for placed in &self.placed {
+            placed.effect.inject(&mut injection);
+        }
+        injection
+    }
+
+    /// `arm` with the effects that change it.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if an effect leaves no possible arm.
+    pub fn changed(&self, arm: &Arm) -> Result<Arm, LawError> {
+        changed(arm, &self.placed)
     }
 }

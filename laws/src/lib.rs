@@ -1,4 +1,4 @@
-//! The laws of a joint with play: pure functions of numbers, one file a law.
+//! The laws of a joint with play, and of all else that a rigid arm leaves out: one file a law.
 //!
 //! Nothing here has a state or a clock. The plant integrates these laws, the quasi-static predictor solves them
 //! for equilibrium and the diagnosis fits their parameters, so that one definition serves all three.
@@ -12,20 +12,36 @@
 //! - [`bearing_contact`]: from where the journal is in the bearing to force and moment.
 //! - [`ArmWithPlay`]: the arm that has two slides across the axis of every joint with play.
 //! - [`DriveFriction`]: the nominal friction of a joint's drive.
-//! - [`Effects`]: what the `[[effect]]` tables of an arm file say, as laws.
+//! - [`CATALOGUE`]: every [`Kind`] of effect: its name, [`Parameter`]s, equation, source, signature and confounders; one file each.
+//! - [`Values`]: the values of one `[[effect]]` table, checked against its kind.
+//! - [`Effect`]: the law with its values; [`Placed`] at a joint or on the whole arm; [`Effects`]: all of an arm file.
+//! - [`Trajectory`] and [`Scene`]: the motion that effects see; [`Prediction`]: what a recording of it would show; made by [`predict`].
+//! - [`Injection`]: what effects put into a plant: [`DriveLaw`], [`Transmission`], [`ToolForce`], [`SensorLaw`].
 
 mod bearing;
+pub mod catalogue;
 mod clearance;
 mod contact;
 mod drive_friction;
+mod effect;
 mod effects;
 mod friction;
+mod injection;
 mod play;
+mod scene;
+mod values;
 
 pub use bearing::{Approach, BearingContact, Journal, bearing_contact};
+pub use catalogue::{CATALOGUE, kind};
 pub use clearance::{Clearance, ClearanceTable};
 pub use contact::{Material, NormalContact, NormalLaw, hertz_stiffness};
 pub use drive_friction::DriveFriction;
-pub use effects::{Effects, LawError};
+pub use effect::{ArmParts, Effect, Kind, Parameter, Range, Role, Seen, Site};
+pub use effects::{Effects, LawError, Placed};
 pub use friction::{ContactFriction, FrictionLaw};
+pub use injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw, ToolForce, Transmission};
 pub use play::{ArmWithPlay, Play};
+pub use scene::{
+    LowPassed, Prediction, Scene, Trajectory, changed, predict, rigid_torques, tool_positions, torque_unit,
+};
+pub use values::Values;

@@ -1,0 +1,59 @@
+//! A zero of a joint's encoder that is off.
+//!
+//! Law: q_true = q − q₀ with the offset q₀ \[rad\]: the encoder reads q₀ where the joint is at zero.
+//! Source: Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration, §2.
+
+use crate::effect::{Effect, Kind, Parameter, Range, Role, Seen, Site};
+use crate::injection::{Injection, Readings, SensorLaw};
+use crate::scene::Scene;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "encoder_offset",
+    title: "encoder zero offset",
+    site: Site::Joint,
+    parameters: &[Parameter {
+        name: "offset",
+        meaning: "what the encoder reads where the joint is at zero",
+        range: Range::Number {
+            unit: "rad",
+            prismatic_unit: "m",
+            least: -3.2,
+            most: 3.2,
+            default: None,
+            role: Role::Linear,
+        },
+    }],
+    seen: Seen { torque: true, pose: true },
+    rough: false,
+    equation: "q_true = q − q₀",
+    source: "Mooring, Roth & Driels 1991, §2",
+    signature: "the tool is off by J_q q₀ in every pose, the gravity torque by ∂g/∂q q₀",
+    confounders: &[
+        ("base_tilt", "tips the tool too, about another axis"),
+        ("link_length", "is off along the link, not about the joint"),
+    ],
+    build: |values| Ok(Box::new(EncoderOffset { joint: values.joint()?, offset: values.number("offset")? })),
+};
+
+#[derive(Clone, Copy, Debug)]
+struct EncoderOffset {
+    joint: usize,
+    offset: f64,
+}
+
+impl Effect for EncoderOffset {
+    fn shift(&self, _scene: &Scene, shift: &mut [Vec<f64>]) {
+        shift[self.joint].iter_mut().for_each(|shift| *shift -= self.offset);
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.sensors.push(Box::new(*self));
+    }
+}
+
+impl SensorLaw for EncoderOffset {
+    fn read(&mut self, readings: &mut Readings) {
+        readings.q[self.joint] += self.offset;
+    }
+}

@@ -1,0 +1,98 @@
+//! What effects put into a plant. The plant asks these laws at every sub-step, or at every tick for sensors; none of them allocates.
+
+use std::fmt::Debug;
+
+use nalgebra::Vector3;
+
+use crate::Clearance;
+
+/// All that the effects of an arm file put into a plant, beside their changes of the arm.
+#[derive(Debug, Default)]
+pub struct Injection {
+    /// Radial play by joint index.
+    pub clearances: Vec<(usize, Clearance)>,
+    /// What stands between motor and link, by joint index.
+    pub transmissions: Vec<(usize, Transmission)>,
+    /// Torques on the drives.
+    pub drives: Vec<Box<dyn DriveLaw>>,
+    /// Torque beyond which a drive clips, by joint index, N·m (N).
+    pub saturations: Vec<(usize, f64)>,
+    /// Forces on the tool.
+    pub forces: Vec<ToolForce>,
+    /// What the sensors make of the truth.
+    pub sensors: Vec<Box<dyn SensorLaw>>,
+}
+
+/// A torque on the drives that depends on the state of the joints. It may keep a memory.
+pub trait DriveLaw: Debug + Send {
+    /// Adds to `torque` what acts on each joint, N·m (N): friction opposes the motion, so it is subtracted.
+    fn act(&mut self, now: &DriveState, torque: &mut [f64]);
+
+    /// Forgets: the plant starts anew.
+    fn restart(&mut self) {}
+}
+
+/// The joints at a sub-step.
+#[derive(Clone, Copy, Debug)]
+pub struct DriveState<'a> {
+    /// Simulated time, s.
+    pub t: f64,
+    /// Length of the sub-step, s.
+    pub step: f64,
+    /// Motor-side positions of the nominal joints, rad (m).
+    pub q: &'a [f64],
+    /// Their velocities, rad/s (m/s).
+    pub v: &'a [f64],
+    /// Their accelerations in the sub-step before, rad/s² (m/s²).
+    pub a: &'a [f64],
+    /// Torque that each transmission carried to its link in the sub-step before, N·m (N).
+    pub load: &'a [f64],
+}
+
+/// What stands between a motor and its link: τ = k·dead(θ − q) + d(θ̇ − q̇) while the flanks touch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Transmission {
+    /// k, N·m/rad (N/m), > 0.
+    pub stiffness: f64,
+    /// d, N·m·s/rad (N·s/m), ≥ 0.
+    pub damping: f64,
+    /// Full width of the gap, rad (m), ≥ 0.
+    pub gap: f64,
+}
+
+/// A force on the tool in the base frame during a window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ToolForce {
+    /// Force, base frame, N.
+    pub force: Vector3<f64>,
+    /// When it sets in, s.
+    pub start: f64,
+    /// When it ends, s.
+    pub end: f64,
+}
+
+/// What a sensor makes of the truth. Called once a tick, in the order of the arm file; it may keep a memory.
+pub trait SensorLaw: Debug + Send {
+    /// Changes the readings of a tick.
+    fn read(&mut self, readings: &mut Readings);
+
+    /// Forgets: the plant starts anew.
+    fn restart(&mut self) {}
+}
+
+/// What is measured in one tick, before noise and rounding.
+#[derive(Debug)]
+pub struct Readings<'a> {
+    /// Time between two readings, s.
+    pub period: f64,
+    /// Motor-side positions, rad (m).
+    pub q: &'a mut [f64],
+    /// Velocities, rad/s (m/s).
+    pub v: &'a mut [f64],
+    /// Torques, N·m (N).
+    pub torque: &'a mut [f64],
+    /// Link-side positions, rad (m).
+    pub link: &'a mut [f64],
+    /// Tool position in the base frame, m.
+    pub tool: &'a mut [f64],
+}
