@@ -282,7 +282,7 @@ fn bad_command_lines() {
             &[],
             &["--controller", "mpc"],
             2,
-            &["\"mpc\"", "computed-torque, quasi-static", "path"],
+            &["\"mpc\"", "computed-torque, quasi-static, narx-qp", "path"],
         ),
         ("executable", &[], &["--controller", "./mpc"], 3, &["./mpc", "no such executable"]),
         (

@@ -19,7 +19,7 @@ fn the_default_scenario_runs_every_built_in_controller() {
     let ran = lockstep(1.0, &[]).expect(0);
     let summary = ran.summary();
     assert_eq!(summary["schema"], "freeplay.summary/1");
-    for controller in ["computed-torque", "quasi-static"] {
+    for controller in ["computed-torque", "quasi-static", "narx-qp"] {
         let run = run_of(&summary, controller);
         assert_eq!(run["ticks"], 1000);
         assert_eq!(run["ending"], "finished");

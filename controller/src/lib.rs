@@ -16,7 +16,9 @@
 //! - [`Outlook`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
 //! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`].
 //! - [`Correction`]: that correction over time, with its derivatives by [`Centred`] differences.
-//! - [`ComputedTorque`], [`QuasiStaticControl`]: the controllers that come with the project; [`built_in()`] finds them by name.
+//! - [`Tracking`]: a reference tracked while the deviation is taken out: what the compensating controllers share.
+//! - [`ToolResidual`]: what a tracked tool says that physics does not, learned online.
+//! - [`ComputedTorque`], [`QuasiStaticControl`], [`NarxQp`]: the controllers that come with the project; [`built_in()`] finds them by name.
 
 mod answer_loop;
 pub mod built_in;
@@ -28,12 +30,15 @@ pub mod correction;
 pub mod deviation;
 pub mod look_ahead;
 pub mod model;
+pub mod narx_qp;
 pub mod outlook;
 pub mod preview;
 pub mod qp;
 pub mod quasi_static;
 pub mod serve;
 pub mod task;
+pub mod tool_residual;
+pub mod tracking;
 
 pub use built_in::{BUILT_IN, built_in};
 pub use centred::Centred;
@@ -44,9 +49,12 @@ pub use correction::Correction;
 pub use deviation::{QuasiStatic, Rest};
 pub use look_ahead::{JointState, LookAhead};
 pub use model::Model;
+pub use narx_qp::{NarxQp, NarxQpOptions};
 pub use outlook::{JointMotion, Outlook};
 pub use preview::Preview;
 pub use qp::{Qp, QpError, QpReport, QpStatus};
-pub use quasi_static::{QuasiStaticControl, QuasiStaticOptions};
+pub use quasi_static::QuasiStaticControl;
 pub use serve::{Ended, ServeError, ServeOptions, ServeReport, serve, serve_with};
 pub use task::{Gains, LimitsFrom, Task, TaskError, TaskMode};
+pub use tool_residual::ToolResidual;
+pub use tracking::{Beyond, Plan, Tracking, TrackingOptions};

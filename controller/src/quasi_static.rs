@@ -1,75 +1,23 @@
 //! The built-in `quasi-static`: no learning; the deviation that physics predicts, taken out by the compensation programme.
 //!
-//! The controller plans the reference path itself, so that it knows where the journals will rest at the ticks to come: it smooths
-//! that by a centred moving average, corrects the joints for it ([`Correction`]) and tracks the corrected motion by inverse dynamics with feedback, with
-//! the motion of the journals and the friction of their contacts fed forward. Where the reference in the state is not that of
-//! its own path, the deviation is predicted from that reference alone, without a look ahead.
+//! All of it is in [`Tracking`].
 
-use freeplay_arm::Arm;
-use freeplay_laws::{ArmWithPlay, DriveFriction};
 use freeplay_path::JointPath;
-use freeplay_shm::{CommandStatus, Joints, Reference, State, now_ns};
+use freeplay_shm::State;
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
 
-use crate::centred::Centred;
-use crate::compensation::{CompensationStatus, Motion, Weights};
-use crate::computed_torque::{add_drive_friction, feedback};
 use crate::controller::{Answer, Controller, ControllerError, RunInfo};
-use crate::correction::Correction;
-use crate::deviation::QuasiStatic;
-use crate::look_ahead::{LookAhead, drive_frictions};
 use crate::model::Model;
-use crate::outlook::{JointMotion, Outlook};
-use crate::qp::QpStatus;
-use crate::task::{Gains, Task, TaskError, TaskMode};
+use crate::task::Task;
+use crate::tracking::{Tracking, TrackingOptions};
 
 /// Name of the controller.
 pub const QUASI_STATIC: &str = "quasi-static";
 
-/// Shortest span of the moving average, s: where the predicted journals jump, less of it asks for wild torques.
-pub const SHORTEST_AVERAGE: f64 = 0.01;
-/// Missed ticks that are caught up one by one; after more, the correction starts anew from where it was.
-const MOST_CAUGHT_UP: u64 = 3;
-
-/// What the controller understands in the task's `[options]`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct QuasiStaticOptions {
-    /// Time in which the correction goes from none to full, s.
-    pub blend: f64,
-    /// Span of the moving average over the predicted journals, s: 0 for none, else at least [`SHORTEST_AVERAGE`].
-    pub average: f64,
-    /// Weights of the compensation.
-    pub weights: Weights,
-}
-
-impl Default for QuasiStaticOptions {
-    fn default() -> QuasiStaticOptions {
-        QuasiStaticOptions { blend: 0.3, average: 0.021, weights: Weights::default() }
-    }
-}
-
-impl QuasiStaticOptions {
-    fn check(&self) -> Result<(), TaskError> {
-        let within = |value: f64, least: f64, most: f64| value >= least && value <= most;
-        let fault = if !within(self.blend, 1e-3, 60.0) {
-            Some("blend must be 0.001 to 60 s")
-        } else if self.average != 0.0 && !within(self.average, SHORTEST_AVERAGE, 1.0) {
-            Some("average must be 0, or 0.01 to 1 s")
-        } else {
-            self.weights.fault()
-        };
-        fault.map_or(Ok(()), |fault| {
-            Err(TaskError::OptionValue { controller: QUASI_STATIC.to_owned(), fault })
-        })
-    }
-}
-
-/// The controller; see the module.
+/// The controller; see the module. Its options are [`TrackingOptions`].
 #[derive(Default)]
 pub struct QuasiStaticControl {
-    ready: Option<Ready>,
+    tracking: Option<Tracking>,
 }
 
 impl Controller for QuasiStaticControl {
@@ -78,183 +26,18 @@ impl Controller for QuasiStaticControl {
     }
 
     fn start(&mut self, task: &Task, run: &RunInfo) -> Result<(), ControllerError> {
-        self.ready = Some(Ready::new(task, run)?);
+        let options: TrackingOptions = task.options(QUASI_STATIC)?;
+        options.check(QUASI_STATIC)?;
+        let model = Model::load(task, run)?;
+        let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
+        self.tracking = Some(Tracking::new(task, &model, path, &options)?);
         Ok(())
     }
 
     fn answer(&mut self, state: &State, answer: &mut Answer) {
-        let Some(ready) = &mut self.ready else { return answer.give_up() };
-        if ready.answer(state, answer).is_none() {
+        let Some(tracking) = &mut self.tracking else { return answer.give_up() };
+        if tracking.answer(state, &mut |_| Vector3::zeros(), answer).is_none() {
             answer.give_up();
         }
-    }
-}
-
-struct Ready {
-    arm: Arm,
-    mode: TaskMode,
-    gains: Gains,
-    period: f64,
-    /// Whether the predicted journals are smooth enough to be differentiated.
-    smooth: bool,
-    friction: Vec<DriveFriction>,
-    look_ahead: LookAhead,
-    outlook: Outlook,
-    /// Predicts for the instant of the answer and feeds forward.
-    predictor: QuasiStatic,
-    correction: Correction,
-    /// The smoothed displacements of the journals, m.
-    journals: Centred,
-    /// Tick of the last state.
-    tick: Option<u64>,
-    planned: JointMotion,
-    target: JointMotion,
-    contact_moments: Vec<f64>,
-    acceleration: Vec<f64>,
-}
-
-impl Ready {
-    fn new(task: &Task, run: &RunInfo) -> Result<Ready, ControllerError> {
-        let options: QuasiStaticOptions = task.options(QUASI_STATIC)?;
-        options.check()?;
-        let model = Model::load(task, run)?;
-        let (n, period) = (model.arm.dof(), task.period());
-        let with_play = ArmWithPlay::new(&model.arm, &model.clearances)?;
-        let half = ((options.average / period - 1.0) / 2.0).round().max(0.0) as usize;
-        let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
-        let mut outlook = Outlook::new(path, &with_play, period, half);
-        // All that the first answer, to tick 0, needs but the newest value.
-        outlook.at(task.mode.lead());
-        Ok(Ready {
-            mode: task.mode,
-            gains: task.gains,
-            period,
-            smooth: half > 0,
-            friction: drive_frictions(&model.arm),
-            look_ahead: LookAhead::new(&model.arm, period),
-            outlook,
-            predictor: QuasiStatic::new(&with_play, period),
-            correction: Correction::new(&model.arm, period, options.blend, &options.weights)?,
-            journals: Centred::new(2 * model.clearances.len(), period),
-            tick: None,
-            planned: JointMotion::new(n),
-            target: JointMotion::new(n),
-            contact_moments: vec![0.0; n],
-            acceleration: vec![0.0; n],
-            arm: model.arm,
-        })
-    }
-
-    /// `None` if there is no answer: the state or the prediction is not finite.
-    fn answer(&mut self, state: &State, answer: &mut Answer) -> Option<()> {
-        let n = self.arm.dof();
-        let measured = state.q[..n].iter().chain(&state.qd[..n]);
-        if !measured.copied().all(f64::is_finite) {
-            return None;
-        }
-        self.catch_up(state, answer);
-        self.plan(state.tick, Some(&state.reference_next), answer);
-        self.target.add(&state.reference_next, self.correction.motion());
-        let begun = now_ns();
-        answer.deviation = self.predict(&state.reference_next).into();
-        answer.predict_ns += now_ns() - begun;
-        match self.mode {
-            TaskMode::Driven => {
-                let target = self.target.as_motion();
-                answer.value[..n].copy_from_slice(target.q);
-                answer.velocity[..n].copy_from_slice(target.v);
-                answer.acceleration[..n].copy_from_slice(target.a);
-            }
-            TaskMode::Torque => self.torque(state, &mut answer.value)?,
-        }
-        answer.is_finite().then_some(())
-    }
-
-    /// Brings the correction to where it was to be at `state`: starts it, or makes up for missed ticks.
-    fn catch_up(&mut self, state: &State, answer: &mut Answer) {
-        let n = self.arm.dof();
-        match self.tick {
-            Some(last) if state.tick > last => {
-                let missed = state.tick - last - 1;
-                if missed <= MOST_CAUGHT_UP {
-                    for tick in last + 1..state.tick {
-                        self.plan(tick, None, answer);
-                    }
-                } else {
-                    self.correction.resume();
-                    self.journals.clear();
-                }
-                if missed > 0 {
-                    self.predictor.restart();
-                }
-            }
-            _ => {
-                self.correction.start(&state.q[..n], &state.reference.q[..n]);
-                self.journals.clear();
-                self.predictor.restart();
-            }
-        }
-        self.tick = Some(state.tick);
-    }
-
-    /// Plans the correction of the answer to `tick`: the newest is for the tick after that of the answer.
-    /// `reference` is that of the answer; without one, the path is taken to be followed.
-    fn plan(&mut self, tick: u64, reference: Option<&Reference>, answer: &mut Answer) {
-        let begun = now_ns();
-        let instant = tick.saturating_add(self.mode.lead());
-        let ahead = instant.saturating_add(1);
-        let foreign = reference.filter(|reference| !self.outlook.leads_through(reference, instant));
-        let journals = match foreign {
-            None => {
-                self.planned.copy(self.outlook.on_path(ahead));
-                self.outlook.at(ahead)
-            }
-            Some(reference) => {
-                self.planned.extrapolate(reference, self.period);
-                self.outlook.of(self.planned.as_motion())
-            }
-        };
-        if foreign.is_none() && self.smooth {
-            self.journals.push(journals);
-        } else {
-            self.journals.rest(journals);
-        }
-        let planned = self.planned.as_motion();
-        let deviation = self.predictor.deviation_with(planned.q, self.journals.newest());
-        let predicted = now_ns();
-        let report = self.correction.advance(&self.arm, planned, &deviation);
-        answer.predict_ns += predicted - begun;
-        answer.qp_ns += now_ns() - predicted;
-        answer.qp_iterations += report.iterations;
-        match report.status {
-            CompensationStatus::Solved => {}
-            CompensationStatus::Failed(QpStatus::IterationLimit) => {
-                answer.status = CommandStatus::QpLimit;
-            }
-            CompensationStatus::LimitsConflict(_) | CompensationStatus::Failed(_) => {
-                answer.status = CommandStatus::QpFailed;
-            }
-        }
-    }
-
-    /// The deviation during `reference`, not smoothed.
-    fn predict(&mut self, reference: &Reference) -> Vector3<f64> {
-        let n = self.arm.dof();
-        let motion = Motion { q: &reference.q[..n], v: &reference.qd[..n], a: &reference.qdd[..n] };
-        self.predictor.advance(motion);
-        self.predictor.deviation(motion.q)
-    }
-
-    fn torque(&mut self, state: &State, torque: &mut Joints) -> Option<()> {
-        let n = self.arm.dof();
-        let ahead = self.look_ahead.predict(&self.arm, state, &self.contact_moments)?;
-        let target = self.target.as_motion();
-        feedback(self.gains, target, ahead, &mut self.acceleration);
-        let next = Motion { q: &ahead.q, v: &ahead.v, a: &self.acceleration };
-        self.predictor.feed_forward(next, self.journals.motion(), &mut torque[..n]);
-        add_drive_friction(&self.friction, target.v, &mut torque[..n]);
-        self.contact_moments.fill(0.0);
-        self.predictor.add_contact_moments(&mut self.contact_moments);
-        Some(())
     }
 }

@@ -68,7 +68,9 @@ fn answering_allocates_nothing_but_what_clarabel_takes() {
     println!("one solve: {} allocations, {} bytes", solve.count_total, solve.bytes_total);
     for mode in [TaskMode::Torque, TaskMode::Driven] {
         let (task, _folder) = task(mode);
-        for (name, allowed) in [("computed-torque", 0), ("quasi-static", solve.count_total)] {
+        for (name, allowed) in
+            [("computed-torque", 0), ("quasi-static", solve.count_total), ("narx-qp", solve.count_total)]
+        {
             let outcome = recorded(name, &task, 60);
             let mut controller = started(name, &task);
             let mut most = 0;
@@ -109,7 +111,9 @@ fn nonsense_gets_no_answer_and_is_forgotten() {
                 // A driven controller does not look at torques, and one without feedback not at positions.
                 let touched = matches!(
                     (mode, name, state.tick % 4),
-                    (_, _, 2) | (TaskMode::Torque, _, 1 | 3) | (TaskMode::Driven, "quasi-static", 1)
+                    (_, _, 2)
+                        | (TaskMode::Torque, _, 1 | 3)
+                        | (TaskMode::Driven, "quasi-static" | "narx-qp", 1)
                 );
                 let expected = if touched { CommandStatus::NoAnswer } else { CommandStatus::Ok };
                 assert_eq!(answer.status, expected, "{name}, {mode:?}, tick {}", state.tick);
