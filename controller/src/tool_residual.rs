@@ -95,7 +95,7 @@ impl ToolResidual {
     }
 
     /// The estimate in the frame of the contact, m: along the deviation, and across it.
-    pub fn estimate(&self) -> &Vector3<f64> {
+    pub fn learned(&self) -> &Vector3<f64> {
         &self.smooth
     }
 
