@@ -55,6 +55,7 @@ fn arm_with_slides() -> Result<Arm, ArmError> {
         placement: Isometry3::identity(),
         limits: Limits::NONE,
         friction: JointFriction::default(),
+        rotor_inertia: 0.0,
         inertia: Inertia::zero(),
     };
     let with_x = paper_arm().arm.with_joint_inserted_before(4, slide("px", Vector3::x_axis()))?;

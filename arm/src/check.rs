@@ -70,6 +70,7 @@ pub(crate) fn joint(joint: &Joint) -> Result<(), ArmError> {
             return Err(value(of, quantity, v, "finite and not negative"));
         }
     }
+    finite(of, "rotor inertia", &[joint.rotor_inertia])?;
     inertia(of, joint)
 }
 

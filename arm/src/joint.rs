@@ -140,6 +140,10 @@ pub struct Joint {
     pub limits: Limits,
     /// Nominal friction, not part of the dynamics here.
     pub friction: JointFriction,
+    /// Inertia of the motor's rotor as the joint feels it through its gear, kg·m² (kg); on this joint's own row of the mass
+    /// matrix alone (Spong 1987, J. Dyn. Syst. Meas. Control 109:310, assumption A2; Featherstone 2008, §9.6). Negative only
+    /// where something else has taken inertia out of the link.
+    pub rotor_inertia: f64,
     /// Inertia of the link, everything rigidly fixed to it included, in the link frame.
     pub inertia: Inertia,
 }

@@ -22,6 +22,8 @@ pub(crate) struct LinkConstants {
     /// Neither mass nor inertia: nothing to add to the articulated inertia.
     pub massless: bool,
     pub mass: f64,
+    /// Inertia of the rotor as the joint feels it, kg·m² or kg.
+    pub rotor_inertia: f64,
     /// m·c in the link frame, kg·m.
     pub first_moment: Vector3<f64>,
     /// Inertia about the link origin in the link frame, kg·m².
@@ -49,6 +51,7 @@ impl LinkConstants {
             axis,
             massless: mass == 0.0 && about_com == zero,
             mass,
+            rotor_inertia: joint.rotor_inertia,
             first_moment: com * mass,
             inertia: Symmetric3::from_matrix(&about_origin),
         }

@@ -226,6 +226,7 @@ fn bad_arm_files() {
     refused_toml(&arm_file("limits = { lower = 2, upper = 1 }", ""), &["x.toml:7:20:", "lower ≤ upper"]);
     refused_toml(&arm_file("limits = { effort = 0 }", ""), &["x.toml:7:21:", "effort", "positive"]);
     refused_toml(&arm_file("friction = -2", ""), &["x.toml:7:12:", "friction", "`-2`"]);
+    refused_toml(&arm_file("rotor_inertia = -2", ""), &["x.toml:7:17:", "rotor_inertia", "`-2`"]);
     refused_toml(&arm_file("origin = { rpy = [0, 0, nan] }", ""), &["x.toml:7:10:", "origin", "finite"]);
     refused_toml(&arm_file("origin = { quaternion = [0, 0, 0, 2] }", ""), &["x.toml:7:10:", "length 2"]);
     let both = "origin = { quaternion = [0, 0, 0, 1], rpy = [0, 0, 0] }";
@@ -254,6 +255,7 @@ fn joint(name: &str) -> Joint {
         placement: Isometry3::identity(),
         limits: Limits::NONE,
         friction: JointFriction::default(),
+        rotor_inertia: 0.0,
         inertia: Inertia { mass: 1.0, com: Vector3::x(), about_com: Matrix3::identity() },
     }
 }

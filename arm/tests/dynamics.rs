@@ -6,7 +6,8 @@ mod common;
 
 use common::{Random, close, distance, size};
 use freeplay_arm::{
-    Drive, Workspace, aba, bias, crba, gravity_torque, hybrid_aba, joint_reaction, kinetic_energy, rnea,
+    Drive, Workspace, aba, bias, crba, gravity_torque, hybrid_aba, joint_reaction, kinetic_energy,
+    potential_energy, rnea,
 };
 use nalgebra::{DMatrix, DVector};
 
@@ -152,4 +153,55 @@ fn kinetic_energy_is_half_v_m_v() {
         worst = worst.max((energy - half).abs() / half);
     });
     close("kinetic energy", worst, 1e-13);
+}
+
+/// Momentum ∂T/∂v and force ∂(T − U)/∂q of each joint at `q`, `v`, by central differences of the energies.
+fn lagrange(arm: &freeplay_arm::Arm, ws: &mut Workspace, q: &[f64], v: &[f64]) -> [Vec<f64>; 2] {
+    let step = 1e-4;
+    let difference = |values: &[f64], joint: usize, energy: &mut dyn FnMut(&[f64]) -> f64| {
+        let mut moved = values.to_vec();
+        moved[joint] = values[joint] + step;
+        let above = energy(&moved);
+        moved[joint] = values[joint] - step;
+        (above - energy(&moved)) / (2.0 * step)
+    };
+    let momentum =
+        (0..q.len()).map(|i| difference(v, i, &mut |v| kinetic_energy(arm, ws, q, v))).collect::<Vec<_>>();
+    let force = (0..q.len())
+        .map(|i| difference(q, i, &mut |q| kinetic_energy(arm, ws, q, v) - potential_energy(arm, ws, q)))
+        .collect();
+    [momentum, force]
+}
+
+#[test]
+fn rotors_obey_the_equations_of_lagrange_and_show_on_their_own_joint_alone() {
+    let (mut worst, mut own, step, mut rotors) = (0.0_f64, 0.0_f64, 1e-4, 0);
+    for_random_arms(|random, arm, ws| {
+        let n = arm.dof();
+        let (q, v, a) = (random.values(n, 2.0), random.values(n, 1.0), random.values(n, 2.0));
+        let mut tau = vec![0.0; n];
+        rnea(arm, ws, &q, &v, &a, &mut tau);
+        let at = |time: f64| -> [Vec<f64>; 2] {
+            let moved = |i: usize| q[i] + time * (v[i] + 0.5 * time * a[i]);
+            [(0..n).map(moved).collect(), (0..n).map(|i| v[i] + time * a[i]).collect()]
+        };
+        let [[q0, v0], [q1, v1]] = [at(-step), at(step)];
+        let [before, after] = [lagrange(arm, ws, &q0, &v0), lagrange(arm, ws, &q1, &v1)];
+        let [_, force] = lagrange(arm, ws, &q, &v);
+        let from_energy: Vec<f64> =
+            (0..n).map(|i| (after[0][i] - before[0][i]) / (2.0 * step) - force[i]).collect();
+        worst = worst.max(distance(&from_energy, &tau) / size(&tau));
+        let bare =
+            arm.joints().iter().map(|joint| freeplay_arm::Joint { rotor_inertia: 0.0, ..joint.clone() });
+        let bare = freeplay_arm::Arm::new("bare", bare.collect(), *arm.tool(), *arm.gravity()).unwrap();
+        let mut without = vec![0.0; n];
+        rnea(&bare, ws, &q, &v, &a, &mut without);
+        for (i, joint) in arm.joints().iter().enumerate() {
+            rotors += usize::from(joint.rotor_inertia > 0.0);
+            own = own.max((tau[i] - without[i] - joint.rotor_inertia * a[i]).abs() / size(&tau));
+        }
+    });
+    assert!(rotors > 10, "some joints have rotors: {rotors}");
+    close("rnea against differences of the energies", worst, 1e-5);
+    close("a rotor of inertia I adds I a", own, 1e-14);
 }

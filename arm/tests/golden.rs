@@ -33,6 +33,7 @@ fn slide(name: &str, axis: nalgebra::Unit<Vector3<f64>>) -> Joint {
         placement: Isometry3::identity(),
         limits: Limits::NONE,
         friction: JointFriction::default(),
+        rotor_inertia: 0.0,
         inertia: Inertia::zero(),
     }
 }

@@ -20,6 +20,7 @@ fn pendulum(joints: usize) -> Arm {
         placement: if number == 1 { Isometry3::identity() } else { Isometry3::translation(0.0, 0.0, -1.0) },
         limits: Limits::NONE,
         friction: JointFriction::default(),
+        rotor_inertia: 0.0,
         inertia: Inertia { mass: 1.0, com: Vector3::new(0.0, 0.0, -1.0), about_com: Matrix3::zeros() },
     };
     Arm::new(

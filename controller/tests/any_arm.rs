@@ -20,6 +20,7 @@ fn chain(n: usize) -> Arm {
             placement: Isometry3::translation(0.1, 0.05, 0.3),
             limits: Limits { lower: -1.5, upper: 1.5, velocity: 3.0, acceleration: 30.0, effort: 1e3 },
             friction: JointFriction { viscous: 0.1, coulomb: 0.2 },
+            rotor_inertia: 0.0,
             inertia: Inertia {
                 mass: 2.0,
                 com: Vector3::new(0.05, 0.0, 0.1),

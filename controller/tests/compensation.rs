@@ -25,6 +25,7 @@ fn chain(n: usize, limits: Limits) -> Arm {
             placement: Isometry3::translation(0.1, 0.05, 0.3),
             limits,
             friction: JointFriction { viscous: 0.0, coulomb: 0.0 },
+            rotor_inertia: 0.0,
             inertia: Inertia {
                 mass: 1.0,
                 com: Vector3::new(0.05, 0.0, 0.1),

@@ -46,6 +46,7 @@ fn slide(name: &str, axis: Unit<Vector3<f64>>) -> Joint {
         placement: nalgebra::Isometry3::identity(),
         limits: Limits::NONE,
         friction: JointFriction { viscous: 0.0, coulomb: 0.0 },
+        rotor_inertia: 0.0,
         inertia: Inertia::zero(),
     }
 }

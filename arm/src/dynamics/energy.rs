@@ -8,7 +8,7 @@ use crate::kinematics::{place_links, turn_links};
 use crate::workspace::Workspace;
 
 /// Kinetic energy ½ vᵀ M(q) v, J, summed link by link and so independent of the mass matrix:
-/// ½ m u² + u·(ω × h) + ½ ω·J ω for a link whose origin moves with u.
+/// ½ m u² + u·(ω × h) + ½ ω·J ω for a link whose origin moves with u, and ½ I v² for its rotor.
 ///
 /// # Panics
 /// If the length of `q` or `v` or the workspace does not fit the arm.
@@ -28,7 +28,8 @@ pub fn kinetic_energy(arm: &Arm, ws: &mut Workspace, q: &[f64], v: &[f64]) -> f6
         let turning = link.rotation.tr_mul(&link.omega);
         energy += 0.5 * joint.mass * velocity.norm_squared()
             + velocity.dot(&link.omega.cross(&h))
-            + 0.5 * turning.dot(&joint.inertia.times(&turning));
+            + 0.5 * turning.dot(&joint.inertia.times(&turning))
+            + 0.5 * joint.rotor_inertia * v * v;
     }
     energy
 }

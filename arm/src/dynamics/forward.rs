@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::arm::Arm;
-use crate::dynamics::inverse::{accelerate, along_axis, carried_acceleration};
+use crate::dynamics::inverse::{accelerate, along_axis, carried_acceleration, motor_torque};
 use crate::joint::JointKind;
 use crate::kinematics::{place_links, turn_links};
 use crate::link::LinkConstants;
@@ -110,7 +110,7 @@ fn gather(arm: &Arm, ws: &mut Workspace, drive: impl Fn(usize) -> Drive) {
                     JointKind::Revolute => inertia.times_angular(&link.axis),
                     JointKind::Prismatic => inertia.times_linear(&link.axis),
                 };
-                let inverse_felt = 1.0 / along_axis(joint.kind, &link.axis, &column);
+                let inverse_felt = 1.0 / (along_axis(joint.kind, &link.axis, &column) + joint.rotor_inertia);
                 let residual = tau - along_axis(joint.kind, &link.axis, &wrench);
                 inertia.subtract_outer(inverse_felt, &column);
                 wrench.add(&inertia.times(&link.drift));
@@ -149,7 +149,7 @@ fn spread(
                 accelerate(&mut acceleration, joint.kind, &link.axis, a);
                 let mut wrench = link.articulated.times(&acceleration);
                 wrench.add(&link.wrench);
-                report(i, a, along_axis(joint.kind, &link.axis, &wrench));
+                report(i, a, motor_torque(joint, &link.axis, &wrench, a));
             }
         }
         link.acceleration = acceleration;

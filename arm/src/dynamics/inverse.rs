@@ -76,6 +76,14 @@ pub(crate) fn along_axis(kind: JointKind, axis: &Vector3<f64>, wrench: &Wrench) 
     }
 }
 
+/// What the motor has to provide for a wrench across its joint while its rotor takes part in the acceleration `a`.
+#[inline(always)]
+pub(crate) fn motor_torque(joint: &LinkConstants, axis: &Vector3<f64>, wrench: &Wrench, a: f64) -> f64 {
+    let transmitted = along_axis(joint.kind, axis, wrench);
+    // Without a rotor not even the sign of a zero changes.
+    if joint.rotor_inertia == 0.0 { transmitted } else { transmitted + joint.rotor_inertia * a }
+}
+
 /// Acceleration of a link from its parent's, without the part that the joint's own acceleration adds.
 #[inline(always)]
 pub(crate) fn carried_acceleration(parent: &Acceleration, link: &LinkState) -> Acceleration {
@@ -119,9 +127,9 @@ fn newton_euler(arm: &Arm, ws: &mut Workspace, a: impl Fn(usize) -> f64, tau: &m
         link.wrench = link_wrench(joint, link);
     }
     let mut carried = Wrench::default();
-    for ((link, joint), tau) in ws.links.iter_mut().zip(arm.constants()).zip(tau).rev() {
+    for (i, ((link, joint), tau)) in ws.links.iter_mut().zip(arm.constants()).zip(tau).enumerate().rev() {
         link.wrench.add(&carried);
-        *tau = along_axis(joint.kind, &link.axis, &link.wrench);
+        *tau = motor_torque(joint, &link.axis, &link.wrench, a(i));
         carried = link.wrench.seen_from(&link.from_parent);
     }
     ws.wrench_source = WrenchSource::Transmitted;

@@ -30,7 +30,8 @@ pub fn crba(arm: &Arm, ws: &mut Workspace, q: &[f64], m: &mut DMatrix<f64>) {
                 Wrench { moment: link.first_moment.cross(&link.axis), force: link.axis * link.mass }
             }
         };
-        m[(i, i)] = along_axis(arm.constants()[i].kind, &link.axis, &wrench);
+        m[(i, i)] =
+            along_axis(arm.constants()[i].kind, &link.axis, &wrench) + arm.constants()[i].rotor_inertia;
         for j in (0..i).rev() {
             wrench = wrench.seen_from(&ws.links[j + 1].from_parent);
             let element = along_axis(arm.constants()[j].kind, &ws.links[j].axis, &wrench);

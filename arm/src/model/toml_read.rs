@@ -31,6 +31,7 @@ use crate::joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 /// limits = { lower = -1, upper = 1, velocity = 2, acceleration = 10, effort = 50 }   # infinite where missing
 /// damping = 0.1                     # N·m·s/rad or N·s/m
 /// friction = 0.5                    # N·m or N
+/// rotor_inertia = 0.2               # of the motor through its gear, on the joint's side, kg·m² or kg
 ///
 /// [tool]                            # tool0 in the frame of the last link
 /// xyz = [0.1, 0, 0]
@@ -155,7 +156,9 @@ impl Reader<'_> {
             None => Limits::NONE,
         };
         let inertia = self.inertia(table, &of)?;
-        Ok(Joint { name: table.name.clone(), kind, axis, placement, limits, friction, inertia })
+        let rotor_inertia = self.not_negative(table.rotor_inertia.as_ref(), &of("rotor_inertia"))?;
+        let name = table.name.clone();
+        Ok(Joint { name, kind, axis, placement, limits, friction, rotor_inertia, inertia })
     }
 
     fn inertia(&self, table: &JointTable, of: &dyn Fn(&str) -> String) -> Result<Inertia, ModelError> {

@@ -29,6 +29,7 @@ pub(super) struct JointTable {
     pub limits: Option<LimitsTable>,
     pub damping: Option<Spanned<f64>>,
     pub friction: Option<Spanned<f64>>,
+    pub rotor_inertia: Option<Spanned<f64>>,
 }
 
 #[derive(Clone, Copy, Deserialize)]

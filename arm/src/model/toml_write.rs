@@ -52,7 +52,11 @@ fn write_joint(text: &mut String, joint: &Joint) {
         line(text, format_args!("origin = {{ {} }}", frame_entries(&joint.placement).join(", ")));
     }
     write_limits(text, &joint.limits);
-    for (key, value) in [("damping", joint.friction.viscous), ("friction", joint.friction.coulomb)] {
+    for (key, value) in [
+        ("damping", joint.friction.viscous),
+        ("friction", joint.friction.coulomb),
+        ("rotor_inertia", joint.rotor_inertia),
+    ] {
         if value != 0.0 {
             line(text, format_args!("{key} = {value:?}"));
         }

@@ -165,6 +165,7 @@ fn chain_joints(robot: &Robot<'_>, tree: &Tree, chain: &[usize], seats: &[Seat])
                 placement: seats[*parent].pose * placement,
                 limits: *limits,
                 friction: *friction,
+                rotor_inertia: 0.0,
                 inertia: Inertia::zero(),
             }
         })

@@ -60,6 +60,7 @@ impl Random {
             placement: Isometry3::from_parts(Translation3::from(self.vector() * 0.5), turn),
             limits: Limits::NONE,
             friction: JointFriction::default(),
+            rotor_inertia: if self.next() < 0.0 { 0.0 } else { 0.1 + 0.1 * self.next() },
             inertia: self.inertia(),
         }
     }

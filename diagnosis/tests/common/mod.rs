@@ -90,6 +90,7 @@ pub fn link(name: &str, kind: JointKind, friction: JointFriction) -> Joint {
         placement: Isometry3::translation(0.4, 0.0, 0.0),
         limits: Limits { lower: -2.0, upper: 2.0, ..Limits::NONE },
         friction,
+        rotor_inertia: 0.0,
         inertia: Inertia {
             mass: 3.0,
             com: Vector3::new(0.2, 0.0, 0.0),

@@ -25,6 +25,7 @@ pub fn joint(name: &str, kind: JointKind, axis: Vector3<f64>, offset: [f64; 3]) 
         placement: shift(offset),
         limits: Limits::NONE,
         friction: JointFriction { viscous: 0.0, coulomb: 0.0 },
+        rotor_inertia: 0.0,
         inertia: Inertia { mass: 1.0, com: Vector3::zeros(), about_com: Matrix3::identity() * 0.01 },
     }
 }

@@ -31,6 +31,7 @@ pub fn rod(name: &str, mass: f64, length: f64, at: f64) -> Joint {
         ),
         limits: Limits::NONE,
         friction: JointFriction::default(),
+        rotor_inertia: 0.0,
         inertia: Inertia {
             mass,
             com: Vector3::new(0.5 * length, 0.0, 0.0),
