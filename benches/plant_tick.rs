@@ -51,6 +51,7 @@ fn main() {
         rejection: None,
         deviation: [0.0; 3],
         tool: [0.0; 7],
+        link: state.q,
         peak_base_force: 0.0,
         plays: [PlayRecord::default(); MAX_PLAYS],
     };

@@ -64,6 +64,7 @@ fn predicted(record: &TickRecord, axis: usize) -> f64 {
 pub struct RunColumns {
     joints: usize,
     tracked: bool,
+    links: bool,
     period: f64,
     plays: Vec<String>,
 }
@@ -71,7 +72,12 @@ pub struct RunColumns {
 impl RunColumns {
     /// Columns for `joints` joints, of which those named in `plays` have play; `tracked` if the tool is measured.
     pub fn new(joints: usize, plays: Vec<String>, tracked: bool, period: f64) -> Self {
-        Self { joints, tracked, period, plays }
+        Self { joints, tracked, links: false, period, plays }
+    }
+
+    /// With the links' positions, if `links`: where a transmission parts a link from its motor.
+    pub fn with_links(self, links: bool) -> Self {
+        Self { links, ..self }
     }
 
     /// The layout of the recording.
@@ -86,8 +92,9 @@ impl RunColumns {
             self.plays.iter().flat_map(|play| PLAY_COLUMNS.iter().map(move |name| play_column(play, name)));
         let others: Vec<String> = tick.chain(joint).chain(plays).collect();
         let others: Vec<&str> = others.iter().map(String::as_str).collect();
-        let groups = [Group::Position, Group::Velocity, Group::Torque, Group::Reference];
-        Layout::of(self.joints, &groups, self.tracked, &others)
+        let groups = [Group::Position, Group::Velocity, Group::Torque, Group::Reference, Group::Link];
+        let groups = if self.links { &groups[..] } else { &groups[..4] };
+        Layout::of(self.joints, groups, self.tracked, &others)
     }
 
     /// Writes the row of `record` into `row`, in the layout's order.
@@ -97,6 +104,9 @@ impl RunColumns {
         row.push(state.tick as f64 * self.period);
         for values in [&state.q, &state.qd, &state.tau, &state.reference.q] {
             row.extend_from_slice(&values[..self.joints]);
+        }
+        if self.links {
+            row.extend_from_slice(&record.link[..self.joints]);
         }
         if self.tracked {
             row.extend_from_slice(&state.tool);

@@ -67,7 +67,11 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let mut plant =
         Plant::new(setup.plant.clone(), Arc::clone(&setup.path), link, address.run(), Arc::clone(&queue))
             .map_err(failure)?;
-    let recorder = start_recorder(args, &scenario, &setup, &plays, queue)?;
+    let period = setup.plant.period_ns as f64 * 1e-9;
+    let tracked = scenario.sensors.track_tool;
+    let columns = RunColumns::new(setup.plant.arm.dof(), plays.clone(), tracked, period)
+        .with_links(plant.system().parted().next().is_some());
+    let recorder = start_recorder(args, &scenario, columns, queue)?;
     let request = realtime_request(&scenario, scenario.realtime.plant_cpu);
     let granted = realtime::prepare(&request);
     let (began, clock) = (SystemTime::now(), Instant::now());
@@ -108,7 +112,13 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
 }
 
 fn play_names(setup: &Setup) -> Vec<String> {
-    setup.plant.clearances.iter().map(|(joint, _)| setup.arm().joints()[*joint].name.clone()).collect()
+    setup
+        .plant
+        .effects
+        .clearances
+        .iter()
+        .map(|(joint, _)| setup.arm().joints()[*joint].name.clone())
+        .collect()
 }
 
 /// "lockstep" or "realtime".
@@ -122,12 +132,9 @@ pub fn pace_name(pace: Pacing) -> &'static str {
 fn start_recorder(
     args: &PlantArgs,
     scenario: &Scenario,
-    setup: &Setup,
-    plays: &[String],
+    columns: RunColumns,
     queue: Arc<ArrayQueue<freeplay_plant::TickRecord>>,
 ) -> Result<Recorder, Failure> {
-    let period = setup.plant.period_ns as f64 * 1e-9;
-    let columns = RunColumns::new(setup.plant.arm.dof(), plays.to_vec(), scenario.sensors.track_tool, period);
     let layout = columns.layout().map_err(Failure::input)?;
     let extension = match scenario.recording {
         RecordingKind::Mcap => Some("mcap"),

@@ -35,8 +35,13 @@ pub fn write(
     machine: &Value,
 ) -> Result<PathBuf, Failure> {
     let played = runs.iter().map(|run| Played::read(run, out)).collect::<Result<Vec<_>, _>>()?;
-    let plays: Vec<&str> =
-        setup.plant.clearances.iter().map(|(joint, _)| setup.arm().joints()[*joint].name.as_str()).collect();
+    let plays: Vec<&str> = setup
+        .plant
+        .effects
+        .clearances
+        .iter()
+        .map(|(joint, _)| setup.arm().joints()[*joint].name.as_str())
+        .collect();
     let mut document =
         Document::new("Freeplay run").subtitle(format!("{}, {} controllers", setup.arm().name(), runs.len()));
     for block in overview(runs) {
@@ -44,7 +49,8 @@ pub fn write(
     }
     document = document.section(deviation(&played));
     for (index, play) in plays.iter().enumerate() {
-        document = document.section(contact(&played, play, setup.plant.clearances[index].1.clearance));
+        document =
+            document.section(contact(&played, play, setup.plant.effects.clearances[index].1.clearance));
     }
     document = document
         .section(torques(&played, setup))

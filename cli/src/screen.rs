@@ -48,6 +48,7 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
 fn heading(scenario: &Scenario, setup: &Setup) -> String {
     let plays: Vec<String> = setup
         .plant
+        .effects
         .clearances
         .iter()
         .map(|(joint, play)| {
@@ -91,7 +92,8 @@ fn machine_lines(runs: &[RunSummary]) -> Vec<String> {
 fn results(setup: &Setup, runs: &[RunSummary]) -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
-    let joint = setup.plant.clearances.first().map(|(joint, _)| setup.arm().joints()[*joint].name.clone());
+    let joint =
+        setup.plant.effects.clearances.first().map(|(joint, _)| setup.arm().joints()[*joint].name.clone());
     let contact = joint.as_ref().map_or_else(|| "contact".to_owned(), |joint| format!("contact in {joint}"));
     table.set_header(vec![
         "\ncontroller".to_owned(),

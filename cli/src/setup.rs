@@ -9,7 +9,7 @@ use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{LimitsFrom, Task, TaskMode};
 use freeplay_laws::{Clearance, Effects, LawError};
 use freeplay_path::JointPath;
-use freeplay_plant::PlantConfig;
+use freeplay_plant::{PlantConfig, SystemError};
 use freeplay_shm::{MAX_JOINTS, Mode, Pace, RtRequest};
 use nalgebra::Vector3;
 
@@ -96,7 +96,7 @@ impl Setup {
         let duration = scenario.duration.unwrap_or_else(|| path.duration());
         let plant = PlantConfig {
             arm: truth.arm.clone(),
-            clearances: effects.clearances,
+            effects: Arc::new(effects),
             mode: match scenario.mode {
                 Drive::Torque => Mode::Torque,
                 Drive::Driven => Mode::Driven,
@@ -113,7 +113,7 @@ impl Setup {
             hold: scenario.hold,
             patience: Duration::from_secs_f64(scenario.patience),
         };
-        check_step(&plant)?;
+        check_step(&plant, &path)?;
         Ok(Self { plant, path: Arc::new(path), truth })
     }
 
@@ -157,13 +157,12 @@ impl Setup {
     }
 }
 
-/// A step that can't resolve a contact is refused before any process starts.
-fn check_step(plant: &PlantConfig) -> Result<(), Failure> {
-    let play = freeplay_laws::ArmWithPlay::new(&plant.arm, &plant.clearances).map_err(Failure::input)?;
-    let period = plant.period_ns as f64 * 1e-9;
-    freeplay_plant::System::new(play, &plant.arm, period, plant.substeps)
-        .map(|_| ())
-        .map_err(|error| Failure::input(format!("scenario: substeps = {}: {error}", plant.substeps)))
+/// Effects and steps that can't be are refused before any process starts.
+fn check_step(plant: &PlantConfig, path: &JointPath) -> Result<(), Failure> {
+    plant.system(path).map(|_| ()).map_err(|error| match error {
+        SystemError::Law(error) => Failure::input(error),
+        error => Failure::input(format!("scenario: substeps = {}: {error}", plant.substeps)),
+    })
 }
 
 /// What the scenario asks of the operating system for the plant, or for the controller.

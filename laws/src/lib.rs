@@ -29,6 +29,7 @@ mod friction;
 mod injection;
 mod play;
 mod scene;
+mod transmission;
 mod values;
 
 pub use bearing::{Approach, BearingContact, Journal, bearing_contact};

@@ -12,14 +12,17 @@
 
 mod bearing;
 mod deviation;
+mod drives;
 mod gate;
 mod ledger;
 mod motion;
 mod plant;
+mod rotor;
 mod sensors;
 mod stages;
 mod system;
 mod tick_record;
+mod tool_forces;
 
 pub use bearing::{Bearing, ContactTally, IMPACT_LIMIT};
 pub use deviation::{Deviation, DeviationStatistics};
@@ -27,6 +30,7 @@ pub use gate::{Applied, Gate, GateLimits, Rejection};
 pub use ledger::Ledger;
 pub use motion::{Braking, Hermite, Motion};
 pub use plant::{Deadlines, Ending, Plant, PlantConfig, PlantError, PlantOutcome};
+pub use rotor::ROTOR_SHARE;
 pub use sensors::{Channel, Sensors, SensorsSpec};
 pub use stages::{Stage, Stages};
 pub use system::{Input, MAX_CONTACT_STEP, System, SystemError, TickPeaks};

@@ -10,11 +10,11 @@ use std::time::Duration;
 
 use crossbeam::queue::ArrayQueue;
 use freeplay_arm::{Arm, Workspace, forward_kinematics};
-use freeplay_laws::{ArmWithPlay, Clearance, LawError};
+use freeplay_laws::{Effects, LawError, Readings, SensorLaw};
 use freeplay_path::JointPath;
 use freeplay_shm::{
-    Backoff, Command, Greeting, LinkError, MAX_JOINTS, Mode, Pace, PlantLink, Schedule, State, now_ns,
-    sleep_then_spin_until,
+    Backoff, Command, Greeting, Joints, LinkError, MAX_JOINTS, Mode, Pace, PlantLink, Schedule, State,
+    now_ns, sleep_then_spin_until,
 };
 use thiserror::Error;
 
@@ -26,10 +26,10 @@ use crate::{
 /// All that makes a plant.
 #[derive(Clone, Debug)]
 pub struct PlantConfig {
-    /// The arm without its plays.
+    /// The arm without its effects: what the deviation is taken against.
     pub arm: Arm,
-    /// Plays by joint index, ascending.
-    pub clearances: Vec<(usize, Clearance)>,
+    /// What the arm has beyond the rigid model.
+    pub effects: Arc<Effects>,
     /// Who moves the joints.
     pub mode: Mode,
     /// Lockstep or real time.
@@ -48,6 +48,34 @@ pub struct PlantConfig {
     pub hold: u32,
     /// How long to wait for a controller to start, and in lockstep for an answer.
     pub patience: Duration,
+}
+
+/// Postures of the planned motion from which the inertias of motors behind transmissions are taken.
+const POSTURES: u32 = 64;
+
+impl PlantConfig {
+    /// The arm with its effects, and the laws of its sensors, for a motion along `path`.
+    ///
+    /// # Errors
+    /// See [`SystemError`].
+    pub fn system(&self, path: &JointPath) -> Result<(System, Vec<Box<dyn SensorLaw>>), SystemError> {
+        let body = self.effects.changed(&self.arm)?;
+        let mut injection = self.effects.injection();
+        let sensors = std::mem::take(&mut injection.sensors);
+        let blank = vec![0.0; self.arm.dof()];
+        let posture = |number: u32| {
+            let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank.clone()];
+            path.at(path.duration() * f64::from(number) / f64::from(POSTURES), &mut q, &mut v, &mut a);
+            q
+        };
+        let postures: Vec<Vec<f64>> = (0..=POSTURES).map(posture).collect();
+        let period = self.period_ns as f64 * 1e-9;
+        let mut system = System::with_effects(&body, injection, &postures, period, self.substeps)?;
+        let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank];
+        path.at(0.0, &mut q, &mut v, &mut a);
+        system.start(&q, &v);
+        Ok((system, sensors))
+    }
 }
 
 /// Why the plant stopped without finishing.
@@ -147,6 +175,7 @@ pub struct Plant {
     link: PlantLink,
     run: u64,
     gate: Gate,
+    sensor_laws: Vec<Box<dyn SensorLaw>>,
     sensors: Sensors,
     queue: Arc<ArrayQueue<TickRecord>>,
     stages: Stages,
@@ -195,15 +224,12 @@ impl Plant {
             return Err(PlantError::TooManyJoints { joints });
         }
         let period = config.period_ns as f64 * 1e-9;
-        let play = ArmWithPlay::new(&config.arm, &config.clearances)?;
-        let mut system = System::new(play, &config.arm, period, config.substeps)?;
-        let (mut q, mut v, mut a) = (vec![0.0; joints], vec![0.0; joints], vec![0.0; joints]);
-        path.at(0.0, &mut q, &mut v, &mut a);
-        system.start(&q, &v);
+        let (system, sensor_laws) = config.system(&path)?;
         let rates = config.arm.joints().iter().map(|joint| joint.limits.acceleration);
         Ok(Self {
             nominal: Workspace::new(&config.arm),
             gate: Gate::new(GateLimits::of(&config.arm, config.mode, period, config.hold), run, joints),
+            sensor_laws,
             sensors: Sensors::new(&config.sensors, joints, config.seed),
             stages: Stages::new()?,
             deviation: DeviationStatistics::new(DeviationStatistics::START),
@@ -368,7 +394,6 @@ impl Plant {
         let joints = self.config.arm.dof();
         let period = self.config.period_ns as f64 * 1e-9;
         let time = tick as f64 * period;
-        let play = self.system.play();
         let state = &mut self.state;
         state.tick = tick;
         state.mode = self.config.mode.code();
@@ -376,9 +401,10 @@ impl Plant {
             Pace::Lockstep => tick * self.config.period_ns,
             Pace::RealTime => scheduled,
         };
-        play.gather(self.system.q(), &mut state.q[..joints]);
-        play.gather(self.system.v(), &mut state.qd[..joints]);
-        state.tau[..joints].copy_from_slice(self.system.motor_torque());
+        let mut link = [0.0; MAX_JOINTS];
+        self.system.encoders(&mut state.q[..joints], &mut state.qd[..joints]);
+        self.system.drive_torque(&mut state.tau[..joints]);
+        self.system.play().gather(self.system.q(), &mut link[..joints]);
         // The answer is applied from the next tick on: a torque from its start, a position at its end.
         let ahead = match self.config.mode {
             Mode::Torque => period,
@@ -398,7 +424,7 @@ impl Plant {
         let deviation = pose.translation.vector - desired.translation.vector;
         self.deviation.add(time, &deviation);
         let tool = tool_row(&pose);
-        self.sense(tick, tool);
+        self.sense(tick, tool, &mut link);
         TickRecord {
             state: self.state,
             command: None,
@@ -406,17 +432,27 @@ impl Plant {
             rejection: None,
             deviation: deviation.into(),
             tool,
+            link,
             peak_base_force: self.system.take_peaks().base_force,
             plays: self.plays(),
         }
     }
 
     /// Puts what the sensors make of the truth into the State, and the flags.
-    fn sense(&mut self, tick: u64, mut tool: [f64; 7]) {
+    fn sense(&mut self, tick: u64, mut tool: [f64; 7], link: &mut Joints) {
         let joints = self.config.arm.dof();
         let State { q, qd, tau, .. } = &mut self.state;
-        let position = &mut tool[..3];
-        self.sensors.read(&mut q[..joints], &mut qd[..joints], &mut tau[..joints], position);
+        let mut readings = Readings {
+            period: self.config.period_ns as f64 * 1e-9,
+            q: &mut q[..joints],
+            v: &mut qd[..joints],
+            torque: &mut tau[..joints],
+            link: &mut link[..joints],
+            tool: &mut tool[..3],
+        };
+        self.sensor_laws.iter_mut().for_each(|law| law.read(&mut readings));
+        let Readings { q, v, torque, tool: position, .. } = readings;
+        self.sensors.read(q, v, torque, position);
         let tracked = self.config.sensors.track_tool;
         self.state.tool = if tracked { tool } else { [f64::NAN; 7] };
         let flags = [
@@ -533,14 +569,8 @@ impl Plant {
         match applied {
             Applied::Guided => {}
             Applied::Brake => {
-                let (play, q, v) = (self.system.play(), self.system.q(), self.system.v());
-                self.brakes.close(
-                    self.system.time(),
-                    (0..joints).map(|joint| {
-                        let at = play.joint(joint);
-                        [q[at], v[at]]
-                    }),
-                );
+                let motors = (0..joints).map(|joint| self.system.joint(joint));
+                self.brakes.close(self.system.time(), motors.map(|[q, v, _]| [q, v]));
             }
             Applied::Command | Applied::Hold => self.command(),
         }
@@ -555,11 +585,11 @@ impl Plant {
         if self.config.mode == Mode::Driven {
             let period = self.config.period_ns as f64 * 1e-9;
             let held = self.applied == Applied::Hold;
-            let (play, system) = (self.system.play(), &self.system);
-            let now = (0..joints).map(|joint| system.coordinate(play.joint(joint)));
+            let system = &self.system;
+            let now = (0..joints).map(|joint| system.joint(joint));
             let next = (0..joints).map(|joint| {
                 if held {
-                    let [q, v, _] = system.coordinate(play.joint(joint));
+                    let [q, v, _] = system.joint(joint);
                     [q + v * period, v, 0.0]
                 } else {
                     [command.value[joint], command.velocity[joint], command.acceleration[joint]]

@@ -6,16 +6,23 @@
 //! Contacts need [`MAX_CONTACT_STEP`] or less: a Hertz impact of this arm lasts about 0.5 ms.
 
 use freeplay_arm::{
-    Arm, Drive, Workspace, forward_kinematics, hybrid_aba, joint_reaction, kinetic_energy, potential_energy,
+    Arm, Drive, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction, kinetic_energy,
+    potential_energy,
 };
-use freeplay_laws::{ArmWithPlay, BearingContact, DriveFriction, Journal};
+use freeplay_laws::{ArmWithPlay, BearingContact, Injection, Journal, LawError};
 use nalgebra::Isometry3;
 use thiserror::Error;
 
+use crate::drives::{Drives, Motor};
+use crate::rotor::{check_step, share_out};
+use crate::tool_forces::ToolForces;
 use crate::{Bearing, ContactTally, Ledger, Motion};
 
 /// The longest sub-step that is allowed where a contact can happen, s.
 pub const MAX_CONTACT_STEP: f64 = 1e-4;
+
+/// Rounds in which the twist of transmissions at rest is found.
+const WINDING_ROUNDS: usize = 8;
 
 /// Why a system can't be built or went wrong.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -36,6 +43,30 @@ pub enum SystemError {
         /// Its sub-steps.
         substeps: u32,
     },
+    /// A transmission swings too fast for the sub-step.
+    #[error(
+        "the transmission of {joint} swings at {frequency:.0} Hz against a rotor inertia of {motor:.2e}: too fast for a sub-step of {step:e} s; take {needed} sub-steps a tick or more, or give the joint a larger rotor_inertia"
+    )]
+    TransmissionTooStiff {
+        /// The joint.
+        joint: String,
+        /// Frequency with which motor and link swing against each other, Hz.
+        frequency: f64,
+        /// The step asked for, s.
+        step: f64,
+        /// Sub-steps a tick that would do.
+        needed: f64,
+        /// Inertia on the motor's side, kg·m² (kg).
+        motor: f64,
+    },
+    /// The links behind the transmissions have no inertia of their own.
+    #[error(
+        "a joint with a transmission moves no inertia beyond its rotor along this motion; give its link mass"
+    )]
+    NoInertiaLeft,
+    /// The effects leave no arm that can be.
+    #[error(transparent)]
+    Law(#[from] LawError),
     /// A coordinate is no longer finite.
     #[error(
         "coordinate {coordinate} is not finite at t = {time} s; the sub-steps are too long for this contact or the command is too wild"
@@ -66,11 +97,12 @@ pub struct TickPeaks {
 }
 
 /// The arm with play and all that changes in it.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct System {
     play: ArmWithPlay,
     workspace: Workspace,
-    friction: Vec<DriveFriction>,
+    drives: Drives,
+    forces: ToolForces,
     bearings: Vec<Bearing>,
     contacts: Vec<BearingContact>,
     period: f64,
@@ -105,7 +137,8 @@ impl System {
         let (dof, joints) = (play.arm().dof(), nominal.dof());
         Ok(Self {
             workspace: Workspace::new(play.arm()),
-            friction: nominal.joints().iter().map(|joint| DriveFriction::nominal(joint.friction)).collect(),
+            drives: Drives::new(nominal.joints()),
+            forces: ToolForces::none(dof),
             bearings: play.plays().iter().map(|at| Bearing::new(at.clearance)).collect(),
             contacts: vec![BearingContact::default(); play.plays().len()],
             period,
@@ -126,7 +159,36 @@ impl System {
         })
     }
 
-    /// Puts the joints at `q`, `v` (nominal), the journals in the middle of their bearings at rest, and the time to zero.
+    /// The arm `arm`, changed by its effects, with what they inject, for a motion through `postures`: see the `rotor` file for
+    /// the inertia of motors behind transmissions.
+    ///
+    /// # Errors
+    /// Those of [`System::new`]; [`SystemError::Law`] for an arm that cannot be, [`SystemError::TransmissionTooStiff`].
+    pub fn with_effects(
+        arm: &Arm,
+        injection: Injection,
+        postures: &[Vec<f64>],
+        period: f64,
+        substeps: u32,
+    ) -> Result<Self, SystemError> {
+        let parted: Vec<usize> = injection.transmissions.iter().map(|(joint, _)| *joint).collect();
+        let (links, sides) =
+            if parted.is_empty() { (arm.clone(), Vec::new()) } else { share_out(arm, &parted, postures)? };
+        let mut clearances = injection.clearances;
+        clearances.retain(|(_, clearance)| clearance.clearance > 0.0);
+        clearances.sort_by_key(|(joint, _)| *joint);
+        let mut system = Self::new(ArmWithPlay::new(&links, &clearances)?, arm, period, substeps)?;
+        for ((joint, law), sides) in injection.transmissions.iter().zip(&sides) {
+            check_step(&arm.joints()[*joint].name, law, sides, period, substeps)?;
+            system.drives.motors[*joint] = Some(Motor::new(*law, sides.motor));
+        }
+        system.drives.add(injection.drives, &injection.saturations);
+        system.forces.add(injection.forces);
+        Ok(system)
+    }
+
+    /// Puts the joints at `q`, `v` (nominal), the journals in the middle of their bearings at rest, and the time to zero. Links
+    /// behind transmissions stand where their springs carry them.
     pub fn start(&mut self, q: &[f64], v: &[f64]) {
         self.q.fill(0.0);
         self.v.fill(0.0);
@@ -134,12 +196,32 @@ impl System {
         self.play.spread(q, &mut self.q);
         self.play.spread(v, &mut self.v);
         self.ticks = 0;
+        self.drives.restart();
+        self.wind_up(q, v);
         for bearing in &mut self.bearings {
             *bearing = Bearing::new(*bearing.clearance());
         }
         self.ledger = Ledger::default();
         self.balance();
         self.ledger.initial = self.ledger.total();
+    }
+
+    /// Puts the motors behind transmissions at `q`, `v`, and their links where the springs carry them at rest.
+    fn wind_up(&mut self, q: &[f64], v: &[f64]) {
+        if !self.drives.has_motors() {
+            return;
+        }
+        self.middle_v.fill(0.0);
+        // The load changes little with the twist: each round gains the ratio of gravity's stiffness to the spring's.
+        for _ in 0..WINDING_ROUNDS {
+            bias(self.play.arm(), &mut self.workspace, &self.q, &self.middle_v, &mut self.total);
+            for (joint, motor) in self.drives.motors.iter_mut().enumerate() {
+                let Some(motor) = motor else { continue };
+                let at = self.play.joint(joint);
+                motor.state = [q[joint], v[joint], 0.0];
+                self.q[at] = q[joint] - motor.law.twist(self.total[at]);
+            }
+        }
     }
 
     /// Puts the journal of the play `play` at `offset` (m) and `velocity` (m/s) in its bearing's plane.
@@ -174,8 +256,9 @@ impl System {
             self.middle_q[i] = self.q[i] + half * self.v[i];
             self.middle_v[i] = self.v[i] + half * self.a[i];
         }
-        self.actuate(middle, input);
+        self.actuate(middle, step, input);
         self.touch(step);
+        self.forces.push(middle, self.play.arm(), &mut self.workspace, &self.middle_q, &mut self.drive);
         hybrid_aba(
             self.play.arm(),
             &mut self.workspace,
@@ -185,30 +268,46 @@ impl System {
             &mut self.a,
             &mut self.total,
         );
-        self.peaks.base_force = self.peaks.base_force.max(joint_reaction(&self.workspace, 0).0.norm());
+        let carried = joint_reaction(&self.workspace, 0).0;
+        let base_force = self.forces.without(carried, &self.workspace);
+        self.peaks.base_force = self.peaks.base_force.max(base_force.norm());
         for i in 0..self.q.len() {
             let before = self.v[i];
             self.v[i] += step * self.a[i];
             self.q[i] = self.middle_q[i] + half * self.v[i];
             self.middle_v[i] = 0.5 * (before + self.v[i]);
         }
+        self.turn_motors(step, input);
         self.book(step, input);
     }
 
     /// Sets the drives of all joints: motor and drive friction, or the prescribed motion; slides are free.
-    fn actuate(&mut self, time: f64, input: &Input) {
+    fn actuate(&mut self, time: f64, step: f64, input: &Input) {
         let [q, v, a] = &mut self.prescribed;
         if input.driven.contains(&true) {
             input.motion.at(time, q, v, a);
         }
         self.drive.fill(Drive::Torque(0.0));
-        for (joint, friction) in self.friction.iter().enumerate() {
+        for joint in 0..self.motor.len() {
             let at = self.play.joint(joint);
-            self.drive[at] = if input.driven[joint] {
-                (self.middle_q[at], self.middle_v[at]) = (q[joint], v[joint]);
-                Drive::Acceleration(a[joint])
-            } else {
-                Drive::Torque(input.torque[joint] + friction.torque(self.middle_v[at]))
+            let prescribed = input.driven[joint].then_some([q[joint], v[joint]]);
+            if let (Some([q, v]), None) = (prescribed, &self.drives.motors[joint]) {
+                (self.middle_q[at], self.middle_v[at]) = (q, v);
+            }
+            let link = [self.middle_q[at], self.middle_v[at]];
+            self.drives.place(joint, prescribed, link, 0.5 * step);
+        }
+        self.drives.lose(time, step);
+        for (joint, &acceleration) in a.iter().enumerate() {
+            let at = self.play.joint(joint);
+            let state = [self.drives.q[joint], self.drives.v[joint]];
+            self.drive[at] = match &mut self.drives.motors[joint] {
+                Some(motor) => Drive::Torque(motor.carry(state, [self.middle_q[at], self.middle_v[at]])),
+                None if input.driven[joint] => Drive::Acceleration(acceleration),
+                None => {
+                    let torque = self.drives.saturated(joint, input.torque[joint]);
+                    Drive::Torque(torque + self.drives.loss[joint])
+                }
             };
         }
     }
@@ -229,22 +328,45 @@ impl System {
         }
     }
 
+    /// Steps the motors behind transmissions, and keeps what the laws of the drives ask for in the next sub-step.
+    fn turn_motors(&mut self, step: f64, input: &Input) {
+        for joint in 0..self.motor.len() {
+            let at = self.play.joint(joint);
+            let (driven, loss) = (input.driven[joint], self.drives.loss[joint]);
+            let asked = self.drives.saturated(joint, input.torque[joint]);
+            let prescribed = self.prescribed[2][joint];
+            (self.motor[joint], self.drives.a[joint]) = match &mut self.drives.motors[joint] {
+                None if driven => (self.total[at] - loss - self.forces.on(at), prescribed),
+                None => (asked, self.a[at]),
+                Some(motor) => {
+                    let free = (asked + loss - motor.carried) / motor.inertia;
+                    let a = if driven { prescribed } else { free };
+                    motor.kick(self.drives.q[joint], a, step);
+                    (if driven { motor.inertia * a + motor.carried - loss } else { asked }, a)
+                }
+            };
+        }
+    }
+
     /// Books the work of the sub-step, at the mean of the velocities before and after it.
     fn book(&mut self, step: f64, input: &Input) {
         let [_, prescribed, _] = &self.prescribed;
-        for (joint, friction) in self.friction.iter().enumerate() {
-            let at = self.play.joint(joint);
-            let driven = input.driven[joint];
-            let v = if driven { prescribed[joint] } else { self.middle_v[at] };
-            let lost = friction.torque(v);
-            self.motor[joint] = if driven { self.total[at] - lost } else { input.torque[joint] };
+        for (joint, &speed) in prescribed.iter().enumerate() {
+            let (at, loss) = (self.play.joint(joint), self.drives.loss[joint]);
+            let (driven, motor) = (input.driven[joint], &self.drives.motors[joint]);
+            if let Some(motor) = motor {
+                self.ledger.transmission += step * motor.damped * (motor.mean - self.middle_v[at]);
+            }
+            let free = motor.as_ref().map_or(self.middle_v[at], |motor| motor.mean);
+            let v = if driven { speed } else { free };
             self.ledger.drives += step * self.motor[joint] * v;
-            self.ledger.drive_friction -= step * lost * v;
+            self.ledger.drive_friction -= step * loss * v;
         }
+        self.ledger.tool_force += step * self.forces.power(&self.middle_v);
         for (at, contact) in self.play.plays().iter().zip(&self.contacts) {
             // The mean velocity belongs to the middle of the sub-step, where the contact was evaluated.
             let mut journal = journal(&self.middle_q, &self.middle_v, at);
-            if input.driven[at.joint] {
+            if input.driven[at.joint] && self.drives.motors[at.joint].is_none() {
                 journal.turning = prescribed[at.joint];
                 self.motor[at.joint] -= contact.moment;
                 self.ledger.drives -= step * contact.moment * prescribed[at.joint];
@@ -257,6 +379,9 @@ impl System {
             self.ledger.damping += step * (contact.normal - elastic) * approach.rate;
             self.ledger.contact_friction -= step * contact.tangential * approach.sliding;
         }
+        for joint in 0..self.motor.len() {
+            self.drives.load[joint] = self.motor[joint] + self.drives.loss[joint];
+        }
     }
 
     /// Puts prescribed joints where their motion has them at `time`.
@@ -267,8 +392,13 @@ impl System {
         }
         input.motion.at(time, q, v, a);
         for joint in (0..q.len()).filter(|&joint| input.driven[joint]) {
-            let at = self.play.joint(joint);
-            (self.q[at], self.v[at], self.a[at]) = (q[joint], v[joint], a[joint]);
+            match &mut self.drives.motors[joint] {
+                Some(motor) => motor.state = [q[joint], v[joint], a[joint]],
+                None => {
+                    let at = self.play.joint(joint);
+                    (self.q[at], self.v[at], self.a[at]) = (q[joint], v[joint], a[joint]);
+                }
+            }
         }
     }
 
@@ -296,6 +426,12 @@ impl System {
                 at.clearance.normal.elastic_energy(penetration.max(0.0))
             })
             .sum();
+        for (joint, motor) in self.drives.motors.iter().enumerate() {
+            let Some(motor) = motor else { continue };
+            let [q, v, _] = motor.state;
+            self.ledger.kinetic += 0.5 * motor.inertia * v * v;
+            self.ledger.elastic += motor.law.energy(q - self.q[self.play.joint(joint)]);
+        }
     }
 
     /// Simulated time, s.
@@ -313,14 +449,41 @@ impl System {
         &self.v
     }
 
-    /// Position, velocity and acceleration of the coordinate `index` of the arm with play.
-    pub fn coordinate(&self, index: usize) -> [f64; 3] {
-        [self.q[index], self.v[index], self.a[index]]
+    /// Position, velocity and acceleration of the nominal joint `joint` on the motor's side.
+    pub fn joint(&self, joint: usize) -> [f64; 3] {
+        let at = self.play.joint(joint);
+        let link = [self.q[at], self.v[at], self.a[at]];
+        self.drives.motors[joint].as_ref().map_or(link, |motor| motor.state)
+    }
+
+    /// Writes position and velocity of the nominal joints on the motor's side, where the robot's own encoders sit.
+    pub fn encoders(&self, q: &mut [f64], v: &mut [f64]) {
+        for (joint, (q, v)) in q.iter_mut().zip(v).enumerate() {
+            [*q, *v, _] = self.joint(joint);
+        }
+    }
+
+    /// The nominal joints whose motor a transmission parts from the link.
+    pub fn parted(&self) -> impl Iterator<Item = usize> + '_ {
+        let motors = self.drives.motors.iter().enumerate();
+        motors.filter_map(|(joint, motor)| motor.as_ref().map(|_| joint))
+    }
+
+    /// Inertia of the rotor of the nominal joint `joint` behind its transmission, kg·m² (kg); `None` where there is none.
+    pub fn rotor_inertia(&self, joint: usize) -> Option<f64> {
+        self.drives.motors[joint].as_ref().map(|motor| motor.inertia)
     }
 
     /// Torques of the nominal joints' motors in the last sub-step, N·m (N); for prescribed joints, what they needed.
     pub fn motor_torque(&self) -> &[f64] {
         &self.motor
+    }
+
+    /// What the drives say of those torques: a saturated one knows nothing beyond its limit, N·m (N).
+    pub fn drive_torque(&self, torque: &mut [f64]) {
+        for (joint, torque) in torque.iter_mut().enumerate() {
+            *torque = self.drives.saturated(joint, self.motor[joint]);
+        }
     }
 
     /// The arm with play.

@@ -1,6 +1,6 @@
 //! All that is worth keeping of one tick; it leaves the loop through a queue.
 
-use freeplay_shm::{Command, State};
+use freeplay_shm::{Command, Joints, State};
 use sha2::{Digest, Sha256};
 
 use crate::{Applied, Rejection};
@@ -34,6 +34,8 @@ pub struct TickRecord {
     pub deviation: [f64; 3],
     /// True tool pose: x y z (m), qx qy qz qw.
     pub tool: [f64; 7],
+    /// Position of each joint on the link's side of its transmission as its sensor reads it, rad (m).
+    pub link: Joints,
     /// Greatest force of the base on the first moving body during the tick that ended here, N.
     pub peak_base_force: f64,
     /// The bearings, in the order of the arm's plays.

@@ -6,11 +6,26 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use crossbeam::queue::ArrayQueue;
-use freeplay_arm::paper_arm;
-use freeplay_laws::{Clearance, ClearanceTable};
+use freeplay_arm::{ArmFile, EffectTable, paper_arm};
+use freeplay_laws::Effects;
 use freeplay_path::{JointPath, PathSpec};
 use freeplay_plant::{Ending, Plant, PlantConfig, SensorsSpec};
 use freeplay_shm::{Backoff, Command, ControllerLink, Hello, Mode, Offer, Pace, PlantLink, RunRoot, State};
+
+/// Effects that are asked in the sub-steps and in the sensors.
+fn effects_of_all_stages() -> Vec<EffectTable> {
+    let table = |kind: &str, name: &str, value: f64, joint: &str| EffectTable {
+        kind: kind.to_owned(),
+        joint: Some(joint.to_owned()),
+        parameters: toml::Table::from_iter([(name.to_owned(), value.into())]),
+        line: 0,
+    };
+    vec![
+        table("joint_clearance", "clearance", 0.6e-3, "joint_5"),
+        table("coulomb_friction", "coulomb", 2.0, "joint_2"),
+        table("encoder_offset", "offset", 1e-3, "joint_3"),
+    ]
+}
 
 /// Plays `ticks` ticks against a controller in another thread; how often the plant's thread allocated, and the records.
 fn play(ticks: u64) -> (u64, usize) {
@@ -27,9 +42,12 @@ fn play(ticks: u64) -> (u64, usize) {
     let link = PlantLink::open(&address, 1, offer).expect("the plant's end");
     let arm = paper_arm().arm;
     let path = Arc::new(JointPath::plan(&arm, &PathSpec::default(), 1000.0).expect("the smooth path"));
+    let file = ArmFile { arm, effects: effects_of_all_stages(), ignored: Vec::new() };
+    let effects = Effects::of(&file).expect("effects that the catalogue knows");
+    let arm = file.arm;
     let config = PlantConfig {
         arm,
-        clearances: vec![(4, Clearance::new(&ClearanceTable::new(0.6e-3)).expect("in range"))],
+        effects: Arc::new(effects),
         mode: Mode::Driven,
         pace: Pace::Lockstep,
         period_ns: 1_000_000,

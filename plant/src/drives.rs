@@ -1,0 +1,142 @@
+//! The drives of all joints: what they lose, where they saturate, and the motors that a transmission parts from their links.
+//!
+//! A motor of inertia J obeys J θ̈ = τ_m + τ_l − τ with the motor's torque τ_m, the (negative) losses τ_l and the torque τ that the
+//! transmission carries to the link. It is stepped like the arm: drift, kick, drift.
+
+use freeplay_arm::Joint;
+use freeplay_laws::{DriveFriction, DriveLaw, DriveState, Transmission};
+
+/// A motor behind a transmission.
+#[derive(Clone, Debug)]
+pub(crate) struct Motor {
+    /// What stands between it and the link.
+    pub law: Transmission,
+    /// Inertia J of the rotor as the joint feels it, kg·m² (kg).
+    pub inertia: f64,
+    /// Position θ, velocity and acceleration.
+    pub state: [f64; 3],
+    /// Mean velocity of the last sub-step.
+    pub mean: f64,
+    /// Torque τ that the transmission carried in the last sub-step, N·m (N).
+    pub carried: f64,
+    /// Part of it that its damping made.
+    pub damped: f64,
+}
+
+impl Motor {
+    pub fn new(law: Transmission, inertia: f64) -> Self {
+        Self { law, inertia, state: [0.0; 3], mean: 0.0, carried: 0.0, damped: 0.0 }
+    }
+
+    /// Position and velocity in the middle of a sub-step of twice `half` s.
+    #[inline]
+    fn middle(&self, half: f64) -> [f64; 2] {
+        let [q, v, a] = self.state;
+        [q + half * v, v + half * a]
+    }
+
+    /// Works out what the transmission carries from the motor at `motor` to the link at `link`, both position and velocity.
+    #[inline]
+    pub fn carry(&mut self, motor: [f64; 2], link: [f64; 2]) -> f64 {
+        let (twist, rate) = (motor[0] - link[0], motor[1] - link[1]);
+        self.carried = self.law.torque(twist, rate);
+        self.damped = self.carried - self.law.stiffness * self.law.wound(twist);
+        self.carried
+    }
+
+    /// Kicks the motor from `middle` by the acceleration `a` for a sub-step of `step` s.
+    #[inline]
+    pub fn kick(&mut self, middle: f64, a: f64, step: f64) {
+        let before = self.state[1];
+        let after = before + step * a;
+        self.state = [middle + 0.5 * step * after, after, a];
+        self.mean = 0.5 * (before + after);
+    }
+}
+
+/// The drives of all nominal joints; every list has one entry a joint.
+#[derive(Debug)]
+pub(crate) struct Drives {
+    friction: Vec<DriveFriction>,
+    laws: Vec<Box<dyn DriveLaw>>,
+    limit: Vec<f64>,
+    /// The motors that are parted from their links.
+    pub motors: Vec<Option<Motor>>,
+    /// Motor-side positions in the middle of the sub-step.
+    pub q: Vec<f64>,
+    /// Velocities there.
+    pub v: Vec<f64>,
+    /// Accelerations of the sub-step before.
+    pub a: Vec<f64>,
+    /// What friction and the laws of effects put on the drives, N·m (N); negative where it opposes a positive motion.
+    pub loss: Vec<f64>,
+    /// What each drive delivered in the sub-step before, beyond what it lost, N·m (N).
+    pub load: Vec<f64>,
+}
+
+impl Drives {
+    /// Drives with the nominal friction of `joints` alone.
+    pub fn new(joints: &[Joint]) -> Self {
+        let blank = vec![0.0; joints.len()];
+        Self {
+            friction: joints.iter().map(|joint| DriveFriction::nominal(joint.friction)).collect(),
+            laws: Vec::new(),
+            limit: vec![f64::INFINITY; joints.len()],
+            motors: vec![None; joints.len()],
+            q: blank.clone(),
+            v: blank.clone(),
+            a: blank.clone(),
+            loss: blank.clone(),
+            load: blank,
+        }
+    }
+
+    /// Adds the laws of effects; of several limits of a joint the least holds.
+    pub fn add(&mut self, laws: Vec<Box<dyn DriveLaw>>, saturations: &[(usize, f64)]) {
+        self.laws.extend(laws);
+        for &(joint, limit) in saturations {
+            self.limit[joint] = self.limit[joint].min(limit);
+        }
+    }
+
+    /// Forgets all that was.
+    pub fn restart(&mut self) {
+        self.laws.iter_mut().for_each(|law| law.restart());
+        self.load.fill(0.0);
+        self.a.fill(0.0);
+    }
+
+    /// Whether any motor is parted from its link.
+    pub fn has_motors(&self) -> bool {
+        self.motors.iter().any(Option::is_some)
+    }
+
+    /// What a motor asked for `torque` gives, N·m (N).
+    #[inline]
+    pub fn saturated(&self, joint: usize, torque: f64) -> f64 {
+        torque.clamp(-self.limit[joint], self.limit[joint])
+    }
+
+    /// Puts the drive of `joint` at what is prescribed to it, at its motor, or at the joint itself, whose position and velocity
+    /// in the middle of the sub-step is `link`.
+    #[inline]
+    pub fn place(&mut self, joint: usize, prescribed: Option<[f64; 2]>, link: [f64; 2], half: f64) {
+        let own = || self.motors[joint].as_ref().map_or(link, |motor| motor.middle(half));
+        [self.q[joint], self.v[joint]] = prescribed.unwrap_or_else(own);
+    }
+
+    /// Works out the losses of all drives at the time `t`, s, of a sub-step of `step` s.
+    #[inline]
+    pub fn lose(&mut self, t: f64, step: f64) {
+        for ((loss, friction), &v) in self.loss.iter_mut().zip(&self.friction).zip(&self.v) {
+            *loss = friction.torque(v);
+        }
+        if self.laws.is_empty() {
+            return;
+        }
+        let now = DriveState { t, step, q: &self.q, v: &self.v, a: &self.a, load: &self.load };
+        for law in &mut self.laws {
+            law.act(&now, &mut self.loss);
+        }
+    }
+}
