@@ -134,9 +134,7 @@ impl ToolResidual {
     pub fn beyond(&mut self, plan: &Plan<'_>) -> Vector3<f64> {
         if plan.deviation.norm() > LEAST_DIRECTION * self.reach {
             let now = self.frame * Vector3::x();
-            // None where they point against each other: then any half turn will do, and none is the simplest.
-            let turn = Rotation3::rotation_between(&now, &plan.deviation).unwrap_or_else(Rotation3::identity);
-            self.frame = turn * self.frame;
+            self.frame = least_turn(&now, &plan.deviation) * self.frame;
         }
         let expected = Expected { tick: plan.tick, frame: self.frame, physics: plan.deviation, tool: None };
         self.expected[slot(plan.tick)] = Some(expected);
@@ -149,6 +147,18 @@ impl ToolResidual {
         if let Some(expected) = self.expected[slot(tick)].as_mut().filter(|expected| expected.tick == tick) {
             expected.tool = Some(tool);
         }
+    }
+}
+
+/// The smallest rotation that takes the direction of `from` to that of `to`; none where they point against each other, since then any
+/// half turn would do. By the arc tangent: the arc cosine of a product rounded to above 1 is not a number.
+fn least_turn(from: &Vector3<f64>, to: &Vector3<f64>) -> Rotation3<f64> {
+    let axis = from.cross(to);
+    let sine = axis.norm();
+    if sine > 0.0 {
+        Rotation3::from_scaled_axis(axis * (sine.atan2(from.dot(to)) / sine))
+    } else {
+        Rotation3::identity()
     }
 }
 
