@@ -21,6 +21,10 @@ enum Command {
     Run(crate::run::RunArgs),
     /// How far a model is from a recording, channel by channel.
     Compare(crate::compare::CompareArgs),
+    /// Swap controllers at random ticks, all pairs of them, and measure gap, jump and deviation of each swap.
+    Swap(crate::swap_command::SwapArgs),
+    /// The exam of a controller: faults injected on purpose, and what comes of each.
+    Faults(crate::faults::FaultsArgs),
     /// The recorded states of a run to a new controller process, its commands beside the recorded ones.
     Replay(crate::replay::ReplayArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
@@ -41,6 +45,8 @@ pub fn dispatch() -> Result<Exit, Failure> {
     match Cli::parse().command {
         Command::Run(args) => crate::run::run(&args),
         Command::Compare(args) => crate::compare::compare(&args),
+        Command::Swap(args) => crate::swap_command::swap(&args),
+        Command::Faults(args) => crate::faults::faults(&args),
         Command::Replay(args) => crate::replay::replay(&args),
         Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
         Command::Plant(args) => crate::plant_command::plant(&args),

@@ -14,22 +14,25 @@ use crate::exit::{Exit, Failure};
 #[derive(Args, Debug)]
 pub struct ControllerArgs {
     /// Name of a built-in controller, or path of an executable, which finds the run in its environment.
-    name: PathBuf,
+    pub name: PathBuf,
     /// Address of the run in shared memory.
     #[arg(long, env = "FREEPLAY_RUN")]
-    run: String,
+    pub run: String,
     /// Slot to ask for.
     #[arg(long, env = "FREEPLAY_SLOT", default_value_t = 0)]
-    slot: u32,
+    pub slot: u32,
     /// SCHED_FIFO priority to ask for.
     #[arg(long)]
-    priority: Option<u8>,
+    pub priority: Option<u8>,
     /// Core to stay on.
     #[arg(long)]
-    cpu: Option<usize>,
+    pub cpu: Option<usize>,
     /// Lock all memory.
     #[arg(long)]
-    lock_memory: bool,
+    pub lock_memory: bool,
+    /// A plan of faults that it is made to have.
+    #[arg(long, value_name = "FILE")]
+    faults: Option<PathBuf>,
     /// End when this process, the parent, ends.
     #[arg(long, value_name = "PID")]
     with_parent: Option<u32>,
@@ -41,6 +44,9 @@ pub struct ControllerArgs {
 /// An unknown name, an executable that can't be started, a run that can't be joined, a task that can't be used.
 pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
     args.with_parent.map_or(Ok(()), crate::process::end_with_parent)?;
+    if let Some(plan) = &args.faults {
+        return crate::faults::saboteur::relay(args, plan);
+    }
     let Some(mut controller) = args.name.to_str().and_then(built_in) else {
         return Err(become_executable(&args.name));
     };

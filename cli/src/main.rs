@@ -2,13 +2,15 @@
 //!
 //! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run` (the parent),
 //! `plant_command` and `controller_command` (its children), `columns` and `recorder` (what is kept), `summary`,
-//! `histogram_files`, `screen` and `run_report` (what a person sees); `compare`, `replay` and `reference_runs` beside them.
+//! `histogram_files`, `screen` and `run_report` (what a person sees); `swaps` (who is in charge when), `swap_command` and
+//! `swap_measures` (what a swap costs); `compare`, `replay` and `reference_runs` beside them.
 
 mod args;
 mod columns;
 mod compare;
 mod controller_command;
 mod exit;
+mod faults;
 mod histogram_files;
 mod plant_command;
 mod process;
@@ -23,6 +25,9 @@ mod scenario;
 mod screen;
 mod setup;
 mod summary;
+mod swap_command;
+mod swap_measures;
+mod swaps;
 
 fn main() -> std::process::ExitCode {
     match args::dispatch() {

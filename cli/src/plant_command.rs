@@ -18,6 +18,7 @@ use crate::recorder::{QUEUE, Recorder};
 use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::setup::{Setup, realtime_request, write};
 use crate::summary::{RunFacts, RunSummary};
+use crate::swaps;
 
 /// Plays the machine of one run; `freeplay run` starts it.
 #[derive(Args, Debug)]
@@ -37,6 +38,9 @@ pub struct PlantArgs {
     /// Name of the run's files and of its controller in the summary.
     #[arg(long)]
     name: String,
+    /// The controller as it was asked for, if that is another name.
+    #[arg(long)]
+    controller: Option<String>,
     /// End when this process, the parent, ends.
     #[arg(long, value_name = "PID")]
     with_parent: Option<u32>,
@@ -51,7 +55,10 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     let scenario = Scenario::load(Some(&args.scenario), &[]).map_err(Failure::input)?;
-    let setup = Setup::new(&scenario)?;
+    let mut setup = Setup::new(&scenario)?;
+    let names = swaps::names(args.controller.as_deref().unwrap_or(&args.name), &scenario.standby);
+    let period = setup.plant.period_ns as f64 * 1e-9;
+    setup.plant.line_up = swaps::line_up(&scenario, &names, setup.plant.ticks, period)?;
     let address = Address::parse(&args.run).map_err(Failure::usage)?;
     let offer = Offer {
         joints: setup.plant.arm.dof(),
@@ -61,7 +68,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
         ticks: setup.plant.ticks,
         task: args.task.display().to_string(),
     };
-    let link = PlantLink::open(&address, 1, offer).map_err(Failure::internal)?;
+    let link = PlantLink::open(&address, names.len(), offer).map_err(Failure::internal)?;
     let queue = Arc::new(ArrayQueue::new(QUEUE));
     let plays = play_names(&setup);
     let mut plant =
@@ -91,6 +98,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
         &plant,
         RunFacts {
             controller: args.name.clone(),
+            controllers: names,
             pace: pace_name(scenario.pace).to_owned(),
             ticks: outcome.ticks,
             ending: outcome.ending,

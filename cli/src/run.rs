@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
 use freeplay_controller::BUILT_IN;
+use freeplay_controller::serve::SLOT_ENV;
 use freeplay_shm::{Address, RUN_ENV, RunRoot};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rustix::fs::{Access, access};
@@ -21,7 +22,7 @@ use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
 use crate::setup::{Setup, write};
 use crate::summary::{RunSummary, SCHEMA};
-use crate::{run_report, screen};
+use crate::{run_report, screen, swaps};
 
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -47,6 +48,9 @@ pub struct RunArgs {
     /// The plant's arm: "paper" or an arm file.
     #[arg(long)]
     model: Option<String>,
+    /// A controller that runs beside each of them, warm, and takes over where it fails; several are allowed.
+    #[arg(long)]
+    standby: Vec<String>,
     /// Change a key of the scenario, as in --set path.period=12.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -74,6 +78,7 @@ pub struct RunArgs {
 }
 
 /// One controller to run.
+#[derive(Clone, Debug)]
 pub struct Contestant {
     /// As it was asked for.
     asked: String,
@@ -81,9 +86,26 @@ pub struct Contestant {
     name: String,
     /// Executable of its own, if it is none of the built-in.
     executable: Option<PathBuf>,
+    /// A plan of faults that it is made to have.
+    faults: Option<PathBuf>,
 }
 
 impl Contestant {
+    /// As it was asked for.
+    pub fn asked(&self) -> &str {
+        &self.asked
+    }
+
+    /// Name of its files.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The same with the faults of the file `plan`.
+    pub fn with_faults(self, plan: PathBuf) -> Self {
+        Self { faults: Some(plan), ..self }
+    }
+
     /// The controller `asked`: a built-in name or the path of an executable.
     ///
     /// # Errors
@@ -107,7 +129,7 @@ impl Contestant {
             path.file_name().map_or_else(|| asked.to_owned(), |name| name.to_string_lossy().into_owned());
         let executable =
             (!built_in).then(|| std::path::absolute(path)).transpose().map_err(Failure::input)?;
-        Ok(Self { asked: asked.to_owned(), name, executable })
+        Ok(Self { asked: asked.to_owned(), name, executable, faults: None })
     }
 }
 
@@ -123,12 +145,16 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     }
     let contestants = contestants(&scenario)?;
     let setup = Setup::new(&scenario)?;
+    for contestant in &contestants {
+        let names = swaps::names(&contestant.asked, &scenario.standby);
+        let period = setup.plant.period_ns as f64 * 1e-9;
+        swaps::line_up(&scenario, &names, setup.plant.ticks, period)?;
+    }
+    for standby in &scenario.standby {
+        Contestant::of(standby)?;
+    }
     let out = args.out.clone().unwrap_or_else(default_folder);
-    std::fs::create_dir_all(&out)
-        .map_err(|error| Failure::input(format!("cannot create the folder {}: {error}", out.display())))?;
-    let out = std::path::absolute(&out).map_err(Failure::input)?;
-    let files = Files { scenario: out.join("scenario.toml"), task: setup.write_task(&scenario, &out)?, out };
-    write(&files.scenario, &absolute(&scenario)?.to_toml().map_err(Failure::internal)?)?;
+    let files = Files::write(&scenario, &setup, &out)?;
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     let (mut runs, mut exit, mut failure) = (Vec::new(), Exit::Done, None);
@@ -159,10 +185,28 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
 }
 
 /// The files that the processes of a run share.
-struct Files {
+pub struct Files {
     scenario: PathBuf,
     task: PathBuf,
-    out: PathBuf,
+    /// The folder of results.
+    pub out: PathBuf,
+}
+
+impl Files {
+    /// Writes them into the folder `out`, made first.
+    ///
+    /// # Errors
+    /// A folder or a file that can't be made.
+    pub fn write(scenario: &Scenario, setup: &Setup, out: &Path) -> Result<Self, Failure> {
+        std::fs::create_dir_all(out).map_err(|error| {
+            Failure::input(format!("cannot create the folder {}: {error}", out.display()))
+        })?;
+        let out = std::path::absolute(out).map_err(Failure::input)?;
+        let files =
+            Self { scenario: out.join("scenario.toml"), task: setup.write_task(scenario, &out)?, out };
+        write(&files.scenario, &absolute(scenario)?.to_toml().map_err(Failure::internal)?)?;
+        Ok(files)
+    }
 }
 
 fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
@@ -170,16 +214,27 @@ fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
     let mut sets: Vec<String> = args.model.iter().map(|model| format!("model={model}")).collect();
     sets.extend(args.set.iter().cloned());
     sets.extend(args.seed.iter().map(|seed| format!("seed={seed}")));
-    let mut scenario = Scenario::load(args.scenario.as_deref(), &sets).map_err(|error| match error {
-        ScenarioError::Set { .. } => Failure::usage(error),
-        error => Failure::input(error),
-    })?;
+    let mut scenario = load(args.scenario.as_deref(), &sets)?;
     if !args.controller.is_empty() {
         scenario.controllers.clone_from(&args.controller);
+    }
+    if !args.standby.is_empty() {
+        scenario.standby.clone_from(&args.standby);
     }
     scenario.pace = args.pace.unwrap_or(scenario.pace);
     scenario.recording = args.recording.unwrap_or(scenario.recording);
     Ok(scenario)
+}
+
+/// The scenario of `file` changed by `sets`.
+///
+/// # Errors
+/// As bad usage or bad input.
+pub fn load(file: Option<&Path>, sets: &[String]) -> Result<Scenario, Failure> {
+    Scenario::load(file, sets).map_err(|error| match error {
+        ScenarioError::Set { .. } => Failure::usage(error),
+        error => Failure::input(error),
+    })
 }
 
 /// The scenario with paths that hold in any folder.
@@ -192,7 +247,8 @@ fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
     Ok(scenario)
 }
 
-fn default_folder() -> PathBuf {
+/// A folder in `out/`, named by the time.
+pub fn default_folder() -> PathBuf {
     let now = time::OffsetDateTime::now_utc();
     let (date, time) = (now.date(), now.time());
     let stamp = format!("{date}T{:02}-{:02}-{:02}", time.hour(), time.minute(), time.second());
@@ -215,7 +271,10 @@ fn contestants(scenario: &Scenario) -> Result<Vec<Contestant>, Failure> {
 }
 
 /// Plays one run; what it came to, unless it was interrupted before it began.
-fn play(
+///
+/// # Errors
+/// A process that can't be started or that fails.
+pub fn play(
     scenario: &Scenario,
     contestant: &Contestant,
     files: &Files,
@@ -226,22 +285,30 @@ fn play(
     if left.exists() {
         std::fs::remove_file(&left).map_err(Failure::input)?;
     }
+    let members: Vec<Contestant> = std::iter::once(Ok(contestant.clone()))
+        .chain(scenario.standby.iter().map(|asked| Contestant::of(asked)))
+        .collect::<Result<_, _>>()?;
     let root = RunRoot::create().map_err(Failure::internal)?;
     let wait = Duration::from_secs_f64(delay.abs().min(60.0));
     let plant = || start_plant(contestant, files, root.address()).map(Running);
-    let controller = || start_controller(scenario, contestant, root.address()).map(Running);
-    let (mut plant, mut controller) = if delay < 0.0 {
-        let controller = controller()?;
+    let controllers = || -> Result<Vec<Running>, Failure> {
+        let slots = members.iter().enumerate();
+        slots
+            .map(|(slot, member)| start_in_slot(scenario, member, slot, root.address()).map(Running))
+            .collect()
+    };
+    let (mut plant, mut controllers) = if delay < 0.0 {
+        let controllers = controllers()?;
         std::thread::sleep(wait);
-        (plant()?, controller)
+        (plant()?, controllers)
     } else {
         let plant = plant()?;
         std::thread::sleep(wait);
-        (plant, controller()?)
+        (plant, controllers()?)
     };
-    let ended = supervise(&mut plant.0, &mut controller.0, contestant, stop);
+    let ended = supervise(&mut plant.0, &mut controllers, contestant, stop);
     // Before the folder of the run is removed, and before a next run begins.
-    drop((plant, controller));
+    drop((plant, controllers));
     let exit = ended?;
     match std::fs::read_to_string(&left) {
         Ok(text) => {
@@ -256,7 +323,7 @@ fn play(
 }
 
 /// A child process; ended when this is dropped.
-struct Running(Child);
+pub struct Running(pub Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
@@ -266,11 +333,16 @@ impl Drop for Running {
     }
 }
 
-fn start_plant(contestant: &Contestant, files: &Files, address: &Address) -> Result<Child, Failure> {
+/// Starts the plant of a run with the controller `contestant` in charge.
+///
+/// # Errors
+/// A process that can't be started.
+pub fn start_plant(contestant: &Contestant, files: &Files, address: &Address) -> Result<Child, Failure> {
     let program = std::env::current_exe().map_err(Failure::internal)?;
     Command::new(program)
         .arg("plant")
         .args(["--run", &address.to_string(), "--name", &contestant.name])
+        .args(["--controller", &contestant.asked])
         .args(["--with-parent", &std::process::id().to_string()])
         .arg("--scenario")
         .arg(&files.scenario)
@@ -293,8 +365,19 @@ pub fn start_controller(
     contestant: &Contestant,
     address: &Address,
 ) -> Result<Child, Failure> {
-    controller_command(scenario, contestant)?
+    start_in_slot(scenario, contestant, 0, address)
+}
+
+/// Starts the process of the controller that takes `slot`.
+fn start_in_slot(
+    scenario: &Scenario,
+    contestant: &Contestant,
+    slot: usize,
+    address: &Address,
+) -> Result<Child, Failure> {
+    controller_command(scenario, contestant, slot)?
         .env(RUN_ENV, address.to_string())
+        .env(SLOT_ENV, slot.to_string())
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .spawn()
@@ -302,15 +385,21 @@ pub fn start_controller(
 }
 
 /// This program, which an executable takes over: so it ends with this process, too.
-fn controller_command(scenario: &Scenario, contestant: &Contestant) -> Result<Command, Failure> {
+fn controller_command(scenario: &Scenario, contestant: &Contestant, slot: usize) -> Result<Command, Failure> {
     let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
     let built_in = Path::new(&contestant.asked);
     command.arg("controller").arg(contestant.executable.as_deref().unwrap_or(built_in));
     command.args(["--with-parent", &std::process::id().to_string()]);
-    if scenario.pace == Pacing::Realtime && contestant.executable.is_none() {
+    if let Some(plan) = &contestant.faults {
+        command.arg("--faults").arg(plan);
+    }
+    let understands = contestant.executable.is_none() || contestant.faults.is_some();
+    if scenario.pace == Pacing::Realtime && understands {
         let realtime = &scenario.realtime;
         if realtime.priority > 0 {
-            command.args(["--priority", &realtime.priority.to_string()]);
+            // A standby waits its turn: of equals under SCHED_FIFO, one that polls for its state would keep the plant from its core.
+            let priority = realtime.priority.saturating_sub(slot as u8).max(1);
+            command.args(["--priority", &priority.to_string()]);
         }
         if let Some(cpu) = realtime.controller_cpu {
             command.args(["--cpu", &cpu.to_string()]);
@@ -332,7 +421,7 @@ const LAST_ANSWER: Duration = Duration::from_millis(300);
 /// Waits for the plant. Without a controller it brakes and plays the run to its end, or gives up when nobody came.
 fn supervise(
     plant: &mut Child,
-    controller: &mut Child,
+    controllers: &mut [Running],
     contestant: &Contestant,
     stop: &AtomicBool,
 ) -> Result<Exit, Failure> {
@@ -341,16 +430,18 @@ fn supervise(
         if let Some(status) = plant.try_wait().map_err(Failure::internal)? {
             return plant_exit(status, controller_left, contestant);
         }
-        // Reaping it at once lets the plant see that it is gone.
-        controller_left = controller_left.or(controller.try_wait().map_err(Failure::internal)?);
+        for (slot, Running(controller)) in controllers.iter_mut().enumerate() {
+            let left = controller.try_wait().map_err(Failure::internal)?;
+            controller_left = controller_left.or(left.filter(|_| slot == 0));
+        }
         if stop.load(Ordering::Relaxed) {
             let since = asked_to_stop.get_or_insert_with(|| {
                 terminate(plant);
                 Instant::now()
             });
             // A hung controller would keep a plant in lockstep waiting for as long as its patience lasts.
-            if since.elapsed() > LAST_ANSWER && controller_left.is_none() {
-                let _ = controller.kill();
+            if since.elapsed() > LAST_ANSWER {
+                controllers.iter_mut().for_each(|controller| drop(controller.0.kill()));
             }
             if since.elapsed() > GRACE {
                 return Err(Failure::internal("the plant did not end when it was asked to"));

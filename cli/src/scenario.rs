@@ -13,6 +13,8 @@ use freeplay_plant::SensorsSpec;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::swaps::{CompareTable, SwapTable};
+
 /// Who moves the joints.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -112,6 +114,15 @@ pub struct Scenario {
     pub gravity: Option<[f64; 3]>,
     /// Controllers to run one after the other: built-in names or paths of executables.
     pub controllers: Vec<String>,
+    /// Controllers that run beside each of those, warm: they answer the same states and take over where it fails.
+    pub standby: Vec<String>,
+    /// How many swaps take place at random ticks, drawn from the seed.
+    pub random_swaps: u32,
+    /// Seconds over which the commands of one controller go over into those of the next.
+    pub swap_blend: f64,
+    /// Seconds to wait in lockstep for an answer while a standby could take over; absent: `patience`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub answer_patience: Option<f64>,
     /// How the motion is recorded.
     pub recording: RecordingKind,
     /// The reference path.
@@ -124,6 +135,12 @@ pub struct Scenario {
     pub controller: ControllerTable,
     /// What is asked of the operating system.
     pub realtime: RealtimeTable,
+    /// When the standbys contradict the controller in charge; absent: never.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compare: Option<CompareTable>,
+    /// Changes of the controller at given ticks.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub swap: Vec<SwapTable>,
 }
 
 impl Default for Scenario {
@@ -141,12 +158,18 @@ impl Default for Scenario {
             patience: 5.0,
             gravity: None,
             controllers: freeplay_controller::BUILT_IN.iter().map(|name| (*name).to_owned()).collect(),
+            standby: Vec::new(),
+            random_swaps: 0,
+            swap_blend: 0.3,
+            answer_patience: None,
             recording: RecordingKind::default(),
             path: PathSpec::default(),
             clearance: BTreeMap::from([("joint_5".to_owned(), ClearanceTable::new(0.6e-3))]),
             sensors: SensorsSpec::default(),
             controller: ControllerTable::default(),
             realtime: RealtimeTable::default(),
+            compare: None,
+            swap: Vec::new(),
         }
     }
 }
@@ -271,6 +294,10 @@ impl Scenario {
             self.patience > 0.0 && self.patience <= 3600.0,
             "above 0 to 3600 s",
         )?;
+        within("swap_blend", self.swap_blend, (0.0..=10.0).contains(&self.swap_blend), "0 to 10 s")?;
+        if let Some(patience) = self.answer_patience {
+            within("answer_patience", patience, patience > 0.0 && patience <= 3600.0, "above 0 to 3600 s")?;
+        }
         if let Some(duration) = self.duration {
             within("duration", duration, duration > 0.0 && duration <= 86_400.0, "above 0 to 86400 s")?;
         }

@@ -11,6 +11,9 @@ use crate::scenario::Scenario;
 use crate::setup::Setup;
 use crate::summary::RunSummary;
 
+/// Fail-overs that are told one by one.
+const MOST_FAIL_OVERS: usize = 10;
+
 /// The result of `freeplay run` in words and one table.
 pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path, report: &Path) -> String {
     let mut text = heading(scenario, setup);
@@ -167,8 +170,45 @@ fn remarks(run: &RunSummary) -> Vec<String> {
             remarks.push(format!("commands that did not pass the gate: {}", counted.join(", ")));
         }
     }
+    remarks.extend(swap_remarks(run));
     if run.deadlines["unrecorded"].as_u64().unwrap_or(0) > 0 {
         remarks.push(format!("ticks missing in the recording: {}", run.deadlines["unrecorded"]));
+    }
+    remarks
+}
+
+/// Who took over from whom.
+fn swap_remarks(run: &RunSummary) -> Vec<String> {
+    let Some(swaps) = run.line_up["swaps"].as_array() else { return Vec::new() };
+    let (planned, failed): (Vec<&Value>, Vec<&Value>) =
+        swaps.iter().partition(|swap| swap["cause"] == "planned");
+    let word = |value: &Value| value.as_str().unwrap_or("?").replace('_', " ");
+    let mut remarks: Vec<String> = failed
+        .iter()
+        .take(MOST_FAIL_OVERS)
+        .map(|swap| {
+            format!(
+                "tick {}: {} took over from {} ({}), {} ticks held",
+                swap["tick"],
+                swap["to"].as_str().unwrap_or("?"),
+                swap["from"].as_str().unwrap_or("?"),
+                word(&swap["cause"]["failed"]),
+                swap["held_ticks"]
+            )
+        })
+        .collect();
+    if failed.len() > MOST_FAIL_OVERS {
+        remarks
+            .push(format!("and {} more fail-overs; all are in the summary", failed.len() - MOST_FAIL_OVERS));
+    }
+    if !planned.is_empty() {
+        let held = |key: &str| planned.iter().filter_map(|swap| swap[key].as_u64()).max().unwrap_or(0);
+        remarks.push(format!(
+            "{} planned swaps; greatest gap {} ticks, most held {} ticks",
+            planned.len(),
+            held("gap_ticks"),
+            held("held_ticks")
+        ));
     }
     remarks
 }

@@ -9,7 +9,7 @@ use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{LimitsFrom, Task, TaskMode};
 use freeplay_laws::{Clearance, Effects, LawError};
 use freeplay_path::JointPath;
-use freeplay_plant::{PlantConfig, SystemError};
+use freeplay_plant::{LineUpSpec, PlantConfig, SystemError};
 use freeplay_shm::{MAX_JOINTS, Mode, Pace, RtRequest};
 use nalgebra::Vector3;
 
@@ -112,6 +112,8 @@ impl Setup {
             seed: scenario.seed,
             hold: scenario.hold,
             patience: Duration::from_secs_f64(scenario.patience),
+            answer_patience: scenario.answer_patience.map(Duration::from_secs_f64),
+            line_up: LineUpSpec::default(),
         };
         check_step(&plant, &path)?;
         Ok(Self { plant, path: Arc::new(path), truth })

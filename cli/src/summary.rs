@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_plant::{Deadlines, Deviation, Ending, Gate, Plant, Rejection, Stage, Stages};
+use freeplay_plant::{Deadlines, Deviation, Ending, LineUp, Plant, Rejection, Stage, Stages};
 use freeplay_shm::realtime::RtReport;
 use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
@@ -38,8 +38,10 @@ pub struct RunSummary {
     pub energy: Value,
     /// Ticks without a command in time.
     pub deadlines: Value,
-    /// What the gate did not let through.
+    /// What the gate did not let through of who was in charge.
     pub gate: Value,
+    /// The controllers with what each gate refused, and every change of who was in charge.
+    pub line_up: Value,
     /// Latencies of each stage, µs.
     pub latency_us: BTreeMap<String, Value>,
     /// What became of the wishes to the operating system.
@@ -82,14 +84,48 @@ fn contacts(plant: &Plant, plays: &[String]) -> Value {
     json!({ "joints": joints })
 }
 
-fn deadlines(counts: &Deadlines, gate: &Gate) -> Value {
+fn deadlines(counts: &Deadlines, line_up: &LineUp) -> Value {
     let silent = counts.missed.saturating_sub(counts.late);
     let by_cause = json!({
         "late_answer": counts.late, "no_answer": silent, "plant_late": counts.plant_late,
-        "rejected": Rejection::ALL.iter().skip(1).map(|&reason| gate.rejected(reason)).sum::<u64>(),
+        "rejected": Rejection::ALL.iter().skip(1).map(|&reason| line_up.rejected(reason)).sum::<u64>(),
     });
     json!({ "missed": counts.missed, "late": counts.late, "plant_late": counts.plant_late,
             "unrecorded": counts.unrecorded, "by_cause": by_cause })
+}
+
+/// The controllers by slot, and the swaps; joint values without the unused entries.
+fn line_up(plant: &Plant, names: &[String]) -> Value {
+    let (line_up, joints) = (plant.line_up(), plant.joints());
+    let controllers: Vec<Value> = names
+        .iter()
+        .enumerate()
+        .map(|(slot, name)| {
+            let refused = Rejection::ALL.iter().map(|&reason| (reason, line_up.gate(slot).rejected(reason)));
+            let refused: serde_json::Map<String, Value> = refused
+                .filter(|(_, count)| *count > 0)
+                .map(|(reason, count)| (reason.name().to_owned(), json!(count)))
+                .collect();
+            json!({ "name": name, "ticks_in_charge": line_up.ticks_in_charge(slot), "rejected": refused })
+        })
+        .collect();
+    let name = |slot: usize| names.get(slot).map_or("?", String::as_str);
+    let swaps: Vec<Value> = line_up
+        .swaps()
+        .iter()
+        .map(|swap| {
+            json!({
+                "tick": swap.tick, "from": name(swap.from), "to": name(swap.to), "cause": swap.cause,
+                "gap_ticks": swap.gap, "held_ticks": swap.held,
+                "jump": swap.jump[..joints], "greatest_change": swap.greatest_change[..joints],
+            })
+        })
+        .collect();
+    json!({
+        "controllers": controllers, "steady_change": line_up.steady_change()[..joints],
+        "greatest_difference": line_up.greatest_difference()[..joints],
+        "swaps": swaps, "unlisted_swaps": line_up.unlisted(),
+    })
 }
 
 fn percentiles(histogram: &Histogram<u64>) -> Value {
@@ -114,6 +150,8 @@ fn latencies(stages: &Stages) -> BTreeMap<String, Value> {
 pub struct RunFacts {
     /// Name of the controller, as it was asked for.
     pub controller: String,
+    /// Names of the controllers by slot.
+    pub controllers: Vec<String>,
     /// "lockstep" or "realtime".
     pub pace: String,
     /// Ticks played.
@@ -137,7 +175,7 @@ impl RunSummary {
     pub fn new(plant: &Plant, facts: RunFacts) -> Self {
         let gate: serde_json::Map<String, Value> = Rejection::ALL
             .iter()
-            .map(|&reason| (reason.name().to_owned(), json!(plant.gate().rejected(reason))))
+            .map(|&reason| (reason.name().to_owned(), json!(plant.line_up().rejected(reason))))
             .collect();
         let ledger = plant.system().ledger();
         Self {
@@ -151,8 +189,9 @@ impl RunSummary {
             contact: contacts(plant, &facts.plays),
             base_force: json!({ "peak": plant.peak_base_force() }),
             energy: json!({ "ledger": ledger, "residual": ledger.residual() }),
-            deadlines: deadlines(&plant.deadlines(), plant.gate()),
+            deadlines: deadlines(&plant.deadlines(), plant.line_up()),
             gate: json!({ "rejected": gate }),
+            line_up: line_up(plant, &facts.controllers),
             latency_us: latencies(plant.stages()),
             realtime: json!(facts.realtime),
             recording: facts.recording,

@@ -113,7 +113,13 @@ impl AnswerLoop {
             self.check(&state)?;
             let mut answer = Answer::BLANK;
             let at = || format!("at tick {}", state.tick);
-            guarded(controller, at, |controller| controller.answer(&state, &mut answer))?;
+            let takes_over = state.next_in_charge() == self.slot && state.in_charge() != self.slot;
+            guarded(controller, at, |controller| {
+                if takes_over {
+                    controller.take_over(&state);
+                }
+                controller.answer(&state, &mut answer);
+            })?;
             self.link.send(&self.command(&state, &answer, received_ns))?;
             self.answered += 1;
             if state.has(State::FLAG_LAST) {
@@ -136,7 +142,8 @@ impl AnswerLoop {
                 Pace::RealTime => self.link.newest_state()?,
             };
             if let Some(state) = state {
-                self.due_ns = state.scheduled_ns + self.run.period_ns;
+                // Where the two sides' clocks do not agree, no later than the next state can come.
+                self.due_ns = (state.scheduled_ns + self.run.period_ns).min(now_ns() + self.run.period_ns);
                 return Ok(Some(state));
             }
             let now = now_ns();

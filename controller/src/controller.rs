@@ -27,6 +27,13 @@ pub trait Controller {
 
     /// Answers `state`. `answer` is blank: everything zero, status ok.
     fn answer(&mut self, state: &State, answer: &mut Answer);
+
+    /// The answer to `state`, which is asked for next, is the first of this controller to be put in force, from another controller's
+    /// hand: a controller with a state of its own (an integrator, a correction that is under way) may bring it to where the arm is, so
+    /// that there is less to blend. Called before a planned swap only; what fails gives no notice. Does nothing unless written.
+    fn take_over(&mut self, state: &State) {
+        let _ = state;
+    }
 }
 
 /// What the plant says about the run in its welcome.

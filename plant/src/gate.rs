@@ -26,11 +26,13 @@ pub enum Rejection {
     OutOfRange,
     /// A value changes faster than the joint allows.
     TooFast,
+    /// It is a possible command, but not what the other controllers make of the same state.
+    Disagrees,
 }
 
 impl Rejection {
     /// All reasons, in the order in which they are looked for.
-    pub const ALL: [Rejection; 7] = [
+    pub const ALL: [Rejection; 8] = [
         Self::Missing,
         Self::Malformed,
         Self::Stale,
@@ -38,6 +40,7 @@ impl Rejection {
         Self::NotFinite,
         Self::OutOfRange,
         Self::TooFast,
+        Self::Disagrees,
     ];
 
     /// The name in `summary.json`.
@@ -50,6 +53,7 @@ impl Rejection {
             Self::NotFinite => "not_finite",
             Self::OutOfRange => "out_of_range",
             Self::TooFast => "too_fast",
+            Self::Disagrees => "disagrees",
         }
     }
 }
@@ -110,6 +114,18 @@ impl GateLimits {
         }
         limits
     }
+
+    /// Brings what is put together of two commands within the limits: its value no further from `last` than one tick allows.
+    pub fn clamp(&self, command: &mut Command, last: &Command) {
+        for joint in 0..command.joints as usize {
+            let (from, change) = (last.value[joint], self.change[joint]);
+            let value = command.value[joint].clamp(from - change, from + change);
+            command.value[joint] = value.clamp(self.lower[joint], self.upper[joint]);
+            let (speed, acceleration) = (self.speed[joint], self.acceleration[joint]);
+            command.velocity[joint] = command.velocity[joint].clamp(-speed, speed);
+            command.acceleration[joint] = command.acceleration[joint].clamp(-acceleration, acceleration);
+        }
+    }
 }
 
 /// The gate of one controller.
@@ -119,7 +135,9 @@ pub struct Gate {
     run: u64,
     joints: usize,
     last: Option<Command>,
+    before_last: Option<Command>,
     missed: u32,
+    streak: u32,
     braking: bool,
     rejected: [u64; Rejection::ALL.len()],
 }
@@ -132,32 +150,81 @@ impl Gate {
             run,
             joints,
             last: None,
+            before_last: None,
             missed: 0,
+            streak: 0,
             braking: false,
             rejected: [0; Rejection::ALL.len()],
         }
     }
 
-    /// Judges the answer to the tick `due`; says what is to be applied in the next tick, and why not the command.
+    /// Judges the answer of the controller in charge to the tick `due`; says what is to be applied in the next tick, and why
+    /// not the command.
     pub fn pass(&mut self, command: Option<&Command>, due: u64) -> (Applied, Option<Rejection>) {
+        let rejection = self.watch(command, due);
+        if rejection.is_none() {
+            return (if self.braking { Applied::Brake } else { Applied::Command }, None);
+        }
+        (self.fall_back(), rejection)
+    }
+
+    /// Judges the answer to the tick `due` of a controller that is not in charge: nothing is applied.
+    pub fn watch(&mut self, command: Option<&Command>, due: u64) -> Option<Rejection> {
         let verdict = match command {
             None => Err(Rejection::Missing),
             Some(command) => self.judge(command, due).map(|()| command),
         };
         match verdict {
-            Ok(command) if !self.braking => {
+            Ok(command) => {
+                self.before_last = if self.missed == 0 { self.last } else { None };
                 self.last = Some(*command);
                 self.missed = 0;
-                (Applied::Command, None)
+                self.streak = self.streak.saturating_add(1);
+                None
             }
-            Ok(_) => (Applied::Brake, None),
             Err(rejection) => {
-                self.rejected[rejection as usize] += 1;
-                self.missed += 1;
-                self.braking |= self.missed > self.limits.hold || self.last.is_none();
-                (if self.braking { Applied::Brake } else { Applied::Hold }, Some(rejection))
+                self.refuse(rejection);
+                Some(rejection)
             }
         }
+    }
+
+    /// Counts a command as refused for `rejection`, be it one that [`Gate::watch`] let pass.
+    pub fn refuse(&mut self, rejection: Rejection) {
+        self.rejected[rejection as usize] += 1;
+        self.missed = self.missed.saturating_add(1);
+        self.streak = 0;
+    }
+
+    /// What is to be applied after a rejection where nobody else takes over.
+    pub fn fall_back(&mut self) -> Applied {
+        self.braking |= self.missed > self.limits.hold || self.last.is_none();
+        if self.braking { Applied::Brake } else { Applied::Hold }
+    }
+
+    /// Forgets a controller whose place another process has taken; the counts stay.
+    pub fn renew(&mut self) {
+        *self = Self { rejected: self.rejected, ..Self::new(self.limits.clone(), self.run, self.joints) };
+    }
+
+    /// The limits.
+    pub fn limits(&self) -> &GateLimits {
+        &self.limits
+    }
+
+    /// The command that passed one tick before the last one; `None` unless both passed in a row.
+    pub fn before_last(&self) -> Option<&Command> {
+        self.before_last.as_ref()
+    }
+
+    /// How many commands in a row have not passed.
+    pub fn missed(&self) -> u32 {
+        self.missed
+    }
+
+    /// How many commands in a row have passed.
+    pub fn streak(&self) -> u32 {
+        self.streak
     }
 
     /// The last command that passed.

@@ -6,15 +6,20 @@
 //! - [`System`]: the arm with play; [`Bearing`] is one joint's contact in it, [`Ledger`] keeps its energy.
 //! - [`Sensors`]: what the machine says of itself.
 //! - [`Gate`]: what may pass from a controller to the joints, and what is applied instead.
+//! - [`LineUp`]: the controllers of a run, one in charge, the others warm; [`Swap`] is a change of who is in charge, [`Blend`] takes
+//!   the jump out of it.
 //! - [`TickRecord`]: all that is worth keeping of one tick; it leaves the loop through a queue.
 //! - [`Stages`]: how long each stage of the loop took.
 //! - [`Plant`]: the loop itself.
 
+mod attendance;
 mod bearing;
+mod blend;
 mod deviation;
 mod drives;
 mod gate;
 mod ledger;
+mod line_up;
 mod motion;
 mod plant;
 mod rotor;
@@ -23,11 +28,14 @@ mod stages;
 mod system;
 mod tick_record;
 mod tool_forces;
+mod witnesses;
 
 pub use bearing::{Bearing, ContactTally, IMPACT_LIMIT};
+pub use blend::Blend;
 pub use deviation::{Deviation, DeviationStatistics};
 pub use gate::{Applied, Gate, GateLimits, Rejection};
 pub use ledger::Ledger;
+pub use line_up::{Cause, LineUp, LineUpSpec, PlannedSwap, Swap};
 pub use motion::{Braking, Hermite, Motion};
 pub use plant::{Deadlines, Ending, Plant, PlantConfig, PlantError, PlantOutcome};
 pub use rotor::ROTOR_SHARE;
@@ -35,3 +43,4 @@ pub use sensors::{Channel, Sensors, SensorsSpec};
 pub use stages::{Stage, Stages};
 pub use system::{Input, MAX_CONTACT_STEP, System, SystemError, TickPeaks};
 pub use tick_record::{MAX_PLAYS, PlayRecord, TickRecord};
+pub use witnesses::Comparison;

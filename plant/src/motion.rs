@@ -51,7 +51,7 @@ impl Motion for Hermite {
 }
 
 /// The quintic from `from` to `to` (\[q, v, a\]) over the duration `h`, at the fraction `s` of it.
-fn quintic(h: f64, s: f64, from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+pub(crate) fn quintic(h: f64, s: f64, from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
     // Coefficients of q(s) = Σ cᵢ sⁱ; the last three from the conditions at s = 1.
     let [c0, c1, c2] = [from[0], from[1] * h, 0.5 * from[2] * h * h];
     let d0 = to[0] - (c0 + c1 + c2);

@@ -13,14 +13,15 @@ use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use freeplay_laws::{Effects, LawError, Readings, SensorLaw};
 use freeplay_path::JointPath;
 use freeplay_shm::{
-    Backoff, Command, Greeting, Joints, LinkError, MAX_JOINTS, Mode, Pace, PlantLink, Schedule, State,
-    now_ns, sleep_then_spin_until,
+    Backoff, COMMAND_BUFFER, Command, Greeting, Joints, LinkError, MAX_JOINTS, Mode, Pace, PlantLink,
+    Schedule, State, now_ns, sleep_then_spin_until,
 };
 use thiserror::Error;
 
+use crate::attendance::Attendance;
 use crate::{
-    Applied, Braking, DeviationStatistics, Gate, GateLimits, Hermite, Input, Motion, PlayRecord, Rejection,
-    Sensors, SensorsSpec, Stage, Stages, System, SystemError, TickRecord,
+    Applied, Braking, DeviationStatistics, GateLimits, Hermite, Input, LineUp, LineUpSpec, Motion,
+    PlayRecord, Rejection, Sensors, SensorsSpec, Stage, Stages, System, SystemError, TickRecord,
 };
 
 /// All that makes a plant.
@@ -48,6 +49,10 @@ pub struct PlantConfig {
     pub hold: u32,
     /// How long to wait for a controller to start, and in lockstep for an answer.
     pub patience: Duration,
+    /// How long to wait in lockstep for an answer while a standby could take over; absent: `patience`.
+    pub answer_patience: Option<Duration>,
+    /// The controllers.
+    pub line_up: LineUpSpec,
 }
 
 /// Postures of the planned motion from which the inertias of motors behind transmissions are taken.
@@ -100,13 +105,19 @@ pub enum PlantError {
         joints: usize,
     },
     /// No controller came.
-    #[error("no controller came within {patience:?}{}", said_refused(.refused))]
+    #[error("no controller came within {patience:?}{}{}", said_missing(.missing), said_refused(.refused))]
     NoController {
+        /// The slots that stayed empty, where there are several.
+        missing: Vec<usize>,
         /// How long the plant waited.
         patience: Duration,
         /// Who knocked and was refused.
         refused: Vec<String>,
     },
+}
+
+fn said_missing(missing: &[usize]) -> String {
+    if missing.is_empty() { String::new() } else { format!(" for the slots {missing:?}") }
 }
 
 fn said_refused(refused: &[String]) -> String {
@@ -156,8 +167,8 @@ pub struct Deadlines {
 pub struct PlantOutcome {
     /// How it ended.
     pub ending: Ending,
-    /// Name of the controller as it said.
-    pub controller: String,
+    /// Names of the controllers as they said, by slot.
+    pub controllers: Vec<String>,
     /// Ticks played.
     pub ticks: u64,
     /// Controllers that knocked and were refused, in words.
@@ -174,7 +185,8 @@ pub struct Plant {
     nominal: Workspace,
     link: PlantLink,
     run: u64,
-    gate: Gate,
+    line_up: LineUp,
+    attendance: Attendance,
     sensor_laws: Vec<Box<dyn SensorLaw>>,
     sensors: Sensors,
     queue: Arc<ArrayQueue<TickRecord>>,
@@ -188,8 +200,6 @@ pub struct Plant {
     torque: Vec<f64>,
     state: State,
     braked: Option<(u64, Rejection)>,
-    silent: bool,
-    peer: u32,
     backoff: Backoff,
     peak_base_force: f64,
 }
@@ -204,6 +214,8 @@ const ANSWER_WINDOW: u64 = 2;
 const JUDGING_NS: u64 = 50_000;
 /// Every so many ticks the plant looks who else knocks.
 const GREETING_TICKS: u64 = 128;
+/// Real time: a standby that has missed so many ticks in a row is no longer waited for before the plant steps.
+const MISSED_WAITED_FOR: u32 = 3;
 /// How long lockstep waits before it asks whether the peer still lives, ns.
 const LIFE_CHECK_NS: u64 = 20_000_000;
 
@@ -228,7 +240,14 @@ impl Plant {
         let rates = config.arm.joints().iter().map(|joint| joint.limits.acceleration);
         Ok(Self {
             nominal: Workspace::new(&config.arm),
-            gate: Gate::new(GateLimits::of(&config.arm, config.mode, period, config.hold), run, joints),
+            line_up: LineUp::new(
+                &config.line_up,
+                GateLimits::of(&config.arm, config.mode, period, config.hold),
+                run,
+                joints,
+                period,
+            ),
+            attendance: Attendance::new(config.line_up.controllers),
             sensor_laws,
             sensors: Sensors::new(&config.sensors, joints, config.seed),
             stages: Stages::new()?,
@@ -243,8 +262,6 @@ impl Plant {
             torque: vec![0.0; joints],
             state: State::new(run, joints),
             braked: None,
-            silent: false,
-            peer: 0,
             backoff: Backoff::for_this_machine(),
             peak_base_force: 0.0,
             config,
@@ -256,16 +273,16 @@ impl Plant {
         })
     }
 
-    /// Waits for a controller, then plays the run; `stop` ends it early.
+    /// Waits for the controllers, then plays the run; `stop` ends it early.
     ///
     /// # Errors
     /// [`PlantError::NoController`] if none came; [`PlantError::System`] if the motion could not be integrated.
     pub fn run(&mut self, stop: &AtomicBool) -> Result<PlantOutcome, PlantError> {
         let mut refused = Vec::new();
-        let Some(controller) = self.await_controller(stop, &mut refused)? else {
+        let Some(controllers) = self.await_controllers(stop, &mut refused)? else {
             return Ok(PlantOutcome {
                 ending: Ending::Interrupted { tick: 0 },
-                controller: String::new(),
+                controllers: Vec::new(),
                 ticks: 0,
                 refused,
                 divergence: None,
@@ -283,7 +300,7 @@ impl Plant {
             Some((tick, reason)) => Ending::Braked { tick, reason },
             None => Ending::Finished,
         };
-        Ok(PlantOutcome { ending, controller, ticks: played, refused, divergence })
+        Ok(PlantOutcome { ending, controllers, ticks: played, refused, divergence })
     }
 
     /// Plays tick after tick; `played` counts them.
@@ -309,28 +326,28 @@ impl Plant {
         Ok(())
     }
 
-    fn await_controller(
+    /// Greets until every slot has its controller; their names.
+    fn await_controllers(
         &mut self,
         stop: &AtomicBool,
         refused: &mut Vec<String>,
-    ) -> Result<Option<String>, PlantError> {
+    ) -> Result<Option<Vec<String>>, PlantError> {
         let deadline = now_ns() + self.config.patience.as_nanos() as u64;
+        let mut names: Vec<Option<String>> = vec![None; self.line_up.len()];
         while !stop.load(Ordering::Relaxed) {
-            let mut accepted = None;
             for greeting in self.link.greet()? {
                 match greeting {
-                    Greeting::Accepted { pid, name, .. } => {
-                        self.peer = pid;
-                        accepted = Some(name);
-                    }
+                    Greeting::Accepted { slot, name, .. } => names[slot as usize] = Some(name),
                     Greeting::Refused { name, verdict, .. } => refused.push(format!("{name}: {verdict:?}")),
                 }
             }
-            if accepted.is_some() {
-                return Ok(accepted);
+            if names.iter().all(Option::is_some) {
+                return Ok(Some(names.into_iter().flatten().collect()));
             }
             if now_ns() > deadline {
+                let several = names.len() > 1;
                 return Err(PlantError::NoController {
+                    missing: (0..names.len()).filter(|&slot| several && names[slot].is_none()).collect(),
                     patience: self.config.patience,
                     refused: std::mem::take(refused),
                 });
@@ -342,8 +359,14 @@ impl Plant {
 
     fn note_greetings(&mut self, refused: &mut Vec<String>) -> Result<(), PlantError> {
         for greeting in self.link.greet()? {
-            if let Greeting::Refused { name, verdict, .. } = greeting {
-                refused.push(format!("{name}: {verdict:?}"));
+            match greeting {
+                Greeting::Refused { name, verdict, .. } => refused.push(format!("{name}: {verdict:?}")),
+                // A process in the place of one that has ended. The only controller of a run is not replaced.
+                Greeting::Accepted { slot, .. } if self.line_up.len() > 1 => {
+                    self.line_up.renew(slot as usize);
+                    self.attendance.renew(slot as usize);
+                }
+                Greeting::Accepted { .. } => {}
             }
         }
         Ok(())
@@ -355,24 +378,29 @@ impl Plant {
         self.state.published_ns = now_ns();
         self.link.publish(&self.state)?;
         record.state = self.state;
-        let mut answer = None;
+        self.line_up.begin_tick();
         if self.config.pace == Pace::RealTime {
             // From publication, so that a plant that was held up waits for its answers while it catches up.
             let window = self.state.published_ns + self.config.period_ns / ANSWER_WINDOW;
-            self.await_answer(tick, scheduled, window, &mut answer)?;
+            self.await_answers(tick, scheduled, window)?;
         }
         self.step()?;
-        if answer.is_none() {
+        if !self.all_in(tick) {
             let deadline = match self.config.pace {
                 Pace::RealTime => sleep_then_spin_until(schedule.due_ns(tick + 1) - JUDGING_NS, 0),
-                Pace::Lockstep => now_ns() + self.config.patience.as_nanos() as u64,
+                Pace::Lockstep => now_ns() + self.answer_patience(tick).as_nanos() as u64,
             };
-            self.await_answer(tick, scheduled, deadline, &mut answer)?;
+            self.await_answers(tick, scheduled, deadline)?;
         }
-        self.judge(tick, answer.as_ref(), &mut record);
-        record.command = answer;
+        self.judge(tick, &mut record);
         self.keep(record);
         Ok(())
+    }
+
+    /// How long lockstep waits for the answer to `tick`; before the first, controllers still plan.
+    fn answer_patience(&self, tick: u64) -> Duration {
+        let of_several = self.config.answer_patience.filter(|_| tick > 0 && self.line_up.len() > 1);
+        of_several.unwrap_or(self.config.patience)
     }
 
     /// Waits for the tick's time; returns the time that latencies of this tick are taken against, ns.
@@ -460,7 +488,9 @@ impl Plant {
             (State::FLAG_TOOL_TRACKED, tracked),
             (State::FLAG_FALLBACK, matches!(self.applied, Applied::Hold | Applied::Brake)),
         ];
-        self.state.flags = flags.iter().map(|&(flag, holds)| if holds { flag } else { 0 }).sum();
+        let flags: u32 = flags.iter().map(|&(flag, holds)| if holds { flag } else { 0 }).sum();
+        let charge = [self.line_up.in_charge(), self.line_up.next_in_charge(tick)];
+        self.state.flags = flags | State::charge_flags(charge[0] as u32, charge[1] as u32);
     }
 
     fn plays(&mut self) -> [PlayRecord; MAX_JOINTS] {
@@ -475,29 +505,16 @@ impl Plant {
         records
     }
 
-    /// Takes answers until the one to `tick` is there, the `deadline` has passed or the controller is gone.
-    fn await_answer(
-        &mut self,
-        tick: u64,
-        scheduled: u64,
-        deadline: u64,
-        answer: &mut Option<Command>,
-    ) -> Result<(), PlantError> {
+    /// Takes answers until all that are waited for are there, the `deadline` has passed or those that lack are gone.
+    fn await_answers(&mut self, tick: u64, scheduled: u64, deadline: u64) -> Result<(), PlantError> {
         self.backoff.reset();
         let mut next_check = LIFE_CHECK_NS;
         loop {
-            while let Some(command) = self.link.next_command(0)? {
-                let received = now_ns();
-                if command.tick < tick && command.check(self.run).is_ok() {
-                    self.deadlines.late += u64::from(self.braked.is_none());
-                    continue;
-                }
-                self.clock(&command, scheduled, received);
-                *answer = Some(command);
-                return Ok(());
+            for slot in 0..self.line_up.len() {
+                self.take_answer(slot, tick, scheduled)?;
             }
             let now = now_ns();
-            if now >= deadline || self.silent || self.braked.is_some() {
+            if now >= deadline || self.braked.is_some() || self.all_in(tick) {
                 return Ok(());
             }
             match self.config.pace {
@@ -506,11 +523,60 @@ impl Plant {
                     let waited = self.backoff.wait();
                     if waited > next_check {
                         next_check = waited + LIFE_CHECK_NS;
-                        if !process_lives(self.peer) {
-                            return Ok(());
-                        }
+                        self.note_the_dead(tick);
                     }
                 }
+            }
+        }
+    }
+
+    /// Takes the answer of `slot` to `tick` if it is there; older ones are counted as late. No more of them than a buffer holds,
+    /// so that a flood does not keep the loop.
+    fn take_answer(&mut self, slot: usize, tick: u64, scheduled: u64) -> Result<(), PlantError> {
+        if self.line_up.slot_mut(slot).answer.is_some() {
+            return Ok(());
+        }
+        for _ in 0..COMMAND_BUFFER {
+            let Some(command) = self.link.next_command(slot)? else { break };
+            let received = now_ns();
+            let in_charge = slot == self.line_up.in_charge();
+            if command.tick < tick && command.check(self.run).is_ok() {
+                self.deadlines.late += u64::from(in_charge && self.braked.is_none());
+                continue;
+            }
+            if self.attendance.is_away(slot, tick) {
+                continue;
+            }
+            if in_charge {
+                self.clock(&command, scheduled, received);
+            }
+            self.line_up.slot_mut(slot).answer = Some(command);
+            break;
+        }
+        Ok(())
+    }
+
+    /// Whether every answer to `tick` that is waited for is there.
+    fn all_in(&mut self, tick: u64) -> bool {
+        (0..self.line_up.len()).all(|slot| {
+            let is_waited_for = match self.config.pace {
+                Pace::Lockstep => !self.attendance.is_away(slot, tick),
+                Pace::RealTime => {
+                    slot == self.line_up.in_charge() || self.line_up.gate(slot).missed() < MISSED_WAITED_FOR
+                }
+            };
+            !is_waited_for || self.line_up.slot_mut(slot).answer.is_some()
+        })
+    }
+
+    /// Lockstep: who has left its seat is not waited for.
+    fn note_the_dead(&mut self, tick: u64) {
+        for slot in 0..self.line_up.len() {
+            if self.line_up.slot_mut(slot).answer.is_none()
+                && !self.attendance.is_away(slot, tick)
+                && !self.link.is_held(slot)
+            {
+                self.attendance.left(slot);
             }
         }
     }
@@ -549,20 +615,26 @@ impl Plant {
         Ok(())
     }
 
-    /// Judges the answer and sets what is in force in the next tick; closed brakes stay closed.
-    fn judge(&mut self, tick: u64, answer: Option<&Command>, record: &mut TickRecord) {
+    /// Judges the answers and sets what is in force in the next tick; closed brakes stay closed.
+    fn judge(&mut self, tick: u64, record: &mut TickRecord) {
         if self.braked.is_some() {
+            record.command = self.line_up.slot_mut(self.line_up.in_charge()).answer;
             return;
         }
-        if answer.is_none() {
-            self.deadlines.missed += 1;
-            // Who let the patience of lockstep pass is not waited for again.
-            self.silent |= self.config.pace == Pace::Lockstep;
+        if self.config.pace == Pace::Lockstep {
+            let several = self.line_up.len() > 1;
+            for slot in 0..self.line_up.len() {
+                let came = self.line_up.slot_mut(slot).answer.is_some();
+                self.attendance.note(slot, tick, came, several);
+            }
         }
-        let (applied, rejection) = self.gate.pass(answer, tick);
-        record.rejection = rejection;
+        self.deadlines.missed += u64::from(self.line_up.slot_mut(self.line_up.in_charge()).answer.is_none());
+        let settled = tick as f64 * self.config.period_ns as f64 * 1e-9 >= DeviationStatistics::START;
+        let verdict = self.line_up.judge(tick, settled);
+        let applied = verdict.applied;
+        (record.command, record.rejection) = (verdict.answer, verdict.rejection);
         self.applied = applied;
-        if let (Applied::Brake, None, Some(reason)) = (applied, self.braked, rejection) {
+        if let (Applied::Brake, Some(reason)) = (applied, verdict.rejection) {
             self.braked = Some((tick, reason));
         }
         let joints = self.config.arm.dof();
@@ -576,21 +648,25 @@ impl Plant {
         }
     }
 
-    /// Puts the last command that passed in force.
+    /// Puts the command that passed, or the last one that did, in force.
     fn command(&mut self) {
-        let Some(command) = self.gate.last().copied() else { return };
+        let Some(command) = self.line_up.in_force().copied() else { return };
         let joints = self.config.arm.dof();
-        self.state.applied = command.value;
+        let held = self.applied == Applied::Hold;
         self.torque.copy_from_slice(&command.value[..joints]);
+        if !held {
+            self.state.applied = command.value;
+        }
         if self.config.mode == Mode::Driven {
             let period = self.config.period_ns as f64 * 1e-9;
-            let held = self.applied == Applied::Hold;
-            let system = &self.system;
+            let (system, line_up) = (&self.system, &mut self.line_up);
             let now = (0..joints).map(|joint| system.joint(joint));
             let next = (0..joints).map(|joint| {
                 if held {
                     let [q, v, _] = system.joint(joint);
-                    [q + v * period, v, 0.0]
+                    let next = [q + v * period, v, 0.0];
+                    line_up.moved_on(joint, next);
+                    next
                 } else {
                     [command.value[joint], command.velocity[joint], command.acceleration[joint]]
                 }
@@ -613,6 +689,11 @@ impl Plant {
         self.deadlines.unrecorded += u64::from(pending.is_err());
     }
 
+    /// Number of joints of the arm.
+    pub fn joints(&self) -> usize {
+        self.config.arm.dof()
+    }
+
     /// Latencies of all stages.
     pub fn stages(&self) -> &Stages {
         &self.stages
@@ -628,9 +709,9 @@ impl Plant {
         self.deadlines
     }
 
-    /// The gate with its counts.
-    pub fn gate(&self) -> &Gate {
-        &self.gate
+    /// The controllers with their gates and their counts.
+    pub fn line_up(&self) -> &LineUp {
+        &self.line_up
     }
 
     /// The arm with play as the run left it.
@@ -648,12 +729,4 @@ impl Plant {
 fn tool_row(pose: &nalgebra::Isometry3<f64>) -> [f64; 7] {
     let (p, r) = (pose.translation.vector, pose.rotation.coords);
     [p.x, p.y, p.z, r.x, r.y, r.z, r.w]
-}
-
-/// Whether a process with this id exists.
-fn process_lives(pid: u32) -> bool {
-    i32::try_from(pid)
-        .ok()
-        .and_then(rustix::process::Pid::from_raw)
-        .is_some_and(|pid| rustix::process::test_kill_process(pid) != Err(rustix::io::Errno::SRCH))
 }

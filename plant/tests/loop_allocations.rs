@@ -9,7 +9,7 @@ use crossbeam::queue::ArrayQueue;
 use freeplay_arm::{ArmFile, EffectTable, paper_arm};
 use freeplay_laws::Effects;
 use freeplay_path::{JointPath, PathSpec};
-use freeplay_plant::{Ending, Plant, PlantConfig, SensorsSpec};
+use freeplay_plant::{Ending, LineUpSpec, PlannedSwap, Plant, PlantConfig, SensorsSpec};
 use freeplay_shm::{Backoff, Command, ControllerLink, Hello, Mode, Offer, Pace, PlantLink, RunRoot, State};
 
 /// Effects that are asked in the sub-steps and in the sensors.
@@ -28,7 +28,9 @@ fn effects_of_all_stages() -> Vec<EffectTable> {
 }
 
 /// Plays `ticks` ticks against a controller in another thread; how often the plant's thread allocated, and the records.
-fn play(ticks: u64) -> (u64, usize) {
+///
+/// Of several `controllers`, another is in charge every ten ticks.
+fn play(ticks: u64, controllers: usize) -> (u64, usize) {
     let root = RunRoot::create().expect("a run");
     let address = root.address().clone();
     let offer = Offer {
@@ -39,12 +41,14 @@ fn play(ticks: u64) -> (u64, usize) {
         ticks,
         task: String::new(),
     };
-    let link = PlantLink::open(&address, 1, offer).expect("the plant's end");
+    let link = PlantLink::open(&address, controllers, offer).expect("the plant's end");
     let arm = paper_arm().arm;
     let path = Arc::new(JointPath::plan(&arm, &PathSpec::default(), 1000.0).expect("the smooth path"));
     let file = ArmFile { arm, effects: effects_of_all_stages(), ignored: Vec::new() };
     let effects = Effects::of(&file).expect("effects that the catalogue knows");
     let arm = file.arm;
+    let swap = |tick| PlannedSwap { tick, to: (tick / 10) as usize % controllers };
+    let swaps = (10..ticks).step_by(10).map(swap).collect();
     let config = PlantConfig {
         arm,
         effects: Arc::new(effects),
@@ -57,33 +61,44 @@ fn play(ticks: u64) -> (u64, usize) {
         seed: 1,
         hold: 20,
         patience: Duration::from_secs(10),
+        answer_patience: None,
+        line_up: LineUpSpec { controllers, swaps, blend: 7, comparison: None },
     };
     let queue = Arc::new(ArrayQueue::new(ticks as usize));
     let mut plant = Plant::new(config, path, link, address.run(), Arc::clone(&queue)).expect("a plant");
-    let controller = std::thread::spawn(move || {
-        let hello = Hello::new("follower", 0, 0);
-        let (mut link, _) =
-            ControllerLink::connect(&address, hello, Duration::from_secs(10)).expect("welcome");
-        let mut backoff = Backoff::for_this_machine();
-        loop {
-            let Some(state) = link.next_state().expect("a link") else {
-                backoff.wait();
-                continue;
-            };
-            backoff.reset();
-            let mut command = Command::answer_to(&state, 0);
-            (command.value, command.velocity) = (state.reference_next.q, state.reference_next.qd);
-            command.acceleration = state.reference_next.qdd;
-            link.send(&command).expect("sent");
-            if state.has(State::FLAG_LAST) {
-                break;
+    let follow = |slot: u32| {
+        let address = address.clone();
+        move || {
+            let hello = Hello::new("follower", slot, 0);
+            let (mut link, _) =
+                ControllerLink::connect(&address, hello, Duration::from_secs(10)).expect("welcome");
+            let mut backoff = Backoff::for_this_machine();
+            loop {
+                let Some(state) = link.next_state().expect("a link") else {
+                    backoff.wait();
+                    continue;
+                };
+                backoff.reset();
+                let mut command = Command::answer_to(&state, slot);
+                (command.value, command.velocity) = (state.reference_next.q, state.reference_next.qd);
+                command.acceleration = state.reference_next.qdd;
+                link.send(&command).expect("sent");
+                if state.has(State::FLAG_LAST) {
+                    break;
+                }
             }
         }
-    });
+    };
+    let threads: Vec<_> = (0..controllers as u32).map(|slot| std::thread::spawn(follow(slot))).collect();
     let stop = AtomicBool::new(false);
     let mut ending = None;
     let counted = allocation_counter::measure(|| ending = Some(plant.run(&stop).expect("a run").ending));
-    controller.join().expect("the controller");
+    threads.into_iter().for_each(|thread| thread.join().expect("a controller"));
+    assert!(
+        controllers == 1 || plant.line_up().swaps().len() as u64 == (ticks - 1) / 10,
+        "{}",
+        plant.line_up().swaps().len()
+    );
     assert_eq!(ending, Some(Ending::Finished));
     assert_eq!(plant.deadlines().missed, 0);
     (counted.count_total, queue.len())
@@ -91,8 +106,14 @@ fn play(ticks: u64) -> (u64, usize) {
 
 #[test]
 fn a_longer_run_allocates_no_more_than_the_transport_does() {
-    let (short, long) = (play(50), play(550));
-    println!("50 ticks: {} allocations, 550 ticks: {}", short.0, long.0);
-    assert_eq!((short.1, long.1), (50, 550), "every tick is recorded");
-    assert!(long.0 - short.0 <= 500, "beside the start, one block a published message: {}", long.0 - short.0);
+    for controllers in [1, 3] {
+        let (short, long) = (play(50, controllers), play(550, controllers));
+        println!("{controllers} controllers: 50 ticks: {} allocations, 550 ticks: {}", short.0, long.0);
+        assert_eq!((short.1, long.1), (50, 550), "every tick is recorded");
+        assert!(
+            long.0 - short.0 <= 500,
+            "beside the start, one block a published message: {}",
+            long.0 - short.0
+        );
+    }
 }

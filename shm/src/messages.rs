@@ -145,6 +145,12 @@ impl State {
     pub const FLAG_TOOL_TRACKED: u32 = 1 << 1;
     /// Bit of [`State::flags`]: the gate's fallback, not a controller, is in force during this tick.
     pub const FLAG_FALLBACK: u32 = 1 << 2;
+    /// Lowest of the four bits of [`State::flags`] with the slot whose command is in force during this tick.
+    pub const IN_CHARGE_SHIFT: u32 = 8;
+    /// Lowest of the four bits of [`State::flags`] with the slot whose answer to this state is to be put in force.
+    pub const NEXT_SHIFT: u32 = 12;
+    /// What a slot takes up in [`State::flags`].
+    const SLOT_MASK: u32 = 0xf;
 
     /// A state at rest at tick 0 of `run` for an arm of `joints` joints; the tool is not tracked.
     #[must_use]
@@ -173,6 +179,25 @@ impl State {
     #[must_use]
     pub fn has(&self, flag: u32) -> bool {
         self.flags & flag == flag
+    }
+
+    /// The slot whose command is in force during this tick, from 0.
+    #[must_use]
+    pub fn in_charge(&self) -> u32 {
+        self.flags >> Self::IN_CHARGE_SHIFT & Self::SLOT_MASK
+    }
+
+    /// The slot whose answer to this state is to be put in force: another one than [`State::in_charge`] where a swap is
+    /// planned for this tick.
+    #[must_use]
+    pub fn next_in_charge(&self) -> u32 {
+        self.flags >> Self::NEXT_SHIFT & Self::SLOT_MASK
+    }
+
+    /// The bits of [`State::flags`] for these two slots.
+    #[must_use]
+    pub fn charge_flags(in_charge: u32, next: u32) -> u32 {
+        (in_charge & Self::SLOT_MASK) << Self::IN_CHARGE_SHIFT | (next & Self::SLOT_MASK) << Self::NEXT_SHIFT
     }
 
     /// Whether this message is one of `run` that this version can read.

@@ -1,0 +1,206 @@
+//! The runs of an exam: a sound one to measure by, then the faults, as many in a run as it survives.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use freeplay_recording::Recording;
+use freeplay_shm::RunRoot;
+use indicatif::ProgressBar;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::exit::Failure;
+use crate::faults::findings::{Finding, RunFindings, Verdict};
+use crate::faults::kinds::{Injection, Kind, Plan};
+use crate::run::{Contestant, Files, play};
+use crate::scenario::{Drive, Pacing, Scenario};
+use crate::setup::{Setup, write};
+use crate::summary::RunSummary;
+use crate::swap_measures::Alone;
+use crate::swaps::{CompareTable, SwapTable, names};
+
+/// First tick of a fault: the arm has settled.
+const FIRST: u64 = 600;
+/// Ticks from one fault to the next, within which it passes, the arm settles and the controller is put in charge again.
+const SPACING: u64 = 250;
+/// Ticks by which a fault may come later.
+const JITTER: u64 = 50;
+/// Ticks from a fault to when the controller is put in charge again.
+const BACK: u64 = 170;
+/// Ticks before a fault at which the controller is put in charge if it is not: in real time it may have been late before.
+const BEFORE: u64 = 30;
+/// Ticks from a fault for which it is looked at.
+const WINDOW: usize = (SPACING - BEFORE) as usize;
+/// Faults of one run.
+const PER_RUN: u32 = 20;
+/// Seconds that lockstep waits for an answer that does not come.
+const ANSWER_PATIENCE: f64 = 0.15;
+/// What a sound difference of two controllers is multiplied by to become the tolerance.
+const MARGIN: f64 = 1.5;
+/// What is added to it, of the joint's range.
+const LEAST_TOLERANCE: f64 = 0.005;
+
+/// The exam of one controller.
+pub struct Exam {
+    scenario: Scenario,
+    examined: Contestant,
+    seed: u64,
+    out: PathBuf,
+    stop: Arc<AtomicBool>,
+    names: Vec<String>,
+    limits: Vec<[f64; 2]>,
+    alone: Vec<Alone>,
+}
+
+impl Exam {
+    /// The exam of `examined` in `scenario` beside `standby`, with its files in `out`.
+    ///
+    /// # Errors
+    /// A scenario that can't be run.
+    pub fn new(
+        mut scenario: Scenario,
+        examined: Contestant,
+        standby: String,
+        seed: u64,
+        out: PathBuf,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self, Failure> {
+        let names = names(examined.asked(), std::slice::from_ref(&standby));
+        (scenario.controllers, scenario.standby) = (vec![examined.asked().to_owned()], vec![standby]);
+        (scenario.swap, scenario.random_swaps, scenario.seed) = (Vec::new(), 0, seed);
+        scenario.answer_patience.get_or_insert(ANSWER_PATIENCE);
+        let setup = Setup::new(&scenario)?;
+        let limit = |joint: &freeplay_arm::Joint| match scenario.mode {
+            Drive::Torque => [-joint.limits.effort, joint.limits.effort],
+            Drive::Driven => [joint.limits.lower, joint.limits.upper],
+        };
+        let limits = setup.arm().joints().iter().map(limit).collect();
+        Ok(Self { scenario, examined, seed, out, stop, names, limits, alone: Vec::new() })
+    }
+
+    /// The controller under examination.
+    pub fn examined(&self) -> &Contestant {
+        &self.examined
+    }
+
+    /// The scenario with all that was measured for it.
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// Injects `seeds` faults of each of `kinds`; `None` if interrupted.
+    ///
+    /// # Errors
+    /// A run that fails otherwise than by the fault.
+    pub fn examine(
+        &mut self,
+        kinds: &[Kind],
+        seeds: u32,
+        bar: &ProgressBar,
+    ) -> Result<Option<Vec<Verdict>>, Failure> {
+        if !self.measure_sound_runs(seeds.min(PER_RUN))? {
+            return Ok(None);
+        }
+        let mut verdicts = Vec::new();
+        for &kind in kinds {
+            let per_run = if kind.ends_the_process() { 1 } else { PER_RUN };
+            let mut verdict = Verdict::new(kind);
+            let mut done = 0;
+            while done < seeds {
+                let count = per_run.min(seeds - done);
+                let Some(found) = self.inject(kind, done, count)? else { return Ok(None) };
+                verdict.add(found);
+                done += count;
+                bar.inc(u64::from(count));
+            }
+            verdicts.push(verdict.with_pace(self.scenario.pace));
+        }
+        Ok(Some(verdicts))
+    }
+
+    /// Plays each controller without faults, to know the deviation, and how far the two differ; `false` if interrupted.
+    fn measure_sound_runs(&mut self, per_run: u32) -> Result<bool, Failure> {
+        let mut sound = self.scenario.clone();
+        last(&mut sound, per_run);
+        let asked = [sound.controllers[0].clone(), sound.standby[0].clone()];
+        for (slot, name) in self.names.clone().iter().enumerate() {
+            sound.standby = vec![asked[1 - slot].clone()];
+            let contestant = Contestant::of(&asked[slot])?;
+            let Some((summary, recording)) = self.play(&sound, &contestant, name)? else { return Ok(false) };
+            self.alone.push(Alone::new(&summary, name, &recording)?);
+            if slot == 0 && self.scenario.compare.is_none() {
+                let greatest = summary.line_up["greatest_difference"].as_array().cloned().unwrap_or_default();
+                let tolerance = greatest.iter().zip(&self.limits).map(|(most, [lower, upper])| {
+                    MARGIN * most.as_f64().unwrap_or(0.0) + LEAST_TOLERANCE * (upper - lower)
+                });
+                self.scenario.compare = Some(CompareTable { tolerance: tolerance.collect(), ticks: 2 });
+            }
+        }
+        Ok(true)
+    }
+
+    /// One run with `count` faults of `kind`, the first of which has the number `from`; `None` if interrupted.
+    fn inject(&self, kind: Kind, from: u32, count: u32) -> Result<Option<RunFindings>, Failure> {
+        let mut scenario = self.scenario.clone();
+        last(&mut scenario, count);
+        scenario.seed = self.seed.wrapping_add(u64::from(from));
+        let mut random = ChaCha8Rng::seed_from_u64(scenario.seed ^ (kind as u64) << 32);
+        let mut injection = |number: u64| {
+            let tick = FIRST + number * SPACING + random.random_range(0..JITTER);
+            Injection { kind, tick, seed: random.random() }
+        };
+        let injections: Vec<Injection> = (0..u64::from(count)).map(&mut injection).collect();
+        let to_examined = |tick: u64| SwapTable { tick, to: self.names[0].clone() };
+        let before = injections.iter().map(|injection| to_examined(injection.tick - BEFORE));
+        let after = injections.iter().map(|injection| to_examined(injection.tick + BACK));
+        scenario.swap = match kind.ends_the_process() {
+            true => before.collect(),
+            false => before.chain(after).collect(),
+        };
+        let plan = Plan { injections: injections.clone(), limits: self.limits.clone() };
+        let file = self.out.join("plan.json");
+        write(&file, &serde_json::to_string(&plan).map_err(Failure::internal)?)?;
+        let file = std::path::absolute(&file).map_err(Failure::input)?;
+        let contestant = self.examined.clone().with_faults(file);
+        let Some((summary, recording)) = self.play(&scenario, &contestant, "examined")? else {
+            return Ok(None);
+        };
+        let swept = RunRoot::sweep_dead().len();
+        let findings = injections
+            .iter()
+            .map(|injection| Finding::of(*injection, &recording, &self.alone, &self.names, WINDOW));
+        let findings = findings.collect::<Result<Vec<_>, _>>()?;
+        RunFindings::of(findings, &summary, &recording, &self.limits, swept).map(Some)
+    }
+
+    fn play(
+        &self,
+        scenario: &Scenario,
+        contestant: &Contestant,
+        folder: &str,
+    ) -> Result<Option<(RunSummary, Recording)>, Failure> {
+        let setup = Setup::new(scenario)?;
+        let files = Files::write(scenario, &setup, &self.out.join(folder))?;
+        let (exit, summary) = play(scenario, contestant, &files, 0.0, &self.stop)?;
+        if self.stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let no_end = || Failure { exit, message: format!("{folder}: a run ended before it was played") };
+        let summary = summary.ok_or_else(no_end)?;
+        let name = summary.recording.clone().ok_or_else(no_end)?;
+        let recording = freeplay_recording::read(&files.out.join(name), None).map_err(Failure::input)?;
+        Ok(Some((summary, recording)))
+    }
+}
+
+/// Makes `scenario` last for `count` faults, with laps enough; real time needs none of lockstep's patience.
+fn last(scenario: &mut Scenario, count: u32) {
+    let ticks = FIRST + u64::from(count) * SPACING;
+    let seconds = ticks as f64 / scenario.rate;
+    scenario.duration = Some(seconds);
+    scenario.path.laps = scenario.path.laps.max((seconds / scenario.path.period).ceil() as u32 + 1);
+    if scenario.pace == Pacing::Realtime {
+        scenario.answer_patience = None;
+    }
+}

@@ -1,0 +1,164 @@
+//! The faults that a controller can have, by the words that PX4 and its users have for them.
+
+use serde::{Deserialize, Serialize};
+
+/// What goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// Nothing: what is told of a sound controller is a false alarm.
+    Ok,
+    /// No answers.
+    Off,
+    /// The values of the last good answer again and again, each as if it were new.
+    Stuck,
+    /// Random bits as numbers.
+    Garbage,
+    /// One joint's value shifted by a fifth of its range.
+    Wrong,
+    /// Every fourth answer only.
+    Slow,
+    /// Answers that come three ticks late.
+    Delayed,
+    /// About every second answer.
+    Intermittent,
+    /// The process is killed with SIGKILL.
+    Crash,
+    /// The process is stopped with SIGSTOP, and goes on later.
+    Hang,
+    /// Each answer 64 times.
+    Flood,
+    /// Answers in the wrong order.
+    Reorder,
+    /// Messages of another layout version.
+    StaleVersion,
+    /// A number that is none.
+    Nan,
+    /// One joint's value just beyond its limit.
+    Limit,
+    /// One joint's value that drifts away by its range a second.
+    Drift,
+    /// One joint's value with the wrong sign.
+    SignFlip,
+    /// One joint's value half as large again.
+    Gain,
+    /// The clock of the states jumps by a second and back.
+    ClockJump,
+    /// The process that holds the seat is killed with memory on loan for a message that is never sent; the controller lives.
+    LoanLost,
+}
+
+/// What should come of a fault.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Expected {
+    /// The gate, or the lack of an answer, tells within so many ticks.
+    Detected {
+        /// In lockstep, and in real time for what is in a message.
+        ticks: u64,
+    },
+    /// A possible command that only comparison with another controller tells from a good one; no bound on how soon.
+    Compared,
+    /// Nothing: it does no harm.
+    Harmless,
+}
+
+impl Kind {
+    /// All kinds, in the order of the exam.
+    pub const ALL: [Kind; 20] = [
+        Self::Ok,
+        Self::Off,
+        Self::Stuck,
+        Self::Garbage,
+        Self::Wrong,
+        Self::Slow,
+        Self::Delayed,
+        Self::Intermittent,
+        Self::Crash,
+        Self::Hang,
+        Self::Flood,
+        Self::Reorder,
+        Self::StaleVersion,
+        Self::Nan,
+        Self::Limit,
+        Self::Drift,
+        Self::SignFlip,
+        Self::Gain,
+        Self::ClockJump,
+        Self::LoanLost,
+    ];
+
+    /// The word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Off => "off",
+            Self::Stuck => "stuck",
+            Self::Garbage => "garbage",
+            Self::Wrong => "wrong",
+            Self::Slow => "slow",
+            Self::Delayed => "delayed",
+            Self::Intermittent => "intermittent",
+            Self::Crash => "crash",
+            Self::Hang => "hang",
+            Self::Flood => "flood",
+            Self::Reorder => "reorder",
+            Self::StaleVersion => "stale-version",
+            Self::Nan => "nan",
+            Self::Limit => "limit",
+            Self::Drift => "drift",
+            Self::SignFlip => "sign-flip",
+            Self::Gain => "gain",
+            Self::ClockJump => "clock-jump",
+            Self::LoanLost => "loan-lost",
+        }
+    }
+
+    /// What should come of it.
+    pub fn expected(self) -> Expected {
+        match self {
+            Self::Ok | Self::Flood | Self::ClockJump => Expected::Harmless,
+            Self::Stuck | Self::Wrong | Self::Drift | Self::SignFlip | Self::Gain => Expected::Compared,
+            Self::Crash | Self::Hang | Self::LoanLost => Expected::Detected { ticks: 2 },
+            // The first answer of the window may be one that comes.
+            Self::Slow | Self::Intermittent | Self::Reorder => Expected::Detected { ticks: LENGTH },
+            Self::Off | Self::Garbage | Self::Delayed | Self::StaleVersion | Self::Nan | Self::Limit => {
+                Expected::Detected { ticks: 1 }
+            }
+        }
+    }
+
+    /// Whether the controller is gone afterwards, so that a run can have it once only.
+    pub fn ends_the_process(self) -> bool {
+        matches!(self, Self::Crash | Self::LoanLost)
+    }
+}
+
+/// For how many ticks a fault lasts.
+pub const LENGTH: u64 = 40;
+
+/// One fault at one tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Injection {
+    /// What goes wrong.
+    pub kind: Kind,
+    /// The first tick whose answer it concerns.
+    pub tick: u64,
+    /// Of what is random in it.
+    pub seed: u64,
+}
+
+impl Injection {
+    /// Whether it goes on at `tick`.
+    pub fn holds(&self, tick: u64) -> bool {
+        (self.tick..self.tick + LENGTH).contains(&tick)
+    }
+}
+
+/// All that a saboteur is told.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Plan {
+    /// The faults, by tick, none of which overlap.
+    pub injections: Vec<Injection>,
+    /// Least and greatest value of each joint, N·m or rad.
+    pub limits: Vec<[f64; 2]>,
+}

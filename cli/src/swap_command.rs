@@ -1,0 +1,305 @@
+//! `freeplay swap`: controllers that take over from each other at random ticks, and what each swap costs.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Args;
+use comfy_table::{CellAlignment, Table, presets};
+use freeplay_controller::BUILT_IN;
+use freeplay_recording::Recording;
+use indicatif::ProgressBar;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::exit::{Exit, Failure};
+use crate::run::{Contestant, Files, Format, default_folder, load, play};
+use crate::say::say;
+use crate::scenario::{Pacing, RecordingKind, Scenario};
+use crate::setup::{Setup, write};
+use crate::summary::RunSummary;
+use crate::swap_measures::{Alone, Measured, SETTLING, measure};
+use crate::swaps;
+
+/// The schema of `swap.json`.
+const SCHEMA: &str = "freeplay.swap/1";
+/// What a deviation may be over that without swap.
+const MOST_DEVIATION: f64 = 1.05;
+/// What a jump may be over the greatest steady change.
+const MOST_JUMP: f64 = 1.0;
+
+/// Swaps controllers.
+#[derive(Args, Debug)]
+pub struct SwapArgs {
+    /// The scenario, as for `freeplay run`.
+    scenario: Option<PathBuf>,
+    /// The controllers: built-in names or paths of executables; without any: all built-in ones.
+    #[arg(long)]
+    controller: Vec<String>,
+    /// Swaps in all.
+    #[arg(long, default_value_t = 200)]
+    swaps: u32,
+    /// Swaps of one run.
+    #[arg(long, default_value_t = 15)]
+    per_run: u32,
+    /// By the wall clock or in lockstep.
+    #[arg(long)]
+    pace: Option<Pacing>,
+    /// Change a key of the scenario, as in --set path.period=12.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Seed of the ticks and of all noise; each run has the next.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Folder for what is left; without it: out/ and the time.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+    /// Say less.
+    #[arg(short, long)]
+    quiet: bool,
+}
+
+/// Runs each controller alone, then all of them with swaps until there were enough, and judges.
+///
+/// # Errors
+/// Bad input; a run that fails.
+pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
+    let mut sets = args.set.clone();
+    sets.extend(args.seed.iter().map(|seed| format!("seed={seed}")));
+    let mut scenario = load(args.scenario.as_deref(), &sets)?;
+    scenario.pace = args.pace.unwrap_or(scenario.pace);
+    scenario.recording = RecordingKind::Mcap;
+    scenario.controllers = match args.controller.as_slice() {
+        [] => BUILT_IN.iter().map(|name| (*name).to_owned()).collect(),
+        given => given.to_vec(),
+    };
+    if scenario.controllers.len() < 2 || args.swaps == 0 || args.per_run == 0 {
+        return Err(Failure::usage("swapping needs at least two controllers and one swap"));
+    }
+    let out = args.out.clone().unwrap_or_else(default_folder);
+    let stop = Arc::new(AtomicBool::new(false));
+    crate::process::stop_on_signals(&stop)?;
+    let stage = Stage { scenario, out, stop, seed: args.seed.unwrap_or(1) };
+    let bar = if args.quiet { ProgressBar::hidden() } else { ProgressBar::new(u64::from(args.swaps)) };
+    let ended = stage.play_all(args.swaps, args.per_run, &bar);
+    bar.finish_and_clear();
+    let Some(played) = ended? else { return Ok(Exit::Interrupted) };
+    let verdicts = Verdicts::of(&played.swaps, args.swaps);
+    let text = json!({
+        "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"), "scenario": stage.scenario,
+        "machine": freeplay_shm::Machine::read(), "runs": played.runs, "verdicts": verdicts, "swaps": played.swaps,
+    });
+    let text = serde_json::to_string_pretty(&text).map_err(Failure::internal)?;
+    write(&stage.out.join("swap.json"), &text)?;
+    match args.format {
+        Format::Json => say(&format!("{text}\n"))?,
+        Format::Text => say(&in_words(&played, &verdicts, &stage.out))?,
+    }
+    Ok(if verdicts.all_hold() { Exit::Done } else { Exit::Verdict })
+}
+
+/// What all runs share.
+struct Stage {
+    scenario: Scenario,
+    out: PathBuf,
+    stop: Arc<AtomicBool>,
+    seed: u64,
+}
+
+/// What all runs came to.
+struct Played {
+    runs: usize,
+    swaps: Vec<Measured>,
+}
+
+impl Stage {
+    /// Plays until there were `count` swaps; `None` if interrupted.
+    fn play_all(&self, count: u32, per_run: u32, bar: &ProgressBar) -> Result<Option<Played>, Failure> {
+        let mut alone = Vec::new();
+        let asked = &self.scenario.controllers;
+        let (first, standby) = asked.split_first().ok_or_else(|| Failure::usage("no controller"))?;
+        for (asked, name) in asked.iter().zip(swaps::names(first, standby)) {
+            bar.set_message(format!("{name} alone"));
+            let folder = self.out.join("alone").join(&name);
+            let Some((summary, recording)) = self.play(&self.scenario, asked, &folder)? else {
+                return Ok(None);
+            };
+            alone.push(Alone::new(&summary, &name, &recording)?);
+        }
+        let mut played = Played { runs: 0, swaps: Vec::new() };
+        while (played.swaps.len() as u32) < count {
+            let left = count - played.swaps.len() as u32;
+            let Some(swaps) = self.play_swaps(played.runs, left.min(per_run), &alone)? else {
+                return Ok(None);
+            };
+            if swaps.is_empty() {
+                return Err(Failure::internal("no swap took place"));
+            }
+            played.runs += 1;
+            played.swaps.extend(swaps);
+            bar.set_position(played.swaps.len() as u64);
+        }
+        Ok(Some(played))
+    }
+
+    /// One run with `count` swaps; each run begins with the next controller.
+    fn play_swaps(&self, run: usize, count: u32, alone: &[Alone]) -> Result<Option<Vec<Measured>>, Failure> {
+        let mut scenario = self.scenario.clone();
+        let first = run % scenario.controllers.len();
+        scenario.controllers.rotate_left(first);
+        scenario.standby = scenario.controllers.split_off(1);
+        (scenario.random_swaps, scenario.seed) = (count, self.seed + run as u64);
+        // The names by which they were run alone.
+        let mut names: Vec<String> = alone.iter().map(|alone| alone.name.clone()).collect();
+        names.rotate_left(first);
+        let folder = self.out.join("swapped");
+        let asked = scenario.controllers[0].clone();
+        let Some((mut summary, recording)) = self.play(&scenario, &asked, &folder)? else { return Ok(None) };
+        rename(&mut summary, &swaps::names(&asked, &scenario.standby), &names);
+        let window = (scenario.swap_blend * scenario.rate).round() as usize + SETTLING;
+        measure(&summary, &recording, alone, &names, scenario.seed, window).map(Some)
+    }
+
+    /// Plays `scenario` with the controller `asked` in charge; `None` if interrupted.
+    fn play(
+        &self,
+        scenario: &Scenario,
+        asked: &str,
+        folder: &Path,
+    ) -> Result<Option<(RunSummary, Recording)>, Failure> {
+        let setup = Setup::new(scenario)?;
+        let files = Files::write(scenario, &setup, folder)?;
+        let (exit, summary) = play(scenario, &Contestant::of(asked)?, &files, 0.0, &self.stop)?;
+        if self.stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let no_end = || Failure { exit, message: format!("{asked}: a run ended before it was played") };
+        let summary = summary.ok_or_else(no_end)?;
+        let name = summary.recording.clone().ok_or_else(no_end)?;
+        let recording = freeplay_recording::read(&files.out.join(name), None).map_err(Failure::input)?;
+        Ok(Some((summary, recording)))
+    }
+}
+
+/// Gives the swaps of a run the names that its controllers have alone: with others in front, `mine#2` may be `mine` there.
+fn rename(summary: &mut RunSummary, from: &[String], to: &[String]) {
+    for swap in summary.line_up["swaps"].as_array_mut().into_iter().flatten() {
+        for key in ["from", "to"] {
+            let slot = from.iter().position(|name| swap[key] == name.as_str());
+            if let Some(slot) = slot {
+                swap[key] = Value::from(to[slot].as_str());
+            }
+        }
+    }
+}
+
+/// What is asked of all swaps together.
+#[derive(Debug, Serialize)]
+struct Verdicts {
+    swaps: usize,
+    asked: u32,
+    with_contact_event: usize,
+    greatest_gap_ticks: u64,
+    missed_ticks: u64,
+    held_ticks: u64,
+    greatest_jump: f64,
+    greatest_blend_change: f64,
+    greatest_deviation_ratio: f64,
+    above_deviation_limit: usize,
+    limits: Value,
+}
+
+impl Verdicts {
+    fn of(swaps: &[Measured], asked: u32) -> Self {
+        let most = |of: &dyn Fn(&Measured) -> f64| swaps.iter().map(of).fold(0.0, f64::max);
+        Self {
+            swaps: swaps.len(),
+            asked,
+            with_contact_event: swaps.iter().filter(|swap| swap.contact_event).count(),
+            greatest_gap_ticks: swaps.iter().map(|swap| swap.gap_ticks).max().unwrap_or(0),
+            missed_ticks: swaps.iter().map(|swap| swap.missed_ticks).sum(),
+            held_ticks: swaps.iter().map(|swap| swap.held_ticks).sum(),
+            greatest_jump: most(&|swap| swap.jump),
+            greatest_blend_change: most(&|swap| swap.blend_change),
+            greatest_deviation_ratio: most(&|swap| swap.deviation_ratio),
+            above_deviation_limit: swaps.iter().filter(|swap| swap.deviation_ratio > MOST_DEVIATION).count(),
+            limits: json!({ "gap_ticks": 0, "held_ticks": 0, "jump": MOST_JUMP, "deviation_ratio": MOST_DEVIATION }),
+        }
+    }
+
+    fn all_hold(&self) -> bool {
+        self.greatest_gap_ticks == 0
+            && self.held_ticks == 0
+            && self.greatest_jump <= MOST_JUMP
+            && self.above_deviation_limit == 0
+    }
+}
+
+fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
+    let mut pairs: BTreeMap<(&str, &str), Vec<&Measured>> = BTreeMap::new();
+    for swap in &played.swaps {
+        pairs.entry((&swap.from, &swap.to)).or_default().push(swap);
+    }
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_header([
+        "from",
+        "to",
+        "swaps",
+        "gap\n[ticks]",
+        "held\n[ticks]",
+        "jump\nof steady",
+        "blend\nof steady",
+        "deviation\npeak [mm]",
+        "of that\nwithout swap",
+    ]);
+    for ((from, to), swaps) in &pairs {
+        let most = |of: &dyn Fn(&Measured) -> f64| swaps.iter().map(|swap| of(swap)).fold(0.0, f64::max);
+        table.add_row([
+            (*from).to_owned(),
+            (*to).to_owned(),
+            swaps.len().to_string(),
+            swaps.iter().map(|swap| swap.gap_ticks).max().unwrap_or(0).to_string(),
+            swaps.iter().map(|swap| swap.held_ticks).sum::<u64>().to_string(),
+            format!("{:.3}", most(&|swap| swap.jump)),
+            format!("{:.3}", most(&|swap| swap.blend_change)),
+            format!("{:.4}", most(&|swap| swap.deviation_peak_mm)),
+            format!("{:.3}", most(&|swap| swap.deviation_ratio)),
+        ]);
+    }
+    for column in 2..9 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    let line =
+        |holds: bool, words: String| format!("{} {words}\n", if holds { "holds  " } else { "FAILS  " });
+    let mut text = format!(
+        "{} swaps in {} runs, {} of them with a contact event until they had settled; greatest values of each pair\n\n{table}\n\n",
+        verdicts.swaps, played.runs, verdicts.with_contact_event
+    );
+    text += &line(
+        verdicts.greatest_gap_ticks == 0,
+        format!("gap: {} ticks at most", verdicts.greatest_gap_ticks),
+    );
+    text += &line(
+        verdicts.held_ticks == 0,
+        format!("held commands: {}; missed ticks: {}", verdicts.held_ticks, verdicts.missed_ticks),
+    );
+    text += &line(
+        verdicts.greatest_jump <= MOST_JUMP,
+        format!("jump: {:.3} of the greatest steady change, limit {MOST_JUMP}", verdicts.greatest_jump),
+    );
+    text += &line(
+        verdicts.above_deviation_limit == 0,
+        format!(
+            "deviation: {:.3} of that without swap at most, limit {MOST_DEVIATION}; above it: {}",
+            verdicts.greatest_deviation_ratio, verdicts.above_deviation_limit
+        ),
+    );
+    text + &format!("\nall swaps   {}\n", out.join("swap.json").display())
+}

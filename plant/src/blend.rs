@@ -1,0 +1,128 @@
+//! What takes the jump out of a change of controller.
+//!
+//! Two controllers answer one state differently. When the second takes over, what was in force less what it says is added to
+//! its commands and led to zero by the quintic that starts with that difference, its rate and its curvature and ends at rest.
+//! (A torque brings neither with it: there both are zero. To start with the rate at which it has lately changed makes the command
+//! smoother still, but carries an arm that is already under way further off: up to a fifth was measured.) The first command of the new controller thus
+//! continues the old one's, and the arm is led from one target to the other instead of being let go.
+
+use freeplay_shm::{Command, Joints, MAX_JOINTS, Mode};
+
+use crate::motion::quintic;
+
+/// The difference between two controllers on its way to zero.
+#[derive(Clone, Debug)]
+pub struct Blend {
+    mode: Mode,
+    period: f64,
+    ticks: u32,
+    /// The difference at the start of each joint, with its first and second derivative.
+    from: [[f64; 3]; MAX_JOINTS],
+    start: u64,
+    active: bool,
+}
+
+impl Blend {
+    /// A blend over `ticks` ticks of `period` s; 0 for none: commands change hands as they are.
+    pub fn new(mode: Mode, period: f64, ticks: u32) -> Self {
+        Self { mode, period, ticks, from: [[0.0; 3]; MAX_JOINTS], start: 0, active: false }
+    }
+
+    /// Begins at `tick`: `was` and `says` are what was in force, and what the new controller said, for the same instant.
+    pub fn begin(&mut self, tick: u64, was: &Command, says: &Command) {
+        for (joint, from) in self.from.iter_mut().enumerate() {
+            *from = [was.value[joint] - says.value[joint], 0.0, 0.0];
+            if self.mode == Mode::Driven {
+                from[1] = was.velocity[joint] - says.velocity[joint];
+                from[2] = was.acceleration[joint] - says.acceleration[joint];
+            }
+        }
+        (self.start, self.active) = (tick, self.ticks > 0);
+    }
+
+    /// Limits the difference that it starts from to `most`, by joint; what is cut comes without derivatives.
+    pub fn limit(&mut self, most: &Joints) {
+        for (from, &most) in self.from.iter_mut().zip(most) {
+            if from[0].abs() > most {
+                *from = [from[0].clamp(-most, most), 0.0, 0.0];
+            }
+        }
+    }
+
+    /// Ends it.
+    pub fn end(&mut self) {
+        self.active = false;
+    }
+
+    /// Whether a difference is still there at `tick`.
+    pub fn holds(&self, tick: u64) -> bool {
+        self.active && tick < self.start + u64::from(self.ticks)
+    }
+
+    /// Adds what is left of the difference at `tick` to `command`. Without one, the command stays as it is to the bit.
+    pub fn add(&self, tick: u64, command: &mut Command) {
+        if !self.holds(tick) {
+            return;
+        }
+        let span = f64::from(self.ticks);
+        let share = (tick - self.start) as f64 / span;
+        for joint in 0..command.joints as usize {
+            let [value, rate, curvature] = quintic(span * self.period, share, self.from[joint], [0.0; 3]);
+            command.value[joint] += value;
+            if self.mode == Mode::Driven {
+                command.velocity[joint] += rate;
+                command.acceleration[joint] += curvature;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Blend;
+    use freeplay_shm::{Command, Mode, State};
+
+    fn command(value: f64) -> Command {
+        let mut command = Command::answer_to(&State::new(1, 2), 0);
+        command.value[..2].fill(value);
+        command
+    }
+
+    #[test]
+    fn it_starts_with_the_old_command_ends_with_the_new_one_and_goes_from_one_to_the_other() {
+        let mut blend = Blend::new(Mode::Torque, 1e-3, 100);
+        blend.begin(40, &command(7.0), &command(3.0));
+        let at = |tick| {
+            let mut new = command(3.0);
+            blend.add(tick, &mut new);
+            new.value[1]
+        };
+        let course: Vec<f64> = (40..=141).map(at).collect();
+        let largest = course.windows(2).map(|pair| pair[0] - pair[1]).fold(0.0, f64::max);
+        println!("from {} to {}, at most {largest:.4} a tick", course[0], course[100]);
+        assert_eq!((course[0], course[100], course[101]), (7.0, 3.0, 3.0));
+        assert!(course.windows(2).all(|pair| pair[1] <= pair[0]), "it never turns back");
+        // The steepest slope of the quintic from 1 to 0 is 15/8 of its mean slope.
+        assert!((largest / (4.0 * 1.875 / 100.0) - 1.0).abs() < 1e-3, "{largest}");
+    }
+
+    #[test]
+    fn positions_come_with_the_derivatives_of_the_blend() {
+        let mut blend = Blend::new(Mode::Driven, 1e-3, 50);
+        let (mut was, says) = (command(0.01), command(0.0));
+        was.velocity[0] = 0.2;
+        blend.begin(0, &was, &says);
+        let at = |tick| {
+            let mut new = says;
+            blend.add(tick, &mut new);
+            [new.value[0], new.velocity[0], new.acceleration[0]]
+        };
+        assert!((at(0)[0] - 0.01).abs() < 1e-15 && (at(0)[1] - 0.2).abs() < 1e-12, "{:?}", at(0));
+        for tick in 1..49 {
+            let [before, here, after] = [at(tick - 1), at(tick), at(tick + 1)];
+            let (rate, curvature) = ((after[0] - before[0]) / 2e-3, (after[1] - before[1]) / 2e-3);
+            assert!((rate - here[1]).abs() < 2e-3, "tick {tick}: rate {rate}, {}", here[1]);
+            assert!((curvature - here[2]).abs() < 0.2, "tick {tick}: curvature {curvature}, {}", here[2]);
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Whether the controller in charge says what the others make of the same state.
+//!
+//! A command that is finite, within its limits and on time may still be wrong: a sign, a gain, a drift. Nothing in the message
+//! tells; what the standbys answer to the same state does. They are witnesses: where more than half of those that can be
+//! trusted differ from the one in charge by more than the tolerance, for as many ticks in a row as are asked for, it is not
+//! believed any more. One standby alone is believed against the one in charge; with two or more the majority decides, and a
+//! standby that is in the minority is no witness until it has agreed for a while.
+//!
+//! Different controllers differ when all is well: one corrects what another does not see. The tolerance is therefore set from
+//! the greatest difference of a sound run, which [`Witnesses::greatest`] gives.
+
+use freeplay_shm::{Command, Joints, MAX_JOINTS};
+
+/// Ticks of agreement after which somebody who was not believed is believed again.
+pub(crate) const PROBATION: u32 = 100;
+
+/// When controllers disagree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Comparison {
+    /// Greatest difference of each joint's value between two controllers that agree, N·m or rad.
+    pub tolerance: Joints,
+    /// Ticks in a row, ≥ 1.
+    pub ticks: u32,
+}
+
+/// What is known of who agrees with whom.
+#[derive(Clone, Debug)]
+pub(crate) struct Witnesses {
+    comparison: Option<Comparison>,
+    /// Ticks of agreement of each slot, up to [`PROBATION`]: from there on it is believed.
+    agreed: Vec<u32>,
+    /// Ticks in a row for which each slot has been in the minority.
+    doubt: Vec<u32>,
+    greatest: Joints,
+}
+
+impl Witnesses {
+    pub(crate) fn new(comparison: Option<Comparison>, slots: usize) -> Self {
+        Self {
+            comparison,
+            agreed: vec![PROBATION; slots],
+            doubt: vec![0; slots],
+            greatest: [0.0; MAX_JOINTS],
+        }
+    }
+
+    /// Greatest difference of each joint's value between the one in charge and a standby so far, N·m or rad.
+    pub(crate) fn greatest(&self) -> &Joints {
+        &self.greatest
+    }
+
+    /// Ticks of agreement of `slot`, up to [`PROBATION`].
+    pub(crate) fn agreed(&self, slot: usize) -> u32 {
+        self.agreed[slot]
+    }
+
+    /// Hears what the slots say to one tick, `None` for what did not pass the gate; whether the one in charge is not to be
+    /// believed. Counts nothing else than how far they are apart where there is no tolerance.
+    pub(crate) fn contradict<'a>(
+        &mut self,
+        in_charge: usize,
+        said: impl Fn(usize) -> Option<&'a Command>,
+    ) -> bool {
+        let Some(claim) = said(in_charge) else { return false };
+        let (mut heard, mut against) = (0, 0);
+        for slot in (0..self.agreed.len()).filter(|&slot| slot != in_charge) {
+            let Some(other) = said(slot) else { continue };
+            let agrees = self.compare(claim, other);
+            if self.agreed[slot] >= PROBATION {
+                heard += 1;
+                against += usize::from(!agrees);
+            } else {
+                self.agreed[slot] = if agrees { self.agreed[slot] + 1 } else { 0 };
+            }
+        }
+        let Some(Comparison { tolerance, ticks }) = self.comparison else { return false };
+        let contradicted = 2 * against > heard;
+        for slot in (0..self.agreed.len()).filter(|&slot| slot != in_charge && heard > 1) {
+            let is_alone = !contradicted && said(slot).is_some_and(|other| !within(claim, other, &tolerance));
+            self.count(slot, is_alone, ticks);
+        }
+        self.count(in_charge, contradicted, ticks)
+    }
+
+    /// Notes how far two commands are apart; whether they agree.
+    fn compare(&mut self, one: &Command, other: &Command) -> bool {
+        for joint in 0..one.joints as usize {
+            let difference = (one.value[joint] - other.value[joint]).abs();
+            self.greatest[joint] = self.greatest[joint].max(difference);
+        }
+        self.comparison.is_none_or(|comparison| within(one, other, &comparison.tolerance))
+    }
+
+    /// Counts the ticks for which `slot` `is_alone`; whether it has been for too long.
+    fn count(&mut self, slot: usize, is_alone: bool, ticks: u32) -> bool {
+        self.doubt[slot] = if is_alone { self.doubt[slot] + 1 } else { 0 };
+        let is_out = self.doubt[slot] >= ticks.max(1);
+        if is_out {
+            (self.doubt[slot], self.agreed[slot]) = (0, 0);
+        }
+        is_out
+    }
+}
+
+fn within(one: &Command, other: &Command, tolerance: &Joints) -> bool {
+    (0..one.joints as usize).all(|joint| (one.value[joint] - other.value[joint]).abs() <= tolerance[joint])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Comparison, PROBATION, Witnesses};
+    use freeplay_shm::{Command, MAX_JOINTS, State};
+
+    /// The tick of a hundred at which the one in charge, slot 0, is no longer believed, if slot `i` says `say(i, tick)`.
+    fn contradicted(slots: usize, say: impl Fn(usize, u32) -> f64) -> (Option<u32>, Witnesses) {
+        let comparison = Comparison { tolerance: [1.0; MAX_JOINTS], ticks: 2 };
+        let mut witnesses = Witnesses::new(Some(comparison), slots);
+        let at = (0..100).find(|&tick| {
+            let said: Vec<Command> = (0..slots)
+                .map(|slot| {
+                    let mut command = Command::answer_to(&State::new(1, 2), 0);
+                    command.value[1] = say(slot, tick);
+                    command
+                })
+                .collect();
+            witnesses.contradict(0, |slot| said.get(slot))
+        });
+        (at, witnesses)
+    }
+
+    #[test]
+    fn one_standby_is_believed_and_of_several_the_majority() {
+        let wrong =
+            |who: usize| move |slot: usize, tick: u32| if slot == who && tick >= 40 { 9.0 } else { 0.5 };
+        assert_eq!(contradicted(2, wrong(0)).0, Some(41));
+        assert_eq!(contradicted(3, wrong(0)).0, Some(41));
+        let (at, witnesses) = contradicted(3, wrong(2));
+        assert_eq!((at, witnesses.agreed(1), witnesses.agreed(2)), (None, PROBATION, 0));
+        assert_eq!(contradicted(2, |slot, tick| if slot == 0 && tick % 2 == 0 { 9.0 } else { 0.5 }).0, None);
+        assert_eq!(contradicted(1, wrong(0)).0, None);
+    }
+}
