@@ -62,15 +62,31 @@ fn crates_depend_on_each_other_as_the_architecture_says() {
     }
 }
 
-#[test]
-fn a_controller_can_never_name_the_plant() {
+/// Every crate that `from` can name, directly or through another, itself included.
+fn reached_from(from: &str) -> BTreeSet<String> {
     let edges = actual();
     let mut reached: BTreeSet<String> = BTreeSet::new();
-    let mut open = vec!["controller".to_owned()];
+    let mut open = vec![from.to_owned()];
     while let Some(name) = open.pop() {
         if reached.insert(name.clone()) {
             open.extend(edges[&name].iter().cloned());
         }
     }
+    reached
+}
+
+#[test]
+fn a_controller_can_never_name_the_plant() {
+    let reached = reached_from("controller");
     assert!(reached.len() > 3 && !reached.contains("plant"), "{reached:?}");
+}
+
+#[test]
+fn the_concealed_machines_share_no_law_with_their_judge() {
+    let reached = reached_from("concealed");
+    assert!(reached.contains("arm") && reached.contains("recording"), "{reached:?}");
+    for judge in ["diagnosis", "laws", "plant", "controller", "path", "shm", "predictor"] {
+        assert!(!reached.contains(judge), "concealed can name {judge}: {reached:?}");
+    }
+    assert!(!reached_from("diagnosis").contains("concealed"), "the judge can name the generator");
 }

@@ -1,0 +1,327 @@
+//! A case: from what is asked for to data sheet, recordings and truth.
+
+use freeplay_arm::{Arm, ArmFile, ModelError, to_toml};
+use rand_chacha::ChaCha8Rng;
+use thiserror::Error;
+
+use crate::arms::{Load, Machine};
+use crate::calibrate::{Strength, floor};
+use crate::distinct::equivalents;
+use crate::kinds::{CATALOGUE, Seat, seats};
+use crate::machine::{Plan, PlanError, Trace};
+use crate::motion::{Family, Motion};
+use crate::physics::Effect;
+use crate::random::{pick, stream, uniform};
+use crate::sensors::{Chain, Noise, Samples};
+use crate::servo::Servo;
+use crate::sizing::Sizing;
+use crate::tolerances::Tolerances;
+use crate::truth::{SCHEMA, Truth, TruthEffect, weak};
+
+/// Other places, motions and sizes that are tried where the wanted strength can't be reached.
+const ATTEMPTS: u64 = 6;
+
+/// How strong an effect is, by its signal-to-floor ratio.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// 1.5 to 2.5.
+    Slight,
+    /// About 4.
+    Clear,
+    /// About 10.
+    Strong,
+}
+
+impl Severity {
+    /// Every severity.
+    pub const ALL: [Severity; 3] = [Severity::Slight, Severity::Clear, Severity::Strong];
+
+    /// `slight`, `clear`, `strong`.
+    pub fn name(self) -> &'static str {
+        ["slight", "clear", "strong"][self as usize]
+    }
+
+    /// A ratio of this severity, at random.
+    pub(crate) fn target(self, rng: &mut ChaCha8Rng) -> f64 {
+        match self {
+            Severity::Slight => uniform(rng, 1.6, 2.4),
+            Severity::Clear => uniform(rng, 3.6, 4.6),
+            Severity::Strong => uniform(rng, 9.0, 11.0),
+        }
+    }
+}
+
+/// One effect that is asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Demand {
+    /// Its kind, one of [`CATALOGUE`] or [`crate::OUTSIDE`].
+    pub kind: String,
+    /// Where; `None` for anywhere that it can be.
+    pub joint: Option<usize>,
+    /// How strong.
+    pub severity: Severity,
+}
+
+/// What is asked for.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Case {
+    /// The machine.
+    pub machine: Machine,
+    /// The effects; none for a negative control.
+    pub effects: Vec<Demand>,
+    /// Family of the motion; `None` for any.
+    pub family: Option<Family>,
+    /// How good the sensors are.
+    pub noise: Noise,
+    /// Everything that is drawn comes from it.
+    pub seed: u64,
+}
+
+/// What is made of a case.
+#[derive(Clone, Debug)]
+pub struct Made {
+    /// The data sheet: a TOML arm file without effects.
+    pub model: String,
+    /// The recording.
+    pub recording: Samples,
+    /// The same machine in another motion.
+    pub second: Samples,
+    /// What is concealed.
+    pub truth: Truth,
+}
+
+/// Why a case can't be made.
+#[derive(Debug, Error)]
+pub enum GenerateError {
+    /// The data sheet can't be read.
+    #[error("the data sheet can't be read: {0}")]
+    Model(#[from] ModelError),
+    /// The machine can't be built or run.
+    #[error("{0}")]
+    Plan(#[from] PlanError),
+    /// No place for an effect in this machine.
+    #[error("{kind} has no place in {machine:?}{}; ask for another machine, kind or joint", joint.map_or(String::new(), |j| format!(" at joint number {j} (from 0)")))]
+    NoPlace {
+        /// The kind.
+        kind: String,
+        /// The machine.
+        machine: Machine,
+        /// The joint asked for.
+        joint: Option<usize>,
+    },
+    /// The recording could not tell the effect from a simpler one.
+    #[error(
+        "the motions of {machine:?} never show what is particular about {kind}; ask for another motion or machine"
+    )]
+    Riddle {
+        /// The kind.
+        kind: String,
+        /// The machine.
+        machine: Machine,
+    },
+    /// The strength that was asked for can't be reached.
+    #[error(
+        "{kind} on {machine:?} reaches a signal-to-floor ratio of {reached:.2}, not {wanted:.2}; ask for another severity, motion or machine"
+    )]
+    TooWeak {
+        /// The kind.
+        kind: String,
+        /// The machine.
+        machine: Machine,
+        /// The best ratio of all attempts.
+        reached: f64,
+        /// The ratio asked for.
+        wanted: f64,
+    },
+}
+
+/// What all runs of a case share.
+pub(crate) struct Bench {
+    pub machine: Machine,
+    pub sheet: Arm,
+    pub load: Load,
+    pub tolerances: Tolerances,
+    pub chain: Chain,
+    pub servo: Servo,
+    pub duration: f64,
+    pub motion: Motion,
+    pub families: [Family; 2],
+}
+
+/// Makes the recordings of `case`. The same case gives the same numbers, bit by bit.
+///
+/// # Errors
+/// [`GenerateError`]: see its variants.
+pub fn generate(case: &Case) -> Result<Made, GenerateError> {
+    let mut failure = None;
+    for attempt in 0..ATTEMPTS {
+        let mut bench = Bench::new(case, attempt)?;
+        match bench.make(case, attempt) {
+            Ok(made) => return Ok(made),
+            Err(
+                error @ (GenerateError::TooWeak { .. }
+                | GenerateError::Riddle { .. }
+                | GenerateError::Plan(_)),
+            ) => {
+                failure = Some(error);
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    Err(failure.unwrap_or(GenerateError::NoPlace { kind: String::new(), machine: case.machine, joint: None }))
+}
+
+impl Bench {
+    /// What is drawn before any effect is thought of, so that nothing of it tells of the effect.
+    fn new(case: &Case, attempt: u64) -> Result<Self, GenerateError> {
+        let mut rng = stream(case.seed, "bench");
+        let (sheet, load) = case.machine.loaded(case.machine.capacity() * uniform(&mut rng, 0.3, 1.0))?;
+        let tolerances = Tolerances::draw(sheet.dof(), &mut rng);
+        let chain = chain(&sheet, case.noise, &mut rng);
+        let longest = if chain.rate > 400.0 { 20.0 } else { 40.0 };
+        let duration = if uniform(&mut rng, 0.0, 1.0) < 0.7 {
+            uniform(&mut rng, 12.0, 20.0)
+        } else {
+            uniform(&mut rng, 10.0, longest)
+        };
+        let servo = Servo {
+            bandwidth: uniform(&mut rng, 25.0, 45.0),
+            integral: uniform(&mut rng, 1.0, 4.0),
+            creep: uniform(&mut rng, 0.005, 0.02),
+            resolution: chain.encoder_step.clone(),
+            middle: case.machine.home().to_vec(),
+        };
+        let mut rng = stream(case.seed, &format!("motion {attempt}"));
+        let family = case.family.unwrap_or_else(|| pick(&mut rng, &Family::ALL));
+        let second = pick(&mut rng, &Family::ALL);
+        let motion = Motion::draw(case.machine, &sheet, family, duration, &mut rng);
+        let families = [family, second];
+        Ok(Self { machine: case.machine, sheet, load, tolerances, chain, servo, duration, motion, families })
+    }
+
+    fn make(&mut self, case: &Case, attempt: u64) -> Result<Made, GenerateError> {
+        let ordinary = self.plan(&[], &self.motion)?;
+        let (trace, duration) = if case.effects.is_empty() {
+            (None, self.duration)
+        } else {
+            (Some(ordinary.run(&self.sheet, &self.servo, &self.motion, self.duration)?), self.duration)
+        };
+        let mut effects = Vec::new();
+        let mut strengths = Vec::new();
+        if let Some(trace) = &trace {
+            let (floor, without) =
+                floor(&self.sheet, &ordinary, trace, &self.tolerances, &self.chain, duration);
+            for (number, demand) in case.effects.iter().enumerate() {
+                let mut rng = stream(case.seed, &format!("effect {number} attempt {attempt}"));
+                let seat = self.seat(demand, &effects, &mut rng)?;
+                let sizing = Sizing { bench: self, floor: &floor, without: &without };
+                let (effect, found) = sizing.find(demand, seat, &mut rng)?;
+                effects.push(effect);
+                strengths.push(found);
+            }
+        }
+        let recording = self.record(&effects, &self.motion, &mut stream(case.seed, "noise"))?;
+        let mut rng = stream(case.seed, "second motion");
+        let motion = Motion::draw(self.machine, &self.sheet, self.families[1], self.duration, &mut rng);
+        let second = self.record(&effects, &motion, &mut stream(case.seed, "second noise"))?;
+        let truth = self.truth(case, &effects, &strengths);
+        let file = ArmFile { arm: self.sheet.clone(), effects: Vec::new(), ignored: Vec::new() };
+        Ok(Made { model: to_toml(&file), recording, second, truth })
+    }
+
+    /// A place for the effect, where no other is.
+    fn seat(&self, demand: &Demand, taken: &[Effect], rng: &mut ChaCha8Rng) -> Result<Seat, GenerateError> {
+        let free: Vec<Seat> = seats(&demand.kind, &self.sheet)
+            .into_iter()
+            .filter(|seat| demand.joint.is_none() || *seat == demand.joint)
+            .filter(|seat| seat.is_none() || taken.iter().all(|other| other.joint != *seat))
+            .collect();
+        if free.is_empty() {
+            let (kind, machine) = (demand.kind.clone(), self.machine);
+            return Err(GenerateError::NoPlace { kind, machine, joint: demand.joint });
+        }
+        Ok(pick(rng, &free))
+    }
+
+    fn plan(&self, effects: &[Effect], motion: &Motion) -> Result<Plan, PlanError> {
+        let n = self.sheet.dof();
+        let mut poses = vec![self.machine.home().to_vec()];
+        for k in 0..24 {
+            let mut state = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
+            let [q, v, a] = &mut state;
+            motion.at(self.duration * f64::from(k) / 24.0, q, v, a);
+            poses.push(state[0].clone());
+        }
+        Plan::new(&self.sheet, &self.load, &self.tolerances, effects, &poses)
+    }
+
+    /// Builds the machine with `effects` and runs it through `motion` for `duration` s.
+    pub fn run(
+        &self,
+        effects: &[Effect],
+        motion: &Motion,
+        duration: f64,
+    ) -> Result<(Plan, Trace), PlanError> {
+        let plan = self.plan(effects, motion)?;
+        let trace = plan.run(&self.sheet, &self.servo, motion, duration)?;
+        Ok((plan, trace))
+    }
+
+    fn record(
+        &self,
+        effects: &[Effect],
+        motion: &Motion,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Samples, PlanError> {
+        let (plan, trace) = self.run(effects, motion, self.duration)?;
+        let n = self.sheet.dof();
+        let reference = |t: f64, out: &mut [f64]| {
+            let (mut v, mut a) = (vec![0.0; n], vec![0.0; n]);
+            motion.at(t, out, &mut v, &mut a);
+        };
+        Ok(self.chain.sample(&plan, &trace, &self.tolerances, self.duration, reference, rng))
+    }
+
+    fn truth(&self, case: &Case, effects: &[Effect], strengths: &[Strength]) -> Truth {
+        let rows = effects.iter().zip(strengths).zip(&case.effects);
+        let effects = rows.map(|((effect, strength), demand)| TruthEffect {
+            kind: demand.kind.clone(),
+            joint: effect.joint.map(|joint| self.sheet.joints()[joint].name.clone()),
+            parameters: effect.physics.parameters(),
+            weak: weak(&demand.kind),
+            equivalents: equivalents(effect, &self.sheet),
+            catalogued: CATALOGUE.contains(&demand.kind.as_str()),
+            severity: demand.severity.name(),
+            signal_to_floor: strength.signal_to_floor,
+            channel: strength.channel.clone(),
+        });
+        Truth {
+            schema: SCHEMA,
+            seed: case.seed,
+            machine: self.sheet.name().to_owned(),
+            noise: format!("{:?}", case.noise).to_lowercase(),
+            families: self.families.map(|family| format!("{family:?}").to_lowercase()),
+            rate: self.chain.rate,
+            duration: self.duration,
+            effects: effects.collect(),
+        }
+    }
+}
+
+/// The sensors of a case.
+fn chain(sheet: &Arm, noise: Noise, rng: &mut ChaCha8Rng) -> Chain {
+    let rate = pick(rng, &[125.0, 200.0, 250.0, 250.0, 250.0, 500.0, 500.0, 1000.0]);
+    let spread = uniform(rng, 0.8, 1.25);
+    let of_effort =
+        |share: f64| sheet.joints().iter().map(|j| share * 0.5 * j.limits.effort).collect::<Vec<f64>>();
+    Chain {
+        rate,
+        torque_noise: of_effort(spread * noise.torque()),
+        torque_step: of_effort(noise.torque_step()),
+        encoder_step: vec![noise.encoder_step(); sheet.dof()],
+        tool_noise: spread * noise.tool(),
+        jitter: noise.jitter() / rate,
+        link_encoders: uniform(rng, 0.0, 1.0) < 0.15,
+        reference: uniform(rng, 0.0, 1.0) < 0.8,
+    }
+}

@@ -1,0 +1,153 @@
+//! Whether a recording can tell an effect from a simpler one at all, and which effects are the same thing by other names.
+//!
+//! A gap that is never crossed is an offset; a joint that is always bent the same way is one too; a journal that always rests on one
+//! side is a longer link. Such cases would be no question but a riddle: they are made anew with another motion or machine.
+
+use std::f64::consts::TAU;
+
+use freeplay_arm::{Arm, JointKind};
+use serde::Serialize;
+
+use crate::calibrate::{Floor, Residual};
+use crate::machine::Trace;
+use crate::physics::{Effect, Physics};
+
+/// Least share of the time that a gap is open to each side.
+const EACH_SIDE: f64 = 0.08;
+/// Least number of crossings of a gap.
+const CROSSINGS: usize = 3;
+/// Least deviation of a deflection from its mean, as a share of its root mean square.
+const VARIED: f64 = 0.3;
+/// Least range of a joint in periods of what depends on its position.
+const PERIODS: f64 = 1.0;
+/// Range of a joint over the deviation of its position, about.
+const RANGE: f64 = 3.4;
+
+/// An effect by another name that explains a recording as well.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Equivalent {
+    /// Kinds that together are the same.
+    pub kinds: Vec<&'static str>,
+    /// Name of the joint.
+    pub joint: Option<String>,
+    /// Why.
+    pub why: &'static str,
+}
+
+/// Whether the motion shows what is particular about the effect; `with` and `without` are the residuals, `trace` the machine's with it.
+pub(crate) fn is_distinct(
+    effect: &Effect,
+    trace: &Trace,
+    with: &Residual,
+    without: &Residual,
+    floor: &Floor,
+) -> bool {
+    let Some(joint) = effect.joint else { return true };
+    let springs = matches!(
+        effect.physics,
+        Physics::JointElasticity { .. } | Physics::LinkFlexure { .. } | Physics::Backlash { .. }
+    );
+    if springs && with.shakes(floor) {
+        return false;
+    }
+    let range = RANGE * floor.way[joint];
+    match effect.physics {
+        Physics::Backlash { gap, .. } => is_crossed(&leads(trace, joint), gap),
+        Physics::JointElasticity { .. } => {
+            varied(leads(trace, joint).into_iter().map(|lead| [lead, 0.0, 0.0]))
+        }
+        Physics::JointClearance { .. }
+        | Physics::LubricatedClearance { .. }
+        | Physics::LinkFlexure { .. } => varied(with.tool_shift(without)),
+        Physics::PositionDependentFriction { periods, .. } | Physics::TorqueRipple { periods, .. } => {
+            periods * range >= PERIODS * TAU
+        }
+        // Less than a third of a turn of a sine is a line.
+        Physics::EncoderEccentricity { .. } => range >= TAU / 3.0,
+        _ => true,
+    }
+}
+
+/// How far the motor leads its link, rad, along a trace.
+fn leads(trace: &Trace, joint: usize) -> Vec<f64> {
+    (0..trace.len()).step_by(8).map(|row| trace.motor(row)[joint] - trace.link(row)[joint]).collect()
+}
+
+fn is_crossed(leads: &[f64], gap: f64) -> bool {
+    let side = |lead: &f64| i8::from(*lead > 0.4 * gap) - i8::from(*lead < -0.4 * gap);
+    let sides: Vec<i8> = leads.iter().map(side).filter(|side| *side != 0).collect();
+    let share =
+        |wanted: i8| sides.iter().filter(|s| **s == wanted).count() as f64 / leads.len().max(1) as f64;
+    let crossings = sides.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    share(1) >= EACH_SIDE && share(-1) >= EACH_SIDE && crossings >= CROSSINGS
+}
+
+fn varied(shifts: impl Iterator<Item = [f64; 3]>) -> bool {
+    let (mut sum, mut squares, mut count) = ([0.0; 3], 0.0, 0.0);
+    for shift in shifts {
+        sum.iter_mut().zip(shift).for_each(|(sum, x)| *sum += x);
+        squares += shift.iter().map(|x| x * x).sum::<f64>();
+        count += 1.0;
+    }
+    let mean: f64 = sum.iter().map(|s| (s / count) * (s / count)).sum();
+    squares > 0.0 && (1.0 - mean * count / squares).max(0.0).sqrt() >= VARIED
+}
+
+/// Other names for `effect` in `arm`.
+pub(crate) fn equivalents(effect: &Effect, arm: &Arm) -> Vec<Equivalent> {
+    let joint = effect.joint.map(|joint| arm.joints()[joint].name.clone());
+    let same = |kinds: &[&'static str], joint, why| vec![Equivalent { kinds: kinds.to_vec(), joint, why }];
+    let (first, last) = (arm.joints()[0].name.clone(), arm.joints()[arm.dof() - 1].name.clone());
+    match (&effect.physics, effect.joint) {
+        (Physics::AsymmetricFriction { .. }, _) => {
+            same(&["coulomb_friction", "torque_offset"], joint, "while the joint moves the two are one class")
+        }
+        (Physics::TorqueOffset { .. }, _) => {
+            same(&["asymmetric_friction"], joint, "while the joint moves the two are one class")
+        }
+        (Physics::Payload { .. }, _) if arm.dof() == 1 => {
+            same(&["link_mass"], Some(last), "one axis feels nothing but mass")
+        }
+        (Physics::LinkMass { .. }, Some(0)) if turns_upright(arm) => same(
+            &["rotor_inertia"],
+            Some(first),
+            "a link on an upright axis is felt as inertia about it alone",
+        ),
+        (Physics::RotorInertia { .. }, Some(0)) if turns_upright(arm) => {
+            same(&["link_mass"], Some(first), "a link on an upright axis is felt as inertia about it alone")
+        }
+        (Physics::LinkMass { .. }, Some(joint)) if joint + 1 == arm.dof() => {
+            same(&["payload"], None, "a payload at the link's centre of mass is a heavier link")
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// Whether the first joint turns about the direction of gravity.
+fn turns_upright(arm: &Arm) -> bool {
+    let joint = &arm.joints()[0];
+    let axis = joint.placement.rotation * joint.axis.into_inner();
+    joint.kind == JointKind::Revolute && axis.cross(arm.gravity()).norm() < 1e-6 * arm.gravity().norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{is_crossed, varied};
+
+    #[test]
+    fn a_gap_has_to_be_crossed() {
+        let wave = |offset: f64| {
+            (0..1000).map(|k| 0.6e-3 * (f64::from(k) * 0.05).sin() + offset).collect::<Vec<_>>()
+        };
+        assert!(is_crossed(&wave(0.0), 1e-3));
+        assert!(!is_crossed(&wave(0.5e-3), 1e-3));
+        assert!(!is_crossed(&[0.0; 100], 1e-3));
+    }
+
+    #[test]
+    fn a_constant_shift_is_not_varied() {
+        let shift =
+            |swing: f64| (0..1000).map(move |k| [1.0 + swing * (f64::from(k) * 0.05).sin(), 0.2, 0.0]);
+        assert!(!varied(shift(0.1)) && varied(shift(1.0)));
+    }
+}

@@ -1,0 +1,297 @@
+//! From the true arm and its effects to the machine's [`Plan`].
+
+use freeplay_arm::{Arm, Joint, Workspace, crba};
+use nalgebra::{DMatrix, Vector3};
+
+use super::bearing::DryBearing;
+use super::bristles::Bristles;
+use super::cable::Cable;
+use super::chain::{Chain, Role, chain_of};
+use super::drive::{Drive, Notch, Wave, steepest_pull};
+use super::film::OilBearing;
+use super::plan::{Bearing, BearingLaw, Encoder, Plan, PlanError, Senses, Shaft, Spring, ToolForce};
+use super::run::LONG_STEP;
+use super::transmission::Transmission;
+use crate::arms::Load;
+use crate::physics::{Effect, Physics};
+use crate::tolerances::Tolerances;
+
+/// Share of a joint's inertia that is on the motor's side of its transmission.
+const ROTOR_SHARE: f64 = 0.4;
+/// The fastest oscillation turns by this in one short step, rad; 2 would be the limit of stability.
+const PHASE_PER_STEP: f64 = 0.3;
+/// Longest short step with oil in a bearing, s: its film changes as fast as the journal crosses it.
+const OIL_STEP: f64 = 25e-6;
+
+impl Plan {
+    /// The machine of the arm `sheet` with what it is loaded with, off by `tolerances`, with `effects`; `poses` are where it works.
+    ///
+    /// # Errors
+    /// [`PlanError::Seat`] where an effect can't be, [`PlanError::Arm`].
+    pub fn new(
+        sheet: &Arm,
+        load: &Load,
+        tolerances: &Tolerances,
+        effects: &[Effect],
+        poses: &[Vec<f64>],
+    ) -> Result<Plan, PlanError> {
+        let arm = tolerances.apply(sheet)?;
+        let chain = chain_of(&arm, load, effects, poses)?;
+        let felt = felt_inertia(&arm, poses);
+        let joints: Vec<Joint> = chain.links.iter().map(|(joint, _)| joint.clone()).collect();
+        let extended = Arm::new(arm.name(), joints.clone(), chain.tool, chain.gravity)?;
+        let after = match &chain.drop {
+            None => None,
+            Some((inertia, at)) => {
+                let mut joints = joints;
+                joints[chain.place(arm.dof() - 1)].inertia = *inertia;
+                Some((*at, Arm::new(arm.name(), joints, chain.tool, chain.gravity)?))
+            }
+        };
+        let link: Vec<usize> = (0..arm.dof()).map(|i| chain.place(i)).collect();
+        let mut plan = Plan {
+            arm: extended,
+            after,
+            motor: link.clone(),
+            tool_link: link[arm.dof() - 1],
+            tool: *arm.tool(),
+            drives: arm.joints().iter().map(nominal_drive).collect(),
+            encoders: tolerances.zero.iter().map(|&zero| Encoder { zero, ..Encoder::default() }).collect(),
+            bristles: vec![None; arm.dof()],
+            cables: vec![None; arm.dof()],
+            transmissions: Vec::new(),
+            springs: chain.springs(),
+            bearings: Vec::new(),
+            inertia: Vec::new(),
+            shafts: Vec::new(),
+            push: None,
+            senses: Senses { torque_delay: 0.0, tool_delay: 0.0, cutoff: vec![f64::INFINITY; arm.dof()] },
+            substeps: 1,
+            link,
+        };
+        for effect in effects {
+            plan.transmission(effect, &felt);
+        }
+        for effect in effects {
+            plan.at_drive(effect);
+            plan.at_bearing(effect, &chain);
+            plan.at_sensors(effect);
+            plan.beside(effect, &arm, &felt)?;
+        }
+        plan.substeps = plan.short_steps(poses, &felt);
+        Ok(plan)
+    }
+
+    /// Gives a joint its transmission.
+    fn transmission(&mut self, effect: &Effect, felt: &[f64]) {
+        let Some(joint) = effect.joint else { return };
+        let rotor = ROTOR_SHARE * felt[joint];
+        let (gap, stiffness, damping) = match effect.physics {
+            // Damping in s/rad: an impact at 0.1 rad/s loses a tenth to a half of its speed.
+            Physics::Backlash { gap, stiffness } => (gap, stiffness, 3.0),
+            Physics::JointElasticity { stiffness, damping } => (0.0, stiffness, damping),
+            _ => return,
+        };
+        if let Some(there) = self.transmissions.iter_mut().find(|t| t.joint == joint) {
+            // Both at one joint: the gap, then the two springs in series.
+            there.gap = there.gap.max(gap);
+            there.stiffness = there.stiffness * stiffness / (there.stiffness + stiffness);
+            return;
+        }
+        self.motor[joint] = self.arm.dof() + self.transmissions.len();
+        self.transmissions.push(Transmission { joint, rotor, gap, stiffness, damping });
+        self.inertia.push((self.link[joint], self.link[joint], -rotor));
+        self.inertia.push((self.motor[joint], self.motor[joint], rotor));
+    }
+
+    /// Friction and torque of a drive.
+    fn at_drive(&mut self, effect: &Effect) {
+        let Some(joint) = effect.joint else { return };
+        let drive = &mut self.drives[joint];
+        let wave = |amplitude, periods, phase| Some(Wave { amplitude, periods, phase });
+        match effect.physics {
+            Physics::CoulombFriction { coulomb } => drive.dry.iter_mut().for_each(|f| *f += coulomb),
+            Physics::ViscousFriction { viscous } => drive.viscous += viscous,
+            Physics::StribeckFriction { extra, velocity } => drive.stribeck = Some((extra, velocity)),
+            Physics::AsymmetricFriction { positive, negative } => {
+                drive.dry[0] += positive;
+                drive.dry[1] += negative;
+            }
+            Physics::LoadDependentFriction { coefficient } => drive.load = coefficient,
+            Physics::PositionDependentFriction { amplitude, periods, phase } => {
+                drive.uneven = wave(amplitude, periods, phase);
+            }
+            Physics::TorqueRipple { amplitude, periods, phase } => {
+                drive.ripple = wave(amplitude, periods, phase)
+            }
+            Physics::FrictionDrift { amount, time_constant } => drive.drift = Some((amount, time_constant)),
+            Physics::QuadraticDrag { coefficient } => drive.drag = coefficient,
+            Physics::ActuatorSaturation { limit } => drive.limit = limit,
+            Physics::TorqueGain { gain } => drive.gain = gain,
+            Physics::TorqueOffset { offset } => drive.offset = offset,
+            Physics::PeriodicDisturbance { amplitude, frequency } => {
+                drive.disturbance = Some((amplitude, frequency))
+            }
+            Physics::MagneticDetent { amplitude, position, width } => {
+                drive.detent = Some(Notch { amplitude, position, width, pitch: f64::INFINITY });
+            }
+            Physics::BrokenTooth { amplitude, turns, width } => {
+                let pitch = std::f64::consts::TAU / turns;
+                drive.tooth = Some(Notch { amplitude, position: 0.0, width: width * pitch, pitch });
+            }
+            Physics::PreslidingFriction { stiffness, damping } => {
+                self.bristles[joint] = Some(Bristles { stiffness, damping });
+            }
+            Physics::CableStickSlip { stiffness, stick, slip } => {
+                self.cables[joint] = Some(Cable { stiffness, stick, slip });
+            }
+            _ => {}
+        }
+    }
+
+    /// A journal free in its bearing.
+    fn at_bearing(&mut self, effect: &Effect, chain: &Chain) {
+        let Some(joint) = effect.joint else { return };
+        let law = match effect.physics {
+            Physics::JointClearance { clearance, stiffness, restitution, friction } => {
+                BearingLaw::Dry(DryBearing::new(clearance, stiffness, restitution, friction))
+            }
+            Physics::LubricatedClearance { clearance, viscosity } => {
+                BearingLaw::Oil(OilBearing::new(clearance, viscosity))
+            }
+            _ => return,
+        };
+        if let Some(slides) = chain.links.iter().position(|(_, role)| *role == Role::Slide(joint)) {
+            self.bearings.push(Bearing { slides, turn: self.link[joint], law });
+        }
+    }
+
+    /// What is measured.
+    fn at_sensors(&mut self, effect: &Effect) {
+        match effect.physics {
+            Physics::TimeDelay { delay, channel: "tool" } => self.senses.tool_delay = delay,
+            Physics::TimeDelay { delay, .. } => self.senses.torque_delay = delay,
+            _ => {}
+        }
+        let Some(joint) = effect.joint else { return };
+        let encoder = &mut self.encoders[joint];
+        match effect.physics {
+            Physics::EncoderOffset { offset } => encoder.zero += offset,
+            Physics::EncoderEccentricity { amplitude, phase } => {
+                encoder.eccentricity = Some((amplitude, phase))
+            }
+            Physics::EncoderSlip { jump, at } => encoder.slip = Some((jump, at)),
+            Physics::SensorLowpass { cutoff } => self.senses.cutoff[joint] = cutoff,
+            _ => {}
+        }
+    }
+
+    /// Inertia, springs and forces beside the arm's own.
+    fn beside(&mut self, effect: &Effect, arm: &Arm, felt: &[f64]) -> Result<(), PlanError> {
+        match (&effect.physics, effect.joint) {
+            (Physics::ExternalForce { force, start, end }, _) => {
+                let force = Vector3::from(*force);
+                self.push = Some(ToolForce { force, start: *start, end: *end });
+            }
+            (Physics::RotorInertia { inertia }, Some(joint)) => {
+                self.inertia.push((self.motor[joint], self.motor[joint], *inertia));
+            }
+            (Physics::JointSpring { stiffness, rest }, Some(joint)) => {
+                let coordinate = self.link[joint];
+                self.springs.push(Spring { coordinate, stiffness: *stiffness, damping: 0.0, rest: *rest });
+            }
+            (Physics::JointCoupling { with, inertia, viscous, coulomb, sign }, Some(joint)) => {
+                let why = "the other joint is not in the arm";
+                let seat = || PlanError::Seat { kind: effect.physics.kind(), joint: effect.joint, why };
+                let other = arm.joint_index(with).ok_or_else(seat)?;
+                let (i, j) = (self.motor[joint], self.motor[other]);
+                let inertia = inertia.min(0.5 * felt[other]);
+                self.inertia.extend([(i, i, inertia), (j, j, inertia * sign * sign)]);
+                self.inertia.extend([(i, j, sign * inertia), (j, i, sign * inertia)]);
+                self.shafts.push(Shaft {
+                    joint,
+                    with: other,
+                    sign: *sign,
+                    viscous: *viscous,
+                    coulomb: *coulomb,
+                });
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// How many short steps the fastest oscillation needs in a long one.
+    fn short_steps(&self, poses: &[Vec<f64>], felt: &[f64]) -> usize {
+        let mut fastest = 0.0_f64;
+        for t in &self.transmissions {
+            let link = (1.0 - ROTOR_SHARE) * felt[t.joint];
+            fastest = fastest.max((t.stiffness * (1.0 / t.rotor + 1.0 / link)).sqrt());
+        }
+        for (joint, felt) in felt.iter().enumerate() {
+            if let Some(bristles) = &self.bristles[joint] {
+                fastest = fastest.max((bristles.stiffness / felt).sqrt()).max(bristles.damping / felt / 0.5);
+            }
+            if let Some(detent) = &self.drives[joint].detent {
+                let slope = steepest_pull() * detent.amplitude / detent.width;
+                fastest = fastest.max((slope / felt).sqrt());
+            }
+        }
+        let mut shortest = LONG_STEP;
+        for bearing in &self.bearings {
+            match &bearing.law {
+                BearingLaw::Oil(_) => shortest = OIL_STEP,
+                BearingLaw::Dry(law) => {
+                    let lightest = lightest_journal(&self.arm, &self.link, bearing.slides, poses);
+                    fastest = fastest.max((law.slope() / lightest).sqrt());
+                }
+            }
+        }
+        shortest = shortest.min(PHASE_PER_STEP / fastest.max(1.0));
+        (LONG_STEP / shortest).ceil() as usize
+    }
+}
+
+fn nominal_drive(joint: &Joint) -> Drive {
+    Drive {
+        viscous: joint.friction.viscous,
+        dry: [joint.friction.coulomb; 2],
+        limit: f64::INFINITY,
+        gain: 1.0,
+        ..Drive::default()
+    }
+}
+
+/// The least inertia that each joint feels with the others free, over `poses`: 1/(M⁻¹)_ii.
+fn felt_inertia(arm: &Arm, poses: &[Vec<f64>]) -> Vec<f64> {
+    let (n, mut ws) = (arm.dof(), Workspace::new(arm));
+    let mut least = vec![f64::INFINITY; n];
+    let mut m = DMatrix::zeros(n, n);
+    for pose in poses {
+        crba(arm, &mut ws, pose, &mut m);
+        let Some(inverse) = m.clone().cholesky().map(|c| c.inverse()) else { continue };
+        for (i, least) in least.iter_mut().enumerate() {
+            *least = least.min(1.0 / inverse[(i, i)]);
+        }
+    }
+    least
+}
+
+/// The least mass that a journal at coordinate `slides` and the next feels over `poses` of the joints, kg.
+fn lightest_journal(arm: &Arm, link: &[usize], slides: usize, poses: &[Vec<f64>]) -> f64 {
+    let (n, mut ws) = (arm.dof(), Workspace::new(arm));
+    let mut m = DMatrix::zeros(n, n);
+    let mut least = f64::INFINITY;
+    for pose in poses {
+        let mut q = vec![0.0; n];
+        for (joint, &place) in link.iter().enumerate() {
+            q[place] = pose[joint];
+        }
+        crba(arm, &mut ws, &q, &mut m);
+        let Some(inverse) = m.clone().cholesky().map(|c| c.inverse()) else { continue };
+        for at in [slides, slides + 1] {
+            least = least.min(1.0 / inverse[(at, at)]);
+        }
+    }
+    least
+}

@@ -1,0 +1,227 @@
+//! The chain of a machine: the true arm, with what effects change in it and with the coordinates that they add.
+
+use freeplay_arm::{Arm, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, forward_kinematics};
+use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
+
+use super::plan::{PlanError, Spring};
+use crate::arms::Load;
+use crate::physics::{Effect, Physics};
+use crate::tolerances::lengthen;
+
+/// What a coordinate of the extended arm is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Role {
+    Joint(usize),
+    /// First of the two slides before joint `.0`; the second follows.
+    Slide(usize),
+    Spring {
+        stiffness: f64,
+        damping: f64,
+    },
+    Free,
+}
+
+/// The chain while it is being built: joints with their roles, in order from the base.
+pub(super) struct Chain {
+    pub links: Vec<(Joint, Role)>,
+    pub tool: Isometry3<f64>,
+    pub gravity: Vector3<f64>,
+    /// Link and mass that are lost at a time.
+    pub drop: Option<(Inertia, f64)>,
+}
+
+impl Chain {
+    /// The coordinate of `joint`.
+    pub fn place(&self, joint: usize) -> usize {
+        self.links.iter().position(|(_, role)| *role == Role::Joint(joint)).unwrap_or(0)
+    }
+
+    /// The springs of coordinates that are no joints.
+    pub fn springs(&self) -> Vec<Spring> {
+        let spring = |(coordinate, (_, role)): (usize, &(Joint, Role))| match *role {
+            Role::Spring { stiffness, damping } => Some(Spring { coordinate, stiffness, damping, rest: 0.0 }),
+            _ => None,
+        };
+        self.links.iter().enumerate().filter_map(spring).collect()
+    }
+}
+
+/// A joint without inertia.
+fn bare(name: String, kind: JointKind, axis: Vector3<f64>, placement: Isometry3<f64>) -> Joint {
+    let axis = Unit::new_normalize(axis);
+    let (limits, friction, inertia) = (Limits::NONE, JointFriction::default(), Inertia::zero());
+    Joint { name, kind, axis, placement, limits, friction, rotor_inertia: 0.0, inertia }
+}
+
+/// Inertia of a point mass.
+fn point(mass: f64, com: Vector3<f64>) -> Inertia {
+    Inertia { mass, com, about_com: Matrix3::zeros() }
+}
+
+/// The true arm `arm` with what its `effects` change and add; `poses` are where it works, the first in the middle.
+pub(super) fn chain_of(
+    arm: &Arm,
+    load: &Load,
+    effects: &[Effect],
+    poses: &[Vec<f64>],
+) -> Result<Chain, PlanError> {
+    let links = arm.joints().iter().cloned().enumerate().map(|(i, joint)| (joint, Role::Joint(i))).collect();
+    let mut chain = Chain { links, tool: *arm.tool(), gravity: *arm.gravity(), drop: None };
+    for effect in effects {
+        reshape(&mut chain, effect, load);
+    }
+    for effect in effects {
+        insert(&mut chain, effect, arm, load, poses)?;
+    }
+    Ok(chain)
+}
+
+/// Effects that change what is there.
+fn reshape(chain: &mut Chain, effect: &Effect, load: &Load) {
+    let last = chain.links.len() - 1;
+    match (&effect.physics, effect.joint) {
+        (Physics::Payload { mass, com }, _) => {
+            let link = &mut chain.links[last].0.inertia;
+            *link = link.joined_with(&point(*mass, Vector3::from(*com)), &Isometry3::identity());
+        }
+        (Physics::LinkMass { scale }, Some(joint)) => {
+            let link = &mut chain.links[joint].0.inertia;
+            link.mass *= scale;
+            link.about_com *= *scale;
+        }
+        (Physics::BaseTilt { roll, pitch }, _) => {
+            let turn = UnitQuaternion::from_euler_angles(*roll, *pitch, 0.0);
+            chain.gravity = turn.inverse() * chain.gravity;
+        }
+        (Physics::LinkLength { offset }, Some(joint)) => {
+            let way = match chain.links.get_mut(joint + 1) {
+                Some((next, _)) => &mut next.placement.translation.vector,
+                None => &mut chain.tool.translation.vector,
+            };
+            lengthen(way, *offset);
+        }
+        (Physics::LoadDrop { mass, at }, _) => {
+            let link = chain.links[last].0.inertia;
+            let gone = point(-mass, load.place);
+            chain.drop = Some((link.joined_with(&gone, &Isometry3::identity()), *at));
+        }
+        (Physics::SloshingLoad { mass, .. }, _) => {
+            let link = &mut chain.links[last].0.inertia;
+            *link = link.joined_with(&point(-mass, load.place), &Isometry3::identity());
+        }
+        _ => {}
+    }
+}
+
+/// Effects that add coordinates.
+fn insert(
+    chain: &mut Chain,
+    effect: &Effect,
+    arm: &Arm,
+    load: &Load,
+    poses: &[Vec<f64>],
+) -> Result<(), PlanError> {
+    match (&effect.physics, effect.joint) {
+        (Physics::JointClearance { .. } | Physics::LubricatedClearance { .. }, Some(joint)) => {
+            insert_slides(chain, effect, joint)
+        }
+        (Physics::LinkFlexure { stiffness }, Some(joint)) => insert_hinges(chain, effect, joint, *stiffness),
+        (Physics::MountResonance { frequency, damping }, _) => {
+            insert_mount(chain, arm, poses, *frequency, *damping);
+            Ok(())
+        }
+        (Physics::SloshingLoad { mass, length, .. }, _) => {
+            append_pendulum(chain, arm, load, poses, *mass, *length);
+            Ok(())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Two slides across the axis, before the joint.
+fn insert_slides(chain: &mut Chain, effect: &Effect, joint: usize) -> Result<(), PlanError> {
+    let at = chain.place(joint);
+    let next = &mut chain.links[at].0;
+    if next.kind != JointKind::Revolute {
+        let why = "a clearance needs a revolute joint";
+        return Err(PlanError::Seat { kind: effect.physics.kind(), joint: effect.joint, why });
+    }
+    let placement = std::mem::replace(&mut next.placement, Isometry3::identity());
+    let axis = next.axis.into_inner();
+    let name = next.name.clone();
+    let first = across(&axis);
+    let slide = |name, direction, placement| bare(name, JointKind::Prismatic, direction, placement);
+    chain
+        .links
+        .insert(at, (slide(format!("{name} play 2"), axis.cross(&first), Isometry3::identity()), Role::Free));
+    chain.links.insert(at, (slide(format!("{name} play 1"), first, placement), Role::Slide(joint)));
+    Ok(())
+}
+
+/// A link that bends, as two hinges a third of the way along it: for a force at the far end, deflection F/k and slope 3δ/2L are
+/// those of a cantilever (pseudo-rigid body; Howell 2001 places the hinge of a *large* deflection elsewhere).
+fn insert_hinges(chain: &mut Chain, effect: &Effect, joint: usize, stiffness: f64) -> Result<(), PlanError> {
+    let at = chain.place(joint);
+    let why = "no link of some length with a joint beyond it moves with it";
+    let seat = || PlanError::Seat { kind: effect.physics.kind(), joint: effect.joint, why };
+    let next = &mut chain.links.get_mut(at + 1).ok_or_else(seat)?.0;
+    let way = next.placement.translation.vector;
+    let direction = way.try_normalize(0.02).ok_or_else(seat)?;
+    next.placement.translation.vector = way * (2.0 / 3.0);
+    let lever = 2.0 / 3.0 * way.norm();
+    let turning = stiffness * lever * lever;
+    // A twentieth of critical for a mass of 5 kg at the end.
+    let damping = 0.1 * lever * lever * (stiffness * 5.0).sqrt();
+    let role = Role::Spring { stiffness: turning, damping };
+    let first = across(&direction);
+    let root = Isometry3::from_parts(Translation3::from(way / 3.0), UnitQuaternion::identity());
+    let hinge = |name: &str, axis, placement| {
+        bare(format!("bend {name} {joint}"), JointKind::Revolute, axis, placement)
+    };
+    chain.links.insert(at + 1, (hinge("2", direction.cross(&first), Isometry3::identity()), role));
+    chain.links.insert(at + 1, (hinge("1", first, root), role));
+    Ok(())
+}
+
+/// A base that rocks on springs about its x and y axes at `frequency` Hz with the arm in the middle of its poses.
+fn insert_mount(chain: &mut Chain, arm: &Arm, poses: &[Vec<f64>], frequency: f64, damping: f64) {
+    let mut inertia = 0.0;
+    let mut ws = Workspace::new(arm);
+    if let Some(pose) = poses.first() {
+        forward_kinematics(arm, &mut ws, pose);
+        for (i, joint) in arm.joints().iter().enumerate() {
+            let place = (ws.link_pose(i) * nalgebra::Point3::from(joint.inertia.com)).coords;
+            inertia +=
+                joint.inertia.mass * (place.x * place.x * 0.5 + place.y * place.y * 0.5 + place.z * place.z);
+        }
+    }
+    let omega = std::f64::consts::TAU * frequency;
+    let role = Role::Spring { stiffness: inertia * omega * omega, damping: 2.0 * damping * inertia * omega };
+    let rock =
+        |name: &str, axis| bare(format!("mount {name}"), JointKind::Revolute, axis, Isometry3::identity());
+    chain.links.insert(0, (rock("y", Vector3::y()), role));
+    chain.links.insert(0, (rock("x", Vector3::x()), role));
+}
+
+/// The load swings as a pendulum whose place at rest, in the first pose, is where the load is by the data sheet.
+fn append_pendulum(chain: &mut Chain, arm: &Arm, load: &Load, poses: &[Vec<f64>], mass: f64, length: f64) {
+    let mut ws = Workspace::new(arm);
+    let Some(pose) = poses.first() else { return };
+    forward_kinematics(arm, &mut ws, pose);
+    let turn = ws.link_pose(arm.dof() - 1).rotation.inverse();
+    let down = turn * arm.gravity().normalize();
+    let axis = turn * Vector3::x();
+    let hook =
+        Isometry3::from_parts(Translation3::from(load.place - down * length), UnitQuaternion::identity());
+    let mut swing = bare("load".to_owned(), JointKind::Revolute, axis, hook);
+    swing.inertia = point(mass, down * length);
+    swing.inertia.about_com = Matrix3::identity() * (1e-3 * mass * length * length);
+    let damping = 0.05 * mass * length * (length * 9.81).sqrt();
+    chain.links.push((swing, Role::Spring { stiffness: 0.0, damping }));
+}
+
+/// A direction across `axis`.
+fn across(axis: &Vector3<f64>) -> Vector3<f64> {
+    let helper = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::z() };
+    axis.cross(&helper).normalize()
+}

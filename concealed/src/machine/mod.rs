@@ -1,0 +1,18 @@
+//! The machine as it is, and what it does: laws one to a file, the plan that puts them together, the time stepping.
+
+mod bearing;
+mod bristles;
+mod build;
+mod cable;
+mod chain;
+mod drive;
+mod film;
+mod plan;
+mod run;
+mod step;
+#[cfg(test)]
+mod tests;
+mod transmission;
+
+pub use plan::{Plan, PlanError};
+pub use run::Trace;
