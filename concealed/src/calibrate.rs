@@ -258,8 +258,7 @@ fn geometry(nominal: &Arm, q: &[f64]) -> (Vec<f64>, Vec<f64>) {
     (lever, (0..n).map(|i| m[(i, i)]).collect())
 }
 
-/// How strong an effect is that turns the residual `without` into `with`; in its tool alone if `tool_only`: differences of an
-/// encoder that jumps are no accelerations.
+/// How strong an effect is that turns the residual `without` into `with`; in the tool alone if `tool_only`.
 pub(crate) fn strength(with: &Residual, without: &Residual, floor: &Floor, tool_only: bool) -> Strength {
     let tool = with.tool_shift(without).map(|shift| length(&shift));
     let mut best = Strength { signal_to_floor: rms(tool) / floor.tool, channel: "tool".to_owned() };

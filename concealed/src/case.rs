@@ -320,6 +320,7 @@ fn chain(sheet: &Arm, noise: Noise, rng: &mut ChaCha8Rng) -> Chain {
         torque_step: of_effort(noise.torque_step()),
         encoder_step: vec![noise.encoder_step(); sheet.dof()],
         tool_noise: spread * noise.tool(),
+        tracker: (uniform(rng, 0.0, 1.0) < 0.3).then(|| uniform(rng, 240.0, 900.0)),
         jitter: noise.jitter() / rate,
         link_encoders: uniform(rng, 0.0, 1.0) < 0.15,
         reference: uniform(rng, 0.0, 1.0) < 0.8,

@@ -290,7 +290,7 @@ impl Context<'_> {
             }
             // Some of the motion has to be below the limit.
             Physics::ActuatorSaturation { limit: x } => {
-                *x = x.max(seat.map_or(0.0, |joint| 0.6 * self.floor.load[joint]));
+                *x = x.max(seat.map_or(0.0, |joint| 0.45 * self.floor.peak[joint]));
             }
             _ => {}
         }

@@ -84,6 +84,19 @@ pub fn seats(kind: &str, arm: &Arm) -> Vec<Seat> {
     }
 }
 
+/// Whether the effect is judged by the tool alone: rattling and jumps shake the torques, but nobody could name them there.
+pub(crate) fn shows_at_tool(kind: &str) -> bool {
+    matches!(
+        kind,
+        "joint_clearance"
+            | "lubricated_clearance"
+            | "backlash"
+            | "joint_elasticity"
+            | "link_flexure"
+            | "encoder_slip"
+    )
+}
+
 /// Whether what the effect does depends on when: then it is judged on the whole motion.
 pub(crate) fn depends_on_time(kind: &str) -> bool {
     matches!(kind, "friction_drift" | "external_force" | "load_drop" | "encoder_slip")

@@ -63,6 +63,9 @@ pub struct Chain {
     pub encoder_step: Vec<f64>,
     /// Standard deviation of the tracker in each direction, m.
     pub tool_noise: f64,
+    /// Readings per second of a tracker with a clock of its own, Hz; the recorder interpolates straight between them. `None`: it reads
+    /// when the recorder asks.
+    pub tracker: Option<f64>,
     /// Standard deviation of the sampling instants, s.
     pub jitter: f64,
     /// Whether there are encoders on the links.
@@ -194,6 +197,7 @@ impl Chain {
         let n = plan.joints();
         let mut samples = self.empty(n);
         let mut row = vec![0.0; n];
+        let readings = self.tracker.map(|rate| self.readings(&clean, rate, duration, rng));
         let count = (duration * self.rate) as usize;
         let period = 1.0 / self.rate;
         for k in 0..count {
@@ -222,11 +226,27 @@ impl Chain {
                 round(&mut row, &self.encoder_step);
                 put(&row);
             }
-            let mut tool = clean.tool(t).map(|x| x + self.tool_noise * normal(rng));
+            let mut tool = match &readings {
+                Some((rate, readings)) => between(readings, t * rate),
+                None => clean.tool(t).map(|x| x + self.tool_noise * normal(rng)),
+            };
             round(&mut tool, &[1e-7]);
             put(&tool);
         }
         samples
+    }
+
+    /// What a tracker reads by its own clock of `rate` Hz, and that rate.
+    fn readings(
+        &self,
+        clean: &Clean<'_>,
+        rate: f64,
+        duration: f64,
+        rng: &mut ChaCha8Rng,
+    ) -> (f64, Vec<[f64; 3]>) {
+        let count = (duration * rate) as usize + 2;
+        let read = |k: usize| clean.tool(k as f64 / rate).map(|x| x + self.tool_noise * normal(rng));
+        (rate, (0..count).map(read).collect())
     }
 
     fn empty(&self, joints: usize) -> Samples {
@@ -243,6 +263,13 @@ impl Chain {
         let columns = vec![Vec::new(); names.len()];
         Samples { t: Vec::new(), names, columns }
     }
+}
+
+/// The straight line between readings at `place`, counted in readings.
+fn between(readings: &[[f64; 3]], place: f64) -> [f64; 3] {
+    let before = (place.max(0.0) as usize).min(readings.len() - 2);
+    let share = place - before as f64;
+    [0, 1, 2].map(|i| readings[before][i] * (1.0 - share) + readings[before + 1][i] * share)
 }
 
 /// Rounds each value to its step; the last step stands for all that follow. Written as a quotient, so that decimals stay short.
