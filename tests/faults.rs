@@ -464,40 +464,44 @@ fn what_is_left_when_all_processes_are_killed_at_once_is_swept_by_the_next_run()
     assert_eq!(left_in_shared_memory(next.shm.path(), ran.pid), Vec::<PathBuf>::new());
 }
 
-#[test]
-fn the_exam_of_a_controller_has_a_verdict_on_each_fault() {
-    let kinds = ["nan", "off", "stale-version", "hang", "crash", "loan-lost", "flood", "sign-flip"];
+/// The exam of `quasi-static` with one fault of each of `kinds`; the slowest detection of each, in ticks.
+fn examined(kinds: &[&str]) -> (Ran, Vec<Value>) {
     let mut arguments = vec!["faults", "quasi-static", "--seeds", "1", "--out", "out", "--quiet"];
     kinds.iter().for_each(|kind| arguments.extend(["--kind", kind]));
     let ran = Call::new(fresh_folder(), &arguments).run().expect(0);
-    let read = |name: &str| std::fs::read_to_string(ran.out().join(name)).expect("written");
-    let result: Value = serde_json::from_str(&read("faults.json")).expect("JSON");
+    let text = std::fs::read_to_string(ran.out().join("faults.json")).expect("written");
+    let result: Value = serde_json::from_str(&text).expect("JSON");
     let verdicts = result["verdicts"].as_array().expect("verdicts");
     assert_eq!(verdicts.len(), kinds.len());
     for verdict in verdicts {
-        let kind = verdict["kind"].as_str().expect("a kind");
-        println!("{kind}: {} {}", verdict["slowest"], verdict["applied"]);
-        assert_eq!((&verdict["holds"], &verdict["bad_applied"]), (&json!(true), &json!(0)), "{kind}");
-        let slowest = match kind {
-            "flood" => Value::Null,
-            // A wrong command is told when it has been wrong twice.
-            "sign-flip" => json!(2),
-            _ => json!(1),
-        };
-        assert_eq!(verdict["slowest"], slowest, "{kind}");
-        assert_eq!(verdict["most_held"], 0, "{kind}");
-        if kind != "flood" {
-            assert_eq!(verdict["next_in_charge"], json!({ "computed-torque": 1 }), "{kind}");
-        }
+        println!("{}: {} {}", verdict["kind"], verdict["slowest"], verdict["applied"]);
+        assert_eq!((&verdict["holds"], &verdict["bad_applied"]), (&json!(true), &json!(0)), "{verdict:#}");
+        assert_eq!(verdict["most_held"], 0, "{verdict:#}");
     }
-    assert!(read("faults.xml").contains("tests=\"8\" failures=\"0\""), "{}", read("faults.xml"));
+    let slowest = verdicts.iter().map(|verdict| verdict["slowest"].clone()).collect();
+    (ran, slowest)
+}
+
+#[test]
+fn the_exam_of_a_controller_has_a_verdict_on_wrong_messages() {
+    let (ran, slowest) = examined(&["nan", "stale-version", "flood", "sign-flip"]);
+    // A flood does no harm; a wrong sign is told when it has been wrong twice.
+    assert_eq!(slowest, [json!(1), json!(1), Value::Null, json!(2)]);
+    let read = |name: &str| std::fs::read_to_string(ran.out().join(name)).expect("written");
+    assert!(read("faults.xml").contains("tests=\"4\" failures=\"0\""), "{}", read("faults.xml"));
     assert!(read("faults.html").contains("every kind of fault was met as it should be"));
 }
 
 #[test]
+fn the_exam_of_a_controller_has_a_verdict_on_missing_ones() {
+    let (_, slowest) = examined(&["off", "hang", "crash", "loan-lost"]);
+    assert_eq!(slowest, [json!(1), json!(1), json!(1), json!(1)]);
+}
+
+#[test]
 fn killed_runs_leave_nothing_that_the_next_run_does_not_remove() {
-    let ran = freeplay(&["faults", "computed-torque", "--kills", "4", "--out", "out"]).expect(0);
+    let ran = freeplay(&["faults", "computed-torque", "--kills", "2", "--out", "out"]).expect(0);
     let tally: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
     println!("{}", tally["tally"]);
-    assert_eq!((&tally["holds"], &tally["tally"]["kills"]), (&json!(true), &json!(4)));
+    assert_eq!((&tally["holds"], &tally["tally"]["kills"]), (&json!(true), &json!(2)));
 }

@@ -210,6 +210,11 @@ impl LineUp {
         &mut self.slots[slot]
     }
 
+    /// Whether every controller has answered this tick.
+    pub(crate) fn all_have_answered(&self) -> bool {
+        self.slots.iter().all(|slot| slot.answer.is_some())
+    }
+
     /// Forgets the answers to the last tick.
     pub(crate) fn begin_tick(&mut self) {
         self.slots.iter_mut().for_each(|slot| slot.answer = None);

@@ -385,9 +385,15 @@ impl Plant {
             self.await_answers(tick, scheduled, window)?;
         }
         self.step()?;
-        if !self.all_in(tick) {
+        let is_complete = match self.config.pace {
+            Pace::RealTime => self.line_up.all_have_answered(),
+            Pace::Lockstep => self.all_in(tick),
+        };
+        if !is_complete {
+            // With one controller this is rare. A standby that is slow or gone makes it the rule: then the plant wakes in time.
+            let spin = if self.line_up.len() > 1 { SPIN_NS } else { 0 };
             let deadline = match self.config.pace {
-                Pace::RealTime => sleep_then_spin_until(schedule.due_ns(tick + 1) - JUDGING_NS, 0),
+                Pace::RealTime => sleep_then_spin_until(schedule.due_ns(tick + 1) - JUDGING_NS, spin),
                 Pace::Lockstep => now_ns() + self.answer_patience(tick).as_nanos() as u64,
             };
             self.await_answers(tick, scheduled, deadline)?;

@@ -91,7 +91,7 @@ fn kill_one(
 ) -> Result<(), Failure> {
     let folder = out.join("killed");
     let _ = std::fs::remove_dir_all(&folder);
-    let mut run = start(controller, &folder, "6", "mcap")?;
+    let mut run = start(controller, &folder, &["duration=6", "recording=mcap", "patience=2"])?;
     let begun = Instant::now();
     let mut struck = false;
     while !struck && begun.elapsed() < after + Duration::from_millis(200) {
@@ -124,19 +124,19 @@ fn kill_one(
     tally.during_start += u32::from(struck && !has_ticks);
     tally.runs.push(run.id());
     tally.left_and_swept += u32::from(files_of(&[run.id()]) > 0);
-    let mut next = start(controller, &out.join("next"), "0.02", "none")?;
+    let mut next = start(controller, &out.join("next"), &["duration=0.02", "recording=none"])?;
     let well = ends(&mut next)? && next.wait().is_ok_and(|status| status.success());
     tally.next_did_not_start += u32::from(!well);
     tally.runs.push(next.id());
     Ok(())
 }
 
-fn start(controller: &str, folder: &Path, duration: &str, recording: &str) -> Result<Child, Failure> {
+fn start(controller: &str, folder: &Path, sets: &[&str]) -> Result<Child, Failure> {
     let program = std::env::current_exe().map_err(Failure::internal)?;
     Command::new(program)
-        .args(["run", "--quiet", "--controller", controller, "--recording", recording])
-        .args(["--set", &format!("duration={duration}"), "--out"])
+        .args(["run", "--quiet", "--controller", controller, "--out"])
         .arg(folder)
+        .args(sets.iter().flat_map(|set| ["--set", set]))
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
