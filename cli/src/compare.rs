@@ -50,12 +50,13 @@ pub struct CompareArgs {
 /// Bad input: a file that can't be read, another number of joints, nothing to compare, a filter that can't be.
 pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let file = load_model(&args.model)?;
-    Effects::of(&file).map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
+    let effects = Effects::of(&file).map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
     let recording =
         freeplay_recording::read(&args.recording, Some(file.arm.dof())).map_err(Failure::input)?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
     let (comparison, residuals) =
-        freeplay_diagnosis::compare(&file.arm, &recording, &settings).map_err(Failure::input)?;
+        freeplay_diagnosis::compare(&file.arm, &effects.placed, &recording, &settings)
+            .map_err(Failure::input)?;
     let view = View { args, file: &file, recording: &recording, comparison: &comparison };
     let json = view.json()?;
     let report = args.out.as_deref().map(|out| view.write(out, &residuals, &json)).transpose()?;
@@ -81,7 +82,7 @@ impl View<'_> {
         value["model"] =
             json!({ "file": self.args.model, "name": self.file.arm.name(), "ignored": self.file.ignored });
         value["recording"] = json!(self.args.recording);
-        value["effects_left_out"] = self.file.effects.iter().map(effect_name).collect();
+        value["effects"] = self.file.effects.iter().map(effect_name).collect();
         Ok(value)
     }
 
@@ -178,12 +179,11 @@ impl View<'_> {
 
     /// Notes of the readers and of the comparison, and what the model file says beyond the rigid arm.
     fn remarks(&self) -> Vec<String> {
-        let effects = self.file.effects.iter().map(|effect| {
-            format!(
-                "{} is in the model file, but not in this comparison, which takes the rigid arm",
-                effect_name(effect)
-            )
-        });
+        let effects = self
+            .file
+            .effects
+            .iter()
+            .map(|effect| format!("the model has the effect {}", effect_name(effect)));
         let ignored = self.file.ignored.iter().map(|ignored| format!("model: {ignored}"));
         self.comparison.notes.iter().cloned().chain(effects).chain(ignored).collect()
     }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use freeplay_arm::{Arm, ArmFile, EffectTable};
 use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{LimitsFrom, Task, TaskMode};
-use freeplay_laws::{Clearance, Effects, LawError};
+use freeplay_laws::{Clearance, Effects, LawError, Placed};
 use freeplay_path::JointPath;
 use freeplay_plant::{LineUpSpec, PlantConfig, SystemError};
 use freeplay_shm::{MAX_JOINTS, Mode, Pace, RtRequest};
@@ -61,25 +61,17 @@ fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
         let parameters = toml::Table::try_from(table).map_err(Failure::internal)?;
         let effect =
             EffectTable { kind: Clearance::KIND.to_owned(), joint: Some(joint.clone()), parameters, line: 0 };
+        Clearance::new(table)
+            .and_then(|_| Placed::new(&effect, &file.arm))
+            .map_err(|error| Failure::input(format!("scenario: clearance.{joint}: {error}")))?;
         file.effects.push(effect);
     }
     Ok(file)
 }
 
-/// Names the place of the first effect of `file`, read from `model`, that can't be used for the reason `error`.
-fn faulty_effect(model: &str, file: &ArmFile, error: &LawError) -> Failure {
-    let is_usable = |count: usize| {
-        let effects = file.effects[..count].to_vec();
-        Effects::of(&ArmFile { effects, ..file.clone() }).is_ok()
-    };
-    let place =
-        (1..=file.effects.len()).find(|&count| !is_usable(count)).map(|count| &file.effects[count - 1]);
-    let place = match (place, error) {
-        // These name the line themselves.
-        (None, _) | (_, LawError::Unreadable { .. } | LawError::UnknownKind { .. }) => model.to_owned(),
-        (Some(effect), _) if effect.line > 0 => format!("{model}: line {}", effect.line),
-        (Some(effect), _) => format!("scenario: clearance.{}", effect.joint.as_deref().unwrap_or("?")),
-    };
+/// Says of an effect that can't be used whether it stands in the file `model` or in the scenario.
+fn faulty_effect(model: &str, error: &LawError) -> Failure {
+    let place = if error.line().is_some() { model } else { "scenario: clearance" };
     Failure::input(format!("{place}: {error}"))
 }
 
@@ -90,7 +82,7 @@ impl Setup {
     /// Bad input: an arm file, an effect or a path that can't be used.
     pub fn new(scenario: &Scenario) -> Result<Self, Failure> {
         let truth = truth(scenario)?;
-        let effects = Effects::of(&truth).map_err(|error| faulty_effect(&scenario.model, &truth, &error))?;
+        let effects = Effects::of(&truth).map_err(|error| faulty_effect(&scenario.model, &error))?;
         let path = JointPath::plan(&truth.arm, &scenario.path, scenario.rate).map_err(Failure::input)?;
         let period_ns = (1e9 / scenario.rate).round() as u64;
         let duration = scenario.duration.unwrap_or_else(|| path.duration());

@@ -12,7 +12,7 @@
 //! - [`serve()`]: the process of a controller: finds the run, shakes hands, answers, ends with an exit code; [`serve_with`] for those who
 //!   bring their own [`ServeOptions`].
 //! - [`LookAhead`]: the state of the joints when the answer takes effect.
-//! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`Rest`].
+//! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`freeplay_laws::Rest`].
 //! - [`Outlook`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
 //! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`].
 //! - [`Correction`]: that correction over time, with its derivatives by [`Centred`] differences.
@@ -46,7 +46,7 @@ pub use compensation::{CompensationReport, CompensationStatus, Compensator, Moti
 pub use computed_torque::ComputedTorque;
 pub use controller::{Answer, Controller, ControllerError, RunInfo};
 pub use correction::Correction;
-pub use deviation::{QuasiStatic, Rest};
+pub use deviation::QuasiStatic;
 pub use look_ahead::{JointState, LookAhead};
 pub use model::Model;
 pub use narx_qp::{NarxQp, NarxQpOptions};

@@ -1,11 +1,12 @@
 //! How far a model is from a recording, in numbers.
 
 use freeplay_arm::Arm;
+use freeplay_laws::Placed;
 use freeplay_recording::Recording;
 use serde::Serialize;
 
 use crate::error::ResidualError;
-use crate::motion::{Motion, Settings, Treatment};
+use crate::motion::{Settings, Treatment};
 use crate::residual::{Channel, Kind, Residuals, check_joints, residuals};
 use crate::statistics::Moments;
 
@@ -100,19 +101,20 @@ impl Comparison {
     }
 }
 
-/// Compares `recording` with `arm`: the numbers, and the residuals they are made of.
+/// Compares `recording` with `arm` and its `effects`: the numbers, and the residuals they are made of.
 ///
 /// # Errors
 /// See [`ResidualError`].
 pub fn compare(
     arm: &Arm,
+    effects: &[Placed],
     recording: &Recording,
     settings: &Settings,
 ) -> Result<(Comparison, Residuals), ResidualError> {
     check_joints(arm, recording)?;
     let treatment = Treatment::new(recording, settings)?;
-    let motion = Motion::new(recording, &treatment);
-    let residuals = residuals(arm, recording, &treatment, &motion)?;
+    let motion = treatment.motion(recording);
+    let residuals = residuals(arm, effects, recording, &treatment)?;
     let channels: Vec<ChannelError> =
         residuals.channels.iter().map(|channel| error_of(arm, channel)).collect();
     let mut notes = recording.notes.clone();

@@ -79,6 +79,9 @@ pub enum ResidualError {
         /// What was asked for, s.
         trim_s: f64,
     },
+    /// The effects of the model leave no possible arm.
+    #[error(transparent)]
+    Effects(#[from] freeplay_laws::LawError),
     /// The model's answer to the recorded motion is not finite.
     #[error("{}: channel {channel}: the difference to the model is not finite; are q in rad (or m) and t in s?", origin.display())]
     NotFinite {

@@ -5,10 +5,10 @@
 //! - [`Settings`]: what a user may choose of the treatment; [`default_cutoff_hz`] is the rule for the rest.
 //! - [`Grid`]: the uniform time grid that a recording is put on, cut where the recording has gaps.
 //! - [`LowPass`]: the filter without phase that every column passes; [`derivatives`] on a uniform grid.
-//! - [`Treatment`]: grid, filter, the ends left out, decimation: the same for every column, measured or modelled.
-//! - [`Motion`]: positions, velocities and accelerations of the treated recording.
+//! - [`Treatment`]: grid, filter, the ends left out, decimation: the same for every column, measured or modelled; it makes the
+//!   [`freeplay_laws::Trajectory`] of a recording.
 //! - [`Residuals`]: one [`Channel`] for each thing measured that the model can predict ([`Kind`]): torques, tool position, link
-//!   encoders; made by [`residuals`] from inverse dynamics ([`rigid_torques`]), nominal friction and forward kinematics.
+//!   encoders; made by [`residuals`] from the [`freeplay_laws::Prediction`] of the arm with its effects.
 //! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above.
 //! - [`ResidualError`]: why a recording and a model can't be compared.
 
@@ -25,5 +25,5 @@ pub use comparison::{ChannelError, Comparison, SCHEMA, compare};
 pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};
 pub use grid::Grid;
-pub use motion::{Motion, Settings, Treatment, default_cutoff_hz};
-pub use residual::{Channel, Kind, Residuals, residuals, rigid_torques};
+pub use motion::{Settings, Treatment, default_cutoff_hz};
+pub use residual::{Channel, Kind, Residuals, residuals};

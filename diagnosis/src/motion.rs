@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
 
 use crate::error::ResidualError;
@@ -176,73 +177,69 @@ impl Treatment {
         out
     }
 
-    /// `law` of the velocity that belongs to the position `column`, treated as a measured column is. For laws with a jump: a jump
-    /// in a measured torque has gone through the filter, so the law's has to as well.
-    pub fn smooth_law_of_velocity(
-        &self,
-        recording: &Recording,
-        column: &[f64],
-        law: impl Fn(f64) -> f64,
-    ) -> Vec<f64> {
-        let mut out = Vec::new();
+    /// The smoothed motion on every grid point of the recording, nothing left out: where laws that jump are evaluated, before
+    /// [`Treatment::low_pass`] and [`Treatment::keep`].
+    pub fn whole_motion(&self, recording: &Recording) -> Trajectory {
+        let mut whole = Trajectory::default();
+        let mut begin = 0;
         for stretch in &self.grid.stretches {
-            let smooth = self.filter.apply(&self.grid.resample(stretch, &recording.t, column));
-            let (velocity, _) = derivatives(&smooth, self.grid.step);
-            let answer = self.filter.apply(&velocity.into_iter().map(&law).collect::<Vec<_>>());
-            out.extend(self.kept(stretch).map(|k| answer[k]));
+            whole.t.extend((0..stretch.len).map(|k| stretch.start + k as f64 * self.grid.step));
+            whole.stretches.push(begin..begin + stretch.len);
+            begin += stretch.len;
+        }
+        for column in &recording.q {
+            let mut joint = [const { Vec::new() }; 3];
+            for stretch in &self.grid.stretches {
+                let smooth = self.filter.apply(&self.grid.resample(stretch, &recording.t, column));
+                let (first, second) = derivatives(&smooth, self.grid.step);
+                joint.iter_mut().zip([smooth, first, second]).for_each(|(out, part)| out.extend(part));
+            }
+            let [q, v, a] = joint;
+            whole.q.push(q);
+            whole.v.push(v);
+            whole.a.push(a);
+        }
+        whole
+    }
+
+    /// One column of `recording` on every grid point, not filtered.
+    pub fn whole_column(&self, recording: &Recording, column: &[f64]) -> Vec<f64> {
+        let stretches = self.grid.stretches.iter();
+        stretches.flat_map(|s| self.grid.resample(s, &recording.t, column).into_owned()).collect()
+    }
+
+    /// The low-pass on one column of the points of [`Treatment::whole_motion`], stretch by stretch.
+    pub fn low_pass(&self, column: &[f64]) -> Vec<f64> {
+        let mut out = Vec::with_capacity(column.len());
+        for stretch in &self.grid.stretches {
+            out.extend(self.filter.apply(&column[out.len()..out.len() + stretch.len]));
         }
         out
     }
-}
 
-/// The measured motion of an arm on the treated grid.
-///
-/// Velocity and acceleration are derivatives of the position, also where the recording has velocities: a recorded velocity has
-/// gone through a filter of the drive's own, whose delay would show up as viscous friction or inertia that the
-/// arm does not have.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Motion {
-    /// Time, s.
-    pub t: Vec<f64>,
-    /// Position, `[joint][point]`, rad or m.
-    pub q: Vec<Vec<f64>>,
-    /// Velocity, `[joint][point]`, rad/s or m/s.
-    pub v: Vec<Vec<f64>>,
-    /// Acceleration, `[joint][point]`, rad/s² or m/s².
-    pub a: Vec<Vec<f64>>,
-    /// Stretches without gaps, as ranges of points.
-    pub stretches: Vec<Range<usize>>,
-}
+    /// The kept points of one column of the points of [`Treatment::whole_motion`].
+    pub fn keep(&self, column: &[f64]) -> Vec<f64> {
+        let mut begin = 0;
+        let mut out = Vec::new();
+        for stretch in &self.grid.stretches {
+            out.extend(self.kept(stretch).map(|k| column[begin + k]));
+            begin += stretch.len;
+        }
+        out
+    }
 
-impl Motion {
-    /// The motion that `recording` holds, under `treatment`.
-    pub fn new(recording: &Recording, treatment: &Treatment) -> Self {
-        let (t, stretches) = (treatment.times(), treatment.stretches());
-        let mut motion = Self { t, q: Vec::new(), v: Vec::new(), a: Vec::new(), stretches };
+    /// The motion that `recording` holds on the kept points.
+    ///
+    /// Velocity and acceleration are derivatives of the position, also where the recording has velocities: a recorded velocity has
+    /// gone through a filter of the drive's own, whose delay would show up as viscous friction or inertia that the arm does not have.
+    pub fn motion(&self, recording: &Recording) -> Trajectory {
+        let mut motion = Trajectory { t: self.times(), stretches: self.stretches(), ..Trajectory::default() };
         for column in &recording.q {
-            let [q, v, a] = treatment.smooth_with_derivatives(recording, column);
+            let [q, v, a] = self.smooth_with_derivatives(recording, column);
             motion.q.push(q);
             motion.v.push(v);
             motion.a.push(a);
         }
         motion
-    }
-
-    /// Number of points.
-    pub fn len(&self) -> usize {
-        self.t.len()
-    }
-
-    /// No points: never so for a motion under a [`Treatment`].
-    pub fn is_empty(&self) -> bool {
-        self.t.is_empty()
-    }
-
-    /// Position, velocity and acceleration of all joints at `point` into slices of one number per joint.
-    pub fn at(&self, point: usize, q: &mut [f64], v: &mut [f64], a: &mut [f64]) {
-        for joint in 0..self.q.len() {
-            (q[joint], v[joint], a[joint]) =
-                (self.q[joint][point], self.v[joint][point], self.a[joint][point]);
-        }
     }
 }

@@ -1,10 +1,11 @@
 //! What a person should know beside the numbers.
 
 use freeplay_arm::{Arm, JointKind};
+use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
 
 use crate::comparison::ChannelError;
-use crate::motion::{Motion, Treatment};
+use crate::motion::Treatment;
 use crate::statistics::Moments;
 
 /// A filtered-out share of a joint's movement above this is worth a word.
@@ -17,7 +18,7 @@ pub(crate) fn on_motion(
     arm: &Arm,
     recording: &Recording,
     treatment: &Treatment,
-    motion: &Motion,
+    motion: &Trajectory,
 ) -> Vec<String> {
     let mut notes = Vec::new();
     for (index, joint) in arm.joints().iter().enumerate() {
@@ -55,7 +56,7 @@ pub(crate) fn on_motion(
 fn removed_by_filter(
     recording: &Recording,
     treatment: &Treatment,
-    motion: &Motion,
+    motion: &Trajectory,
     joint: usize,
 ) -> Option<f64> {
     let before = Moments::of(&treatment.unfiltered(recording, &recording.q[joint])).std;
@@ -63,7 +64,7 @@ fn removed_by_filter(
 }
 
 /// Recorded velocities that are not the derivative of the recorded positions.
-fn on_velocities(recording: &Recording, treatment: &Treatment, motion: &Motion) -> Option<String> {
+fn on_velocities(recording: &Recording, treatment: &Treatment, motion: &Trajectory) -> Option<String> {
     let mut odd = Vec::new();
     for (index, recorded) in recording.qd.iter().flatten().enumerate() {
         let recorded = treatment.smooth(recording, recorded);

@@ -16,7 +16,7 @@ fn two_joints(friction: JointFriction) -> Arm {
 }
 
 fn compared(arm: &Arm, columns: Vec<(String, Vec<f64>)>) -> Comparison {
-    compare(arm, &recording(columns), &Settings::default()).expect("a comparison").0
+    compare(arm, &[], &recording(columns), &Settings::default()).expect("a comparison").0
 }
 
 /// Largest rmse of the channels that begin with `prefix`, as a share of what they measure.
@@ -128,7 +128,8 @@ fn two_seconds_are_enough_and_a_tenth_is_refused() {
     let short = compared(&arm, columns(&arm, &even(2.0, 100.0), nothing));
     println!("2 s at 100 Hz: {} points, torque off by {:.1e}", short.samples, worst(&short, "tau"));
     assert!(short.samples > 50 && worst(&short, "tau") < 1e-3);
-    let error = compare(&arm, &recording(columns(&arm, &even(0.1, 250.0), nothing)), &Settings::default());
+    let error =
+        compare(&arm, &[], &recording(columns(&arm, &even(0.1, 250.0), nothing)), &Settings::default());
     let Err(error @ ResidualError::TooShort { .. }) = error else { panic!("{error:?}") };
     println!("{error}");
 }
@@ -138,7 +139,7 @@ fn gaps_are_not_bridged() {
     let arm = two_joints(JointFriction::default());
     let t: Vec<f64> = even(10.0, 250.0).into_iter().map(|t| if t < 4.0 { t } else { t + 300.0 }).collect();
     let made = recording(columns(&arm, &t, nothing));
-    let (comparison, residuals) = compare(&arm, &made, &Settings::default()).expect("a comparison");
+    let (comparison, residuals) = compare(&arm, &[], &made, &Settings::default()).expect("a comparison");
     println!(
         "{} points in {:?}, torque off by {:.1e}",
         comparison.samples,
@@ -169,7 +170,7 @@ fn constant_and_missing_channels_are_told() {
     assert!(tool_only.notes.iter().any(|note| note.contains("no torque")), "{:?}", tool_only.notes);
     let nothing_left = ["tau", "x", "y", "z"].into_iter().fold(made, without);
     let error =
-        compare(&arm, &recording(nothing_left), &Settings::default()).expect_err("nothing to compare");
+        compare(&arm, &[], &recording(nothing_left), &Settings::default()).expect_err("nothing to compare");
     println!("{error}");
     assert!(matches!(error, ResidualError::NothingToCompare { joints: 2, .. }));
 }
@@ -178,7 +179,7 @@ fn constant_and_missing_channels_are_told() {
 fn a_recording_of_another_arm_is_refused_and_degrees_are_suspected() {
     let arm = two_joints(JointFriction::default());
     let three = columns(&freeplay_arm::paper_arm().arm, &even(2.0, 250.0), nothing);
-    let error = compare(&arm, &recording(three), &Settings::default()).expect_err("six joints");
+    let error = compare(&arm, &[], &recording(three), &Settings::default()).expect_err("six joints");
     println!("{error}");
     assert!(matches!(error, ResidualError::JointCount { expected: 2, found: 6, .. }));
     let mut degrees = columns(&arm, &even(5.0, 250.0), nothing);
@@ -191,7 +192,7 @@ fn a_recording_of_another_arm_is_refused_and_degrees_are_suspected() {
 fn numbers_beyond_reason_are_errors() {
     let arm = two_joints(JointFriction::default());
     let made = columns(&arm, &even(5.0, 250.0), nothing);
-    let compare_with = |settings| compare(&arm, &recording(made.clone()), &settings).map(|_| ());
+    let compare_with = |settings| compare(&arm, &[], &recording(made.clone()), &settings).map(|_| ());
     for lowpass_hz in [0.0, -3.0, 126.0, f64::NAN, f64::INFINITY] {
         let error = compare_with(Settings { lowpass_hz: Some(lowpass_hz), trim_s: None });
         assert!(matches!(error, Err(ResidualError::Cutoff { .. })), "{lowpass_hz}: {error:?}");
@@ -204,7 +205,7 @@ fn numbers_beyond_reason_are_errors() {
     }
     let mut huge = made.clone();
     huge[1].1.iter_mut().for_each(|q| *q *= 1e200);
-    let error = compare(&arm, &recording(huge), &Settings::default()).expect_err("no such torque");
+    let error = compare(&arm, &[], &recording(huge), &Settings::default()).expect_err("no such torque");
     println!("{error}");
     assert!(matches!(error, ResidualError::NotFinite { .. }));
 }
@@ -229,7 +230,7 @@ proptest! {
         let value = |k: usize| (k as f64 * 1.7).sin() * 10_f64.powf(size);
         let columns = ["q1", "q2", "tau1", "tau2", "q_link2"].map(|name| (name.into(), (0..t.len()).map(value).collect()));
         let recording = recording(std::iter::once(("t".into(), t.clone())).chain(columns).collect());
-        if let Ok((comparison, _)) = compare(&arm, &recording, &Settings { lowpass_hz, trim_s }) {
+        if let Ok((comparison, _)) = compare(&arm, &[], &recording, &Settings { lowpass_hz, trim_s }) {
             prop_assert!(comparison.samples > 0 && comparison.samples <= t.len() + 1, "{}", comparison.samples);
             prop_assert!(comparison.channels.iter().all(|channel| channel.rmse.is_finite()));
         }

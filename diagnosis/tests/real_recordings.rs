@@ -10,7 +10,8 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
 
-use freeplay_diagnosis::{Comparison, Motion, Residuals, Settings, Treatment, compare};
+use freeplay_diagnosis::{Comparison, Residuals, Settings, Treatment, compare};
+use freeplay_laws::Trajectory;
 
 /// The folder of recordings, or `None` where there is none.
 fn folder() -> Option<PathBuf> {
@@ -40,12 +41,12 @@ impl Set {
         Some(Self { folder, arm, meta, fits })
     }
 
-    fn compare(&self, run: &str, settings: Settings) -> (Comparison, Residuals, Motion) {
+    fn compare(&self, run: &str, settings: Settings) -> (Comparison, Residuals, Trajectory) {
         let path = self.folder.join(format!("{run}.csv"));
         let recording = freeplay_recording::read(&path, Some(self.arm.dof())).expect("a recording");
-        let (comparison, residuals) = compare(&self.arm, &recording, &settings).expect("a comparison");
+        let (comparison, residuals) = compare(&self.arm, &[], &recording, &settings).expect("a comparison");
         let treatment = Treatment::new(&recording, &settings).expect("as before");
-        (comparison, residuals, Motion::new(&recording, &treatment))
+        (comparison, residuals, treatment.motion(&recording))
     }
 
     /// The numbers of `meta.toml` under `[robot]`.
@@ -128,7 +129,7 @@ fn kuka_kr300() {
     let (gear, rotor) = (set.robot("gear_ratio"), set.robot("rotor_inertia_kgm2"));
     for run in ["train_A", "test_B"] {
         let theirs = set.theirs(&format!("{run} tau rms"), "payload 150 kg          RMSE ");
-        let terms = |residuals: &Residuals, motion: &Motion| {
+        let terms = |residuals: &Residuals, motion: &Trajectory| {
             with_term(residuals, 6, |joint, k| {
                 let spring = if joint == 1 { counterbalance(motion.q[1][k]) } else { 0.0 };
                 rotor[joint] * gear[joint].powi(2) * motion.a[joint][k] + spring
@@ -183,7 +184,7 @@ fn dfki_double_pendulum() {
     for run in runs {
         let theirs = set.theirs(&format!("{run} tau rms"), "published rigid ");
         // Both motors sit in the base, the second drives over a belt: the rotor terms of the source's mass matrix.
-        let terms = |residuals: &Residuals, motion: &Motion| {
+        let terms = |residuals: &Residuals, motion: &Trajectory| {
             with_term(residuals, 2, |joint, k| {
                 let own = gear * gear + if joint == 0 { 1.0 } else { 0.0 };
                 rotor * (own * motion.a[joint][k] - gear * motion.a[1 - joint][k])

@@ -164,7 +164,7 @@ impl Clearance {
     /// [`LawError::OutOfRange`] names the first parameter that is not finite or out of its range.
     pub fn new(table: &ClearanceTable) -> Result<Self, LawError> {
         if let Some((parameter, value, range)) = table.fault() {
-            return Err(LawError::OutOfRange { kind: Self::KIND.into(), parameter, value, range });
+            return Err(LawError::OutOfRange { kind: Self::KIND.into(), line: 0, parameter, value, range });
         }
         let journal_radius = table.bearing_radius - table.clearance;
         let stiffness = table.stiffness.unwrap_or_else(|| {
@@ -196,7 +196,7 @@ impl Clearance {
                 line: effect.line,
                 message: error.message().to_owned(),
             })?;
-        Self::new(&table)
+        Self::new(&table).map_err(|error| error.at(effect.line))
     }
 
     /// Journal radius R_j = R_b − c, m.

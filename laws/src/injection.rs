@@ -11,8 +11,10 @@ use crate::Clearance;
 pub struct Injection {
     /// Radial play by joint index.
     pub clearances: Vec<(usize, Clearance)>,
-    /// What stands between motor and link, by joint index.
+    /// What stands between motor and link, by joint index, at most one a joint in [`crate::Effects::injection`].
     pub transmissions: Vec<(usize, Transmission)>,
+    /// Inertia of rotors beside the arm's, by joint index, kg·m² (kg): to be added to [`freeplay_arm::Joint::rotor_inertia`].
+    pub rotors: Vec<(usize, f64)>,
     /// Torques on the drives.
     pub drives: Vec<Box<dyn DriveLaw>>,
     /// Torque beyond which a drive clips, by joint index, N·m (N).
@@ -58,6 +60,19 @@ pub struct Transmission {
     pub damping: f64,
     /// Full width of the gap, rad (m), ≥ 0.
     pub gap: f64,
+}
+
+impl Transmission {
+    /// Both in series: gaps and compliances add, and of the dampings the one that is there counts, or both in series.
+    pub fn in_series(self, other: Transmission) -> Transmission {
+        let series = |a: f64, b: f64| a * b / (a + b);
+        let damping = match (self.damping > 0.0, other.damping > 0.0) {
+            (true, true) => series(self.damping, other.damping),
+            _ => self.damping.max(other.damping),
+        };
+        let stiffness = series(self.stiffness, other.stiffness);
+        Transmission { stiffness, damping, gap: self.gap + other.gap }
+    }
 }
 
 /// A force on the tool in the base frame during a window.

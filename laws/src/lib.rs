@@ -10,15 +10,21 @@
 //! - [`ContactFriction`]: the force along the bearing's surface, by one of the [`FrictionLaw`]s.
 //! - [`Clearance`]: one joint's play: how far the journal may move, and what happens when it arrives.
 //! - [`bearing_contact`]: from where the journal is in the bearing to force and moment.
+//! - [`BearingLoad`]: what a bearing carries in a moving arm, and how the tool moves with its journal.
 //! - [`ArmWithPlay`]: the arm that has two slides across the axis of every joint with play.
 //! - [`DriveFriction`]: the nominal friction of a joint's drive.
+//! - [`Film`]: the oil in a bearing; [`settle`] and [`Rest`]: where a journal lies in a dry one.
 //! - [`CATALOGUE`]: every [`Kind`] of effect: its name, [`Parameter`]s, equation, source, signature and confounders; one file each.
+//! - [`Term`]s: what an effect is a sum of at a [`Place`]; [`Need`]s: what a recording must have [`Recorded`] for it to be told.
 //! - [`Values`]: the values of one `[[effect]]` table, checked against its kind.
 //! - [`Effect`]: the law with its values; [`Placed`] at a joint or on the whole arm; [`Effects`]: all of an arm file.
-//! - [`Trajectory`] and [`Scene`]: the motion that effects see; [`Prediction`]: what a recording of it would show; made by [`predict`].
+//! - [`Trajectory`] and [`Scene`]: the motion that effects see; [`Prediction`]: what a recording of it would show; made by [`predict`],
+//!   or by a [`Baseline`], which also says what one more effect would change.
 //! - [`Injection`]: what effects put into a plant: [`DriveLaw`], [`Transmission`], [`ToolForce`], [`SensorLaw`].
 
+mod basis;
 mod bearing;
+mod bearing_load;
 pub mod catalogue;
 mod clearance;
 mod contact;
@@ -26,23 +32,41 @@ mod drive_friction;
 mod effect;
 mod effects;
 mod friction;
+mod harmonic;
 mod injection;
+mod joint_law;
+mod kind;
+mod lubrication;
+mod needs;
+mod parameter;
 mod play;
+mod predict;
+mod rest;
 mod scene;
 mod transmission;
 mod values;
 
+pub use basis::{Place, Term, Terms};
 pub use bearing::{Approach, BearingContact, Journal, bearing_contact};
+pub use bearing_load::BearingLoad;
 pub use catalogue::{CATALOGUE, kind};
 pub use clearance::{Clearance, ClearanceTable};
 pub use contact::{Material, NormalContact, NormalLaw, hertz_stiffness};
 pub use drive_friction::DriveFriction;
-pub use effect::{ArmParts, Effect, Kind, Parameter, Range, Role, Seen, Site};
+pub use effect::{ArmParts, Effect};
 pub use effects::{Effects, LawError, Placed};
 pub use friction::{ContactFriction, FrictionLaw};
 pub use injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw, ToolForce, Transmission};
+pub use joint_law::{AtJoint, Instant, JointLaw};
+pub use kind::{Kind, Seen, Site};
+pub use lubrication::Film;
+pub use needs::{Need, Recorded};
+pub use parameter::{Absent, Parameter, Range, Role};
 pub use play::{ArmWithPlay, Play};
+pub use predict::{Baseline, LowPassed, changed, predict};
+pub use rest::{Rest, settle};
 pub use scene::{
-    LowPassed, Prediction, Scene, Trajectory, changed, predict, rigid_torques, tool_positions, torque_unit,
+    Prediction, Scene, Trajectory, rigid_torques, tool_positions, tool_sensitivity, torque_sensitivity,
+    torque_unit,
 };
 pub use values::Values;

@@ -1,11 +1,10 @@
-//! What a recording would show of an arm with effects, given the motion that its encoders read.
+//! What effects see, and what they change: the arm in its motion, and everything that is predicted of it.
 
+use std::cell::OnceCell;
 use std::ops::Range;
 
-use freeplay_arm::{Arm, JointKind, Workspace, forward_kinematics, rnea};
-
-use crate::effect::{ArmParts, Effect};
-use crate::{DriveFriction, LawError, Placed};
+use freeplay_arm::{Arm, JointKind, Workspace, forward_kinematics, jacobian, rnea};
+use nalgebra::DMatrix;
 
 /// A motion of all joints over time, as the motor-side encoders read it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -39,6 +38,26 @@ impl Trajectory {
         (self.t[stretch.end - 1] - self.t[stretch.start]) / points as f64
     }
 
+    /// The same motion with each position `shift`, `[joint][point]`, further; velocities and accelerations by central differences within
+    /// each stretch.
+    #[must_use]
+    pub fn shifted(&self, shift: &[Vec<f64>]) -> Trajectory {
+        let mut shifted = self.clone();
+        for (joint, shift) in shift.iter().enumerate().filter(|(_, shift)| shift.iter().any(|&x| x != 0.0)) {
+            shifted.q[joint].iter_mut().zip(shift).for_each(|(q, shift)| *q += shift);
+            for stretch in self.stretches.iter().filter(|stretch| stretch.len() > 2) {
+                let step = self.step(stretch);
+                for point in stretch.clone() {
+                    let middle = point.clamp(stretch.start + 1, stretch.end - 2);
+                    let [before, at, after] = [shift[middle - 1], shift[middle], shift[middle + 1]];
+                    shifted.v[joint][point] += (after - before) / (2.0 * step);
+                    shifted.a[joint][point] += (after - 2.0 * at + before) / (step * step);
+                }
+            }
+        }
+        shifted
+    }
+
     /// Position, velocity and acceleration of all joints at `point` into slices of one number per joint.
     pub fn at(&self, point: usize, q: &mut [f64], v: &mut [f64], a: &mut [f64]) {
         for joint in 0..self.q.len() {
@@ -49,21 +68,33 @@ impl Trajectory {
 }
 
 /// What effects see: the arm, its motion, and what the rigid arm makes of it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Scene<'a> {
     /// The arm, with the effects that change it.
-    pub arm: &'a Arm,
+    pub arm: Arm,
     /// The motion that the encoders read.
     pub motion: &'a Trajectory,
-    /// Torque that the rigid arm needs for that motion, `[joint][point]`, N·m (N): the load of the transmissions. It is the
-    /// model's, never the measured one, which holds what is to be explained.
+    /// Torque that the rigid arm needs for that motion beyond what its rotors do, `[joint][point]`, N·m (N): the load of the
+    /// transmissions. It is the model's, never the measured one, which holds what is to be explained.
     pub load: Vec<Vec<f64>>,
+    tool_sensitivity: OnceCell<Vec<[Vec<f64>; 3]>>,
 }
 
 impl<'a> Scene<'a> {
     /// The scene of `arm` moving along `motion`.
-    pub fn new(arm: &'a Arm, motion: &'a Trajectory) -> Scene<'a> {
-        Scene { arm, motion, load: rigid_torques(arm, motion, None) }
+    pub fn new(arm: Arm, motion: &'a Trajectory) -> Scene<'a> {
+        let mut load = rigid_torques(&arm, motion, None);
+        for (load, torque) in load.iter_mut().zip(rotor_torques(&arm, motion)) {
+            load.iter_mut().zip(torque).for_each(|(load, torque)| *load -= torque);
+        }
+        Scene { arm, motion, load, tool_sensitivity: OnceCell::new() }
+    }
+}
+
+impl Scene<'_> {
+    /// How the tool moves with each joint along the motion, `[joint][axis][point]`, m/rad (m/m); worked out once.
+    pub fn tool_sensitivity(&self) -> &[[Vec<f64>; 3]] {
+        self.tool_sensitivity.get_or_init(|| tool_sensitivity(&self.arm, &self.motion.q))
     }
 }
 
@@ -80,84 +111,43 @@ pub struct Prediction {
     pub link: Vec<Vec<f64>>,
 }
 
-/// The low-pass that a measured column has gone through, applied to one column of the trajectory's points.
-pub type LowPassed<'a> = dyn Fn(&[f64]) -> Vec<f64> + 'a;
-
-/// What a recording of `motion` would show of `arm` with `effects`. Laws that jump go through `low_pass`, as the measurement did.
-///
-/// # Errors
-/// [`LawError::Changed`] if an effect leaves no possible arm.
-pub fn predict(
-    arm: &Arm,
-    effects: &[Placed],
-    motion: &Trajectory,
-    low_pass: &LowPassed,
-) -> Result<Prediction, LawError> {
-    let arm = &changed(arm, effects)?;
-    let scene = Scene::new(arm, motion);
-    let blank = || vec![vec![0.0; motion.len()]; arm.dof()];
-    let mut shift = blank();
-    gather(effects, low_pass, &mut shift, |effect, shift| effect.shift(&scene, shift));
-    let shifted = shift.iter().flatten().any(|&shift| shift != 0.0);
-    let mut torque = if shifted { rigid_torques(arm, motion, Some(&shift)) } else { scene.load.clone() };
-    let friction = nominal_friction(&scene, low_pass);
-    add(&mut torque, &friction);
-    gather(effects, low_pass, &mut torque, |effect, torque| effect.torque(&scene, torque));
-    let link: Vec<Vec<f64>> = motion.q.iter().zip(&shift).map(|(q, shift)| sum(q, shift)).collect();
-    let mut tool = tool_positions(arm, &link);
-    gather(effects, low_pass, &mut tool, |effect, tool| {
-        if let Ok(tool) = tool.try_into() {
-            effect.displace(&scene, tool);
-        }
-    });
-    let [x, y, z] = <[Vec<f64>; 3]>::try_from(tool).unwrap_or_default();
-    let mut prediction = Prediction { torque, friction, tool: [x, y, z], link };
-    for placed in effects {
-        placed.effect.measure(&scene, &mut prediction);
+impl Prediction {
+    /// All zeros, for an arm of `dof` joints and a motion of `points`.
+    pub fn blank(dof: usize, points: usize) -> Prediction {
+        let joints = || vec![vec![0.0; points]; dof];
+        let tool = [const { Vec::new() }; 3].map(|_: Vec<f64>| vec![0.0; points]);
+        Prediction { torque: joints(), friction: joints(), tool, link: joints() }
     }
-    Ok(prediction)
-}
 
-/// `arm` with the effects that change it.
-///
-/// # Errors
-/// [`LawError::Changed`] if an effect leaves no possible arm.
-pub fn changed(arm: &Arm, effects: &[Placed]) -> Result<Arm, LawError> {
-    let mut parts = ArmParts::of(arm);
-    for placed in effects {
-        placed.effect.arm(&mut parts)?;
+    /// Every column.
+    pub fn columns_mut(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
+        let joints = self.torque.iter_mut().chain(&mut self.friction).chain(&mut self.link);
+        joints.chain(&mut self.tool)
     }
-    parts.into_arm(arm.name())
-}
 
-/// Adds to `channels` what every effect has to say; what jumps is filtered first.
-fn gather(
-    effects: &[Placed],
-    low_pass: &LowPassed,
-    channels: &mut [Vec<f64>],
-    speak: impl Fn(&dyn Effect, &mut [Vec<f64>]),
-) {
-    for placed in effects {
-        let mut said: Vec<Vec<f64>> = channels.iter().map(|channel| vec![0.0; channel.len()]).collect();
-        speak(placed.effect.as_ref(), &mut said);
-        for (channel, said) in channels.iter_mut().zip(said) {
-            if said.iter().all(|&x| x == 0.0) {
-                continue;
-            }
-            let said = if placed.kind.rough { low_pass(&said) } else { said };
-            channel.iter_mut().zip(said).for_each(|(channel, said)| *channel += said);
+    /// Every column, in the same order.
+    pub fn columns(&self) -> impl Iterator<Item = &Vec<f64>> {
+        self.torque.iter().chain(&self.friction).chain(&self.link).chain(&self.tool)
+    }
+
+    /// Adds `other`, point by point.
+    pub fn add(&mut self, other: &Prediction) {
+        for (column, other) in self.columns_mut().zip(other.columns()) {
+            column.iter_mut().zip(other).for_each(|(x, other)| *x += other);
         }
     }
-}
 
-fn add(channels: &mut [Vec<f64>], others: &[Vec<f64>]) {
-    for (channel, other) in channels.iter_mut().zip(others) {
-        channel.iter_mut().zip(other).for_each(|(channel, other)| *channel += other);
+    /// Subtracts `other`, point by point.
+    pub fn subtract(&mut self, other: &Prediction) {
+        for (column, other) in self.columns_mut().zip(other.columns()) {
+            column.iter_mut().zip(other).for_each(|(x, other)| *x -= other);
+        }
     }
-}
 
-fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
-    a.iter().zip(b).map(|(a, b)| a + b).collect()
+    /// Multiplies every number by `factor`.
+    pub fn scale(&mut self, factor: f64) {
+        self.columns_mut().flatten().for_each(|x| *x *= factor);
+    }
 }
 
 /// Torque of the rigid arm along `motion`, with the links `shift` away from where the encoders have them, `[joint][point]`, N·m (N).
@@ -179,20 +169,10 @@ pub fn rigid_torques(arm: &Arm, motion: &Trajectory, shift: Option<&[Vec<f64>]>)
     torques
 }
 
-/// The friction that the arm file names for each joint; the jump of its sign goes through `low_pass`.
-fn nominal_friction(scene: &Scene, low_pass: &LowPassed) -> Vec<Vec<f64>> {
-    let joints = scene.arm.joints().iter().zip(&scene.motion.v);
-    joints
-        .map(|(joint, v)| {
-            let nominal = DriveFriction::nominal(joint.friction);
-            if nominal.coulomb == 0.0 {
-                return v.iter().map(|v| nominal.resisting(*v)).collect();
-            }
-            let jump = DriveFriction { viscous: 0.0, ..nominal };
-            let jump = low_pass(&v.iter().map(|v| jump.resisting(*v)).collect::<Vec<_>>());
-            jump.iter().zip(v).map(|(jump, v)| jump + nominal.viscous * v).collect()
-        })
-        .collect()
+/// Torque that the named rotors of `arm` take for their own acceleration along `motion`, `[joint][point]`, N·m (N).
+pub fn rotor_torques(arm: &Arm, motion: &Trajectory) -> Vec<Vec<f64>> {
+    let joints = arm.joints().iter().zip(&motion.a);
+    joints.map(|(joint, a)| a.iter().map(|a| joint.rotor_inertia * a).collect()).collect()
 }
 
 /// Tool position at each point of the joint positions `q`, `[axis][point]`, m.
@@ -217,4 +197,44 @@ pub fn torque_unit(kind: JointKind) -> &'static str {
         JointKind::Revolute => "N*m",
         JointKind::Prismatic => "N",
     }
+}
+
+/// How the tool moves with each joint, `[joint][axis][point]`, m/rad (m/m): the upper half of the Jacobian along `motion`.
+pub fn tool_sensitivity(arm: &Arm, q: &[Vec<f64>]) -> Vec<[Vec<f64>; 3]> {
+    let points = q.first().map_or(0, Vec::len);
+    let (mut ws, mut columns) = (Workspace::new(arm), DMatrix::zeros(6, arm.dof()));
+    let mut sensitivity =
+        vec![[const { Vec::new() }; 3].map(|_: Vec<f64>| Vec::with_capacity(points)); arm.dof()];
+    let mut here = vec![0.0; q.len()];
+    for point in 0..points {
+        here.iter_mut().zip(q).for_each(|(here, q)| *here = q[point]);
+        jacobian(arm, &mut ws, &here, &mut columns);
+        for (joint, tool) in sensitivity.iter_mut().enumerate() {
+            for (axis, tool) in tool.iter_mut().enumerate() {
+                tool.push(columns[(axis, joint)]);
+            }
+        }
+    }
+    sensitivity
+}
+
+/// How the rigid arm's torques change with each joint's position, `[moved joint][joint][point]`, N·m/rad, by central differences about
+/// the positions `shift` away from the motion's.
+pub fn torque_sensitivity(arm: &Arm, motion: &Trajectory, shift: &[Vec<f64>]) -> Vec<Vec<Vec<f64>>> {
+    /// Rounding and curvature together are about 1e-9 of the torque.
+    const STEP: f64 = 1e-4;
+    let moved = |joint: usize, by: f64| {
+        let mut shift = shift.to_vec();
+        shift[joint].iter_mut().for_each(|shift| *shift += by);
+        rigid_torques(arm, motion, Some(&shift))
+    };
+    let difference = |ahead: Vec<f64>, behind: Vec<f64>| -> Vec<f64> {
+        ahead.iter().zip(behind).map(|(ahead, behind)| (ahead - behind) / (2.0 * STEP)).collect()
+    };
+    (0..arm.dof())
+        .map(|joint| {
+            let pairs = moved(joint, STEP).into_iter().zip(moved(joint, -STEP));
+            pairs.map(|(ahead, behind)| difference(ahead, behind)).collect()
+        })
+        .collect()
 }

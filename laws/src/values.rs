@@ -1,17 +1,18 @@
 //! The values of one `[[effect]]` table, checked against its kind.
 
-use freeplay_arm::{Arm, EffectTable};
+use freeplay_arm::{Arm, EffectTable, JointFriction};
 use serde::de::DeserializeOwned;
 
 use crate::LawError;
-use crate::effect::{Kind, Range, Site};
+use crate::kind::{Kind, Site};
+use crate::parameter::{Absent, Range};
 
 /// The values of an effect's parameters, at its place in an arm; every value is in its range.
 #[derive(Clone, Debug)]
 pub struct Values {
     kind: &'static Kind,
     joint: Option<usize>,
-    joints: Vec<String>,
+    arm: Arm,
     table: EffectTable,
 }
 
@@ -22,7 +23,7 @@ impl Values {
     /// [`LawError`] with the line of the table: a joint that is not there or cannot have the effect; a parameter that is unknown,
     /// missing, of the wrong type or out of its range.
     pub fn of(kind: &'static Kind, table: &EffectTable, arm: &Arm) -> Result<Values, LawError> {
-        let joints: Vec<String> = arm.joints().iter().map(|joint| joint.name.clone()).collect();
+        let joints = names(arm);
         let unknown_joint = |name: &str| LawError::UnknownJoint {
             kind: kind.name.to_owned(),
             line: table.line,
@@ -46,9 +47,11 @@ impl Values {
         if let (Site::Revolute, Some(at)) = (kind.site, joint)
             && arm.joints()[at].kind != freeplay_arm::JointKind::Revolute
         {
-            return Err(LawError::WrongJoint { kind: kind.name.to_owned(), joint: joints[at].clone() });
+            let (kind, joint) = (kind.name.to_owned(), joints[at].to_owned());
+            return Err(LawError::WrongJoint { kind, line: table.line, joint });
         }
-        let values = Values { kind, joint, joints, table: table.clone() };
+        let values = Values { kind, joint, arm: arm.clone(), table: table.clone() };
+        values.check_names()?;
         for parameter in kind.parameters {
             values.check(parameter.name, parameter.range)?;
         }
@@ -63,18 +66,39 @@ impl Values {
         self.joint.ok_or_else(|| self.unreadable("it needs a joint".to_owned()))
     }
 
+    /// The arm, as its file has it.
+    pub fn arm(&self) -> &Arm {
+        &self.arm
+    }
+
+    /// The friction that the arm file names for the joint; none for an effect of the whole arm.
+    pub fn nominal_friction(&self) -> JointFriction {
+        self.joint.map(|joint| self.arm.joints()[joint].friction).unwrap_or_default()
+    }
+
     /// The number called `name`, or its default.
     ///
     /// # Errors
     /// [`LawError::Unreadable`] if it is missing or not a number.
     pub fn number(&self, name: &str) -> Result<f64, LawError> {
-        let default = self.kind.parameters.iter().find(|parameter| parameter.name == name);
-        match (self.table.parameters.get(name), default.map(|parameter| parameter.range)) {
-            (Some(value), _) => value
-                .as_float()
-                .or_else(|| value.as_integer().map(|whole| whole as f64))
-                .ok_or_else(|| self.unreadable(format!("`{name}` must be a number"))),
-            (None, Some(Range::Number { default: Some(default), .. })) => Ok(default),
+        self.optional(name)?.ok_or_else(|| self.unreadable(format!("`{name}` is missing")))
+    }
+
+    /// The number called `name`, or its default; `None` where the file is silent and that means something of its own.
+    ///
+    /// # Errors
+    /// [`LawError::Unreadable`] if it has to be given and is not, or is not a number.
+    pub fn optional(&self, name: &str) -> Result<Option<f64>, LawError> {
+        let range = self.kind.parameter(name).map(|parameter| parameter.range);
+        match (self.table.parameters.get(name), range) {
+            (Some(value), _) => {
+                let number = value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64));
+                number
+                    .map(Some)
+                    .ok_or_else(|| self.unreadable(format!("`{name}` = {value} must be a number")))
+            }
+            (None, Some(Range::Number { absent: Absent::Is(default), .. })) => Ok(Some(default)),
+            (None, Some(Range::Number { absent: Absent::Means(_), .. })) => Ok(None),
             (None, _) => Err(self.unreadable(format!("`{name}` is missing"))),
         }
     }
@@ -84,8 +108,8 @@ impl Values {
     /// # Errors
     /// [`LawError::Unreadable`] if it is missing or not three numbers.
     pub fn vector(&self, name: &str) -> Result<[f64; 3], LawError> {
-        let default = self.kind.parameters.iter().find(|parameter| parameter.name == name);
-        match (self.table.parameters.get(name), default.map(|parameter| parameter.range)) {
+        let range = self.kind.parameter(name).map(|parameter| parameter.range);
+        match (self.table.parameters.get(name), range) {
             (Some(value), _) => {
                 let numbers: Result<[f64; 3], _> = value.clone().try_into();
                 numbers.map_err(|_| {
@@ -103,12 +127,12 @@ impl Values {
     /// [`LawError::UnknownJoint`] if there is none.
     pub fn other_joint(&self, name: &str) -> Result<usize, LawError> {
         let other = self.table.parameters.get(name).and_then(|value| value.as_str()).unwrap_or_default();
-        let found = self.joints.iter().position(|joint| joint == other);
-        found.filter(|&found| Some(found) != self.joint).ok_or_else(|| LawError::UnknownJoint {
+        let found = self.arm.joint_index(other).filter(|&found| Some(found) != self.joint);
+        found.ok_or_else(|| LawError::UnknownJoint {
             kind: self.kind.name.to_owned(),
             line: self.table.line,
             joint: other.to_owned(),
-            joints: self.joints.join(", "),
+            joints: names(&self.arm).join(", "),
         })
     }
 
@@ -117,8 +141,7 @@ impl Values {
     /// # Errors
     /// [`LawError::Unreadable`] if it is none of those allowed.
     pub fn word(&self, name: &str) -> Result<&'static str, LawError> {
-        let parameter = self.kind.parameters.iter().find(|parameter| parameter.name == name);
-        let Some(Range::Word(words)) = parameter.map(|parameter| parameter.range) else {
+        let Some(Range::Word(words)) = self.kind.parameter(name).map(|parameter| parameter.range) else {
             return Err(self.unreadable(format!("`{name}` is not a word")));
         };
         let Some(value) = self.table.parameters.get(name) else { return Ok(words[0]) };
@@ -140,12 +163,28 @@ impl Values {
         self.table.line
     }
 
+    /// Refuses parameters that the kind does not have.
+    fn check_names(&self) -> Result<(), LawError> {
+        match self.table.parameters.keys().find(|name| self.kind.parameter(name).is_none()) {
+            None => Ok(()),
+            Some(unknown) => {
+                let known: Vec<String> =
+                    self.kind.parameters.iter().map(|parameter| format!("`{}`", parameter.name)).collect();
+                Err(self
+                    .unreadable(format!("unknown field `{unknown}`, expected one of {}", known.join(", "))))
+            }
+        }
+    }
+
     fn check(&self, name: &'static str, range: Range) -> Result<(), LawError> {
         match range {
+            Range::Table => {}
             Range::Number { least, most, .. } => {
                 let given = self.table.parameters.contains_key(name);
-                let value = self.number(name)?;
-                if given && !(value >= least && value <= most) {
+                if let Some(value) = self.optional(name)?
+                    && given
+                    && !(value >= least && value <= most)
+                {
                     return Err(self.unreadable(format!("`{name}` = {value} must be {least:e} to {most:e}")));
                 }
             }
@@ -168,4 +207,8 @@ impl Values {
     fn unreadable(&self, message: String) -> LawError {
         LawError::Unreadable { kind: self.kind.name.to_owned(), line: self.table.line, message }
     }
+}
+
+fn names(arm: &Arm) -> Vec<&str> {
+    arm.joints().iter().map(|joint| joint.name.as_str()).collect()
 }

@@ -7,7 +7,7 @@
 //! Source: Spong 1987, J. Dyn. Syst. Meas. Control 109:310 (the rotor counts on its own joint alone).
 
 use freeplay_arm::{Arm, Joint, Workspace, crba};
-use freeplay_laws::{LawError, Transmission};
+use freeplay_laws::{ArmParts, LawError, Transmission};
 use nalgebra::DMatrix;
 
 use crate::SystemError;
@@ -27,6 +27,18 @@ pub(crate) struct Sides {
     pub motor: f64,
     /// Least inertia on the link's side with all other joints free, kg·m² (kg).
     pub link: f64,
+}
+
+/// `arm` with `rotors`, inertias by joint index in kg·m² (kg), beside those that its file names.
+///
+/// # Errors
+/// [`SystemError::Law`] where that is no possible arm.
+pub(crate) fn with_rotors(arm: &Arm, rotors: &[(usize, f64)]) -> Result<Arm, SystemError> {
+    let mut parts = ArmParts::of(arm);
+    for &(joint, inertia) in rotors {
+        parts.joints[joint].rotor_inertia += inertia;
+    }
+    Ok(parts.into_arm(arm.name())?)
 }
 
 /// The arm on the links' side of the transmissions at `joints`, and the inertias of their sides, for a motion through `postures`.

@@ -14,7 +14,7 @@ use nalgebra::Isometry3;
 use thiserror::Error;
 
 use crate::drives::{Drives, Motor};
-use crate::rotor::{check_step, share_out};
+use crate::rotor::{check_step, share_out, with_rotors};
 use crate::tool_forces::ToolForces;
 use crate::{Bearing, ContactTally, Ledger, Motion};
 
@@ -171,6 +171,7 @@ impl System {
         period: f64,
         substeps: u32,
     ) -> Result<Self, SystemError> {
+        let arm = &with_rotors(arm, &injection.rotors)?;
         let parted: Vec<usize> = injection.transmissions.iter().map(|(joint, _)| *joint).collect();
         let (links, sides) =
             if parted.is_empty() { (arm.clone(), Vec::new()) } else { share_out(arm, &parted, postures)? };

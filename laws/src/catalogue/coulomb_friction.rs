@@ -1,32 +1,29 @@
 //! Coulomb friction of a joint's drive, beyond the nominal.
 //!
-//! Law: τ = F sign(q̇), with F \[N·m\] extra to what the arm file names; it may be negative where the file names too much.
+//! Law: τ = F sign(q̇), with F \[N·m\] extra to what the arm file names; it may be negative where the file names too much, down to
+//! what it names. τ is what the drive spends: positive for a positive velocity.
 //! Source: Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, §2.1.
-//! In the plant the sign is smoothed over [`DriveFriction::SMOOTHING`], as the nominal friction's is.
+//! In the plant the sign is smoothed over [`crate::DriveFriction::SMOOTHING`], as the nominal friction's is.
 
-use crate::DriveFriction;
-use crate::effect::{Effect, Kind, Parameter, Range, Role, Seen, Site};
-use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::scene::Scene;
+use crate::basis::Terms;
+use crate::joint_law::{AtJoint, Instant, JointLaw};
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
 
 /// The entry.
 pub static KIND: Kind = Kind {
     name: "coulomb_friction",
     title: "Coulomb friction",
     site: Site::Joint,
-    parameters: &[Parameter {
-        name: "coulomb",
-        meaning: "friction torque at any speed, extra to the nominal",
-        range: Range::Number {
-            unit: "N*m",
-            prismatic_unit: "N",
-            least: -1e6,
-            most: 1e6,
-            default: None,
-            role: Role::Linear,
-        },
-    }],
-    seen: Seen { torque: true, pose: false },
+    parameters: &[Parameter::number(
+        "coulomb",
+        "friction torque at any speed, extra to the nominal",
+        "N*m",
+        [-1e6, 1e6],
+    )
+    .prismatic("N")],
+    seen: Seen::TORQUE,
     rough: true,
     equation: "τ = F sign(q̇)",
     source: "Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994",
@@ -35,32 +32,27 @@ pub static KIND: Kind = Kind {
         ("asymmetric_friction", "the step differs between the two directions"),
         ("stribeck_friction", "the friction falls with the speed near standstill"),
         ("load_dependent_friction", "the step grows with the load"),
+        ("viscous_friction", "grows with the speed: several speeds separate them"),
+        ("backlash", "flips with the transmitted torque, not with the velocity"),
     ],
+    contains: &[],
+    needs: &[Need::Torque, Need::Motion, Need::Reversals(1)],
+    terms: Terms::EXTRA_COULOMB,
+    shapes: one_shape,
     build: |values| {
-        Ok(Box::new(CoulombFriction { joint: values.joint()?, coulomb: values.number("coulomb")? }))
+        let law = Coulomb { coulomb: values.number("coulomb")? };
+        Ok(Box::new(AtJoint { joint: values.joint()?, law }))
     },
 };
 
+/// F sign(q̇).
 #[derive(Clone, Copy, Debug)]
-struct CoulombFriction {
-    joint: usize,
+struct Coulomb {
     coulomb: f64,
 }
 
-impl Effect for CoulombFriction {
-    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
-        for (torque, v) in torque[self.joint].iter_mut().zip(&scene.motion.v[self.joint]) {
-            *torque += if *v == 0.0 { 0.0 } else { self.coulomb * v.signum() };
-        }
-    }
-
-    fn inject(&self, injection: &mut Injection) {
-        injection.drives.push(Box::new(*self));
-    }
-}
-
-impl DriveLaw for CoulombFriction {
-    fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
-        torque[self.joint] -= self.coulomb * (now.v[self.joint] / DriveFriction::SMOOTHING).tanh();
+impl JointLaw for Coulomb {
+    fn resisting(&self, at: &Instant) -> f64 {
+        self.coulomb * at.sign
     }
 }

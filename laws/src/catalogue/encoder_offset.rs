@@ -3,8 +3,12 @@
 //! Law: q_true = q − q₀ with the offset q₀ \[rad\]: the encoder reads q₀ where the joint is at zero.
 //! Source: Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration, §2.
 
-use crate::effect::{Effect, Kind, Parameter, Range, Role, Seen, Site};
+use crate::basis::{Term, Terms, with};
+use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
 use crate::scene::Scene;
 
 /// The entry.
@@ -12,19 +16,14 @@ pub static KIND: Kind = Kind {
     name: "encoder_offset",
     title: "encoder zero offset",
     site: Site::Joint,
-    parameters: &[Parameter {
-        name: "offset",
-        meaning: "what the encoder reads where the joint is at zero",
-        range: Range::Number {
-            unit: "rad",
-            prismatic_unit: "m",
-            least: -3.2,
-            most: 3.2,
-            default: None,
-            role: Role::Linear,
-        },
-    }],
-    seen: Seen { torque: true, pose: true },
+    parameters: &[Parameter::number(
+        "offset",
+        "what the encoder reads where the joint is at zero",
+        "rad",
+        [-3.2, 3.2],
+    )
+    .prismatic("m")],
+    seen: Seen::BOTH,
     rough: false,
     equation: "q_true = q − q₀",
     source: "Mooring, Roth & Driels 1991, §2",
@@ -33,6 +32,23 @@ pub static KIND: Kind = Kind {
         ("base_tilt", "tips the tool too, about another axis"),
         ("link_length", "is off along the link, not about the joint"),
     ],
+    contains: &[],
+    needs: &[Need::TorqueOrPose],
+    terms: Terms {
+        list: |kind, place, shape| {
+            /// Small enough to act linearly to 1e-4.
+            const STEP: f64 = 1e-4;
+            let term = Term::new(
+                "offset",
+                kind.unit("offset", place.joint()),
+                [-3.2, 3.2],
+                with(shape, [("offset", STEP)]),
+            );
+            vec![term.stepped(STEP)]
+        },
+        compose: |_, shape, coefficients| with(shape, [("offset", coefficients[0])]),
+    },
+    shapes: one_shape,
     build: |values| Ok(Box::new(EncoderOffset { joint: values.joint()?, offset: values.number("offset")? })),
 };
 

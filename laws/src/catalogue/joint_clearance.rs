@@ -1,17 +1,20 @@
 //! Radial play of a revolute joint: the journal moves in its bearing across the axis.
 //!
 //! Law: contact by Lankarani & Nikravesh in the plane across the axis, see [`Clearance`]. In a recording the journal rests where
-//! the force b that the bearing carries presses it: d = (c + (|b|/K)^(2/3)) n, n along −b, and the tool is off by J d. Impacts and free
-//! flight are left to the plant.
+//! the force b that the bearing carries presses it, turned by its friction, see [`crate::settle`]: about d = (c + (|b|/K)^(2/3)) n with n
+//! along −b, and the tool is off by J d. Journals are microns against the arm, so that those of several joints add. Impacts and free
+//! flight, and the friction's moment on the drive (μ R_j |b|, some mN·m), are left to the plant.
 //! Source: Erkaya 2018, Eqs. 1–7; Flores et al. 2006, Mech. Mach. Theory 41:247.
 
-use freeplay_arm::{Workspace, jacobian, rnea};
-use nalgebra::{DMatrix, Vector3};
-
-use crate::effect::{Effect, Kind, Parameter, Range, Role, Seen, Site};
+use crate::basis::{Term, Terms, with};
+use crate::bearing_load::BearingLoad;
+use crate::effect::Effect;
 use crate::injection::Injection;
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::{Parameter, Range};
 use crate::scene::Scene;
-use crate::{ArmWithPlay, Clearance, ClearanceTable};
+use crate::{Clearance, ClearanceTable, Rest, settle};
 
 /// The entry.
 pub static KIND: Kind = Kind {
@@ -19,12 +22,46 @@ pub static KIND: Kind = Kind {
     title: "radial play of the joint",
     site: Site::Revolute,
     parameters: &[
-        number("clearance", "radial clearance c", "m", 0.0, 0.01, None, Role::Linear),
-        number("stiffness", "contact stiffness K", "N/m^1.5", 1e3, 1e15, Some(f64::NAN), Role::Given),
-        number("restitution", "coefficient of restitution", "1", 0.0, 1.0, Some(0.9), Role::Given),
-        number("friction", "coefficient of friction", "1", 0.0, 1.0, Some(0.01), Role::Given),
+        Parameter::number("clearance", "radial clearance c, less than the bearing radius", "m", [0.0, 1.0]),
+        Parameter::number("stiffness", "contact stiffness K", "N/m^1.5", [1e3, 1e15])
+            .or_else("by Hertz, from radii and material")
+            .given(),
+        Parameter::number("restitution", "coefficient of restitution", "1", [1e-3, 1.0]).or(0.9).given(),
+        Parameter::number("friction", "dynamic coefficient of friction", "1", [0.0, 1.0]).or(0.01).given(),
+        Parameter::number("static_friction", "static coefficient of friction", "1", [0.0, 1.0])
+            .or_else("the dynamic one")
+            .given(),
+        Parameter::number("static_speed", "sliding speed of the static friction", "m/s", [1e-9, 1e3])
+            .or(1e-3)
+            .given(),
+        Parameter::number("dynamic_speed", "sliding speed of the dynamic friction", "m/s", [1e-9, 1e3])
+            .or(1e-2)
+            .given(),
+        Parameter::number("impact_speed_floor", "least impact speed of the contact law", "m/s", [1e-12, 1e3])
+            .or(1e-3)
+            .given(),
+        Parameter::number("bearing_radius", "radius of the bearing", "m", [1e-6, 10.0]).or(0.010).given(),
+        Parameter {
+            name: "normal_law",
+            meaning: "how the contact dissipates",
+            range: Range::Word(&[
+                "lankarani-nikravesh",
+                "hunt-crossley",
+                "hu-guo",
+                "flores",
+                "gonthier",
+                "herbert-mcwhannell",
+                "lee-wang",
+            ]),
+        },
+        Parameter {
+            name: "friction_law",
+            meaning: "how the friction depends on the sliding speed",
+            range: Range::Word(&["corrected", "ambrosio", "threlfall", "printed"]),
+        },
+        Parameter { name: "material", meaning: "Young's modulus and Poisson's ratio", range: Range::Table },
     ],
-    seen: Seen { torque: false, pose: true },
+    seen: Seen::POSE,
     rough: false,
     equation: "d = (c + (|b|/K)^(2/3)) n, n along the pin force −b across the axis; the tool moves by J d",
     source: "Erkaya 2018, Eqs. 1–7; Lankarani & Nikravesh 1990",
@@ -32,28 +69,27 @@ pub static KIND: Kind = Kind {
     confounders: &[
         ("backlash", "has one dimension and follows the transmitted torque"),
         ("joint_elasticity", "grows with the load"),
+        ("lubricated_clearance", "is smooth and depends on the speed"),
+        ("link_length", "turns with the link, not with the force"),
     ],
+    contains: &[],
+    needs: &[Need::Tool],
+    terms: Terms {
+        list: |_, _, shape| {
+            /// Clearances at which the penetration, some µm that grow with the cube root of c, is nearly the same and cancels.
+            const STEP: f64 = 2e-4;
+            let at = |clearance| with(shape, [("clearance", clearance)]);
+            vec![Term::new("clearance", "m", [0.0, 0.01], at(2.0 * STEP)).less(at(STEP)).stepped(STEP)]
+        },
+        compose: |_, shape, coefficients| with(shape, [("clearance", coefficients[0])]),
+    },
+    shapes: one_shape,
     build: |values| {
         let table: ClearanceTable = values.table()?;
-        Ok(Box::new(JointClearance { joint: values.joint()?, clearance: Clearance::new(&table)? }))
+        let clearance = Clearance::new(&table).map_err(|error| error.at(values.line()))?;
+        Ok(Box::new(JointClearance { joint: values.joint()?, clearance }))
     },
 };
-
-const fn number(
-    name: &'static str,
-    meaning: &'static str,
-    unit: &'static str,
-    least: f64,
-    most: f64,
-    default: Option<f64>,
-    role: Role,
-) -> Parameter {
-    Parameter {
-        name,
-        meaning,
-        range: Range::Number { unit, prismatic_unit: unit, least, most, default, role },
-    }
-}
 
 #[derive(Clone, Copy, Debug)]
 struct JointClearance {
@@ -63,35 +99,50 @@ struct JointClearance {
 
 impl Effect for JointClearance {
     fn displace(&self, scene: &Scene, tool: &mut [Vec<f64>; 3]) {
-        let Ok(play) = ArmWithPlay::new(scene.arm, &[(self.joint, self.clearance)]) else { return };
-        let arm = play.arm();
-        let (mut ws, n) = (Workspace::new(arm), arm.dof());
-        let mut nominal = [vec![0.0; n - 2], vec![0.0; n - 2], vec![0.0; n - 2]];
-        let mut spread = [vec![0.0; n], vec![0.0; n], vec![0.0; n]];
-        let (mut tau, mut columns) = (vec![0.0; n], DMatrix::zeros(6, n));
-        let slides = play.plays()[0].slides;
-        for point in 0..scene.motion.len() {
-            let [q, v, a] = &mut nominal;
-            scene.motion.at(point, q, v, a);
-            for (spread, nominal) in spread.iter_mut().zip(&nominal) {
-                play.spread(nominal, spread);
-            }
-            rnea(arm, &mut ws, &spread[0], &spread[1], &spread[2], &mut tau);
-            let force = tau[slides[0]].hypot(tau[slides[1]]);
-            if force <= 0.0 {
-                continue;
-            }
-            let reach = self.clearance.clearance + self.clearance.normal.static_penetration(force);
-            jacobian(arm, &mut ws, &spread[0], &mut columns);
-            let moved: Vector3<f64> = slides
-                .into_iter()
-                .map(|slide| columns.fixed_view::<3, 1>(0, slide) * (-reach * tau[slide] / force))
-                .sum();
-            tool.iter_mut().zip(moved.iter()).for_each(|(tool, moved)| tool[point] += moved);
-        }
+        let mut last = Rest::default();
+        follow(scene, self.joint, self.clearance, tool, |at| {
+            let before = if at.begins { Rest::default() } else { last };
+            last = settle(&self.clearance, at.force, at.turning, &before, at.step);
+            last.displacement
+        });
     }
 
     fn inject(&self, injection: &mut Injection) {
         injection.clearances.push((self.joint, self.clearance));
+    }
+}
+
+/// What a journal feels at one point of a motion.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AtPoint {
+    /// Whether a stretch begins here.
+    pub begins: bool,
+    /// Time since the point before, s.
+    pub step: f64,
+    /// Force b that the bearing has to carry, along the two slides, N.
+    pub force: [f64; 2],
+    /// Speed of the joint, rad/s.
+    pub turning: f64,
+}
+
+/// Moves the `tool` by what `displacement` says of the journal of `joint` at each point of the motion, along the two slides, m.
+pub(super) fn follow(
+    scene: &Scene,
+    joint: usize,
+    clearance: Clearance,
+    tool: &mut [Vec<f64>; 3],
+    mut displacement: impl FnMut(AtPoint) -> [f64; 2],
+) {
+    let Ok(mut bearing) = BearingLoad::new(&scene.arm, joint, clearance) else { return };
+    for stretch in &scene.motion.stretches {
+        let step = scene.motion.step(stretch);
+        for point in stretch.clone() {
+            let [q, v, a] = &mut bearing.motion;
+            scene.motion.at(point, q, v, a);
+            let (force, turning) = (bearing.force(), bearing.turning());
+            let moved = displacement(AtPoint { begins: point == stretch.start, step, force, turning });
+            let moved = bearing.moved(moved);
+            tool.iter_mut().zip(moved.iter()).for_each(|(tool, moved)| tool[point] += moved);
+        }
     }
 }

@@ -1,15 +1,71 @@
 //! The catalogue of effects: one file each, one line here.
 
-use crate::effect::Kind;
+use crate::kind::Kind;
 
+mod actuator_saturation;
+mod asymmetric_friction;
+mod backlash;
+mod base_tilt;
 mod coulomb_friction;
+mod encoder_eccentricity;
 mod encoder_offset;
+mod external_force;
+mod friction_drift;
 mod joint_clearance;
+mod joint_coupling;
+mod joint_elasticity;
+mod joint_spring;
+mod link_flexure;
+mod link_length;
+mod link_mass;
+mod load_dependent_friction;
+mod lubricated_clearance;
 mod payload;
+mod position_dependent_friction;
+mod presliding_friction;
+mod quadratic_drag;
+mod rotor_inertia;
+mod sensor_lowpass;
+mod stribeck_friction;
+mod time_delay;
+mod torque_gain;
+mod torque_offset;
+mod torque_ripple;
+mod viscous_friction;
 
-/// Every kind of effect there is.
-pub static CATALOGUE: &[&Kind] =
-    &[&joint_clearance::KIND, &coulomb_friction::KIND, &payload::KIND, &encoder_offset::KIND];
+/// Every kind of effect there is, in the order of the documentation: joints with play, friction, masses, drives, sensors.
+pub static CATALOGUE: &[&Kind] = &[
+    &joint_clearance::KIND,
+    &lubricated_clearance::KIND,
+    &backlash::KIND,
+    &joint_elasticity::KIND,
+    &link_flexure::KIND,
+    &coulomb_friction::KIND,
+    &viscous_friction::KIND,
+    &stribeck_friction::KIND,
+    &asymmetric_friction::KIND,
+    &load_dependent_friction::KIND,
+    &position_dependent_friction::KIND,
+    &presliding_friction::KIND,
+    &friction_drift::KIND,
+    &quadratic_drag::KIND,
+    &rotor_inertia::KIND,
+    &payload::KIND,
+    &link_mass::KIND,
+    &base_tilt::KIND,
+    &link_length::KIND,
+    &joint_spring::KIND,
+    &joint_coupling::KIND,
+    &external_force::KIND,
+    &actuator_saturation::KIND,
+    &torque_offset::KIND,
+    &torque_gain::KIND,
+    &torque_ripple::KIND,
+    &encoder_offset::KIND,
+    &encoder_eccentricity::KIND,
+    &time_delay::KIND,
+    &sensor_lowpass::KIND,
+];
 
 /// The kind called `name`.
 pub fn kind(name: &str) -> Option<&'static Kind> {

@@ -1,15 +1,23 @@
 //! A payload on the last link that the model does not know.
 //!
-//! Law: a point mass m \[kg\] at c \[m\] in the last link's frame is added to that link by the parallel axis theorem (Steiner 1840).
-//! It may be negative where the model carries too much. Gravity and inertia show on every joint before it.
-//! Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9.
+//! Law: a body of mass m \[kg\] with its centre at c \[m\] in the last link's frame, with a tensor about its centre \[kg·m²\] that is zero
+//! where the file is silent, joins that link by the parallel axis theorem (Steiner 1840). m may be negative where the model carries too
+//! much. Gravity and inertia show on every joint before it.
+//! Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9: the torque is linear in m, m c and the tensor about
+//! the link's origin; those are the terms. With four terms (m, m c) the tensor m(c² 1 − c cᵀ) of the point mass is left out of the
+//! columns, some percent of a wrist's torque (c q̈/g of it); with ten terms, none is.
 
 use freeplay_arm::Inertia;
 use nalgebra::{Isometry3, Matrix3, Vector3};
+use toml::{Table, Value};
 
 use crate::LawError;
-use crate::effect::{ArmParts, Effect, Kind, Parameter, Range, Role, Seen, Site};
+use crate::basis::{Place, Term, Terms};
+use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
+use crate::kind::{Kind, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
 
 /// The entry.
 pub static KIND: Kind = Kind {
@@ -17,47 +25,114 @@ pub static KIND: Kind = Kind {
     title: "payload",
     site: Site::Arm,
     parameters: &[
-        Parameter {
-            name: "mass",
-            meaning: "mass on the last link, extra to the model's",
-            range: Range::Number {
-                unit: "kg",
-                prismatic_unit: "kg",
-                least: -1e4,
-                most: 1e4,
-                default: None,
-                role: Role::Linear,
-            },
-        },
-        Parameter {
-            name: "com",
-            meaning: "its centre of mass in the last link's frame",
-            range: Range::Vector { unit: "m", default: Some([0.0; 3]), role: Role::Shape },
-        },
+        Parameter::number("mass", "mass on the last link, extra to the model's", "kg", [-1e4, 1e4]),
+        Parameter::vector("com", "its centre of mass in the last link's frame", "m").or_zero(),
+        Parameter::vector("moments", "its moments of inertia xx, yy, zz about its centre", "kg*m^2")
+            .or_zero(),
+        Parameter::vector("products", "its elements xy, xz, yz of the tensor about its centre", "kg*m^2")
+            .or_zero(),
     ],
-    seen: Seen { torque: true, pose: false },
+    seen: Seen::TORQUE,
     rough: false,
-    equation: "m, m·c added to the last link: gravity and inertia on all joints before it",
+    equation: "m, m·c and J added to the last link: gravity and inertia on all joints before it",
     source: "Khalil & Dombre 2002, §9",
     signature: "gravity and inertia of one body on all joints, growing towards the base",
     confounders: &[
-        ("base_tilt", "turns gravity for all links alike"),
+        ("base_tilt", "turns gravity for all links alike and leaves inertia as it is"),
         ("link_mass", "does not show on the joints after that link"),
+        ("joint_spring", "does not follow the direction of gravity"),
+        ("external_force", "does not move with the tool and lasts for a time"),
+        ("rotor_inertia", "shows on one joint only and not under gravity"),
     ],
-    build: |values| Ok(Box::new(Payload { mass: values.number("mass")?, com: values.vector("com")?.into() })),
+    contains: &[],
+    needs: &[Need::Torque],
+    terms: Terms { list: terms, compose },
+    shapes: |_| {
+        [4, 10].map(|terms| [("terms".to_owned(), Value::Integer(terms))].into_iter().collect()).into()
+    },
+    build: |values| {
+        let [xx, yy, zz] = values.vector("moments")?;
+        let [xy, xz, yz] = values.vector("products")?;
+        let about_com = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz);
+        let (mass, com) = (values.number("mass")?, values.vector("com")?.into());
+        Ok(Box::new(Payload(Inertia { mass, com, about_com })))
+    },
 };
 
-#[derive(Clone, Copy, Debug)]
-struct Payload {
-    mass: f64,
-    com: Vector3<f64>,
+/// Names of the terms: mass, first moments, tensor about the link's origin.
+const NAMES: [&str; 10] = ["mass", "moment_x", "moment_y", "moment_z", "xx", "yy", "zz", "xy", "xz", "yz"];
+
+/// A table of parameters.
+fn body(mass: f64, com: [f64; 3], moments: [f64; 3], products: [f64; 3]) -> Table {
+    let vector = |v: [f64; 3]| Value::Array(v.into_iter().map(Value::Float).collect());
+    [
+        ("mass", Value::Float(mass)),
+        ("com", vector(com)),
+        ("moments", vector(moments)),
+        ("products", vector(products)),
+    ]
+    .into_iter()
+    .map(|(name, value)| (name.to_owned(), value))
+    .collect()
 }
+
+fn unit(axis: usize, length: f64) -> [f64; 3] {
+    std::array::from_fn(|i| if i == axis { length } else { 0.0 })
+}
+
+/// How many terms `shape` asks for.
+fn count(shape: &Table) -> usize {
+    if shape.get("terms").and_then(Value::as_integer) == Some(10) { 10 } else { 4 }
+}
+
+fn terms(_: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
+    /// Lever of the first moments, m: ±1 kg there is a tensor that cancels in the difference.
+    const LEVER: f64 = 0.1;
+    let none = [0.0; 3];
+    let carried = place.scene.arm.joints().last().map_or(0.0, |joint| joint.inertia.mass);
+    let (free, tensor) = ([-1e6, 1e6], "kg*m^2");
+    let mut terms = vec![Term::new(NAMES[0], "kg", [-carried, 1e4], body(1.0, none, none, none))];
+    for axis in 0..3 {
+        let at = |lever| body(1.0, unit(axis, lever), none, none);
+        terms.push(Term::new(NAMES[1 + axis], "kg*m", free, at(LEVER)).less(at(-LEVER)).stepped(2.0 * LEVER));
+    }
+    if count(shape) == 10 {
+        // Every body of these tables can exist: a product is seen beside moments that carry it.
+        let round = [1.0; 3];
+        for axis in 0..3 {
+            terms.push(Term::new(NAMES[4 + axis], tensor, free, body(0.0, none, unit(axis, 1.0), none)));
+        }
+        for pair in 0..3 {
+            let with_product = body(0.0, none, round, unit(pair, 0.5));
+            let without = body(0.0, none, round, none);
+            terms.push(Term::new(NAMES[7 + pair], tensor, free, with_product).less(without).stepped(0.5));
+        }
+    }
+    terms
+}
+
+fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
+    let mass = coefficients[0];
+    let com =
+        if mass == 0.0 { Vector3::zeros() } else { Vector3::from_column_slice(&coefficients[1..4]) / mass };
+    if count(shape) == 4 {
+        return body(mass, com.into(), [0.0; 3], [0.0; 3]);
+    }
+    // From the link's origin back to the body's centre (Steiner 1840).
+    let steiner = (Matrix3::identity() * com.norm_squared() - com * com.transpose()) * mass;
+    let moments = [0, 1, 2].map(|i| coefficients[4 + i] - steiner[(i, i)]);
+    let products = [(0, 1), (0, 2), (1, 2)];
+    let products = [0, 1, 2].map(|i| coefficients[7 + i] - steiner[products[i]]);
+    body(mass, com.into(), moments, products)
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Payload(Inertia);
 
 impl Effect for Payload {
     fn arm(&self, parts: &mut ArmParts) -> Result<(), LawError> {
         if let Some(last) = parts.joints.last_mut() {
-            let body = Inertia { mass: self.mass, com: self.com, about_com: Matrix3::zeros() };
-            last.inertia = last.inertia.joined_with(&body, &Isometry3::identity());
+            last.inertia = last.inertia.joined_with(&self.0, &Isometry3::identity());
         }
         Ok(())
     }

@@ -1,0 +1,74 @@
+//! A drive that gives no more than so much torque.
+//!
+//! Law: |τ| ≤ L, with the limit L \[N·m\] > 0. A recording shows the limit where the model asks for more; `share` \[1\] of the torque beyond
+//! it is lost, 1 for a hard limit, less where the current measurement saturates softly. In the plant the limit is hard.
+//! Source: Khalil 2002, Nonlinear Systems, §1.2.7.
+
+use toml::Table;
+
+use crate::basis::{Place, Term, Terms, with};
+use crate::effect::Effect;
+use crate::injection::Injection;
+use crate::kind::{Kind, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::{Prediction, Scene};
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "actuator_saturation",
+    title: "limit of the drive",
+    site: Site::Joint,
+    parameters: &[
+        Parameter::number("limit", "greatest torque of the drive", "N*m", [1e-9, 1e9]).prismatic("N").shape(),
+        Parameter::number("share", "share of the torque beyond the limit that is lost", "1", [0.0, 1.0])
+            .or(1.0),
+    ],
+    seen: Seen::TORQUE,
+    rough: false,
+    equation: "|τ| ≤ L",
+    source: "Khalil 2002, §1.2.7",
+    signature: "the torque stays below one value, to one side only, and only where much is asked",
+    confounders: &[
+        ("external_force", "does not depend on how much torque is asked"),
+        ("torque_gain", "acts at small torques too"),
+    ],
+    contains: &[],
+    needs: &[Need::Torque, Need::LoadRange(0.3)],
+    terms: Terms {
+        list: |_, _, shape| vec![Term::new("share", "1", [0.0, 1.0], with(shape, [("share", 1.0)]))],
+        compose: |_, shape, coefficients| with(shape, [("share", coefficients[0].clamp(0.0, 1.0))]),
+    },
+    shapes: limits,
+    build: |values| {
+        let (limit, share) = (values.number("limit")?, values.number("share")?);
+        Ok(Box::new(ActuatorSaturation { joint: values.joint()?, limit, share }))
+    },
+};
+
+/// Shares of the greatest load.
+fn limits(place: &Place) -> Vec<Table> {
+    let load = place.joint.map(|joint| place.scene.load[joint].as_slice()).unwrap_or_default();
+    let greatest = load.iter().fold(0.0_f64, |most, load| most.max(load.abs()));
+    let shares = if greatest > 1e-6 { [0.5, 0.6, 0.7, 0.8, 0.87, 0.93].as_slice() } else { &[] };
+    shares.iter().map(|share| with(&Table::new(), [("limit", share * greatest)])).collect()
+}
+
+#[derive(Clone, Copy, Debug)]
+struct ActuatorSaturation {
+    joint: usize,
+    limit: f64,
+    share: f64,
+}
+
+impl Effect for ActuatorSaturation {
+    fn measure(&self, _scene: &Scene, prediction: &mut Prediction) {
+        for torque in &mut prediction.torque[self.joint] {
+            *torque -= self.share * (*torque - torque.clamp(-self.limit, self.limit));
+        }
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.saturations.push((self.joint, self.limit));
+    }
+}

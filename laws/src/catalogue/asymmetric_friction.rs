@@ -1,0 +1,68 @@
+//! Coulomb friction that differs between the two directions of a joint.
+//!
+//! Law: τ = F₊ for q̇ > 0 and −F₋ for q̇ < 0, with F₊ and F₋ \[N·m\] both against the motion and extra to what the arm file names. While
+//! the joint moves this is Coulomb friction (F₊ + F₋)/2 with the offset (F₊ − F₋)/2: motion cannot tell the three apart, standstill can.
+//! Source: Armstrong-Hélouvry 1991, Control of Machines with Friction, §2.
+
+use crate::basis::Terms;
+use crate::joint_law::{AtJoint, Instant, JointLaw};
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "asymmetric_friction",
+    title: "friction that depends on the direction",
+    site: Site::Joint,
+    parameters: &[
+        Parameter::number(
+            "positive",
+            "friction torque for positive velocity, extra to the nominal",
+            "N*m",
+            [-1e6, 1e6],
+        )
+        .prismatic("N"),
+        Parameter::number(
+            "negative",
+            "friction torque for negative velocity, extra to the nominal",
+            "N*m",
+            [-1e6, 1e6],
+        )
+        .prismatic("N"),
+    ],
+    seen: Seen::TORQUE,
+    rough: true,
+    equation: "τ = F₊ for q̇ > 0, −F₋ for q̇ < 0",
+    source: "Armstrong-Hélouvry 1991",
+    signature: "the torque steps where the velocity changes sign, by different amounts to the two sides",
+    confounders: &[
+        ("torque_offset", "with Coulomb friction it is the same while the joint moves: report the class"),
+        ("coulomb_friction", "is the same in both directions"),
+        ("joint_spring", "changes with the position"),
+    ],
+    contains: &[
+        ("coulomb_friction", "positive = negative"),
+        ("torque_offset", "positive = −negative, while the joint moves"),
+    ],
+    needs: &[Need::Torque, Need::Motion, Need::Reversals(1)],
+    terms: Terms::EXTRA_COULOMB,
+    shapes: one_shape,
+    build: |values| {
+        let law = Asymmetric { positive: values.number("positive")?, negative: values.number("negative")? };
+        Ok(Box::new(AtJoint { joint: values.joint()?, law }))
+    },
+};
+
+/// F₊ or F₋ against the motion.
+#[derive(Clone, Copy, Debug)]
+struct Asymmetric {
+    positive: f64,
+    negative: f64,
+}
+
+impl JointLaw for Asymmetric {
+    fn resisting(&self, at: &Instant) -> f64 {
+        at.sign * if at.sign > 0.0 { self.positive } else { self.negative }
+    }
+}

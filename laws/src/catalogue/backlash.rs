@@ -1,0 +1,246 @@
+//! Backlash: the gap between the flanks of a gear.
+//!
+//! Law: motor and link move against each other by the whole gap j \[rad\]; where the flanks touch, the stiffness k \[N·m/rad\] carries the
+//! transmitted torque τ_L \[N·m\]. In a recording the link rests on the flank that the load presses it to,
+//! q_link = q − τ_L/k − (j/2) sign(τ_L), with τ_L from the *model*; a file without stiffness means rigid flanks. Terms: j, 1/k.
+//!
+//! Friction F \[N·m\] *behind* the gap holds the link while the motor crosses it: the drive then spends F p, where p is ±1 with the
+//! flanks in touch in the direction of motion and 0 while the motor has moved less than j since the reversal. That holds where F is
+//! greater than the load behind it; the link lags by the crossing. Term for a given gap: F.
+//! Source: Nordin & Gutman 2002, Automatica 38:1633 (dead zone); Tao & Kokotović 1996, Adaptive Control of Systems with Actuator and
+//! Sensor Nonlinearities, §2.3 (play). Departure: inertia and the impact of the flanks are left to the plant.
+
+use std::f64::consts::TAU;
+
+use freeplay_arm::{Arm, Workspace, crba};
+use nalgebra::DMatrix;
+use toml::{Table, Value};
+
+use crate::basis::{Place, Term, Terms, with};
+use crate::effect::Effect;
+use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
+use crate::kind::{Kind, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::Scene;
+
+/// Frequency at which a link swings on flanks that are as good as rigid in the plant, Hz: above all that an arm follows, and slow
+/// enough for its sub-steps.
+const RIGID_HZ: f64 = 100.0;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "backlash",
+    title: "backlash of the gear",
+    site: Site::Joint,
+    parameters: &[
+        Parameter::number("gap", "whole angle between the flanks", "rad", [0.0, 1.0]).prismatic("m"),
+        Parameter::number("stiffness", "torque per angle with the flanks in touch", "N*m/rad", [1.0, 1e12])
+            .prismatic("N/m")
+            .or_else("rigid flanks"),
+        Parameter::number("damping", "torque per speed with the flanks in touch", "N*m*s/rad", [0.0, 1e9])
+            .prismatic("N*s/m")
+            .or(0.0)
+            .given(),
+        Parameter::number(
+            "friction",
+            "Coulomb friction behind the gap, extra to the nominal",
+            "N*m",
+            [0.0, 1e6],
+        )
+        .prismatic("N")
+        .or(0.0),
+    ],
+    seen: Seen::BOTH,
+    rough: true,
+    equation: "q_link = q − τ_L/k − (j/2) sign(τ_L); friction behind the gap: τ = F p, p = 0 while the motor crosses it",
+    source: "Nordin & Gutman 2002; Tao & Kokotović 1996, §2.3",
+    signature: "the link steps by the gap where the transmitted torque changes its sign; torque is missing after each reversal",
+    confounders: &[
+        ("joint_elasticity", "is proportional to the load and contained in this: test the gap nested"),
+        ("joint_clearance", "moves across the axis, in two dimensions"),
+        ("coulomb_friction", "flips with the velocity at once, not after a way"),
+        ("presliding_friction", "builds up over the way without a force-free part"),
+    ],
+    contains: &[("joint_elasticity", "gap = 0"), ("coulomb_friction", "gap = 0, with friction behind it")],
+    needs: &[Need::TorqueOrPose, Need::Motion, Need::Reversals(1)],
+    terms: Terms { list: terms, compose },
+    shapes,
+    build: |values| {
+        let (joint, stiffness) = (values.joint()?, values.optional("stiffness")?);
+        Ok(Box::new(Backlash {
+            joint,
+            gap: values.number("gap")?,
+            compliance: stiffness.map_or(0.0, |stiffness| 1.0 / stiffness),
+            plant_stiffness: stiffness.unwrap_or_else(|| rigid(values.arm(), joint)),
+            damping: values.number("damping")?,
+            friction: values.number("friction")?,
+        }))
+    },
+};
+
+/// Gaps for friction behind them, from 1/200 of the way to a third of it; and the empty shape of gap and compliance.
+fn shapes(place: &Place) -> Vec<Table> {
+    let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };
+    let (least, most) = motion.q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
+    let way = (most - least).max(0.0);
+    let gaps =
+        std::iter::successors(Some(way / 200.0), |gap| Some(1.4 * gap)).take_while(|gap| 3.0 * gap < way);
+    let mut shapes = Vec::new();
+    if way > 0.0 {
+        shapes.extend(gaps.map(|gap| with(&Table::new(), [("gap", gap)])));
+    }
+    shapes.push(Table::new());
+    shapes
+}
+
+fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
+    let unit = |name| kind.unit(name, place.joint());
+    if shape.contains_key("gap") {
+        let with_friction = with(shape, [("friction", 1.0)]);
+        let without = with(shape, [("friction", 0.0)]);
+        return vec![Term::new("friction", unit("friction"), [0.0, 1e6], with_friction).less(without)];
+    }
+    /// Small enough for angles to act linearly.
+    const STEP: f64 = 1e-5;
+    let compliance = format!("1/({})", unit("stiffness"));
+    let soft = with(shape, [("gap", 0.0), ("stiffness", 1.0 / COMPLIANCE)]);
+    vec![
+        Term::new("gap", unit("gap"), [0.0, 1.0], with(shape, [("gap", STEP)])).stepped(STEP),
+        Term::new("compliance", compliance, [0.0, 1.0], soft).stepped(COMPLIANCE),
+    ]
+}
+
+/// A compliance whose deflection is small, rad/(N·m).
+const COMPLIANCE: f64 = 1e-8;
+
+fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
+    if shape.contains_key("gap") {
+        return with(shape, [("friction", coefficients[0])]);
+    }
+    let mut table = with(shape, [("gap", coefficients[0])]);
+    if coefficients[1] > 1e-12 {
+        table.insert("stiffness".to_owned(), Value::Float(1.0 / coefficients[1]));
+    }
+    table
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Backlash {
+    joint: usize,
+    gap: f64,
+    compliance: f64,
+    damping: f64,
+    friction: f64,
+    /// Stiffness in the plant, N·m/rad.
+    plant_stiffness: f64,
+}
+
+/// The stiffness on which the inertia beyond `joint`, at the largest of a few poses, swings at [`RIGID_HZ`].
+fn rigid(arm: &Arm, joint: usize) -> f64 {
+    let (mut ws, mut mass) = (Workspace::new(arm), DMatrix::zeros(arm.dof(), arm.dof()));
+    let inertia = (0..3).fold(0.0_f64, |most, pose| {
+        let q: Vec<f64> = (0..arm.dof()).map(|i| (1.3 * (i * pose) as f64).sin()).collect();
+        crba(arm, &mut ws, &q, &mut mass);
+        most.max(mass[(joint, joint)])
+    });
+    inertia * (TAU * RIGID_HZ).powi(2)
+}
+
+impl Backlash {
+    /// Where the motor stands in the gap at each point, −½ to ½ of it, if friction holds the link in between.
+    fn crossings(&self, scene: &Scene) -> Vec<f64> {
+        let (q, v) = (&scene.motion.q[self.joint], &scene.motion.v[self.joint]);
+        let mut places = vec![0.0; q.len()];
+        for stretch in &scene.motion.stretches {
+            // The first motion finds the flank.
+            let first = v[stretch.clone()].iter().find(|v| **v != 0.0).map_or(0.0, |v| v.signum());
+            let mut play = Play { gap: self.gap, place: 0.5 * self.gap * first };
+            for point in stretch.clone() {
+                let moved = if point > stretch.start { q[point] - q[point - 1] } else { 0.0 };
+                places[point] = play.cross(moved);
+            }
+        }
+        places
+    }
+}
+
+/// The play operator.
+#[derive(Clone, Copy, Debug)]
+struct Play {
+    gap: f64,
+    /// Motor minus link, rad, −gap/2 to gap/2.
+    place: f64,
+}
+
+impl Play {
+    /// Moves the motor; where it then stands in the gap, −½ to ½.
+    fn cross(&mut self, moved: f64) -> f64 {
+        let half = 0.5 * self.gap;
+        self.place = (self.place + moved).clamp(-half, half);
+        self.place
+    }
+
+    /// −1, 0 or 1: which flank touches at `place`.
+    fn flank(gap: f64, place: f64, v: f64) -> f64 {
+        let inside = 0.5 * gap * (1.0 - 1e-9);
+        if gap <= 0.0 {
+            return if v == 0.0 { 0.0 } else { v.signum() };
+        }
+        if place.abs() < inside { 0.0 } else { place.signum() }
+    }
+}
+
+impl Effect for Backlash {
+    fn shift(&self, scene: &Scene, shift: &mut [Vec<f64>]) {
+        let held = (self.friction > 0.0).then(|| self.crossings(scene));
+        for (point, (shift, load)) in shift[self.joint].iter_mut().zip(&scene.load[self.joint]).enumerate() {
+            let side = if *load == 0.0 { 0.0 } else { load.signum() };
+            let place = held.as_ref().map_or(0.5 * self.gap * side, |held| held[point]);
+            *shift -= self.compliance * load + place;
+        }
+    }
+
+    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+        if self.friction == 0.0 {
+            return;
+        }
+        let places = self.crossings(scene);
+        let v = &scene.motion.v[self.joint];
+        for ((torque, place), v) in torque[self.joint].iter_mut().zip(places).zip(v) {
+            *torque += self.friction * Play::flank(self.gap, place, *v);
+        }
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        let (stiffness, damping, gap) = (self.plant_stiffness, self.damping, self.gap);
+        injection.transmissions.push((self.joint, Transmission { stiffness, damping, gap }));
+        if self.friction > 0.0 {
+            let play = Play { gap, place: 0.0 };
+            injection.drives.push(Box::new(FrictionBehind {
+                joint: self.joint,
+                friction: self.friction,
+                play,
+            }));
+        }
+    }
+}
+
+/// The friction behind the gap, as the motor feels it.
+#[derive(Clone, Copy, Debug)]
+struct FrictionBehind {
+    joint: usize,
+    friction: f64,
+    play: Play,
+}
+
+impl DriveLaw for FrictionBehind {
+    fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
+        let place = self.play.cross(now.v[self.joint] * now.step);
+        torque[self.joint] -= self.friction * Play::flank(self.play.gap, place, now.v[self.joint]);
+    }
+
+    fn restart(&mut self) {
+        self.play.place = 0.0;
+    }
+}

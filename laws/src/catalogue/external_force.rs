@@ -1,0 +1,100 @@
+//! A force on the tool that the model does not know, for a time: a collision, a cable that catches, a process.
+//!
+//! Law: a force f \[N\] in the base frame acts *on* the tool from t = start to end \[s\]; the drives spend τ = −Jᵀ f. Moments are left out.
+//! Source: De Luca & Mattone 2005, ICRA, Eq. 4 (collisions as generalised forces Jᵀ f).
+
+use nalgebra::Vector3;
+use toml::{Table, Value};
+
+use crate::basis::{Place, Term, Terms, with};
+use crate::effect::Effect;
+use crate::injection::{Injection, ToolForce};
+use crate::kind::{Kind, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::Scene;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "external_force",
+    title: "force on the tool",
+    site: Site::Arm,
+    parameters: &[
+        Parameter::vector("force", "force on the tool in the base frame", "N"),
+        Parameter::number("start", "when it sets in", "s", [-1e12, 1e12]).shape(),
+        Parameter::number("end", "when it ends", "s", [-1e12, 1e12]).shape(),
+    ],
+    seen: Seen::TORQUE,
+    rough: true,
+    equation: "τ = −Jᵀ f for start ≤ t < end",
+    source: "De Luca & Mattone 2005, Eq. 4",
+    signature: "all torques are off for a time, in the pattern Jᵀ f of one force",
+    confounders: &[
+        ("payload", "lasts, and moves with the tool"),
+        ("actuator_saturation", "is where much torque is asked, on one joint"),
+        ("torque_offset", "lasts, on one joint"),
+    ],
+    contains: &[],
+    needs: &[Need::Torque],
+    terms: Terms {
+        list: |_, _, shape| {
+            let push = |axis: usize| {
+                let mut force = [0.0; 3];
+                force[axis] = 1.0;
+                table(shape, force)
+            };
+            let names = ["force_x", "force_y", "force_z"];
+            (0..3).map(|axis| Term::new(names[axis], "N", [-1e6, 1e6], push(axis))).collect()
+        },
+        compose: |_, shape, coefficients| table(shape, [coefficients[0], coefficients[1], coefficients[2]]),
+    },
+    shapes: windows,
+    build: |values| {
+        let (force, start, end) =
+            (values.vector("force")?.into(), values.number("start")?, values.number("end")?);
+        Ok(Box::new(ExternalForce(ToolForce { force, start, end })))
+    },
+};
+
+fn table(shape: &Table, force: [f64; 3]) -> Table {
+    let mut table = shape.clone();
+    table.insert("force".to_owned(), Value::Array(force.into_iter().map(Value::Float).collect()));
+    table
+}
+
+/// A half, a quarter, an eighth and a sixteenth of the recording, half overlapping.
+fn windows(place: &Place) -> Vec<Table> {
+    let t = &place.scene.motion.t;
+    let (Some(first), Some(last)) = (t.first(), t.last()) else { return Vec::new() };
+    let window = |parts: u32, half: u32| {
+        let lasts = (last - first) / f64::from(parts);
+        let start = first + 0.5 * lasts * f64::from(half);
+        with(&Table::new(), [("start", start), ("end", start + lasts)])
+    };
+    [2, 4, 8, 16]
+        .into_iter()
+        .flat_map(|parts| (0..2 * parts - 1).map(move |half| window(parts, half)))
+        .collect()
+}
+
+#[derive(Clone, Copy, Debug)]
+struct ExternalForce(ToolForce);
+
+impl Effect for ExternalForce {
+    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+        let ToolForce { force, start, end } = self.0;
+        let acts = |t: f64| t >= start && t < end;
+        for (torque, sensitivity) in torque.iter_mut().zip(scene.tool_sensitivity()) {
+            let [x, y, z] = sensitivity;
+            for (point, torque) in torque.iter_mut().enumerate() {
+                if acts(scene.motion.t[point]) {
+                    *torque -= Vector3::new(x[point], y[point], z[point]).dot(&force);
+                }
+            }
+        }
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.forces.push(self.0);
+    }
+}

@@ -1,0 +1,69 @@
+//! A spring across a joint: a hose pack, a cable loop, a balancing spring or gas cylinder about its working point.
+//!
+//! Law: τ = k (q − q₀), with k \[N·m/rad\] ≥ 0 and the rest position q₀ \[rad\]. τ is what the drive spends: positive beyond the rest.
+//! Source: Hooke 1678; as a model of hose packs and counterbalances in identification: Swevers, Verdonck & De Schutter 2007, §3.
+//! The terms are k and the moment m = −k q₀, in which the effect is linear.
+
+use crate::basis::{Term, Terms, with};
+use crate::joint_law::{AtJoint, Instant, JointLaw};
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "joint_spring",
+    title: "spring across the joint",
+    site: Site::Joint,
+    parameters: &[
+        Parameter::number("stiffness", "torque per angle", "N*m/rad", [0.0, 1e9]).prismatic("N/m"),
+        Parameter::number("rest", "position without torque", "rad", [-1e3, 1e3]).prismatic("m").or(0.0),
+    ],
+    seen: Seen::TORQUE,
+    rough: false,
+    equation: "τ = k (q − q₀)",
+    source: "Hooke 1678; Swevers, Verdonck & De Schutter 2007, §3",
+    signature: "the torque of one joint grows with its own position, whatever the pose of the others and the direction of gravity",
+    confounders: &[
+        ("torque_offset", "does not change with the position"),
+        ("payload", "follows the direction of gravity and shows on the joints before it"),
+        ("link_mass", "follows the direction of gravity and shows on the joints before it"),
+        ("torque_ripple", "repeats within the way covered"),
+    ],
+    contains: &[("torque_offset", "stiffness → 0 with the rest far away")],
+    needs: &[Need::Torque, Need::Travel(0.1)],
+    terms: Terms {
+        list: |kind, place, shape| {
+            let at = |rest: f64| with(shape, [("stiffness", 1.0), ("rest", rest)]);
+            let stiffness = kind.unit("stiffness", place.joint());
+            let moment = if stiffness == "N/m" { "N" } else { "N*m" };
+            vec![
+                Term::new("stiffness", stiffness, [0.0, 1e9], at(0.0)),
+                Term::new("moment", moment, [-1e9, 1e9], at(-1.0)).less(at(0.0)),
+            ]
+        },
+        compose: |_, shape, coefficients| {
+            let (stiffness, moment) = (coefficients[0], coefficients[1]);
+            let rest = if stiffness > 0.0 { (-moment / stiffness).clamp(-1e3, 1e3) } else { 0.0 };
+            with(shape, [("stiffness", stiffness), ("rest", rest)])
+        },
+    },
+    shapes: one_shape,
+    build: |values| {
+        let law = Spring { stiffness: values.number("stiffness")?, rest: values.number("rest")? };
+        Ok(Box::new(AtJoint { joint: values.joint()?, law }))
+    },
+};
+
+/// k (q − q₀).
+#[derive(Clone, Copy, Debug)]
+struct Spring {
+    stiffness: f64,
+    rest: f64,
+}
+
+impl JointLaw for Spring {
+    fn resisting(&self, at: &Instant) -> f64 {
+        self.stiffness * (at.q - self.rest)
+    }
+}

@@ -1,0 +1,174 @@
+//! A link that bends under what it carries.
+//!
+//! Law: a cantilever of length L \[m\] from its joint to the next one (from the last joint: to the tool) with the stiffness k \[N/m\]: force
+//! over deflection at its far end, k = 3EI/L³. With e along the link, F and M the force and moment of what hangs on the far end, W the
+//! weight and inertia force of the link itself at the share σ of its length, all across e:
+//! δ = (F + W σ²(3 − σ)/2)/k + (3/(2kL)) M × e, θ = (3/(2kL)) e × (F + W σ²) + (3/(kL²)) M; the tool moves by δ + θ × (tool − end).
+//! Source: Timoshenko 1955, Strength of Materials I, §39 (Euler–Bernoulli). The term is 1/k. Departure: twisting and the effect of the
+//! bending on the torques are left out; the plant adds the static sag to what the tracker reads.
+
+use freeplay_arm::{Arm, Workspace, joint_reaction, rnea};
+use nalgebra::{Isometry3, Vector3};
+
+use crate::basis::{Term, Terms, with};
+use crate::effect::Effect;
+use crate::injection::{Injection, Readings, SensorLaw};
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::Scene;
+
+/// Links shorter than this do not bend, m.
+const SHORTEST: f64 = 1e-3;
+/// Least compliance that is one, m/N.
+const LEAST: f64 = 1e-15;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "link_flexure",
+    title: "bending of the link",
+    site: Site::Joint,
+    parameters: &[Parameter::number(
+        "stiffness",
+        "force over deflection at the far end",
+        "N/m",
+        [1.0, 1.0 / LEAST],
+    )],
+    seen: Seen::POSE,
+    rough: false,
+    equation: "δ = F L³/(3EI) = F/k, and the slope 3F/(2kL)",
+    source: "Timoshenko 1955, §39",
+    signature: "the tool sags with the load, with the lever of the link and what is beyond it",
+    confounders: &[
+        ("joint_elasticity", "turns about the joint, and shows on its link encoder"),
+        ("link_length", "does not change with the load"),
+        ("base_tilt", "does not change with the pose of the links beyond"),
+    ],
+    contains: &[],
+    needs: &[Need::Tool],
+    terms: Terms {
+        list: |_, _, shape| {
+            const STEP: f64 = 1e-8;
+            vec![
+                Term::new("compliance", "m/N", [0.0, 1.0], with(shape, [("stiffness", 1.0 / STEP)]))
+                    .stepped(STEP),
+            ]
+        },
+        compose: |_, shape, coefficients| with(shape, [("stiffness", 1.0 / coefficients[0].max(LEAST))]),
+    },
+    shapes: one_shape,
+    build: |values| {
+        let stiffness = values.number("stiffness")?;
+        Ok(Box::new(LinkFlexure { joint: values.joint()?, stiffness, arm: values.arm().clone() }))
+    },
+};
+
+#[derive(Clone, Debug)]
+struct LinkFlexure {
+    joint: usize,
+    stiffness: f64,
+    arm: Arm,
+}
+
+/// The arm at one instant, in vectors of one number a joint.
+#[derive(Clone, Debug)]
+struct Instant {
+    workspace: Workspace,
+    q: Vec<f64>,
+    v: Vec<f64>,
+    a: Vec<f64>,
+    tau: Vec<f64>,
+}
+
+impl Instant {
+    fn new(arm: &Arm) -> Instant {
+        let none = vec![0.0; arm.dof()];
+        Instant {
+            workspace: Workspace::new(arm),
+            q: none.clone(),
+            v: none.clone(),
+            a: none.clone(),
+            tau: none,
+        }
+    }
+}
+
+impl LinkFlexure {
+    /// How far the tool is off at the `now` of `arm`, base frame, m.
+    fn sag(&self, arm: &Arm, now: &mut Instant) -> Vector3<f64> {
+        rnea(arm, &mut now.workspace, &now.q, &now.v, &now.a, &mut now.tau);
+        let (ws, last) = (&now.workspace, arm.dof() - 1);
+        let here = ws.link_pose(self.joint);
+        let tool = (ws.link_pose(last) * arm.tool()).translation.vector;
+        let next = (self.joint < last).then(|| ws.link_pose(self.joint + 1));
+        let end = next.map_or(tool, |next| next.translation.vector);
+        let way = end - here.translation.vector;
+        let length = way.norm();
+        if length < SHORTEST {
+            return Vector3::zeros();
+        }
+        let along = way / length;
+        let across = |x: Vector3<f64>| x - along * along.dot(&x);
+        let reaction = |pose: Isometry3<f64>, joint| {
+            let (force, moment) = joint_reaction(ws, joint);
+            (pose.rotation * force, pose.rotation * moment)
+        };
+        // What the link hands on pulls at its end the other way.
+        let (force, moment) = next.map_or_else(Default::default, |next| reaction(next, self.joint + 1));
+        let (force, moment) = (across(-force), across(-moment));
+        let own = across(-reaction(here, self.joint).0) - force;
+        let centre = here.rotation * arm.joints()[self.joint].inertia.com;
+        let share = (centre.dot(&along) / length).clamp(0.0, 1.0);
+        let k = self.stiffness;
+        let deflection = (force + own * (share * share * (3.0 - share) / 2.0)) / k
+            + moment.cross(&along) * (1.5 / (k * length));
+        let slope = along.cross(&(force + own * (share * share))) * (1.5 / (k * length))
+            + moment * (3.0 / (k * length * length));
+        deflection + slope.cross(&(tool - end))
+    }
+}
+
+impl Effect for LinkFlexure {
+    fn displace(&self, scene: &Scene, tool: &mut [Vec<f64>; 3]) {
+        let mut now = Instant::new(&scene.arm);
+        for point in 0..scene.motion.len() {
+            scene.motion.at(point, &mut now.q, &mut now.v, &mut now.a);
+            let sag = self.sag(&scene.arm, &mut now);
+            tool.iter_mut().zip(sag.iter()).for_each(|(tool, sag)| tool[point] += sag);
+        }
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.sensors.push(Box::new(Sag {
+            of: self.clone(),
+            now: Instant::new(&self.arm),
+            begun: false,
+        }));
+    }
+}
+
+/// The sag as the tracker of a plant sees it.
+#[derive(Clone, Debug)]
+struct Sag {
+    of: LinkFlexure,
+    now: Instant,
+    begun: bool,
+}
+
+impl SensorLaw for Sag {
+    fn read(&mut self, readings: &mut Readings) {
+        let now = &mut self.now;
+        for (joint, v) in readings.v.iter().enumerate() {
+            now.a[joint] = if self.begun { (v - now.v[joint]) / readings.period } else { 0.0 };
+        }
+        now.q.copy_from_slice(readings.q);
+        now.v.copy_from_slice(readings.v);
+        self.begun = true;
+        let sag = self.of.sag(&self.of.arm, now);
+        readings.tool.iter_mut().zip(sag.iter()).for_each(|(tool, sag)| *tool += sag);
+    }
+
+    fn restart(&mut self) {
+        self.begun = false;
+    }
+}

@@ -1,0 +1,94 @@
+//! A link that is longer or shorter than the model says.
+//!
+//! Law: the way from the joint to the next one (from the last joint: to the tool) is longer by the offset Δ \[m\] in the direction that
+//! `along` names: along the way itself, or along x, y or z of the link's frame. Masses stay where they are in their own links.
+//! Source: Denavit & Hartenberg 1955; Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration, §3.
+
+use nalgebra::{Isometry3, Vector3};
+use toml::{Table, Value};
+
+use crate::LawError;
+use crate::basis::{Term, Terms, with};
+use crate::effect::{ArmParts, Effect};
+use crate::injection::Injection;
+use crate::kind::{Kind, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::{Parameter, Range};
+
+/// Directions, in arm files.
+const DIRECTIONS: &[&str] = &["way", "x", "y", "z"];
+/// Greatest offset, m.
+const MOST: f64 = 10.0;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "link_length",
+    title: "length of the link",
+    site: Site::Joint,
+    parameters: &[
+        Parameter::number("offset", "true minus modelled length", "m", [-MOST, MOST]),
+        Parameter {
+            name: "along",
+            meaning: "direction: the way to the next joint, or an axis of the link's frame",
+            range: Range::Word(DIRECTIONS),
+        },
+    ],
+    seen: Seen::BOTH,
+    rough: false,
+    equation: "r = r₀ + Δ e, r the way to the next joint or to the tool",
+    source: "Denavit & Hartenberg 1955; Mooring, Roth & Driels 1991, §3",
+    signature: "the tool is off by the same amount in every pose, turning with the link, whatever the load",
+    confounders: &[
+        ("joint_elasticity", "is proportional to the load"),
+        ("link_flexure", "is proportional to the load"),
+        ("encoder_offset", "grows with the distance from the joint"),
+        ("joint_clearance", "turns with the force, not with the link"),
+    ],
+    contains: &[],
+    needs: &[Need::Tool],
+    terms: Terms {
+        list: |_, _, shape| {
+            const STEP: f64 = 1e-4;
+            let (plus, minus) = (with(shape, [("offset", STEP)]), with(shape, [("offset", -STEP)]));
+            vec![Term::new("offset", "m", [-MOST, MOST], plus).less(minus).stepped(2.0 * STEP)]
+        },
+        compose: |_, shape, coefficients| with(shape, [("offset", coefficients[0])]),
+    },
+    shapes: |_| {
+        let shape =
+            |along: &&str| -> Table { [("along".to_owned(), Value::from(*along))].into_iter().collect() };
+        DIRECTIONS.iter().map(shape).collect()
+    },
+    build: |values| {
+        let along = match values.word("along")? {
+            "x" => Some(Vector3::x()),
+            "y" => Some(Vector3::y()),
+            "z" => Some(Vector3::z()),
+            _ => None,
+        };
+        Ok(Box::new(LinkLength { joint: values.joint()?, offset: values.number("offset")?, along }))
+    },
+};
+
+#[derive(Clone, Copy, Debug)]
+struct LinkLength {
+    joint: usize,
+    offset: f64,
+    along: Option<Vector3<f64>>,
+}
+
+impl Effect for LinkLength {
+    fn arm(&self, parts: &mut ArmParts) -> Result<(), LawError> {
+        let way: &mut Isometry3<f64> = match parts.joints.get_mut(self.joint + 1) {
+            Some(next) => &mut next.placement,
+            None => &mut parts.tool,
+        };
+        // Two joints in one place are moved apart along the z of the link, as the d of Denavit and Hartenberg is.
+        let way = &mut way.translation.vector;
+        let along = self.along.or_else(|| way.try_normalize(1e-9)).unwrap_or_else(Vector3::z);
+        *way += along * self.offset;
+        Ok(())
+    }
+
+    fn inject(&self, _injection: &mut Injection) {}
+}

@@ -1,0 +1,49 @@
+//! Friction of a transmission that grows with the load it carries.
+//!
+//! Law: τ = μ |τ_L| sign(q̇), with μ \[1\] ≥ 0 and τ_L \[N·m\] the torque that the *model's* rigid arm takes from the transmission; the
+//! measured torque holds the friction itself and must not be used. τ is what the drive spends: positive for a positive velocity.
+//! Source: Bittencourt & Gunnarsson 2012, J. Dyn. Sys. Meas. Control 134:051013, Eq. 9.
+
+use crate::basis::Terms;
+use crate::joint_law::{AtJoint, Instant, JointLaw};
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "load_dependent_friction",
+    title: "friction that grows with the load",
+    site: Site::Joint,
+    parameters: &[Parameter::number("coefficient", "friction torque per torque carried", "1", [0.0, 2.0])],
+    seen: Seen::TORQUE,
+    rough: true,
+    equation: "τ = μ |τ_L| sign(q̇), τ_L the load by the model",
+    source: "Bittencourt & Gunnarsson 2012",
+    signature: "torque over load is a butterfly: the step at a change of direction grows with the load",
+    confounders: &[
+        ("coulomb_friction", "does not depend on the load"),
+        ("torque_gain", "is proportional to the load without regard to the direction"),
+        ("joint_coupling", "depends on another joint"),
+    ],
+    contains: &[],
+    needs: &[Need::Torque, Need::Motion, Need::Reversals(1), Need::LoadRange(0.3)],
+    terms: Terms::PLAIN,
+    shapes: one_shape,
+    build: |values| {
+        let law = LoadFriction { coefficient: values.number("coefficient")? };
+        Ok(Box::new(AtJoint { joint: values.joint()?, law }))
+    },
+};
+
+/// μ |τ_L| sign(q̇).
+#[derive(Clone, Copy, Debug)]
+struct LoadFriction {
+    coefficient: f64,
+}
+
+impl JointLaw for LoadFriction {
+    fn resisting(&self, at: &Instant) -> f64 {
+        self.coefficient * at.load.abs() * at.sign
+    }
+}

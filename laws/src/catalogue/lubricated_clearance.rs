@@ -1,0 +1,149 @@
+//! Radial play of a revolute joint whose bearing is full of oil.
+//!
+//! Law: the film of [`Film`] carries the force b of the bearing; its journal drifts without inertia, ė from the film's force = b, and the
+//! tool is off by J e. Against a dry joint the offset is smooth and shrinks with the speed; at rest the journal sinks to the wall.
+//! Source: Pinkus & Sternlicht 1961; Flores et al. 2006, Mech. Mach. Theory 41:247. With C = μ L R³/c² fixed the offset is proportional
+//! to c: that is the term, and C the shape. Departure: a film damps the journal
+//! so much that its inertia counts for nothing; the plant too has it drift, and adds the offset to what the tracker reads. At the wall the
+//! journal slides without friction.
+
+use freeplay_arm::Arm;
+use toml::Table;
+
+use super::joint_clearance::follow;
+use crate::basis::{Place, Term, Terms, with};
+use crate::bearing_load::BearingLoad;
+use crate::effect::Effect;
+use crate::injection::{Injection, Readings, SensorLaw};
+use crate::kind::{Kind, Seen, Site};
+use crate::lubrication::Film;
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::Scene;
+use crate::{Clearance, ClearanceTable};
+
+/// Bearing that is meant where a file is silent, m.
+const RADIUS: f64 = 0.010;
+const LENGTH: f64 = 0.040;
+/// Name of the shape: C, N·s.
+const RESISTANCE: &str = "resistance";
+/// Time for which the journal is taken to have rested under the first load of a recording, s.
+const BEFORE: f64 = 10.0;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "lubricated_clearance",
+    title: "play of a lubricated joint",
+    site: Site::Revolute,
+    parameters: &[
+        Parameter::number("clearance", "radial clearance c", "m", [1e-6, 0.01]),
+        Parameter::number("viscosity", "dynamic viscosity of the oil", "Pa*s", [1e-9, 1e9]).shape(),
+        Parameter::number("bearing_radius", "radius of the bearing", "m", [1e-4, 10.0]).or(RADIUS).given(),
+        Parameter::number("bearing_length", "length of the bearing", "m", [1e-4, 10.0]).or(LENGTH).given(),
+    ],
+    seen: Seen::POSE,
+    rough: false,
+    equation: "film force(e, ė, q̇) = b (long bearing, half Sommerfeld); the tool moves by J e",
+    source: "Pinkus & Sternlicht 1961; Flores et al. 2006",
+    signature: "as radial play, but smooth, late behind the force and smaller at speed",
+    confounders: &[
+        (
+            "joint_clearance",
+            "follows the direction of the force at once: contained in this for little viscosity",
+        ),
+        ("joint_elasticity", "grows with the load"),
+        ("viscous_friction", "shows in the torque, not in the tool"),
+    ],
+    contains: &[("joint_clearance", "viscosity → 0")],
+    needs: &[Need::Tool],
+    terms: Terms {
+        list: |kind, _, shape| {
+            /// Any clearance shows the same per metre.
+            const STEP: f64 = 1e-4;
+            vec![
+                Term::new("clearance", "m", [1e-6, 0.01], (kind.terms.compose)(kind, shape, &[STEP]))
+                    .stepped(STEP),
+            ]
+        },
+        compose: |_, shape, coefficients| {
+            let (clearance, resistance) =
+                (coefficients[0], shape.get(RESISTANCE).and_then(toml::Value::as_float).unwrap_or(0.0));
+            let viscosity = resistance * clearance.powi(2) / (LENGTH * RADIUS.powi(3));
+            with(&Table::new(), [("clearance", clearance), ("viscosity", viscosity)])
+        },
+    },
+    shapes: resistances,
+    build: |values| {
+        let (clearance, radius) = (values.number("clearance")?, values.number("bearing_radius")?);
+        let film =
+            Film::new(values.number("viscosity")?, values.number("bearing_length")?, radius, clearance);
+        let dry = ClearanceTable { bearing_radius: radius, ..ClearanceTable::new(clearance) };
+        let dry = Clearance::new(&dry).map_err(|error| error.at(values.line()))?;
+        Ok(Box::new(LubricatedClearance { arm: values.arm().clone(), joint: values.joint()?, film, dry }))
+    },
+};
+
+/// C so that the weight beyond the joint squeezes the film in a fiftieth of a second to 50 s.
+fn resistances(place: &Place) -> Vec<Table> {
+    let arm = &place.scene.arm;
+    let beyond = &arm.joints()[place.joint.unwrap_or(0)..];
+    let weight = beyond.iter().map(|joint| joint.inertia.mass).sum::<f64>() * arm.gravity().norm();
+    let per_time = weight.max(1.0) / (12.0 * std::f64::consts::PI);
+    [0.02, 0.1, 0.5, 2.0, 10.0, 50.0].map(|time| with(&Table::new(), [(RESISTANCE, per_time * time)])).into()
+}
+
+#[derive(Clone, Debug)]
+struct LubricatedClearance {
+    arm: Arm,
+    joint: usize,
+    film: Film,
+    /// The same bearing without oil, for the arm with play.
+    dry: Clearance,
+}
+
+impl Effect for LubricatedClearance {
+    fn displace(&self, scene: &Scene, tool: &mut [Vec<f64>; 3]) {
+        let mut offset = [0.0; 2];
+        follow(scene, self.joint, self.dry, tool, |at| {
+            let (from, time) = if at.begins { ([0.0; 2], BEFORE) } else { (offset, at.step) };
+            offset = self.film.carried(from, at.force, at.turning, time);
+            offset
+        });
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        if let Ok(bearing) = BearingLoad::new(&self.arm, self.joint, self.dry) {
+            injection.sensors.push(Box::new(Afloat { film: self.film, bearing, place: None }));
+        }
+    }
+}
+
+/// The journal in the film of a plant, as the tracker sees it.
+#[derive(Clone, Debug)]
+struct Afloat {
+    film: Film,
+    bearing: BearingLoad,
+    /// Where the journal is, once there was a reading.
+    place: Option<[f64; 2]>,
+}
+
+impl SensorLaw for Afloat {
+    fn read(&mut self, readings: &mut Readings) {
+        let [q, v, a] = &mut self.bearing.motion;
+        for (joint, now) in readings.v.iter().enumerate() {
+            a[joint] = if self.place.is_some() { (now - v[joint]) / readings.period } else { 0.0 };
+        }
+        q.copy_from_slice(readings.q);
+        v.copy_from_slice(readings.v);
+        let (force, turning) = (self.bearing.force(), self.bearing.turning());
+        let (from, time) = self.place.map_or(([0.0; 2], BEFORE), |place| (place, readings.period));
+        let place = self.film.carried(from, force, turning, time);
+        self.place = Some(place);
+        let moved = self.bearing.moved(place);
+        readings.tool.iter_mut().zip(moved.iter()).for_each(|(tool, moved)| *tool += moved);
+    }
+
+    fn restart(&mut self) {
+        self.place = None;
+    }
+}

@@ -1,0 +1,176 @@
+//! Friction that builds up elastically after a reversal instead of jumping.
+//!
+//! Law: bristles of deflection z \[rad\] with the stiffness σ₀ \[N·m/rad\] and the damping σ₁ \[N·m·s/rad\] carry the level
+//! F = s F_n + F_c: ż = v − σ₀ |v| z/F, τ = σ₀ z + σ₁ ż; s \[1\] is the share of the joint's nominal Coulomb friction F_n that is of this kind
+//! (the rest jumps), F_c \[N·m\] ≥ 0 is extra. τ is what the drive spends beyond the nominal friction: σ₀ z + σ₁ ż − s F_n sign(v).
+//! After a reversal z follows ±(F/σ₀)(1 − 2 e^{−x/δ}) over the way x, δ = F/σ₀: exactly integrated for any step.
+//! Source: Canudas de Wit, Olsson, Åström & Lischinsky 1995, IEEE Trans. Autom. Control 40:419, Eqs. 1–3. Departure: the level does not
+//! depend on the speed (Dahl 1968); the Stribeck bump is an effect of its own.
+
+use toml::Table;
+
+use crate::DriveFriction;
+use crate::basis::{Place, Term, Terms, with};
+use crate::effect::Effect;
+use crate::injection::{DriveLaw, DriveState, Injection};
+use crate::kind::{Kind, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::Scene;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "presliding_friction",
+    title: "presliding friction",
+    site: Site::Joint,
+    parameters: &[
+        Parameter::number("stiffness", "torque per deflection of the bristles", "N*m/rad", [1e-6, 1e12])
+            .prismatic("N/m")
+            .shape(),
+        Parameter::number("share", "share of the nominal Coulomb friction that builds up", "1", [0.0, 1.0])
+            .or(1.0),
+        Parameter::number("coulomb", "friction of this kind, extra to the nominal", "N*m", [0.0, 1e6])
+            .prismatic("N")
+            .or(0.0),
+        Parameter::number("damping", "torque per speed of the bristles", "N*m*s/rad", [0.0, 1e9])
+            .prismatic("N*s/m")
+            .or(0.0)
+            .given(),
+    ],
+    seen: Seen::TORQUE,
+    rough: true,
+    equation: "ż = q̇ − σ₀ |q̇| z/F, τ = σ₀ z + σ₁ ż",
+    source: "Canudas de Wit, Olsson, Åström & Lischinsky 1995, Eqs. 1–3; Dahl 1968",
+    signature: "torque over position makes loops: after a reversal the friction builds up over a way",
+    confounders: &[
+        ("stribeck_friction", "depends on the speed, not on the way since the reversal"),
+        ("backlash", "is free of force over the gap, then jumps"),
+        ("coulomb_friction", "jumps at once"),
+        ("joint_spring", "does not start anew after a reversal"),
+    ],
+    contains: &[("coulomb_friction", "stiffness → ∞, extra friction alone")],
+    needs: &[Need::Torque, Need::Motion, Need::Reversals(2)],
+    terms: Terms { list: terms, compose },
+    shapes: displacements,
+    build: |values| {
+        let nominal = DriveFriction::nominal(values.nominal_friction());
+        let (stiffness, share) = (values.number("stiffness")?, values.number("share")?);
+        let level = share * nominal.coulomb + values.number("coulomb")?;
+        let bristles = Bristles { stiffness, damping: values.number("damping")?, level, z: 0.0 };
+        let replaced = DriveFriction { viscous: 0.0, coulomb: share * nominal.coulomb, ..nominal };
+        Ok(Box::new(Presliding { joint: values.joint()?, bristles, replaced }))
+    },
+};
+
+/// Names of a shape's entries: the way δ over which friction builds up, and the nominal level that it is a share of.
+const DISPLACEMENT: &str = "displacement";
+const NOMINAL: &str = "nominal";
+
+/// Displacements δ from what half a dozen samples around a reversal can show to a fifth of the way.
+fn displacements(place: &Place) -> Vec<Table> {
+    let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };
+    let (least, most) = motion.q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
+    let way = most - least;
+    if way.is_nan() || way <= 1e-6 {
+        return Vec::new();
+    }
+    let nominal = place.joint().map_or(0.0, |joint| joint.friction.coulomb);
+    let ways = std::iter::successors(Some(way / 3000.0), |way| Some(2.0 * way)).take_while(|x| 5.0 * x < way);
+    ways.map(|x| with(&Table::new(), [(DISPLACEMENT, x), (NOMINAL, nominal)])).collect()
+}
+
+fn number(shape: &Table, name: &str) -> f64 {
+    shape.get(name).and_then(toml::Value::as_float).unwrap_or(0.0)
+}
+
+/// The share of the nominal friction, where there is any, and the extra friction; both with the same displacement.
+fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
+    let unit = kind.unit("coulomb", place.joint());
+    let extra = |share, coulomb| compose(kind, shape, &[share, coulomb]);
+    let coulomb = Term::new("coulomb", unit, [0.0, 1e6], {
+        if number(shape, NOMINAL) > 0.0 { extra(0.0, 1.0) } else { compose(kind, shape, &[1.0]) }
+    });
+    if number(shape, NOMINAL) > 0.0 {
+        vec![Term::new("share", "1", [0.0, 1.0], extra(1.0, 0.0)), coulomb]
+    } else {
+        vec![coulomb]
+    }
+}
+
+fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
+    let nominal = number(shape, NOMINAL);
+    let (share, coulomb) = match coefficients {
+        [share, coulomb] if nominal > 0.0 => (*share, *coulomb),
+        _ => (0.0, coefficients.first().copied().unwrap_or(0.0)),
+    };
+    let level = share * nominal + coulomb;
+    let stiffness = (level / number(shape, DISPLACEMENT)).clamp(1e-6, 1e12);
+    with(&Table::new(), [("stiffness", stiffness), ("share", share), ("coulomb", coulomb)])
+}
+
+/// Bristles that deflect.
+#[derive(Clone, Copy, Debug)]
+struct Bristles {
+    stiffness: f64,
+    damping: f64,
+    level: f64,
+    /// Deflection, rad.
+    z: f64,
+}
+
+impl Bristles {
+    /// The torque after the joint has `moved`, at velocity `v`. For a constant direction s the deflection is
+    /// s δ + (z − s δ) e^{−|moved|/δ}.
+    fn after(&mut self, moved: f64, v: f64) -> f64 {
+        if self.level <= 0.0 {
+            return 0.0;
+        }
+        let displacement = self.level / self.stiffness;
+        let full = displacement * moved.signum();
+        if moved != 0.0 {
+            self.z = full + (self.z - full) * (-moved.abs() / displacement).exp();
+        }
+        let rate = v - v.abs() * self.z / displacement;
+        self.stiffness * self.z + self.damping * rate
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Presliding {
+    joint: usize,
+    bristles: Bristles,
+    /// The part of the nominal friction that does not jump any more.
+    replaced: DriveFriction,
+}
+
+impl Effect for Presliding {
+    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+        let (q, v) = (&scene.motion.q[self.joint], &scene.motion.v[self.joint]);
+        for stretch in &scene.motion.stretches {
+            let mut bristles = self.bristles;
+            // What came before is not known: the joint is taken as having slid the way it first moves.
+            let first = v[stretch.clone()].iter().find(|v| **v != 0.0).map_or(0.0, |v| v.signum());
+            bristles.z = first * bristles.level / bristles.stiffness;
+            for point in stretch.clone() {
+                let moved = if point > stretch.start { q[point] - q[point - 1] } else { 0.0 };
+                torque[self.joint][point] +=
+                    bristles.after(moved, v[point]) - self.replaced.resisting(v[point]);
+            }
+        }
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.drives.push(Box::new(*self));
+    }
+}
+
+impl DriveLaw for Presliding {
+    fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
+        let v = now.v[self.joint];
+        torque[self.joint] -= self.bristles.after(v * now.step, v) + self.replaced.torque(v);
+    }
+
+    fn restart(&mut self) {
+        self.bristles.z = 0.0;
+    }
+}

@@ -1,0 +1,61 @@
+//! Inertia of a motor's rotor, felt through the gear.
+//!
+//! Law: τ = I q̈ on the joint's own row, with I \[kg·m²\] ≥ 0 seen at the joint: gear ratio squared times the rotor's. The gyroscopic
+//! torque of the rotor on the other joints, smaller by the gear ratio, is left out.
+//! Source: Siciliano, Sciavicco, Villani & Oriolo 2009, Robotics, §7.2.1 (with the remark on high ratios).
+
+use crate::basis::Terms;
+use crate::effect::Effect;
+use crate::injection::Injection;
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::Scene;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "rotor_inertia",
+    title: "inertia of the rotor",
+    site: Site::Joint,
+    parameters: &[Parameter::number(
+        "inertia",
+        "inertia seen at the joint, extra to the model's",
+        "kg*m^2",
+        [0.0, 1e6],
+    )
+    .prismatic("kg")],
+    seen: Seen::TORQUE,
+    rough: false,
+    equation: "τ = I q̈",
+    source: "Siciliano, Sciavicco, Villani & Oriolo 2009, §7.2.1",
+    signature: "the torque of one joint grows with its own acceleration",
+    confounders: &[
+        ("payload", "shows on the joints before it too, and under gravity"),
+        ("link_mass", "shows on the joints before it too, and under gravity"),
+        ("time_delay", "is proportional to dτ/dt"),
+        ("sensor_lowpass", "takes away in proportion to dτ/dt"),
+    ],
+    contains: &[],
+    needs: &[Need::Torque, Need::Motion],
+    terms: Terms::PLAIN,
+    shapes: one_shape,
+    build: |values| Ok(Box::new(RotorInertia { joint: values.joint()?, inertia: values.number("inertia")? })),
+};
+
+#[derive(Clone, Copy, Debug)]
+struct RotorInertia {
+    joint: usize,
+    inertia: f64,
+}
+
+impl Effect for RotorInertia {
+    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+        for (torque, a) in torque[self.joint].iter_mut().zip(&scene.motion.a[self.joint]) {
+            *torque += self.inertia * a;
+        }
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.rotors.push((self.joint, self.inertia));
+    }
+}

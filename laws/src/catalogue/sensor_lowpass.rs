@@ -1,0 +1,111 @@
+//! A torque measurement that has gone through a low-pass of the drive.
+//!
+//! Law: T ẏ + y = τ with T = 1/(2π f_c), f_c \[Hz\] > 0 the cutoff; y is recorded, in steady state at first. The term is T: for slow motions
+//! y = τ − T τ̇.
+//! Source: Franklin, Powell & Workman 1998, Digital Control of Dynamic Systems, §4.3 (first order, ramp-invariant: exact for a signal that
+//! is straight between samples).
+
+use std::f64::consts::TAU;
+
+use crate::basis::{Term, Terms, with};
+use crate::effect::Effect;
+use crate::injection::{Injection, Readings, SensorLaw};
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::{Prediction, Scene};
+
+/// Greatest cutoff, Hz.
+const MOST: f64 = 1e6;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "sensor_lowpass",
+    title: "low-pass of the torque measurement",
+    site: Site::Joint,
+    parameters: &[Parameter::number("cutoff", "frequency at which 71 % pass", "Hz", [1e-3, MOST])],
+    seen: Seen::TORQUE,
+    rough: false,
+    equation: "ẏ/(2π f_c) + y = τ",
+    source: "Franklin, Powell & Workman 1998, §4.3",
+    signature: "fast changes of the torque are smaller and late; slow ones are as they should be",
+    confounders: &[
+        ("time_delay", "is late without being smaller"),
+        ("rotor_inertia", "follows the acceleration of the joint, not dτ/dt"),
+        ("viscous_friction", "follows the speed, not dτ/dt"),
+    ],
+    contains: &[],
+    needs: &[Need::Torque, Need::Motion],
+    terms: Terms {
+        list: |_, _, shape| {
+            /// Well below a period of anything that is recorded, s.
+            const STEP: f64 = 1e-5;
+            let filtered = with(shape, [("cutoff", 1.0 / (TAU * STEP))]);
+            vec![Term::new("time_constant", "s", [0.0, 10.0], filtered).stepped(STEP)]
+        },
+        compose: |_, shape, coefficients| {
+            with(shape, [("cutoff", (1.0 / (TAU * coefficients[0].max(0.0))).min(MOST))])
+        },
+    },
+    shapes: one_shape,
+    build: |values| {
+        let lag = Lag { time_constant: 1.0 / (TAU * values.number("cutoff")?), last: None };
+        Ok(Box::new(SensorLowpass { joint: values.joint()?, lag }))
+    },
+};
+
+/// A first-order lag.
+#[derive(Clone, Copy, Debug)]
+struct Lag {
+    time_constant: f64,
+    /// Input and output before.
+    last: Option<(f64, f64)>,
+}
+
+impl Lag {
+    /// The output `step` seconds after the last one, the input having gone straight to `input`: with the slope s,
+    /// y = u − T s + (y₋ − u₋ + T s) e^{−h/T}.
+    fn after(&mut self, input: f64, step: f64) -> f64 {
+        let output = match self.last {
+            None => input,
+            Some((before, output)) => {
+                let behind = self.time_constant * (input - before) / step;
+                input - behind + (output - before + behind) * (-step / self.time_constant).exp()
+            }
+        };
+        self.last = Some((input, output));
+        output
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+struct SensorLowpass {
+    joint: usize,
+    lag: Lag,
+}
+
+impl Effect for SensorLowpass {
+    fn measure(&self, scene: &Scene, prediction: &mut Prediction) {
+        for stretch in &scene.motion.stretches {
+            let (step, mut lag) = (scene.motion.step(stretch), self.lag);
+            for torque in &mut prediction.torque[self.joint][stretch.clone()] {
+                *torque = lag.after(*torque, step);
+            }
+        }
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.sensors.push(Box::new(*self));
+    }
+}
+
+impl SensorLaw for SensorLowpass {
+    fn read(&mut self, readings: &mut Readings) {
+        let torque = &mut readings.torque[self.joint];
+        *torque = self.lag.after(*torque, readings.period);
+    }
+
+    fn restart(&mut self) {
+        self.lag.last = None;
+    }
+}

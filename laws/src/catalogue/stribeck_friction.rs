@@ -1,0 +1,74 @@
+//! The Stribeck bump: friction that is higher near standstill than at speed.
+//!
+//! Law: τ = F e^{−(q̇/v_s)²} sign(q̇), with F \[N·m\] ≥ 0 extra to the Coulomb friction and v_s \[rad/s\] > 0. τ is what the drive
+//! spends: positive for a positive velocity. Samples slower than about 3 v_s are needed.
+//! Source: Stribeck 1902, Z. VDI 46:1341; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, Eq. 5 with δ = 2.
+//! In the plant the sign is smoothed over [`crate::DriveFriction::SMOOTHING`].
+
+use toml::Table;
+
+use crate::basis::{Place, Terms, with};
+use crate::joint_law::{AtJoint, Instant, JointLaw};
+use crate::kind::{Kind, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "stribeck_friction",
+    title: "Stribeck friction",
+    site: Site::Joint,
+    parameters: &[
+        Parameter::number("extra", "friction at standstill beyond the Coulomb friction", "N*m", [0.0, 1e6])
+            .prismatic("N"),
+        Parameter::number("velocity", "speed v_s over which it fades", "rad/s", [1e-6, 1e3])
+            .prismatic("m/s")
+            .shape(),
+    ],
+    seen: Seen::TORQUE,
+    rough: true,
+    equation: "τ = F e^{−(q̇/v_s)²} sign(q̇)",
+    source: "Stribeck 1902; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994",
+    signature: "the friction has a bump at low speed, below about 3 v_s",
+    confounders: &[
+        ("coulomb_friction", "does not fade with the speed"),
+        ("presliding_friction", "depends on the way since the reversal, not on the speed"),
+        ("joint_elasticity", "smooths reversals, but moves the link"),
+    ],
+    contains: &[("coulomb_friction", "velocity → ∞")],
+    needs: &[Need::Torque, Need::Motion, Need::Reversals(1), Need::Speeds(3.0)],
+    terms: Terms::PLAIN,
+    shapes: stribeck_velocities,
+    build: |values| {
+        let law = Stribeck { extra: values.number("extra")?, velocity: values.number("velocity")? };
+        Ok(Box::new(AtJoint { joint: values.joint()?, law }))
+    },
+};
+
+/// F e^{−(q̇/v_s)²} sign(q̇).
+#[derive(Clone, Copy, Debug)]
+struct Stribeck {
+    extra: f64,
+    velocity: f64,
+}
+
+impl JointLaw for Stribeck {
+    fn resisting(&self, at: &Instant) -> f64 {
+        self.extra * (-(at.v / self.velocity).powi(2)).exp() * at.sign
+    }
+}
+
+/// Speeds v_s that the motion can show: enough samples slower than 3 v_s, and enough faster than that. Each is 1.5 times the last.
+fn stribeck_velocities(place: &Place) -> Vec<Table> {
+    /// Samples that an average can rest on.
+    const SAMPLES: usize = 8;
+    let speeds = place.speeds();
+    let moving = &speeds[speeds.partition_point(|speed| *speed <= 1e-9)..];
+    if moving.len() < 4 * SAMPLES {
+        return Vec::new();
+    }
+    let (slowest, fastest) = (moving[SAMPLES], moving[moving.len() - 1 - SAMPLES]);
+    let velocities =
+        std::iter::successors(Some(slowest / 1.5), |v| Some(1.5 * v)).take_while(|v| 2.0 * v < fastest);
+    velocities.map(|v| with(&Table::new(), [("velocity", v)])).collect()
+}

@@ -1,0 +1,175 @@
+//! A channel that is late against the others.
+//!
+//! Law: what is recorded at t in the channels that `channel` names is their value at t − d, with d \[s\] ≥ 0. `position` are the motor-side
+//! encoders: as all is predicted from what they read, the other channels then seem early. For small d the change is −d times the
+//! derivative. A zero-order hold makes half a sample by itself.
+//! Source: Ljung 1999, System Identification, §10.1 (dead time); cubic Hermite interpolation with centred slopes (Catmull & Rom 1974).
+
+use toml::{Table, Value};
+
+use crate::basis::{Term, Terms, with};
+use crate::effect::Effect;
+use crate::injection::{Injection, Readings, SensorLaw};
+use crate::kind::{Kind, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::{Parameter, Range};
+use crate::scene::{Prediction, Scene, Trajectory};
+
+/// Channels that can be late, in arm files.
+const CHANNELS: &[&str] = &["torque", "tool", "link", "position"];
+/// Greatest delay, s.
+const MOST: f64 = 0.1;
+/// Ticks that the plant remembers.
+const TICKS: usize = 1024;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "time_delay",
+    title: "delay of a channel",
+    site: Site::Arm,
+    parameters: &[
+        Parameter::number("delay", "how late the channel is", "s", [0.0, MOST]),
+        Parameter { name: "channel", meaning: "which channels are late", range: Range::Word(CHANNELS) },
+    ],
+    seen: Seen::BOTH,
+    rough: false,
+    equation: "y_recorded(t) = y(t − d)",
+    source: "Ljung 1999, §10.1",
+    signature: "the residual follows the derivative of the channel; its phase grows with the frequency",
+    confounders: &[
+        ("rotor_inertia", "follows the acceleration of one joint, not dτ/dt"),
+        ("viscous_friction", "follows the speed, not dτ/dt"),
+        ("joint_elasticity", "follows the load, not the speed"),
+        ("sensor_lowpass", "takes away from fast changes too"),
+    ],
+    contains: &[],
+    needs: &[Need::TorqueOrPose],
+    terms: Terms {
+        list: |_, _, shape| {
+            /// Well below a period of anything that is recorded.
+            const STEP: f64 = 1e-5;
+            vec![Term::new("delay", "s", [0.0, MOST], with(shape, [("delay", STEP)])).stepped(STEP)]
+        },
+        compose: |_, shape, coefficients| with(shape, [("delay", coefficients[0])]),
+    },
+    shapes: |_| {
+        let shape =
+            |word: &&str| -> Table { [("channel".to_owned(), Value::from(*word))].into_iter().collect() };
+        CHANNELS.iter().map(shape).collect()
+    },
+    build: |values| {
+        let (delay, channel) = (values.number("delay")?, values.word("channel")?);
+        Ok(Box::new(TimeDelay { delay, channel, joints: values.arm().dof() }))
+    },
+};
+
+#[derive(Clone, Copy, Debug)]
+struct TimeDelay {
+    delay: f64,
+    channel: &'static str,
+    joints: usize,
+}
+
+impl Effect for TimeDelay {
+    fn measure(&self, scene: &Scene, prediction: &mut Prediction) {
+        let late = |columns: &mut [Vec<f64>], delay: f64| {
+            for column in columns {
+                *column = delayed(scene.motion, column, delay);
+            }
+        };
+        match self.channel {
+            "torque" => late(&mut prediction.torque, self.delay),
+            "tool" => late(&mut prediction.tool, self.delay),
+            "link" => late(&mut prediction.link, self.delay),
+            _ => {
+                late(&mut prediction.torque, -self.delay);
+                late(&mut prediction.tool, -self.delay);
+                late(&mut prediction.link, -self.delay);
+            }
+        }
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        let width = if self.channel == "tool" { 3 } else { self.joints };
+        let columns = if self.channel == "position" { 2 * width } else { width };
+        let memory = vec![0.0; columns * TICKS];
+        injection.sensors.push(Box::new(Late { of: *self, columns, memory, seen: 0 }));
+    }
+}
+
+/// `column` as it is recorded `delay` late; where that is before the stretch, its first value.
+fn delayed(motion: &Trajectory, column: &[f64], delay: f64) -> Vec<f64> {
+    let mut out = column.to_vec();
+    for stretch in &motion.stretches {
+        let (part, step) = (&column[stretch.clone()], motion.step(stretch));
+        for (point, out) in out[stretch.clone()].iter_mut().enumerate() {
+            *out = interpolated(part, point as f64 - delay / step);
+        }
+    }
+    out
+}
+
+/// Value of `column` at the point number `at`, by cubic Hermite interpolation; beyond the ends, the end's.
+fn interpolated(column: &[f64], at: f64) -> f64 {
+    let last = column.len() - 1;
+    let place = at.clamp(0.0, last as f64);
+    let left = (place as usize).min(last.saturating_sub(1));
+    let x = place - left as f64;
+    let value = |i: usize| column[i.min(last)];
+    let slope = |i: usize| {
+        let (before, after) = (i.saturating_sub(1), (i + 1).min(last));
+        if after > before { (column[after] - column[before]) / (after - before) as f64 } else { 0.0 }
+    };
+    let (y0, y1, m0, m1) = (value(left), value(left + 1), slope(left), slope((left + 1).min(last)));
+    let (rise, bend) = (y1 - y0, m0 + m1 - 2.0 * (y1 - y0));
+    y0 + x * (m0 + x * ((rise - m0 - bend) + x * bend))
+}
+
+/// The plant's memory of what a channel read.
+#[derive(Clone, Debug)]
+struct Late {
+    of: TimeDelay,
+    columns: usize,
+    /// A ring of [`TICKS`] rows.
+    memory: Vec<f64>,
+    seen: usize,
+}
+
+impl Late {
+    /// Column `column` `ticks` before the latest, interpolated along the straight line; never before the first.
+    fn value(&self, column: usize, ticks: f64) -> f64 {
+        let ticks = ticks.min((self.seen.min(TICKS) - 1) as f64);
+        let row = |back: usize| {
+            let back = back.min(self.seen.min(TICKS) - 1);
+            self.memory[((self.seen - 1 - back) % TICKS) * self.columns + column]
+        };
+        let whole = ticks as usize;
+        let part = ticks - whole as f64;
+        row(whole) * (1.0 - part) + row(whole + 1) * part
+    }
+}
+
+impl SensorLaw for Late {
+    fn read(&mut self, readings: &mut Readings) {
+        let ticks = self.of.delay / readings.period;
+        let width = self.columns / if self.of.channel == "position" { 2 } else { 1 };
+        let (first, second): (&mut [f64], &mut [f64]) = match self.of.channel {
+            "torque" => (readings.torque, &mut []),
+            "tool" => (readings.tool, &mut []),
+            "link" => (readings.link, &mut []),
+            _ => (readings.q, readings.v),
+        };
+        let row = (self.seen % TICKS) * self.columns;
+        for (column, value) in first.iter().take(width).chain(second.iter().take(width)).enumerate() {
+            self.memory[row + column] = *value;
+        }
+        self.seen += 1;
+        for (column, value) in first.iter_mut().take(width).chain(second.iter_mut().take(width)).enumerate() {
+            *value = self.value(column, ticks);
+        }
+    }
+
+    fn restart(&mut self) {
+        self.seen = 0;
+    }
+}

@@ -1,0 +1,68 @@
+//! A torque constant that is off: what is measured is not what acts.
+//!
+//! Law: τ_true = g τ_measured, with the gain g \[1\] > 0; 1 is right. The recording shows τ/g.
+//! Source: Gautier & Briot 2014, J. Dyn. Sys. Meas. Control 136:031004, §3. The term is 1/g − 1, in which the effect is linear.
+
+use toml::Table;
+
+use crate::basis::{Term, Terms, with};
+use crate::effect::Effect;
+use crate::injection::{Injection, Readings, SensorLaw};
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::{Prediction, Scene};
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "torque_gain",
+    title: "gain of the torque measurement",
+    site: Site::Joint,
+    parameters: &[Parameter::number("gain", "true over measured torque", "1", [0.1, 10.0])],
+    seen: Seen::TORQUE,
+    rough: false,
+    equation: "τ_true = g τ_measured",
+    source: "Gautier & Briot 2014, §3",
+    signature: "the whole torque of a joint, gravity, inertia and friction alike, is off by one factor",
+    confounders: &[
+        ("load_dependent_friction", "changes its sign with the direction"),
+        ("link_mass", "shows on the joints before it too"),
+        ("payload", "shows on the joints before it too"),
+        ("rotor_inertia", "leaves gravity alone"),
+    ],
+    contains: &[],
+    needs: &[Need::Torque, Need::Motion, Need::LoadRange(0.3)],
+    terms: Terms {
+        list: |_, _, _| vec![Term::new("excess", "1", [-0.9, 9.0], gain(0.5)).stepped(0.5)],
+        compose: |_, _, coefficients| gain(coefficients[0]),
+    },
+    shapes: one_shape,
+    build: |values| Ok(Box::new(TorqueGain { joint: values.joint()?, gain: values.number("gain")? })),
+};
+
+/// The parameters for an excess 1/g − 1 of the measured torque over the true one.
+fn gain(excess: f64) -> Table {
+    with(&Table::new(), [("gain", 1.0 / (1.0 + excess))])
+}
+
+#[derive(Clone, Copy, Debug)]
+struct TorqueGain {
+    joint: usize,
+    gain: f64,
+}
+
+impl Effect for TorqueGain {
+    fn measure(&self, _scene: &Scene, prediction: &mut Prediction) {
+        prediction.torque[self.joint].iter_mut().for_each(|torque| *torque /= self.gain);
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.sensors.push(Box::new(*self));
+    }
+}
+
+impl SensorLaw for TorqueGain {
+    fn read(&mut self, readings: &mut Readings) {
+        readings.torque[self.joint] /= self.gain;
+    }
+}

@@ -1,0 +1,62 @@
+//! An offset of a joint's torque measurement.
+//!
+//! Law: τ_measured = τ + τ₀, with τ₀ \[N·m\] of either sign: an amplifier's or a strain gauge's zero.
+//! Source: Swevers, Verdonck & De Schutter 2007, IEEE Control Syst. Mag. 27(5):58, Eq. 4.
+
+use crate::basis::Terms;
+use crate::effect::Effect;
+use crate::injection::{Injection, Readings, SensorLaw};
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::{Prediction, Scene};
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "torque_offset",
+    title: "offset of the torque measurement",
+    site: Site::Joint,
+    parameters: &[
+        Parameter::number("offset", "what the torque reads too much", "N*m", [-1e6, 1e6]).prismatic("N")
+    ],
+    seen: Seen::TORQUE,
+    rough: false,
+    equation: "τ_measured = τ + τ₀",
+    source: "Swevers, Verdonck & De Schutter 2007, Eq. 4",
+    signature: "the torque is off by a constant",
+    confounders: &[
+        (
+            "asymmetric_friction",
+            "with Coulomb friction it is the same while the joint moves: report the class",
+        ),
+        ("joint_spring", "changes with the position"),
+        ("payload", "changes with the pose and shows on the joints before it"),
+    ],
+    contains: &[],
+    needs: &[Need::Torque],
+    terms: Terms::PLAIN,
+    shapes: one_shape,
+    build: |values| Ok(Box::new(TorqueOffset { joint: values.joint()?, offset: values.number("offset")? })),
+};
+
+#[derive(Clone, Copy, Debug)]
+struct TorqueOffset {
+    joint: usize,
+    offset: f64,
+}
+
+impl Effect for TorqueOffset {
+    fn measure(&self, _scene: &Scene, prediction: &mut Prediction) {
+        prediction.torque[self.joint].iter_mut().for_each(|torque| *torque += self.offset);
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.sensors.push(Box::new(*self));
+    }
+}
+
+impl SensorLaw for TorqueOffset {
+    fn read(&mut self, readings: &mut Readings) {
+        readings.torque[self.joint] += self.offset;
+    }
+}

@@ -1,0 +1,51 @@
+//! What effects of the form a·sin(Nq + φ) share: the linear pair of coefficients, and the orders to search.
+
+use toml::Table;
+
+use crate::basis::{Place, Term, Terms, with};
+use crate::kind::Kind;
+
+/// a·sin(Nq + φ) = s·sin Nq + c·cos Nq with s = a cos φ and c = a sin φ.
+pub const TERMS: Terms = Terms {
+    list: |kind, place, shape| {
+        let unit = kind.unit("amplitude", place.joint());
+        [("sine", 0.0), ("cosine", std::f64::consts::FRAC_PI_2)]
+            .map(|(name, phase)| {
+                let plus = with(shape, [("amplitude", STEP), ("phase", phase)]);
+                Term::new(name, unit, [-1e6, 1e6], plus).stepped(STEP)
+            })
+            .into()
+    },
+    compose: |_: &Kind, shape, coefficients| {
+        let (sine, cosine) = (coefficients[0], coefficients[1]);
+        with(shape, [("amplitude", sine.hypot(cosine)), ("phase", cosine.atan2(sine))])
+    },
+};
+
+/// Small enough for an encoder's error to act linearly, exact for a torque.
+const STEP: f64 = 1e-4;
+
+/// a·sin(Nq + φ).
+pub fn wave(amplitude: f64, periods: f64, phase: f64, q: f64) -> f64 {
+    amplitude * (periods * q + phase).sin()
+}
+
+/// Periods for each unit of q that the motion can show: from the one that passes once over the way covered up to `MOST` times that, in
+/// steps of half a period over the way, and no faster than a fifth of the sampling rate at the joint's ninth decile of speed.
+pub fn orders(place: &Place) -> Vec<Table> {
+    const MOST: usize = 120;
+    let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };
+    let (least, most) = motion.q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
+    let (way, speeds) = (most - least, place.speeds());
+    let Some(stretch) = motion.stretches.first().filter(|stretch| stretch.len() > 2) else {
+        return Vec::new();
+    };
+    if way.is_nan() || way <= 1e-6 {
+        return Vec::new();
+    }
+    let fast = speeds[(speeds.len() - 1) * 9 / 10];
+    let greatest = 0.2 * std::f64::consts::TAU / (motion.step(stretch) * fast);
+    let step = std::f64::consts::PI / way;
+    let orders = (2..MOST).map(|i| step * i as f64).take_while(|order| *order < greatest);
+    orders.map(|order| with(&Table::new(), [("periods", order)])).collect()
+}

@@ -1,0 +1,63 @@
+//! Effects that are a torque on one joint as a function of the instant: what most laws of friction are.
+
+use std::fmt::Debug;
+
+use crate::DriveFriction;
+use crate::effect::Effect;
+use crate::injection::{DriveLaw, DriveState, Injection};
+use crate::scene::Scene;
+
+/// One joint at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instant {
+    /// Time, s.
+    pub t: f64,
+    /// Position, rad (m).
+    pub q: f64,
+    /// Velocity, rad/s (m/s).
+    pub v: f64,
+    /// Sign of the velocity: −1, 0 or 1 in a recording, smoothed over [`DriveFriction::SMOOTHING`] in the plant.
+    pub sign: f64,
+    /// Torque that the rigid arm takes from the transmission, N·m (N).
+    pub load: f64,
+}
+
+/// A torque that a drive has to spend, as a pure function of the instant.
+pub trait JointLaw: Copy + Debug + Send + Sync + 'static {
+    /// The torque, N·m (N); positive where it resists a positive motion.
+    fn resisting(&self, at: &Instant) -> f64;
+}
+
+/// A [`JointLaw`] at its joint: the same numbers in a recording and, opposed, in the plant.
+#[derive(Clone, Copy, Debug)]
+pub struct AtJoint<L> {
+    /// Index of the joint.
+    pub joint: usize,
+    /// The law.
+    pub law: L,
+}
+
+impl<L: JointLaw> Effect for AtJoint<L> {
+    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+        let (motion, load) = (scene.motion, &scene.load[self.joint]);
+        let (q, v) = (&motion.q[self.joint], &motion.v[self.joint]);
+        for (point, torque) in torque[self.joint].iter_mut().enumerate() {
+            let v = v[point];
+            let sign = if v == 0.0 { 0.0 } else { v.signum() };
+            *torque +=
+                self.law.resisting(&Instant { t: motion.t[point], q: q[point], v, sign, load: load[point] });
+        }
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        injection.drives.push(Box::new(*self));
+    }
+}
+
+impl<L: JointLaw> DriveLaw for AtJoint<L> {
+    fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
+        let (q, v, load) = (now.q[self.joint], now.v[self.joint], now.load[self.joint]);
+        let sign = (v / DriveFriction::SMOOTHING).tanh();
+        torque[self.joint] -= self.law.resisting(&Instant { t: now.t, q, v, sign, load });
+    }
+}

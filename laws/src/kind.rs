@@ -1,0 +1,124 @@
+//! An entry of the catalogue: one kind of effect, with all that the documentation, the readers of files and a diagnosis need.
+
+use std::fmt::Debug;
+
+use freeplay_arm::{Joint, JointKind};
+
+use crate::basis::{Place, Term, Terms};
+use crate::effect::Effect;
+use crate::needs::Need;
+use crate::parameter::{Parameter, Range};
+use crate::{LawError, Values};
+
+/// Where an effect can sit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Site {
+    /// On any joint, or the link that it moves.
+    Joint,
+    /// On a revolute joint.
+    Revolute,
+    /// On the arm as a whole.
+    Arm,
+}
+
+/// Where an effect shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Seen {
+    /// In the torques.
+    pub torque: bool,
+    /// In the tool's pose or the link encoders.
+    pub pose: bool,
+}
+
+impl Seen {
+    /// In the torques alone.
+    pub const TORQUE: Seen = Seen { torque: true, pose: false };
+    /// In the pose alone.
+    pub const POSE: Seen = Seen { torque: false, pose: true };
+    /// In both.
+    pub const BOTH: Seen = Seen { torque: true, pose: true };
+}
+
+/// An entry of the catalogue: one kind of effect.
+pub struct Kind {
+    /// Name in arm files and in `diagnosis.json`.
+    pub name: &'static str,
+    /// What a mechanical engineer calls it.
+    pub title: &'static str,
+    /// Where it can sit.
+    pub site: Site,
+    /// Its parameters, in the order in which people name them.
+    pub parameters: &'static [Parameter],
+    /// Where it shows.
+    pub seen: Seen,
+    /// Whether its law jumps with the motion: what it predicts goes through the low-pass that the measurement went through.
+    pub rough: bool,
+    /// The law, in one line with its symbols.
+    pub equation: &'static str,
+    /// Author, year.
+    pub source: &'static str,
+    /// What gives it away.
+    pub signature: &'static str,
+    /// The kinds that look like it, and what separates them.
+    pub confounders: &'static [(&'static str, &'static str)],
+    /// The kinds that are special cases of this one, and what makes them that: to be tested nested, not as alternatives.
+    pub contains: &'static [(&'static str, &'static str)],
+    /// What a recording has to hold for the effect to be told; see [`Kind::missing`].
+    pub needs: &'static [Need],
+    /// The terms of which the effect is a sum while its shape is fixed, and how parameters come of their coefficients.
+    pub terms: Terms,
+    /// What a search tries for the shape: tables that [`Kind::terms_at`] takes. Empty where the motion tells no shape from another.
+    pub shapes: fn(&Place) -> Vec<toml::Table>,
+    /// Makes the effect of checked values.
+    pub build: fn(&Values) -> Result<Box<dyn Effect>, LawError>,
+}
+
+impl Debug for Kind {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(formatter, "Kind({})", self.name)
+    }
+}
+
+/// The shapes of an effect that has one only.
+pub fn one_shape(_: &Place) -> Vec<toml::Table> {
+    vec![toml::Table::new()]
+}
+
+impl Kind {
+    /// The parameter called `name`.
+    pub fn parameter(&self, name: &str) -> Option<&'static Parameter> {
+        self.parameters.iter().find(|parameter| parameter.name == name)
+    }
+
+    /// The unit of the parameter called `name` at `joint`; empty for words.
+    pub fn unit(&self, name: &str, joint: Option<&Joint>) -> &'static str {
+        match self.parameter(name).map(|parameter| parameter.range) {
+            Some(Range::Number { prismatic_unit, .. })
+                if joint.is_some_and(|joint| joint.kind == JointKind::Prismatic) =>
+            {
+                prismatic_unit
+            }
+            Some(Range::Number { unit, .. } | Range::Vector { unit, .. }) => unit,
+            _ => "",
+        }
+    }
+
+    /// Whether the effect can sit at `joint` (`None`: on the arm as a whole).
+    pub fn fits(&self, joint: Option<&Joint>) -> bool {
+        match (self.site, joint) {
+            (Site::Arm, None) | (Site::Joint, Some(_)) => true,
+            (Site::Revolute, Some(joint)) => joint.kind == JointKind::Revolute,
+            _ => false,
+        }
+    }
+
+    /// The terms of the effect at `place` with `shape`, one of [`Kind::shapes`].
+    pub fn terms_at(&self, place: &Place, shape: &toml::Table) -> Vec<Term> {
+        (self.terms.list)(self, place, shape)
+    }
+
+    /// The parameters of the effect that has these `coefficients`, one for each of [`Kind::terms_at`], and `shape`.
+    pub fn compose(&self, shape: &toml::Table, coefficients: &[f64]) -> toml::Table {
+        (self.terms.compose)(self, shape, coefficients)
+    }
+}

@@ -1,0 +1,147 @@
+//! The film of oil in a bearing with clearance.
+//!
+//! Law: a journal at the eccentricity e = c ε turning at ω against the bearing feels, from the side of the film that is under pressure
+//! (Gümbel 1925), along the normal n (outwards) and the tangent t (in the sense of ω), with C = μ L R³/c², w = ω − 2γ̇,
+//! k² = (1 − ε²)[(w/(2ε̇))² + 1/ε²], A = (2 + ε²)(1 − ε²)^(3/2), B = (2 + ε²)(1 − ε²)^(1/2):
+//!
+//! - ε̇ > 0: F_r = −(6Cε̇/A)[4kε² + (2 + ε²)π(k + 3)/(k + 3/2)], F_t = (6πCεw/B)(k + 3)/(k + 3/2)
+//! - ε̇ < 0: F_r = (6Cε̇/A)[4kε² − (2 + ε²)πk/(k + 3/2)], F_t = (6πCεw/B)k/(k + 3/2)
+//!
+//! μ \[Pa·s\] viscosity, L, R, c \[m\] length, radius and clearance of the bearing, γ the direction of the eccentricity.
+//! Source: Pinkus & Sternlicht 1961, Theory of Hydrodynamic Lubrication, §8; Flores et al. 2006, Mech. Mach. Theory 41:247 (long bearing).
+//! Departure: the sign of the last F_r is the one that makes F_r continuous at ε̇ = 0, often printed the other way.
+//!
+//! In terms of the rates p = ε̇ and s = εw/2 the law has no singularity: k|ε̇| = √(1 − ε²)·√(p² + s²)/ε, and the force is homogeneous
+//! of degree one in (p, s).
+
+use std::f64::consts::PI;
+
+/// Eccentricity ratio at which the film is taken as thinnest.
+pub const THINNEST: f64 = 0.999;
+
+/// A film of oil.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Film {
+    /// Radial clearance c, m, > 0.
+    pub clearance: f64,
+    /// C = μ L R³/c², N·s.
+    pub resistance: f64,
+}
+
+impl Film {
+    /// The film of oil of `viscosity` (Pa·s) in a bearing of `length`, `radius` and `clearance`, m.
+    pub fn new(viscosity: f64, length: f64, radius: f64, clearance: f64) -> Film {
+        Film { clearance, resistance: viscosity * length * radius.powi(3) / clearance.powi(2) }
+    }
+
+    /// F_r and F_t, N, at the eccentricity ratio `eps` in (0, 1) with ε̇ = `rate` and εw/2 = `slip`, 1/s.
+    pub fn force(&self, eps: f64, rate: f64, slip: f64) -> [f64; 2] {
+        let (square, open) = (eps * eps, 1.0 - eps * eps);
+        let (a, b) = ((2.0 + square) * open.powf(1.5), (2.0 + square) * open.sqrt());
+        let speed = rate.hypot(slip);
+        let k_rate = open.sqrt() * speed / eps;
+        // (k + 3)/(k + 3/2) and k/(k + 3/2), multiplied through by |ε̇|.
+        let share = |more: f64| {
+            let below = k_rate + 1.5 * rate.abs();
+            if below > 0.0 { (k_rate + more * rate.abs()) / below } else { 1.0 }
+        };
+        let wedge = 4.0 * square * k_rate;
+        let squeeze = (2.0 + square) * PI * rate.abs();
+        let (radial, part) = if rate >= 0.0 {
+            let part = share(3.0);
+            (-(wedge + squeeze * part), part)
+        } else {
+            let part = share(0.0);
+            (squeeze * part - wedge, part)
+        };
+        [6.0 * self.resistance / a * radial, 12.0 * PI * self.resistance * slip / b * part]
+    }
+
+    /// The rates ε̇ and εw/2, 1/s, at which the film carries the force `radial`, `tangential` (N): the inverse of [`Film::force`]. The
+    /// direction of the force turns one way with the direction of the rates, so that a bisection finds it.
+    pub fn rates(&self, eps: f64, radial: f64, tangential: f64) -> [f64; 2] {
+        /// Halvings of half a turn: to 1e-12.
+        const BISECTIONS: usize = 42;
+        let size = radial.hypot(tangential);
+        if size == 0.0 {
+            return [0.0, 0.0];
+        }
+        let wanted = tangential.abs().atan2(-radial);
+        let (mut low, mut high) = (0.0, PI);
+        for _ in 0..BISECTIONS {
+            let middle: f64 = 0.5 * (low + high);
+            let [r, t] = self.force(eps, middle.cos(), middle.sin());
+            if t.atan2(-r) < wanted { low = middle } else { high = middle }
+        }
+        let direction = 0.5 * (low + high);
+        let [r, t] = self.force(eps, direction.cos(), direction.sin());
+        let speed = size / r.hypot(t);
+        [speed * direction.cos(), speed * direction.sin() * tangential.signum()]
+    }
+
+    /// Force on the journal, N, in the plane's coordinates (e₂ = e₁ × axis), at `offset` (m) with `velocity` (m/s), turning at `turning`
+    /// (rad/s) about the axis.
+    pub fn push(&self, offset: [f64; 2], velocity: [f64; 2], turning: f64) -> [f64; 2] {
+        let (eps, n, t) = self.place(offset);
+        let rate = (velocity[0] * n[0] + velocity[1] * n[1]) / self.clearance;
+        let whirl = (velocity[0] * t[0] + velocity[1] * t[1]) / self.clearance;
+        let [radial, tangential] = self.force(eps, rate, 0.5 * eps * turning - whirl);
+        [radial * n[0] + tangential * t[0], radial * n[1] + tangential * t[1]]
+    }
+
+    /// Velocity of a journal without inertia at `offset` that the film carries with the `force`, m/s; not outwards at the thinnest film.
+    pub fn drift(&self, offset: [f64; 2], force: [f64; 2], turning: f64) -> [f64; 2] {
+        let (eps, n, t) = self.place(offset);
+        let radial = force[0] * n[0] + force[1] * n[1];
+        let tangential = force[0] * t[0] + force[1] * t[1];
+        let [rate, slip] = self.rates(eps, radial, tangential);
+        let rate = if eps >= THINNEST * (1.0 - 1e-9) { rate.min(0.0) } else { rate };
+        let whirl = 0.5 * eps * turning - slip;
+        [0, 1].map(|i| self.clearance * (rate * n[i] + whirl * t[i]))
+    }
+
+    /// Where a journal at `offset` is after `time` s, carried with `force` while turning at `turning`: Heun's method in steps that are
+    /// short against the film that is left and against the bearing. Where the journal turns back within a step, it has passed a place at
+    /// which the film carries the force, and is put there.
+    pub fn carried(&self, mut offset: [f64; 2], force: [f64; 2], turning: f64, time: f64) -> [f64; 2] {
+        /// Largest change in a step, as a share of the film that is left, and of the clearance.
+        const SHARE: f64 = 0.1;
+        const MOST_STEPS: usize = 400;
+        let mut left = time;
+        for _ in 0..MOST_STEPS {
+            if left <= 0.0 {
+                break;
+            }
+            let first = self.drift(offset, force, turning);
+            let (_, n, t) = self.place(offset);
+            let outwards = (first[0] * n[0] + first[1] * n[1]).abs();
+            let around = (first[0] * t[0] + first[1] * t[1]).abs();
+            let film = self.clearance - offset[0].hypot(offset[1]);
+            let step = left.min(SHARE * film / outwards).min(SHARE * self.clearance / around);
+            let second = self.drift(self.inside([0, 1].map(|i| offset[i] + step * first[i])), force, turning);
+            let turned_back = first[0] * second[0] + first[1] * second[1] < 0.0;
+            let (before, after) = (first[0].hypot(first[1]), second[0].hypot(second[1]));
+            let moved = if turned_back {
+                first.map(|v| v * step * before / (before + after))
+            } else {
+                [0, 1].map(|i| 0.5 * step * (first[i] + second[i]))
+            };
+            offset = self.inside([0, 1].map(|i| offset[i] + moved[i]));
+            left -= step;
+        }
+        offset
+    }
+
+    fn inside(&self, offset: [f64; 2]) -> [f64; 2] {
+        let e = offset[0].hypot(offset[1]);
+        let most = THINNEST * self.clearance;
+        if e > most { offset.map(|x| x * most / e) } else { offset }
+    }
+
+    /// Eccentricity ratio, kept from 0 and 1, normal and tangent axis × n = (n₂, −n₁).
+    fn place(&self, offset: [f64; 2]) -> (f64, [f64; 2], [f64; 2]) {
+        let e = offset[0].hypot(offset[1]);
+        let n = if e > 0.0 { [offset[0] / e, offset[1] / e] } else { [1.0, 0.0] };
+        ((e / self.clearance).clamp(1e-6, THINNEST), n, [n[1], -n[0]])
+    }
+}

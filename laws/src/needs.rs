@@ -1,0 +1,167 @@
+//! What a recording has to hold for an effect to be told from others, and what it lacks, in words.
+
+use crate::basis::Place;
+use crate::kind::{Kind, Site};
+
+/// What was recorded beside the motion.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recorded {
+    /// Joint torques.
+    pub torque: bool,
+    /// Tool position.
+    pub tool: bool,
+    /// Link-side encoder, by joint; may be shorter than the arm.
+    pub link: Vec<bool>,
+}
+
+/// One condition on a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Need {
+    /// Measured torques.
+    Torque,
+    /// The tool's position.
+    Tool,
+    /// The tool's position, or the joint's link encoder.
+    Pose,
+    /// Measured torques, or something of the pose.
+    TorqueOrPose,
+    /// The joint moves.
+    Motion,
+    /// So many changes of the joint's direction.
+    Reversals(usize),
+    /// The fastest tenth of the moving samples is at least so many times as fast as the slowest.
+    Speeds(f64),
+    /// The model's load on the joint changes by at least this share of its greatest amount.
+    LoadRange(f64),
+    /// The model's load on the joint changes its sign.
+    LoadReversal,
+    /// The joint covers so many of its own turns (m for a prismatic joint's pitch of 1 m).
+    Turns(f64),
+    /// The joint moves over at least this, rad (m).
+    Travel(f64),
+    /// So many seconds.
+    Duration(f64),
+    /// The arm file names friction for the joint.
+    NominalFriction,
+}
+
+/// Speed below which a joint stands, rad/s (m/s).
+const STILL: f64 = 1e-4;
+
+impl Kind {
+    /// What a recording with `recorded` lacks for this effect at `place`: a plain sentence, or `None` if nothing.
+    pub fn missing(&self, place: &Place, recorded: &Recorded) -> Option<String> {
+        let name = place.joint().map_or("the arm", |joint| &joint.name);
+        self.needs.iter().find_map(|need| need.missing(place, recorded, self.site, name))
+    }
+}
+
+impl Need {
+    fn missing(self, place: &Place, recorded: &Recorded, site: Site, name: &str) -> Option<String> {
+        let link = match (site, place.joint) {
+            (Site::Arm, _) | (_, None) => recorded.link.contains(&true),
+            (_, Some(joint)) => recorded.link.get(joint).copied().unwrap_or(false),
+        };
+        let pose = recorded.tool || link;
+        match self {
+            Need::Torque => (!recorded.torque).then(|| "no torque was recorded (tau1…)".to_owned()),
+            Need::Tool => {
+                (!recorded.tool).then(|| "the tool's position (x, y, z) was not recorded".to_owned())
+            }
+            Need::Pose => (!pose).then(|| {
+                format!(
+                    "neither the tool's position (x, y, z) nor the link side of {name} (q_link) was recorded"
+                )
+            }),
+            Need::TorqueOrPose => (!pose && !recorded.torque)
+                .then(|| "neither torques nor anything of the pose was recorded".to_owned()),
+            Need::Duration(least) => {
+                let stretches = &place.scene.motion.stretches;
+                let t = &place.scene.motion.t;
+                let lasts: f64 = stretches.iter().map(|s| t[s.end - 1] - t[s.start]).sum();
+                (lasts < least)
+                    .then(|| format!("the recording lasts {lasts:.1} s, too short: {least:.0} s are needed"))
+            }
+            _ => place.joint.and_then(|joint| self.missing_of_motion(place, joint, name)),
+        }
+    }
+
+    /// What the motion of `joint` lacks.
+    fn missing_of_motion(self, place: &Place, joint: usize, name: &str) -> Option<String> {
+        let (q, v) = (&place.scene.motion.q[joint], &place.scene.motion.v[joint]);
+        let load = &place.scene.load[joint];
+        let (least, most) = extremes(q);
+        match self {
+            Need::Motion => (!v.iter().any(|v| v.abs() > STILL))
+                .then(|| format!("{name} does not move in this recording")),
+            Need::Reversals(needed) => {
+                let found = reversals(v);
+                (found < needed).then(|| {
+                    format!(
+                        "{name} changes its direction {found} time(s) in this recording; {needed} are needed"
+                    )
+                })
+            }
+            Need::Speeds(needed) => {
+                let ratio = speed_ratio(&place.speeds());
+                (ratio < needed).then(|| {
+                    format!("{name} moves at nearly one speed (fast is {ratio:.1} times slow; {needed:.0} are needed)")
+                })
+            }
+            Need::LoadRange(share) => {
+                let (low, high) = extremes(load);
+                let greatest = low.abs().max(high.abs());
+                (high - low < share * greatest || greatest == 0.0).then(|| {
+                    format!("the load of {name} hardly changes ({low:.3} to {high:.3} by the model)")
+                })
+            }
+            Need::LoadReversal => {
+                let (low, high) = extremes(load);
+                (low >= 0.0 || high <= 0.0).then(|| {
+                    format!("the load of {name} never changes its sign ({low:.3} to {high:.3} by the model)")
+                })
+            }
+            Need::Turns(needed) => {
+                let turns = (most - least) / std::f64::consts::TAU;
+                (turns < needed).then(|| {
+                    format!("{name} covers {turns:.2} of a turn; {needed:.2} are needed to see a period")
+                })
+            }
+            Need::Travel(needed) => (most - least < needed)
+                .then(|| format!("{name} moves over {:.4} only; {needed} is needed", most - least)),
+            Need::NominalFriction => {
+                let friction = place.scene.arm.joints()[joint].friction;
+                (friction.viscous == 0.0 && friction.coulomb == 0.0)
+                    .then(|| format!("the arm file names no friction for {name} that could change"))
+            }
+            Need::Torque | Need::Tool | Need::Pose | Need::TorqueOrPose | Need::Duration(_) => None,
+        }
+    }
+}
+
+fn extremes(values: &[f64]) -> (f64, f64) {
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| (least.min(*x), most.max(*x)))
+}
+
+/// How often the velocity changes its sign, standstill left out.
+pub fn reversals(v: &[f64]) -> usize {
+    let mut last = 0.0;
+    v.iter()
+        .filter(|v| v.abs() > STILL)
+        .filter(|v| {
+            let turned = last * v.signum() < 0.0;
+            last = v.signum();
+            turned
+        })
+        .count()
+}
+
+/// Ninth decile over first decile of the speeds of a joint that moves, `speeds` in ascending order; 1 if it stands.
+fn speed_ratio(speeds: &[f64]) -> f64 {
+    let moving = &speeds[speeds.partition_point(|speed| *speed <= STILL)..];
+    if moving.is_empty() {
+        return 1.0;
+    }
+    let quantile = |share: f64| moving[((moving.len() - 1) as f64 * share) as usize];
+    quantile(0.9) / quantile(0.1)
+}

@@ -1,0 +1,144 @@
+//! The parameters of an effect: names, units, ranges, and what a diagnosis can do about them.
+
+/// One parameter of an effect.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameter {
+    /// Its name in arm files and in `diagnosis.json`.
+    pub name: &'static str,
+    /// What it is, in a few words.
+    pub meaning: &'static str,
+    /// What it may be.
+    pub range: Range,
+}
+
+/// What a parameter may be.
+#[derive(Clone, Copy, Debug)]
+pub enum Range {
+    /// A number.
+    Number {
+        /// Unit for a revolute joint, and for the arm as a whole.
+        unit: &'static str,
+        /// Unit for a prismatic joint.
+        prismatic_unit: &'static str,
+        /// Least value.
+        least: f64,
+        /// Greatest value.
+        most: f64,
+        /// What a file that is silent means.
+        absent: Absent,
+        /// How the effect depends on it.
+        role: Role,
+    },
+    /// Three numbers: a vector in the frame that the meaning names.
+    Vector {
+        /// Unit.
+        unit: &'static str,
+        /// Value taken where the file is silent; `None` if it has to be given.
+        default: Option<[f64; 3]>,
+        /// How the effect depends on it.
+        role: Role,
+    },
+    /// The name of another joint.
+    OtherJoint,
+    /// One of these words; the first is taken where the file is silent.
+    Word(&'static [&'static str]),
+    /// A table that the effect reads itself.
+    Table,
+}
+
+/// What it means that a file does not give a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Absent {
+    /// The number has to be given.
+    Refused,
+    /// This value.
+    Is(f64),
+    /// What these words say, such as `from the material`.
+    Means(&'static str),
+}
+
+/// How the prediction depends on a parameter: what a diagnosis can do about it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// With the shape fixed, what is predicted is a sum of terms in the parameters of this role; see [`crate::Term`].
+    Linear,
+    /// It shapes the effect; searched on a grid and refined.
+    Shape,
+    /// The measured motion hardly depends on it (a contact's stiffness); given by the material, not identified.
+    Given,
+}
+
+impl Parameter {
+    /// A number from `least` to `most` that has to be given, of [`Role::Linear`], in the same `unit` for all joints.
+    pub const fn number(
+        name: &'static str,
+        meaning: &'static str,
+        unit: &'static str,
+        [least, most]: [f64; 2],
+    ) -> Parameter {
+        let range = Range::Number {
+            unit,
+            prismatic_unit: unit,
+            least,
+            most,
+            absent: Absent::Refused,
+            role: Role::Linear,
+        };
+        Parameter { name, meaning, range }
+    }
+
+    /// A vector of [`Role::Linear`] that has to be given.
+    pub const fn vector(name: &'static str, meaning: &'static str, unit: &'static str) -> Parameter {
+        Parameter { name, meaning, range: Range::Vector { unit, default: None, role: Role::Linear } }
+    }
+
+    /// The same in `unit` for prismatic joints.
+    pub const fn prismatic(mut self, unit: &'static str) -> Parameter {
+        if let Range::Number { prismatic_unit, .. } = &mut self.range {
+            *prismatic_unit = unit;
+        }
+        self
+    }
+
+    /// The same, but taken as `value` where the file is silent.
+    pub const fn or(self, value: f64) -> Parameter {
+        self.absent(Absent::Is(value))
+    }
+
+    /// The same, but free to be left away, which means `what`.
+    pub const fn or_else(self, what: &'static str) -> Parameter {
+        self.absent(Absent::Means(what))
+    }
+
+    const fn absent(mut self, what: Absent) -> Parameter {
+        if let Range::Number { absent, .. } = &mut self.range {
+            *absent = what;
+        }
+        self
+    }
+
+    /// The same vector, taken as zero where the file is silent.
+    pub const fn or_zero(mut self) -> Parameter {
+        if let Range::Vector { default, .. } = &mut self.range {
+            *default = Some([0.0; 3]);
+        }
+        self
+    }
+
+    /// The same with [`Role::Shape`].
+    pub const fn shape(self) -> Parameter {
+        self.role(Role::Shape)
+    }
+
+    /// The same with [`Role::Given`].
+    pub const fn given(self) -> Parameter {
+        self.role(Role::Given)
+    }
+
+    const fn role(mut self, new: Role) -> Parameter {
+        if let Range::Number { role, .. } | Range::Vector { role, .. } = &mut self.range {
+            *role = new;
+        }
+        self
+    }
+}

@@ -1,0 +1,257 @@
+//! What a recording would show of an arm with effects, given the motion that its encoders read.
+
+use std::cell::OnceCell;
+use std::fmt::Debug;
+
+use freeplay_arm::Arm;
+
+use crate::effect::{ArmParts, Effect};
+use crate::scene::{
+    Prediction, Scene, Trajectory, rigid_torques, rotor_torques, tool_positions, tool_sensitivity,
+    torque_sensitivity,
+};
+use crate::{DriveFriction, LawError, Placed};
+
+/// The low-pass that a measured column has gone through, applied to one column of the trajectory's points.
+pub type LowPassed<'a> = dyn Fn(&[f64]) -> Vec<f64> + 'a;
+
+/// What a recording of `motion` would show of `arm` with `effects`. Laws that jump go through `low_pass`, as the measurement did.
+///
+/// # Errors
+/// [`LawError::Changed`] if an effect leaves no possible arm.
+pub fn predict(
+    arm: &Arm,
+    effects: &[Placed],
+    motion: &Trajectory,
+    low_pass: &LowPassed,
+) -> Result<Prediction, LawError> {
+    let effects: Vec<&Placed> = effects.iter().collect();
+    Baseline::new(arm, &effects, motion, low_pass).map(|baseline| baseline.measured)
+}
+
+/// `arm` with the effects that change it.
+///
+/// # Errors
+/// [`LawError::Changed`] if an effect leaves no possible arm.
+pub fn changed<'a>(arm: &Arm, effects: impl IntoIterator<Item = &'a Placed>) -> Result<Arm, LawError> {
+    let mut parts = ArmParts::of(arm);
+    for placed in effects {
+        placed.effect.arm(&mut parts)?;
+    }
+    parts.into_arm(arm.name())
+}
+
+/// A prediction with all that went into it, and how one more effect would change it.
+pub struct Baseline<'a> {
+    nominal: &'a Arm,
+    effects: Vec<&'a Placed>,
+    low_pass: &'a LowPassed<'a>,
+    scene: Scene<'a>,
+    shift: Vec<Vec<f64>>,
+    /// Before the sensors.
+    plain: Prediction,
+    measured: Prediction,
+    /// What a small shift of each link does to the torques: `[moved joint][joint][point]`.
+    torque_sensitivity: OnceCell<Vec<Vec<Vec<f64>>>>,
+    /// And to the tool: `[moved joint][axis][point]`.
+    tool_sensitivity: OnceCell<Vec<[Vec<f64>; 3]>>,
+}
+
+impl Debug for Baseline<'_> {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (arm, points) = (self.scene.arm.name(), self.scene.motion.len());
+        formatter.debug_struct("Baseline").field("arm", &arm).field("points", &points).finish_non_exhaustive()
+    }
+}
+
+impl<'a> Baseline<'a> {
+    /// The prediction for `arm` with `effects` along `motion`.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if an effect leaves no possible arm.
+    pub fn new(
+        arm: &'a Arm,
+        effects: &[&'a Placed],
+        motion: &'a Trajectory,
+        low_pass: &'a LowPassed<'a>,
+    ) -> Result<Baseline<'a>, LawError> {
+        let scene = Scene::new(changed(arm, effects.iter().copied())?, motion);
+        let arm_now = &scene.arm;
+        let mut shift = vec![vec![0.0; motion.len()]; arm.dof()];
+        let (mut smooth, mut torque) = (shift.clone(), shift.clone());
+        let mut tool = vec![vec![0.0; motion.len()]; 3];
+        for placed in effects {
+            let shifts = if placed.kind.rough { &mut shift } else { &mut smooth };
+            say(placed, low_pass, shifts, |effect, shift| effect.shift(&scene, shift));
+            say(placed, low_pass, &mut torque, |effect, torque| effect.torque(&scene, torque));
+            say(placed, low_pass, &mut tool, |effect, tool| displace(effect, &scene, tool));
+        }
+        let mut total = link_torques(&scene, &smooth, &shift);
+        add(&mut total, &rotor_torques(arm_now, motion));
+        add(&mut shift, &smooth);
+        let friction = nominal_friction(&scene, low_pass);
+        add(&mut total, &friction);
+        add(&mut total, &torque);
+        let link: Vec<Vec<f64>> = motion.q.iter().zip(&shift).map(|(q, shift)| sum(q, shift)).collect();
+        let mut positions = tool_positions(arm_now, &link);
+        add(&mut positions, &tool);
+        let tool = <[Vec<f64>; 3]>::try_from(positions).unwrap_or_default();
+        let plain = Prediction { torque: total, friction, tool, link };
+        let mut measured = plain.clone();
+        effects.iter().for_each(|placed| placed.effect.measure(&scene, &mut measured));
+        let effects = effects.to_vec();
+        Ok(Baseline {
+            nominal: arm,
+            effects,
+            low_pass,
+            scene,
+            shift,
+            plain,
+            measured,
+            torque_sensitivity: OnceCell::new(),
+            tool_sensitivity: OnceCell::new(),
+        })
+    }
+
+    /// The arm with the effects that change it, its motion and load.
+    pub fn scene(&self) -> &Scene<'a> {
+        &self.scene
+    }
+
+    /// The prediction.
+    pub fn prediction(&self) -> &Prediction {
+        &self.measured
+    }
+
+    /// What `placed` would change, beside the effects that are in: exact where it changes the arm or the torque, to first order where
+    /// it shifts links (for a shift of 1 mrad that is to about 1e-3 of the change).
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if it leaves no possible arm.
+    pub fn change(&self, placed: &Placed) -> Result<Prediction, LawError> {
+        let mut parts = ArmParts::of(&self.scene.arm);
+        placed.effect.arm(&mut parts)?;
+        if !parts.are_of(&self.scene.arm) {
+            let effects: Vec<&Placed> = self.effects.iter().copied().chain([placed]).collect();
+            let mut change =
+                Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass)?.measured;
+            change.subtract(&self.measured);
+            return Ok(change);
+        }
+        let mut plain = self.plain.clone();
+        plain.add(&self.plain_change(placed));
+        let effects = self.effects.iter().copied().chain([placed]);
+        effects.for_each(|placed| placed.effect.measure(&self.scene, &mut plain));
+        plain.subtract(&self.measured);
+        Ok(plain)
+    }
+
+    /// What an effect that leaves the arm as it is changes before the sensors.
+    fn plain_change(&self, placed: &Placed) -> Prediction {
+        let (scene, points) = (&self.scene, self.scene.motion.len());
+        let mut change = Prediction::blank(scene.arm.dof(), points);
+        let mut tool = vec![vec![0.0; points]; 3];
+        say(placed, self.low_pass, &mut change.link, |effect, shift| effect.shift(scene, shift));
+        say(placed, self.low_pass, &mut change.torque, |effect, torque| effect.torque(scene, torque));
+        say(placed, self.low_pass, &mut tool, |effect, tool| displace(effect, scene, tool));
+        for (joint, shift) in change.link.iter().enumerate() {
+            if shift.iter().all(|&shift| shift == 0.0) {
+                continue;
+            }
+            let sensitivity =
+                self.tool_sensitivity.get_or_init(|| tool_sensitivity(&scene.arm, &self.plain.link));
+            add_products(&mut tool, &sensitivity[joint], shift);
+            if placed.kind.rough {
+                let sensitivity = self
+                    .torque_sensitivity
+                    .get_or_init(|| torque_sensitivity(&scene.arm, scene.motion, &self.shift));
+                add_products(&mut change.torque, &sensitivity[joint], shift);
+            }
+        }
+        if !placed.kind.rough && change.link.iter().flatten().any(|&shift| shift != 0.0) {
+            let none = vec![vec![0.0; points]; scene.arm.dof()];
+            add(&mut change.torque, &link_torques(scene, &change.link, &none));
+            subtract(&mut change.torque, &scene.load);
+        }
+        change.tool = <[Vec<f64>; 3]>::try_from(tool).unwrap_or_default();
+        change
+    }
+}
+
+/// Torques that the rigid arm takes from its transmissions with its links shifted, `[joint][point]`, N·m (N). Where `smooth` shifts them,
+/// velocities and accelerations follow; a shift that jumps counts by its position alone, since what the flanks do to each other while
+/// they meet is not in a recording of the motor.
+fn link_torques(scene: &Scene, smooth: &[Vec<f64>], jumping: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let any = |shift: &[Vec<f64>]| shift.iter().flatten().any(|&shift| shift != 0.0);
+    if !any(smooth) && !any(jumping) {
+        return scene.load.clone();
+    }
+    let links = scene.motion.shifted(smooth);
+    let mut torque = rigid_torques(&scene.arm, &links, Some(jumping));
+    subtract(&mut torque, &rotor_torques(&scene.arm, &links));
+    torque
+}
+
+/// Adds to `channels` what `placed` has to say; what jumps is filtered first.
+fn say(
+    placed: &Placed,
+    low_pass: &LowPassed,
+    channels: &mut [Vec<f64>],
+    speak: impl Fn(&dyn Effect, &mut [Vec<f64>]),
+) {
+    let mut said: Vec<Vec<f64>> = channels.iter().map(|channel| vec![0.0; channel.len()]).collect();
+    speak(placed.effect.as_ref(), &mut said);
+    for (channel, said) in channels.iter_mut().zip(said) {
+        if said.iter().all(|&x| x == 0.0) {
+            continue;
+        }
+        let said = if placed.kind.rough { low_pass(&said) } else { said };
+        channel.iter_mut().zip(said).for_each(|(channel, said)| *channel += said);
+    }
+}
+
+fn displace(effect: &dyn Effect, scene: &Scene, tool: &mut [Vec<f64>]) {
+    if let Ok(tool) = tool.try_into() {
+        effect.displace(scene, tool);
+    }
+}
+
+fn add(channels: &mut [Vec<f64>], others: &[Vec<f64>]) {
+    for (channel, other) in channels.iter_mut().zip(others) {
+        channel.iter_mut().zip(other).for_each(|(channel, other)| *channel += other);
+    }
+}
+
+fn subtract(channels: &mut [Vec<f64>], others: &[Vec<f64>]) {
+    for (channel, other) in channels.iter_mut().zip(others) {
+        channel.iter_mut().zip(other).for_each(|(channel, other)| *channel -= other);
+    }
+}
+
+fn add_products(channels: &mut [Vec<f64>], sensitivity: &[Vec<f64>], shift: &[f64]) {
+    for (channel, sensitivity) in channels.iter_mut().zip(sensitivity) {
+        for ((channel, sensitivity), shift) in channel.iter_mut().zip(sensitivity).zip(shift) {
+            *channel += sensitivity * shift;
+        }
+    }
+}
+
+fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + b).collect()
+}
+
+/// The friction that the arm file names for each joint; the jump of its sign goes through `low_pass`.
+fn nominal_friction(scene: &Scene, low_pass: &LowPassed) -> Vec<Vec<f64>> {
+    let joints = scene.arm.joints().iter().zip(&scene.motion.v);
+    joints
+        .map(|(joint, v)| {
+            let nominal = DriveFriction::nominal(joint.friction);
+            if nominal.coulomb == 0.0 {
+                return v.iter().map(|v| nominal.resisting(*v)).collect();
+            }
+            let jump = DriveFriction { viscous: 0.0, ..nominal };
+            let jump = low_pass(&v.iter().map(|v| jump.resisting(*v)).collect::<Vec<_>>());
+            jump.iter().zip(v).map(|(jump, v)| jump + nominal.viscous * v).collect()
+        })
+        .collect()
+}
