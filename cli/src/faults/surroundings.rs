@@ -16,7 +16,7 @@ use crate::setup::Setup;
 const LONGEST: Duration = Duration::from_secs(20);
 const LOOK: Duration = Duration::from_millis(1);
 /// Sizes of the shared memory that is to be too small: for the services, for the segments of the plant, for those of a controller.
-const SIZES: [&str; 3] = ["32k", "256k", "1m"];
+const SIZES: [&str; 3] = ["32k", "64k", "80k"];
 
 /// What came of a fault of the surroundings.
 #[derive(Clone, Debug, Serialize)]
@@ -81,8 +81,8 @@ fn plant_killed(scenario: &Scenario, examined: &Contestant, out: &Path) -> Resul
 fn memory_full(controller: &str, size: &str, out: &Path) -> Result<Surrounding, Failure> {
     let fault = match size {
         "32k" => "memory-full-32k",
-        "256k" => "memory-full-256k",
-        _ => "memory-full-1m",
+        "64k" => "memory-full-64k",
+        _ => "memory-full-80k",
     };
     let mount =
         "mount -t tmpfs -o mode=1777,size=$0 tmpfs /dev/shm && : > \"$1/mounted\" && shift && exec \"$@\"";
