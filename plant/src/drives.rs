@@ -60,13 +60,15 @@ pub(crate) struct Drives {
     friction: Vec<DriveFriction>,
     laws: Vec<Box<dyn DriveLaw>>,
     limit: Vec<f64>,
+    /// Whether there is nothing but nominal friction.
+    plain: bool,
     /// The motors that are parted from their links.
     pub motors: Vec<Option<Motor>>,
     /// Motor-side positions in the middle of the sub-step.
     pub q: Vec<f64>,
     /// Velocities there.
     pub v: Vec<f64>,
-    /// Accelerations of the sub-step before.
+    /// Accelerations of the sub-step before; of prescribed joints, those of this one.
     pub a: Vec<f64>,
     /// What friction and the laws of effects put on the drives, N·m (N); negative where it opposes a positive motion.
     pub loss: Vec<f64>,
@@ -82,6 +84,7 @@ impl Drives {
             friction: joints.iter().map(|joint| DriveFriction::nominal(joint.friction)).collect(),
             laws: Vec::new(),
             limit: vec![f64::INFINITY; joints.len()],
+            plain: true,
             motors: vec![None; joints.len()],
             q: blank.clone(),
             v: blank.clone(),
@@ -97,6 +100,25 @@ impl Drives {
         for &(joint, limit) in saturations {
             self.limit[joint] = self.limit[joint].min(limit);
         }
+        self.plain &= self.laws.is_empty() && saturations.is_empty();
+    }
+
+    /// Parts the motor of `joint` from its link.
+    pub fn part(&mut self, joint: usize, motor: Motor) {
+        self.motors[joint] = Some(motor);
+        self.plain = false;
+    }
+
+    /// Whether there is nothing but nominal friction.
+    #[inline]
+    pub fn plain(&self) -> bool {
+        self.plain
+    }
+
+    /// The nominal friction of each drive, and where its loss is kept.
+    #[inline]
+    pub fn nominal(&mut self) -> impl Iterator<Item = (&DriveFriction, &mut f64)> {
+        self.friction.iter().zip(&mut self.loss)
     }
 
     /// Forgets all that was.
@@ -120,9 +142,13 @@ impl Drives {
     /// Puts the drive of `joint` at what is prescribed to it, at its motor, or at the joint itself, whose position and velocity
     /// in the middle of the sub-step is `link`.
     #[inline]
-    pub fn place(&mut self, joint: usize, prescribed: Option<[f64; 2]>, link: [f64; 2], half: f64) {
-        let own = || self.motors[joint].as_ref().map_or(link, |motor| motor.middle(half));
-        [self.q[joint], self.v[joint]] = prescribed.unwrap_or_else(own);
+    pub fn place(&mut self, joint: usize, prescribed: Option<[f64; 3]>, link: [f64; 2], half: f64) {
+        if let Some(state) = prescribed {
+            [self.q[joint], self.v[joint], self.a[joint]] = state;
+        } else {
+            let own = self.motors[joint].as_ref().map_or(link, |motor| motor.middle(half));
+            [self.q[joint], self.v[joint]] = own;
+        }
     }
 
     /// Works out the losses of all drives at the time `t`, s, of a sub-step of `step` s.

@@ -181,7 +181,7 @@ impl System {
         let mut system = Self::new(ArmWithPlay::new(&links, &clearances)?, arm, period, substeps)?;
         for ((joint, law), sides) in injection.transmissions.iter().zip(&sides) {
             check_step(&arm.joints()[*joint].name, law, sides, period, substeps)?;
-            system.drives.motors[*joint] = Some(Motor::new(*law, sides.motor));
+            system.drives.part(*joint, Motor::new(*law, sides.motor));
         }
         system.drives.add(injection.drives, &injection.saturations);
         system.forces.add(injection.forces);
@@ -278,8 +278,13 @@ impl System {
             self.q[i] = self.middle_q[i] + half * self.v[i];
             self.middle_v[i] = 0.5 * (before + self.v[i]);
         }
-        self.turn_motors(step, input);
-        self.book(step, input);
+        if self.drives.plain() {
+            self.book_plain_drives(step, input);
+        } else {
+            self.turn_motors(step, input);
+            self.book_drives(step, input);
+        }
+        self.book_contacts(step, input);
     }
 
     /// Sets the drives of all joints: motor and drive friction, or the prescribed motion; slides are free.
@@ -289,10 +294,36 @@ impl System {
             input.motion.at(time, q, v, a);
         }
         self.drive.fill(Drive::Torque(0.0));
+        if self.drives.plain() {
+            self.actuate_plain(input);
+        } else {
+            self.actuate_all(time, step, input);
+        }
+    }
+
+    /// Drives with nothing but their nominal friction.
+    fn actuate_plain(&mut self, input: &Input) {
+        let [q, v, a] = &self.prescribed;
+        for (joint, (friction, loss)) in self.drives.nominal().enumerate() {
+            let at = self.play.joint(joint);
+            if input.driven[joint] {
+                (self.middle_q[at], self.middle_v[at]) = (q[joint], v[joint]);
+                self.drive[at] = Drive::Acceleration(a[joint]);
+            }
+            *loss = friction.torque(self.middle_v[at]);
+            if !input.driven[joint] {
+                self.drive[at] = Drive::Torque(input.torque[joint] + *loss);
+            }
+        }
+    }
+
+    /// Drives with effects on them.
+    fn actuate_all(&mut self, time: f64, step: f64, input: &Input) {
+        let [q, v, a] = &self.prescribed;
         for joint in 0..self.motor.len() {
             let at = self.play.joint(joint);
-            let prescribed = input.driven[joint].then_some([q[joint], v[joint]]);
-            if let (Some([q, v]), None) = (prescribed, &self.drives.motors[joint]) {
+            let prescribed = input.driven[joint].then_some([q[joint], v[joint], a[joint]]);
+            if let (Some([q, v, _]), None) = (prescribed, &self.drives.motors[joint]) {
                 (self.middle_q[at], self.middle_v[at]) = (q, v);
             }
             let link = [self.middle_q[at], self.middle_v[at]];
@@ -349,10 +380,22 @@ impl System {
         }
     }
 
-    /// Books the work of the sub-step, at the mean of the velocities before and after it.
-    fn book(&mut self, step: f64, input: &Input) {
-        let [_, prescribed, _] = &self.prescribed;
-        for (joint, &speed) in prescribed.iter().enumerate() {
+    /// Books the work of plain drives, at the mean of the velocities before and after the sub-step.
+    fn book_plain_drives(&mut self, step: f64, input: &Input) {
+        for (joint, (_, loss)) in self.drives.nominal().enumerate() {
+            let at = self.play.joint(joint);
+            let driven = input.driven[joint];
+            let v = if driven { self.prescribed[1][joint] } else { self.middle_v[at] };
+            let needed = || self.total[at] - *loss - self.forces.on(at);
+            self.motor[joint] = if driven { needed() } else { input.torque[joint] };
+            self.ledger.drives += step * self.motor[joint] * v;
+            self.ledger.drive_friction -= step * *loss * v;
+        }
+    }
+
+    /// Books the work of drives with effects on them, and keeps the load that their laws ask for in the next sub-step.
+    fn book_drives(&mut self, step: f64, input: &Input) {
+        for (joint, &speed) in self.prescribed[1].iter().enumerate() {
             let (at, loss) = (self.play.joint(joint), self.drives.loss[joint]);
             let (driven, motor) = (input.driven[joint], &self.drives.motors[joint]);
             if let Some(motor) = motor {
@@ -363,6 +406,11 @@ impl System {
             self.ledger.drives += step * self.motor[joint] * v;
             self.ledger.drive_friction -= step * loss * v;
         }
+    }
+
+    /// Books the work of contacts and of forces on the tool.
+    fn book_contacts(&mut self, step: f64, input: &Input) {
+        let [_, prescribed, _] = &self.prescribed;
         self.ledger.tool_force += step * self.forces.power(&self.middle_v);
         for (at, contact) in self.play.plays().iter().zip(&self.contacts) {
             // The mean velocity belongs to the middle of the sub-step, where the contact was evaluated.
@@ -380,8 +428,12 @@ impl System {
             self.ledger.damping += step * (contact.normal - elastic) * approach.rate;
             self.ledger.contact_friction -= step * contact.tangential * approach.sliding;
         }
-        for joint in 0..self.motor.len() {
-            self.drives.load[joint] = self.motor[joint] + self.drives.loss[joint];
+        if !self.drives.plain() {
+            for (load, (motor, loss)) in
+                self.drives.load.iter_mut().zip(self.motor.iter().zip(&self.drives.loss))
+            {
+                *load = motor + loss;
+            }
         }
     }
 
