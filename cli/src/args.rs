@@ -29,6 +29,8 @@ enum Command {
     Replay(crate::replay::ReplayArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
     ReferenceRuns(crate::reference_runs::ReferenceArgs),
+    /// The paper (Erkaya 2018) reproduced: its scenarios, figures and claims, each with a verdict.
+    Reproduce(crate::reproduce::ReproduceArgs),
     /// The process that plays the machine; `freeplay run` starts it.
     #[command(hide = true)]
     Plant(crate::plant_command::PlantArgs),
@@ -49,6 +51,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Faults(args) => crate::faults::faults(&args),
         Command::Replay(args) => crate::replay::replay(&args),
         Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
+        Command::Reproduce(args) => crate::reproduce::reproduce(&args),
         Command::Plant(args) => crate::plant_command::plant(&args),
         Command::Controller(args) => crate::controller_command::controller(&args),
     }

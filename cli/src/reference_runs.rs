@@ -6,28 +6,23 @@
 //! held for the tick. The reference took semi-implicit Euler steps of 10 µs.
 
 use std::path::PathBuf;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets};
-use freeplay_arm::{Arm, Workspace, forward_kinematics, paper_arm, rnea};
-use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
-use freeplay_path::{JointPath, PathKind, PathSpec};
-use freeplay_plant::{DeviationStatistics, Input, System};
+use freeplay_laws::ClearanceTable;
+use freeplay_path::{PathKind, PathSpec};
+use freeplay_plant::DeviationStatistics;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
 use crate::exit::{Exit, Failure};
 use crate::run::Format;
 use crate::say::say;
+use crate::scenario::Drive;
+use crate::simulation::{Scene, Simulation, TICK, on_all_cores};
 
 /// The reference, as it was handed over.
 const REFERENCE: &str = include_str!("../data/reference_runs.csv");
-/// Length of a tick, s.
-const PERIOD: f64 = 1e-3;
-/// Joint with play.
-const JOINT: usize = 4;
 
 /// Simulates the reference runs.
 #[derive(Args, Debug)]
@@ -48,17 +43,22 @@ pub struct ReferenceArgs {
 
 /// One row of the reference. Without play the contact columns are empty.
 #[derive(Clone, Debug, Deserialize)]
-struct Reference {
-    run: String,
-    mode: String,
-    path: PathKind,
-    c_mm: f64,
+pub struct Reference {
+    /// Its name.
+    pub run: String,
+    /// "driven" or "ctc".
+    pub mode: String,
+    /// Shape of the path.
+    pub path: PathKind,
+    /// Radial clearance, mm.
+    pub c_mm: f64,
+    /// Time of the lap, s.
     #[serde(rename = "T_s")]
-    period: f64,
+    pub period: f64,
     gravity: f64,
     /// What it came to, from the same row.
     #[serde(skip)]
-    figures: Figures,
+    pub figures: Figures,
 }
 
 /// What a run came to: theirs or ours.
@@ -134,116 +134,32 @@ pub struct Pair {
     pub spread: Option<[Figures; 2]>,
 }
 
-/// Simulates all runs on all cores.
-fn simulate_all(rows: &[Reference], substeps: u32, bar: &ProgressBar) -> Result<Vec<Figures>, Failure> {
-    let next = AtomicUsize::new(0);
-    let workers = std::thread::available_parallelism().map_or(1, usize::from).min(rows.len().max(1));
-    let done: Vec<Result<Vec<(usize, Figures)>, Failure>> = std::thread::scope(|scope| {
-        let work = || {
-            let mut mine = Vec::new();
-            loop {
-                let index = next.fetch_add(1, Ordering::Relaxed);
-                let Some(row) = rows.get(index) else { return Ok(mine) };
-                mine.push((index, simulate(row, substeps, 0.0)?));
-                bar.inc(1);
-            }
-        };
-        let threads: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
-        let lost = || Err(Failure::internal("a simulation failed; its message is above"));
-        threads.into_iter().map(|thread| thread.join().unwrap_or_else(|_| lost())).collect()
-    });
-    let mut figures = vec![Figures::default(); rows.len()];
-    for results in done {
-        for (index, result) in results? {
-            figures[index] = result;
-        }
-    }
-    Ok(figures)
-}
-
-/// A run being simulated.
-struct Simulation {
-    arm: Arm,
-    path: Arc<JointPath>,
-    system: System,
-    nominal: Workspace,
-    desired: [Vec<f64>; 3],
-    measured: [Vec<f64>; 2],
-    torque: Vec<f64>,
-}
-
-impl Simulation {
-    fn new(row: &Reference, substeps: u32, nudge: f64) -> Result<Self, Failure> {
-        let arm = paper_arm().arm.with_gravity(nalgebra::Vector3::new(0.0, 0.0, -row.gravity));
-        let spec = PathSpec { kind: row.path, period: row.period, ..PathSpec::default() };
-        let path = Arc::new(JointPath::plan(&arm, &spec, 1.0 / PERIOD).map_err(Failure::input)?);
-        let clearance =
-            Clearance::new(&ClearanceTable::new(row.c_mm * 1e-3 * (1.0 + nudge))).map_err(Failure::input)?;
-        let plays = if row.c_mm > 0.0 { vec![(JOINT, clearance)] } else { Vec::new() };
-        let play = ArmWithPlay::new(&arm, &plays).map_err(Failure::input)?;
-        let mut system = System::new(play, &arm, PERIOD, substeps).map_err(Failure::input)?;
-        let dof = arm.dof();
-        let mut desired = [vec![0.0; dof], vec![0.0; dof], vec![0.0; dof]];
-        let [q, v, a] = &mut desired;
-        path.at(0.0, q, v, a);
-        system.start(q, v);
-        let nominal = Workspace::new(&arm);
-        Ok(Self {
-            arm,
-            path,
-            system,
-            nominal,
-            desired,
-            measured: [vec![0.0; dof], vec![0.0; dof]],
-            torque: vec![0.0; dof],
-        })
-    }
-
-    /// Deviation of the tool now.
-    fn deviation(&mut self) -> nalgebra::Vector3<f64> {
-        let [q, v, a] = &mut self.desired;
-        self.path.at(self.system.time(), q, v, a);
-        let desired = forward_kinematics(&self.arm, &mut self.nominal, q);
-        self.system.tool().translation.vector - desired.translation.vector
-    }
-
-    /// Computed torque with the perfect six-joint model, without delay.
-    fn compute_torque(&mut self) {
-        const OMEGA: f64 = 50.0;
-        let [desired_q, desired_v, desired_a] = &self.desired;
-        let [q, v] = &mut self.measured;
-        self.system.play().gather(self.system.q(), q);
-        self.system.play().gather(self.system.v(), v);
-        let a: Vec<f64> = (0..q.len())
-            .map(|j| {
-                desired_a[j] + 2.0 * OMEGA * (desired_v[j] - v[j]) + OMEGA * OMEGA * (desired_q[j] - q[j])
-            })
-            .collect();
-        rnea(&self.arm, &mut self.nominal, q, v, &a, &mut self.torque);
+/// What the reference simulated in `row`, with its clearance changed by the fraction `nudge`.
+fn scene(row: &Reference, substeps: u32, nudge: f64) -> Scene {
+    Scene {
+        drive: if row.mode == "driven" { Drive::Driven } else { Drive::Torque },
+        path: PathSpec { kind: row.path, period: row.period, ..PathSpec::default() },
+        play: (row.c_mm > 0.0).then(|| ClearanceTable::new(row.c_mm * 1e-3 * (1.0 + nudge))),
+        gravity: row.gravity,
+        tick: TICK,
+        substeps,
     }
 }
 
 /// Simulates `row` with its clearance changed by the fraction `nudge`.
 fn simulate(row: &Reference, substeps: u32, nudge: f64) -> Result<Figures, Failure> {
-    let mut run = Simulation::new(row, substeps, nudge)?;
-    let by_motion = row.mode == "driven";
-    let driven = vec![by_motion; run.arm.dof()];
+    let mut run = Simulation::new(&scene(row, substeps, nudge))?;
     let mut deviation = DeviationStatistics::new(DeviationStatistics::START);
-    let ticks = (row.period / PERIOD).round() as u64;
+    let ticks = (row.period / TICK).round() as u64;
     for tick in 0..=ticks {
         let now = run.deviation();
-        deviation.add(tick as f64 * PERIOD, &now);
-        if tick == ticks {
-            break;
+        deviation.add(tick as f64 * TICK, &now);
+        if tick < ticks {
+            run.tick().map_err(|error| Failure::internal(format!("{}: {error}", row.run)))?;
         }
-        if !by_motion {
-            run.compute_torque();
-        }
-        let input = Input { torque: &run.torque, driven: &driven, motion: &*run.path };
-        run.system.tick(&input).map_err(|error| Failure::internal(format!("{}: {error}", row.run)))?;
     }
     let [norm, x, y, z] = deviation.components();
-    let tally = run.system.tallies().next();
+    let tally = run.system().tallies().next();
     let fractions = tally.map(|tally| tally.fractions());
     Ok(Figures {
         free: fractions.map(|f| f[0]),
@@ -251,7 +167,7 @@ fn simulate(row: &Reference, substeps: u32, nudge: f64) -> Result<Figures, Failu
         continuous: fractions.map(|f| f[2]),
         n_contacts: tally.map(|tally| tally.contacts as f64),
         peak_normal: tally.map(|tally| tally.peak_normal_force),
-        peak_base: run.system.take_peaks().base_force,
+        peak_base: run.system_mut().take_peaks().base_force,
         rms_x: x.rms,
         rms_y: y.rms,
         rms_z: z.rms,
@@ -358,7 +274,11 @@ impl Pair {
     }
 }
 
-fn read_reference() -> Result<Vec<Reference>, csv::Error> {
+/// The rows of the reference.
+///
+/// # Errors
+/// A table that can't be read.
+pub fn read_reference() -> Result<Vec<Reference>, csv::Error> {
     let mut reader = csv::Reader::from_reader(REFERENCE.as_bytes());
     let headers = reader.headers()?.clone();
     reader
@@ -385,7 +305,11 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
     if let Ok(style) = ProgressStyle::with_template("reference runs {bar:30} {pos}/{len} {elapsed}") {
         bar.set_style(style);
     }
-    let figures = simulate_all(&rows, args.substeps, &bar)?;
+    let figures = on_all_cores(rows.len(), |index| {
+        let figures = simulate(&rows[index], args.substeps, 0.0);
+        bar.inc(1);
+        figures
+    })?;
     bar.finish_and_clear();
     let pairs = rows
         .iter()
