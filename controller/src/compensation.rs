@@ -4,7 +4,7 @@
 //!
 //! - position: `q_min ≤ q_d + Δq ≤ q_max`,
 //! - speed: `|Δq − Δq₋₁| ≤ (v_max − |v_d|) T`,
-//! - acceleration: `|Δq − 2Δq₋₁ + Δq₋₂| ≤ (a_max − |a_d|) T²`,
+//! - acceleration: `|a_d + (Δq − 2Δq₋₁ + Δq₋₂)/T²| ≤ a_max`,
 //!
 //! with J the Jacobian of the tool (linear rows J_p, angular rows J_w), r the deviation to be taken out (linear m, angular rad, base
 //! frame), q_d, v_d, a_d the desired motion at the instant of Δq and T the period of the ticks. Each of the three limits is an
@@ -210,19 +210,21 @@ impl Compensator {
         let limits = &self.limits[joint];
         let (last, before) = (self.last[joint], self.before[joint]);
         let speed_room = room(limits.velocity, desired.v[joint]) * self.period;
-        let acceleration_room = room(limits.acceleration, desired.a[joint]) * self.period * self.period;
+        let per_tick = self.period * self.period;
+        let up = (limits.acceleration - desired.a[joint]).max(LEAST_SHARE * limits.acceleration) * per_tick;
+        let down = (limits.acceleration + desired.a[joint]).max(LEAST_SHARE * limits.acceleration) * per_tick;
         let coasting = 2.0 * last - before;
         let q = desired.q[joint];
         // Clamped, not min/max: a position that is not a number must stay one.
         let lower = (limits.lower - q).clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION);
         let upper = (limits.upper - q).clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION);
-        if lower.is_nan() || upper.is_nan() || speed_room.is_nan() || acceleration_room.is_nan() {
+        if lower.is_nan() || upper.is_nan() || speed_room.is_nan() || desired.a[joint].is_nan() {
             return (f64::NAN, f64::NAN);
         }
         let braking = LEAST_SHARE * limits.acceleration * self.period * self.period;
         (
-            (last - speed_room.min(longest_step(last - lower, braking))).max(coasting - acceleration_room),
-            (last + speed_room.min(longest_step(upper - last, braking))).min(coasting + acceleration_room),
+            (last - speed_room.min(longest_step(last - lower, braking))).max(coasting - down),
+            (last + speed_room.min(longest_step(upper - last, braking))).min(coasting + up),
         )
     }
 

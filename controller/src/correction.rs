@@ -22,6 +22,8 @@ pub struct Correction {
     /// Δq at which the blend starts, and what it moves the tool by.
     start: DVector<f64>,
     start_deviation: Vector6<f64>,
+    /// Δq of a plan.
+    planned: DVector<f64>,
     /// Ticks since the start.
     age: u64,
     /// Δq at the ticks j − 1, j, j + 1.
@@ -43,6 +45,7 @@ impl Correction {
             blend,
             start: DVector::zeros(n),
             start_deviation: Vector6::zeros(),
+            planned: DVector::zeros(n),
             age: 0,
             course: Centred::new(n, period),
         })
@@ -79,9 +82,30 @@ impl Correction {
         deviation: &Vector3<f64>,
     ) -> CompensationReport {
         jacobian(arm, &mut self.workspace, desired.q, &mut self.jacobian);
+        self.move_on(desired, Vector6::new(deviation.x, deviation.y, deviation.z, 0.0, 0.0, 0.0))
+    }
+
+    /// As [`Self::advance`], to the correction `planned` for that instant, rad (m), plus what takes out the deviation `beyond` it, base
+    /// frame, m, as far as the limits let it.
+    pub fn follow(
+        &mut self,
+        arm: &Arm,
+        desired: Motion<'_>,
+        planned: &[f64],
+        beyond: &Vector3<f64>,
+    ) -> CompensationReport {
+        jacobian(arm, &mut self.workspace, desired.q, &mut self.jacobian);
+        self.planned.copy_from_slice(planned);
+        let mut deviation = Vector6::new(beyond.x, beyond.y, beyond.z, 0.0, 0.0, 0.0);
+        deviation.gemv(-1.0, &self.jacobian, &self.planned, 1.0);
+        self.move_on(desired, deviation)
+    }
+
+    /// One tick of the blend and the compensation of `deviation` with the Jacobian at `desired`.
+    fn move_on(&mut self, desired: Motion<'_>, deviation: Vector6<f64>) -> CompensationReport {
         self.age += 1;
         let share = quintic(self.age as f64 * self.period / self.blend);
-        let mut target = Vector6::new(deviation.x, deviation.y, deviation.z, 0.0, 0.0, 0.0) * share;
+        let mut target = deviation * share;
         if share < 1.0 {
             self.start_deviation.gemv(1.0, &self.jacobian, &self.start, 0.0);
             target -= self.start_deviation * (1.0 - share);

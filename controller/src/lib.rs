@@ -15,45 +15,66 @@
 //! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`freeplay_laws::Rest`].
 //! - [`Outlook`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
 //! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`].
+//! - [`CornerSearch`]: finds where the path turns too sharply for the journals, and has a [`PassagePlanner`] plan a [`Passage`] through
+//!   each corner before the run; together they are the [`Passages`].
+//! - [`Rollout`]: a small simulation of the model that says where the journals go.
+//! - [`AccelerationProgramme`]: the joint accelerations of one tick within torque, braking and contact, from the [`PinForce`] of the bearings.
 //! - [`Correction`]: that correction over time, with its derivatives by [`Centred`] differences.
 //! - [`Tracking`]: a reference tracked while the deviation is taken out: what the compensating controllers share.
 //! - [`ToolResidual`]: what a tracked tool says that physics does not, learned online.
 //! - [`ComputedTorque`], [`QuasiStaticControl`], [`NarxQp`]: the controllers that come with the project; [`built_in()`] finds them by name.
 
+pub mod acceleration_programme;
 mod answer_loop;
 pub mod built_in;
 pub mod centred;
 pub mod compensation;
 pub mod computed_torque;
 pub mod controller;
+pub mod corners;
 pub mod correction;
+pub mod course;
 pub mod deviation;
 pub mod look_ahead;
 pub mod model;
 pub mod narx_qp;
 pub mod outlook;
+pub mod passage;
+pub mod passage_planner;
+pub mod passage_programme;
+pub mod pin_force;
 pub mod preview;
 pub mod qp;
 pub mod quasi_static;
+pub mod rollout;
 pub mod serve;
+pub mod sparse_programme;
 pub mod task;
 pub mod tool_residual;
 pub mod tracking;
+pub mod trial;
 
+pub use acceleration_programme::{AccelerationProgramme, ContactGuard, Wanted};
 pub use built_in::{BUILT_IN, built_in};
 pub use centred::Centred;
 pub use compensation::{CompensationReport, CompensationStatus, Compensator, Motion, Weights};
 pub use computed_torque::ComputedTorque;
 pub use controller::{Answer, Controller, ControllerError, RunInfo};
+pub use corners::CornerSearch;
 pub use correction::Correction;
 pub use deviation::QuasiStatic;
 pub use look_ahead::{JointState, LookAhead};
 pub use model::Model;
 pub use narx_qp::{NarxQp, NarxQpOptions};
 pub use outlook::{JointMotion, Outlook};
+pub use passage::{Passage, PassageFault, Passages};
+pub use passage_planner::PassagePlanner;
+pub use passage_programme::PassageOptions;
+pub use pin_force::PinForce;
 pub use preview::Preview;
 pub use qp::{Qp, QpError, QpReport, QpStatus};
 pub use quasi_static::QuasiStaticControl;
+pub use rollout::{Driven, Rollout, Touch};
 pub use serve::{Ended, ServeError, ServeOptions, ServeReport, serve, serve_with};
 pub use task::{Gains, LimitsFrom, Task, TaskError, TaskMode};
 pub use tool_residual::ToolResidual;

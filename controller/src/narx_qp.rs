@@ -1,5 +1,5 @@
 //! The built-in `narx-qp`: the deviation that physics predicts plus what is learned beyond it, taken out by the compensation
-//! programme.
+//! programme; through the corners of its own path it goes as planned before the run ([`crate::passage`]).
 //!
 //! With a tracked tool the slowly varying residual is learned online ([`ToolResidual`]): a wrong clearance, a friction that the
 //! model leaves out.
@@ -28,14 +28,16 @@ pub struct NarxQpOptions {
     pub average: f64,
     /// Weights of the compensation's cost.
     pub cost: Weights,
+    /// Whether passages through the corners of the path are planned before the run; see [`crate::passage`].
+    pub passages: bool,
     /// Age of the tracker's readings, ticks.
     pub tracker_delay: u64,
 }
 
 impl Default for NarxQpOptions {
     fn default() -> NarxQpOptions {
-        let TrackingOptions { blend, average, weights } = TrackingOptions::default();
-        NarxQpOptions { blend, average, cost: weights, tracker_delay: 0 }
+        let TrackingOptions { blend, average, weights, .. } = TrackingOptions::default();
+        NarxQpOptions { blend, average, cost: weights, passages: true, tracker_delay: 0 }
     }
 }
 
@@ -45,7 +47,12 @@ impl NarxQpOptions {
             let fault = "tracker_delay must be 0 to 50 ticks";
             return Err(TaskError::OptionValue { controller: NARX_QP.to_owned(), fault });
         }
-        let tracking = TrackingOptions { blend: self.blend, average: self.average, weights: self.cost };
+        let tracking = TrackingOptions {
+            blend: self.blend,
+            average: self.average,
+            weights: self.cost,
+            passages: self.passages,
+        };
         tracking.check(NARX_QP)?;
         Ok(tracking)
     }
@@ -78,7 +85,7 @@ impl Controller for NarxQp {
         let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
         let reach = model.clearances.iter().map(|(_, clearance)| clearance.clearance).sum();
         self.ready = Some(Ready {
-            tracking: Tracking::new(task, &model, path, &tracking)?,
+            tracking: Tracking::new(task, &model, path, run.ticks, &tracking)?,
             residual: ToolResidual::new(&model.arm, reach, task.period(), options.tracker_delay),
             lead: task.mode.lead(),
             tick: None,

@@ -1,7 +1,7 @@
 //! A small dense quadratic programme of fixed size, solved again every tick by Clarabel.
 //!
-//! `min ½ xᵀP x + qᵀx  subject to  A x ≤ b`, with P symmetric positive semi-definite, A fixed at construction, and P, q, b new for
-//! every solve. The solver is built once and its data are overwritten in place.
+//! `min ½ xᵀP x + qᵀx  subject to  A x ≤ b`, with P symmetric positive semi-definite, the places of A's entries fixed at construction,
+//! and P, q, b (and where it changes, A) new for every solve. The solver is built once and its data are overwritten in place.
 //!
 //! Settings, with what they are for (Clarabel 0.11): presolve off, or the data could not be updated; iterative refinement off, the
 //! largest gain in time at this size; a limit on the iterations instead of on the time, because Clarabel's clock accumulates over
@@ -100,6 +100,10 @@ pub struct Qp {
     packed: Vec<f64>,
     linear: Vec<f64>,
     bounds: Vec<f64>,
+    /// Row and column of each entry of A, column after column, and their values.
+    pattern: Vec<(usize, usize)>,
+    entries: Vec<f64>,
+    rows_are_new: bool,
 }
 
 impl Qp {
@@ -130,7 +134,21 @@ impl Qp {
             &[SupportedConeT::NonnegativeConeT(m)],
             settings(),
         )?;
-        Ok(Qp { solver, variables: n, packed, linear, bounds })
+        let pattern = pattern(rows);
+        let entries = pattern.iter().map(|&at| rows[at]).collect();
+        Ok(Qp { solver, variables: n, packed, linear, bounds, pattern, entries, rows_are_new: false })
+    }
+
+    /// Overwrites the rows A (m×n). An entry that was zero at construction stays zero.
+    ///
+    /// # Panics
+    /// If the shape is not the programme's: a mistake of the caller, found at the first call.
+    pub fn set_rows(&mut self, rows: &DMatrix<f64>) {
+        assert_eq!(rows.shape(), (self.bounds.len(), self.variables), "shape of A");
+        for (slot, &(row, column)) in self.entries.iter_mut().zip(&self.pattern) {
+            *slot = rows[(row, column)];
+        }
+        self.rows_are_new = true;
     }
 
     /// Number of variables n.
@@ -159,14 +177,18 @@ impl Qp {
         self.linear.copy_from_slice(linear);
         self.bounds.copy_from_slice(bounds);
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
-        if !(finite(&self.packed) && finite(&self.linear) && finite(&self.bounds)) {
+        let data = [&self.packed, &self.linear, &self.bounds, &self.entries];
+        if !data.into_iter().all(|values| finite(values)) {
             return QpReport { status: QpStatus::BadData, iterations: 0 };
         }
-        let updated = self
+        let mut updated = self
             .solver
             .update_P(&self.packed)
             .and_then(|()| self.solver.update_q(&self.linear))
             .and_then(|()| self.solver.update_b(&self.bounds));
+        if std::mem::take(&mut self.rows_are_new) {
+            updated = updated.and_then(|()| self.solver.update_A(&self.entries));
+        }
         updated.expect("presolve is off and the pattern never changes, so data can always be updated");
         self.solver.solve();
         QpReport { status: self.solver.solution.status.into(), iterations: self.solver.solution.iterations }
@@ -203,6 +225,13 @@ fn upper_triangle(n: usize, packed: &[f64]) -> CscMatrix<f64> {
     let starts = (0..=n).map(|column| column * (column + 1) / 2).collect();
     let row_of = (0..n).flat_map(|column| 0..=column).collect();
     CscMatrix::new(n, n, starts, row_of, packed.to_vec())
+}
+
+/// Row and column of each entry that is not zero, column after column: the order of Clarabel's compressed columns.
+fn pattern(dense: &DMatrix<f64>) -> Vec<(usize, usize)> {
+    let (rows, columns) = dense.shape();
+    let all = (0..columns).flat_map(|column| (0..rows).map(move |row| (row, column)));
+    all.filter(|&at| dense[at] != 0.0).collect()
 }
 
 /// A dense matrix as compressed columns, without its zeros.

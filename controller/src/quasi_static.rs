@@ -30,7 +30,7 @@ impl Controller for QuasiStaticControl {
         options.check(QUASI_STATIC)?;
         let model = Model::load(task, run)?;
         let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
-        self.tracking = Some(Tracking::new(task, &model, path, &options)?);
+        self.tracking = Some(Tracking::new(task, &model, path, run.ticks, &options)?);
         Ok(())
     }
 

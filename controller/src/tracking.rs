@@ -3,7 +3,9 @@
 //! The reference path is planned here, so that it is known where the journals will rest at the ticks to come: that is smoothed by a
 //! centred moving average, the joints are corrected for it ([`Correction`]) and the corrected motion is tracked by inverse dynamics
 //! with feedback, with the motion of the journals and the friction of their contacts fed forward. Where the reference in the state
-//! is not that of the own path, the deviation is predicted from that reference alone, without a look ahead.
+//! is not that of the own path, the deviation is predicted from that reference alone, without a look ahead. With the option
+//! `passages`, corners are passed as planned before the run ([`crate::passage`]); one that could not be planned is passed without, and
+//! its answers have the status `QpFailed`.
 
 use freeplay_arm::Arm;
 use freeplay_laws::{ArmWithPlay, DriveFriction};
@@ -16,11 +18,14 @@ use crate::centred::Centred;
 use crate::compensation::{CompensationStatus, Motion, Weights};
 use crate::computed_torque::{add_drive_friction, feedback};
 use crate::controller::{Answer, ControllerError};
+use crate::corners::CornerSearch;
 use crate::correction::Correction;
 use crate::deviation::QuasiStatic;
 use crate::look_ahead::{LookAhead, drive_frictions};
 use crate::model::Model;
 use crate::outlook::{JointMotion, Outlook};
+use crate::passage::Passages;
+use crate::passage_programme::PassageOptions;
 use crate::qp::QpStatus;
 use crate::task::{Gains, Task, TaskError, TaskMode};
 
@@ -39,11 +44,13 @@ pub struct TrackingOptions {
     pub average: f64,
     /// Weights of the compensation.
     pub weights: Weights,
+    /// Whether passages through the corners of the path are planned before the run; see [`crate::passage`].
+    pub passages: bool,
 }
 
 impl Default for TrackingOptions {
     fn default() -> TrackingOptions {
-        TrackingOptions { blend: 0.3, average: 0.021, weights: Weights::default() }
+        TrackingOptions { blend: 0.3, average: 0.021, weights: Weights::default(), passages: false }
     }
 }
 
@@ -100,12 +107,13 @@ pub struct Tracking {
     target: JointMotion,
     contact_moments: Vec<f64>,
     acceleration: Vec<f64>,
+    passages: Passages,
     /// What was said beyond physics of the newest instant, m.
     learned: Vector3<f64>,
 }
 
 impl Tracking {
-    /// Gets ready to track `path` with `model`, whose gains, mode and rate are those of `task`.
+    /// Gets ready to track `path` for `ticks` ticks with `model`, whose gains, mode and rate are those of `task`.
     ///
     /// # Errors
     /// A model whose play cannot be, or the solver's refusal.
@@ -113,12 +121,20 @@ impl Tracking {
         task: &Task,
         model: &Model,
         path: JointPath,
+        ticks: u64,
         options: &TrackingOptions,
     ) -> Result<Tracking, ControllerError> {
         let (n, period) = (model.arm.dof(), task.period());
         let with_play = ArmWithPlay::new(&model.arm, &model.clearances)?;
         let half = ((options.average / period - 1.0) / 2.0).round().max(0.0) as usize;
         let mut outlook = Outlook::new(path, &with_play, period, half);
+        let search =
+            CornerSearch { arm: &model.arm, with_play: &with_play, period, weights: options.weights };
+        let passages = if options.passages {
+            search.passages(&mut outlook, (options.blend / period).ceil() as u64, ticks)
+        } else {
+            Passages::default()
+        };
         // All that the first answer, to tick 0, needs but the newest value.
         outlook.at(task.mode.lead());
         Ok(Tracking {
@@ -137,6 +153,7 @@ impl Tracking {
             target: JointMotion::new(n),
             contact_moments: vec![0.0; n],
             acceleration: vec![0.0; n],
+            passages,
             learned: Vector3::zeros(),
             arm: model.arm.clone(),
         })
@@ -224,17 +241,24 @@ impl Tracking {
                 self.outlook.of(self.planned.as_motion())
             }
         };
-        if foreign.is_none() && self.smooth {
-            self.journals.push(journals);
-        } else {
-            self.journals.rest(journals);
+        let own = foreign.is_none();
+        let passage = self.passages.at(ahead).filter(|_| own);
+        match passage {
+            Some((_, journals)) => self.journals.push(journals),
+            None if own && self.smooth => self.journals.push(journals),
+            None => self.journals.rest(journals),
+        }
+        if own && self.passages.fault(ahead).is_some() {
+            answer.status = CommandStatus::QpFailed;
         }
         let planned = self.planned.as_motion();
         let physics = self.predictor.deviation_with(planned.q, self.journals.newest());
         self.learned = beyond(&Plan { tick: ahead, motion: planned, deviation: physics });
-        let deviation = physics + self.learned;
         let predicted = now_ns();
-        let report = self.correction.advance(&self.arm, planned, &deviation);
+        let report = match passage {
+            Some((correction, _)) => self.correction.follow(&self.arm, planned, correction, &self.learned),
+            None => self.correction.advance(&self.arm, planned, &(physics + self.learned)),
+        };
         answer.predict_ns += predicted - begun;
         answer.qp_ns += now_ns() - predicted;
         answer.qp_iterations += report.iterations;

@@ -1,0 +1,284 @@
+//! The programme of one tick at the level of accelerations: the joint accelerations nearest to the wanted ones that the drives can
+//! give, that leave room to brake, and under which the journals stay in their bearings.
+//!
+//! `min ½‖J a − r‖²_W + ε/2 ‖a − a_w‖² + γ/2 ‖s‖²` subject to
+//!
+//! - torque: `−τ_max ≤ M_r a + h_r ≤ τ_max`, with the friction of drives and contacts in h,
+//! - acceleration, speed, position: one interval for each joint, from which it can always brake (Del Prete 2018, IEEE RA-L 3:281):
+//!   `|a| ≤ a_max`, `|v + a T| ≤ v_max`, and after the tick the stopping distance with a_max ends within the range,
+//! - contact: `−nᵀ b(a) ≥ F_min − s`, for each journal with the normal n (see [`PinForce`]),
+//! - turning: `|tᵀ b(a)| ≤ κ (−nᵀ b(a)) + s`, `s ≥ 0`: the force stays within atan κ of the normal and so turns no faster than the normal
+//!   is let.
+//!
+//! With no row active the minimiser is that of damped least squares. Inside, accelerations are in 10 rad/s², torques in shares of their
+//! limits, forces in 10 N.
+
+use freeplay_arm::{Arm, Limits};
+use freeplay_laws::ArmWithPlay;
+use nalgebra::{DMatrix, Vector6};
+
+use crate::compensation::{CompensationReport, CompensationStatus, Motion};
+use crate::pin_force::PinForce;
+use crate::qp::{Qp, QpError};
+
+/// Unit of acceleration inside, rad/s² (m/s²).
+const ACCELERATION: f64 = 10.0;
+/// Unit of force inside, N.
+const FORCE: f64 = 10.0;
+/// Rows of one journal: contact, turning to either side, its slack.
+const JOURNAL_ROWS: usize = 4;
+/// A bound that never binds.
+const FAR: f64 = 1e3;
+
+/// The weights of the cost and the bounds of the contact rows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactGuard {
+    /// W: weights of the tool's linear and angular acceleration.
+    pub tool: Vector6<f64>,
+    /// ε > 0: weight of the distance to the wanted accelerations of the joints.
+    pub joints: f64,
+    /// γ > 0: what a slack of 10 N costs beside accelerations of 10 m/s².
+    pub slack: f64,
+    /// F_min, N: least force with which a bearing is to hold its journal.
+    pub least_force: f64,
+    /// κ: tangent of the largest angle between the force and the normal.
+    pub turning: f64,
+}
+
+impl Default for ContactGuard {
+    fn default() -> ContactGuard {
+        let tool = Vector6::new(1.0, 1.0, 1.0, 0.01, 0.01, 0.01);
+        ContactGuard { tool, joints: 0.01, slack: 100.0, least_force: 5.0, turning: 1.0 }
+    }
+}
+
+/// What is wanted of the accelerations.
+pub struct Wanted<'a> {
+    /// Jacobian J of the tool, 6×n.
+    pub jacobian: &'a DMatrix<f64>,
+    /// r: wanted acceleration of the tool less J̇ v, m/s² and rad/s².
+    pub tool: &'a Vector6<f64>,
+    /// a_w: wanted accelerations of the joints, rad/s² (m/s²).
+    pub joints: &'a [f64],
+}
+
+/// The programme of one arm with play.
+pub struct AccelerationProgramme {
+    qp: Qp,
+    pin: PinForce,
+    limits: Vec<Limits>,
+    period: f64,
+    guard: ContactGuard,
+    still: Vec<f64>,
+    /// Forces without acceleration of the joints, in the coordinates of the arm with play.
+    bias: Vec<f64>,
+    weighted: DMatrix<f64>,
+    cost: DMatrix<f64>,
+    linear: Vec<f64>,
+    rows: DMatrix<f64>,
+    bounds: Vec<f64>,
+    accelerations: Vec<f64>,
+}
+
+impl AccelerationProgramme {
+    /// For `arm`, which is `with_play` with its plays, ticks of `period` seconds, and the weights and bounds `guard`.
+    ///
+    /// # Errors
+    /// The solver's refusal; see [`QpError`].
+    pub fn new(
+        arm: &Arm,
+        with_play: &ArmWithPlay,
+        period: f64,
+        guard: ContactGuard,
+    ) -> Result<AccelerationProgramme, QpError> {
+        let (n, plays) = (arm.dof(), with_play.plays().len());
+        let rows = pattern(n, plays);
+        Ok(AccelerationProgramme {
+            qp: Qp::new(&rows)?,
+            pin: PinForce::new(with_play),
+            limits: arm.joints().iter().map(|joint| joint.limits).collect(),
+            period,
+            guard,
+            still: vec![0.0; n],
+            bias: vec![0.0; with_play.arm().dof()],
+            weighted: DMatrix::zeros(6, n),
+            cost: DMatrix::zeros(n + plays, n + plays),
+            linear: vec![0.0; n + plays],
+            bounds: vec![0.0; rows.nrows()],
+            rows,
+            accelerations: vec![0.0; n],
+        })
+    }
+
+    /// The accelerations of the newest solution, rad/s² (m/s²).
+    pub fn accelerations(&self) -> &[f64] {
+        &self.accelerations
+    }
+
+    /// The multipliers of the rows at the newest solution; see [`Qp::multipliers`].
+    pub fn multipliers(&self) -> &[f64] {
+        self.qp.multipliers()
+    }
+
+    /// The rows A and the bounds b of the newest programme, `A x ≤ b`, for who wants to check a solution.
+    pub fn rows(&self) -> (&DMatrix<f64>, &[f64]) {
+        (&self.rows, &self.bounds)
+    }
+
+    /// The cost P and q of the newest programme.
+    pub fn cost(&self) -> (&DMatrix<f64>, &[f64]) {
+        (&self.cost, &self.linear)
+    }
+
+    /// The newest solution x: accelerations in 10 rad/s², slacks in 10 N.
+    pub fn solution(&self) -> &[f64] {
+        self.qp.solution()
+    }
+
+    /// Solves for joints at `joints` (its accelerations are not used) and journals moving as `journals` says, with the normals `normals`
+    /// of their contacts (two numbers each) and the torques `friction` of drives and contacts on the joints, N·m. The result is
+    /// [`Self::accelerations`]; where there is none, the wanted accelerations, and the report says why.
+    pub fn solve(
+        &mut self,
+        joints: Motion<'_>,
+        journals: Motion<'_>,
+        normals: &[f64],
+        friction: &[f64],
+        wanted: &Wanted<'_>,
+    ) -> CompensationReport {
+        let still = Motion { a: &self.still, ..joints };
+        self.bias.copy_from_slice(self.pin.forces(still, journals));
+        self.accelerations.copy_from_slice(wanted.joints);
+        if let Some(joint) = self.fill_intervals(joints) {
+            return CompensationReport { status: CompensationStatus::LimitsConflict(joint), iterations: 0 };
+        }
+        self.fill_forces(normals, friction);
+        self.fill_cost(wanted);
+        self.qp.set_rows(&self.rows);
+        let report = self.qp.solve(&self.cost, &self.linear, &self.bounds);
+        let status = if report.status.is_usable() {
+            for (a, solved) in self.accelerations.iter_mut().zip(self.qp.solution()) {
+                *a = ACCELERATION * solved;
+            }
+            CompensationStatus::Solved
+        } else {
+            CompensationStatus::Failed(report.status)
+        };
+        CompensationReport { status, iterations: report.iterations }
+    }
+
+    /// P = JᵀWJ + ε and q = −JᵀW r − ε a_w, in units of accelerations; γ for the slacks.
+    fn fill_cost(&mut self, wanted: &Wanted<'_>) {
+        let n = self.limits.len();
+        for (mut weighted, column) in self.weighted.column_iter_mut().zip(wanted.jacobian.column_iter()) {
+            for row in 0..6 {
+                weighted[row] = self.guard.tool[row] * column[row];
+            }
+        }
+        for j in 0..n {
+            for i in 0..=j {
+                self.cost[(i, j)] = wanted.jacobian.column(i).dot(&self.weighted.column(j));
+            }
+            self.cost[(j, j)] += self.guard.joints;
+            let pulled = self.weighted.column(j).dot(wanted.tool) + self.guard.joints * wanted.joints[j];
+            self.linear[j] = -pulled / ACCELERATION;
+        }
+        for slack in n..self.cost.ncols() {
+            self.cost[(slack, slack)] = self.guard.slack;
+        }
+    }
+
+    /// The rows of the joints' own intervals; the first joint whose interval is empty, if any.
+    fn fill_intervals(&mut self, joints: Motion<'_>) -> Option<usize> {
+        let n = self.limits.len();
+        for (joint, limits) in self.limits.iter().enumerate() {
+            let (lower, upper) = interval(limits, joints.q[joint], joints.v[joint], self.period);
+            if lower.is_nan() || upper.is_nan() || lower > upper {
+                return Some(joint);
+            }
+            self.bounds[2 * n + joint] = (upper / ACCELERATION).min(FAR);
+            self.bounds[3 * n + joint] = (-lower / ACCELERATION).min(FAR);
+        }
+        None
+    }
+
+    /// The rows of torques, contacts and turning, whose coefficients change with the posture.
+    fn fill_forces(&mut self, normals: &[f64], friction: &[f64]) {
+        let n = self.limits.len();
+        self.pin.weigh();
+        let (arm, mass) = (self.pin.arm(), self.pin.mass());
+        for (joint, limits) in self.limits.iter().enumerate() {
+            let at = arm.joint(joint);
+            // A drive without a limit has rows of nothing.
+            let share = 1.0 / limits.effort;
+            for column in 0..n {
+                let torque = ACCELERATION * mass[(at, arm.joint(column))] * share;
+                self.rows[(joint, column)] = torque;
+                self.rows[(n + joint, column)] = -torque;
+            }
+            let torque = (self.bias[at] - friction[joint]) * share;
+            self.bounds[joint] = 1.0 - torque;
+            self.bounds[n + joint] = 1.0 + torque;
+        }
+        for (index, (play, normal)) in arm.plays().iter().zip(normals.chunks_exact(2)).enumerate() {
+            let first = 4 * n + JOURNAL_ROWS * index;
+            let (normal, tangent) = ([normal[0], normal[1]], [normal[1], -normal[0]]);
+            let turning = |side: f64| [0, 1].map(|i| side * tangent[i] + self.guard.turning * normal[i]);
+            let rows = [(normal, self.guard.least_force), (turning(1.0), 0.0), (turning(-1.0), 0.0)];
+            for (row, (direction, least)) in rows.into_iter().enumerate() {
+                let along = |of: &dyn Fn(usize) -> f64| {
+                    direction[0] * of(play.slides[0]) + direction[1] * of(play.slides[1])
+                };
+                for column in 0..n {
+                    let force = along(&|slide| mass[(slide, arm.joint(column))]);
+                    self.rows[(first + row, column)] = ACCELERATION * force / FORCE;
+                }
+                self.bounds[first + row] = -(least + along(&|slide| self.bias[slide])) / FORCE;
+            }
+            self.bounds[first + 3] = 0.0;
+        }
+    }
+}
+
+/// Rows of torque (upper, lower), interval (upper, lower) and journals with an entry in every place that may be other than zero.
+fn pattern(n: usize, plays: usize) -> DMatrix<f64> {
+    DMatrix::from_fn(4 * n + JOURNAL_ROWS * plays, n + plays, |row, column| {
+        if row < 2 * n {
+            return if column < n { 1.0 } else { 0.0 };
+        }
+        if row < 4 * n {
+            let sign = if row < 3 * n { 1.0 } else { -1.0 };
+            return if row % n == column { sign } else { 0.0 };
+        }
+        let (play, kind) = ((row - 4 * n) / JOURNAL_ROWS, (row - 4 * n) % JOURNAL_ROWS);
+        match (column < n, kind < 3) {
+            (true, true) => 1.0,
+            (true, false) => 0.0,
+            (false, _) if column - n == play => -1.0,
+            (false, _) => 0.0,
+        }
+    })
+}
+
+/// The accelerations of a joint at `q`, `v` from which it can always brake before its limits of position and speed, rad/s² (m/s²).
+fn interval(limits: &Limits, q: f64, v: f64, period: f64) -> (f64, f64) {
+    let greatest = |far: f64, q: f64, v: f64| {
+        let most = limits.acceleration;
+        let speed = (limits.velocity - v) / period;
+        let wanted = speed.min(before_the_end(far - q, v, most, period));
+        // Who is too fast or too far brakes as hard as it can.
+        wanted.clamp(-most, most)
+    };
+    (-greatest(-limits.lower, -q, -v), greatest(limits.upper, q, v))
+}
+
+/// The greatest acceleration for one tick after which braking with `most` ends within `distance`: with w = v + a T,
+/// `(v + w) T/2 + w²/(2 most) = distance`.
+fn before_the_end(distance: f64, v: f64, most: f64, period: f64) -> f64 {
+    let left = distance - 0.5 * v * period;
+    if most.is_infinite() {
+        return (2.0 * left / period - v) / period;
+    }
+    let root = (0.25 * period * period + 2.0 * left / most).max(0.0).sqrt();
+    (most * (root - 0.5 * period) - v) / period
+}

@@ -1,0 +1,178 @@
+//! A course through a corner: the corrections of the joints and the sides on which the journals lie, tick by tick.
+//!
+//! On a course every journal lies against its bearing, displaced by d = r (cos φ, sin φ) at the angle φ in the plane of its slides,
+//! where r, clearance and penetration, is given. Derivatives are centred differences over a tick, which is also what a torque or
+//! an acceleration that is held for a tick makes of a motion.
+
+use freeplay_laws::{Clearance, Play};
+
+use crate::compensation::Motion;
+use crate::passage_programme::Change;
+use crate::pin_force::PinForce;
+
+/// A motion of joints or journals at one tick that owns its numbers: positions, velocities, accelerations.
+#[derive(Clone, Debug)]
+pub struct Instant {
+    /// Positions.
+    pub q: Vec<f64>,
+    /// Velocities.
+    pub v: Vec<f64>,
+    /// Accelerations.
+    pub a: Vec<f64>,
+}
+
+impl Instant {
+    /// Between three values a tick of `period` seconds apart.
+    pub fn centred(values: [&[f64]; 3], period: f64) -> Instant {
+        let [before, now, after] = values;
+        let each = |of: fn(f64, f64, f64) -> f64, scale: f64| {
+            (0..now.len()).map(|i| of(before[i], now[i], after[i]) * scale).collect()
+        };
+        Instant {
+            q: now.to_vec(),
+            v: each(|before, _, after| after - before, 0.5 / period),
+            a: each(|before, now, after| after - 2.0 * now + before, 1.0 / (period * period)),
+        }
+    }
+
+    /// The numbers.
+    pub fn as_motion(&self) -> Motion<'_> {
+        Motion { q: &self.q, v: &self.v, a: &self.a }
+    }
+}
+
+/// The course; row k belongs to the k-th tick of the passage.
+#[derive(Clone, Debug)]
+pub struct Course {
+    /// Time of a tick, s.
+    pub period: f64,
+    /// Reference positions of the joints, rad (m).
+    pub reference: Vec<Vec<f64>>,
+    /// Corrections Δq of the joints, rad (m).
+    pub corrections: Vec<Vec<f64>>,
+    /// Angles φ of the journals, rad, one for each joint with play; without jumps of a turn.
+    pub angles: Vec<Vec<f64>>,
+    /// Radii r of the journals, m.
+    pub radii: Vec<Vec<f64>>,
+}
+
+/// How one journal meets its bearing on a course.
+#[derive(Clone, Copy, Debug)]
+pub struct Meeting {
+    /// Normal n = (cos φ, sin φ), towards the bearing's wall.
+    pub normal: [f64; 2],
+    /// Tangent t = (sin φ, −cos φ).
+    pub tangent: [f64; 2],
+    /// Force with which the bearing pushes, −nᵀb, N; where negative, it would have to pull.
+    pub push: f64,
+    /// Force of the bearing along the tangent, tᵀb, N.
+    pub across: f64,
+    /// Signed friction coefficient μ(v_T) and its slope dμ/dv_T, s/m.
+    pub friction: [f64; 2],
+}
+
+impl Meeting {
+    /// tᵀb + μ F_N, N: what the friction of the contact leaves of the force across. On a course that physics allows it is zero.
+    pub fn residual(&self) -> f64 {
+        self.across + self.friction[0] * self.push
+    }
+}
+
+impl Course {
+    /// Number of ticks.
+    pub fn ticks(&self) -> usize {
+        self.reference.len()
+    }
+
+    /// Displacements of the journals at tick `k`, m: two for each joint with play.
+    pub fn journals(&self, k: usize) -> Vec<f64> {
+        let sides = self.angles[k].iter().zip(&self.radii[k]);
+        sides.flat_map(|(angle, radius)| [radius * angle.cos(), radius * angle.sin()]).collect()
+    }
+
+    /// How the displacement of journal `play` at tick `k` changes with its angle, m.
+    pub fn swing(&self, k: usize, play: usize) -> [f64; 2] {
+        let (sin, cos) = self.angles[k][play].sin_cos();
+        [-self.radii[k][play] * sin, self.radii[k][play] * cos]
+    }
+
+    /// This course with the angles turned by up to `turn`, rad, in the middle, and not at the ends.
+    pub fn detoured(mut self, turn: f64) -> Course {
+        let ticks = self.angles.len();
+        for (k, row) in self.angles.iter_mut().enumerate() {
+            // sin⁴ has three derivatives that vanish at the ends.
+            let share = (std::f64::consts::PI * k as f64 / (ticks - 1) as f64).sin().powi(4);
+            row.iter_mut().for_each(|angle| *angle += turn * share);
+        }
+        self
+    }
+
+    /// This course with `share` of `change` added.
+    pub fn moved(&self, change: &Change, share: f64) -> Course {
+        let add = |rows: &[Vec<f64>], changes: &[Vec<f64>]| -> Vec<Vec<f64>> {
+            let pairs = rows.iter().zip(changes);
+            pairs
+                .map(|(row, change)| row.iter().zip(change).map(|(x, dx)| x + share * dx).collect())
+                .collect()
+        };
+        Course {
+            corrections: add(&self.corrections, &change.corrections),
+            angles: add(&self.angles, &change.angles),
+            ..self.clone()
+        }
+    }
+
+    /// The joints, correction included, at tick `k`, not the first nor the last.
+    pub fn joints_at(&self, k: usize) -> Instant {
+        let rows = [k - 1, k, k + 1].map(|k| self.joints(k));
+        Instant::centred([&rows[0], &rows[1], &rows[2]], self.period)
+    }
+
+    /// The reference at tick `k`, not the first nor the last.
+    pub fn reference_at(&self, k: usize) -> Instant {
+        let rows = [k - 1, k, k + 1].map(|k| self.reference[k].as_slice());
+        Instant::centred(rows, self.period)
+    }
+
+    /// The journals at tick `k`, not the first nor the last.
+    pub fn journals_at(&self, k: usize) -> Instant {
+        let rows = [k - 1, k, k + 1].map(|k| self.journals(k));
+        Instant::centred([&rows[0], &rows[1], &rows[2]], self.period)
+    }
+
+    fn joints(&self, k: usize) -> Vec<f64> {
+        self.reference[k].iter().zip(&self.corrections[k]).map(|(q, correction)| q + correction).collect()
+    }
+
+    /// The forces along all coordinates of the arm with play at tick `k`, not the first nor the last, N or N·m.
+    pub fn forces(&self, k: usize, pin: &mut PinForce) -> Vec<f64> {
+        pin.forces(self.joints_at(k).as_motion(), self.journals_at(k).as_motion()).to_vec()
+    }
+
+    /// How the journal `index`, that of `play`, meets its bearing at tick `k` under `forces`, those of [`Self::forces`].
+    pub fn meeting(&self, k: usize, index: usize, play: &Play, forces: &[f64]) -> Meeting {
+        let (sin, cos) = self.angles[k][index].sin_cos();
+        let (normal, tangent) = ([cos, sin], [sin, -cos]);
+        let b = play.slides.map(|slide| forces[slide]);
+        let along = |direction: [f64; 2]| direction[0] * b[0] + direction[1] * b[1];
+        let [before, after] =
+            [k - 1, k + 1].map(|k| self.reference[k][play.joint] + self.corrections[k][play.joint]);
+        let turning = (after - before) / (2.0 * self.period);
+        let rolling = (self.angles[k + 1][index] - self.angles[k - 1][index]) / (2.0 * self.period);
+        let sliding = play.clearance.journal_radius() * turning - self.radii[k][index] * rolling;
+        Meeting {
+            normal,
+            tangent,
+            push: -along(normal),
+            across: along(tangent),
+            friction: friction(&play.clearance, sliding),
+        }
+    }
+}
+
+/// Signed friction coefficient at the sliding speed `v`, m/s, and its slope by a central difference.
+fn friction(clearance: &Clearance, v: f64) -> [f64; 2] {
+    const STEP: f64 = 1e-5;
+    let at = |v: f64| clearance.friction.coefficient(v);
+    [at(v), (at(v + STEP) - at(v - STEP)) / (2.0 * STEP)]
+}

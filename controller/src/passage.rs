@@ -1,0 +1,138 @@
+//! Passages: how the arm goes through the corners of its path, planned before the run.
+//!
+//! Where the acceleration of the reference jumps, the force in a joint with play turns to another side of the bearing at once. The
+//! quasi-static prediction then has the journal jump across the bearing, which it cannot: it flies, lands and bounces. A passage
+//! is a motion of joints and journals through the corner that physics allows: every journal rolls along its bearing, pressed
+//! against it all the time, and what that costs of the tool's accuracy is least (see [`PassagePlanner`]). It joins the quasi-static
+//! correction before and after the corner.
+
+use crate::qp::{QpError, QpStatus};
+use thiserror::Error;
+
+/// Why there is no passage through a corner; the quasi-static correction then goes through it as it is.
+#[derive(Debug, Error)]
+pub enum PassageFault {
+    /// A bearing pushes too little before the corner for its journal to have a side.
+    #[error("the bearing of joint {joint} pushes with {force:.2} N only before the corner")]
+    NoPush {
+        /// Index of the joint.
+        joint: usize,
+        /// Its bearing's force, N.
+        force: f64,
+    },
+    /// A programme had no solution.
+    #[error("a programme of the planning ended with {0:?}")]
+    Unsolved(QpStatus),
+    /// The solver refused the data.
+    #[error(transparent)]
+    Refused(#[from] QpError),
+    /// The steps of the planning did not lead to a course that physics allows.
+    #[error("after the last step the forces at a journal leave {0:.3} mm unexplained")]
+    NotConsistent(f64),
+    /// In a rollout of the model the planned passage leaves more deviation than the quasi-static correction.
+    #[error("in a rollout it leaves {planned:.4} mm RMS, the quasi-static correction {plain:.4} mm")]
+    NoGain {
+        /// RMS of the tool's deviation with the passage, mm.
+        planned: f64,
+        /// And without, mm.
+        plain: f64,
+    },
+    /// More corners than are planned before a run.
+    #[error("the passages planned before a run may take {0} ticks")]
+    TooMany(usize),
+}
+
+/// A planned motion through one corner, tick by tick.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Passage {
+    first: u64,
+    joints: usize,
+    /// Row after row.
+    corrections: Vec<f64>,
+    journals: Vec<f64>,
+}
+
+impl Passage {
+    /// From the tick `first` on: corrections of the joints, rad (m), and displacements of the journals, m, tick by tick.
+    pub fn new(first: u64, corrections: &[Vec<f64>], journals: &[Vec<f64>]) -> Passage {
+        Passage {
+            first,
+            joints: corrections.first().map_or(0, Vec::len),
+            corrections: corrections.concat(),
+            journals: journals.concat(),
+        }
+    }
+
+    /// The same motion from the tick `first` on.
+    pub fn starting_at(&self, first: u64) -> Passage {
+        Passage { first, ..self.clone() }
+    }
+
+    /// First tick.
+    pub fn first(&self) -> u64 {
+        self.first
+    }
+
+    /// Number of ticks.
+    pub fn ticks(&self) -> usize {
+        self.corrections.len() / self.joints.max(1)
+    }
+
+    /// Corrections of the joints, rad (m), and displacements of the journals, m, at the tick `tick`, if it is within.
+    pub fn at(&self, tick: u64) -> Option<(&[f64], &[f64])> {
+        let k = usize::try_from(tick.checked_sub(self.first)?).ok()?;
+        let ticks = self.ticks();
+        let width = self.journals.len() / ticks.max(1);
+        (k < ticks).then(|| {
+            (&self.corrections[k * self.joints..][..self.joints], &self.journals[k * width..][..width])
+        })
+    }
+}
+
+/// A corner through which there is no passage.
+#[derive(Debug)]
+pub struct Unplanned {
+    /// Its first tick.
+    pub first: u64,
+    /// Its last tick.
+    pub last: u64,
+    /// Why.
+    pub fault: PassageFault,
+}
+
+/// The passages of one path, in the order of time.
+#[derive(Debug, Default)]
+pub struct Passages {
+    planned: Vec<Passage>,
+    unplanned: Vec<Unplanned>,
+}
+
+impl Passages {
+    /// Of the passages `planned` and the corners `unplanned`, each in the order of time.
+    pub fn new(planned: Vec<Passage>, unplanned: Vec<Unplanned>) -> Passages {
+        Passages { planned, unplanned }
+    }
+
+    /// What the passage at the tick `tick`, if there is one, says: see [`Passage::at`].
+    pub fn at(&self, tick: u64) -> Option<(&[f64], &[f64])> {
+        let after = self.planned.partition_point(|passage| passage.first <= tick);
+        self.planned[..after].last()?.at(tick)
+    }
+
+    /// Why there is no passage through the corner at the tick `tick`, if it lies in one without.
+    pub fn fault(&self, tick: u64) -> Option<&PassageFault> {
+        let after = self.unplanned.partition_point(|corner| corner.first <= tick);
+        let corner = self.unplanned[..after].last()?;
+        (tick <= corner.last).then_some(&corner.fault)
+    }
+
+    /// The passages.
+    pub fn planned(&self) -> &[Passage] {
+        &self.planned
+    }
+
+    /// The corners without one.
+    pub fn unplanned(&self) -> &[Unplanned] {
+        &self.unplanned
+    }
+}

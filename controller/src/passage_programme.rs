@@ -1,0 +1,418 @@
+//! One step of planning a passage: the quadratic programme that a course is improved by.
+//!
+//! Around a course, for changes δΔq of the corrections and δφ of the journals' angles,
+//!
+//! `min Σ_k ½‖e_k‖²_W + ε_a/2 ‖Δq̈_k‖² + w/2 ‖y_k‖² + γ s_k + λ/2 ‖δφ_k‖²` subject to
+//!
+//! - tool: `e = J_p Δq + J_s d(φ)`, what is left of the deviation (with the orientation's share as in the compensation),
+//! - contact: `y = r (tᵀ b + μ F_N)/F_0`, the force across the normal that friction does not explain, as the displacement that it
+//!   would cause; zero on a course that physics allows,
+//! - push: `−nᵀ b ≥ F_min − s`, `s ≥ 0`,
+//! - the limits of the joints' position, speed, acceleration and torque, where the course is past half of them.
+//!
+//! All are taken to first order; b changes with the accelerations by the mass matrix, with φ by the turning of n and t, with φ̇ by
+//! friction. Lengths are in mm, corrections in mrad, forces in N.
+
+use std::collections::BTreeSet;
+
+use freeplay_arm::Limits;
+use freeplay_laws::ArmWithPlay;
+use nalgebra::{DMatrix, DVector};
+
+use crate::course::{Course, Meeting};
+use crate::pin_force::PinForce;
+use crate::sparse_programme::{Row, SparseProgramme};
+
+/// λ, mm²: weight of the change of an angle.
+const DAMPING: f64 = 1e-3;
+/// Share of a limit from which on it is watched.
+const WATCHED: f64 = 0.5;
+/// From SI to mm and mrad.
+const MILLI: f64 = 1e3;
+/// Ticks at either end of a passage that keep their place, so that it joins what comes before and after with two derivatives.
+pub const FIXED: usize = 2;
+
+/// What a course is judged by, and where its planning starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassageOptions {
+    /// ε_a, mm²/(rad/s²)²: weight of the correction's acceleration. By default 100 rad/s² cost as much as 0.1 mm.
+    pub acceleration: f64,
+    /// F_min, N: least force that a bearing is to push with.
+    pub least_push: f64,
+    /// γ, mm²/N: what a missing newton costs.
+    pub missing_push: f64,
+    /// How much more large deviations count than small ones: Σ‖e‖^(2 + emphasis) is minimised.
+    pub emphasis: f64,
+    /// Turn by which the journals' angles in the middle of the first course differ from the quasi-static ones, rad: another start.
+    pub detour: f64,
+}
+
+impl Default for PassageOptions {
+    fn default() -> PassageOptions {
+        PassageOptions { acceleration: 1e-6, least_push: 5.0, missing_push: 1e-2, emphasis: 0.0, detour: 0.0 }
+    }
+}
+
+/// What of a passage does not change while it is planned, tick by tick.
+pub struct Frame {
+    /// Jacobian of the tool for joints and slides, 6 × (n + 2 plays).
+    pub tool: DMatrix<f64>,
+    /// Mass matrix of the arm with play.
+    pub mass: DMatrix<f64>,
+}
+
+/// A limit that a course came near to: tick, joint.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Watch {
+    /// Of the position.
+    Position(usize, usize),
+    /// Of the speed.
+    Speed(usize, usize),
+    /// Of the acceleration.
+    Acceleration(usize, usize),
+    /// Of the torque.
+    Torque(usize, usize),
+}
+
+/// All that the programme of one passage is made from.
+pub struct Corner<'a> {
+    /// The arm with play.
+    pub arm: &'a ArmWithPlay,
+    /// The limits of its joints.
+    pub limits: &'a [Limits],
+    /// What does not change, tick by tick.
+    pub frames: &'a [Frame],
+    /// Weights of the tool's deviation, linear and angular, 1/mm² and 1/mrad².
+    pub weights: [f64; 6],
+    /// F_0, N: what the bearings push with before the corner.
+    pub rest: &'a [f64],
+    /// What it is judged by.
+    pub options: PassageOptions,
+    /// How much the deviation of each tick counts.
+    pub emphasis: Vec<f64>,
+}
+
+/// A change of a course.
+pub struct Change {
+    /// δΔq, rad (m), tick by tick.
+    pub corrections: Vec<Vec<f64>>,
+    /// δφ, rad, tick by tick.
+    pub angles: Vec<Vec<f64>>,
+}
+
+impl Change {
+    /// The largest change of an angle, rad.
+    pub fn largest_turn(&self) -> f64 {
+        self.angles.iter().flatten().fold(0.0, |most, turn| turn.abs().max(most))
+    }
+}
+
+/// Where the variables of the programme are.
+struct Layout {
+    joints: usize,
+    plays: usize,
+    ticks: usize,
+}
+
+impl Layout {
+    fn is_free(&self, k: usize) -> bool {
+        k >= FIXED && k + FIXED < self.ticks
+    }
+
+    /// Variables of one tick: δΔq, δφ, y, s.
+    fn width(&self) -> usize {
+        self.joints + 3 * self.plays
+    }
+
+    fn joint(&self, k: usize, joint: usize) -> usize {
+        k * self.width() + joint
+    }
+
+    fn angle(&self, k: usize, play: usize) -> usize {
+        self.joint(k, self.joints + play)
+    }
+
+    fn side(&self, k: usize, play: usize) -> usize {
+        self.joint(k, self.joints + self.plays + play)
+    }
+
+    fn slack(&self, k: usize, play: usize) -> usize {
+        self.joint(k, self.joints + 2 * self.plays + play)
+    }
+}
+
+impl Corner<'_> {
+    fn layout(&self, course: &Course) -> Layout {
+        Layout { joints: self.limits.len(), plays: self.arm.plays().len(), ticks: course.ticks() }
+    }
+
+    /// Lets large deviations of `course` count more than small ones, as far as the options say.
+    pub fn emphasise(&mut self, course: &Course) {
+        if self.options.emphasis > 0.0 {
+            let left = |k: usize| self.deviation(course, k).rows(0, 3).norm();
+            let all: Vec<f64> = (0..course.ticks()).map(left).collect();
+            let most = all.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+            let exponent = self.options.emphasis;
+            self.emphasis = all.into_iter().map(|left| (left / most).powf(exponent).max(1e-4)).collect();
+        }
+    }
+
+    /// What is left of the deviation of the tool at tick `k`, mm and mrad.
+    pub fn deviation(&self, course: &Course, k: usize) -> DVector<f64> {
+        let moved = [course.corrections[k].as_slice(), &course.journals(k)].concat();
+        &self.frames[k].tool * DVector::from_vec(moved) * MILLI
+    }
+
+    /// The displacement, mm, that the unexplained force of `meeting` would cause.
+    fn side(&self, course: &Course, k: usize, play: usize, meeting: &Meeting) -> f64 {
+        self.per_newton(course, k, play) * meeting.residual()
+    }
+
+    fn per_newton(&self, course: &Course, k: usize, play: usize) -> f64 {
+        MILLI * course.radii[k][play] / self.rest[play]
+    }
+
+    /// The largest displacement that the forces of `course` leave unexplained, mm; infinite where a bearing would have to pull.
+    pub fn unexplained(&self, course: &Course, pin: &mut PinForce) -> f64 {
+        let mut most: f64 = 0.0;
+        for k in 1..course.ticks() - 1 {
+            let forces = course.forces(k, pin);
+            for (index, play) in self.arm.plays().iter().enumerate() {
+                let meeting = course.meeting(k, index, play, &forces);
+                let side = if meeting.push > 0.0 {
+                    self.side(course, k, index, &meeting).abs()
+                } else {
+                    f64::INFINITY
+                };
+                most = most.max(side);
+            }
+        }
+        most
+    }
+
+    /// The cost of a course, with w = `weight`.
+    pub fn cost(&self, course: &Course, pin: &mut PinForce, weight: f64) -> f64 {
+        let mut cost = 0.0;
+        for k in 1..course.ticks() - 1 {
+            let left = self.deviation(course, k);
+            cost +=
+                0.5 * self.emphasis[k] * left.iter().zip(self.weights).map(|(e, w)| w * e * e).sum::<f64>();
+            let corrected = course.joints_at(k).a.into_iter().zip(course.reference_at(k).a);
+            cost += 0.5
+                * self.options.acceleration
+                * corrected.map(|(a, reference)| (a - reference).powi(2)).sum::<f64>();
+            let forces = course.forces(k, pin);
+            for (index, play) in self.arm.plays().iter().enumerate() {
+                let meeting = course.meeting(k, index, play, &forces);
+                cost += 0.5 * weight * self.side(course, k, index, &meeting).powi(2);
+                cost += self.options.missing_push * (self.options.least_push - meeting.push).max(0.0);
+            }
+        }
+        cost
+    }
+
+    /// The programme around `course`, with w = `weight`; limits that the course comes near to are added to `watched`.
+    pub fn programme(
+        &self,
+        course: &Course,
+        pin: &mut PinForce,
+        weight: f64,
+        watched: &mut BTreeSet<Watch>,
+    ) -> SparseProgramme {
+        let layout = self.layout(course);
+        let mut programme = SparseProgramme::new(layout.ticks * layout.width());
+        for k in 0..layout.ticks {
+            self.add_tool(course, &layout, k, &mut programme);
+        }
+        for k in 1..layout.ticks - 1 {
+            let forces = course.forces(k, pin);
+            self.add_acceleration(course, &layout, k, &mut programme);
+            for index in 0..layout.plays {
+                self.add_contact(course, &layout, (k, index), weight, &forces, &mut programme);
+            }
+            self.add_limits(course, &layout, k, &forces, watched, &mut programme);
+        }
+        programme
+    }
+
+    /// The change that `solution` of the programme around `course` says.
+    pub fn change(&self, course: &Course, solution: &[f64]) -> Change {
+        let layout = self.layout(course);
+        let ticks = 0..layout.ticks;
+        let row = |k: usize, width: usize, scale: f64, place: &dyn Fn(usize, usize) -> usize| {
+            (0..width).map(|i| if layout.is_free(k) { solution[place(k, i)] * scale } else { 0.0 }).collect()
+        };
+        Change {
+            corrections: ticks
+                .clone()
+                .map(|k| row(k, layout.joints, 1.0 / MILLI, &|k, i| layout.joint(k, i)))
+                .collect(),
+            angles: ticks.map(|k| row(k, layout.plays, 1.0, &|k, i| layout.angle(k, i))).collect(),
+        }
+    }
+
+    fn add_tool(&self, course: &Course, layout: &Layout, k: usize, programme: &mut SparseProgramme) {
+        // A variable that no term touches would make the programme's minimum not unique.
+        for i in 0..layout.width() {
+            programme.add_square(1e-9, 0.0, &[(layout.joint(k, i), 1.0)]);
+        }
+        if !layout.is_free(k) {
+            return;
+        }
+        let (left, tool) = (self.deviation(course, k), &self.frames[k].tool);
+        for (row, weight) in self.weights.into_iter().enumerate().filter(|(_, weight)| *weight > 0.0) {
+            let joints = (0..layout.joints).map(|i| (layout.joint(k, i), tool[(row, i)]));
+            let turns = (0..layout.plays).map(|play| {
+                let at = layout.joints + 2 * play;
+                let [first, second] = course.swing(k, play);
+                let moved = tool[(row, at)] * first + tool[(row, at + 1)] * second;
+                (layout.angle(k, play), MILLI * moved)
+            });
+            programme.add_square(
+                weight * self.emphasis[k],
+                left[row],
+                &joints.chain(turns).collect::<Vec<_>>(),
+            );
+        }
+        for play in 0..layout.plays {
+            programme.add_square(DAMPING, 0.0, &[(layout.angle(k, play), 1.0)]);
+        }
+    }
+
+    fn add_acceleration(&self, course: &Course, layout: &Layout, k: usize, programme: &mut SparseProgramme) {
+        let (joints, reference) = (course.joints_at(k), course.reference_at(k));
+        for i in 0..layout.joints {
+            let entries = second_difference(course, layout, k, i);
+            programme.add_square(self.options.acceleration, joints.a[i] - reference.a[i], &entries);
+        }
+    }
+
+    /// How the force along `direction` (coordinate of the arm with play, share) at tick `k` changes with the accelerations.
+    fn force_row(
+        &self,
+        course: &Course,
+        layout: &Layout,
+        k: usize,
+        direction: &[(usize, f64)],
+    ) -> Vec<(usize, f64)> {
+        let mass = &self.frames[k].mass;
+        let felt = |coordinate: usize| {
+            direction.iter().map(|&(row, share)| share * mass[(row, coordinate)]).sum::<f64>()
+        };
+        let mut entries = Vec::new();
+        for i in 0..layout.joints {
+            let inertia = felt(self.arm.joint(i));
+            entries
+                .extend(second_difference(course, layout, k, i).into_iter().map(|(at, c)| (at, c * inertia)));
+        }
+        for (index, play) in self.arm.plays().iter().enumerate() {
+            let inertia = play.slides.map(felt);
+            for (tick, share) in
+                stencil(course.period, k).into_iter().filter(|&(tick, _)| layout.is_free(tick))
+            {
+                let [first, second] = course.swing(tick, index);
+                let moved = inertia[0] * first + inertia[1] * second;
+                entries.push((layout.angle(tick, index), share * moved));
+            }
+        }
+        entries
+    }
+
+    fn add_contact(
+        &self,
+        course: &Course,
+        layout: &Layout,
+        (k, index): (usize, usize),
+        weight: f64,
+        forces: &[f64],
+        programme: &mut SparseProgramme,
+    ) {
+        let play = &self.arm.plays()[index];
+        let meeting = course.meeting(k, index, play, forces);
+        let [mu, slope] = meeting.friction;
+        let along = |direction: [f64; 2]| [(play.slides[0], direction[0]), (play.slides[1], direction[1])];
+        let [n, t] = [meeting.normal, meeting.tangent];
+        let mut across = self.force_row(course, layout, k, &along([t[0] - mu * n[0], t[1] - mu * n[1]]));
+        let mut push = self.force_row(course, layout, k, &along([-n[0], -n[1]]));
+        if layout.is_free(k) {
+            across.push((layout.angle(k, index), mu * meeting.across - meeting.push));
+            push.push((layout.angle(k, index), meeting.across));
+        }
+        let rolling = slope * meeting.push * course.radii[k][index] / (2.0 * course.period);
+        for (tick, share) in [(k + 1, -rolling), (k - 1, rolling)] {
+            if layout.is_free(tick) {
+                across.push((layout.angle(tick, index), share));
+            }
+        }
+        let scale = self.per_newton(course, k, index);
+        let mut entries: Vec<_> = across.into_iter().map(|(at, value)| (at, scale * value)).collect();
+        entries.push((layout.side(k, index), -1.0));
+        programme.equal(Row { entries, bound: -self.side(course, k, index, &meeting) });
+        programme.add_square(weight, 0.0, &[(layout.side(k, index), 1.0)]);
+        let slack = layout.slack(k, index);
+        let mut entries: Vec<_> = push.into_iter().map(|(at, value)| (at, -value)).collect();
+        entries.push((slack, -1.0));
+        programme.at_most(Row { entries, bound: meeting.push - self.options.least_push });
+        programme.at_most(Row { entries: vec![(slack, -1.0)], bound: 0.0 });
+        programme.add_linear(slack, self.options.missing_push);
+    }
+
+    fn add_limits(
+        &self,
+        course: &Course,
+        layout: &Layout,
+        k: usize,
+        forces: &[f64],
+        watched: &mut BTreeSet<Watch>,
+        programme: &mut SparseProgramme,
+    ) {
+        let (joints, reference) = (course.joints_at(k), course.reference_at(k));
+        for (i, limits) in self.limits.iter().enumerate() {
+            let middle = 0.5 * (limits.lower + limits.upper);
+            let (offset, range) = (joints.q[i] - middle, 0.5 * (limits.upper - limits.lower));
+            let torque = forces[self.arm.joint(i)];
+            let half = 0.5 / course.period / MILLI;
+            let speed = || [(k - 1, -half), (k + 1, half)];
+            let free = |at: &[(usize, f64)]| -> Vec<(usize, f64)> {
+                let kept = at.iter().filter(|&&(tick, _)| layout.is_free(tick));
+                kept.map(|&(tick, share)| (layout.joint(tick, i), share)).collect()
+            };
+            let mut watch =
+                |watch: Watch, value: f64, own: f64, limit: f64, entries: &dyn Fn() -> Vec<(usize, f64)>| {
+                    if limit.is_finite() && (value.abs() > WATCHED * limit || watched.contains(&watch)) {
+                        watched.insert(watch);
+                        bound(programme, value, limit.max(own.abs()), &entries());
+                    }
+                };
+            let own = reference.q[i] - middle;
+            watch(Watch::Position(k, i), offset, own, range, &|| free(&[(k, 1.0 / MILLI)]));
+            watch(Watch::Speed(k, i), joints.v[i], reference.v[i], limits.velocity, &|| free(&speed()));
+            watch(Watch::Acceleration(k, i), joints.a[i], reference.a[i], limits.acceleration, &|| {
+                second_difference(course, layout, k, i)
+            });
+            watch(Watch::Torque(k, i), torque, 0.0, limits.effort, &|| {
+                self.force_row(course, layout, k, &[(self.arm.joint(i), 1.0)])
+            });
+        }
+    }
+}
+
+/// Demands that `value`, changed by `entries`, stays within ±`limit`.
+fn bound(programme: &mut SparseProgramme, value: f64, limit: f64, entries: &[(usize, f64)]) {
+    for sign in [1.0, -1.0] {
+        let entries = entries.iter().map(|&(at, share)| (at, sign * share / limit)).collect();
+        programme.at_most(Row { entries, bound: 1.0 - sign * value / limit });
+    }
+}
+
+/// The ticks and shares of the second difference at tick `k`, 1/s².
+fn stencil(period: f64, k: usize) -> [(usize, f64); 3] {
+    let share = 1.0 / (period * period);
+    [(k - 1, share), (k, -2.0 * share), (k + 1, share)]
+}
+
+/// How the acceleration of joint `i` at tick `k` changes with the corrections, rad/s² per mrad.
+fn second_difference(course: &Course, layout: &Layout, k: usize, i: usize) -> Vec<(usize, f64)> {
+    let free = stencil(course.period, k).into_iter().filter(|&(tick, _)| layout.is_free(tick));
+    free.map(|(tick, share)| (layout.joint(tick, i), share / MILLI)).collect()
+}

@@ -1,0 +1,64 @@
+//! Tries a passage out before it is used: a rollout of the model along it, beside one along the quasi-static correction.
+//!
+//! In both the joints move exactly as they are told while the journals are free: they may detach, fly and bounce. The acceleration of
+//! a tick is held from half a tick before it to half a tick after it, which leads through the positions of all ticks; the deviation
+//! is taken half-way between ticks.
+
+use freeplay_laws::ArmWithPlay;
+
+use crate::course::Instant;
+use crate::passage_programme::Frame;
+use crate::rollout::{Driven, Rollout};
+
+/// A motion to try, tick by tick: joints without correction, their corrections, and the journals meant, all in SI.
+pub struct Attempt<'a> {
+    /// Reference positions of the joints, rad (m).
+    pub reference: &'a [Vec<f64>],
+    /// Corrections of the joints, rad (m).
+    pub corrections: &'a [Vec<f64>],
+    /// Displacements meant for the journals, m.
+    pub journals: &'a [Vec<f64>],
+}
+
+impl Attempt<'_> {
+    fn joints(&self, k: usize, period: f64) -> Instant {
+        let rows = [k - 1, k, k + 1].map(|k| -> Vec<f64> {
+            let pairs = self.reference[k].iter().zip(&self.corrections[k]);
+            pairs.map(|(reference, correction)| reference + correction).collect()
+        });
+        Instant::centred([&rows[0], &rows[1], &rows[2]], period)
+    }
+
+    /// Half a tick after tick `k`: positions and velocities of a row of numbers whose accelerations are held around each tick.
+    fn half_way(now: &Instant, after: &[f64], period: f64) -> Instant {
+        let v: Vec<f64> = now.q.iter().zip(after).map(|(now, after)| (after - now) / period).collect();
+        let held = |i: usize| now.q[i] + 0.5 * period * v[i] - 0.125 * period * period * now.a[i];
+        Instant { q: (0..v.len()).map(held).collect(), a: now.a.clone(), v }
+    }
+
+    /// RMS of what is left of the tool's deviation in a rollout of `arm`, mm; `frames` hold the Jacobians, tick by tick.
+    pub fn remaining(&self, arm: &ArmWithPlay, frames: &[Frame], period: f64) -> f64 {
+        let mut rollout = Rollout::new(arm, period);
+        let ticks = self.reference.len();
+        let first = self.joints(1, period);
+        let next: Vec<f64> =
+            self.reference[2].iter().zip(&self.corrections[2]).map(|(q, dq)| q + dq).collect();
+        let meant = [0, 1, 2].map(|k| self.journals[k].as_slice());
+        let journals = Self::half_way(&Instant::centred(meant, period), meant[2], period);
+        rollout.start(Self::half_way(&first, &next, period).as_motion(), journals.as_motion());
+        let slides: Vec<usize> = arm.plays().iter().flat_map(|play| play.slides).collect();
+        let mut squares = 0.0;
+        for (k, frame) in frames.iter().enumerate().take(ticks - 1).skip(2) {
+            rollout.tick(Driven::Acceleration(&self.joints(k, period).a));
+            let corrections = self.corrections[k]
+                .iter()
+                .zip(&self.corrections[k + 1])
+                .map(|(now, next)| 0.5 * (now + next));
+            let moved: Vec<f64> = corrections.chain(slides.iter().map(|&slide| rollout.q()[slide])).collect();
+            for row in frame.tool.row_iter().take(3) {
+                squares += row.iter().zip(&moved).map(|(j, moved)| j * moved).sum::<f64>().powi(2);
+            }
+        }
+        1e3 * (squares / (ticks - 3) as f64).sqrt()
+    }
+}
