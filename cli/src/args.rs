@@ -31,6 +31,8 @@ enum Command {
     ReferenceRuns(crate::reference_runs::ReferenceArgs),
     /// The paper (Erkaya 2018) reproduced: its scenarios, figures and claims, each with a verdict.
     Reproduce(crate::reproduce::ReproduceArgs),
+    /// How far the deviation at sharp corners can be taken down at all: an offline optimum with all knowledge of the arm.
+    Bound(crate::bound::BoundArgs),
     /// The process that plays the machine; `freeplay run` starts it.
     #[command(hide = true)]
     Plant(crate::plant_command::PlantArgs),
@@ -52,6 +54,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Replay(args) => crate::replay::replay(&args),
         Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
         Command::Reproduce(args) => crate::reproduce::reproduce(&args),
+        Command::Bound(args) => crate::bound::bound(&args),
         Command::Plant(args) => crate::plant_command::plant(&args),
         Command::Controller(args) => crate::controller_command::controller(&args),
     }

@@ -128,8 +128,13 @@ impl Tracking {
         let with_play = ArmWithPlay::new(&model.arm, &model.clearances)?;
         let half = ((options.average / period - 1.0) / 2.0).round().max(0.0) as usize;
         let mut outlook = Outlook::new(path, &with_play, period, half);
-        let search =
-            CornerSearch { arm: &model.arm, with_play: &with_play, period, weights: options.weights };
+        let search = CornerSearch {
+            arm: &model.arm,
+            with_play: &with_play,
+            period,
+            weights: options.weights,
+            options: PassageOptions::default(),
+        };
         let passages = if options.passages {
             search.passages(&mut outlook, (options.blend / period).ceil() as u64, ticks)
         } else {

@@ -1,0 +1,285 @@
+//! `freeplay bound`: how far the deviation at sharp corners can be taken down at all, and how much of that a controller reaches.
+//!
+//! The bound of a cell (period T, clearance c of the sharp square) is the least that an offline optimisation finds which knows the true
+//! arm: over the corrections of the joints, within their limits of speed, acceleration and torque, and over the way of the journal, tick
+//! by tick in a window around every corner, with the journal held by the law of contact (Gauss–Newton, see
+//! `freeplay_controller::passage_planner`). The weights that keep a controller's plan gentle are taken off: corrections may use all of the
+//! acceleration limits, the bearing's push may fall to nothing, the tool may turn. For RMS, the squares of the deviation after the start
+//! are minimised; for the maximum, their fourth powers; both from several starts, in which the journal first goes ahead or behind.
+//! Outside the windows the bound counts no deviation at all, so that it is on the low side. It is a bound for journals that keep
+//! touching: motions that throw the journal on purpose are not searched.
+//!
+//! As a check, the optimal motion is given to the true plant as prescribed joints; what the plant then measures is printed beside it.
+
+use clap::Args;
+use comfy_table::{CellAlignment, Table, presets};
+use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
+use freeplay_controller::outlook::Outlook;
+use freeplay_controller::{CornerSearch, Passage, PassageOptions, Weights};
+use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_path::{JointPath, PathKind, PathSpec};
+use freeplay_plant::{DeviationStatistics, Hermite, Input, System};
+use serde::Serialize;
+
+use crate::exit::{Exit, Failure};
+use crate::run::Format;
+use crate::say::say;
+
+/// Length of a tick, s.
+const PERIOD: f64 = 1e-3;
+/// Joint with play.
+const JOINT: usize = 4;
+/// Half width of the moving average over the predicted journals that the windows begin and end with, ticks.
+const HALF: usize = 10;
+/// Starts: the turn of the journal's way in the middle of a window, rad.
+const STARTS: [f64; 3] = [0.0, 0.6, -0.6];
+
+/// Computes bounds.
+#[derive(Args, Debug)]
+pub struct BoundArgs {
+    /// Times of a lap, s.
+    #[arg(long, value_delimiter = ',', default_value = "6,12")]
+    period: Vec<f64>,
+    /// Clearances, mm.
+    #[arg(long, value_delimiter = ',', default_value = "0.2,0.4,0.6")]
+    clearance: Vec<f64>,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// What one start led to, mm.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Found {
+    /// The start: turn of the journal's way, rad.
+    pub start: f64,
+    /// RMS after the start of the run.
+    pub rms: f64,
+    /// Greatest deviation.
+    pub max: f64,
+}
+
+/// The bound of one cell, mm.
+#[derive(Clone, Debug, Serialize)]
+pub struct Bound {
+    /// Time of a lap, s.
+    pub period: f64,
+    /// Clearance, mm.
+    pub clearance: f64,
+    /// What the starts led to when the squares were minimised.
+    pub squares: Vec<Found>,
+    /// And the fourth powers.
+    pub fourth_powers: Vec<Found>,
+    /// RMS and maximum in the windows that the true plant measures on the motion of the least squares.
+    pub measured: Option<Found>,
+}
+
+impl Bound {
+    /// The least RMS.
+    pub fn rms(&self) -> f64 {
+        self.squares.iter().map(|found| found.rms).fold(f64::NAN, f64::min)
+    }
+
+    /// The least maximum.
+    pub fn max(&self) -> f64 {
+        self.squares.iter().chain(&self.fourth_powers).map(|found| found.max).fold(f64::NAN, f64::min)
+    }
+}
+
+/// One cell being worked on.
+struct Cell {
+    play: ArmWithPlay,
+    path: JointPath,
+    period: f64,
+    ticks: u64,
+}
+
+impl Cell {
+    fn new(period: f64, clearance: f64) -> Result<Cell, Failure> {
+        let arm = paper_arm().arm;
+        let law = Clearance::new(&ClearanceTable::new(clearance * 1e-3)).map_err(Failure::input)?;
+        let spec = PathSpec { kind: PathKind::SquareSharp, period, ..PathSpec::default() };
+        Ok(Cell {
+            play: ArmWithPlay::new(&arm, &[(JOINT, law)]).map_err(Failure::input)?,
+            path: JointPath::plan(&arm, &spec, 1.0 / PERIOD).map_err(Failure::input)?,
+            period,
+            ticks: (period / PERIOD).round() as u64,
+        })
+    }
+
+    /// The passages that `options` lead to, on a tool that may turn.
+    fn passages(&self, options: PassageOptions) -> Vec<Passage> {
+        let arm = paper_arm().arm;
+        let weights = Weights { orientation: 1e-5, ..Weights::default() };
+        let search = CornerSearch { arm: &arm, with_play: &self.play, period: PERIOD, weights, options };
+        let mut outlook = Outlook::new(self.path.clone(), &self.play, PERIOD, HALF);
+        let begin = (DeviationStatistics::START / PERIOD) as u64;
+        let found = search.passages(&mut outlook, begin, self.ticks);
+        for corner in found.unplanned() {
+            eprintln!("T = {} s, tick {}: {}", self.period, corner.first, corner.fault);
+        }
+        found.planned().to_vec()
+    }
+
+    /// The joints at `tick` with the corrections `corrections`.
+    fn joints(&self, tick: u64, corrections: &[f64]) -> Vec<f64> {
+        let (mut q, mut v, mut a) = (vec![0.0; 6], vec![0.0; 6], vec![0.0; 6]);
+        self.path.at(tick as f64 * PERIOD, &mut q, &mut v, &mut a);
+        q.iter().zip(corrections).map(|(q, correction)| q + correction).collect()
+    }
+
+    /// What the deviations (mm) `norms` of the ticks in windows come to over the run.
+    fn figures(&self, start: f64, norms: &[f64]) -> Found {
+        let counted = self.ticks as f64 - DeviationStatistics::START / PERIOD;
+        let squares: f64 = norms.iter().map(|norm| norm * norm).sum();
+        Found { start, rms: (squares / counted).sqrt(), max: norms.iter().copied().fold(0.0, f64::max) }
+    }
+
+    /// The deviation that a passage means the tool to have, mm, tick by tick to the end of the run.
+    fn meant(&self, passage: &Passage) -> Vec<f64> {
+        let arm = paper_arm().arm;
+        let (mut nominal, mut workspace) = (Workspace::new(&arm), Workspace::new(self.play.arm()));
+        let slides = self.play.plays()[0].slides;
+        let end = (passage.first() + passage.ticks() as u64).min(self.ticks);
+        let rows = (passage.first()..end).filter_map(|tick| passage.at(tick).map(|row| (tick, row)));
+        rows.map(|(tick, (corrections, journals))| {
+            let mut extended = vec![0.0; self.play.arm().dof()];
+            self.play.spread(&self.joints(tick, corrections), &mut extended);
+            slides.into_iter().zip(journals).for_each(|(slide, &journal)| extended[slide] = journal);
+            let tool = forward_kinematics(self.play.arm(), &mut workspace, &extended);
+            let desired = forward_kinematics(&arm, &mut nominal, &self.joints(tick, &[0.0; 6]));
+            1e3 * (tool.translation.vector - desired.translation.vector).norm()
+        })
+        .collect()
+    }
+
+    /// The deviation that the true plant measures when its joints are prescribed as `passage` says, mm, tick by tick.
+    fn measured(&self, passage: &Passage) -> Result<Vec<f64>, Failure> {
+        let arm = paper_arm().arm;
+        let mut system = System::new(self.play.clone(), &arm, PERIOD, 50).map_err(Failure::input)?;
+        let row = |tick: u64| passage.at(tick).map(|(corrections, _)| self.joints(tick, corrections));
+        let centred = |tick: u64| -> Option<Vec<[f64; 3]>> {
+            let [before, now, after] = [row(tick - 1)?, row(tick)?, row(tick + 1)?];
+            let state = |i: usize| {
+                let v = (after[i] - before[i]) / (2.0 * PERIOD);
+                [now[i], v, (after[i] - 2.0 * now[i] + before[i]) / (PERIOD * PERIOD)]
+            };
+            Some((0..now.len()).map(state).collect())
+        };
+        let first = passage.first() + 1;
+        let Some(begin) = centred(first) else { return Ok(Vec::new()) };
+        let start = |order: usize| begin.iter().map(|state| state[order]).collect::<Vec<_>>();
+        system.start(&start(0), &start(1));
+        if let (Some((_, before)), Some((_, now)), Some((_, after))) =
+            (passage.at(first - 1), passage.at(first), passage.at(first + 1))
+        {
+            let speed = [0, 1].map(|i| (after[i] - before[i]) / (2.0 * PERIOD));
+            system.place_journal(0, [now[0], now[1]], speed);
+        }
+        let (mut motion, mut norms, mut nominal) = (Hermite::new(6), Vec::new(), Workspace::new(&arm));
+        let last = (first + passage.ticks() as u64 - 3).min(self.ticks);
+        for tick in first..last {
+            let desired = forward_kinematics(&arm, &mut nominal, &self.joints(tick, &[0.0; 6]));
+            norms.push(1e3 * (system.tool().translation.vector - desired.translation.vector).norm());
+            let (Some(from), Some(to)) = (centred(tick), centred(tick + 1)) else { break };
+            motion.begin(system.time(), PERIOD, from.into_iter());
+            motion.finish(to.into_iter());
+            let input = Input { torque: &[0.0; 6], driven: &[true; 6], motion: &motion };
+            system.tick(&input).map_err(Failure::internal)?;
+        }
+        Ok(norms)
+    }
+
+    fn bound(&self, clearance: f64) -> Result<Bound, Failure> {
+        let free = PassageOptions {
+            acceleration: 1e-9,
+            least_push: 0.5,
+            missing_push: 1e-3,
+            ..PassageOptions::default()
+        };
+        let mut bound = Bound {
+            period: self.period,
+            clearance,
+            squares: Vec::new(),
+            fourth_powers: Vec::new(),
+            measured: None,
+        };
+        for emphasis in [0.0, 2.0] {
+            for detour in STARTS {
+                let passages = self.passages(PassageOptions { emphasis, detour, ..free });
+                let norms: Vec<f64> = passages.iter().flat_map(|passage| self.meant(passage)).collect();
+                let found = self.figures(detour, &norms);
+                if emphasis > 0.0 {
+                    bound.fourth_powers.push(found);
+                    continue;
+                }
+                if bound.squares.iter().all(|other| found.rms < other.rms) {
+                    let norms = passages.iter().map(|passage| self.measured(passage));
+                    bound.measured =
+                        Some(self.figures(detour, &norms.collect::<Result<Vec<_>, _>>()?.concat()));
+                }
+                bound.squares.push(found);
+            }
+        }
+        Ok(bound)
+    }
+}
+
+/// The bound of the sharp square with laps of `period` s and `clearance` mm in joint 5.
+///
+/// # Errors
+/// A clearance or a period that cannot be.
+pub fn sharp_square(period: f64, clearance: f64) -> Result<Bound, Failure> {
+    Cell::new(period, clearance)?.bound(clearance)
+}
+
+/// Computes the bounds and prints them.
+///
+/// # Errors
+/// See [`sharp_square`].
+pub fn bound(args: &BoundArgs) -> Result<Exit, Failure> {
+    let cells = args.period.iter().flat_map(|&period| args.clearance.iter().map(move |&c| (period, c)));
+    let bounds = cells.map(|(period, c)| sharp_square(period, c)).collect::<Result<Vec<_>, _>>()?;
+    match args.format {
+        Format::Json => {
+            say(&format!("{}\n", serde_json::to_string_pretty(&bounds).map_err(Failure::internal)?))?
+        }
+        Format::Text => say(&in_words(&bounds))?,
+    }
+    Ok(Exit::Done)
+}
+
+fn in_words(bounds: &[Bound]) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_header([
+        "T [s]",
+        "c [mm]",
+        "RMS [mm]",
+        "from other starts",
+        "max [mm]",
+        "on the plant: RMS, max",
+    ]);
+    for bound in bounds {
+        let starts: Vec<String> = bound.squares.iter().map(|found| format!("{:.4}", found.rms)).collect();
+        let measured =
+            bound.measured.map_or("–".to_owned(), |found| format!("{:.4}, {:.3}", found.rms, found.max));
+        table.add_row([
+            format!("{}", bound.period),
+            format!("{}", bound.clearance),
+            format!("{:.4}", bound.rms()),
+            starts.join(" "),
+            format!("{:.3}", bound.max()),
+            measured,
+        ]);
+    }
+    for column in 0..6 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    format!(
+        "Sharp square, joint 5, after {} s: the least deviation that was found with all knowledge of the arm\n{table}\n",
+        DeviationStatistics::START
+    )
+}
