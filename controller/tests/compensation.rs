@@ -140,10 +140,8 @@ fn position_speed_and_acceleration_limits_are_kept() {
             let excess = [
                 (q[i] + now).abs() - 1.0,
                 (now - last[i]).abs() - share(0.5, v[i]) * PERIOD,
-                (((now - 2.0 * last[i] + before[i]) / PERIOD / PERIOD + a[i]).abs() - 4.0)
-                    * PERIOD
-                    * PERIOD
-                    * 10.0,
+                ((now - 2.0 * last[i] + before[i]) / PERIOD / PERIOD + a[i]).abs() * PERIOD * PERIOD
+                    - 4.0 * PERIOD * PERIOD,
             ];
             for (touched, excess) in touched.iter_mut().zip(excess) {
                 outside = outside.max(excess);
