@@ -10,9 +10,8 @@ use freeplay_laws::ArmWithPlay;
 use crate::compensation::Weights;
 use crate::course::Instant;
 use crate::outlook::Outlook;
-use crate::passage::{Passage, PassageFault, Passages, Unplanned};
+use crate::passage::{Passage, PassageFault, PassageOptions, Passages, Unplanned};
 use crate::passage_planner::PassagePlanner;
-use crate::passage_programme::PassageOptions;
 use crate::pin_force::PinForce;
 
 /// Share of a bearing's force that moving the journal takes, from which on there is a corner.

@@ -42,6 +42,27 @@ pub enum PassageFault {
     TooMany(usize),
 }
 
+/// What a course is judged by, and where its planning starts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassageOptions {
+    /// ε_a, mm²/(rad/s²)²: weight of the correction's acceleration. By default 100 rad/s² cost as much as 0.1 mm.
+    pub acceleration: f64,
+    /// F_min, N: least force that a bearing is to push with.
+    pub least_push: f64,
+    /// γ, mm²/N: what a missing newton costs.
+    pub missing_push: f64,
+    /// How much more large deviations count than small ones: Σ‖e‖^(2 + emphasis) is minimised.
+    pub emphasis: f64,
+    /// Turn by which the journals' angles in the middle of the first course differ from the quasi-static ones, rad: another start.
+    pub detour: f64,
+}
+
+impl Default for PassageOptions {
+    fn default() -> PassageOptions {
+        PassageOptions { acceleration: 1e-6, least_push: 5.0, missing_push: 1e-2, emphasis: 0.0, detour: 0.0 }
+    }
+}
+
 /// A planned motion through one corner, tick by tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passage {

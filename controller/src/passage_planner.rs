@@ -15,8 +15,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::compensation::Weights;
 use crate::course::{Course, Instant};
-use crate::passage::{Passage, PassageFault};
-use crate::passage_programme::{Change, Corner, Frame, PassageOptions};
+use crate::passage::{Passage, PassageFault, PassageOptions};
+use crate::passage_programme::{Change, Corner, Frame};
 use crate::pin_force::PinForce;
 use crate::trial::Attempt;
 

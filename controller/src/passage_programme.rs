@@ -20,38 +20,14 @@ use freeplay_laws::ArmWithPlay;
 use nalgebra::{DMatrix, DVector};
 
 use crate::course::{Course, Meeting};
+use crate::passage::PassageOptions;
+use crate::passage_layout::{Layout, MILLI, second_difference, stencil};
+use crate::passage_limits::Watch;
 use crate::pin_force::PinForce;
 use crate::sparse_programme::{Row, SparseProgramme};
 
 /// λ, mm²: weight of the change of an angle.
 const DAMPING: f64 = 1e-3;
-/// Share of a limit from which on it is watched.
-const WATCHED: f64 = 0.5;
-/// From SI to mm and mrad.
-const MILLI: f64 = 1e3;
-/// Ticks at either end of a passage that keep their place, so that it joins what comes before and after with two derivatives.
-pub const FIXED: usize = 2;
-
-/// What a course is judged by, and where its planning starts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PassageOptions {
-    /// ε_a, mm²/(rad/s²)²: weight of the correction's acceleration. By default 100 rad/s² cost as much as 0.1 mm.
-    pub acceleration: f64,
-    /// F_min, N: least force that a bearing is to push with.
-    pub least_push: f64,
-    /// γ, mm²/N: what a missing newton costs.
-    pub missing_push: f64,
-    /// How much more large deviations count than small ones: Σ‖e‖^(2 + emphasis) is minimised.
-    pub emphasis: f64,
-    /// Turn by which the journals' angles in the middle of the first course differ from the quasi-static ones, rad: another start.
-    pub detour: f64,
-}
-
-impl Default for PassageOptions {
-    fn default() -> PassageOptions {
-        PassageOptions { acceleration: 1e-6, least_push: 5.0, missing_push: 1e-2, emphasis: 0.0, detour: 0.0 }
-    }
-}
 
 /// What of a passage does not change while it is planned, tick by tick.
 pub struct Frame {
@@ -59,19 +35,6 @@ pub struct Frame {
     pub tool: DMatrix<f64>,
     /// Mass matrix of the arm with play.
     pub mass: DMatrix<f64>,
-}
-
-/// A limit that a course came near to: tick, joint.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Watch {
-    /// Of the position.
-    Position(usize, usize),
-    /// Of the speed.
-    Speed(usize, usize),
-    /// Of the acceleration.
-    Acceleration(usize, usize),
-    /// Of the torque.
-    Torque(usize, usize),
 }
 
 /// All that the programme of one passage is made from.
@@ -104,40 +67,6 @@ impl Change {
     /// The largest change of an angle, rad.
     pub fn largest_turn(&self) -> f64 {
         self.angles.iter().flatten().fold(0.0, |most, turn| turn.abs().max(most))
-    }
-}
-
-/// Where the variables of the programme are.
-struct Layout {
-    joints: usize,
-    plays: usize,
-    ticks: usize,
-}
-
-impl Layout {
-    fn is_free(&self, k: usize) -> bool {
-        k >= FIXED && k + FIXED < self.ticks
-    }
-
-    /// Variables of one tick: δΔq, δφ, y, s.
-    fn width(&self) -> usize {
-        self.joints + 3 * self.plays
-    }
-
-    fn joint(&self, k: usize, joint: usize) -> usize {
-        k * self.width() + joint
-    }
-
-    fn angle(&self, k: usize, play: usize) -> usize {
-        self.joint(k, self.joints + play)
-    }
-
-    fn side(&self, k: usize, play: usize) -> usize {
-        self.joint(k, self.joints + self.plays + play)
-    }
-
-    fn slack(&self, k: usize, play: usize) -> usize {
-        self.joint(k, self.joints + 2 * self.plays + play)
     }
 }
 
@@ -288,7 +217,7 @@ impl Corner<'_> {
     }
 
     /// How the force along `direction` (coordinate of the arm with play, share) at tick `k` changes with the accelerations.
-    fn force_row(
+    pub(crate) fn force_row(
         &self,
         course: &Course,
         layout: &Layout,
@@ -356,63 +285,4 @@ impl Corner<'_> {
         programme.at_most(Row { entries: vec![(slack, -1.0)], bound: 0.0 });
         programme.add_linear(slack, self.options.missing_push);
     }
-
-    fn add_limits(
-        &self,
-        course: &Course,
-        layout: &Layout,
-        k: usize,
-        forces: &[f64],
-        watched: &mut BTreeSet<Watch>,
-        programme: &mut SparseProgramme,
-    ) {
-        let (joints, reference) = (course.joints_at(k), course.reference_at(k));
-        for (i, limits) in self.limits.iter().enumerate() {
-            let middle = 0.5 * (limits.lower + limits.upper);
-            let (offset, range) = (joints.q[i] - middle, 0.5 * (limits.upper - limits.lower));
-            let torque = forces[self.arm.joint(i)];
-            let half = 0.5 / course.period / MILLI;
-            let speed = || [(k - 1, -half), (k + 1, half)];
-            let free = |at: &[(usize, f64)]| -> Vec<(usize, f64)> {
-                let kept = at.iter().filter(|&&(tick, _)| layout.is_free(tick));
-                kept.map(|&(tick, share)| (layout.joint(tick, i), share)).collect()
-            };
-            let mut watch =
-                |watch: Watch, value: f64, own: f64, limit: f64, entries: &dyn Fn() -> Vec<(usize, f64)>| {
-                    if limit.is_finite() && (value.abs() > WATCHED * limit || watched.contains(&watch)) {
-                        watched.insert(watch);
-                        bound(programme, value, limit.max(own.abs()), &entries());
-                    }
-                };
-            let own = reference.q[i] - middle;
-            watch(Watch::Position(k, i), offset, own, range, &|| free(&[(k, 1.0 / MILLI)]));
-            watch(Watch::Speed(k, i), joints.v[i], reference.v[i], limits.velocity, &|| free(&speed()));
-            watch(Watch::Acceleration(k, i), joints.a[i], reference.a[i], limits.acceleration, &|| {
-                second_difference(course, layout, k, i)
-            });
-            watch(Watch::Torque(k, i), torque, 0.0, limits.effort, &|| {
-                self.force_row(course, layout, k, &[(self.arm.joint(i), 1.0)])
-            });
-        }
-    }
-}
-
-/// Demands that `value`, changed by `entries`, stays within ±`limit`.
-fn bound(programme: &mut SparseProgramme, value: f64, limit: f64, entries: &[(usize, f64)]) {
-    for sign in [1.0, -1.0] {
-        let entries = entries.iter().map(|&(at, share)| (at, sign * share / limit)).collect();
-        programme.at_most(Row { entries, bound: 1.0 - sign * value / limit });
-    }
-}
-
-/// The ticks and shares of the second difference at tick `k`, 1/s².
-fn stencil(period: f64, k: usize) -> [(usize, f64); 3] {
-    let share = 1.0 / (period * period);
-    [(k - 1, share), (k, -2.0 * share), (k + 1, share)]
-}
-
-/// How the acceleration of joint `i` at tick `k` changes with the corrections, rad/s² per mrad.
-fn second_difference(course: &Course, layout: &Layout, k: usize, i: usize) -> Vec<(usize, f64)> {
-    let free = stencil(course.period, k).into_iter().filter(|&(tick, _)| layout.is_free(tick));
-    free.map(|(tick, share)| (layout.joint(tick, i), share / MILLI)).collect()
 }

@@ -24,8 +24,7 @@ use crate::deviation::QuasiStatic;
 use crate::look_ahead::{LookAhead, drive_frictions};
 use crate::model::Model;
 use crate::outlook::{JointMotion, Outlook};
-use crate::passage::Passages;
-use crate::passage_programme::PassageOptions;
+use crate::passage::{PassageOptions, Passages};
 use crate::qp::QpStatus;
 use crate::task::{Gains, Task, TaskError, TaskMode};
 

@@ -1,0 +1,62 @@
+//! Where the variables of a passage's programme are, and how the accelerations of a course depend on them.
+
+use crate::course::Course;
+
+/// From SI to mm and mrad.
+pub const MILLI: f64 = 1e3;
+/// Ticks at either end of a passage that keep their place, so that it joins what comes before and after with two derivatives.
+pub const FIXED: usize = 2;
+
+/// Where the variables of the programme are.
+pub struct Layout {
+    /// Number of joints.
+    pub joints: usize,
+    /// Number of joints with play.
+    pub plays: usize,
+    /// Number of ticks.
+    pub ticks: usize,
+}
+
+impl Layout {
+    /// Whether tick `k` may change.
+    pub fn is_free(&self, k: usize) -> bool {
+        k >= FIXED && k + FIXED < self.ticks
+    }
+
+    /// Variables of one tick: δΔq, δφ, y, s.
+    pub fn width(&self) -> usize {
+        self.joints + 3 * self.plays
+    }
+
+    /// δΔq of `joint` at tick `k`.
+    pub fn joint(&self, k: usize, joint: usize) -> usize {
+        k * self.width() + joint
+    }
+
+    /// δφ of `play` at tick `k`.
+    pub fn angle(&self, k: usize, play: usize) -> usize {
+        self.joint(k, self.joints + play)
+    }
+
+    /// y of `play` at tick `k`.
+    pub fn side(&self, k: usize, play: usize) -> usize {
+        self.joint(k, self.joints + self.plays + play)
+    }
+
+    /// s of `play` at tick `k`.
+    pub fn slack(&self, k: usize, play: usize) -> usize {
+        self.joint(k, self.joints + 2 * self.plays + play)
+    }
+}
+
+/// The ticks and shares of the second difference at tick `k`, 1/s².
+pub fn stencil(period: f64, k: usize) -> [(usize, f64); 3] {
+    let share = 1.0 / (period * period);
+    [(k - 1, share), (k, -2.0 * share), (k + 1, share)]
+}
+
+/// How the acceleration of joint `i` at tick `k` changes with the corrections, rad/s² per mrad.
+pub fn second_difference(course: &Course, layout: &Layout, k: usize, i: usize) -> Vec<(usize, f64)> {
+    let free = stencil(course.period, k).into_iter().filter(|&(tick, _)| layout.is_free(tick));
+    free.map(|(tick, share)| (layout.joint(tick, i), share / MILLI)).collect()
+}
