@@ -10,9 +10,14 @@
 //! - [`Residuals`]: one [`Channel`] for each thing measured that the model can predict ([`Kind`]): torques, tool position, link
 //!   encoders; made by [`residuals`] from the [`freeplay_laws::Prediction`] of the arm with its effects.
 //! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above.
+//! - [`diagnose`]: from recordings to a [`Diagnosis`] with its [`Verdict`]: where they differ from the model ([`Location`], [`Map`]),
+//!   what is missing ([`Effect`] with its [`Parameter`]s and [`Evidence`]), what else was weighed ([`Alternative`], [`EvidenceRow`]),
+//!   what can't be told ([`Untestable`]), and how much better the model gets on held-out data ([`Fit`], [`Gain`], [`Trace`]);
+//!   [`DiagnoseSettings`] with [`Tolerances`] say what is asked, [`DiagnoseError`] why there is no answer.
 //! - [`ResidualError`]: why a recording and a model can't be compared.
 
 mod comparison;
+mod diagnose;
 mod error;
 mod filter;
 mod grid;
@@ -22,6 +27,10 @@ mod residual;
 mod statistics;
 
 pub use comparison::{ChannelError, Comparison, SCHEMA, compare};
+pub use diagnose::{
+    Alternative, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Effect, Evidence, EvidenceRow,
+    Fit, Gain, Location, Map, Parameter, Rmse, Tolerances, Trace, Tuned, Untestable, Verdict, diagnose,
+};
 pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};
 pub use grid::Grid;

@@ -1,0 +1,185 @@
+//! Right, wrong, refused: the count.
+
+use std::collections::BTreeMap;
+
+use freeplay_diagnosis::{Diagnosis, Effect, Verdict};
+use serde::Deserialize;
+use serde_json::Value;
+
+/// What was missing.
+#[derive(Clone, Debug, Deserialize)]
+pub struct Truth {
+    pub kind: String,
+    pub joint: Option<String>,
+    pub parameters: Value,
+    #[serde(default)]
+    pub weak: Vec<String>,
+    #[serde(default)]
+    pub catalogued: bool,
+}
+
+/// What was answered.
+pub struct Answer {
+    pub diagnosis: Result<Diagnosis, String>,
+    pub seconds: f64,
+}
+
+/// The count.
+#[derive(Default)]
+pub struct Score {
+    by_kind: BTreeMap<String, BTreeMap<&'static str, usize>>,
+    errors: Vec<f64>,
+    covered: [usize; 2],
+    closed: Vec<f64>,
+    seconds: Vec<f64>,
+}
+
+impl Score {
+    /// Counts one case and prints its line.
+    pub fn add(&mut self, name: &str, truth: &[Truth], answer: &Answer) {
+        self.seconds.push(answer.seconds);
+        let label = match truth {
+            [] => "(nothing)".to_owned(),
+            [one] if !one.catalogued => format!("(outside) {}", one.kind),
+            [one] => one.kind.clone(),
+            many => format!("({} at once)", many.len()),
+        };
+        let (outcome, said) = match &answer.diagnosis {
+            Err(error) => ("failed", error.clone()),
+            Ok(diagnosis) => (judged(truth, diagnosis), described(diagnosis)),
+        };
+        if let (Ok(diagnosis), "right", [one]) = (&answer.diagnosis, outcome, truth) {
+            self.measure(one, diagnosis);
+        }
+        let missing: Vec<String> = truth.iter().map(|t| named(&t.kind, t.joint.as_deref())).collect();
+        println!("{name:10} {outcome:8} {:5.1} s  {} -> {said}", answer.seconds, missing.join(" + "));
+        *self.by_kind.entry(label).or_default().entry(outcome).or_default() += 1;
+    }
+
+    /// Parameter errors, coverage and the share of the error closed.
+    fn measure(&mut self, truth: &Truth, diagnosis: &Diagnosis) {
+        let Some(effect) = diagnosis.effects.iter().find(|effect| same(truth, effect)) else { return };
+        for (name, parameter) in &effect.parameters {
+            let (Some(value), Some(exact)) = (parameter.value.as_float(), truth.parameters[name].as_f64())
+            else {
+                continue;
+            };
+            if truth.weak.contains(name) || exact == 0.0 || name == "phase" {
+                continue;
+            }
+            self.errors.push(((value - exact) / exact).abs());
+            if let Some([low, high]) = parameter.ci95 {
+                self.covered[usize::from(low <= exact && exact <= high)] += 1;
+            }
+        }
+        if let Some(fit) = &diagnosis.fit {
+            for channel in &effect.evidence.channels {
+                let of = |table: &BTreeMap<String, freeplay_diagnosis::Rmse>| table[channel].rmse;
+                let (before, after, floor) = (of(&fit.before), of(&fit.after_retuned), of(&fit.noise_floor));
+                if before > 1.05 * floor {
+                    self.closed.push((before - after) / (before - floor));
+                }
+            }
+        }
+    }
+
+    /// Prints the matrix.
+    pub fn print(mut self) {
+        let outcomes = ["right", "wrong", "extra", "refused", "missed", "failed"];
+        println!("\n{:32} {}", "", outcomes.map(|outcome| format!("{outcome:>8}")).join(""));
+        let mut sums = BTreeMap::<&str, usize>::new();
+        for (kind, counts) in &self.by_kind {
+            let count = |outcome: &str| counts.get(outcome).copied().unwrap_or(0);
+            println!("{kind:32} {}", outcomes.map(|outcome| format!("{:8}", count(outcome))).join(""));
+            counts.iter().for_each(|(outcome, count)| *sums.entry(outcome).or_default() += count);
+        }
+        println!(
+            "{:32} {}",
+            "all",
+            outcomes.map(|o| format!("{:8}", sums.get(o).copied().unwrap_or(0))).join("")
+        );
+        let coverage = 100.0 * self.covered[1] as f64 / (self.covered[0] + self.covered[1]).max(1) as f64;
+        println!(
+            "parameter error, median {:.2} %; intervals cover {coverage:.0} % of {}; held-out error closed, median {:.1} %; \
+             time, median {:.1} s, longest {:.1} s",
+            100.0 * median(&mut self.errors),
+            self.covered[0] + self.covered[1],
+            100.0 * median(&mut self.closed),
+            median(&mut self.seconds),
+            self.seconds.iter().copied().fold(0.0, f64::max),
+        );
+    }
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// `torque_offset` and the offset in `asymmetric_friction` are one class while moving; the like is not made up for here.
+fn same(truth: &Truth, effect: &Effect) -> bool {
+    truth.kind == effect.kind && truth.joint == effect.joint
+}
+
+/// right: all that was missing and nothing else; extra: all, and more; refused: a verdict without a name, or one of several with the
+/// truth among them; missed: nothing found; wrong: the rest.
+fn judged(truth: &[Truth], diagnosis: &Diagnosis) -> &'static str {
+    let unnamed = truth.iter().any(|truth| !truth.catalogued);
+    match diagnosis.verdict {
+        Verdict::NothingMissing if truth.is_empty() => "right",
+        Verdict::NothingMissing | Verdict::InsufficientData => "missed",
+        Verdict::Unknown if truth.is_empty() => "wrong",
+        Verdict::Unknown if unnamed => "right",
+        Verdict::Unknown => "refused",
+        Verdict::Named | Verdict::OneOf => {
+            let found = truth.iter().filter(|truth| diagnosis.effects.iter().any(|e| same(truth, e))).count();
+            let among = truth.iter().all(|truth| {
+                diagnosis.effects.iter().any(|e| same(truth, e))
+                    || diagnosis
+                        .alternatives
+                        .iter()
+                        .any(|a| a.indistinguishable && a.kind == truth.kind && a.joint == truth.joint)
+            });
+            match (found == truth.len() && found > 0, diagnosis.effects.len() == truth.len()) {
+                (true, true) if diagnosis.verdict == Verdict::Named => "right",
+                (true, true) => "refused",
+                (true, false) => "extra",
+                (false, _) if among && diagnosis.verdict == Verdict::OneOf && !truth.is_empty() => "refused",
+                (false, _) => "wrong",
+            }
+        }
+    }
+}
+
+fn named(kind: &str, joint: Option<&str>) -> String {
+    joint.map_or_else(|| kind.to_owned(), |joint| format!("{kind}@{joint}"))
+}
+
+fn described(diagnosis: &Diagnosis) -> String {
+    let effects: Vec<String> = diagnosis
+        .effects
+        .iter()
+        .map(|e| {
+            let gain = e.evidence.held_out_gain.value;
+            format!(
+                "{} ({:.0}/{:.0}, {:.0} %)",
+                named(e.kind, e.joint.as_deref()),
+                e.evidence.log_likelihood_ratio,
+                e.evidence.threshold,
+                100.0 * gain
+            )
+        })
+        .collect();
+    let rivals: Vec<String> = diagnosis
+        .alternatives
+        .iter()
+        .filter(|a| a.indistinguishable)
+        .map(|a| named(a.kind, a.joint.as_deref()))
+        .collect();
+    format!(
+        "{:?} {}{}",
+        diagnosis.verdict,
+        effects.join(" + "),
+        if rivals.is_empty() { String::new() } else { format!(" | {}", rivals.join(", ")) }
+    )
+}

@@ -1,0 +1,195 @@
+//! All recordings that a fit rests on, stacked: the rows, the nuisances and the unnamed correction of every channel.
+
+use super::noise::effective_samples;
+use super::stage::{Answer, Stage};
+use super::system::{Column, System};
+use super::tolerance::{Nuisance, Tolerances, nuisances};
+use super::universal::{Knots, Transfer, Universal};
+use crate::residual::Kind;
+use crate::statistics::Moments;
+
+/// A joint slower than this share of its greatest speed for longer than the filter remembers stands still: what its dry friction
+/// does then, no motion tells.
+const STANDING: f64 = 2e-3;
+
+/// All recordings of a fit, stacked. Channels are numbered through: those of the first stage, those of the second, and so on.
+pub(crate) struct Case<'a> {
+    /// The recordings.
+    pub stages: Vec<Stage<'a>>,
+    /// The nuisances, by stage; the same in number and order in each.
+    pub nuisances: Vec<Vec<Nuisance>>,
+    /// Which rows count, 1 or 0, by channel.
+    pub kept: Vec<Vec<f64>>,
+    /// The unnamed correction of each channel.
+    pub universal: Vec<Universal>,
+    /// Knots of its hat functions, by joint.
+    pub knots: Vec<Knots>,
+}
+
+/// How sure each channel is.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Weighing {
+    /// Standard deviation of what nothing explains, in the channel's unit.
+    pub deviation: Vec<f64>,
+    /// Effective number of samples.
+    pub effective: Vec<f64>,
+}
+
+impl Weighing {
+    /// w = n_eff/(n σ²) of every channel, with σ at least `floor`.
+    pub fn weights(&self, rows: &[f64], floor: &[f64]) -> Vec<f64> {
+        let channels = self.deviation.iter().zip(&self.effective).zip(rows.iter().zip(floor));
+        channels
+            .map(|((deviation, effective), (rows, floor))| {
+                let deviation = deviation.max(*floor);
+                if *rows < 1.0 || deviation <= 0.0 { 0.0 } else { effective / rows / deviation.powi(2) }
+            })
+            .collect()
+    }
+}
+
+impl<'a> Case<'a> {
+    /// Stacks `stages`.
+    pub fn new(stages: Vec<Stage<'a>>, tolerances: &Tolerances) -> Self {
+        let nuisances: Vec<_> = stages.iter().map(|stage| nuisances(stage, tolerances)).collect();
+        let knots = stages.first().map(Knots::of).unwrap_or_default();
+        let mut kept = Vec::new();
+        let mut universal = Vec::new();
+        for (stage, nuisances) in stages.iter().zip(&nuisances) {
+            for (channel, described) in stage.channels.iter().enumerate() {
+                let rows = rows_that_count(stage, described.kind);
+                universal.push(Universal::new(stage, nuisances, channel, &rows, &knots));
+                kept.push(rows);
+            }
+        }
+        Self { stages, nuisances, kept, universal, knots }
+    }
+
+    /// Number of channels of one recording.
+    pub fn per_stage(&self) -> usize {
+        self.stages.first().map_or(0, |stage| stage.channels.len())
+    }
+
+    /// Which stage and which of its channels the channel number `channel` is.
+    pub fn place(&self, channel: usize) -> (usize, usize) {
+        (channel / self.per_stage(), channel % self.per_stage())
+    }
+
+    /// Stacks one answer a stage into a column, with the rows that don't count set to zero.
+    pub fn column(&self, answers: Vec<Answer>) -> Column {
+        let mut column: Column = answers.into_iter().flatten().collect();
+        for (part, kept) in column.iter_mut().zip(&self.kept) {
+            if let Some(part) = part {
+                part.iter_mut().zip(kept).for_each(|(x, kept)| *x *= kept);
+            }
+        }
+        column
+    }
+
+    /// Measured minus model in every channel.
+    pub fn target(&self) -> Vec<Vec<f64>> {
+        let channels = self.stages.iter().flat_map(|stage| &stage.channels);
+        let masked = channels
+            .zip(&self.kept)
+            .map(|(channel, kept)| channel.residual().iter().zip(kept).map(|(x, kept)| x * kept).collect());
+        masked.collect()
+    }
+
+    /// Number of rows that count, by channel.
+    pub fn rows(&self) -> Vec<f64> {
+        self.kept.iter().map(|kept| kept.iter().sum()).collect()
+    }
+
+    /// The system of the nuisances for `target`.
+    pub fn system(&self, target: Vec<Vec<f64>>) -> System {
+        let count = self.nuisances.first().map_or(0, Vec::len);
+        let mut base = Vec::new();
+        let mut precision = Vec::new();
+        for index in 0..count {
+            let of_stage = |stage: usize| self.nuisances[stage][index].answer.clone();
+            if self.nuisances[0][index].free {
+                // Free ones differ from recording to recording.
+                for stage in 0..self.stages.len() {
+                    let nothing = || vec![None; self.per_stage()];
+                    let answers =
+                        (0..self.stages.len()).map(|s| if s == stage { of_stage(s) } else { nothing() });
+                    base.push(self.column(answers.collect()));
+                    precision.push(1e-12);
+                }
+            } else {
+                base.push(self.column((0..self.stages.len()).map(of_stage).collect()));
+                precision.push(1.0);
+            }
+        }
+        System::new(base, precision, target)
+    }
+
+    /// What the unnamed correction of each channel, fitted to `residual` here, says of the rows of `other`.
+    pub fn unnamed_on(&self, other: &Case<'a>, residual: &[Vec<f64>]) -> Vec<Vec<f64>> {
+        let per_stage = self.per_stage();
+        let mut out = vec![Vec::new(); other.kept.len()];
+        for channel in 0..per_stage {
+            let ours: Vec<usize> = (0..self.stages.len()).map(|stage| stage * per_stage + channel).collect();
+            let theirs = (0..other.stages.len()).map(|stage| stage * per_stage + channel);
+            let transfer = Transfer {
+                channel,
+                knots: &self.knots,
+                fitted: ours.iter().map(|&c| self.part(c)).collect(),
+                others: theirs.clone().map(|c| other.part(c)).collect(),
+            };
+            let columns: Vec<&[f64]> = ours.iter().map(|&c| residual[c].as_slice()).collect();
+            for (index, said) in theirs.zip(transfer.explained(&columns)) {
+                out[index] = said;
+            }
+        }
+        out
+    }
+
+    /// Stage, nuisances and rows that count of the channel number `channel`.
+    fn part(&self, channel: usize) -> (&Stage<'a>, &[Nuisance], &[f64]) {
+        let (stage, _) = self.place(channel);
+        (&self.stages[stage], &self.nuisances[stage], &self.kept[channel])
+    }
+
+    /// What nothing explains in each channel: what the unnamed correction leaves of `residual`.
+    pub fn weigh(&self, residual: &[Vec<f64>]) -> Weighing {
+        let mut weighing = Weighing { deviation: Vec::new(), effective: Vec::new() };
+        for ((residual, universal), kept) in residual.iter().zip(&self.universal).zip(&self.kept) {
+            let rest: Vec<f64> =
+                residual.iter().zip(universal.explained(residual)).map(|(r, e)| r - e).collect();
+            let effective = effective_samples(&rest);
+            let rows: f64 = kept.iter().sum();
+            let square: f64 = rest.iter().map(|x| x * x).sum();
+            // The correction has taken part of the noise with it.
+            let taken = (universal.size() as f64 / effective.max(1.0)).min(0.5);
+            weighing.deviation.push((square / rows.max(1.0) / (1.0 - taken)).sqrt());
+            weighing.effective.push(effective.min(rows));
+        }
+        weighing
+    }
+}
+
+/// Which rows of a channel count: of a torque, those in which its joint is not standing.
+fn rows_that_count(stage: &Stage, kind: Kind) -> Vec<f64> {
+    let points = stage.motion().len();
+    let Kind::Torque(joint) = kind else { return vec![1.0; points] };
+    let v = &stage.whole().v[joint];
+    let fastest = v.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    let slow: Vec<bool> = v.iter().map(|v| v.abs() < STANDING * fastest).collect();
+    let reach =
+        (stage.ground.treatment.rate_hz() / stage.ground.treatment.filter().cutoff_hz() / 2.0) as usize;
+    let mut standing = vec![0.0; v.len()];
+    let mut begin = 0;
+    for end in 1..=v.len() {
+        if end == v.len() || slow[end] != slow[begin] {
+            if slow[begin] && end - begin > reach {
+                let around = begin.saturating_sub(reach)..(end + reach).min(v.len());
+                standing[around].fill(1.0);
+            }
+            begin = end;
+        }
+    }
+    let rows: Vec<f64> = stage.ground.treatment.keep(&standing).iter().map(|s| 1.0 - s).collect();
+    // A joint that never moves still carries its load: all that is not friction shows there.
+    if Moments::of(&rows).mean < 0.1 { vec![1.0; points] } else { rows }
+}

@@ -1,0 +1,537 @@
+//! From the search and its proofs to what is said.
+
+use std::collections::BTreeMap;
+
+use freeplay_arm::{ArmFile, EffectTable};
+use freeplay_laws::LawError;
+use nalgebra::DMatrix;
+use toml::{Table, Value};
+
+use super::case::Case;
+use super::engine::DiagnoseSettings;
+use super::hypothesis::Hypothesis;
+use super::interval::draws;
+use super::judge::{Judge, Proof};
+use super::locate::{Map, correct, maps};
+use super::report::{
+    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Parameter, Rmse,
+    Trace, Tuned, Untestable, Verdict,
+};
+use super::search::Search;
+use super::show::HeldOut;
+use super::words;
+use crate::residual::Kind;
+
+/// Twice the log of the odds below which two effects are not told apart: 150 to 1.
+const TOLD_APART: f64 = 10.0;
+/// Share of what an unnamed correction explains that naming may leave unexplained, in squares.
+const UNNAMED_SHARE: f64 = 0.2;
+/// Least share of the error that an unnamed correction takes away for something to be missing at all.
+const LEAST_UNNAMED: f64 = 0.1;
+/// Most alternatives that are listed.
+const ALTERNATIVES: usize = 6;
+
+/// All that a conclusion rests on.
+pub(crate) struct Conclusion<'c, 'a, 'b> {
+    pub file: &'c ArmFile,
+    pub settings: &'c DiagnoseSettings,
+    pub search: &'c Search<'a, 'b>,
+    pub judge: &'c Judge<'a, 'b>,
+    pub proofs: &'c [Proof],
+    pub data: &'c str,
+}
+
+impl Conclusion<'_, '_, '_> {
+    /// The diagnosis of recordings that can't tell, because of `lack`.
+    pub fn insufficient(
+        file: &ArmFile,
+        settings: &DiagnoseSettings,
+        quality: Vec<String>,
+        lack: String,
+    ) -> Diagnosis {
+        Diagnosis {
+            schema: DIAGNOSIS_SCHEMA,
+            verdict: Verdict::InsufficientData,
+            statement: format!("These recordings can't tell: {lack}."),
+            location: Vec::new(),
+            effects: Vec::new(),
+            alternatives: Vec::new(),
+            fit: None,
+            next: vec![lack],
+            untestable: Vec::new(),
+            quality,
+            evidence: Vec::new(),
+            maps: Vec::new(),
+            tuned: Vec::new(),
+            twins: 0,
+            seed: settings.seed,
+            traces: Vec::new(),
+            model: file.clone(),
+        }
+    }
+
+    /// The diagnosis.
+    ///
+    /// # Errors
+    /// See [`LawError`]; `None` if a fit is singular.
+    pub fn diagnosis(
+        &self,
+        quality: Vec<String>,
+        untestable: Vec<Untestable>,
+    ) -> Result<Option<Diagnosis>, LawError> {
+        let Some(errors) = self.judge.errors(self.search, None)? else { return Ok(None) };
+        let Some(black_box) = self.judge.black_box(self.search, &errors) else { return Ok(None) };
+        let (Some(maps), Some(drawn)) = (self.maps(), self.drawn()) else { return Ok(None) };
+        let (tables, effects) = self.effects(&drawn);
+        let alternatives = self.alternatives();
+        let location = self.location(&maps, &errors);
+        let channels = self.judged_channels(&errors, &black_box);
+        let fit = self.fit(&errors, &black_box, &channels);
+        let verdict = self.verdict(&errors, &channels, &fit, &alternatives, &location);
+        let mut model = self.file.clone();
+        if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) {
+            model.effects.extend(tables);
+        }
+        let mut diagnosis = Diagnosis {
+            schema: DIAGNOSIS_SCHEMA,
+            verdict,
+            statement: String::new(),
+            location,
+            effects,
+            alternatives,
+            fit: Some(fit),
+            next: Vec::new(),
+            untestable,
+            quality,
+            evidence: self.evidence(),
+            maps,
+            tuned: self.tuned(),
+            twins: self.settings.twins,
+            seed: self.settings.seed,
+            traces: self.traces(&errors),
+            model,
+        };
+        word(&mut diagnosis);
+        Ok(Some(diagnosis))
+    }
+
+    fn arm(&self) -> &freeplay_arm::Arm {
+        &self.file.arm
+    }
+
+    fn joint_name(&self, joint: Option<usize>) -> Option<String> {
+        joint.map(|joint| self.arm().joints()[joint].name.clone())
+    }
+
+    /// Draws of all active coefficients, nuisances first, then the effects in the order in which they were chosen.
+    fn drawn(&self) -> Option<DMatrix<f64>> {
+        draws(
+            self.search.case,
+            &self.search.system,
+            &self.search.system.fit(&self.search.active(None))?,
+            self.settings.seed,
+        )
+    }
+
+    /// The named effects, as tables for an arm file and as findings.
+    fn effects(&self, drawn: &DMatrix<f64>) -> (Vec<EffectTable>, Vec<Effect>) {
+        let search = self.search;
+        let Some(fit) = search.system.fit(&search.active(None)) else { return (Vec::new(), Vec::new()) };
+        let covariance = search.system.covariance(&fit);
+        let mut at = search.nuisances().len();
+        let (mut tables, mut effects) = (Vec::new(), Vec::new());
+        for (chosen, proof) in search.chosen.iter().zip(self.proofs) {
+            let hypothesis = &search.hypotheses[chosen.hypothesis];
+            let columns = at..at + hypothesis.size();
+            at = columns.end;
+            let beta: Vec<f64> = columns.clone().map(|k| fit.eta[k]).collect();
+            let table = hypothesis.kind.compose(&hypothesis.shape, &beta);
+            let spread: Vec<Vec<f64>> = columns
+                .clone()
+                .map(|k| {
+                    // The bootstrap does not see what the priors leave open; the fit's own covariance does not see colour.
+                    let column: Vec<f64> = drawn.column(k).iter().copied().collect();
+                    widened(&column, fit.eta[k], covariance[(k, k)].sqrt())
+                })
+                .collect();
+            let parameters = parameters(hypothesis, search.case, &table, &spread);
+            let joint = self.joint_name(hypothesis.joint);
+            let statement = words::statement(hypothesis.kind, joint.as_deref(), parameters.iter());
+            tables.push(EffectTable {
+                kind: hypothesis.kind.name.to_owned(),
+                joint: joint.clone(),
+                parameters: table,
+                line: 0,
+            });
+            effects.push(Effect {
+                kind: hypothesis.kind.name,
+                joint,
+                parameters,
+                equation: hypothesis.kind.equation,
+                source: hypothesis.kind.source,
+                evidence: self.why(hypothesis, chosen.gain, proof),
+                statement,
+            });
+        }
+        (tables, effects)
+    }
+
+    fn why(&self, hypothesis: &Hypothesis, gain: f64, proof: &Proof) -> Evidence {
+        let channels = &self.search.case.stages[0].channels;
+        Evidence {
+            log_likelihood_ratio: gain,
+            threshold: self.search.threshold(hypothesis),
+            in_twins: self.search.null.gains.get(hypothesis.kind.name).copied().unwrap_or(0.0),
+            held_out_gain: proof.gain,
+            held_out: proof.held_out,
+            channels: proof.channels.iter().map(|&c| channels[c].name.clone()).collect(),
+        }
+    }
+
+    /// What else could stand in the place of each named effect, the closest first.
+    fn alternatives(&self) -> Vec<Alternative> {
+        let search = self.search;
+        let mut all = Vec::new();
+        for (index, chosen) in search.chosen.iter().enumerate() {
+            let named = &search.hypotheses[chosen.hypothesis];
+            let Some(fit) = search.system.fit(&search.active(Some(index))) else { continue };
+            let Some(all_in) = search.system.fit(&search.active(None)) else { continue };
+            let weighing = search.case.weigh(&search.system.residual(&fit));
+            let merit = search.merit(named, chosen.gain, &weighing);
+            let mut best: BTreeMap<(&str, Option<usize>), (f64, &Hypothesis)> = BTreeMap::new();
+            for other in &search.hypotheses {
+                let taken = search.chosen.iter().any(|c| search.hypotheses[c.hypothesis].same_effect(other));
+                if taken || is_nested(named, other) {
+                    continue;
+                }
+                let Some(score) = search.system.score(&fit, &other.block) else { continue };
+                if !other.is_physical(&score) {
+                    continue;
+                }
+                // What it explains beside the named effect is no reason to put it in that one's place.
+                let beside = search.system.score(&all_in, &other.block).map_or(0.0, |score| score.gain);
+                let others = search.merit(other, score.gain - beside, &weighing);
+                let entry = best.entry((other.kind.name, other.joint)).or_insert((others, other));
+                if others > entry.0 {
+                    *entry = (others, other);
+                }
+            }
+            for entry in best.values_mut() {
+                let block = &entry.1.block;
+                let exact = search.system.exact_score(&fit, block);
+                let beside = search.system.exact_score(&all_in, block).map_or(0.0, |score| score.gain);
+                let exact = exact.filter(|score| entry.1.is_physical(score));
+                let gain = exact.map_or(0.0, |score| score.gain - beside);
+                entry.0 = search.merit(entry.1, gain, &weighing);
+            }
+            let explained = |merit_: f64| 100.0 * (1.0 - merit_ / merit.max(f64::MIN_POSITIVE));
+            all.extend(best.into_values().map(|(others, other)| {
+                let behind = merit - others;
+                let indistinguishable = behind < TOLD_APART;
+                let instead_of =
+                    format!("{} {}", named.kind.name, words::site(self.joint_name(named.joint).as_deref()));
+                let why_not = if indistinguishable {
+                    "says it as well in this motion".to_owned()
+                } else {
+                    format!("explains {:.0} % less", explained(others).clamp(0.0, 100.0))
+                };
+                Alternative {
+                    kind: other.kind.name,
+                    joint: self.joint_name(other.joint),
+                    instead_of,
+                    why_not,
+                    indistinguishable,
+                    what_would_separate: separates(named, other),
+                    log_odds_against: 0.5 * behind,
+                }
+            }));
+        }
+        all.sort_by(|a, b| a.log_odds_against.total_cmp(&b.log_odds_against));
+        let sure = all.iter().filter(|alternative| alternative.indistinguishable).count();
+        all.truncate(sure.max(ALTERNATIVES));
+        all
+    }
+
+    /// The strongest shape of every kind at every place, alone and beside what was named.
+    fn evidence(&self) -> Vec<EvidenceRow> {
+        let search = self.search;
+        let (Some(bare), Some(fit)) =
+            (search.system.fit(&search.nuisances()), search.system.fit(&search.active(None)))
+        else {
+            return Vec::new();
+        };
+        let mut rows: BTreeMap<(&str, Option<usize>), EvidenceRow> = BTreeMap::new();
+        for hypothesis in &search.hypotheses {
+            let gain = |fit| {
+                let score = search.system.score(fit, &hypothesis.block);
+                score.filter(|score| hypothesis.is_physical(score)).map_or(0.0, |score| score.gain)
+            };
+            let row = rows.entry((hypothesis.kind.name, hypothesis.joint)).or_insert_with(|| EvidenceRow {
+                kind: hypothesis.kind.name,
+                joint: self.joint_name(hypothesis.joint),
+                alone: 0.0,
+                beside: 0.0,
+                threshold: search.threshold(hypothesis),
+            });
+            row.alone = row.alone.max(gain(&bare));
+            row.beside = row.beside.max(gain(&fit));
+        }
+        let mut rows: Vec<EvidenceRow> = rows.into_values().collect();
+        rows.sort_by(|a, b| b.alone.total_cmp(&a.alone));
+        rows
+    }
+
+    /// Maps of what the tuned model leaves, over the first recording of the fit.
+    fn maps(&self) -> Option<Vec<Map>> {
+        let search = self.search;
+        let bare = search.system.fit(&search.nuisances())?;
+        let residual = search.system.residual(&bare);
+        let case = search.case;
+        let stage = &case.stages[0];
+        let mut all: Vec<Map> = (0..case.per_stage())
+            .flat_map(|c| maps(stage, c, &residual[c], &case.kept[c], self.settings.seed))
+            .collect();
+        correct(&mut all);
+        all.sort_by(|a, b| a.p.total_cmp(&b.p).then(b.explained.total_cmp(&a.explained)));
+        Some(all)
+    }
+
+    /// How far the tolerances are used.
+    fn tuned(&self) -> Vec<Tuned> {
+        let search = self.search;
+        let Some(fit) = search.system.fit(&search.active(None)) else { return Vec::new() };
+        let bound = search.case.nuisances[0].iter().filter(|nuisance| !nuisance.free);
+        let eta = fit.eta.iter().zip(&search.system.precision).filter(|(_, precision)| **precision > 1e-6);
+        let mut tuned: Vec<Tuned> = bound
+            .zip(eta)
+            .map(|(nuisance, (eta, _))| Tuned { name: nuisance.name.clone(), deviations: *eta })
+            .collect();
+        tuned.sort_by(|a, b| b.deviations.abs().total_cmp(&a.deviations.abs()));
+        tuned
+    }
+
+    /// Channels (numbers within a stage) in which something is: those that named effects show in, else those in which the unnamed
+    /// correction finds something.
+    fn judged_channels(&self, errors: &HeldOut, black_box: &[Vec<f64>]) -> Vec<usize> {
+        let mut channels: Vec<usize> = self.proofs.iter().flat_map(|proof| proof.channels.clone()).collect();
+        channels.sort_unstable();
+        channels.dedup();
+        if channels.is_empty() {
+            let all = 0..self.search.case.per_stage();
+            channels = all
+                .filter(|&c| {
+                    let unnamed = self.judge.gain(self.search, &[c], &errors.retuned, black_box);
+                    unnamed.value >= LEAST_UNNAMED && unnamed.ci95[0] > 0.0
+                })
+                .collect();
+        }
+        channels
+    }
+
+    /// Shares of what the tuned model leaves beyond the floor, in squares of each channel's own deviation.
+    fn location(&self, maps: &[Map], errors: &HeldOut) -> Vec<Location> {
+        let channels = &self.search.case.stages[0].channels;
+        let left = self.judge.rms(&errors.retuned);
+        let beyond: Vec<f64> = left
+            .iter()
+            .zip(&self.search.null.floor)
+            .map(|(left, floor)| ((left / floor.max(f64::MIN_POSITIVE)).powi(2) - 1.0).max(0.0))
+            .collect();
+        let all: f64 = beyond.iter().sum();
+        let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
+        for (index, channel) in channels.iter().enumerate() {
+            let joint = match channel.kind {
+                Kind::Torque(joint) | Kind::Link(joint) => Some(joint),
+                Kind::Tool(_) => None,
+            };
+            let group = groups.entry(joint).or_default();
+            group.0 += beyond[index];
+            if beyond[index] > 0.1 {
+                group.1.push(index);
+            }
+        }
+        let mut location: Vec<Location> = groups
+            .into_iter()
+            .filter(|(_, (_, channels))| !channels.is_empty())
+            .map(|(joint, (sum, members))| {
+                let names: Vec<String> = members.iter().map(|&c| channels[c].name.clone()).collect();
+                let strongest = maps.iter().filter(|map| names.contains(&map.channel)).max_by(|a, b| {
+                    (-a.p, a.explained).partial_cmp(&(-b.p, b.explained)).unwrap_or(std::cmp::Ordering::Equal)
+                });
+                Location {
+                    joint: self.joint_name(joint),
+                    channels: names,
+                    share: if all > 0.0 { sum / all } else { 0.0 },
+                    when: words::when(strongest),
+                    p: strongest.map_or(1.0, |map| map.p),
+                }
+            })
+            .collect();
+        location.sort_by(|a, b| b.share.total_cmp(&a.share));
+        location.retain(|place| place.share > 0.02);
+        location
+    }
+
+    fn fit(&self, errors: &HeldOut, black_box: &[Vec<f64>], channels: &[usize]) -> Fit {
+        let described = &self.search.case.stages[0].channels;
+        let table = |values: Vec<f64>| -> BTreeMap<String, Rmse> {
+            described.iter().zip(values).map(|(c, rmse)| (c.name.clone(), Rmse { rmse })).collect()
+        };
+        let rms = |rows: &[Vec<f64>]| table(self.judge.rms(rows));
+        let gain = |after: &[Vec<f64>]| {
+            (!channels.is_empty()).then(|| self.judge.gain(self.search, channels, &errors.retuned, after))
+        };
+        Fit {
+            noise_floor: table(self.search.null.floor.iter().take(described.len()).copied().collect()),
+            before: rms(&errors.before),
+            after: rms(&errors.after),
+            retuned: rms(&errors.retuned),
+            after_retuned: rms(&errors.tuned_after),
+            black_box: rms(black_box),
+            held_out: true,
+            data: self.data.to_owned(),
+            gain: gain(&errors.tuned_after).filter(|_| !self.proofs.is_empty()),
+            black_box_gain: gain(black_box),
+            units: described.iter().map(|c| (c.name.clone(), c.unit)).collect(),
+        }
+    }
+
+    fn verdict(
+        &self,
+        errors: &HeldOut,
+        channels: &[usize],
+        fit: &Fit,
+        alternatives: &[Alternative],
+        location: &[Location],
+    ) -> Verdict {
+        if self.proofs.is_empty() {
+            let seen = location.iter().any(|place| place.p < 0.05);
+            return if channels.is_empty() || !seen { Verdict::NothingMissing } else { Verdict::Unknown };
+        }
+        let left = |gain: f64| (1.0 - gain).powi(2);
+        let named = fit.gain.map_or(1.0, |gain| left(gain.value));
+        let rest = self.judge.unnamed_rest(self.search, errors, channels);
+        let unnamed = rest.filter(|rest| rest.ci95[0] > 0.0).map_or(named, |rest| named * left(rest.value));
+        if (named - unnamed) > UNNAMED_SHARE * (1.0 - unnamed) {
+            return Verdict::Unknown;
+        }
+        let undecided = alternatives.iter().any(|alternative| alternative.indistinguishable);
+        if undecided { Verdict::OneOf } else { Verdict::Named }
+    }
+
+    fn traces(&self, errors: &HeldOut) -> Vec<Trace> {
+        let case = self.judge.held;
+        let stage = &case.stages[0];
+        let channels = stage.channels.iter().enumerate();
+        channels
+            .map(|(c, channel)| Trace {
+                channel: channel.name.clone(),
+                unit: channel.unit,
+                t: stage.motion().t.clone(),
+                measured: channel.measured.clone(),
+                before: errors.before[c].clone(),
+                retuned: errors.retuned[c].clone(),
+                after: errors.tuned_after[c].clone(),
+            })
+            .collect()
+    }
+}
+
+/// Two kinds at one place of which one contains the other are tested nested, not as alternatives.
+fn is_nested(a: &Hypothesis, b: &Hypothesis) -> bool {
+    let contains =
+        |a: &Hypothesis, b: &Hypothesis| a.kind.contains.iter().any(|(kind, _)| *kind == b.kind.name);
+    a.joint == b.joint && (contains(a, b) || contains(b, a))
+}
+
+/// What separates two kinds, by the catalogue.
+fn separates(named: &Hypothesis, other: &Hypothesis) -> String {
+    if named.kind.name == other.kind.name {
+        return "a motion in which the two joints do not move alike".to_owned();
+    }
+    let of = |a: &Hypothesis, b: &Hypothesis| {
+        a.kind
+            .confounders
+            .iter()
+            .find(|(kind, _)| *kind == b.kind.name)
+            .map(|(kind, how)| format!("{kind} {how}"))
+    };
+    of(named, other)
+        .or_else(|| of(other, named))
+        .unwrap_or_else(|| "a motion that varies speed, load and position independently".to_owned())
+}
+
+/// `draws` about `value`, spread at least as wide as `deviation`.
+fn widened(draws: &[f64], value: f64, deviation: f64) -> Vec<f64> {
+    let count = draws.len().max(1) as f64;
+    let mean = draws.iter().sum::<f64>() / count;
+    let spread = (draws.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let wider = if spread > 0.0 { (deviation / spread).max(1.0) } else { 1.0 };
+    draws.iter().map(|x| value + wider * (x - mean)).collect()
+}
+
+/// The parameters in `table` with intervals by the draws `spread` of the coefficients.
+fn parameters(
+    hypothesis: &Hypothesis,
+    case: &Case,
+    table: &Table,
+    spread: &[Vec<f64>],
+) -> BTreeMap<String, Parameter> {
+    let joint = hypothesis.joint.map(|joint| &case.stages[0].arm().joints()[joint]);
+    let count = spread.first().map_or(0, Vec::len);
+    let drawn: Vec<Table> = (0..count)
+        .map(|k| {
+            let beta: Vec<f64> = spread.iter().map(|column| column[k]).collect();
+            hypothesis.kind.compose(&hypothesis.shape, &beta)
+        })
+        .collect();
+    let interval = |name: &str| {
+        let mut values: Vec<f64> =
+            drawn.iter().filter_map(|table| table.get(name).and_then(Value::as_float)).collect();
+        values.sort_by(f64::total_cmp);
+        let (first, last) = (values.first()?, values.last()?);
+        (first < last).then(|| [values[values.len() / 40], values[values.len() - 1 - values.len() / 40]])
+    };
+    table
+        .iter()
+        .map(|(name, value)| {
+            let parameter = Parameter {
+                value: value.clone(),
+                unit: hypothesis.kind.unit(name, joint).to_owned(),
+                ci95: interval(name),
+            };
+            (name.clone(), parameter)
+        })
+        .collect()
+}
+
+/// Puts the verdict into words.
+fn word(diagnosis: &mut Diagnosis) {
+    let statements: Vec<String> = diagnosis.effects.iter().map(|effect| effect.statement.clone()).collect();
+    diagnosis.statement = match diagnosis.verdict {
+        Verdict::NothingMissing => {
+            "The recording agrees with the model inside its tolerances. Nothing is missing that this motion could show.".to_owned()
+        }
+        Verdict::Named => statements.join(". ") + ".",
+        Verdict::OneOf => {
+            let rivals: Vec<String> = diagnosis
+                .alternatives
+                .iter()
+                .filter(|a| a.indistinguishable)
+                .map(|a| format!("{} {}", a.kind, words::site(a.joint.as_deref())))
+                .collect();
+            format!("One of: {}; or {}. Their effect is the same in this motion.", statements.join(". "), rivals.join(", or "))
+        }
+        Verdict::Unknown => {
+            "Something is missing from the model that no effect of the catalogue says well enough; it is located, and an unnamed \
+             correction says how much it is."
+                .to_owned()
+        }
+        Verdict::InsufficientData => diagnosis.statement.clone(),
+    };
+    if diagnosis.verdict == Verdict::OneOf {
+        let undecided = diagnosis.alternatives.iter().filter(|a| a.indistinguishable);
+        diagnosis.next = undecided.map(|a| format!("to separate them: {}", a.what_would_separate)).collect();
+        diagnosis.next.dedup();
+    }
+}

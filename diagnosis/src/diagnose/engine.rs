@@ -1,0 +1,154 @@
+//! The diagnosis from end to end.
+
+use freeplay_arm::{Arm, ArmFile};
+use freeplay_laws::{Effects, LawError, Placed};
+use freeplay_recording::Recording;
+use thiserror::Error;
+
+use super::case::Case;
+use super::conclude::Conclusion;
+use super::floor::null;
+use super::hypothesis::hypotheses;
+use super::judge::Judge;
+use super::parts::Parts;
+use super::quality;
+use super::report::Diagnosis;
+use super::search::Search;
+use super::stage::{Ground, Stage};
+use super::tolerance::Tolerances;
+use crate::error::ResidualError;
+use crate::motion::Settings;
+
+/// What a user may choose of a diagnosis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiagnoseSettings {
+    /// The treatment of recordings.
+    pub treatment: Settings,
+    /// How far a machine may be from its model without that being a finding.
+    pub tolerances: Tolerances,
+    /// Number of twins; more make the thresholds surer.
+    pub twins: usize,
+    /// Seed of twins and intervals.
+    pub seed: u64,
+}
+
+impl Default for DiagnoseSettings {
+    fn default() -> Self {
+        Self { treatment: Settings::default(), tolerances: Tolerances::default(), twins: 24, seed: 1 }
+    }
+}
+
+/// Why there is no diagnosis.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum DiagnoseError {
+    /// No recording.
+    #[error("no recording: give at least one")]
+    NoRecording,
+    /// The recordings don't hold the same columns.
+    #[error("{first} and {other} hold different columns; diagnose them one by one, or record the same")]
+    DifferentColumns {
+        /// The first recording.
+        first: String,
+        /// One that differs.
+        other: String,
+    },
+    /// Model and recording can't be compared.
+    #[error(transparent)]
+    Residual(#[from] ResidualError),
+    /// The effects of the model can't be taken.
+    #[error("the model's effects: {0}")]
+    Law(#[from] LawError),
+    /// The numbers of this recording are beyond double precision.
+    #[error(
+        "the fit of the model's tolerances to this recording is singular; are q in rad (or m), tau in N*m and t in s?"
+    )]
+    Singular,
+}
+
+/// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on held-out data: the last
+/// of several recordings, or the last 30 % of the only one. `progress` is told what is being done.
+///
+/// # Errors
+/// See [`DiagnoseError`].
+pub fn diagnose(
+    file: &ArmFile,
+    recordings: &[Recording],
+    settings: &DiagnoseSettings,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, DiagnoseError> {
+    check(&file.arm, recordings)?;
+    let known = Effects::of(file)?;
+    let known: Vec<&Placed> = known.placed.iter().collect();
+    let parts = Parts::of(recordings);
+    let mut notes: Vec<String> = recordings.iter().flat_map(|recording| recording.notes.clone()).collect();
+    notes.extend(parts.notes.iter().cloned());
+    progress("treating the recordings");
+    let grounds =
+        |recordings| -> Result<Vec<Ground>, ResidualError> { grounds_of(&file.arm, recordings, settings) };
+    let (fitted, held) = match (grounds(&parts.fitted), grounds(&parts.held)) {
+        (Ok(fitted), Ok(held)) => (fitted, held),
+        (Err(short @ ResidualError::TooShort { .. }), _)
+        | (_, Err(short @ ResidualError::TooShort { .. })) => {
+            return Ok(Conclusion::insufficient(file, settings, notes, short.to_string()));
+        }
+        (Err(error), _) | (_, Err(error)) => return Err(error.into()),
+    };
+    notes.extend(fitted.iter().flat_map(|ground| ground.treatment.notes().to_vec()));
+    if let Some(lack) = quality::lack(&file.arm, &fitted, &held) {
+        return Ok(Conclusion::insufficient(file, settings, notes, lack));
+    }
+    let fitted = Case::new(stages_of(&file.arm, &known, &fitted)?, &settings.tolerances);
+    let held = Case::new(stages_of(&file.arm, &known, &held)?, &settings.tolerances);
+    notes.extend(quality::notes(&fitted));
+    progress("laying out what might be missing");
+    let system = fitted.system(fitted.target());
+    let (hypotheses, untestable) = hypotheses(&fitted, &system);
+    progress("asking twins of the model what is found in nothing");
+    let null = null(&fitted, &system, &hypotheses, &settings.tolerances, settings.twins, settings.seed)
+        .ok_or(DiagnoseError::Singular)?;
+    progress("searching");
+    let mut search = Search::new(&fitted, system, hypotheses, null);
+    search.run().ok_or(DiagnoseError::Singular)?;
+    progress("judging on held-out data");
+    let judge = Judge::new(&held, settings.seed);
+    let proofs = judge.sift(&mut search)?.ok_or(DiagnoseError::Singular)?;
+    let conclusion =
+        Conclusion { file, settings, search: &search, judge: &judge, proofs: &proofs, data: &parts.how };
+    conclusion.diagnosis(notes, untestable)?.ok_or(DiagnoseError::Singular)
+}
+
+fn grounds_of<'r>(
+    arm: &Arm,
+    recordings: &'r [Recording],
+    settings: &DiagnoseSettings,
+) -> Result<Vec<Ground<'r>>, ResidualError> {
+    recordings.iter().map(|recording| Ground::new(arm, recording, &settings.treatment)).collect()
+}
+
+fn stages_of<'a>(
+    arm: &'a Arm,
+    known: &[&'a Placed],
+    grounds: &'a [Ground<'a>],
+) -> Result<Vec<Stage<'a>>, LawError> {
+    grounds.iter().map(|ground| Stage::new(arm, known, ground)).collect()
+}
+
+/// There are recordings, of this arm, with the same columns.
+fn check(arm: &Arm, recordings: &[Recording]) -> Result<(), DiagnoseError> {
+    let first = recordings.first().ok_or(DiagnoseError::NoRecording)?;
+    let columns = |recording: &Recording| {
+        let links: Vec<bool> = recording.q_link.iter().map(Option::is_some).collect();
+        (recording.tau.is_some(), recording.tool.is_some(), links)
+    };
+    for recording in recordings {
+        crate::residual::check_joints(arm, recording)?;
+        if columns(recording) != columns(first) {
+            return Err(DiagnoseError::DifferentColumns {
+                first: first.origin.display().to_string(),
+                other: recording.origin.display().to_string(),
+            });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,231 @@
+//! What the search found, judged on held-out data: an effect that does not make the model better there is no finding.
+
+use freeplay_laws::LawError;
+
+use super::case::Case;
+use super::hypothesis::{Hypothesis, hypothesis};
+use super::search::Search;
+use super::show::{Coefficients, Gain, HeldOut, gain, held_out, rms};
+use super::system::{Column, System};
+
+/// Least share of the error that a finding takes away where it shows.
+const LEAST_GAIN: f64 = 0.05;
+/// Share of an effect's own weight that a channel must carry to count as one in which it shows.
+const SHOWS: f64 = 0.1;
+
+/// How an effect does on held-out data.
+#[derive(Clone, Debug)]
+pub(crate) struct Proof {
+    /// Share of the error that it takes away.
+    pub gain: Gain,
+    /// Whether held-out data could show it; else the data of the fit.
+    pub held_out: bool,
+    /// Channels within a stage in which it shows.
+    pub channels: Vec<usize>,
+}
+
+/// The judge: the held-out recordings as a system of their own.
+pub(crate) struct Judge<'a, 'b> {
+    /// The held-out recordings.
+    pub held: &'b Case<'a>,
+    /// Their nuisances.
+    system: System,
+    seed: u64,
+}
+
+impl<'a, 'b> Judge<'a, 'b> {
+    /// A judge on `held`.
+    pub fn new(held: &'b Case<'a>, seed: u64) -> Self {
+        Self { system: held.system(held.target()), held, seed }
+    }
+
+    /// Weights of the held-out channels: those of the same channel in the first recording of the fit, sample by sample.
+    fn weights(&self, search: &Search) -> Vec<f64> {
+        (0..self.held.kept.len()).map(|c| search.system.weights[c % self.held.per_stage()]).collect()
+    }
+
+    /// Columns of a chosen effect on the held-out recordings; none where it shows nothing there.
+    fn columns(&self, hypothesis_: &Hypothesis) -> Result<Vec<Column>, LawError> {
+        let Hypothesis { kind, joint, shape, terms, .. } = hypothesis_;
+        let found = hypothesis(self.held, &self.system, kind, *joint, shape.clone())?;
+        let blank = || vec![vec![None; self.held.kept.len()]; terms.len()];
+        Ok(found.filter(|found| found.size() == terms.len()).map_or_else(blank, |found| found.block.columns))
+    }
+
+    /// The held-out errors of what `search` has chosen, but for the effect number `left_out`.
+    ///
+    /// # Errors
+    /// See [`LawError`]; `None` if the fit is singular.
+    pub fn errors(&self, search: &Search, left_out: Option<usize>) -> Result<Option<HeldOut>, LawError> {
+        let active = search.active(left_out);
+        let (Some(fit), Some(bare)) = (search.system.fit(&active), search.system.fit(&search.nuisances()))
+        else {
+            return Ok(None);
+        };
+        let nuisances = bare.eta.len();
+        let mut effects = Vec::new();
+        let mut at = nuisances;
+        for (index, chosen) in search.chosen.iter().enumerate() {
+            if Some(index) == left_out {
+                continue;
+            }
+            for column in self.columns(&search.hypotheses[chosen.hypothesis])? {
+                effects.push((column, fit.eta[at]));
+                at += 1;
+            }
+        }
+        let (retuned, tuned) =
+            (self.bound(search, bare.eta.as_slice()), self.bound(search, &fit.eta.as_slice()[..nuisances]));
+        let coefficients = Coefficients { retuned: &retuned, tuned: &tuned, effects: &effects };
+        Ok(Some(held_out(self.held, &self.system, &coefficients, &free(&self.system))))
+    }
+
+    /// The held-out errors of the tuned model with an unnamed correction in the place of all effects.
+    pub fn black_box(&self, search: &Search, errors: &HeldOut) -> Option<Vec<Vec<f64>>> {
+        let bare = search.system.fit(&search.nuisances())?;
+        let unnamed = search.case.unnamed_on(self.held, &search.system.residual(&bare));
+        Some(less(&errors.retuned, &unnamed))
+    }
+
+    /// The coefficients of nuisances with a prior, in the order of the held-out system, in which free ones may be other in number.
+    fn bound(&self, search: &Search, eta: &[f64]) -> Vec<f64> {
+        let ours = free(&self.system);
+        let theirs = free(&search.system);
+        let mut bound =
+            eta.iter().enumerate().filter(|(index, _)| !theirs.contains(index)).map(|(_, eta)| *eta);
+        (0..self.system.base.len())
+            .map(|index| if ours.contains(&index) { 0.0 } else { bound.next().unwrap_or(0.0) })
+            .collect()
+    }
+
+    /// What naming the effect number `index` brings on held-out data, beside the others.
+    ///
+    /// # Errors
+    /// See [`LawError`]; `None` if a fit is singular.
+    pub fn proof(&self, search: &Search, index: usize) -> Result<Option<Proof>, LawError> {
+        let Some(fit) = search.system.fit(&search.active(None)) else { return Ok(None) };
+        let Some(without) = search.system.fit(&search.active(Some(index))) else { return Ok(None) };
+        let chosen = &search.chosen[index];
+        let hypothesis = &search.hypotheses[chosen.hypothesis];
+        let beta: Vec<f64> = chosen
+            .columns
+            .iter()
+            .filter_map(|column| fit.active.iter().position(|a| a == column).map(|k| fit.eta[k]))
+            .collect();
+        let squares = |columns: &[Column], weights: &[f64]| -> Vec<f64> {
+            let square = |c: usize| {
+                let rows = columns.iter().zip(&beta).fold(Vec::new(), |mut sum: Vec<f64>, (column, beta)| {
+                    if let Some(part) = &column[c] {
+                        sum.resize(part.len(), 0.0);
+                        sum.iter_mut().zip(part).for_each(|(sum, x)| *sum += beta * x);
+                    }
+                    sum
+                });
+                weights[c] * rows.iter().map(|x| x * x).sum::<f64>()
+            };
+            (0..weights.len()).map(square).collect()
+        };
+        let per_stage = self.held.per_stage();
+        let fitted = squares(&hypothesis.block.columns, &search.system.weights);
+        let by_channel: Vec<f64> =
+            (0..per_stage).map(|c| fitted.iter().skip(c).step_by(per_stage).sum()).collect();
+        let strongest = by_channel.iter().copied().fold(0.0, f64::max);
+        let shows: Vec<usize> = (0..per_stage).filter(|&c| by_channel[c] > SHOWS * strongest).collect();
+        let over = |case: &Case| -> Vec<usize> {
+            (0..case.kept.len()).filter(|c| shows.contains(&(c % per_stage))).collect()
+        };
+        let (Some(errors), Some(errors_without)) =
+            (self.errors(search, None)?, self.errors(search, Some(index))?)
+        else {
+            return Ok(None);
+        };
+        let weights = self.weights(search);
+        let on_held = gain(
+            self.held,
+            &over(self.held),
+            &weights,
+            &errors_without.tuned_after,
+            &errors.tuned_after,
+            self.seed,
+        );
+        let there: f64 = squares(&self.columns(hypothesis)?, &weights).iter().sum();
+        let left: f64 = over(self.held)
+            .iter()
+            .map(|&c| weights[c] * errors.tuned_after[c].iter().map(|x| x * x).sum::<f64>())
+            .sum();
+        if there > 0.1 * left {
+            return Ok(Some(Proof { gain: on_held, held_out: true, channels: shows }));
+        }
+        // It does not act on the held-out data: a push, a drift that is over.
+        let (before, after) = (search.system.residual(&without), search.system.residual(&fit));
+        let on_fit =
+            gain(search.case, &over(search.case), &search.system.weights, &before, &after, self.seed);
+        let held_out = on_fit.value < LEAST_GAIN;
+        Ok(Some(Proof { gain: if held_out { on_held } else { on_fit }, held_out, channels: shows }))
+    }
+
+    /// Drops effects that don't prove themselves, the weakest first; the proofs of the others.
+    ///
+    /// # Errors
+    /// See [`LawError`]; `None` if a fit is singular.
+    pub fn sift(&self, search: &mut Search) -> Result<Option<Vec<Proof>>, LawError> {
+        loop {
+            let mut proofs = Vec::new();
+            for index in 0..search.chosen.len() {
+                let Some(proof) = self.proof(search, index)? else { return Ok(None) };
+                proofs.push(proof);
+            }
+            let fails = |proof: &Proof| proof.gain.value < LEAST_GAIN || proof.gain.ci95[0] <= 0.0;
+            let weakest = (0..proofs.len())
+                .filter(|&index| fails(&proofs[index]))
+                .min_by(|&a, &b| proofs[a].gain.value.total_cmp(&proofs[b].gain.value));
+            let Some(index) = weakest else { return Ok(Some(proofs)) };
+            search.chosen.remove(index);
+            if search.settle().is_none() {
+                return Ok(None);
+            }
+        }
+    }
+
+    /// Gain over all `channels` (numbers within a stage) of `after` against `before`.
+    pub fn gain(&self, search: &Search, channels: &[usize], before: &[Vec<f64>], after: &[Vec<f64>]) -> Gain {
+        let per_stage = self.held.per_stage();
+        let over: Vec<usize> =
+            (0..self.held.kept.len()).filter(|c| channels.contains(&(c % per_stage))).collect();
+        gain(self.held, &over, &self.weights(search), before, after, self.seed)
+    }
+
+    /// What an unnamed correction takes away of what is left after naming, on held-out data: share of the error.
+    pub fn unnamed_rest(&self, search: &Search, errors: &HeldOut, channels: &[usize]) -> Option<Gain> {
+        let fit = search.system.fit(&search.active(None))?;
+        let unnamed = search.case.unnamed_on(self.held, &search.system.residual(&fit));
+        let after = less(&errors.tuned_after, &unnamed);
+        Some(self.gain(search, channels, &errors.tuned_after, &after))
+    }
+
+    /// Root of the mean square of `rows` in each channel of a stage, over all held-out recordings.
+    pub fn rms(&self, rows: &[Vec<f64>]) -> Vec<f64> {
+        let per_stage = self.held.per_stage();
+        let stages = self.held.stages.len() as f64;
+        (0..per_stage)
+            .map(|c| {
+                let all = (c..rows.len()).step_by(per_stage);
+                let squares: f64 = all.map(|c| rms(&rows[c], &self.held.kept[c]).powi(2)).sum();
+                (squares / stages).sqrt()
+            })
+            .collect()
+    }
+}
+
+/// `rows` less what is `said` of them.
+fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let pairs = rows.iter().zip(said);
+    pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
+}
+
+/// Base columns of a fresh system that no prior binds.
+fn free(system: &System) -> Vec<usize> {
+    (0..system.base.len())
+        .filter(|&index| system.precision[index] > 0.0 && system.precision[index] < 1e-6)
+        .collect()
+}

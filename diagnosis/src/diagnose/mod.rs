@@ -1,0 +1,44 @@
+//! From a recording to what the model leaves out. The files in the order in which data passes through them:
+//!
+//! - `parts`: what a fit rests on and what is held out.
+//! - `stage`: one recording made ready, and what any effect would add to each channel of it.
+//! - `tolerance`: how far a machine may be from its model without that being a finding.
+//! - `universal`: the unnamed correction, which competes with every named effect.
+//! - `case` and `system`: all recordings stacked; the linear system behind every question.
+//! - `quality`: what the recordings are good for.
+//! - `hypothesis`: each kind of effect at each place in each shape.
+//! - `noise`, `twins` and `floor`: what is found in nothing.
+//! - `search`: which effects explain what the model leaves.
+//! - `show` and `judge`: what they are worth on held-out data.
+//! - `interval`, `locate`, `words`, `conclude`, `report`: what is said.
+//! - `engine`: all of it.
+
+mod case;
+mod conclude;
+mod engine;
+mod floor;
+mod hypothesis;
+mod interval;
+mod judge;
+mod locate;
+mod noise;
+mod parts;
+mod quality;
+mod report;
+mod search;
+mod show;
+mod stage;
+mod system;
+mod tolerance;
+mod twins;
+mod universal;
+mod words;
+
+pub use engine::{DiagnoseError, DiagnoseSettings, diagnose};
+pub use locate::Map;
+pub use report::{
+    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Parameter, Rmse,
+    Trace, Tuned, Untestable, Verdict,
+};
+pub use show::Gain;
+pub use tolerance::Tolerances;

@@ -1,0 +1,122 @@
+//! What a recording's noise and rounding are, by its own samples; and numbers at random.
+
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
+/// Sum of the squares of 1, −4, 6, −4, 1.
+const FOURTH_DIFFERENCE: f64 = 70.0;
+/// Median of |x| over the standard deviation of a normal x.
+const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
+
+/// Noise of one column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Noise {
+    /// Standard deviation of a sample, rounding included, unit of the column.
+    pub deviation: f64,
+    /// Step of rounding; 0 if none is seen.
+    pub step: f64,
+}
+
+impl Noise {
+    /// The noise of `samples` on an even grid. Fourth differences leave nothing of a smooth motion; their median does not mind
+    /// a few jumps (Hampel 1974).
+    pub fn of(samples: &[f64]) -> Self {
+        let mut fourth: Vec<f64> =
+            samples.windows(5).map(|x| (x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]).abs()).collect();
+        let step = rounding(samples);
+        if fourth.is_empty() {
+            return Self { deviation: 0.0, step };
+        }
+        let middle = fourth.len() / 2;
+        let median = *fourth.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let seen = median / MEDIAN_OF_NORMAL / FOURTH_DIFFERENCE.sqrt();
+        Self { deviation: seen.max(step / 12_f64.sqrt()), step }
+    }
+}
+
+/// The step of which all samples are multiples, near enough; 0 if there is none that is worth a name.
+fn rounding(samples: &[f64]) -> f64 {
+    let mut steps: Vec<f64> =
+        samples.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > 0.0).collect();
+    if steps.len() < 16 {
+        return 0.0;
+    }
+    steps.sort_by(f64::total_cmp);
+    let least = steps[steps.len() / 50];
+    let whole = |step: &&f64| {
+        let times = **step / least;
+        (times - times.round()).abs() < 0.02 * times.max(1.0).sqrt() && times < 50.0
+    };
+    let near = steps.iter().filter(|step| **step < 20.0 * least);
+    let (count, fitting) = near.clone().fold((0, 0), |(n, m), step| (n + 1, m + usize::from(whole(&step))));
+    if fitting * 10 > count * 9 && count * 4 > steps.len() { least } else { 0.0 }
+}
+
+/// `count` normal numbers of deviation `deviation`.
+pub(crate) fn normals(rng: &mut ChaCha8Rng, count: usize, deviation: f64) -> Vec<f64> {
+    (0..count).map(|_| deviation * normal(rng)).collect()
+}
+
+/// A normal number of deviation one.
+pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    StandardNormal.sample(rng)
+}
+
+/// Number of samples that `x` is worth, its mean being zero: n/(1 + 2Σρ_k), the sum ending where the autocorrelation first falls
+/// below zero (Geyer 1992, initial positive sequence).
+pub(crate) fn effective_samples(x: &[f64]) -> f64 {
+    let n = x.len();
+    let power: f64 = x.iter().map(|x| x * x).sum();
+    if n < 8 || power <= 0.0 {
+        return n as f64;
+    }
+    let mut sum = 0.0;
+    for lag in 1..n / 4 {
+        let rho = super::system::dot(&x[lag..], &x[..n - lag]) / power;
+        if rho <= 0.0 {
+            break;
+        }
+        sum += rho;
+    }
+    n as f64 / (1.0 + 2.0 * sum)
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::{Noise, effective_samples, normals};
+
+    #[test]
+    fn noise_is_found_under_a_motion() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let noise = normals(&mut rng, 4000, 0.02);
+        let motion = |k: usize| 5.0 * (k as f64 * 0.02).sin();
+        let seen = Noise::of(&noise.iter().enumerate().map(|(k, e)| motion(k) + e).collect::<Vec<_>>());
+        println!("{seen:?} for 0.02");
+        assert!((seen.deviation / 0.02 - 1.0).abs() < 0.05 && seen.step == 0.0);
+        let rounded: Vec<f64> =
+            noise.iter().enumerate().map(|(k, e)| ((motion(k) + e) / 0.01).round() * 0.01).collect();
+        let seen = Noise::of(&rounded);
+        println!("{seen:?} for steps of 0.01");
+        assert!((seen.step / 0.01 - 1.0).abs() < 0.02);
+    }
+
+    /// A first-order process of coefficient r is worth n(1 − r)/(1 + r) samples: the closed form.
+    #[test]
+    fn coloured_samples_are_worth_less() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut x = 0.0;
+        let coloured: Vec<f64> = normals(&mut rng, 40_000, 1.0)
+            .into_iter()
+            .map(|e| {
+                x = 0.8 * x + e;
+                x
+            })
+            .collect();
+        let (worth, exact) = (effective_samples(&coloured), 40_000.0 / 9.0);
+        println!("{worth:.0} against {exact:.0}");
+        assert!((worth / exact - 1.0).abs() < 0.15);
+    }
+}

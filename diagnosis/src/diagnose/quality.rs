@@ -1,0 +1,80 @@
+//! What a recording is good for, before anything is fitted.
+
+use freeplay_arm::Arm;
+
+use super::case::Case;
+use super::noise::Noise;
+use super::stage::Ground;
+use super::twins::Noises;
+use crate::residual::Kind;
+use crate::statistics::Moments;
+
+/// Least length of what a fit rests on, s.
+const LEAST_S: f64 = 2.0;
+/// A joint that moves less than this, rad (m), does not move.
+const STILL: f64 = 1e-4;
+
+/// What makes these recordings useless for any finding: one sentence and what to do; `None` if they are not.
+pub(crate) fn lack(arm: &Arm, fitted: &[Ground], held: &[Ground]) -> Option<String> {
+    let lasts = |grounds: &[Ground]| -> f64 {
+        let stretches = grounds.iter().flat_map(|ground| {
+            ground.motion.stretches.iter().map(|s| ground.motion.t[s.end - 1] - ground.motion.t[s.start])
+        });
+        stretches.sum()
+    };
+    let (fit, hold) = (lasts(fitted), lasts(held));
+    if fit < LEAST_S || hold < 0.25 * LEAST_S {
+        return Some(format!(
+            "too short: {fit:.1} s are left to fit and {hold:.1} s to be judged on, after the ends that the low-pass needs; record \
+             at least 10 s"
+        ));
+    }
+    let moves = |joint: usize| {
+        fitted.iter().any(|ground| {
+            let q = &ground.motion.q[joint];
+            let (least, most) =
+                q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), q| (l.min(*q), m.max(*q)));
+            most - least > STILL
+        })
+    };
+    if !(0..arm.dof()).any(moves) {
+        return Some("no joint moves; record a motion of the joints in question".to_owned());
+    }
+    None
+}
+
+/// What a reader should know of the recordings: noise, rounding, standing joints, constant channels.
+pub(crate) fn notes(case: &Case) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (number, stage) in case.stages.iter().enumerate() {
+        let noises = Noises::of(stage);
+        let mut rounded = Vec::new();
+        for (index, (channel, noise)) in stage.channels.iter().zip(&noises.channels).enumerate() {
+            let spread = Moments::of(&channel.measured).std;
+            if spread <= 1e-9 * Moments::of(&channel.measured).rms || spread == 0.0 {
+                notes.push(format!("{} is constant: nothing is to be seen in it", channel.name));
+            }
+            if is_coarse(noise, spread) {
+                rounded.push(format!("{} by {:.2e} {}", channel.name, noise.step, channel.unit));
+            }
+            let kept = &case.kept[number * case.per_stage() + index];
+            let left_out = 1.0 - kept.iter().sum::<f64>() / kept.len().max(1) as f64;
+            if let (Kind::Torque(joint), true) = (channel.kind, left_out > 0.02) {
+                notes.push(format!(
+                    "{} stands still for {:.0} % of the time: its torque is not judged then, since dry friction may hold any part of it",
+                    stage.arm().joints()[joint].name,
+                    100.0 * left_out
+                ));
+            }
+        }
+        if !rounded.is_empty() {
+            notes.push(format!("rounded coarsely: {}", rounded.join(", ")));
+        }
+    }
+    notes
+}
+
+/// Rounding that is a tenth of the signal's spread.
+fn is_coarse(noise: &Noise, spread: f64) -> bool {
+    noise.step > 0.1 * spread && spread > 0.0
+}

@@ -1,0 +1,240 @@
+//! What a diagnosis says: the verdict, and all that a report needs to show why.
+
+use std::collections::BTreeMap;
+
+use freeplay_arm::ArmFile;
+use serde::Serialize;
+
+use super::locate::Map;
+use super::show::Gain;
+
+/// The schema of [`Diagnosis`] as JSON.
+pub const DIAGNOSIS_SCHEMA: &str = "freeplay.diagnosis/1";
+
+/// The verdict of a diagnosis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The recording agrees with the model inside its tolerances.
+    NothingMissing,
+    /// One or more effects of the catalogue are missing from the model, and no others say it as well.
+    Named,
+    /// Something is missing, and two or more effects say it equally well in this motion.
+    OneOf,
+    /// Something is missing that no effect of the catalogue says well enough.
+    Unknown,
+    /// The recording can't tell.
+    InsufficientData,
+}
+
+/// A place where model and machine differ.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Location {
+    /// The joint; `None`: the arm as a whole.
+    pub joint: Option<String>,
+    /// The channels, by the names of their columns.
+    pub channels: Vec<String>,
+    /// Share of all that the model leaves unexplained beyond the noise that is here: 0 to 1.
+    pub share: f64,
+    /// In which part of the motion, in words.
+    #[serde(rename = "where")]
+    pub when: String,
+    /// Chance that a residual that knows nothing of the motion looks like this, corrected for the number of looks.
+    pub p: f64,
+}
+
+/// A parameter with its 95 % interval.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// The value: a number, three numbers, or a word.
+    pub value: toml::Value,
+    /// Its unit; empty for words.
+    pub unit: String,
+    /// The interval; `None` for words and for what the motion does not tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// Why an effect is believed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Evidence {
+    /// Twice the log of the likelihood ratio against a model without it, effective samples counted.
+    pub log_likelihood_ratio: f64,
+    /// The least that counts, from twins of the model and the number of hypotheses.
+    pub threshold: f64,
+    /// The most that this kind found in twins, in which nothing is missing.
+    pub in_twins: f64,
+    /// Share of the error that is gone on held-out data where it shows, beside the other effects.
+    pub held_out_gain: Gain,
+    /// Whether the held-out data could show it; else the gain is that on the data of the fit.
+    pub held_out: bool,
+    /// Channels in which it shows.
+    pub channels: Vec<String>,
+}
+
+/// An effect that is missing from the model.
+#[derive(Clone, Debug, Serialize)]
+pub struct Effect {
+    /// Its kind, as in the catalogue.
+    pub kind: &'static str,
+    /// The joint; `None`: the arm as a whole.
+    pub joint: Option<String>,
+    /// Its parameters by name.
+    pub parameters: BTreeMap<String, Parameter>,
+    /// The law.
+    pub equation: &'static str,
+    /// Author, year.
+    pub source: &'static str,
+    /// Why it is believed.
+    pub evidence: Evidence,
+    /// One plain sentence.
+    pub statement: String,
+}
+
+/// Another effect that was weighed in the place of a named one.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Alternative {
+    /// Its kind.
+    pub kind: &'static str,
+    /// The joint; `None`: the arm as a whole.
+    pub joint: Option<String>,
+    /// The effect in whose place it was weighed.
+    pub instead_of: String,
+    /// Why it is not named.
+    pub why_not: String,
+    /// Whether this recording can't tell it from the effect in whose place it was weighed.
+    pub indistinguishable: bool,
+    /// What would separate the two.
+    pub what_would_separate: String,
+    /// By how much the log of the odds favours the other, natural logarithm.
+    pub log_odds_against: f64,
+}
+
+/// Error of a channel.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Rmse {
+    /// Root of the mean square, in the unit of the channel.
+    pub rmse: f64,
+}
+
+/// The errors on held-out data, by channel.
+#[derive(Clone, Debug, Serialize)]
+pub struct Fit {
+    /// What a perfect model would leave, from twins.
+    pub noise_floor: BTreeMap<String, Rmse>,
+    /// The model as given.
+    pub before: BTreeMap<String, Rmse>,
+    /// The model with the named effects, as it is written.
+    pub after: BTreeMap<String, Rmse>,
+    /// The model with its parameters tuned inside their tolerances, nothing added.
+    pub retuned: BTreeMap<String, Rmse>,
+    /// With the named effects and tuned.
+    pub after_retuned: BTreeMap<String, Rmse>,
+    /// Tuned, with an unnamed correction.
+    pub black_box: BTreeMap<String, Rmse>,
+    /// Whether these data took no part in the fit.
+    pub held_out: bool,
+    /// Which data they are, in words.
+    pub data: String,
+    /// Share of the error that naming takes away on held-out data, over all channels in which something was found.
+    pub gain: Option<Gain>,
+    /// The same by the unnamed correction.
+    pub black_box_gain: Option<Gain>,
+    /// Unit of each channel.
+    pub units: BTreeMap<String, &'static str>,
+}
+
+/// How far a tolerance of the model was used.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Tuned {
+    /// What was tuned.
+    pub name: String,
+    /// By how much, in standard deviations of its prior; a tolerance is 1.7 of them.
+    pub deviations: f64,
+}
+
+/// A row of the evidence: the best shape of a kind at a place against the model as given.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct EvidenceRow {
+    /// Its kind.
+    pub kind: &'static str,
+    /// The joint; `None`: the arm as a whole.
+    pub joint: Option<String>,
+    /// Twice the log of the likelihood ratio against the tuned model, alone.
+    pub alone: f64,
+    /// The same beside the effects that were named.
+    pub beside: f64,
+    /// The least that counts.
+    pub threshold: f64,
+}
+
+/// A held-out channel over time, for pictures. All in the unit of the channel.
+#[derive(Clone, Debug, Serialize)]
+pub struct Trace {
+    /// The channel.
+    pub channel: String,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Time, s.
+    pub t: Vec<f64>,
+    /// What was measured.
+    pub measured: Vec<f64>,
+    /// Measured minus the model as given.
+    pub before: Vec<f64>,
+    /// Measured minus the model with its parameters tuned inside their tolerances.
+    pub retuned: Vec<f64>,
+    /// Measured minus the tuned model with the named effects.
+    pub after: Vec<f64>,
+}
+
+/// What a diagnosis says.
+#[derive(Clone, Debug, Serialize)]
+pub struct Diagnosis {
+    /// [`DIAGNOSIS_SCHEMA`].
+    pub schema: &'static str,
+    /// The verdict.
+    pub verdict: Verdict,
+    /// The verdict in plain words.
+    pub statement: String,
+    /// Where model and machine differ, most important first.
+    pub location: Vec<Location>,
+    /// What is missing from the model.
+    pub effects: Vec<Effect>,
+    /// What else was weighed.
+    pub alternatives: Vec<Alternative>,
+    /// The errors on held-out data.
+    pub fit: Option<Fit>,
+    /// What to do next, one sentence each.
+    pub next: Vec<String>,
+    /// What these recordings can't show.
+    pub untestable: Vec<Untestable>,
+    /// What was met in the recordings, one sentence each.
+    pub quality: Vec<String>,
+    /// Every kind at every place, by what it explains.
+    pub evidence: Vec<EvidenceRow>,
+    /// How the residual of the tuned model depends on the motion, strongest first.
+    pub maps: Vec<Map>,
+    /// How far the tolerances of the model are used beside the named effects, farthest first.
+    pub tuned: Vec<Tuned>,
+    /// Number of twins that the thresholds rest on.
+    pub twins: usize,
+    /// Seed of the twins and of all intervals.
+    pub seed: u64,
+    /// Held-out channels over time.
+    #[serde(skip)]
+    pub traces: Vec<Trace>,
+    /// The model with the named effects.
+    #[serde(skip)]
+    pub model: ArmFile,
+}
+
+/// An effect that the recordings can't show.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Untestable {
+    /// Its kind.
+    pub kind: &'static str,
+    /// The joint; `None`: the arm as a whole.
+    pub joint: Option<String>,
+    /// What the recordings lack, a plain sentence.
+    pub because: String,
+}

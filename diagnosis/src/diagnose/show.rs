@@ -1,0 +1,129 @@
+//! How much better the model gets on data that took no part in the fit.
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::case::Case;
+use super::system::{Column, System, subtract};
+use crate::residual::Kind;
+
+/// Length of a block of the bootstrap, s.
+const BLOCK_S: f64 = 0.5;
+/// Draws of the bootstrap.
+const DRAWS: usize = 400;
+
+/// Errors on held-out data, by channel: measured minus model at every point.
+#[derive(Clone, Debug)]
+pub(crate) struct HeldOut {
+    /// The model as given.
+    pub before: Vec<Vec<f64>>,
+    /// Its parameters tuned inside their tolerances.
+    pub retuned: Vec<Vec<f64>>,
+    /// The model as given with the effects.
+    pub after: Vec<Vec<f64>>,
+    /// Tuned and with the effects.
+    pub tuned_after: Vec<Vec<f64>>,
+}
+
+/// A gain with its interval: the share of the error that is gone, 1 − after/before.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Gain {
+    /// The share.
+    pub value: f64,
+    /// Its 95 % interval.
+    pub ci95: [f64; 2],
+}
+
+/// Coefficients on the held-out recordings: those of the nuisances (free ones are fitted anew) and of effect columns.
+pub(crate) struct Coefficients<'c> {
+    /// Of the nuisances alone.
+    pub retuned: &'c [f64],
+    /// Of the nuisances beside the effects.
+    pub tuned: &'c [f64],
+    /// Of the effects' columns.
+    pub effects: &'c [(Column, f64)],
+}
+
+/// The errors of `held` under what was fitted elsewhere. `free` are the base columns that no prior binds.
+pub(crate) fn held_out(held: &Case, system: &System, coefficients: &Coefficients, free: &[usize]) -> HeldOut {
+    let before = held.target();
+    let centred = |mut rows: Vec<Vec<f64>>| {
+        recentre(held, &mut rows);
+        rows
+    };
+    let tuned = |eta: &[f64]| {
+        let mut rows = before.clone();
+        for (index, eta) in eta.iter().enumerate().filter(|(index, _)| !free.contains(index)) {
+            subtract(&mut rows, &system.base[index], *eta);
+        }
+        rows
+    };
+    let with_effects = |mut rows: Vec<Vec<f64>>| {
+        coefficients.effects.iter().for_each(|(column, beta)| subtract(&mut rows, column, *beta));
+        rows
+    };
+    let retuned = tuned(coefficients.retuned);
+    HeldOut {
+        after: centred(with_effects(before.clone())),
+        tuned_after: centred(with_effects(tuned(coefficients.tuned))),
+        retuned: centred(retuned),
+        before: centred(before),
+    }
+}
+
+/// Takes the mean off link encoders, whose zero nobody sets against the motors'.
+fn recentre(case: &Case, rows: &mut [Vec<f64>]) {
+    for (channel, rows) in rows.iter_mut().enumerate() {
+        let (stage, of_stage) = case.place(channel);
+        if let Kind::Link(_) = case.stages[stage].channels[of_stage].kind {
+            let mean = rows.iter().sum::<f64>() / rows.len().max(1) as f64;
+            rows.iter_mut().for_each(|x| *x -= mean);
+        }
+    }
+}
+
+/// Root of the mean square of the rows that count.
+pub(crate) fn rms(rows: &[f64], kept: &[f64]) -> f64 {
+    let count: f64 = kept.iter().sum();
+    (rows.iter().map(|x| x * x).sum::<f64>() / count.max(1.0)).sqrt()
+}
+
+/// 1 − |after|/|before| over `channels`, each weighed, with the interval of a bootstrap of blocks.
+pub(crate) fn gain(
+    case: &Case,
+    channels: &[usize],
+    weights: &[f64],
+    before: &[Vec<f64>],
+    after: &[Vec<f64>],
+    seed: u64,
+) -> Gain {
+    let mut blocks: Vec<[f64; 2]> = Vec::new();
+    for &channel in channels {
+        let (stage, _) = case.place(channel);
+        let motion = case.stages[stage].motion();
+        for stretch in &motion.stretches {
+            let long = ((BLOCK_S / motion.step(stretch).max(1e-12)) as usize).max(1);
+            for (b, a) in before[channel][stretch.clone()]
+                .chunks(long)
+                .zip(after[channel][stretch.clone()].chunks(long))
+            {
+                let square = |x: &[f64]| weights[channel] * x.iter().map(|x| x * x).sum::<f64>();
+                blocks.push([square(b), square(a)]);
+            }
+        }
+    }
+    let share = |sums: [f64; 2]| if sums[0] > 0.0 { 1.0 - (sums[1] / sums[0]).sqrt() } else { 0.0 };
+    let sum = |pick: &mut dyn Iterator<Item = usize>| {
+        pick.fold([0.0, 0.0], |sum, k| [sum[0] + blocks[k][0], sum[1] + blocks[k][1]])
+    };
+    let value = share(sum(&mut (0..blocks.len())));
+    if blocks.len() < 2 {
+        return Gain { value, ci95: [f64::NEG_INFINITY, f64::INFINITY] };
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut drawn: Vec<f64> = (0..DRAWS)
+        .map(|_| share(sum(&mut (0..blocks.len()).map(|_| rng.next_u64() as usize % blocks.len()))))
+        .collect();
+    drawn.sort_by(f64::total_cmp);
+    Gain { value, ci95: [drawn[DRAWS / 40], drawn[DRAWS - 1 - DRAWS / 40]] }
+}

@@ -1,0 +1,191 @@
+//! One recording made ready: its motion, what was measured, and what any effect would add to every channel.
+
+use freeplay_arm::Arm;
+use freeplay_laws::{
+    Baseline, Kind as EffectKind, LawError, Placed, Prediction, Recorded, Trajectory, rigid_torques,
+    tool_positions,
+};
+use freeplay_recording::Recording;
+use toml::Table;
+
+use crate::error::ResidualError;
+use crate::motion::{Settings, Treatment};
+use crate::residual::{Channel, Kind, residuals};
+
+/// What something adds to each channel of a stage; `None` where it adds nothing.
+pub(crate) type Answer = Vec<Option<Vec<f64>>>;
+
+type LowPass = dyn Fn(&[f64]) -> Vec<f64>;
+
+/// One recording under its treatment: what a [`Stage`] stands on.
+pub(crate) struct Ground<'a> {
+    /// The recording.
+    pub recording: &'a Recording,
+    /// What every column went through.
+    pub treatment: Treatment,
+    /// The motion on the kept points.
+    pub motion: Trajectory,
+    /// The motion on all grid points, for laws that jump or remember.
+    pub whole: Trajectory,
+    /// Measured, channel by channel.
+    channels: Vec<Channel>,
+    treated: Box<LowPass>,
+    as_it_is: Box<LowPass>,
+}
+
+impl<'a> Ground<'a> {
+    /// Treats `recording` for the nominal `arm`.
+    ///
+    /// # Errors
+    /// See [`ResidualError`].
+    pub fn new(arm: &Arm, recording: &'a Recording, settings: &Settings) -> Result<Self, ResidualError> {
+        crate::residual::check_joints(arm, recording)?;
+        let treatment = Treatment::new(recording, settings)?;
+        let channels = residuals(arm, &[], recording, &treatment)?.channels;
+        let (motion, whole) = (treatment.motion(recording), treatment.whole_motion(recording));
+        let own = treatment.clone();
+        let treated = Box::new(move |column: &[f64]| own.low_pass(column));
+        let as_it_is = Box::new(|column: &[f64]| column.to_vec());
+        Ok(Self { recording, treatment, motion, whole, channels, treated, as_it_is })
+    }
+}
+
+/// One recording made ready, and what the model says of it.
+pub(crate) struct Stage<'a> {
+    /// What it stands on.
+    pub ground: &'a Ground<'a>,
+    /// Measured and model, channel by channel.
+    pub channels: Vec<Channel>,
+    /// The model on the kept points: for effects that are smooth.
+    smooth: Baseline<'a>,
+    /// The model on all grid points: for effects that jump.
+    rough: Baseline<'a>,
+    /// Torque and tool of the rigid arm on the kept points.
+    rigid: (Vec<Vec<f64>>, Vec<Vec<f64>>),
+}
+
+impl<'a> Stage<'a> {
+    /// The stage of `arm` with the `effects` that its file knows.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if these leave no possible arm.
+    pub fn new(arm: &'a Arm, effects: &[&'a Placed], ground: &'a Ground<'a>) -> Result<Self, LawError> {
+        let smooth = Baseline::new(arm, effects, &ground.motion, &*ground.as_it_is)?;
+        let rough = Baseline::new(arm, effects, &ground.whole, &*ground.treated)?;
+        let mut channels = ground.channels.clone();
+        for channel in &mut channels {
+            channel.model = ground.treatment.keep(column_of(rough.prediction(), channel.kind));
+        }
+        let now = &smooth.scene().arm;
+        let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
+        Ok(Self { ground, channels, smooth, rough, rigid })
+    }
+
+    /// The arm with the effects that change it.
+    pub fn arm(&self) -> &Arm {
+        &self.smooth.scene().arm
+    }
+
+    /// The motion on the kept points.
+    pub fn motion(&self) -> &'a Trajectory {
+        &self.ground.motion
+    }
+
+    /// The motion on all grid points.
+    pub fn whole(&self) -> &'a Trajectory {
+        &self.ground.whole
+    }
+
+    /// Torques of the rigid arm on the kept points, `[joint][point]`.
+    pub fn load(&self) -> &[Vec<f64>] {
+        &self.smooth.scene().load
+    }
+
+    /// The same on all grid points.
+    pub fn whole_load(&self) -> &[Vec<f64>] {
+        &self.rough.scene().load
+    }
+
+    /// A signal on all grid points as a measured one would come out.
+    pub fn treated(&self, whole: &[f64]) -> Vec<f64> {
+        self.ground.treatment.keep(&(self.ground.treated)(whole))
+    }
+
+    /// The model on the grid on which effects of `kind` are evaluated.
+    pub fn baseline(&self, kind: &EffectKind) -> &Baseline<'a> {
+        if kind.rough { &self.rough } else { &self.smooth }
+    }
+
+    /// What was recorded.
+    pub fn recorded(&self) -> Recorded {
+        let recording = self.ground.recording;
+        Recorded {
+            torque: recording.tau.is_some(),
+            tool: recording.tool.is_some(),
+            link: recording.q_link.iter().map(Option::is_some).collect(),
+        }
+    }
+
+    /// The answers to each term of the effect `kind` at `joint` with `shape`.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn terms(
+        &self,
+        kind: &'static EffectKind,
+        joint: Option<usize>,
+        shape: &Table,
+    ) -> Result<Vec<(freeplay_laws::Term, Answer)>, LawError> {
+        let columns = kind.columns(self.baseline(kind), joint, shape)?;
+        Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
+    }
+
+    fn answer_of(&self, kind: &EffectKind, change: &Prediction) -> Answer {
+        self.by_channel(|channel| {
+            let column = column_of(change, channel);
+            if column.iter().all(|&x| x == 0.0) {
+                return None;
+            }
+            Some(if kind.rough { self.ground.treatment.keep(column) } else { column.to_vec() })
+        })
+    }
+
+    /// What the rigid arm `arm` says more than the present one, with the links `shift` off.
+    pub fn rigid_answer(&self, arm: &Arm, shift: Option<&[Vec<f64>]>) -> Answer {
+        let motion = self.motion();
+        let torque = rigid_torques(arm, motion, shift);
+        let moved: Vec<Vec<f64>> = match shift {
+            Some(shift) => motion.q.iter().zip(shift).map(|(q, s)| sum(q, s)).collect(),
+            None => motion.q.clone(),
+        };
+        let tool = tool_positions(arm, &moved);
+        self.by_channel(|kind| match kind {
+            Kind::Torque(joint) => difference(&torque[joint], &self.rigid.0[joint]),
+            Kind::Tool(axis) => difference(&tool[axis], &self.rigid.1[axis]),
+            Kind::Link(_) => None,
+        })
+    }
+
+    /// One column for each channel by its kind.
+    pub fn by_channel(&self, column: impl Fn(Kind) -> Option<Vec<f64>>) -> Answer {
+        self.channels.iter().map(|channel| column(channel.kind)).collect()
+    }
+}
+
+fn column_of(prediction: &Prediction, kind: Kind) -> &[f64] {
+    match kind {
+        Kind::Torque(joint) => &prediction.torque[joint],
+        Kind::Tool(axis) => &prediction.tool[axis],
+        Kind::Link(joint) => &prediction.link[joint],
+    }
+}
+
+fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + b).collect()
+}
+
+/// `a − b`; `None` if they are the same.
+fn difference(a: &[f64], b: &[f64]) -> Option<Vec<f64>> {
+    let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+    difference.iter().any(|&x| x != 0.0).then_some(difference)
+}

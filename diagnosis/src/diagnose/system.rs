@@ -1,0 +1,345 @@
+//! The linear system behind every question: y = N η + Z β + ε with η ~ N(0, Λ), in inner products.
+//!
+//! Rows are the points of all channels of all recordings. Each channel c weighs w_c = n_eff/(n σ²): its rows count as the
+//! effective number of samples that its residual's autocorrelation leaves, so that a likelihood ratio is one. Inner products are
+//! kept channel by channel, so that other weights cost nothing.
+
+use std::rc::Rc;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+/// A column: its rows by channel, `None` where it is zero.
+pub(crate) type Column = Vec<Option<Vec<f64>>>;
+
+/// Inner products of blocks of columns, one matrix a channel.
+type ByChannel = Vec<DMatrix<f64>>;
+
+/// A block of columns that come and go together.
+#[derive(Clone, Debug)]
+pub(crate) struct Block {
+    /// Its columns.
+    pub columns: Vec<Column>,
+    /// BᵀZ by channel, rows as the system's columns.
+    with_base: ByChannel,
+    /// ZᵀZ by channel.
+    with_itself: ByChannel,
+    /// Zᵀy by channel.
+    with_target: Vec<DVector<f64>>,
+}
+
+/// What a block explains beyond the base.
+#[derive(Clone, Debug)]
+pub(crate) struct Score {
+    /// Fall of the weighted sum of squares: twice the log of the likelihood ratio.
+    pub gain: f64,
+    /// Coefficients β of the block.
+    pub beta: DVector<f64>,
+    /// By how much the base's coefficients change when the block comes in.
+    pub shift: DVector<f64>,
+}
+
+/// The system: base columns with their priors, and the target.
+#[derive(Clone, Debug)]
+pub(crate) struct System {
+    /// Base columns, nuisances first.
+    pub base: Rc<Vec<Column>>,
+    /// Precision 1/sd² of the prior of each; 0 is flat.
+    pub precision: Vec<f64>,
+    /// The target y by channel.
+    pub target: Vec<Vec<f64>>,
+    /// Weight of each channel.
+    pub weights: Vec<f64>,
+    products: Rc<ByChannel>,
+    with_target: Vec<DVector<f64>>,
+}
+
+/// A nuisance with a prior goes no farther than this many of its standard deviations: 1.7 are the tolerance, the rest is for
+/// tolerances that are not meant to the last digit.
+const BOUND: f64 = 2.0;
+
+/// The base fitted under the present weights, for some of its columns.
+pub(crate) struct Fit {
+    /// Indices of the base columns that take part.
+    pub active: Vec<usize>,
+    /// Positions in `active` of those that are not held at their bound.
+    pub free: Vec<usize>,
+    factor: Cholesky<f64, Dyn>,
+    /// Coefficients of the active columns.
+    pub eta: DVector<f64>,
+    /// What is left: the weighted sum of squares and what the priors pay.
+    pub left: f64,
+}
+
+impl System {
+    /// A system of the nuisances `base` for `target`.
+    pub fn new(base: Vec<Column>, precision: Vec<f64>, target: Vec<Vec<f64>>) -> Self {
+        let channels = target.len();
+        let products: ByChannel = (0..channels).map(|c| gram(&base, &base, c)).collect();
+        let with_target = (0..channels).map(|c| against(&base, &target, c)).collect();
+        Self {
+            base: Rc::new(base),
+            precision,
+            weights: vec![1.0; channels],
+            products: Rc::new(products),
+            with_target,
+            target,
+        }
+    }
+
+    /// The same base for another target.
+    pub fn with_other_target(&self, target: &[Vec<f64>]) -> Self {
+        let with_target = (0..target.len()).map(|c| against(&self.base, target, c)).collect();
+        Self { target: target.to_vec(), with_target, ..self.clone() }
+    }
+
+    /// A block of `columns` with its inner products.
+    pub fn block(&self, columns: Vec<Column>) -> Block {
+        let channels = 0..self.target.len();
+        Block {
+            with_base: channels.clone().map(|c| gram(&self.base, &columns, c)).collect(),
+            with_itself: channels.clone().map(|c| gram(&columns, &columns, c)).collect(),
+            with_target: channels.map(|c| against(&columns, &self.target, c)).collect(),
+            columns,
+        }
+    }
+
+    /// The same block against the target of this system, whose base is the same.
+    pub fn retargeted(&self, block: &Block) -> Vec<DVector<f64>> {
+        (0..self.target.len()).map(|c| against(&block.columns, &self.target, c)).collect()
+    }
+
+    /// Adds the columns of `block` to the base under a flat prior; the indices of the new columns.
+    pub fn admit(&mut self, block: &Block) -> Vec<usize> {
+        let (old, new) = (self.base.len(), block.columns.len());
+        let products = Rc::make_mut(&mut self.products);
+        for (c, product) in products.iter_mut().enumerate() {
+            let mut grown = product.clone().resize(old + new, old + new, 0.0);
+            grown.view_mut((0, old), (old, new)).copy_from(&block.with_base[c].rows(0, old));
+            grown.view_mut((old, 0), (new, old)).copy_from(&block.with_base[c].rows(0, old).transpose());
+            grown.view_mut((old, old), (new, new)).copy_from(&block.with_itself[c]);
+            *product = grown;
+            let mut target = self.with_target[c].clone().resize_vertically(old + new, 0.0);
+            target.rows_mut(old, new).copy_from(&block.with_target[c]);
+            self.with_target[c] = target;
+        }
+        Rc::make_mut(&mut self.base).extend(block.columns.iter().cloned());
+        self.precision.extend(std::iter::repeat_n(0.0, new));
+        (old..old + new).collect()
+    }
+
+    /// Brings the inner products of `block` up to the columns admitted since.
+    pub fn catch_up(&self, block: &mut Block) {
+        let (known, all) = (block.with_base.first().map_or(0, DMatrix::nrows), self.base.len());
+        if known == all {
+            return;
+        }
+        for c in 0..self.target.len() {
+            let more = gram(&self.base[known..], &block.columns, c);
+            let mut grown = block.with_base[c].clone().resize_vertically(all, 0.0);
+            grown.rows_mut(known, all - known).copy_from(&more);
+            block.with_base[c] = grown;
+        }
+    }
+
+    /// Fits the base columns `active`, nuisances inside their bounds; `None` if they are not independent.
+    pub fn fit(&self, active: &[usize]) -> Option<Fit> {
+        let (normal, right) = self.normal(active);
+        let bound: Vec<bool> = active.iter().map(|&a| self.precision[a] == 1.0).collect();
+        let Bounded { free, factor, eta, fall } = bounded(&normal, &right, &bound)?;
+        let left = self.weighted_square(&self.target) - fall;
+        Some(Fit { active: active.to_vec(), free, factor, eta, left })
+    }
+
+    /// As [`System::score`], with the nuisances that `fit` holds at their bounds free to come back: what the block would really gain.
+    pub fn exact_score(&self, fit: &Fit, block: &Block) -> Option<Score> {
+        let (n, p) = (fit.active.len(), block.columns.len());
+        let (base, base_right) = self.normal(&fit.active);
+        let mut normal = base.resize(n + p, n + p, 0.0);
+        let mut right = base_right.resize_vertically(n + p, 0.0);
+        for (c, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
+            for j in 0..p {
+                right[n + j] += weight * block.with_target[c][j];
+                for k in 0..p {
+                    normal[(n + j, n + k)] += weight * block.with_itself[c][(j, k)];
+                }
+                for (i, &a) in fit.active.iter().enumerate() {
+                    let product = weight * block.with_base[c][(a, j)];
+                    normal[(i, n + j)] += product;
+                    normal[(n + j, i)] += product;
+                }
+            }
+        }
+        let bound: Vec<bool> =
+            (0..n + p).map(|k| fit.active.get(k).is_some_and(|&a| self.precision[a] == 1.0)).collect();
+        let solved = bounded(&normal, &right, &bound)?;
+        let gain = fit.left - (self.weighted_square(&self.target) - solved.fall);
+        let beta = solved.eta.rows(n, p).into_owned();
+        let shift = solved.eta.rows(0, n) - &fit.eta;
+        gain.is_finite().then_some(Score { gain, beta, shift })
+    }
+
+    /// Normal matrix and right side of the base columns `active`, priors included.
+    fn normal(&self, active: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+        let n = active.len();
+        let (mut normal, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        for (c, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
+            for (i, &a) in active.iter().enumerate() {
+                right[i] += weight * self.with_target[c][a];
+                for (j, &b) in active.iter().enumerate() {
+                    normal[(i, j)] += weight * self.products[c][(a, b)];
+                }
+            }
+        }
+        for (i, &a) in active.iter().enumerate() {
+            normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-11) + self.precision[a] + f64::MIN_POSITIVE;
+        }
+        (normal, right)
+    }
+
+    /// What `block` explains beyond `fit`; `None` if it is nothing of its own.
+    pub fn score(&self, fit: &Fit, block: &Block) -> Option<Score> {
+        self.score_of(fit, block, &block.with_target)
+    }
+
+    /// The same for a target with which the block has these inner products.
+    pub fn score_of(&self, fit: &Fit, block: &Block, with_target: &[DVector<f64>]) -> Option<Score> {
+        let (n, p) = (fit.active.len(), block.columns.len());
+        let mut cross = DMatrix::zeros(n, p);
+        let mut own = DMatrix::zeros(p, p);
+        let mut right = DVector::zeros(p);
+        for (c, weight) in self.weights.iter().enumerate() {
+            own += *weight * &block.with_itself[c];
+            right += *weight * &with_target[c];
+            for (i, &a) in fit.active.iter().enumerate() {
+                for j in 0..p {
+                    cross[(i, j)] += weight * block.with_base[c][(a, j)];
+                }
+            }
+        }
+        let whole = own.diagonal();
+        right -= cross.transpose() * &fit.eta;
+        let free = DMatrix::from_fn(fit.free.len(), p, |i, j| cross[(fit.free[i], j)]);
+        let solved = fit.factor.solve(&free);
+        own -= free.transpose() * &solved;
+        let share = (0..p).map(|j| own[(j, j)] / whole[j].max(f64::MIN_POSITIVE)).fold(1.0, f64::min);
+        if !whole.iter().all(|&w| w > 0.0) || share < 1e-9 {
+            return None;
+        }
+        let inverse = Cholesky::new(own)?.inverse();
+        let beta = &inverse * &right;
+        let gain = right.dot(&beta);
+        let mut shift = DVector::zeros(n);
+        fit.free.iter().zip((solved * &beta).iter()).for_each(|(&k, moved)| shift[k] = -moved);
+        gain.is_finite().then_some(Score { gain, beta, shift })
+    }
+
+    /// Covariance of the active coefficients; zero where one is held at its bound.
+    pub fn covariance(&self, fit: &Fit) -> DMatrix<f64> {
+        let (inverse, n) = (fit.factor.inverse(), fit.active.len());
+        let mut whole = DMatrix::zeros(n, n);
+        for (i, &a) in fit.free.iter().enumerate() {
+            for (j, &b) in fit.free.iter().enumerate() {
+                whole[(a, b)] = inverse[(i, j)];
+            }
+        }
+        whole
+    }
+
+    /// Target minus the fitted base, by channel.
+    pub fn residual(&self, fit: &Fit) -> Vec<Vec<f64>> {
+        let mut residual = self.target.clone();
+        for (&a, eta) in fit.active.iter().zip(fit.eta.iter()) {
+            subtract(&mut residual, &self.base[a], *eta);
+        }
+        residual
+    }
+
+    /// The same with `block` in, by its `score`.
+    pub fn residual_with(&self, fit: &Fit, block: &Block, score: &Score) -> Vec<Vec<f64>> {
+        let mut residual = self.target.clone();
+        for (&a, eta) in fit.active.iter().zip((&fit.eta + &score.shift).iter()) {
+            subtract(&mut residual, &self.base[a], *eta);
+        }
+        for (column, beta) in block.columns.iter().zip(score.beta.iter()) {
+            subtract(&mut residual, column, *beta);
+        }
+        residual
+    }
+
+    /// Weighted sum of squares of `residual`.
+    pub fn weighted_square(&self, residual: &[Vec<f64>]) -> f64 {
+        let squares = residual.iter().map(|r| r.iter().map(|x| x * x).sum::<f64>());
+        squares.zip(&self.weights).map(|(square, weight)| square * weight).sum()
+    }
+}
+
+/// The least of ηᵀNη − 2bᵀη with some η inside their bounds.
+struct Bounded {
+    free: Vec<usize>,
+    factor: Cholesky<f64, Dyn>,
+    eta: DVector<f64>,
+    /// By how much it is below zero.
+    fall: f64,
+}
+
+/// Solves `normal` η = `right`; what goes beyond its bound is held there, and the rest is solved again.
+fn bounded(normal: &DMatrix<f64>, right: &DVector<f64>, bound: &[bool]) -> Option<Bounded> {
+    let n = bound.len();
+    let mut free: Vec<usize> = (0..n).collect();
+    let mut eta = DVector::zeros(n);
+    loop {
+        let m = free.len();
+        let held: Vec<usize> = (0..n).filter(|k| !free.contains(k)).collect();
+        let part = DMatrix::from_fn(m, m, |i, j| normal[(free[i], free[j])]);
+        let pull = |i: usize| held.iter().map(|&k| normal[(free[i], k)] * eta[k]).sum::<f64>();
+        let factor = Cholesky::new(part)?;
+        let solved = factor.solve(&DVector::from_fn(m, |i, _| right[free[i]] - pull(i)));
+        free.iter().zip(solved.iter()).for_each(|(&k, x)| eta[k] = *x);
+        let beyond: Vec<usize> =
+            free.iter().copied().filter(|&k| bound[k] && eta[k].abs() > BOUND * (1.0 + 1e-9)).collect();
+        if beyond.is_empty() {
+            let fall = 2.0 * right.dot(&eta) - eta.dot(&(normal * &eta));
+            return Some(Bounded { free, factor, eta, fall });
+        }
+        for &k in &beyond {
+            eta[k] = BOUND * eta[k].signum();
+        }
+        free.retain(|k| !beyond.contains(k));
+    }
+}
+
+/// Subtracts `factor` times `column` from `rows`.
+pub(crate) fn subtract(rows: &mut [Vec<f64>], column: &Column, factor: f64) {
+    for (rows, part) in rows.iter_mut().zip(column) {
+        if let Some(part) = part {
+            rows.iter_mut().zip(part).for_each(|(row, x)| *row -= factor * x);
+        }
+    }
+}
+
+fn gram(left: &[Column], right: &[Column], channel: usize) -> DMatrix<f64> {
+    DMatrix::from_fn(left.len(), right.len(), |i, j| match (&left[i][channel], &right[j][channel]) {
+        (Some(a), Some(b)) => dot(a, b),
+        _ => 0.0,
+    })
+}
+
+fn against(columns: &[Column], target: &[Vec<f64>], channel: usize) -> DVector<f64> {
+    DVector::from_fn(columns.len(), |i, _| {
+        columns[i][channel].as_ref().map_or(0.0, |part| dot(part, &target[channel]))
+    })
+}
+
+/// Inner product in four sums, which the processor takes at once.
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (fours_a, rest_a) = a.as_chunks::<4>();
+    let (fours_b, rest_b) = b.as_chunks::<4>();
+    let mut sums = [0.0; 4];
+    for (a, b) in fours_a.iter().zip(fours_b) {
+        for k in 0..4 {
+            sums[k] += a[k] * b[k];
+        }
+    }
+    let rest: f64 = rest_a.iter().zip(rest_b).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + rest
+}

@@ -1,0 +1,214 @@
+//! How far a machine may be from its model without that being a finding.
+
+use freeplay_laws::{ArmParts, DriveFriction};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+
+use super::stage::{Answer, Stage};
+use crate::filter::derivatives;
+use crate::residual::Kind;
+
+/// Tolerances of the nominal model: half the width within which a machine of that model may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerances {
+    /// Mass of a link, as a fraction.
+    pub mass: f64,
+    /// Inertia of a link about its centre of mass, as a fraction.
+    pub inertia: f64,
+    /// Friction that the model names, as a fraction.
+    pub friction: f64,
+    /// Zero of an encoder, rad (m for a slide).
+    pub zero: f64,
+    /// Length between joints, and position of the tool, m.
+    pub length: f64,
+    /// Delay of the torques, of the tracker and of the link encoders against the joint encoders, s.
+    pub delay: f64,
+    /// Orientation of the tracker's frame, rad.
+    pub frame: f64,
+}
+
+impl Default for Tolerances {
+    fn default() -> Self {
+        Self { mass: 0.02, inertia: 0.02, friction: 0.05, zero: 1e-4, length: 1e-4, delay: 6e-4, frame: 1e-4 }
+    }
+}
+
+/// Standard deviation of a quantity spread evenly over ±1: 1/√3.
+const EVEN: f64 = 0.577_350_269_189_625_8;
+
+/// A nuisance: a direction in which the machine may differ from its model, scaled so that its prior is a normal of variance one.
+#[derive(Debug)]
+pub(crate) struct Nuisance {
+    /// What it is, for people.
+    pub name: String,
+    /// What one standard deviation of it adds to each channel.
+    pub answer: Answer,
+    /// Whether it has no prior at all: the zero of a link encoder.
+    pub free: bool,
+    /// Whether it changes the rigid arm.
+    pub arm: bool,
+    /// Whether it shifts the links.
+    pub shifts: bool,
+}
+
+/// All nuisances of `stage`, the same in number and order for every recording of an arm.
+pub(crate) fn nuisances(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let mut all = of_links(stage, tolerances);
+    all.extend(of_friction(stage, tolerances));
+    all.extend(of_zeros(stage, tolerances));
+    all.extend(of_delays(stage, tolerances));
+    all.extend(of_tracker(stage, tolerances));
+    all
+}
+
+/// Masses, inertias and lengths.
+fn of_links(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let nominal = stage.arm();
+    let mut all = Vec::new();
+    let mut vary = |name: String, change: &dyn Fn(&mut ArmParts)| {
+        let mut parts = ArmParts::of(nominal);
+        change(&mut parts);
+        if let Ok(arm) = parts.into_arm(nominal.name()) {
+            let answer = stage.rigid_answer(&arm, None);
+            if answer.iter().any(Option::is_some) {
+                all.push(Nuisance { name, answer, free: false, arm: true, shifts: false });
+            }
+        }
+    };
+    for (index, joint) in nominal.joints().iter().enumerate() {
+        let name = &joint.name;
+        vary(format!("mass of link {name}"), &|parts| {
+            parts.joints[index].inertia.mass *= 1.0 + EVEN * tolerances.mass;
+        });
+        vary(format!("inertia of link {name}"), &|parts| {
+            parts.joints[index].inertia.about_com *= 1.0 + EVEN * tolerances.inertia;
+        });
+        vary(format!("length before {name}"), &|parts| {
+            lengthen(&mut parts.joints[index].placement, EVEN * tolerances.length);
+        });
+    }
+    vary("length of the tool".to_owned(), &|parts| lengthen(&mut parts.tool, EVEN * tolerances.length));
+    all
+}
+
+/// Adds `amount` to the length of a way that has one.
+fn lengthen(way: &mut Isometry3<f64>, amount: f64) {
+    if let Some(direction) = way.translation.vector.try_normalize(1e-6) {
+        way.translation.vector += direction * amount;
+    }
+}
+
+/// The friction that the model names.
+fn of_friction(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let mut all = Vec::new();
+    for (index, joint) in stage.arm().joints().iter().enumerate() {
+        let nominal = DriveFriction::nominal(joint.friction);
+        let scale = EVEN * tolerances.friction;
+        if nominal.viscous > 0.0 {
+            let column: Vec<f64> =
+                stage.motion().v[index].iter().map(|v| scale * nominal.viscous * v).collect();
+            all.push(on_torque(stage, index, format!("viscous friction of {}", joint.name), &column));
+        }
+        if nominal.coulomb > 0.0 {
+            let jump = DriveFriction { viscous: 0.0, ..nominal };
+            let column: Vec<f64> =
+                stage.whole().v[index].iter().map(|v| scale * jump.resisting(*v)).collect();
+            let column = stage.treated(&column);
+            all.push(on_torque(stage, index, format!("Coulomb friction of {}", joint.name), &column));
+        }
+    }
+    all
+}
+
+fn on_torque(stage: &Stage, index: usize, name: String, column: &[f64]) -> Nuisance {
+    let answer = stage.by_channel(|kind| (kind == Kind::Torque(index)).then(|| column.to_vec()));
+    Nuisance { name, answer, free: false, arm: false, shifts: false }
+}
+
+/// Zeros of the encoders.
+fn of_zeros(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let points = stage.motion().len();
+    let joints = stage.arm().joints().iter().enumerate();
+    joints
+        .map(|(index, joint)| {
+            let mut shift = vec![vec![0.0; points]; stage.arm().dof()];
+            shift[index].fill(EVEN * tolerances.zero);
+            let name = format!("encoder zero of {}", joint.name);
+            let answer = stage.rigid_answer(stage.arm(), Some(&shift));
+            Nuisance { name, answer, free: false, arm: false, shifts: true }
+        })
+        .collect()
+}
+
+/// Delays between the channels. A torque that is held from one sample to the next is half a sample late or early by itself.
+fn of_delays(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let held = 0.5 / stage.ground.treatment.rate_hz();
+    let late = |kinds: fn(Kind) -> bool, seconds: f64, name: &str| {
+        let answer = stage.channels.iter().map(|channel| {
+            kinds(channel.kind).then(|| {
+                let rate = rate_of_change(stage, &channel.model);
+                rate.iter().map(|rate| -seconds * rate).collect()
+            })
+        });
+        Nuisance { name: name.to_owned(), answer: answer.collect(), free: false, arm: false, shifts: false }
+    };
+    let delay = EVEN * tolerances.delay;
+    vec![
+        late(|kind| matches!(kind, Kind::Torque(_)), delay.hypot(EVEN * held), "delay of the torques"),
+        late(|kind| matches!(kind, Kind::Tool(_)), delay, "delay of the tracker"),
+        late(|kind| matches!(kind, Kind::Link(_)), delay, "delay of the link encoders"),
+    ]
+}
+
+/// Derivative with respect to time of a signal on the kept points, stretch by stretch.
+pub(crate) fn rate_of_change(stage: &Stage, signal: &[f64]) -> Vec<f64> {
+    let mut out = Vec::with_capacity(signal.len());
+    for stretch in &stage.motion().stretches {
+        let step = stage.motion().step(stretch);
+        out.extend(derivatives(&signal[stretch.clone()], step).0);
+    }
+    out
+}
+
+/// The tracker's frame, and the zeros of link encoders, which nobody sets against the motors'.
+fn of_tracker(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let tool = |kind| matches!(kind, Kind::Tool(_));
+    let model: Vec<&Vec<f64>> = stage.channels.iter().filter(|c| tool(c.kind)).map(|c| &c.model).collect();
+    let mut all = Vec::new();
+    if let [x, y, z] = model.as_slice() {
+        let mut vary = |name: &str, pose: Isometry3<f64>| {
+            let moved: Vec<Vector3<f64>> = (0..x.len())
+                .map(|k| {
+                    let at = nalgebra::Point3::new(x[k], y[k], z[k]);
+                    pose * at - at
+                })
+                .collect();
+            let answer = stage.by_channel(|kind| match kind {
+                Kind::Tool(axis) => Some(moved.iter().map(|moved| moved[axis]).collect()),
+                _ => None,
+            });
+            all.push(Nuisance { name: name.to_owned(), answer, free: false, arm: false, shifts: false });
+        };
+        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+            let mut way = Vector3::zeros();
+            way[axis] = EVEN * tolerances.length;
+            vary(&format!("tracker along {name}"), Translation3::from(way).into());
+            way[axis] = EVEN * tolerances.frame;
+            let turned = UnitQuaternion::from_scaled_axis(way);
+            vary(&format!("tracker about {name}"), Isometry3::from_parts(Translation3::identity(), turned));
+        }
+    }
+    for (index, channel) in stage.channels.iter().enumerate() {
+        if let Kind::Link(_) = channel.kind {
+            let mut answer: Answer = vec![None; stage.channels.len()];
+            answer[index] = Some(vec![1e-3; stage.motion().len()]);
+            all.push(Nuisance {
+                name: format!("zero of {}", channel.name),
+                answer,
+                free: true,
+                arm: false,
+                shifts: false,
+            });
+        }
+    }
+    all
+}
