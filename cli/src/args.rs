@@ -25,6 +25,8 @@ enum Command {
     Swap(crate::swap_command::SwapArgs),
     /// The exam of a controller: faults injected on purpose, and what comes of each.
     Faults(crate::faults::FaultsArgs),
+    /// Where a model and recordings differ, what is missing from the model, and how much better it gets with it.
+    Diagnose(crate::diagnose::DiagnoseArgs),
     /// The recorded states of a run to a new controller process, its commands beside the recorded ones.
     Replay(crate::replay::ReplayArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
@@ -51,6 +53,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Compare(args) => crate::compare::compare(&args),
         Command::Swap(args) => crate::swap_command::swap(&args),
         Command::Faults(args) => crate::faults::faults(&args),
+        Command::Diagnose(args) => crate::diagnose::diagnose(&args),
         Command::Replay(args) => crate::replay::replay(&args),
         Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
         Command::Reproduce(args) => crate::reproduce::reproduce(&args),

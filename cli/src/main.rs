@@ -3,13 +3,14 @@
 //! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run` (the parent),
 //! `plant_command` and `controller_command` (its children), `columns` and `recorder` (what is kept), `summary`,
 //! `histogram_files`, `screen` and `run_report` (what a person sees); `swaps` (who is in charge when), `swap_command` and
-//! `swap_measures` (what a swap costs); `compare`, `replay`, `reference_runs` and `bound` beside them.
+//! `swap_measures` (what a swap costs); `compare`, `diagnose`, `replay`, `reference_runs` and `bound` beside them.
 
 mod args;
 mod bound;
 mod columns;
 mod compare;
 mod controller_command;
+mod diagnose;
 mod exit;
 mod faults;
 mod histogram_files;
