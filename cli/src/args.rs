@@ -35,6 +35,8 @@ enum Command {
     Reproduce(crate::reproduce::ReproduceArgs),
     /// How far the deviation at sharp corners can be taken down at all: an offline optimum with all knowledge of the arm.
     Bound(crate::bound::BoundArgs),
+    /// Train the network of narx-qp on simulated runs, and show how much better it predicts than what needs no network.
+    Train(crate::train::TrainArgs),
     /// The process that plays the machine; `freeplay run` starts it.
     #[command(hide = true)]
     Plant(crate::plant_command::PlantArgs),
@@ -58,6 +60,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
         Command::Reproduce(args) => crate::reproduce::reproduce(&args),
         Command::Bound(args) => crate::bound::bound(&args),
+        Command::Train(args) => crate::train::train(&args),
         Command::Plant(args) => crate::plant_command::plant(&args),
         Command::Controller(args) => crate::controller_command::controller(&args),
     }

@@ -32,6 +32,7 @@ mod summary;
 mod swap_command;
 mod swap_measures;
 mod swaps;
+mod train;
 
 fn main() -> std::process::ExitCode {
     match args::dispatch() {

@@ -5,7 +5,7 @@
 use std::error::Error;
 use std::time::Instant;
 
-use freeplay_arm::{EffectTable, paper_arm, to_toml};
+use freeplay_arm::{EffectTable, Workspace, forward_kinematics, paper_arm, to_toml};
 use freeplay_controller::{Answer, BUILT_IN, RunInfo, Task, TaskMode, built_in};
 use freeplay_path::JointPath;
 use freeplay_shm::{Mode, Pace, State};
@@ -35,20 +35,27 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// States of joints that follow the reference of `task`.
+/// States of joints that follow the reference of `task`; the tool is tracked, 0.6 mm below where the perfect arm has it.
 fn states(task: &Task) -> Result<Vec<State>, Box<dyn Error>> {
+    let arm = paper_arm().arm;
+    let mut workspace = Workspace::new(&arm);
     let path = JointPath::plan(&paper_arm().arm, &task.path, task.rate)?;
-    let on = |tick: u64| {
+    let mut on = |tick: u64| {
         let mut state = State::new(1, path.dof());
         state.tick = tick;
         let reference = &mut state.reference;
         path.at(tick as f64 * task.period(), &mut reference.q, &mut reference.qd, &mut reference.qdd);
         (state.q, state.qd) = (state.reference.q, state.reference.qd);
+        let tool = forward_kinematics(&arm, &mut workspace, &state.q[..arm.dof()]);
+        state.tool[..3].copy_from_slice(tool.translation.vector.as_slice());
+        state.tool[2] -= 6e-4;
+        state.tool[3..].copy_from_slice(tool.rotation.coords.as_slice());
+        state.flags = State::FLAG_TOOL_TRACKED;
         let next = &mut state.reference_next;
         path.at((tick + 1) as f64 * task.period(), &mut next.q, &mut next.qd, &mut next.qdd);
         state
     };
-    Ok((0..TICKS).map(on).collect())
+    Ok((0..TICKS).map(&mut on).collect())
 }
 
 fn measure(name: &str, task: &Task, states: &[State]) -> Result<(), Box<dyn Error>> {

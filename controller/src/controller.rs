@@ -119,6 +119,12 @@ pub enum ControllerError {
     /// The compensation programme cannot be set up.
     #[error(transparent)]
     Qp(#[from] QpError),
+    /// The file with a network's weights cannot be used.
+    #[error(transparent)]
+    Weights(#[from] freeplay_predictor::weight_file::WeightFileError),
+    /// The weights are for something else.
+    #[error(transparent)]
+    OtherWeights(#[from] freeplay_predictor::weight_file::MismatchError),
     /// The model has another number of joints than the plant's arm.
     #[error(
         "the model {model} has {found} joints, the plant's arm has {expected}: give the controller a model of the same joints"

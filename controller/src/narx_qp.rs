@@ -2,14 +2,22 @@
 //! programme; through the corners of its own path it goes as planned before the run ([`crate::passage`]).
 //!
 //! With a tracked tool the slowly varying residual is learned online ([`ToolResidual`]): a wrong clearance, a friction that the
-//! model leaves out.
+//! model leaves out. What moves faster is forecast by the twin of the journal and the network ([`Learned`]), smoothed as the
+//! correction needs it, bounded to [`LARGEST_FAST`] of the reach and trusted as far as it has proved right.
 
+use std::path::Path;
+
+use freeplay_laws::ArmWithPlay;
 use freeplay_path::JointPath;
+use freeplay_predictor::Narx;
 use freeplay_shm::State;
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::compensation::Weights;
 use crate::controller::{Answer, Controller, ControllerError, RunInfo};
+use crate::features::Features;
+use crate::learned::{self, Learned};
 use crate::model::Model;
 use crate::task::{Task, TaskError};
 use crate::tool_residual::{LONGEST_DELAY, ToolResidual};
@@ -17,6 +25,12 @@ use crate::tracking::{Tracking, TrackingOptions};
 
 /// Name of the controller.
 pub const NARX_QP: &str = "narx-qp";
+/// Largest fast correction, share of the reach.
+pub const LARGEST_FAST: f64 = 0.1;
+/// Time constant of each of the two filters that smooth the fast correction, s.
+const SMOOTHING: f64 = 0.004;
+/// Ticks looked ahead without a network.
+const HORIZON: usize = 3;
 
 /// What the controller understands in the task's `[options]`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,12 +46,30 @@ pub struct NarxQpOptions {
     pub passages: bool,
     /// Age of the tracker's readings, ticks.
     pub tracker_delay: u64,
+    /// File with the network's weights; absent: those that come with the project for this arm, if there are any.
+    pub weights: Option<String>,
+    /// Share of what moves fast that is corrected, 0 to 1.
+    pub fast: f64,
+    /// Ticks that are looked ahead without a network.
+    pub horizon: usize,
+    /// Time constant of each of the two filters that smooth the fast correction, s.
+    pub smoothing: f64,
 }
 
 impl Default for NarxQpOptions {
     fn default() -> NarxQpOptions {
         let TrackingOptions { blend, average, weights, .. } = TrackingOptions::default();
-        NarxQpOptions { blend, average, cost: weights, passages: true, tracker_delay: 0 }
+        NarxQpOptions {
+            blend,
+            average,
+            cost: weights,
+            passages: true,
+            tracker_delay: 0,
+            weights: None,
+            fast: 0.0,
+            horizon: HORIZON,
+            smoothing: SMOOTHING,
+        }
     }
 }
 
@@ -67,6 +99,15 @@ pub struct NarxQp {
 struct Ready {
     tracking: Tracking,
     residual: ToolResidual,
+    learned: Option<Learned>,
+    /// Largest fast correction, m.
+    largest: f64,
+    period: f64,
+    /// Share of what moves fast that is corrected.
+    share: f64,
+    smoothing: f64,
+    /// The fast correction after one filter and after two, base frame, m.
+    fast: [Vector3<f64>; 2],
     /// Ticks from a state to the instant of its answer.
     lead: u64,
     /// Tick of the last state.
@@ -83,8 +124,14 @@ impl Controller for NarxQp {
         let tracking = options.tracking()?;
         let model = Model::load(task, run)?;
         let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
-        let reach = model.clearances.iter().map(|(_, clearance)| clearance.clearance).sum();
+        let reach: f64 = model.clearances.iter().map(|(_, clearance)| clearance.clearance).sum();
         self.ready = Some(Ready {
+            learned: learn(task, &options, &model, &path)?,
+            share: options.fast,
+            smoothing: options.smoothing,
+            largest: LARGEST_FAST * reach,
+            period: task.period(),
+            fast: [Vector3::zeros(); 2],
             tracking: Tracking::new(task, &model, path, run.ticks, &tracking)?,
             residual: ToolResidual::new(&model.arm, reach, task.period(), options.tracker_delay),
             lead: task.mode.lead(),
@@ -101,15 +148,82 @@ impl Controller for NarxQp {
     }
 }
 
+/// The forecast for `task`, if one can be made: for one joint with play.
+fn learn(
+    task: &Task,
+    options: &NarxQpOptions,
+    model: &Model,
+    path: &JointPath,
+) -> Result<Option<Learned>, ControllerError> {
+    let network = network(options.weights.as_deref(), model)?;
+    let arm = ArmWithPlay::new(&model.arm, &model.clearances)?;
+    let horizon = network.as_ref().map_or(options.horizon, |narx| narx.layout().horizon);
+    let features = Features::new(model, &arm, path.clone(), task.mode, task.period(), horizon);
+    Ok(features.map(|features| Learned::new(features, network, task.period())))
+}
+
+/// The network of `file`, or the one that comes with the project for `model`; says so where there is none.
+fn network(file: Option<&str>, model: &Model) -> Result<Option<Narx>, ControllerError> {
+    if let Some(file) = file {
+        let narx = Narx::load(Path::new(file))?;
+        learned::check(&narx, &model.arm)?;
+        return Ok(Some(narx));
+    }
+    let found = match model.clearances.as_slice() {
+        [(joint, _)] => learned::shipped(&model.arm, &model.arm.joints()[*joint].name),
+        _ => None,
+    };
+    if found.is_none() {
+        let joints: Vec<&str> =
+            model.clearances.iter().map(|(joint, _)| model.arm.joints()[*joint].name.as_str()).collect();
+        let joints = if joints.is_empty() { "no joint".to_owned() } else { joints.join(", ") };
+        eprintln!(
+            "narx-qp: no weights for the arm {} with play in {joints}: it runs on physics and what a tracked tool says \
+             (freeplay train makes weights)",
+            model.arm.name()
+        );
+    }
+    Ok(found)
+}
+
+impl Drop for Ready {
+    fn drop(&mut self) {
+        let ignored = self.learned.as_ref().map_or(0, Learned::ignored);
+        if ignored > 0 {
+            eprintln!("narx-qp: {ignored} predictions of the network were not finite and were not used");
+        }
+    }
+}
+
 impl Ready {
+    /// What moves faster than the residual learns, smoothed and bounded, base frame, m.
+    fn forecast(&mut self, state: &State) -> Vector3<f64> {
+        let beyond = self.learned.as_mut().and_then(|learned| learned.push(state)).unwrap_or_default();
+        let fast = (beyond - self.residual.now()) * self.share;
+        let length = fast.norm();
+        let trusted = beyond != Vector3::zeros() && length.is_finite();
+        let fast = if !trusted {
+            Vector3::zeros()
+        } else if length > self.largest {
+            fast * (self.largest / length)
+        } else {
+            fast
+        };
+        let share = (self.period / self.smoothing).min(1.0);
+        self.fast[0] += (fast - self.fast[0]) * share;
+        self.fast[1] += (self.fast[0] - self.fast[1]) * share;
+        self.fast[1]
+    }
+
     fn answer(&mut self, state: &State, answer: &mut Answer) -> Option<()> {
         if self.tick.is_some_and(|last| state.tick <= last) {
             self.residual.restart();
         }
         self.tick = Some(state.tick);
         self.residual.observe(state);
+        let fast = self.forecast(state);
         let residual = &mut self.residual;
-        self.tracking.answer(state, &mut |plan| residual.beyond(plan), answer)?;
+        self.tracking.answer(state, &mut |plan| residual.beyond(plan) + fast, answer)?;
         self.residual.aim(state.tick + self.lead, self.tracking.target());
         Some(())
     }

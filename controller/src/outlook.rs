@@ -9,7 +9,7 @@ use crate::deviation::QuasiStatic;
 use crate::preview::Preview;
 
 /// Where the reference of a state is farther than this from the controller's own path, rad (m), the path is not used.
-const SAME_PATH: f64 = 1e-3;
+pub const SAME_PATH: f64 = 1e-3;
 
 /// A motion of the joints at one instant that owns its numbers.
 pub struct JointMotion {

@@ -99,6 +99,11 @@ impl ToolResidual {
         &self.smooth
     }
 
+    /// The estimate as it was last added to a plan, base frame, m.
+    pub fn now(&self) -> Vector3<f64> {
+        self.frame * self.smooth
+    }
+
     /// Takes the measured tool of `state`, if there is one that the plan was for.
     pub fn observe(&mut self, state: &State) {
         let Some(residual) = self.residual(state) else { return };

@@ -92,12 +92,33 @@ fn a_clearance_that_is_ten_per_cent_wrong_is_still_better_than_none() {
 }
 
 #[test]
+fn a_tracked_tool_corrects_a_wrong_clearance() {
+    for believed in [0.9, 1.1] {
+        let case = Case { believed, seconds: 1.0, ..SMOOTH };
+        let (without, with) = (measure("quasi-static", case), measure("narx-qp", case));
+        assert!(without.rms() > 0.05, "there is something to correct");
+        assert!(with.rms() < 0.3 * without.rms(), "most of what the model has wrong is learned");
+        let last = |outcome: &Outcome| 1e3 * outcome.deviation.last().unwrap().norm();
+        println!("in the end {:.4} mm, {:.4} mm", last(&without), last(&with));
+        assert!(last(&with) < 0.05 * last(&without), "an integral action leaves nothing");
+    }
+}
+
+#[test]
+fn learning_harms_nothing_where_the_model_is_right() {
+    let (without, with) = (measure("quasi-static", SMOOTH), measure("narx-qp", SMOOTH));
+    assert!(with.rms() <= without.rms() && with.max() <= without.max() * 1.05);
+}
+
+#[test]
 fn two_joints_with_play_are_compensated_together() {
     // Driven: under torque, two journals bounce for up to two seconds, with or without compensation.
     let two = Case { mode: TaskMode::Driven, truth: &[(2, 3e-4), (4, 6e-4)], seconds: 0.8, ..SMOOTH };
     let without = measure("computed-torque", two);
-    let with = measure("quasi-static", two);
-    assert!(with.rms() < 0.01 * without.rms());
+    for name in ["quasi-static", "narx-qp"] {
+        let with = measure(name, two);
+        assert!(with.rms() < 0.01 * without.rms());
+    }
 }
 
 /// The whole table; takes minutes in the dev profile:

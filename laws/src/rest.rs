@@ -34,6 +34,13 @@ pub struct Rest {
     tilt: f64,
 }
 
+impl Rest {
+    /// Direction in which the load presses the journal, in the coordinates of the slides; none before there was a load.
+    pub fn direction(&self) -> Option<[f64; 2]> {
+        self.load
+    }
+}
+
 /// How a journal in `clearance` rests under the force `b` (N, along the two slides) of its bearing while its joint turns at `turning`, rad/s; `last` is one tick of `period`
 /// seconds before.
 pub fn settle(clearance: &Clearance, b: [f64; 2], turning: f64, last: &Rest, period: f64) -> Rest {

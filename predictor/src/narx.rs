@@ -18,10 +18,19 @@ use serde::{Deserialize, Serialize};
 pub struct Provenance {
     /// Name of the arm whose motion it was trained on.
     pub arm: String,
-    /// Hash of that arm's file.
+    /// Hash of what that arm is made of.
     pub arm_hash: String,
+    /// The joint whose play it was trained on, if it was one.
+    #[serde(default)]
+    pub joint: String,
     /// Command that made it.
     pub command: String,
+    /// The runs that trained it, in words.
+    #[serde(default)]
+    pub scenarios: Vec<String>,
+    /// Seed of the start weights.
+    #[serde(default)]
+    pub seed: u64,
 }
 
 /// A trained model; made by [`crate::train`] or read from a file.

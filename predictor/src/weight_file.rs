@@ -232,7 +232,7 @@ impl Narx {
     /// # Errors
     /// When it was trained on another one.
     pub fn check_arm(&self, name: &str, hash: &str) -> Result<(), MismatchError> {
-        let Provenance { arm, arm_hash, command } = self.provenance.clone();
+        let Provenance { arm, arm_hash, command, .. } = self.provenance.clone();
         if arm_hash == hash {
             return Ok(());
         }

@@ -155,8 +155,8 @@ impl Simulation {
         reference
     }
 
-    /// The state of this tick.
-    pub fn state(&self) -> State {
+    /// The state of this tick; the tool is tracked.
+    pub fn state(&mut self) -> State {
         let n = self.joints();
         let mut state = State::new(RUN, n);
         state.tick = self.tick;
@@ -166,7 +166,16 @@ impl Simulation {
         state.applied = self.in_force.map_or([0.0; MAX_JOINTS], |answer| answer.value);
         state.reference = self.reference(self.tick as f64);
         state.reference_next = self.reference((self.tick + self.mode.lead()) as f64);
+        let tool = forward_kinematics(self.play.arm(), &mut self.workspace, &self.q);
+        state.tool[..3].copy_from_slice(tool.translation.vector.as_slice());
+        state.tool[3..].copy_from_slice(tool.rotation.coords.as_slice());
+        state.flags = State::FLAG_TOOL_TRACKED;
         state
+    }
+
+    /// Offsets of the journals, m: two for each joint with play.
+    pub fn journals(&self) -> Vec<f64> {
+        self.play.plays().iter().flat_map(|play| play.slides).map(|slide| self.q[slide]).collect()
     }
 
     /// The tool's distance from the perfect arm's tool on the reference, m.

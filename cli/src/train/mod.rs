@@ -1,0 +1,237 @@
+//! `freeplay train`: the network of `narx-qp` from simulated runs, and how much better it predicts than what needs no network.
+
+pub mod collect;
+pub mod scenarios;
+pub mod score;
+pub mod series;
+pub mod simulate;
+mod table;
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use clap::Args;
+use freeplay_predictor::activation::Activation;
+use freeplay_predictor::levenberg_marquardt::Settings;
+use freeplay_predictor::training::{Recipe, train as fit};
+use freeplay_predictor::window::{Window, windows};
+use freeplay_predictor::{Arx, Narx, Provenance, Series, Split};
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::exit::{Exit, Failure};
+use crate::run::Format;
+use crate::say::say;
+use crate::train::collect::{Collected, collect};
+use crate::train::series::View;
+use crate::train::simulate::Subject;
+use crate::train::table::Figures;
+
+/// Steady contact is the same over and over: every so many windows of it train.
+const STEADY_SHARE: usize = 6;
+/// Most windows that train.
+const MOST_WINDOWS: usize = 20_000;
+
+/// Trains the network of narx-qp.
+#[derive(Args, Debug)]
+pub struct TrainArgs {
+    /// Where the weights go.
+    #[arg(long, default_value = "narx.json")]
+    out: PathBuf,
+    /// The arm: "paper" or an arm file.
+    #[arg(long, default_value = freeplay_controller::task::PAPER_MODEL)]
+    model: String,
+    /// The joint that has play.
+    #[arg(long, default_value = "joint_5")]
+    joint: String,
+    /// Ticks to look ahead.
+    #[arg(long, default_value_t = 3)]
+    horizon: usize,
+    /// Units of each hidden layer.
+    #[arg(long, value_delimiter = ',', default_values_t = [10, 10])]
+    hidden: Vec<usize>,
+    /// Most epochs.
+    #[arg(long, default_value_t = 40)]
+    epochs: usize,
+    /// Seed of the start weights.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Train nothing: test these weights.
+    #[arg(long, value_name = "WEIGHTS")]
+    evaluate: Option<PathBuf>,
+    /// Test on one short run only.
+    #[arg(long)]
+    quick: bool,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// Trains, tests and writes the weights.
+///
+/// # Errors
+/// An arm, a joint or weights that can't be used; runs that fail; a file that can't be written.
+pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
+    let subject = subject(args)?;
+    let figures = match &args.evaluate {
+        Some(file) => {
+            let narx = Narx::load(file).map_err(Failure::input)?;
+            freeplay_controller::learned::check(&narx, &subject.arm).map_err(Failure::input)?;
+            let horizon = narx.layout().horizon;
+            table::score(
+                &Fitted { twin: narx, plain: None },
+                &gather(&subject, &scenarios::tests(args.quick), horizon)?,
+            )?
+        }
+        None => {
+            let fitted = learn(args, &subject)?;
+            fitted.twin.save(&args.out).map_err(Failure::input)?;
+            eprintln!("weights  {}", args.out.display());
+            table::score(&fitted, &gather(&subject, &scenarios::tests(args.quick), args.horizon)?)?
+        }
+    };
+    match args.format {
+        Format::Json => {
+            say(&format!("{}\n", serde_json::to_string_pretty(&figures).map_err(Failure::internal)?))?;
+        }
+        Format::Text => say(&Figures::in_words(&figures))?,
+    }
+    Ok(Exit::Done)
+}
+
+fn subject(args: &TrainArgs) -> Result<Subject, Failure> {
+    let arm = crate::setup::load_model(&args.model)?.arm;
+    let joint = arm.joint_index(&args.joint).ok_or_else(|| {
+        let names: Vec<&str> = arm.joints().iter().map(|joint| joint.name.as_str()).collect();
+        Failure::input(format!(
+            "--joint {}: the arm has no such joint; it has {}",
+            args.joint,
+            names.join(", ")
+        ))
+    })?;
+    Ok(Subject { arm, joint })
+}
+
+/// What has been learned.
+pub struct Fitted {
+    /// The network that ships.
+    pub twin: Narx,
+    /// The plain NARX and the ridge ARX on its regressors, unless only weights are tested.
+    pub plain: Option<(Narx, Arx)>,
+}
+
+fn gather(subject: &Subject, specs: &[simulate::RunSpec], horizon: usize) -> Result<Vec<Collected>, Failure> {
+    let bar = bar(specs.len() as u64, "runs");
+    let runs = collect(subject, specs, horizon, true, &bar)?;
+    bar.finish_and_clear();
+    Ok(runs)
+}
+
+fn bar(length: u64, what: &str) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    if let Ok(style) =
+        ProgressStyle::with_template(&format!("{what} {{bar:30}} {{pos}}/{{len}} {{elapsed}} {{msg}}"))
+    {
+        bar.set_style(style);
+    }
+    bar
+}
+
+fn learn(args: &TrainArgs, subject: &Subject) -> Result<Fitted, Failure> {
+    let mut specs = scenarios::training();
+    let training = specs.len();
+    specs.extend(scenarios::validation());
+    let runs = gather(subject, &specs, args.horizon)?;
+    let names = specs[..training].iter().map(|spec| spec.name.clone()).collect();
+    let provenance = |hidden: &[usize]| Provenance {
+        arm: subject.arm.name().to_owned(),
+        arm_hash: freeplay_controller::identity::identity(&subject.arm),
+        joint: subject.arm.joints()[subject.joint].name.clone(),
+        command: command(args, hidden),
+        scenarios: names,
+        seed: args.seed,
+    };
+    let given = provenance(&args.hidden);
+    let twin = fit_view(View::Twin, &runs, training, args, given.clone())?;
+    let plain = fit_view(View::Plain, &runs, training, args, given)?;
+    let series = View::Plain.series(&runs, args.horizon)?;
+    let layout = View::Plain.layout(args.horizon);
+    let split = split(&runs, training, &series, layout.memory(), args.horizon)?;
+    let arx = Arx::fit(&series, &split, &layout).map_err(Failure::input)?;
+    Ok(Fitted { twin, plain: Some((plain, arx)) })
+}
+
+fn command(args: &TrainArgs, hidden: &[usize]) -> String {
+    let hidden: Vec<String> = hidden.iter().map(usize::to_string).collect();
+    format!(
+        "freeplay train --model {} --joint {} --horizon {} --hidden {} --epochs {} --seed {}",
+        args.model,
+        args.joint,
+        args.horizon,
+        hidden.join(","),
+        args.epochs,
+        args.seed
+    )
+}
+
+fn fit_view(
+    view: View,
+    runs: &[Collected],
+    training: usize,
+    args: &TrainArgs,
+    provenance: Provenance,
+) -> Result<Narx, Failure> {
+    let series = view.series(runs, args.horizon)?;
+    let layout = view.layout(args.horizon);
+    let split = split(runs, training, &series, layout.memory(), args.horizon)?;
+    let recipe = Recipe {
+        layout,
+        hidden: args.hidden.clone(),
+        activation: Activation::Tanh,
+        seed: args.seed,
+        settings: Settings { epochs: args.epochs, ..Settings::default() },
+    };
+    let bar = bar(args.epochs as u64, &format!("{view:?}: {} windows, epochs", split.train.len()));
+    let trained = fit(&series, &split, &recipe, provenance, |epoch| {
+        bar.set_position(epoch.epoch as u64);
+        bar.set_message(format!(
+            "error {:.4}, validation {:.4}",
+            epoch.mse,
+            epoch.validation_mse.unwrap_or(f64::NAN)
+        ));
+        ControlFlow::Continue(())
+    })
+    .map_err(Failure::input)?;
+    bar.finish_and_clear();
+    let last = &trained.outcome.history[trained.outcome.best_epoch];
+    eprintln!(
+        "{view:?}: {} windows, best epoch {} ({:?}), error {:.5}, validation {:.5}",
+        split.train.len(),
+        trained.outcome.best_epoch,
+        trained.outcome.stop,
+        last.mse,
+        last.validation_mse.unwrap_or(f64::NAN)
+    );
+    Ok(trained.narx)
+}
+
+/// The windows that train and those that stop the training: all around detachments and in the first half second, a share of the rest.
+fn split(
+    runs: &[Collected],
+    training: usize,
+    series: &Series,
+    memory: usize,
+    horizon: usize,
+) -> Result<Split, Failure> {
+    let near: Vec<Vec<bool>> = runs.iter().map(|run| score::around(&run.rows)).collect();
+    let wanted = |window: &Window| {
+        let early = window.present < 500;
+        early || near[window.run][window.target] || window.present.is_multiple_of(STEADY_SHARE)
+    };
+    // The first forecasts have not come due.
+    let all = windows(series, memory.max(horizon), horizon).map_err(Failure::input)?;
+    let (train, validation): (Vec<_>, Vec<_>) =
+        all.into_iter().filter(wanted).partition(|window| window.run < training);
+    let keep = train.len().div_ceil(MOST_WINDOWS).max(1);
+    let train = train.into_iter().step_by(keep).collect();
+    Ok(Split { train, validation, test: Vec::new() })
+}

@@ -1,0 +1,138 @@
+//! The table of skills.
+
+use std::fmt::Write as _;
+
+use comfy_table::{CellAlignment, Table, presets};
+use serde::Serialize;
+
+use crate::exit::Failure;
+use crate::train::Fitted;
+use crate::train::collect::Collected;
+use crate::train::score::{self, LEAST_ERROR, LEAST_VARIATION, Part};
+use crate::train::series::{View, journals};
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// One axis in one part of one run.
+#[derive(Clone, Debug, Serialize)]
+pub struct Figures {
+    /// The run.
+    pub run: String,
+    /// Steady contact, or around detachments.
+    pub part: Part,
+    /// The axis of the base frame.
+    pub axis: &'static str,
+    /// Predictions.
+    pub count: usize,
+    /// Standard deviation of what is to be predicted, m.
+    pub spread: f64,
+    /// Root mean square error of each baseline, m.
+    pub baselines: Vec<(&'static str, f64)>,
+    /// Root mean square error of the plain NARX, if there is one, of the twin without a network, and with it, m.
+    pub plain: Option<f64>,
+    /// See above.
+    pub twin: f64,
+    /// See above.
+    pub network: f64,
+}
+
+impl Figures {
+    /// 1 − MSE/MSE of the best baseline; none where that is off by less than [`LEAST_ERROR`].
+    pub fn skill(&self, error: f64) -> Option<f64> {
+        let best = self.baselines.iter().map(|(_, rms)| *rms).fold(f64::INFINITY, f64::min);
+        (best >= LEAST_ERROR).then(|| 1.0 - (error / best).powi(2))
+    }
+
+    /// The table for a person.
+    pub fn in_words(all: &[Self]) -> String {
+        let mut table = Table::new();
+        table.load_style(presets::NOTHING);
+        let mut head = vec!["\nrun", "\npart", "\naxis", "\nn", "spread\n[µm]"];
+        let lap = "previous\nlap";
+        head.extend(["persist-\nence", "quasi-st.\n+ resid.", "ridge\nARX", lap]);
+        head.extend(["plain\nNARX", "twin", "twin +\nnetwork", "skill\nplain", "\ntwin", "twin +\nnetwork"]);
+        table.set_header(head);
+        for one in all {
+            let micro = |value: f64| format!("{:.3}", value * 1e6);
+            let skill =
+                |error: f64| one.skill(error).map_or_else(|| "–".to_owned(), |skill| format!("{skill:.3}"));
+            let part = if one.part == Part::Steady { "steady" } else { "detach" };
+            let mut row = vec![one.run.clone(), part.to_owned(), one.axis.to_owned()];
+            row.extend([one.count.to_string(), micro(one.spread)]);
+            row.extend(
+                (0..4).map(|i| one.baselines.get(i).map_or_else(|| "–".into(), |(_, rms)| micro(*rms))),
+            );
+            row.push(one.plain.map_or_else(|| "–".into(), micro));
+            row.extend([micro(one.twin), micro(one.network)]);
+            row.push(one.plain.map_or_else(|| "–".into(), skill));
+            row.extend([skill(one.twin), skill(one.network)]);
+            table.add_row(row);
+        }
+        for column in 3..15 {
+            if let Some(column) = table.column_mut(column) {
+                column.set_cell_alignment(CellAlignment::Right);
+            }
+        }
+        let mut text = format!("{table}\n");
+        let skills: Vec<f64> = all.iter().filter_map(|one| one.skill(one.network)).collect();
+        let better = skills.iter().filter(|skill| **skill > 0.0).count();
+        let _ = writeln!(
+            text,
+            "\nRMS errors in µm after 0.5 s; skill = 1 - MSE / MSE of the best baseline, above 0 in {better} of {} rows; – where that \
+             baseline is off by less than {} nm: nothing is left to predict",
+            skills.len(),
+            LEAST_ERROR * 1e9
+        );
+        text
+    }
+}
+
+/// Scores `fitted` on `runs`, which it has not seen.
+///
+/// # Errors
+/// Weights that do not suit the runs.
+pub fn score(fitted: &Fitted, runs: &[Collected]) -> Result<Vec<Figures>, Failure> {
+    let mut all = Vec::new();
+    let horizon = fitted.twin.layout().horizon;
+    let twin = View::Twin.series(runs, horizon)?;
+    let plain = View::Plain.series(runs, horizon)?;
+    let memory = View::Plain.layout(horizon).memory().max(horizon);
+    for index in 0..runs.len() {
+        let spec = &runs[index].spec;
+        let lap = (spec.path.laps > 1).then(|| (spec.path.period * 1e3).round() as usize);
+        let parts = score::windows(runs, index, horizon, memory, lap.unwrap_or(0));
+        for (part, windows) in [Part::Steady, Part::Detachment].into_iter().zip(parts) {
+            if windows.is_empty() {
+                continue;
+            }
+            let truth = score::truth(runs, &windows);
+            let of = |said: &[[f64; 2]]| score::errors(runs, &windows, &truth, said).map(f64::sqrt);
+            let network = of(&journals(View::Twin, runs, &twin, &windows, &fitted.twin)?);
+            let alone: Vec<_> = windows.iter().map(|w| runs[w.run].rows[w.present].forecast).collect();
+            let alone = of(&alone);
+            let narx =
+                fitted.plain.as_ref().map(|(narx, _)| journals(View::Plain, runs, &plain, &windows, narx));
+            let narx = narx.transpose()?.map(|said| of(&said));
+            let arx = fitted.plain.as_ref().map(|(_, arx)| (&plain, arx));
+            let baselines = score::baselines(runs, &windows, arx, lap)?;
+            let baselines: Vec<_> = baselines.iter().map(|(name, said)| (*name, of(said))).collect();
+            let spread = score::variance(runs, &windows, &truth).map(f64::sqrt);
+            for (axis, name) in
+                AXES.into_iter().enumerate().filter(|(axis, _)| spread[*axis] > LEAST_VARIATION)
+            {
+                all.push(Figures {
+                    run: spec.name.clone(),
+                    part,
+                    axis: name,
+                    count: windows.len(),
+                    spread: spread[axis],
+                    baselines: baselines.iter().map(|(name, rms)| (*name, rms[axis])).collect(),
+                    plain: narx.map(|rms| rms[axis]),
+                    twin: alone[axis],
+                    network: network[axis],
+                });
+            }
+        }
+    }
+    Ok(all)
+}

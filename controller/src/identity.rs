@@ -1,0 +1,31 @@
+//! Which arm it is: a hash of what its dynamics are made of, so that weights learned on one arm are not used on another.
+
+use std::fmt::Write as _;
+
+use freeplay_arm::Arm;
+use sha2::{Digest, Sha256};
+
+/// Numbers that differ by less than this are the same to the hash: reading and writing a model file rounds. SI units.
+const GRID: f64 = 1e-6;
+
+/// SHA-256 over the joints' kinds, axes, placements and links, and the tool of `arm`; 16 hexadecimal digits of it. Names, limits,
+/// gravity, friction and play do not count: they are no matter of which arm it is.
+pub fn identity(arm: &Arm) -> String {
+    let mut hash = Sha256::new();
+    let mut feed = |value: f64| hash.update(((value / GRID).round() as i64).to_le_bytes());
+    for joint in arm.joints() {
+        feed(f64::from(u8::from(joint.kind == freeplay_arm::JointKind::Prismatic)));
+        joint.axis.iter().copied().for_each(&mut feed);
+        joint.placement.to_homogeneous().iter().copied().for_each(&mut feed);
+        feed(joint.rotor_inertia);
+        feed(joint.inertia.mass);
+        joint.inertia.com.iter().chain(joint.inertia.about_com.iter()).copied().for_each(&mut feed);
+    }
+    arm.tool().to_homogeneous().iter().copied().for_each(&mut feed);
+    let mut text = String::with_capacity(16);
+    for byte in &hash.finalize()[..8] {
+        // Writing to a string cannot fail.
+        let _ = write!(text, "{byte:02x}");
+    }
+    text
+}

@@ -1,0 +1,135 @@
+//! The learned forecast of the journal: the twin's, corrected by the network, trusted as far as it has proved right.
+//!
+//! At each state the place of the journal at the tick h ahead is predicted. When that tick has come and the tool was tracked, the
+//! prediction is judged beside the one that needs no learning, rest plus today's residual: with E the mean squared errors over the
+//! last [`MEMORY`] s, the trust is `2 (1 − E_learned/E_plain)`, within 0 and 1. Without a tracked tool there is nothing to judge by,
+//! and no trust.
+
+use freeplay_arm::Arm;
+use freeplay_predictor::weight_file::MismatchError;
+use freeplay_predictor::window::Layout;
+use freeplay_predictor::{Narx, Predictor};
+use freeplay_shm::State;
+use nalgebra::Vector3;
+
+use crate::features::{Features, LONGEST_HORIZON, OUTPUTS, REGRESSORS};
+use crate::identity::identity;
+
+/// Weights that come with the project.
+const SHIPPED: [&str; 0] = [];
+/// Time over which predictions are judged, s.
+const MEMORY: f64 = 0.25;
+/// Predictions that are remembered until they are judged.
+const PENDING: usize = LONGEST_HORIZON + 1;
+
+/// The weights that come with the project for `arm` with play at `joint`, if there are any.
+pub fn shipped(arm: &Arm, joint: &str) -> Option<Narx> {
+    let read = |text: &&str| Narx::from_json(text, "the weights that come with narx-qp").ok();
+    SHIPPED.iter().filter_map(read).find(|narx| check(narx, arm).is_ok() && narx.provenance().joint == joint)
+}
+
+/// Whether `narx` is for `arm` and looks at what the controller makes of a state.
+///
+/// # Errors
+/// Another arm, other channels or another layout.
+pub fn check(narx: &Narx, arm: &Arm) -> Result<(), MismatchError> {
+    narx.check_arm(arm.name(), &identity(arm))?;
+    narx.check_channels(&REGRESSORS, &OUTPUTS)?;
+    let horizon = narx.layout().horizon.clamp(1, LONGEST_HORIZON);
+    narx.check_layout(&Layout { input_lags: vec![0], output_lags: vec![], horizon, input_at_target: false })
+}
+
+type Pair = [f64; 2];
+
+/// Two predictions for one tick.
+#[derive(Clone, Copy, Default)]
+struct Pending {
+    tick: u64,
+    learned: Pair,
+    plain: Pair,
+}
+
+/// The forecast of one run; see the module.
+pub struct Learned {
+    features: Features,
+    network: Option<Predictor>,
+    pending: [Option<Pending>; PENDING],
+    /// Mean squared errors of the learned prediction and of the plain one, m².
+    errors: [f64; 2],
+    share: f64,
+    judged: u64,
+    ignored: u64,
+}
+
+impl Learned {
+    /// A forecast from `features`, corrected by `network` if there is one for this horizon; ticks of `period` s.
+    pub fn new(features: Features, network: Option<Narx>, period: f64) -> Learned {
+        Learned {
+            features,
+            network: network.map(Predictor::new),
+            pending: [None; PENDING],
+            errors: [0.0; 2],
+            share: (period / MEMORY).min(1.0),
+            judged: 0,
+            ignored: 0,
+        }
+    }
+
+    /// Outputs of the network that were not finite; they were not used.
+    pub fn ignored(&self) -> u64 {
+        self.ignored
+    }
+
+    /// Trust in the forecast, 0 to 1.
+    pub fn trust(&self) -> f64 {
+        let [learned, plain] = self.errors;
+        if plain > 0.0 { (2.0 * (1.0 - learned / plain)).clamp(0.0, 1.0) } else { 0.0 }
+    }
+
+    /// Takes `state`; where the journal will be at the tick h ahead beyond its rest there, base frame, m, as far as that is to be
+    /// trusted. `None` if nothing can be said.
+    pub fn push(&mut self, state: &State) -> Option<Vector3<f64>> {
+        let outlines = self.features.push(state)?;
+        let scale = outlines.scale;
+        let error = match self.network.as_mut().map(|network| network.push(outlines.regressors, None)) {
+            Some(Ok(Some(said))) => [said[0], said[1]],
+            Some(Err(_)) => {
+                self.ignored += 1;
+                [0.0; 2]
+            }
+            Some(Ok(None)) | None => [0.0; 2],
+        };
+        self.features.predicted(&error, scale);
+        let beyond = self.features.along_slides(error.map(|error| error * scale));
+        let expected = self.features.forecast();
+        let beyond = [expected[0] + beyond[0], expected[1] + beyond[1]];
+        self.judge(state, beyond);
+        let [first, second] = self.features.directions();
+        Some((first * beyond[0] + second * beyond[1]) * self.trust())
+    }
+
+    /// Judges what was said of this tick and remembers what is said now.
+    fn judge(&mut self, state: &State, beyond: Pair) {
+        let (journal, [now, ahead]) = (self.features.journal(), self.features.rests());
+        let horizon = self.features.horizon() as u64;
+        let due = self.pending[slot(state.tick)].take().filter(|pending| pending.tick == state.tick);
+        if let Some(due) = due.filter(|_| state.has(State::FLAG_TOOL_TRACKED)) {
+            self.judged += 1;
+            // The first errors weigh as much as the later ones: a mean before it is a moving one.
+            let share = self.share.max(1.0 / self.judged as f64);
+            for (mean, said) in self.errors.iter_mut().zip([due.learned, due.plain]) {
+                let square = (said[0] - journal[0]).powi(2) + (said[1] - journal[1]).powi(2);
+                *mean += share * (square - *mean);
+            }
+        }
+        self.pending[slot(state.tick + horizon)] = Some(Pending {
+            tick: state.tick + horizon,
+            learned: [ahead[0] + beyond[0], ahead[1] + beyond[1]],
+            plain: [ahead[0] + journal[0] - now[0], ahead[1] + journal[1] - now[1]],
+        });
+    }
+}
+
+fn slot(tick: u64) -> usize {
+    (tick % PENDING as u64) as usize
+}
