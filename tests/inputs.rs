@@ -477,3 +477,16 @@ fn a_full_disk_ends_the_recording_and_not_the_run() {
         assert_recorded_in_part(&ran, kind);
     }
 }
+
+#[test]
+fn bad_training() {
+    let cases: [Case; 6] = [
+        ("joint", &[], &["--joint", "wrist"], 3, &["--joint wrist", "no such joint", "joint_5"]),
+        ("arm", &[], &["--model", "none.toml"], 3, &["none.toml"]),
+        ("horizon", &[], &["--horizon", "99"], 2, &["--horizon 99", "1 to 16"]),
+        ("no weights", &[], &["--evaluate", "none.json"], 3, &["none.json"]),
+        ("no JSON", &[("w.json", "weights")], &["--evaluate", "w.json"], 3, &["w.json", "line 1"]),
+        ("other JSON", &[("w.json", "{}")], &["--evaluate", "w.json"], 3, &["w.json", "freeplay.narx"]),
+    ];
+    play(&["train"], &cases);
+}

@@ -2,8 +2,9 @@
 //!
 //! At each state the place of the journal at the tick h ahead is predicted. When that tick has come and the tool was tracked, the
 //! prediction is judged beside the one that needs no learning, rest plus today's residual: with E the mean squared errors over the
-//! last [`MEMORY`] s, the trust is `2 (1 − E_learned/E_plain)`, within 0 and 1. Without a tracked tool there is nothing to judge by,
-//! and no trust.
+//! last [`MEMORY`] s, the trust is `2 (1 − E_learned/E_plain)`, within 0 and 1. The network's correction of the twin is judged beside
+//! the twin alone in the same way: on motions wilder than those that trained it, it is wrong by much more. Without a tracked tool there
+//! is nothing to judge by, and no trust.
 
 use freeplay_arm::Arm;
 use freeplay_predictor::weight_file::MismatchError;
@@ -16,7 +17,7 @@ use crate::features::{Features, LONGEST_HORIZON, OUTPUTS, REGRESSORS};
 use crate::identity::identity;
 
 /// Weights that come with the project.
-const SHIPPED: [&str; 0] = [];
+const SHIPPED: [&str; 1] = [include_str!("../weights/erkaya2018.narx.json")];
 /// Time over which predictions are judged, s.
 const MEMORY: f64 = 0.25;
 /// Predictions that are remembered until they are judged.
@@ -45,7 +46,8 @@ type Pair = [f64; 2];
 #[derive(Clone, Copy, Default)]
 struct Pending {
     tick: u64,
-    learned: Pair,
+    network: Pair,
+    twin: Pair,
     plain: Pair,
 }
 
@@ -54,8 +56,8 @@ pub struct Learned {
     features: Features,
     network: Option<Predictor>,
     pending: [Option<Pending>; PENDING],
-    /// Mean squared errors of the learned prediction and of the plain one, m².
-    errors: [f64; 2],
+    /// Mean squared errors with the network in full, of the twin alone, and without learning, m².
+    errors: [f64; 3],
     share: f64,
     judged: u64,
     ignored: u64,
@@ -68,7 +70,7 @@ impl Learned {
             features,
             network: network.map(Predictor::new),
             pending: [None; PENDING],
-            errors: [0.0; 2],
+            errors: [0.0; 3],
             share: (period / MEMORY).min(1.0),
             judged: 0,
             ignored: 0,
@@ -82,8 +84,8 @@ impl Learned {
 
     /// Trust in the forecast, 0 to 1.
     pub fn trust(&self) -> f64 {
-        let [learned, plain] = self.errors;
-        if plain > 0.0 { (2.0 * (1.0 - learned / plain)).clamp(0.0, 1.0) } else { 0.0 }
+        let [network, twin, plain] = self.errors;
+        trust(network.min(twin), plain)
     }
 
     /// Takes `state`; where the journal will be at the tick h ahead beyond its rest there, base frame, m, as far as that is to be
@@ -100,16 +102,17 @@ impl Learned {
             Some(Ok(None)) | None => [0.0; 2],
         };
         self.features.predicted(&error, scale);
-        let beyond = self.features.along_slides(error.map(|error| error * scale));
+        let correction = self.features.along_slides(error.map(|error| error * scale));
         let expected = self.features.forecast();
-        let beyond = [expected[0] + beyond[0], expected[1] + beyond[1]];
-        self.judge(state, beyond);
+        self.judge(state, expected, correction);
+        let share = trust(self.errors[0], self.errors[1]);
+        let beyond = [expected[0] + share * correction[0], expected[1] + share * correction[1]];
         let [first, second] = self.features.directions();
         Some((first * beyond[0] + second * beyond[1]) * self.trust())
     }
 
     /// Judges what was said of this tick and remembers what is said now.
-    fn judge(&mut self, state: &State, beyond: Pair) {
+    fn judge(&mut self, state: &State, twin: Pair, correction: Pair) {
         let (journal, [now, ahead]) = (self.features.journal(), self.features.rests());
         let horizon = self.features.horizon() as u64;
         let due = self.pending[slot(state.tick)].take().filter(|pending| pending.tick == state.tick);
@@ -117,17 +120,23 @@ impl Learned {
             self.judged += 1;
             // The first errors weigh as much as the later ones: a mean before it is a moving one.
             let share = self.share.max(1.0 / self.judged as f64);
-            for (mean, said) in self.errors.iter_mut().zip([due.learned, due.plain]) {
+            for (mean, said) in self.errors.iter_mut().zip([due.network, due.twin, due.plain]) {
                 let square = (said[0] - journal[0]).powi(2) + (said[1] - journal[1]).powi(2);
                 *mean += share * (square - *mean);
             }
         }
         self.pending[slot(state.tick + horizon)] = Some(Pending {
             tick: state.tick + horizon,
-            learned: [ahead[0] + beyond[0], ahead[1] + beyond[1]],
+            network: [ahead[0] + twin[0] + correction[0], ahead[1] + twin[1] + correction[1]],
+            twin: [ahead[0] + twin[0], ahead[1] + twin[1]],
             plain: [ahead[0] + journal[0] - now[0], ahead[1] + journal[1] - now[1]],
         });
     }
+}
+
+/// Trust in predictions of the mean squared error `ours` where others have `theirs`, 0 to 1.
+fn trust(ours: f64, theirs: f64) -> f64 {
+    if theirs > 0.0 { (2.0 * (1.0 - ours / theirs)).clamp(0.0, 1.0) } else { 0.0 }
 }
 
 fn slot(tick: u64) -> usize {

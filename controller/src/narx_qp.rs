@@ -2,8 +2,8 @@
 //! programme; through the corners of its own path it goes as planned before the run ([`crate::passage`]).
 //!
 //! With a tracked tool the slowly varying residual is learned online ([`ToolResidual`]): a wrong clearance, a friction that the
-//! model leaves out. What moves faster is forecast by the twin of the journal and the network ([`Learned`]), smoothed as the
-//! correction needs it, bounded to [`LARGEST_FAST`] of the reach and trusted as far as it has proved right.
+//! model leaves out. What moves faster is forecast by the twin of the journal and the network ([`Learned`]), trusted as far as it has
+//! proved right; the share `fast` of it, smoothed and bounded to [`LARGEST_FAST`] of the reach, is corrected, too.
 
 use std::path::Path;
 
@@ -48,12 +48,9 @@ pub struct NarxQpOptions {
     pub tracker_delay: u64,
     /// File with the network's weights; absent: those that come with the project for this arm, if there are any.
     pub weights: Option<String>,
-    /// Share of what moves fast that is corrected, 0 to 1.
+    /// Share of what the forecast says beyond the residual that is corrected, 0 to 1. None by default: a bearing that is moved after
+    /// its swinging journal feeds the swinging, as measured on the soft square.
     pub fast: f64,
-    /// Ticks that are looked ahead without a network.
-    pub horizon: usize,
-    /// Time constant of each of the two filters that smooth the fast correction, s.
-    pub smoothing: f64,
 }
 
 impl Default for NarxQpOptions {
@@ -67,8 +64,6 @@ impl Default for NarxQpOptions {
             tracker_delay: 0,
             weights: None,
             fast: 0.0,
-            horizon: HORIZON,
-            smoothing: SMOOTHING,
         }
     }
 }
@@ -77,6 +72,10 @@ impl NarxQpOptions {
     fn tracking(&self) -> Result<TrackingOptions, TaskError> {
         if self.tracker_delay > LONGEST_DELAY {
             let fault = "tracker_delay must be 0 to 50 ticks";
+            return Err(TaskError::OptionValue { controller: NARX_QP.to_owned(), fault });
+        }
+        if !(0.0..=1.0).contains(&self.fast) {
+            let fault = "fast must be 0 to 1";
             return Err(TaskError::OptionValue { controller: NARX_QP.to_owned(), fault });
         }
         let tracking = TrackingOptions {
@@ -105,7 +104,6 @@ struct Ready {
     period: f64,
     /// Share of what moves fast that is corrected.
     share: f64,
-    smoothing: f64,
     /// The fast correction after one filter and after two, base frame, m.
     fast: [Vector3<f64>; 2],
     /// Ticks from a state to the instant of its answer.
@@ -128,7 +126,6 @@ impl Controller for NarxQp {
         self.ready = Some(Ready {
             learned: learn(task, &options, &model, &path)?,
             share: options.fast,
-            smoothing: options.smoothing,
             largest: LARGEST_FAST * reach,
             period: task.period(),
             fast: [Vector3::zeros(); 2],
@@ -157,7 +154,7 @@ fn learn(
 ) -> Result<Option<Learned>, ControllerError> {
     let network = network(options.weights.as_deref(), model)?;
     let arm = ArmWithPlay::new(&model.arm, &model.clearances)?;
-    let horizon = network.as_ref().map_or(options.horizon, |narx| narx.layout().horizon);
+    let horizon = network.as_ref().map_or(HORIZON, |narx| narx.layout().horizon);
     let features = Features::new(model, &arm, path.clone(), task.mode, task.period(), horizon);
     Ok(features.map(|features| Learned::new(features, network, task.period())))
 }
@@ -209,7 +206,7 @@ impl Ready {
         } else {
             fast
         };
-        let share = (self.period / self.smoothing).min(1.0);
+        let share = (self.period / SMOOTHING).min(1.0);
         self.fast[0] += (fast - self.fast[0]) * share;
         self.fast[1] += (self.fast[0] - self.fast[1]) * share;
         self.fast[1]

@@ -82,10 +82,10 @@ pub fn validation() -> Vec<RunSpec> {
 }
 
 /// The runs that are tested on: the default paths (the sharp one twice around, so that there is a previous lap) and a trained path,
-/// with the tested clearances. `quick` takes one short lap of the sharp square.
+/// with the tested clearances. `quick` takes one lap of the sharp square.
 pub fn tests(quick: bool) -> Vec<RunSpec> {
     if quick {
-        let path = PathSpec { kind: SHARP, period: 4.0, ..PathSpec::default() };
+        let path = PathSpec { kind: SHARP, ..PathSpec::default() };
         return vec![named(path, 0.4)];
     }
     let mut specs = Vec::new();
