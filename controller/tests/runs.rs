@@ -107,7 +107,9 @@ fn a_tracked_tool_corrects_a_wrong_clearance() {
 #[test]
 fn learning_harms_nothing_where_the_model_is_right() {
     let (without, with) = (measure("quasi-static", SMOOTH), measure("narx-qp", SMOOTH));
-    assert!(with.rms() <= without.rms() && with.max() <= without.max() * 1.05);
+    // mm; a tenth of a micrometre is below what a tracker resolves, and half a second is too short to learn it.
+    let resolution = 1e-4;
+    assert!(with.rms() <= without.rms() + resolution && with.max() <= without.max() + resolution);
 }
 
 #[test]

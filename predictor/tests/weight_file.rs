@@ -12,7 +12,10 @@ use serde_json::{Value, json};
 fn file() -> Value {
     json!({
         "format": "freeplay.narx", "version": 1,
-        "provenance": { "arm": "paper", "arm_hash": "abc123", "command": "freeplay train" },
+        "provenance": {
+            "arm": "paper", "arm_hash": "abc123", "joint": "joint_5", "command": "freeplay train",
+            "scenarios": ["lissajous, T = 6 s"], "seed": 7
+        },
         "inputs": ["tau1", "tau2"], "outputs": ["dx"],
         "layout": { "input_lags": [0], "output_lags": [0, 1], "horizon": 3, "input_at_target": false },
         "layers": [4, 2, 1], "activation": "tanh",
