@@ -60,13 +60,16 @@ pub fn around(rows: &[Row]) -> Vec<bool> {
     near
 }
 
+/// What one predictor says at each window: its name, and where the journal will be, m.
+pub type Said = (&'static str, Vec<[f64; 2]>);
+
 /// What each baseline says, as journals, with its name; the previous lap only where there is one.
 pub fn baselines(
     runs: &[Collected],
     windows: &[Window],
     plain: Option<(&Series, &Arx)>,
     lap: Option<usize>,
-) -> Result<Vec<(&'static str, Vec<[f64; 2]>)>, Failure> {
+) -> Result<Vec<Said>, Failure> {
     let row = |window: &Window| &runs[window.run].rows[window.present];
     let persistence = windows.iter().map(|w| row(w).journal).collect();
     let statics = windows.iter().map(|w| {
