@@ -1,7 +1,7 @@
 //! Finds the corners of a path: where the journals cannot follow the quasi-static prediction.
 //!
 //! The prediction, smoothed, is that of an [`Outlook`]. Where moving the journals as it says takes a noticeable share of the force
-//! that holds them in their bearings, they will not move so, and a [`Passage`](crate::passage::Passage) is planned from some time before
+//! that holds them in their bearings, they will not move so, and a [`Passage`](crate::passage) is planned from some time before
 //! to some time after.
 
 use freeplay_arm::Arm;

@@ -2,7 +2,7 @@
 //!
 //! At each state the place of the journal at the tick h ahead is predicted. When that tick has come and the tool was tracked, the
 //! prediction is judged beside the one that needs no learning, rest plus today's residual: with E the mean squared errors over the
-//! last [`MEMORY`] s, the trust is `2 (1 − E_learned/E_plain)`, within 0 and 1. The network's correction of the twin is judged beside
+//! last `MEMORY` s, the trust is `2 (1 − E_learned/E_plain)`, within 0 and 1. The network's correction of the twin is judged beside
 //! the twin alone in the same way: on motions wilder than those that trained it, it is wrong by much more. Without a tracked tool there
 //! is nothing to judge by, and no trust.
 

@@ -3,7 +3,7 @@
 //! Where the acceleration of the reference jumps, the force in a joint with play turns to another side of the bearing at once. The
 //! quasi-static prediction then has the journal jump across the bearing, which it cannot: it flies, lands and bounces. A passage
 //! is a motion of joints and journals through the corner that physics allows: every journal rolls along its bearing, pressed
-//! against it all the time, and what that costs of the tool's accuracy is least (see [`PassagePlanner`]). It joins the quasi-static
+//! against it all the time, and what that costs of the tool's accuracy is least (see [`crate::passage_planner`]). It joins the quasi-static
 //! correction before and after the corner.
 
 use crate::qp::{QpError, QpStatus};

@@ -8,7 +8,7 @@
 //! and the ticks between plan and measurement cost speed but not stability (Morari & Zafiriou 1989, ch. 4).
 //!
 //! Bounces are no slow residual: a step of the filter is never longer than [`LONGEST_STEP`] of the reach, and while r moves by more
-//! than [`BOUNCE`] of it within [`BOUNCE_TICKS`] ticks the estimate stands still.
+//! than [`BOUNCE`] of it within `BOUNCE_TICKS` ticks the estimate stands still.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use freeplay_shm::State;

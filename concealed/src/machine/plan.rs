@@ -39,7 +39,7 @@ pub enum PlanError {
     },
 }
 
-/// A machine as it is. Its coordinates are those of [`Plan::arm`], the arm with whatever moves beside its joints (journals in
+/// A machine as it is. Its coordinates are those of `Plan::arm`, the arm with whatever moves beside its joints (journals in
 /// their bearings, a rocking base, a swinging load), then one for each motor that can move against its link.
 #[derive(Clone, Debug)]
 pub struct Plan {
