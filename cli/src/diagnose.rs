@@ -160,7 +160,7 @@ impl View<'_> {
         let _ = writeln!(text, "\nVERDICT {}\n        {}\n", verdict(diagnosis.verdict), diagnosis.statement);
         for (index, place) in diagnosis.location.iter().enumerate() {
             let title = if index == 0 { "WHERE " } else { "      " };
-            let joint = place.joint.as_ref().map_or("whole arm".to_owned(), |joint| format!("joint {joint}"));
+            let joint = place.joint.as_ref().map_or("whole arm".to_owned(), |joint| joint.clone());
             let share = 100.0 * place.share;
             let _ = writeln!(
                 text,

@@ -32,6 +32,10 @@ pub(crate) fn with_unit(value: f64, unit: &str) -> String {
 
 /// A parameter with its interval, as people write it: `9.1 N·m (8.7 to 9.4)`.
 pub(crate) fn parameter(name: &str, parameter: &Parameter) -> String {
+    if let Some(vector) = parameter.value.as_array() {
+        let numbers: Vec<String> = vector.iter().filter_map(|x| x.as_float()).map(brief).collect();
+        return format!("{name} ({}) {}", numbers.join(", "), parameter.unit);
+    }
     let Some(value) = parameter.value.as_float() else {
         return format!("{name} {}", parameter.value.to_string().trim_matches('"'));
     };
@@ -44,9 +48,13 @@ pub(crate) fn parameter(name: &str, parameter: &Parameter) -> String {
     }
 }
 
-/// Where an effect sits.
+/// Where an effect sits. A name that says that it is a joint is not called one twice.
 pub(crate) fn site(joint: Option<&str>) -> String {
-    joint.map_or_else(|| "of the whole arm".to_owned(), |joint| format!("of joint {joint}"))
+    match joint {
+        None => "of the whole arm".to_owned(),
+        Some(joint) if joint.to_lowercase().contains("joint") => format!("of {joint}"),
+        Some(joint) => format!("of joint {joint}"),
+    }
 }
 
 /// One sentence on an effect.

@@ -19,7 +19,7 @@ use crate::{Clearance, ClearanceTable, Rest, settle};
 /// The entry.
 pub static KIND: Kind = Kind {
     name: Clearance::KIND,
-    title: "radial play of the joint",
+    title: "radial play",
     site: Site::Revolute,
     parameters: &[
         Parameter::number("clearance", "radial clearance c, less than the bearing radius", "m", [0.0, 1.0]),

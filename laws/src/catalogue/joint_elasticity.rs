@@ -19,7 +19,7 @@ const LEAST: f64 = 1e-12;
 /// The entry.
 pub static KIND: Kind = Kind {
     name: "joint_elasticity",
-    title: "elasticity of the joint",
+    title: "elasticity",
     site: Site::Joint,
     parameters: &[
         Parameter::number(

@@ -13,7 +13,7 @@ use crate::parameter::Parameter;
 /// The entry.
 pub static KIND: Kind = Kind {
     name: "joint_spring",
-    title: "spring across the joint",
+    title: "spring",
     site: Site::Joint,
     parameters: &[
         Parameter::number("stiffness", "torque per angle", "N*m/rad", [0.0, 1e9]).prismatic("N/m"),

@@ -33,7 +33,7 @@ const BEFORE: f64 = 10.0;
 /// The entry.
 pub static KIND: Kind = Kind {
     name: "lubricated_clearance",
-    title: "play of a lubricated joint",
+    title: "radial play with a film of oil",
     site: Site::Revolute,
     parameters: &[
         Parameter::number("clearance", "radial clearance c", "m", [1e-6, 0.01]),
