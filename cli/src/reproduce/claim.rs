@@ -103,13 +103,18 @@ impl Claim {
     }
 }
 
-/// The verdict over all situations.
+/// The verdict over all situations. What holds in few of them, and for no reason that can be named without exceptions, does not hold.
 pub fn rule_over(rows: &[Row]) -> Ruling {
     let agreeing = rows.iter().filter(|row| row.holds).count();
-    match agreeing {
-        0 => Ruling::DoesNotHold,
-        count if count == rows.len() => Ruling::Holds,
-        count => Ruling::HoldsOnlyIf(condition(rows).unwrap_or_else(|| {
+    let few = agreeing as f64 <= EXCEPTIONS * rows.len() as f64;
+    match (agreeing, condition(rows)) {
+        (0, _) => Ruling::DoesNotHold,
+        (count, _) if count == rows.len() => Ruling::Holds,
+        (_, Some((0, words))) => Ruling::HoldsOnlyIf(words),
+        _ if few => Ruling::DoesNotHold,
+        (_, Some((1, words))) => Ruling::HoldsOnlyIf(format!("{words} (with one exception)")),
+        (_, Some((wrong, words))) => Ruling::HoldsOnlyIf(format!("{words} (with {wrong} exceptions)")),
+        (count, None) => Ruling::HoldsOnlyIf({
             let named: Vec<&str> =
                 rows.iter().filter(|row| row.holds).map(|row| row.situation.as_str()).collect();
             if count <= 2 {
@@ -117,7 +122,7 @@ pub fn rule_over(rows: &[Row]) -> Ruling {
             } else {
                 format!("one picks the situation: {count} of {} agree", rows.len())
             }
-        })),
+        }),
     }
 }
 
@@ -125,8 +130,8 @@ pub fn rule_over(rows: &[Row]) -> Ruling {
 const EXCEPTIONS: f64 = 0.2;
 
 /// The simplest condition that is true where the claim holds and nowhere else: one property, two together, or one of two; if
-/// there is none, the one with the fewest exceptions, if those are few.
-fn condition(rows: &[Row]) -> Option<String> {
+/// there is none, the one with the fewest exceptions, if those are few. With the number of its exceptions.
+fn condition(rows: &[Row]) -> Option<(usize, String)> {
     let mut tags: Vec<Tag> = Vec::new();
     for tag in rows.iter().flat_map(|row| &row.tags) {
         if !tags.contains(tag) {
@@ -145,14 +150,8 @@ fn condition(rows: &[Row]) -> Option<String> {
     let either = pairs().map(|(a, b)| {
         (wrong(&|row| row.tags.contains(a) || row.tags.contains(b)), format!("{}, or {}", a.1, b.1))
     });
-    match one.chain(both).chain(either).min_by_key(|(wrong, _)| *wrong)? {
-        (0, words) => Some(words),
-        (1, words) if 1.0 <= EXCEPTIONS * rows.len() as f64 => Some(format!("{words} (with one exception)")),
-        (wrong, words) if wrong as f64 <= EXCEPTIONS * rows.len() as f64 => {
-            Some(format!("{words} (with {wrong} exceptions)"))
-        }
-        _ => None,
-    }
+    let best = one.chain(both).chain(either).min_by_key(|(wrong, _)| *wrong)?;
+    (best.0 as f64 <= EXCEPTIONS * rows.len() as f64).then_some(best)
 }
 
 #[cfg(test)]
@@ -199,6 +198,26 @@ mod tests {
             panic!("some hold")
         };
         assert!(text.contains("; or: "), "{text}");
+    }
+
+    #[test]
+    fn what_holds_here_and_there_does_not_hold() {
+        let mut many = rows([true, false, false, false]);
+        many.extend(rows([false, false, true, false]));
+        for _ in 0..3 {
+            many.extend(rows([false; 4]));
+        }
+        assert_eq!(rule_over(&many), Ruling::DoesNotHold, "2 of 20, with no property that parts them");
+        let mut parted = rows([false, false, true, false]);
+        parted.extend(rows([false, false, true, false]));
+        for (at, row) in parted.iter_mut().enumerate() {
+            row.tags.push(if at < 4 {
+                ("gravity", "there is gravity")
+            } else {
+                ("gravity", "there is none")
+            });
+        }
+        let Ruling::HoldsOnlyIf(_) = rule_over(&parted) else { panic!("2 of 8, and a property parts them") };
     }
 
     #[test]
