@@ -27,8 +27,12 @@ fn path(kind: PathKind, period: f64) -> JointPath {
 }
 
 fn passages(kind: PathKind, period: f64, plays: &[(usize, f64)], from: u64, to: u64) -> Passages {
+    passages_on(path(kind, period), plays, from, to)
+}
+
+fn passages_on(path: JointPath, plays: &[(usize, f64)], from: u64, to: u64) -> Passages {
     let (arm, play) = (paper_arm().arm, with_play(plays));
-    let mut outlook = Outlook::new(path(kind, period), &play, PERIOD, 10);
+    let mut outlook = Outlook::new(path, &play, PERIOD, 10);
     let search = CornerSearch {
         arm: &arm,
         with_play: &play,
@@ -106,19 +110,10 @@ fn smooth_paths_have_no_corners() {
 
 #[test]
 fn a_corner_that_comes_again_is_planned_once() {
-    let (arm, play) = (paper_arm().arm, with_play(&[(4, 6e-4)]));
     let mut task = Task::default();
     (task.path.kind, task.path.period, task.path.laps) = (PathKind::Square, 2.4, 2);
-    let path = JointPath::plan(&arm, &task.path, 1000.0).unwrap();
-    let mut outlook = Outlook::new(path, &play, PERIOD, 10);
-    let search = CornerSearch {
-        arm: &arm,
-        with_play: &play,
-        period: PERIOD,
-        weights: Weights::default(),
-        options: PassageOptions::default(),
-    };
-    let passages = search.passages(&mut outlook, 1100, 3900);
+    let path = JointPath::plan(&paper_arm().arm, &task.path, 1000.0).unwrap();
+    let passages = passages_on(path, &[(4, 6e-4)], 1100, 3900);
     let corners: Vec<_> = passages.planned().iter().map(Passage::first).collect();
     println!("passages from the ticks {corners:?}; without: {:?}", passages.unplanned());
     let pairs = passages.planned().iter().flat_map(|one| {

@@ -4,6 +4,44 @@ use toml::Table;
 
 use crate::basis::{Place, Term, Terms, with};
 use crate::kind::Kind;
+use crate::parameter::Parameter;
+use crate::{LawError, Values};
+
+/// The parameters of a torque that is a [`Wave`] over the joint's position.
+pub const TORQUE_PARAMETERS: &[Parameter] = &[
+    Parameter::number("amplitude", "greatest torque of the wave", "N*m", [0.0, 1e6]).prismatic("N"),
+    Parameter::number("periods", "periods N of the wave in one turn", "1/rev", [1e-3, 1e5])
+        .prismatic("rad/m")
+        .shape(),
+    Parameter::number("phase", "phase φ of the wave at q = 0", "rad", [-7.0, 7.0]).or(0.0),
+];
+
+/// a·sin(Nq + φ) over the position q of a joint.
+#[derive(Clone, Copy, Debug)]
+pub struct Wave {
+    amplitude: f64,
+    periods: f64,
+    phase: f64,
+}
+
+impl Wave {
+    /// The wave of [`TORQUE_PARAMETERS`].
+    ///
+    /// # Errors
+    /// [`LawError`] if one of them is missing or not a number.
+    pub fn of(values: &Values) -> Result<Wave, LawError> {
+        Ok(Wave {
+            amplitude: values.number("amplitude")?,
+            periods: values.number("periods")?,
+            phase: values.number("phase")?,
+        })
+    }
+
+    /// Its value at the position `q`, rad (m).
+    pub fn at(&self, q: f64) -> f64 {
+        wave(self.amplitude, self.periods, self.phase, q)
+    }
+}
 
 /// a·sin(Nq + φ) = s·sin Nq + c·cos Nq with s = a cos φ and c = a sin φ.
 pub const TERMS: Terms = Terms {
