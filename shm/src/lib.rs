@@ -17,6 +17,7 @@
 //! - [`Schedule`], [`now_ns`], [`sleep_then_spin_until`]: the wall clock of a paced run.
 //! - [`Backoff`]: how a lockstep run waits for its peer.
 //! - [`RtRequest`], [`RtReport`]: priority, affinity and memory locking, asked for, reported, never required.
+//! - [`layout::Layout`], [`layout_text::markdown`], [`layout_text::c_header`]: the messages described, for other languages.
 //! - [`Machine`]: the facts that timing depends on, stamped into every result.
 //!
 //! This is the only crate that names iceoryx2.
@@ -25,6 +26,8 @@ pub mod address;
 pub mod controller_link;
 pub mod error;
 pub mod handshake;
+pub mod layout;
+pub mod layout_text;
 pub mod machine;
 pub mod messages;
 mod outbox;

@@ -10,8 +10,7 @@
 //! | `freeplay/command/<slot>` | publish-subscribe, 1 publisher, 1 subscriber | [`Command`] |
 //! | `freeplay/hello` | request-response, 1 server | [`Hello`], [`Welcome`] |
 //!
-//! A controller in another language takes the `flock` on `slot-<n>.lock` in the run's folder, opens the slot's commands and
-//! the states, says hello with claim 1, and hears the welcome; then it answers states until one has the flag of the last.
+//! A controller in another language finds all it needs in `docs/messages.md`; `python/freeplay.py` is one.
 //!
 //! Nothing waits for anybody: full buffers lose their oldest message, and a peer that cannot be reached is skipped.
 
