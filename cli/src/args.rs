@@ -27,6 +27,8 @@ enum Command {
     Faults(crate::faults::FaultsArgs),
     /// Where a model and recordings differ, what is missing from the model, and how much better it gets with it.
     Diagnose(crate::diagnose::DiagnoseArgs),
+    /// The next motion where two causes are possible: safe, and telling them apart.
+    Excite(crate::excite::ExciteArgs),
     /// The recorded states of a run to a new controller process, its commands beside the recorded ones.
     Replay(crate::replay::ReplayArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
@@ -56,6 +58,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Swap(args) => crate::swap_command::swap(&args),
         Command::Faults(args) => crate::faults::faults(&args),
         Command::Diagnose(args) => crate::diagnose::diagnose(&args),
+        Command::Excite(args) => crate::excite::excite(&args),
         Command::Replay(args) => crate::replay::replay(&args),
         Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
         Command::Reproduce(args) => crate::reproduce::reproduce(&args),

@@ -4,14 +4,16 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use freeplay_arm::to_toml;
+use freeplay_arm::{ArmFile, to_toml};
 use freeplay_diagnosis::{
-    Alternative, DiagnoseError, DiagnoseSettings, Diagnosis, Effect, Fit, Settings, Tolerances, Untestable,
-    Verdict, diagnose as diagnosed,
+    Alternative, DiagnoseError, DiagnoseSettings, Diagnosis, Effect, ExciteSettings, Fit, Settings,
+    Tolerances, Untestable, Verdict, diagnose as diagnosed,
 };
 use freeplay_recording::Recording;
 use serde_json::Value;
 
+use crate::diagnose_report::{Subject, document};
+use crate::excite::{self, Question};
 use crate::exit::{Exit, Failure};
 use crate::run::Format;
 use crate::say::say;
@@ -19,6 +21,10 @@ use crate::setup::{load_model, write};
 
 /// Width of the longest bar, characters.
 const BAR: f64 = 24.0;
+/// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
+const NEXT_S: f64 = 16.0;
+const NEXT_REACH: f64 = 1.2;
+const NEXT_CANDIDATES: usize = 24;
 /// Most lines of what the recording can't show.
 const UNTESTABLE: usize = 6;
 
@@ -37,7 +43,7 @@ pub struct DiagnoseArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Folder for diagnosis.json and model.toml, the model with what was missing.
+    /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Seed of the twins and of all intervals.
@@ -101,11 +107,14 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let file = load_model(&args.model)?;
     let read = |path: &PathBuf| freeplay_recording::read(path, Some(file.arm.dof())).map_err(Failure::input);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
-    let diagnosis = diagnosed(&file, &recordings, &settings, &mut |_| {}).map_err(|error| match error {
-        DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
-        other => Failure::input(other),
-    })?;
-    let view = View { args, recordings: &recordings, diagnosis: &diagnosis };
+    let mut diagnosis =
+        diagnosed(&file, &recordings, &settings, &mut |_| {}).map_err(|error| match error {
+            DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
+            other => Failure::input(other),
+        })?;
+    let next = next_motion(args, &file, &recordings, &diagnosis)?;
+    diagnosis.next.extend(next);
+    let view = View { args, file: &file, recordings: &recordings, diagnosis: &diagnosis };
     let json = view.json()?;
     if let Some(out) = &args.out {
         view.write(out, &json)?;
@@ -117,9 +126,43 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+/// Where two causes remain: the motion that would separate them, written into the folder of results; one sentence on it. Several recordings
+/// of one machine were not enough, so that the first of them stands for what was moved.
+fn next_motion(
+    args: &DiagnoseArgs,
+    file: &ArmFile,
+    recordings: &[Recording],
+    diagnosis: &Diagnosis,
+) -> Result<Option<String>, Failure> {
+    let (Some(out), Some(seen)) = (&args.out, recordings.first()) else { return Ok(None) };
+    let rivals = excite::rivals(diagnosis, file)?;
+    if rivals.len() < 2 {
+        return Ok(None);
+    }
+    let settings = ExciteSettings {
+        duration: NEXT_S,
+        candidates: NEXT_CANDIDATES,
+        seed: args.seed,
+        posture: None,
+        reach: NEXT_REACH,
+        tolerances: args.settings()?.tolerances,
+        noise: diagnosis.noise.clone(),
+    };
+    let question = Question { file, rivals, seen: Some(seen) };
+    match excite::seek(&question, &settings) {
+        Ok(found) => {
+            let path = excite::write_path(&found, &args.model, file, out)?;
+            Ok(Some(excite::sentence(&found, file, &path)))
+        }
+        // A diagnosis is worth having without the next motion.
+        Err(failure) => Ok(Some(format!("no motion was found that separates them: {failure}"))),
+    }
+}
+
 /// Everything that is shown.
 struct View<'a> {
     args: &'a DiagnoseArgs,
+    file: &'a ArmFile,
     recordings: &'a [Recording],
     diagnosis: &'a Diagnosis,
 }
@@ -131,17 +174,21 @@ impl View<'_> {
         value["inputs"] = serde_json::json!({ "model": self.args.model, "recordings": self.args.recording });
         if let Some(out) = &self.args.out {
             value["model"] = serde_json::json!(out.join("model.toml"));
+            value["report"] = serde_json::json!("report.html");
         }
         Ok(value)
     }
 
-    /// Writes diagnosis.json and model.toml into `out`.
+    /// Writes diagnosis.json, model.toml and report.html into `out`.
     fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
         std::fs::create_dir_all(out).map_err(|error| {
             Failure::input(format!("cannot create the folder {}: {error}", out.display()))
         })?;
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
-        write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))
+        write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))?;
+        let View { args, file, diagnosis, .. } = self;
+        let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis };
+        write(&out.join("report.html"), &document(&subject).to_html())
     }
 
     /// What a person sees in the terminal.
@@ -198,9 +245,11 @@ impl View<'_> {
                     model.display(),
                     recording.display()
                 );
+                let _ = writeln!(text, "report  {}", out.join("report.html").display());
             }
-            None => text
-                .push_str("next    add --out DIR for the model with these effects and for diagnosis.json\n"),
+            None => text.push_str(
+                "next    add --out DIR for the report, the model with these effects and diagnosis.json\n",
+            ),
         }
         text
     }

@@ -11,6 +11,8 @@ mod columns;
 mod compare;
 mod controller_command;
 mod diagnose;
+mod diagnose_report;
+mod excite;
 mod exit;
 mod faults;
 mod histogram_files;
@@ -33,6 +35,7 @@ mod swap_command;
 mod swap_measures;
 mod swaps;
 mod train;
+mod units;
 
 fn main() -> std::process::ExitCode {
     match args::dispatch() {

@@ -12,8 +12,11 @@
 //! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above.
 //! - [`diagnose`]: from recordings to a [`Diagnosis`] with its [`Verdict`]: where they differ from the model ([`Location`], [`Map`]),
 //!   what is missing ([`Effect`] with its [`Parameter`]s and [`Evidence`]), what else was weighed ([`Alternative`], [`EvidenceRow`]),
-//!   what can't be told ([`Untestable`]), and how much better the model gets on held-out data ([`Fit`], [`Gain`], [`Trace`]);
+//!   what can't be told ([`Untestable`]), how much better the model gets on held-out data ([`Fit`], [`Gain`]), and what pictures are drawn from ([`Passage`],
+//!   [`Trace`], [`Variable`]);
 //!   [`DiagnoseSettings`] with [`Tolerances`] say what is asked, [`DiagnoseError`] why there is no answer.
+//! - [`excite`]: the next motion, an [`Excitation`] of the family [`Fourier`], that separates causes ([`Rival`]s) which a recording could
+//!   not; [`ExciteSettings`] with the [`ChannelNoise`] say what is asked, [`Used`] how safe it is, [`ExciteError`] why there is none.
 //! - [`ResidualError`]: why a recording and a model can't be compared.
 
 mod comparison;
@@ -28,8 +31,10 @@ mod statistics;
 
 pub use comparison::{ChannelError, Comparison, SCHEMA, compare};
 pub use diagnose::{
-    Alternative, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Effect, Evidence, EvidenceRow,
-    Fit, Gain, Location, Map, Parameter, Rmse, Tolerances, Trace, Tuned, Untestable, Verdict, diagnose,
+    Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Effect,
+    Evidence, EvidenceRow, Excitation, ExciteError, ExciteSettings, Fit, Fourier, Gain, Location, Map,
+    Parameter, Passage, Rival, Rmse, Tolerances, Trace, Tuned, Untestable, Used, Variable, Verdict, diagnose,
+    excite,
 };
 pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};

@@ -13,9 +13,10 @@ use super::hypothesis::Hypothesis;
 use super::interval::draws;
 use super::judge::{Judge, Proof};
 use super::locate::{Map, correct, maps};
+use super::passage::{noise, passages};
 use super::report::{
     Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Parameter, Rmse,
-    Trace, Tuned, Untestable, Verdict,
+    Tuned, Untestable, Verdict,
 };
 use super::search::Search;
 use super::show::HeldOut;
@@ -63,9 +64,10 @@ impl Conclusion<'_, '_, '_> {
             evidence: Vec::new(),
             maps: Vec::new(),
             tuned: Vec::new(),
+            noise: BTreeMap::new(),
             twins: 0,
             seed: settings.seed,
-            traces: Vec::new(),
+            passages: Vec::new(),
             model: file.clone(),
         }
     }
@@ -87,6 +89,7 @@ impl Conclusion<'_, '_, '_> {
         let location = self.location(&maps, &errors);
         let channels = self.judged_channels(&errors, &black_box);
         let fit = self.fit(&errors, &black_box, &channels);
+        let Some(passages) = passages(self.search, self.judge, &errors, &black_box)? else { return Ok(None) };
         let verdict = self.verdict(&errors, &channels, &fit, &alternatives, &location);
         let mut model = self.file.clone();
         if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) {
@@ -106,9 +109,10 @@ impl Conclusion<'_, '_, '_> {
             evidence: self.evidence(),
             maps,
             tuned: self.tuned(),
+            noise: noise(self.search),
             twins: self.settings.twins,
             seed: self.settings.seed,
-            traces: self.traces(&errors),
+            passages,
             model,
         };
         word(&mut diagnosis);
@@ -417,23 +421,6 @@ impl Conclusion<'_, '_, '_> {
         }
         let undecided = alternatives.iter().any(|alternative| alternative.indistinguishable);
         if undecided { Verdict::OneOf } else { Verdict::Named }
-    }
-
-    fn traces(&self, errors: &HeldOut) -> Vec<Trace> {
-        let case = self.judge.held;
-        let stage = &case.stages[0];
-        let channels = stage.channels.iter().enumerate();
-        channels
-            .map(|(c, channel)| Trace {
-                channel: channel.name.clone(),
-                unit: channel.unit,
-                t: stage.motion().t.clone(),
-                measured: channel.measured.clone(),
-                before: errors.before[c].clone(),
-                retuned: errors.retuned[c].clone(),
-                after: errors.tuned_after[c].clone(),
-            })
-            .collect()
     }
 }
 

@@ -45,7 +45,10 @@ impl<'a, 'b> Judge<'a, 'b> {
     }
 
     /// Columns of a chosen effect on the held-out recordings; none where it shows nothing there.
-    fn columns(&self, hypothesis_: &Hypothesis) -> Result<Vec<Column>, LawError> {
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn columns(&self, hypothesis_: &Hypothesis) -> Result<Vec<Column>, LawError> {
         let Hypothesis { kind, joint, shape, terms, .. } = hypothesis_;
         let found = hypothesis(self.held, &self.system, kind, *joint, shape.clone())?;
         let blank = || vec![vec![None; self.held.kept.len()]; terms.len()];

@@ -5,8 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::stage::Stage;
-use super::universal::way_since_reversal;
-use crate::residual::Kind;
+use super::variables::{Variable, variables};
 
 /// Bins of a map.
 const BINS: usize = 12;
@@ -33,13 +32,6 @@ pub struct Map {
     /// Chance that a residual that has nothing to do with the variable looks like this: circular shifts against it, all maps of all
     /// channels judged together (Holm 1979).
     pub p: f64,
-}
-
-/// A variable that a residual may depend on.
-struct Variable {
-    name: String,
-    unit: &'static str,
-    values: Vec<f64>,
 }
 
 /// The maps of the residual `rows` of channel number `channel` of `stage`, with p-values not yet corrected.
@@ -104,36 +96,6 @@ pub(crate) fn correct(maps: &mut [Map]) {
         least = least.max((maps[index].p * (maps.len() - rank) as f64).min(1.0));
         maps[index].p = least;
     }
-}
-
-fn variables(stage: &Stage, kind: Kind) -> Vec<Variable> {
-    let motion = stage.motion();
-    let keep = |column: &[f64]| stage.ground.treatment.keep(column);
-    let mut all = Vec::new();
-    let mut push = |name: String, unit, values: Vec<f64>| all.push(Variable { name, unit, values });
-    let names: Vec<&str> = stage.arm().joints().iter().map(|joint| joint.name.as_str()).collect();
-    let joints: Vec<usize> = match kind {
-        Kind::Torque(joint) | Kind::Link(joint) => vec![joint],
-        Kind::Tool(_) => (0..names.len()).collect(),
-    };
-    for joint in joints {
-        let (name, v) = (names[joint], &motion.v[joint]);
-        push(format!("direction of {name}"), "1", v.iter().map(|v| v.signum()).collect());
-        push(format!("velocity of {name}"), "rad/s", v.clone());
-        push(format!("speed of {name}"), "rad/s", v.iter().map(|v| v.abs()).collect());
-        push(format!("position of {name}"), "rad", motion.q[joint].clone());
-        push(format!("acceleration of {name}"), "rad/s²", motion.a[joint].clone());
-        push(format!("load of {name}"), "N*m", stage.load()[joint].clone());
-        let way = way_since_reversal(&stage.whole().q[joint], &stage.whole().v[joint]);
-        push(format!("way of {name} since its last reversal"), "rad", keep(&way));
-    }
-    push("time".to_owned(), "s", motion.t.clone());
-    if let Kind::Torque(joint) = kind {
-        for other in (0..names.len()).filter(|other| *other != joint) {
-            push(format!("velocity of {}", names[other]), "rad/s", motion.v[other].clone());
-        }
-    }
-    all
 }
 
 /// Points sorted into bins of equal count.

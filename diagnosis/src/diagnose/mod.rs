@@ -10,12 +10,15 @@
 //! - `noise`, `twins` and `floor`: what is found in nothing.
 //! - `search`: which effects explain what the model leaves.
 //! - `show` and `judge`: what they are worth on held-out data.
+//! - `variables` and `passage`: what pictures are drawn from.
 //! - `interval`, `locate`, `words`, `conclude`, `report`: what is said.
 //! - `engine`: all of it.
+//! - `excite`: the next motion, where two causes remain.
 
 mod case;
 mod conclude;
 mod engine;
+mod excite;
 mod floor;
 mod hypothesis;
 mod interval;
@@ -23,6 +26,7 @@ mod judge;
 mod locate;
 mod noise;
 mod parts;
+mod passage;
 mod quality;
 mod report;
 mod search;
@@ -32,13 +36,17 @@ mod system;
 mod tolerance;
 mod twins;
 mod universal;
+mod variables;
 mod words;
 
 pub use engine::{DiagnoseError, DiagnoseSettings, diagnose};
+pub use excite::{ChannelNoise, Excitation, ExciteError, ExciteSettings, Fourier, Rival, Used, excite};
 pub use locate::Map;
+pub use passage::{Passage, Trace};
 pub use report::{
     Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Parameter, Rmse,
-    Trace, Tuned, Untestable, Verdict,
+    Tuned, Untestable, Verdict,
 };
 pub use show::Gain;
 pub use tolerance::Tolerances;
+pub use variables::Variable;

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use freeplay_arm::ArmFile;
 use serde::Serialize;
 
+use super::excite::ChannelNoise;
 use super::locate::Map;
+use super::passage::Passage;
 use super::show::Gain;
 
 /// The schema of [`Diagnosis`] as JSON.
@@ -168,25 +170,6 @@ pub struct EvidenceRow {
     pub threshold: f64,
 }
 
-/// A held-out channel over time, for pictures. All in the unit of the channel.
-#[derive(Clone, Debug, Serialize)]
-pub struct Trace {
-    /// The channel.
-    pub channel: String,
-    /// Its unit.
-    pub unit: &'static str,
-    /// Time, s.
-    pub t: Vec<f64>,
-    /// What was measured.
-    pub measured: Vec<f64>,
-    /// Measured minus the model as given.
-    pub before: Vec<f64>,
-    /// Measured minus the model with its parameters tuned inside their tolerances.
-    pub retuned: Vec<f64>,
-    /// Measured minus the tuned model with the named effects.
-    pub after: Vec<f64>,
-}
-
 /// What a diagnosis says.
 #[derive(Clone, Debug, Serialize)]
 pub struct Diagnosis {
@@ -216,13 +199,15 @@ pub struct Diagnosis {
     pub maps: Vec<Map>,
     /// How far the tolerances of the model are used beside the named effects, farthest first.
     pub tuned: Vec<Tuned>,
+    /// What is left in each channel that nothing explains: what another recording has to be weighed with.
+    pub noise: BTreeMap<String, ChannelNoise>,
     /// Number of twins that the thresholds rest on.
     pub twins: usize,
     /// Seed of the twins and of all intervals.
     pub seed: u64,
-    /// Held-out channels over time.
+    /// The recordings point by point, those of the fit first.
     #[serde(skip)]
-    pub traces: Vec<Trace>,
+    pub passages: Vec<Passage>,
     /// The model with the named effects.
     #[serde(skip)]
     pub model: ArmFile,

@@ -140,6 +140,14 @@ impl<'a> Stage<'a> {
         Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
     }
 
+    /// What `placed` adds to each channel.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if it leaves no possible arm.
+    pub fn answer(&self, placed: &Placed) -> Result<Answer, LawError> {
+        Ok(self.answer_of(placed.kind, &self.baseline(placed.kind).change(placed)?))
+    }
+
     fn answer_of(&self, kind: &EffectKind, change: &Prediction) -> Answer {
         self.by_channel(|channel| {
             let column = column_of(change, channel);

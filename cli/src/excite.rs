@@ -1,0 +1,406 @@
+//! `freeplay excite`: the next motion, where a recording left two causes possible: safe, and telling them apart.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use freeplay_arm::ArmFile;
+use freeplay_diagnosis::{
+    ChannelNoise, Diagnosis, Effect, Excitation, ExciteError, ExciteSettings, Rival, Tolerances,
+    excite as sought,
+};
+use freeplay_path::{JointPath, PathKind, PathSpec};
+use freeplay_recording::Recording;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde_json::Value;
+
+use crate::diagnose_report::title;
+use crate::exit::{Exit, Failure};
+use crate::run::Format;
+use crate::say::say;
+use crate::setup::{load_model, write};
+use crate::units::power_of_ten;
+
+/// Rows a second of the path that is written.
+const RATE: f64 = 200.0;
+/// Most causes that are separated from the first.
+const MOST: usize = 2;
+/// Noise where no diagnosis says what it is: a thousandth of a joint's greatest torque (or 0.1 N·m), 50 µm, 0.1 mrad.
+const TORQUE_SHARE: f64 = 1e-3;
+const TORQUE_NOISE: f64 = 0.1;
+const TOOL_NOISE: f64 = 5e-5;
+const LINK_NOISE: f64 = 1e-4;
+/// Independent samples a second, where no diagnosis says how many there are.
+const PER_SECOND: f64 = 10.0;
+
+/// Writes a safe motion that separates causes which a recording left possible, and says with what odds.
+///
+/// The motion is a short Fourier series for every joint, from rest to rest, inside 80 % of the limits of position, speed,
+/// acceleration and torque of the arm file. It knows nothing of what stands around the arm: look at it before you run it.
+/// excite.csv holds its rows (t, q1…qn), excite.toml is a scenario that `freeplay run` plays.
+#[derive(Args, Debug)]
+pub struct ExciteArgs {
+    /// A diagnosis.json that names its model and recordings.
+    diagnosis: Option<PathBuf>,
+    /// The model: an arm file (URDF or TOML), or "paper"; without it: the diagnosis's.
+    #[arg(long, value_name = "FILE")]
+    model: Option<String>,
+    /// Two kinds of effects to separate, where there is no diagnosis: --kinds backlash,joint_elasticity --joint elbow.
+    #[arg(long, value_delimiter = ',', value_name = "A,B")]
+    kinds: Vec<String>,
+    /// The joint that they may sit at; none for effects of the whole arm.
+    #[arg(long, requires = "kinds")]
+    joint: Option<String>,
+    /// Folder for excite.csv and excite.toml.
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    out: PathBuf,
+    /// How long the motion takes, s.
+    #[arg(long, default_value_t = 16.0, value_name = "S")]
+    duration: f64,
+    /// Motions to weigh.
+    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    candidates: u32,
+    /// Posture about which the arm moves, rad (m), one value a joint; without it: the middle of the recording, else of the joints' ranges.
+    #[arg(long, value_delimiter = ',', allow_hyphen_values = true, value_name = "Q1,Q2,…")]
+    posture: Option<Vec<f64>>,
+    /// How far a joint may go from there, rad (m).
+    #[arg(long, default_value_t = 1.2, value_name = "RAD")]
+    reach: f64,
+    /// Seed of the search.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// What is to be separated, and what is known of it.
+pub struct Question<'a> {
+    /// The model's file.
+    pub file: &'a ArmFile,
+    /// The causes, the likeliest first.
+    pub rivals: Vec<Rival>,
+    /// The recording that left them possible.
+    pub seen: Option<&'a Recording>,
+}
+
+/// Seeks and writes the motion that `args` ask for.
+///
+/// # Errors
+/// Bad input, or no safe motion.
+pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
+    if !(args.duration >= 2.0 && args.duration <= 600.0) {
+        return Err(Failure::usage(format!("--duration {}: between 2 and 600 s", args.duration)));
+    }
+    if !(args.reach > 0.0 && args.reach.is_finite()) {
+        return Err(Failure::usage(format!("--reach {}: a number above 0", args.reach)));
+    }
+    let found = args.diagnosis.as_deref().map(Found::read).transpose()?;
+    let model = args.model.clone().or_else(|| found.as_ref().map(|found| found.model.clone()));
+    let model = model.ok_or_else(|| Failure::usage("name a diagnosis.json, or --model with --kinds"))?;
+    let file = load_model(&model)?;
+    let seen = found.as_ref().and_then(|found| found.recordings.first());
+    let seen = seen
+        .map(|path| freeplay_recording::read(path, Some(file.arm.dof())).map_err(Failure::input))
+        .transpose()?;
+    let rivals = match &found {
+        _ if !args.kinds.is_empty() => named(args, &file)?,
+        Some(found) => found.rivals(&file)?,
+        None => return Err(Failure::usage("name a diagnosis.json, or two --kinds with their --joint")),
+    };
+    let noise = match found.map(|found| found.noise).filter(|noise| !noise.is_empty()) {
+        Some(noise) => noise,
+        None => usual_noise(&file),
+    };
+    let settings = ExciteSettings {
+        duration: args.duration,
+        candidates: args.candidates as usize,
+        seed: args.seed,
+        posture: args.posture.clone(),
+        reach: args.reach,
+        tolerances: Tolerances::default(),
+        noise,
+    };
+    let question = Question { file: &file, rivals, seen: seen.as_ref() };
+    let found = seek(&question, &settings)?;
+    let path = write_path(&found, &model, &file, &args.out)?;
+    match args.format {
+        Format::Json => say(&format!("{:#}\n", json(&found, &file, &path)))?,
+        Format::Text => say(&text(&found, &file, &path))?,
+    }
+    Ok(Exit::Done)
+}
+
+/// Seeks a motion, with progress on standard error.
+///
+/// # Errors
+/// Bad input, or no safe motion.
+pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation, Failure> {
+    let bar = ProgressBar::with_draw_target(Some(settings.candidates as u64), ProgressDrawTarget::stderr());
+    if let Ok(style) = ProgressStyle::with_template("weighing motions {bar:30} {pos}/{len}  {msg}") {
+        bar.set_style(style);
+    }
+    let found = sought(question.file, &question.rivals, question.seen, settings, &mut |number, _, best| {
+        bar.set_position(number as u64);
+        bar.set_message(format!("best {} : 1", power_of_ten(best)));
+    });
+    bar.finish_and_clear();
+    found.map_err(|error| match error {
+        ExciteError::TooFew => Failure::input(
+            "the diagnosis leaves no two causes possible: there is nothing to separate; name two --kinds with their --joint",
+        ),
+        other => Failure::input(other),
+    })
+}
+
+/// The two kinds that were named.
+fn named(args: &ExciteArgs, file: &ArmFile) -> Result<Vec<Rival>, Failure> {
+    let joint = args.joint.as_deref();
+    args.kinds.iter().map(|kind| rival(kind, joint, None, file)).collect()
+}
+
+/// The effect `kind` at `joint` as a cause; a joint is not asked for where the kind is one of the whole arm.
+fn rival(
+    kind: &str,
+    joint: Option<&str>,
+    parameters: Option<toml::Table>,
+    file: &ArmFile,
+) -> Result<Rival, Failure> {
+    let known = freeplay_laws::kind(kind).ok_or_else(|| {
+        let all: Vec<&str> = freeplay_laws::CATALOGUE.iter().map(|kind| kind.name).collect();
+        Failure::usage(format!("unknown effect kind {kind:?}; known: {}", all.join(", ")))
+    })?;
+    let whole = known.site == freeplay_laws::Site::Arm;
+    let joint = match joint.filter(|_| !whole) {
+        None => None,
+        Some(name) => Some(file.arm.joint_index(name).ok_or_else(|| {
+            let names: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
+            Failure::usage(format!("the arm has no joint {name:?}; it has {}", names.join(", ")))
+        })?),
+    };
+    if !known.fits(joint.map(|joint| &file.arm.joints()[joint])) {
+        return Err(Failure::usage(format!(
+            "{kind} can't sit there; name a joint that it fits with --joint"
+        )));
+    }
+    Ok(Rival { kind: known, joint, parameters })
+}
+
+/// What a diagnosis.json says of the next motion.
+struct Found {
+    path: PathBuf,
+    model: String,
+    recordings: Vec<PathBuf>,
+    noise: BTreeMap<String, ChannelNoise>,
+    json: Value,
+}
+
+impl Found {
+    fn read(path: &Path) -> Result<Self, Failure> {
+        let wrong = |what: String| Failure::input(format!("{}: {what}", path.display()));
+        let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
+        let json: Value = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+        let model = json["inputs"]["model"].as_str().ok_or_else(|| {
+            wrong("inputs.model is missing; is this a diagnosis.json of freeplay diagnose?".to_owned())
+        })?;
+        let recordings = json["inputs"]["recordings"].as_array().into_iter().flatten();
+        let mut noise = BTreeMap::new();
+        for (channel, one) in json["noise"].as_object().into_iter().flatten() {
+            let number = |key: &str| one[key].as_f64().unwrap_or(0.0);
+            let known = ChannelNoise { deviation: number("deviation"), per_second: number("per_second") };
+            noise.insert(channel.clone(), known);
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            model: model.to_owned(),
+            recordings: recordings.filter_map(Value::as_str).map(PathBuf::from).collect(),
+            noise,
+            json,
+        })
+    }
+
+    /// The first effect that has a rival, and those that can't be told from it.
+    fn rivals(&self, file: &ArmFile) -> Result<Vec<Rival>, Failure> {
+        let wrong = |what: &str| Failure::input(format!("{}: {what}", self.path.display()));
+        let list = |key: &str| self.json[key].as_array().cloned().unwrap_or_default();
+        let open: Vec<Value> =
+            list("alternatives").into_iter().filter(|other| other["indistinguishable"] == true).collect();
+        let Some(first) = open.first() else {
+            return Err(wrong("no two causes are left possible; name two --kinds with their --joint"));
+        };
+        let instead_of = first["instead_of"].as_str().unwrap_or_default();
+        let effect = list("effects")
+            .into_iter()
+            .find(|effect| stands_for(instead_of, effect["kind"].as_str(), effect["joint"].as_str()))
+            .ok_or_else(|| wrong("the effect that has a rival is not among its effects"))?;
+        let mut parameters = toml::Table::new();
+        for (name, one) in effect["parameters"].as_object().into_iter().flatten() {
+            let value = toml::Value::try_from(&one["value"]).map_err(|error| wrong(&error.to_string()))?;
+            parameters.insert(name.clone(), value);
+        }
+        let kind = |value: &Value| value["kind"].as_str().unwrap_or_default().to_owned();
+        let mut rivals = vec![rival(&kind(&effect), effect["joint"].as_str(), Some(parameters), file)?];
+        let others = open.iter().filter(|other| other["instead_of"].as_str() == Some(instead_of));
+        for other in others.take(MOST) {
+            rivals.push(rival(&kind(other), other["joint"].as_str(), None, file)?);
+        }
+        Ok(rivals)
+    }
+}
+
+/// The first effect of `diagnosis` that has a rival, and those that can't be told from it; none if there is no such effect.
+///
+/// # Errors
+/// An effect that does not fit the arm.
+pub fn rivals(diagnosis: &Diagnosis, file: &ArmFile) -> Result<Vec<Rival>, Failure> {
+    let open: Vec<_> = diagnosis.alternatives.iter().filter(|other| other.indistinguishable).collect();
+    let Some(first) = open.first() else { return Ok(Vec::new()) };
+    let stands = |effect: &&Effect| stands_for(&first.instead_of, Some(effect.kind), effect.joint.as_deref());
+    let Some(effect) = diagnosis.effects.iter().find(stands) else { return Ok(Vec::new()) };
+    let parameters = effect.parameters.iter().map(|(name, one)| (name.clone(), one.value.clone())).collect();
+    let mut rivals = vec![rival(effect.kind, effect.joint.as_deref(), Some(parameters), file)?];
+    let others = open.iter().filter(|other| other.instead_of == first.instead_of);
+    for other in others.take(MOST) {
+        rivals.push(rival(other.kind, other.joint.as_deref(), None, file)?);
+    }
+    Ok(rivals)
+}
+
+/// Whether `instead_of`, as an alternative has it, means the effect `kind` at `joint`.
+fn stands_for(instead_of: &str, kind: Option<&str>, joint: Option<&str>) -> bool {
+    let of_kind = kind.is_some_and(|kind| instead_of.split(' ').next() == Some(kind));
+    of_kind && joint.is_none_or(|joint| instead_of.ends_with(joint))
+}
+
+/// What is assumed of the noise where nothing is known.
+fn usual_noise(file: &ArmFile) -> BTreeMap<String, ChannelNoise> {
+    let with = |deviation: f64| ChannelNoise { deviation, per_second: PER_SECOND };
+    let joints = file.arm.joints().iter().enumerate();
+    let mut noise: BTreeMap<String, ChannelNoise> = joints
+        .map(|(index, joint)| {
+            let effort = joint.limits.effort;
+            let deviation =
+                if effort.is_finite() && effort > 0.0 { TORQUE_SHARE * effort } else { TORQUE_NOISE };
+            (format!("tau{}", index + 1), with(deviation))
+        })
+        .collect();
+    noise.extend(["x", "y", "z"].map(|axis| (axis.to_owned(), with(TOOL_NOISE))));
+    noise.extend((1..=file.arm.dof()).map(|joint| (format!("q_link{joint}"), with(LINK_NOISE))));
+    noise
+}
+
+/// Writes excite.csv and excite.toml into `out` and lets the path be planned as the plant would; the scenario's path.
+///
+/// # Errors
+/// A file that can't be written.
+pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -> Result<PathBuf, Failure> {
+    std::fs::create_dir_all(out)
+        .map_err(|error| Failure::input(format!("cannot create the folder {}: {error}", out.display())))?;
+    let motion = found.motion.trajectory(RATE);
+    let mut rows = String::from("t");
+    (1..=file.arm.dof()).for_each(|joint| {
+        let _ = write!(rows, ",q{joint}");
+    });
+    for (k, t) in motion.t.iter().enumerate() {
+        let _ = write!(rows, "\n{t:.4}");
+        for q in &motion.q {
+            let _ = write!(rows, ",{:.9}", q[k]);
+        }
+    }
+    rows.push('\n');
+    let csv = std::path::absolute(out.join("excite.csv")).map_err(Failure::input)?;
+    write(&csv, &rows)?;
+    let spec = PathSpec { kind: PathKind::File, file: Some(csv.clone()), ..PathSpec::default() };
+    JointPath::plan(&file.arm, &spec, 1000.0).map_err(Failure::internal)?;
+    let mut scenario = toml::Table::new();
+    scenario.insert("model".to_owned(), model.into());
+    let mut path = toml::Table::new();
+    path.insert("kind".to_owned(), "file".into());
+    path.insert("file".to_owned(), csv.display().to_string().into());
+    scenario.insert("path".to_owned(), toml::Value::Table(path));
+    let names: Vec<String> = found.rivals.iter().map(|rival| name(rival, file)).collect();
+    let text = format!(
+        "# A motion that separates {}: expected odds about {} : 1.\n{}",
+        names.join(" and "),
+        power_of_ten(least(&found.log_odds)),
+        toml::to_string(&scenario).map_err(Failure::internal)?
+    );
+    let scenario = out.join("excite.toml");
+    write(&scenario, &text)?;
+    Ok(scenario)
+}
+
+/// Kind and place of a cause.
+fn name(rival: &Rival, file: &ArmFile) -> String {
+    title(rival.kind.name, rival.joint.map(|joint| file.arm.joints()[joint].name.as_str()))
+}
+
+fn least(odds: &[f64]) -> f64 {
+    odds.iter().copied().fold(f64::INFINITY, f64::min)
+}
+
+/// One sentence: which motion separates the causes, with what odds.
+pub fn sentence(found: &Excitation, file: &ArmFile, path: &Path) -> String {
+    let names: Vec<String> = found.rivals.iter().map(|rival| name(rival, file)).collect();
+    format!(
+        "the motion in {} ({:.0} s) would separate {} with odds of about {} : 1",
+        path.display(),
+        found.motion.duration,
+        names.join(" and "),
+        power_of_ten(least(&found.log_odds))
+    )
+}
+
+fn text(found: &Excitation, file: &ArmFile, path: &Path) -> String {
+    let mut text = String::new();
+    let first = name(&found.rivals[0], file);
+    for (index, (rival, odds)) in found.rivals[1..].iter().zip(&found.log_odds).enumerate() {
+        let _ = write!(text, "{first} or {}: expected odds {} : 1", name(rival, file), power_of_ten(*odds));
+        let _ = match found.log_odds_before.as_ref().and_then(|before| before.get(index)) {
+            Some(before) => writeln!(text, " (the recorded motion: {} : 1)", power_of_ten(*before)),
+            None => writeln!(text, " for causes ten times as large as the noise"),
+        };
+    }
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let used = &found.used;
+    let _ = writeln!(
+        text,
+        "uses {} of the room, {} of the speed, {} of the acceleration and {} of the torque that are allowed (80 % of the arm file's limits)",
+        percent(used.position),
+        percent(used.speed),
+        percent(used.acceleration),
+        percent(used.torque)
+    );
+    for note in &found.notes {
+        let _ = writeln!(text, "note: {note}");
+    }
+    text.push_str("This path knows nothing of what stands around the arm: look at it before you run it.\n");
+    let _ = writeln!(
+        text,
+        "path    {}   {:.0} s, from rest to rest\nnext    freeplay run {}",
+        path.with_extension("csv").display(),
+        found.motion.duration,
+        path.display()
+    );
+    text
+}
+
+fn json(found: &Excitation, file: &ArmFile, path: &Path) -> Value {
+    let rivals = found.rivals.iter().map(|rival| {
+        let joint = rival.joint.map(|joint| file.arm.joints()[joint].name.clone());
+        serde_json::json!({ "kind": rival.kind.name, "joint": joint, "parameters": rival.parameters })
+    });
+    serde_json::json!({
+        "schema": "freeplay.excite/1",
+        "rivals": rivals.collect::<Vec<_>>(),
+        "log_odds": found.log_odds,
+        "log_odds_before": found.log_odds_before,
+        "duration": found.motion.duration,
+        "used": { "position": found.used.position, "speed": found.used.speed,
+                  "acceleration": found.used.acceleration, "torque": found.used.torque },
+        "notes": found.notes,
+        "scenario": path,
+        "path": path.with_extension("csv"),
+    })
+}

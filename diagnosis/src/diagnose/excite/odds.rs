@@ -1,0 +1,237 @@
+//! What a motion would tell of two causes: the odds that a recording of it is expected to bring.
+//!
+//! Were the first cause true, a recording of the motion would show its signal s. The other cause fits s as well as it can, with the
+//! model's tolerances to help: what it leaves, weighed by the noise, is Λ = min (s − Nη − Zβ)ᵀ W (s − Nη − Zβ) + |η|², twice the log of the
+//! odds that are expected in favour of the truth. A motion is as good as the lesser of the two, each cause taken for the
+//! truth once: the criterion T of Atkinson & Fedorov 1975 (Biometrika 62:57).
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use freeplay_arm::{Arm, EffectTable};
+use freeplay_laws::{Kind as EffectKind, LawError, Place, Placed, Trajectory};
+use freeplay_recording::Recording;
+use serde::Serialize;
+use toml::Table;
+
+use super::super::case::Case;
+use super::super::hypothesis::{Hypothesis, hypothesis};
+use super::super::stage::{Ground, Stage};
+use super::super::system::{Fit, Score, System};
+use super::super::tolerance::Tolerances;
+use super::ExciteError;
+use crate::motion::Settings;
+
+/// Size of a cause of which nothing else is known, as a multiple of the noise in the channel in which it shows most.
+const PLAIN: f64 = 10.0;
+
+/// What is left in a channel that no finding explains.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ChannelNoise {
+    /// Its standard deviation, in the unit of the channel.
+    pub deviation: f64,
+    /// How many samples a second are independent.
+    pub per_second: f64,
+}
+
+/// A cause: a kind of effect at its place, with its parameters if they are known.
+#[derive(Clone, Debug)]
+pub struct Rival {
+    /// The kind.
+    pub kind: &'static EffectKind,
+    /// Index of the joint; `None` for the arm as a whole.
+    pub joint: Option<usize>,
+    /// Its parameters.
+    pub parameters: Option<Table>,
+}
+
+impl Rival {
+    fn placed(&self, arm: &Arm, parameters: &Table) -> Result<Placed, LawError> {
+        let joint = self.joint.map(|joint| arm.joints()[joint].name.clone());
+        let table =
+            EffectTable { kind: self.kind.name.to_owned(), joint, parameters: parameters.clone(), line: 0 };
+        Placed::new(&table, arm)
+    }
+}
+
+/// The arm and the noise that motions are weighed for.
+pub(super) struct Scales<'a> {
+    pub arm: &'a Arm,
+    pub known: &'a [&'a Placed],
+    pub noise: &'a BTreeMap<String, ChannelNoise>,
+    pub tolerances: &'a Tolerances,
+}
+
+/// A motion made ready to be weighed.
+struct Weighed<'c, 'a> {
+    case: &'c Case<'a>,
+    system: System,
+    /// Noise of every channel, infinite where none is known.
+    deviation: Vec<f64>,
+}
+
+impl Scales<'_> {
+    /// Twice the log of the odds that `motion` would bring for the first of `rivals` against each other one, the lesser of both ways round.
+    ///
+    /// # Errors
+    /// See [`ExciteError`].
+    pub fn odds(&self, motion: &Trajectory, rivals: &[Rival]) -> Result<Vec<f64>, ExciteError> {
+        self.of_recording(&self.blank(motion)?, rivals)
+    }
+
+    /// The same of the motion that `recording` holds.
+    ///
+    /// # Errors
+    /// See [`ExciteError`].
+    pub fn of_recording(&self, recording: &Recording, rivals: &[Rival]) -> Result<Vec<f64>, ExciteError> {
+        self.on(recording, |weighed| {
+            let (first, others) = rivals.split_first().ok_or(ExciteError::TooFew)?;
+            let of_first = self.signal(weighed, first)?;
+            let mut odds = Vec::new();
+            for other in others {
+                let of_other = self.signal(weighed, other)?;
+                let one = weighed.left(&of_first, other)?;
+                let two = weighed.left(&of_other, first)?;
+                odds.push(one.min(two));
+            }
+            Ok(odds)
+        })
+    }
+
+    /// The parameters with which each rival but the first says best what the first says of `recording`; those that have theirs keep them.
+    ///
+    /// # Errors
+    /// See [`ExciteError`].
+    pub fn matched(&self, recording: &Recording, rivals: &[Rival]) -> Result<Vec<Rival>, ExciteError> {
+        self.on(recording, |weighed| {
+            let (first, others) = rivals.split_first().ok_or(ExciteError::TooFew)?;
+            let signal = self.signal(weighed, first)?;
+            let mut all = vec![first.clone()];
+            for other in others {
+                let parameters = match &other.parameters {
+                    Some(known) => Some(known.clone()),
+                    None => weighed.best(&signal, other)?.map(|(_, table)| table),
+                };
+                all.push(Rival { parameters, ..other.clone() });
+            }
+            Ok(all)
+        })
+    }
+
+    /// A recording of `motion` in which only the motion matters, with the columns that the noise is known of.
+    fn blank(&self, motion: &Trajectory) -> Result<Recording, ExciteError> {
+        let mut columns = vec![("t".to_owned(), motion.t.clone())];
+        columns.extend(motion.q.iter().enumerate().map(|(j, q)| (format!("q{}", j + 1), q.clone())));
+        let torques = self.noise.keys().any(|name| name.starts_with("tau"));
+        let mut names: Vec<String> = Vec::new();
+        names.extend((1..=self.arm.dof()).filter(|_| torques).map(|j| format!("tau{j}")));
+        names.extend(self.noise.keys().filter(|name| !name.starts_with("tau")).cloned());
+        columns.extend(names.into_iter().map(|name| (name, vec![0.0; motion.len()])));
+        Recording::new(Path::new("planned motion"), columns)
+            .map_err(|error| ExciteError::Motion { message: error.to_string() })
+    }
+
+    fn on<T>(
+        &self,
+        recording: &Recording,
+        ask: impl FnOnce(&Weighed) -> Result<T, ExciteError>,
+    ) -> Result<T, ExciteError> {
+        let ground = Ground::new(self.arm, recording, &Settings::default())?;
+        let stage = Stage::new(self.arm, self.known, &ground)?;
+        let case = Case::new(vec![stage], self.tolerances);
+        let mut system = case.system(case.kept.iter().map(|kept| vec![0.0; kept.len()]).collect());
+        system.weights = self.weights(&case);
+        let known = |name: &str| self.noise.get(name).map_or(f64::INFINITY, |noise| noise.deviation);
+        let deviation = case.stages[0].channels.iter().map(|channel| known(&channel.name)).collect();
+        ask(&Weighed { case: &case, system, deviation })
+    }
+
+    /// w = n_eff/(n σ²) of every channel; 0 for those of which no noise is known.
+    fn weights(&self, case: &Case) -> Vec<f64> {
+        let stage = &case.stages[0];
+        let t = &stage.motion().t;
+        let lasts = t.last().copied().unwrap_or(0.0) - t.first().copied().unwrap_or(0.0);
+        let channels = stage.channels.iter().zip(case.rows());
+        channels
+            .map(|(channel, rows)| match self.noise.get(&channel.name) {
+                Some(noise) if noise.deviation > 0.0 && rows >= 1.0 => {
+                    (noise.per_second * lasts).min(rows) / rows / noise.deviation.powi(2)
+                }
+                _ => 0.0,
+            })
+            .collect()
+    }
+
+    /// What `rival` adds to each channel.
+    fn signal(&self, weighed: &Weighed, rival: &Rival) -> Result<Vec<Vec<f64>>, ExciteError> {
+        let stage = &weighed.case.stages[0];
+        let parameters = match &rival.parameters {
+            Some(known) => known.clone(),
+            None => weighed.plain(rival)?,
+        };
+        let answer = stage.answer(&rival.placed(self.arm, &parameters)?)?;
+        let column = weighed.case.column(vec![answer]);
+        let rows = column.into_iter().zip(&weighed.case.kept);
+        Ok(rows.map(|(part, kept)| part.unwrap_or_else(|| vec![0.0; kept.len()])).collect())
+    }
+}
+
+impl Weighed<'_, '_> {
+    /// What `rival` can't say of `signal`: twice a log of odds.
+    fn left(&self, signal: &[Vec<f64>], rival: &Rival) -> Result<f64, ExciteError> {
+        let system = self.system.with_other_target(signal);
+        let nuisances: Vec<usize> = (0..system.base.len()).collect();
+        let fit = system.fit(&nuisances).ok_or(ExciteError::Singular)?;
+        let best = self.scores(&system, &fit, rival)?.into_iter().map(|(_, score)| score.gain);
+        Ok((fit.left - best.fold(0.0, f64::max)).max(0.0))
+    }
+
+    /// The gain and the parameters with which `rival` says `signal` best; `None` if it can't say anything of it.
+    fn best(&self, signal: &[Vec<f64>], rival: &Rival) -> Result<Option<(f64, Table)>, ExciteError> {
+        let system = self.system.with_other_target(signal);
+        let nuisances: Vec<usize> = (0..system.base.len()).collect();
+        let fit = system.fit(&nuisances).ok_or(ExciteError::Singular)?;
+        let scores = self.scores(&system, &fit, rival)?;
+        let best = scores.into_iter().max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
+        Ok(best.map(|(found, score)| (score.gain, rival.kind.compose(&found.shape, score.beta.as_slice()))))
+    }
+
+    fn scores(
+        &self,
+        system: &System,
+        fit: &Fit,
+        rival: &Rival,
+    ) -> Result<Vec<(Hypothesis, Score)>, ExciteError> {
+        let stage = &self.case.stages[0];
+        let place = Place { scene: stage.baseline(rival.kind).scene(), joint: rival.joint };
+        let mut all = Vec::new();
+        for shape in (rival.kind.shapes)(&place) {
+            let Some(found) = hypothesis(self.case, system, rival.kind, rival.joint, shape)? else {
+                continue;
+            };
+            let score = system.exact_score(fit, &found.block).filter(|score| found.is_physical(score));
+            all.extend(score.map(|score| (found, score)));
+        }
+        Ok(all)
+    }
+
+    /// Parameters of a cause of which nothing is known: as large as [`PLAIN`] times the noise.
+    fn plain(&self, rival: &Rival) -> Result<Table, ExciteError> {
+        let stage = &self.case.stages[0];
+        let place = Place { scene: stage.baseline(rival.kind).scene(), joint: rival.joint };
+        let shape = (rival.kind.shapes)(&place).into_iter().next().unwrap_or_default();
+        let found = hypothesis(self.case, &self.system, rival.kind, rival.joint, shape)?;
+        let found = found.ok_or(ExciteError::Unseen { kind: rival.kind.name })?;
+        let channels = found.block.columns[0].iter().zip(&self.deviation).zip(&self.case.kept);
+        let sizes = channels.map(|((part, deviation), kept)| {
+            let square: f64 = part.iter().flatten().map(|x| x * x).sum();
+            (square / kept.iter().sum::<f64>().max(1.0)).sqrt() / deviation
+        });
+        let loudest = sizes.filter(|size| size.is_finite()).fold(0.0, f64::max);
+        let mut beta = vec![0.0; found.size()];
+        if loudest > 0.0 {
+            beta[0] = (PLAIN / loudest).clamp(found.terms[0].least, found.terms[0].most);
+        }
+        Ok(rival.kind.compose(&found.shape, &beta))
+    }
+}
