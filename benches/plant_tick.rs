@@ -54,6 +54,7 @@ fn main() {
         link: state.q,
         peak_base_force: 0.0,
         plays: [PlayRecord::default(); MAX_PLAYS],
+        marks: 0,
     };
     let queue = Arc::new(ArrayQueue::new(4096));
     println!("a record is {} bytes", std::mem::size_of::<TickRecord>());

@@ -27,7 +27,7 @@ const NO_ANSWER: Joints = [f64::NAN; MAX_JOINTS];
 /// Single numbers of a tick beyond the contract's columns.
 type TickColumn = (&'static str, fn(&TickRecord) -> f64);
 
-const TICK_COLUMNS: [TickColumn; 14] = [
+const TICK_COLUMNS: [TickColumn; 15] = [
     ("tick", |r| r.state.tick as f64),
     ("flags", |r| f64::from(r.state.flags)),
     ("in_force", |r| in_force(r.applied)),
@@ -41,6 +41,7 @@ const TICK_COLUMNS: [TickColumn; 14] = [
     ("base_force", |r| r.peak_base_force),
     ("predict_us", |r| r.command.as_ref().map_or(f64::NAN, |c| c.predict_ns as f64 * 1e-3)),
     ("in_charge", |r| f64::from(r.state.in_charge())),
+    ("marks", |r| f64::from(r.marks)),
     ("qp_us", |r| r.command.as_ref().map_or(f64::NAN, |c| c.qp_ns as f64 * 1e-3)),
 ];
 

@@ -1,8 +1,8 @@
 //! The `freeplay` command.
 //!
-//! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run` (the parent),
+//! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run` and `processes` (the parent),
 //! `plant_command` and `controller_command` (its children), `columns` and `recorder` (what is kept), `summary`,
-//! `histogram_files`, `screen` and `run_report` (what a person sees); `swaps` (who is in charge when), `swap_command` and
+//! `histogram_files`, `screen`, `live` and `run_report` (what a person sees); `swaps` (who is in charge when), `swap_command` and
 //! `swap_measures` (what a swap costs); `compare`, `diagnose`, `replay`, `reference_runs` and `bound` beside them.
 
 mod args;
@@ -16,8 +16,10 @@ mod excite;
 mod exit;
 mod faults;
 mod histogram_files;
+mod live;
 mod plant_command;
 mod process;
+mod processes;
 mod recorder;
 mod reference_report;
 mod reference_runs;

@@ -14,6 +14,7 @@ use freeplay_shm::{Address, Offer, PlantLink, realtime};
 use crate::columns::RunColumns;
 use crate::exit::{Exit, Failure};
 use crate::histogram_files::{write_hgrm, write_hlog};
+use crate::live::{Console, Observer};
 use crate::recorder::{QUEUE, Recorder};
 use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::setup::{Setup, realtime_request, write};
@@ -44,6 +45,9 @@ pub struct PlantArgs {
     /// End when this process, the parent, ends.
     #[arg(long, value_name = "PID")]
     with_parent: Option<u32>,
+    /// Tell of the run on standard output, and hear wishes on standard input.
+    #[arg(long)]
+    live: bool,
 }
 
 /// Plays one run.
@@ -70,7 +74,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     };
     let link = PlantLink::open(&address, names.len(), offer).map_err(Failure::internal)?;
     let queue = Arc::new(ArrayQueue::new(QUEUE));
-    let plays = play_names(&setup);
+    let plays: Vec<String> = setup.plays().into_iter().map(|(joint, _)| joint).collect();
     let mut plant =
         Plant::new(setup.plant.clone(), Arc::clone(&setup.path), link, address.run(), Arc::clone(&queue))
             .map_err(failure)?;
@@ -78,13 +82,24 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let tracked = scenario.sensors.track_tool;
     let columns = RunColumns::new(setup.plant.arm.dof(), plays.clone(), tracked, period)
         .with_links(plant.system().parted().next().is_some());
-    let recorder = start_recorder(args, &scenario, columns, queue)?;
+    let (console, observer) = if args.live {
+        let (console, glances) = Console::start(plant.wishes())?;
+        let is_realtime = scenario.pace == Pacing::Realtime;
+        let observer = Observer::new(glances, plays.len(), period, is_realtime).map_err(Failure::internal)?;
+        (Some(console), Some(observer))
+    } else {
+        (None, None)
+    };
+    let recorder = start_recorder(args, &scenario, columns, queue, observer)?;
     let request = realtime_request(&scenario, scenario.realtime.plant_cpu);
     let granted = realtime::prepare(&request);
     let (began, clock) = (SystemTime::now(), Instant::now());
     let outcome = plant.run(&stop);
     let kept =
         recorder.finish().ok_or_else(|| Failure::internal("the recorder failed; its message is above"))?;
+    if let Some(console) = console {
+        console.finish();
+    }
     let outcome = outcome.map_err(failure)?;
     let fault = kept.fault.map(|fault| format!("the recording ends early: {fault}"));
     if let Some(fault) = &fault {
@@ -119,16 +134,6 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     })
 }
 
-fn play_names(setup: &Setup) -> Vec<String> {
-    setup
-        .plant
-        .effects
-        .clearances
-        .iter()
-        .map(|(joint, _)| setup.arm().joints()[*joint].name.clone())
-        .collect()
-}
-
 /// "lockstep" or "realtime".
 pub fn pace_name(pace: Pacing) -> &'static str {
     match pace {
@@ -142,6 +147,7 @@ fn start_recorder(
     scenario: &Scenario,
     columns: RunColumns,
     queue: Arc<ArrayQueue<freeplay_plant::TickRecord>>,
+    observer: Option<Observer>,
 ) -> Result<Recorder, Failure> {
     let layout = columns.layout().map_err(Failure::input)?;
     let extension = match scenario.recording {
@@ -160,7 +166,7 @@ fn start_recorder(
             RowWriter::create(&path, &layout, &metadata).map(|writer| (path, writer)).map_err(Failure::input)
         })
         .transpose()?;
-    Recorder::start(queue, columns, writer).map_err(Failure::internal)
+    Recorder::start(queue, columns, writer, observer).map_err(Failure::internal)
 }
 
 fn failure(error: PlantError) -> Failure {

@@ -11,6 +11,7 @@ use freeplay_recording::{RowWriter, WriteError};
 use sha2::{Digest, Sha256};
 
 use crate::columns::RunColumns;
+use crate::live::Observer;
 
 /// Ticks that the queue between loop and recorder holds.
 pub const QUEUE: usize = 4096;
@@ -36,7 +37,7 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Starts to empty `queue` into `writer`.
+    /// Starts to empty `queue` into `writer`, under the eyes of `observer`.
     ///
     /// # Errors
     /// What the system says if it has no thread for it.
@@ -44,12 +45,13 @@ impl Recorder {
         queue: Arc<ArrayQueue<TickRecord>>,
         columns: RunColumns,
         writer: Option<(PathBuf, RowWriter)>,
+        observer: Option<Observer>,
     ) -> std::io::Result<Self> {
         let finished = Arc::new(AtomicBool::new(false));
         let told = Arc::clone(&finished);
         let thread = std::thread::Builder::new()
             .name("recorder".to_owned())
-            .spawn(move || keep(&queue, &columns, writer, &told))?;
+            .spawn(move || keep(&queue, &columns, writer, observer, &told))?;
         Ok(Self { finished, thread })
     }
 
@@ -64,6 +66,7 @@ fn keep(
     queue: &ArrayQueue<TickRecord>,
     columns: &RunColumns,
     writer: Option<(PathBuf, RowWriter)>,
+    mut observer: Option<Observer>,
     finished: &AtomicBool,
 ) -> Kept {
     let mut hash = Sha256::new();
@@ -75,11 +78,17 @@ fn keep(
         let last = finished.load(Ordering::Acquire);
         while let Some(record) = queue.pop() {
             record.digest(&mut hash);
+            if let Some(observer) = &mut observer {
+                observer.see(&record);
+            }
             columns.fill(&record, &mut row);
             if let Some(Err(error)) = writer.as_mut().map(|writer| writer.write(&row)) {
                 fault = Some(error);
                 writer = None;
             }
+        }
+        if let Some(observer) = &mut observer {
+            observer.tell(last);
         }
         if last {
             break;

@@ -10,7 +10,8 @@ use serde::Serialize;
 
 use crate::columns::state_at;
 use crate::exit::{Exit, Failure};
-use crate::run::{Contestant, Format, start_controller};
+use crate::processes::start_controller;
+use crate::run::{Contestant, Format};
 use crate::say::say;
 use crate::scenario::{Pacing, Scenario};
 use crate::setup::Setup;

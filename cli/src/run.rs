@@ -1,23 +1,25 @@
 //! `freeplay run`: for each controller a plant process and a controller process, then one table and one report.
 
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::Stdio;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use freeplay_controller::BUILT_IN;
-use freeplay_controller::serve::SLOT_ENV;
-use freeplay_shm::{Address, RUN_ENV, RunRoot};
+use freeplay_shm::{Address, RunRoot};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use rustix::fs::{Access, access};
-use rustix::process::{Pid, Signal, kill_process};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
 use crate::exit::{Exit, Failure};
+use crate::live::{Title, Watch};
 use crate::plant_command::pace_name;
+use crate::processes::{
+    Ended, Running, exit as exit_of, start_in_slot, start_plant, start_watched_plant, supervise,
+};
 use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
 use crate::setup::{Setup, write};
@@ -66,6 +68,9 @@ pub struct RunArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
+    /// Watch the run in the terminal, and swap, kill or hang controllers by key; in real time unless --pace says otherwise.
+    #[arg(long, conflicts_with = "quiet")]
+    live: bool,
     /// Print the effective scenario and end.
     #[arg(long)]
     show: bool,
@@ -85,9 +90,9 @@ pub struct Contestant {
     /// Name of its files.
     name: String,
     /// Executable of its own, if it is none of the built-in.
-    executable: Option<PathBuf>,
+    pub executable: Option<PathBuf>,
     /// A plan of faults that it is made to have.
-    faults: Option<PathBuf>,
+    pub faults: Option<PathBuf>,
 }
 
 impl Contestant {
@@ -159,8 +164,9 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     crate::process::stop_on_signals(&stop)?;
     let (mut runs, mut exit, mut failure) = (Vec::new(), Exit::Done, None);
     for contestant in &contestants {
-        let progress = Progress::new(args.quiet, contestant, &setup, scenario.pace);
-        let ended = play(&scenario, contestant, &files, args.controller_delay, &stop);
+        let progress = Progress::new(args.quiet || args.live, contestant, &setup, scenario.pace);
+        let watch = args.live.then(|| watch(contestant, &scenario, &setup, &files)).transpose()?;
+        let ended = play_watched(&scenario, contestant, &files, args.controller_delay, &stop, watch);
         progress.finish();
         match ended {
             Err(error) => {
@@ -184,10 +190,29 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     failure.map_or(Ok(exit), Err)
 }
 
+/// A watch for the run of `contestant`.
+fn watch(
+    contestant: &Contestant,
+    scenario: &Scenario,
+    setup: &Setup,
+    files: &Files,
+) -> Result<Watch, Failure> {
+    let title = Title {
+        words: screen::heading(scenario, setup),
+        seconds: setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9,
+        period: setup.plant.period_ns as f64 * 1e-9,
+        controllers: swaps::names(&contestant.asked, &scenario.standby),
+        plays: setup.plays(),
+    };
+    Watch::open(title, &files.out.join(format!("{}.stderr", contestant.name)))
+}
+
 /// The files that the processes of a run share.
 pub struct Files {
-    scenario: PathBuf,
-    task: PathBuf,
+    /// The effective scenario.
+    pub scenario: PathBuf,
+    /// What controllers are given.
+    pub task: PathBuf,
     /// The folder of results.
     pub out: PathBuf,
 }
@@ -221,7 +246,8 @@ fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
     if !args.standby.is_empty() {
         scenario.standby.clone_from(&args.standby);
     }
-    scenario.pace = args.pace.unwrap_or(scenario.pace);
+    let pace = if args.live { Pacing::Realtime } else { scenario.pace };
+    scenario.pace = args.pace.unwrap_or(pace);
     scenario.recording = args.recording.unwrap_or(scenario.recording);
     Ok(scenario)
 }
@@ -281,6 +307,18 @@ pub fn play(
     delay: f64,
     stop: &AtomicBool,
 ) -> Result<(Exit, Option<RunSummary>), Failure> {
+    play_watched(scenario, contestant, files, delay, stop, None)
+}
+
+/// The same; `watch` looks on and is closed at the end of the run.
+fn play_watched(
+    scenario: &Scenario,
+    contestant: &Contestant,
+    files: &Files,
+    delay: f64,
+    stop: &AtomicBool,
+    watch: Option<Watch>,
+) -> Result<(Exit, Option<RunSummary>), Failure> {
     let left = files.out.join(format!("{}.json", contestant.name));
     if left.exists() {
         std::fs::remove_file(&left).map_err(Failure::input)?;
@@ -289,27 +327,8 @@ pub fn play(
         .chain(scenario.standby.iter().map(|asked| Contestant::of(asked)))
         .collect::<Result<_, _>>()?;
     let root = RunRoot::create().map_err(Failure::internal)?;
-    let wait = Duration::from_secs_f64(delay.abs().min(60.0));
-    let plant = || start_plant(contestant, files, root.address()).map(Running);
-    let controllers = || -> Result<Vec<Running>, Failure> {
-        let slots = members.iter().enumerate();
-        slots
-            .map(|(slot, member)| start_in_slot(scenario, member, slot, root.address()).map(Running))
-            .collect()
-    };
-    let (mut plant, mut controllers) = if delay < 0.0 {
-        let controllers = controllers()?;
-        std::thread::sleep(wait);
-        (plant()?, controllers)
-    } else {
-        let plant = plant()?;
-        std::thread::sleep(wait);
-        (plant, controllers()?)
-    };
-    let ended = supervise(&mut plant.0, &mut controllers, contestant, stop);
-    // Before the folder of the run is removed, and before a next run begins.
-    drop((plant, controllers));
-    let exit = ended?;
+    let ended = processes(scenario, &members, files, root.address(), delay, stop, watch)?;
+    let exit = exit_of(&ended, contestant)?;
     match std::fs::read_to_string(&left) {
         Ok(text) => {
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
@@ -322,169 +341,45 @@ pub fn play(
     }
 }
 
-/// A child process; ended when this is dropped.
-pub struct Running(pub Child);
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        // Errors here mean that the child is gone already, which is what is wanted.
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
-/// Starts the plant of a run with the controller `contestant` in charge.
-///
-/// # Errors
-/// A process that can't be started.
-pub fn start_plant(contestant: &Contestant, files: &Files, address: &Address) -> Result<Child, Failure> {
-    let program = std::env::current_exe().map_err(Failure::internal)?;
-    Command::new(program)
-        .arg("plant")
-        .args(["--run", &address.to_string(), "--name", &contestant.name])
-        .args(["--controller", &contestant.asked])
-        .args(["--with-parent", &std::process::id().to_string()])
-        .arg("--scenario")
-        .arg(&files.scenario)
-        .arg("--task")
-        .arg(&files.task)
-        .arg("--out")
-        .arg(&files.out)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .spawn()
-        .map_err(|error| Failure::internal(format!("cannot start the plant: {error}")))
-}
-
-/// Starts the process of a controller for the run at `address`.
-///
-/// # Errors
-/// A process that can't be started.
-pub fn start_controller(
+/// Starts the processes of a run, the first of `members` in charge, and waits until it has ended.
+fn processes(
     scenario: &Scenario,
-    contestant: &Contestant,
+    members: &[Contestant],
+    files: &Files,
     address: &Address,
-) -> Result<Child, Failure> {
-    start_in_slot(scenario, contestant, 0, address)
-}
-
-/// Starts the process of the controller that takes `slot`.
-fn start_in_slot(
-    scenario: &Scenario,
-    contestant: &Contestant,
-    slot: usize,
-    address: &Address,
-) -> Result<Child, Failure> {
-    controller_command(scenario, contestant, slot)?
-        .env(RUN_ENV, address.to_string())
-        .env(SLOT_ENV, slot.to_string())
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .spawn()
-        .map_err(|error| Failure::peer(format!("cannot start the controller {}: {error}", contestant.asked)))
-}
-
-/// This program, which an executable takes over: so it ends with this process, too.
-fn controller_command(scenario: &Scenario, contestant: &Contestant, slot: usize) -> Result<Command, Failure> {
-    let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
-    let built_in = Path::new(&contestant.asked);
-    command.arg("controller").arg(contestant.executable.as_deref().unwrap_or(built_in));
-    command.args(["--with-parent", &std::process::id().to_string()]);
-    if let Some(plan) = &contestant.faults {
-        command.arg("--faults").arg(plan);
-    }
-    let understands = contestant.executable.is_none() || contestant.faults.is_some();
-    if scenario.pace == Pacing::Realtime && understands {
-        let realtime = &scenario.realtime;
-        if realtime.priority > 0 {
-            // A standby waits its turn: of equals under SCHED_FIFO, one that polls for its state would keep the plant from its core.
-            let priority = realtime.priority.saturating_sub(slot as u8).max(1);
-            command.args(["--priority", &priority.to_string()]);
-        }
-        if let Some(cpu) = realtime.controller_cpu {
-            command.args(["--cpu", &cpu.to_string()]);
-        }
-        if realtime.lock_memory {
-            command.arg("--lock-memory");
-        }
-    }
-    Ok(command)
-}
-
-/// How often the parent looks after its children.
-const LOOK: Duration = Duration::from_millis(5);
-/// How long the plant may take to end after it was asked to.
-const GRACE: Duration = Duration::from_secs(10);
-/// How long a stopped plant may wait for an answer of its controller before that is taken away.
-const LAST_ANSWER: Duration = Duration::from_millis(300);
-
-/// Waits for the plant. Without a controller it brakes and plays the run to its end, or gives up when nobody came.
-fn supervise(
-    plant: &mut Child,
-    controllers: &mut [Running],
-    contestant: &Contestant,
+    delay: f64,
     stop: &AtomicBool,
-) -> Result<Exit, Failure> {
-    let (mut asked_to_stop, mut controller_left): (Option<Instant>, Option<ExitStatus>) = (None, None);
-    loop {
-        if let Some(status) = plant.try_wait().map_err(Failure::internal)? {
-            return plant_exit(status, controller_left, contestant);
-        }
-        for (slot, Running(controller)) in controllers.iter_mut().enumerate() {
-            let left = controller.try_wait().map_err(Failure::internal)?;
-            controller_left = controller_left.or(left.filter(|_| slot == 0));
-        }
-        if stop.load(Ordering::Relaxed) {
-            let since = asked_to_stop.get_or_insert_with(|| {
-                terminate(plant);
-                Instant::now()
-            });
-            // A hung controller would keep a plant in lockstep waiting for as long as its patience lasts.
-            if since.elapsed() > LAST_ANSWER {
-                controllers.iter_mut().for_each(|controller| drop(controller.0.kill()));
-            }
-            if since.elapsed() > GRACE {
-                return Err(Failure::internal("the plant did not end when it was asked to"));
-            }
-        }
-        std::thread::sleep(LOOK);
-    }
-}
-
-fn terminate(child: &Child) {
-    if let Some(pid) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
-        // It may have ended by itself in the meantime.
-        let _ = kill_process(pid, Signal::TERM);
-    }
-}
-
-/// What a run came to, from how its plant and, where it did, its controller ended.
-fn plant_exit(
-    status: ExitStatus,
-    controller: Option<ExitStatus>,
-    contestant: &Contestant,
-) -> Result<Exit, Failure> {
-    let said = |status: ExitStatus| match status.code() {
-        Some(code) => format!("exit code {code}"),
-        None => format!("{status}"),
+    mut watch: Option<Watch>,
+) -> Result<Ended, Failure> {
+    let wait = Duration::from_secs_f64(delay.abs().min(60.0));
+    let start = |slot: usize, stderr: Stdio| {
+        start_in_slot(scenario, &members[slot], slot, address, stderr).map(Running)
     };
-    match status.code() {
-        Some(0) => Ok(Exit::Done),
-        Some(1) => Ok(Exit::Verdict),
-        Some(3) => Ok(Exit::Input),
-        Some(5) => {
-            let how = match controller {
-                Some(status) if !status.success() => format!("ended before the run did ({})", said(status)),
-                _ => "did not answer in time".to_owned(),
-            };
-            eprintln!("freeplay: the controller {} {how}", contestant.asked);
-            // By the contract of exit codes it had said what is wrong with its input.
-            let refused = controller.and_then(|status| status.code()) == Some(3);
-            Ok(if refused { Exit::Input } else { Exit::Peer })
-        }
-        Some(130) => Ok(Exit::Interrupted),
-        _ => Err(Failure::internal(format!("the plant failed: {}", said(status)))),
+    let stderr = |watch: &Option<Watch>| watch.as_ref().map_or_else(|| Ok(Stdio::inherit()), Watch::stderr);
+    let start_all = |watch: &Option<Watch>| -> Result<Vec<Running>, Failure> {
+        (0..members.len()).map(|slot| start(slot, stderr(watch)?)).collect()
+    };
+    let mut controllers = Vec::new();
+    if delay < 0.0 {
+        controllers = start_all(&watch)?;
+        std::thread::sleep(wait);
     }
+    let mut plant = Running(match &mut watch {
+        Some(watch) => start_watched_plant(&members[0], files, address, watch)?,
+        None => start_plant(&members[0], files, address)?,
+    });
+    if delay >= 0.0 {
+        std::thread::sleep(wait);
+        controllers = start_all(&watch)?;
+    }
+    let ended = supervise(&mut plant.0, &mut controllers, stop, |controllers| {
+        if let Some(watch) = &mut watch {
+            stop.fetch_or(watch.look(controllers, &start)?, Ordering::Relaxed);
+        }
+        Ok(())
+    })?;
+    watch.map_or(Ok(()), |mut watch| watch.end())?;
+    Ok(ended)
 }
 
 /// A bar on standard error while a run goes on.

@@ -16,7 +16,7 @@ const MOST_FAIL_OVERS: usize = 10;
 
 /// The result of `freeplay run` in words and one table.
 pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path, report: &Path) -> String {
-    let mut text = heading(scenario, setup);
+    let mut text = heading(scenario, setup) + "\n";
     for line in machine_lines(runs) {
         let _ = writeln!(text, "{line}");
     }
@@ -48,22 +48,19 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
     text
 }
 
-fn heading(scenario: &Scenario, setup: &Setup) -> String {
+/// Arm, play, path and pace in one line.
+pub fn heading(scenario: &Scenario, setup: &Setup) -> String {
     let plays: Vec<String> = setup
-        .plant
-        .effects
-        .clearances
+        .plays()
         .iter()
-        .map(|(joint, play)| {
-            format!("{} c = {:.2} mm", setup.arm().joints()[*joint].name, play.clearance * 1e3)
-        })
+        .map(|(joint, clearance)| format!("{joint} c = {:.2} mm", clearance * 1e3))
         .collect();
     let plays = if plays.is_empty() { "no play".to_owned() } else { plays.join(", ") };
     let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
     let path =
         toml::Value::try_from(scenario.path.kind).map_or_else(|_| String::new(), |kind| kind.to_string());
     format!(
-        "Freeplay {} · {} · {plays} · path {}, {seconds} s · {} Hz, {}\n",
+        "Freeplay {} · {} · {plays} · path {}, {seconds} s · {} Hz, {}",
         env!("CARGO_PKG_VERSION"),
         setup.arm().name(),
         path.trim_matches('"'),

@@ -76,6 +76,13 @@ fn faulty_effect(model: &str, error: &LawError) -> Failure {
 }
 
 impl Setup {
+    /// The joints with play: name, and radial clearance in m.
+    pub fn plays(&self) -> Vec<(String, f64)> {
+        let of =
+            |(joint, play): &(usize, Clearance)| (self.arm().joints()[*joint].name.clone(), play.clearance);
+        self.plant.effects.clearances.iter().map(of).collect()
+    }
+
     /// Reads the files of `scenario` and plans its path.
     ///
     /// # Errors

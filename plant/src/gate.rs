@@ -6,7 +6,7 @@
 
 use freeplay_arm::Arm;
 use freeplay_shm::{Command, CommandKind, CommandStatus, Joints, MAX_JOINTS, Mode};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// Why a command did not pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
@@ -59,7 +59,7 @@ impl Rejection {
 }
 
 /// What is in force on the joints.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Applied {
     /// No command can have come yet: the joints are guided along the reference.

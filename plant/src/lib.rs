@@ -10,6 +10,7 @@
 //!   the jump out of it.
 //! - [`TickRecord`]: all that is worth keeping of one tick; it leaves the loop through a queue.
 //! - [`Stages`]: how long each stage of the loop took.
+//! - [`Wishes`]: what a person asks of the loop while it runs.
 //! - [`Plant`]: the loop itself.
 
 mod attendance;
@@ -28,6 +29,7 @@ mod stages;
 mod system;
 mod tick_record;
 mod tool_forces;
+mod wish;
 mod witnesses;
 
 pub use bearing::{Bearing, ContactTally, IMPACT_LIMIT};
@@ -43,4 +45,5 @@ pub use sensors::{Channel, Sensors, SensorsSpec};
 pub use stages::{Stage, Stages};
 pub use system::{Input, MAX_CONTACT_STEP, System, SystemError, TickPeaks};
 pub use tick_record::{MAX_PLAYS, PlayRecord, TickRecord};
+pub use wish::{Wish, Wishes};
 pub use witnesses::Comparison;

@@ -112,6 +112,8 @@ pub struct LineUp {
     in_charge: usize,
     planned: Vec<PlannedSwap>,
     next_planned: usize,
+    /// What was asked for while the run goes on; it comes before what is planned.
+    asked: Option<PlannedSwap>,
     blend: Blend,
     comparison: Option<Comparison>,
     witnesses: Witnesses,
@@ -134,6 +136,7 @@ impl LineUp {
             in_charge: 0,
             planned: spec.swaps.clone(),
             next_planned: 0,
+            asked: None,
             blend: Blend::new(mode, period, spec.blend),
             comparison: spec.comparison,
             witnesses: Witnesses::new(spec.comparison, spec.controllers.clamp(1, MAX_SLOTS)),
@@ -227,9 +230,24 @@ impl LineUp {
         }
     }
 
-    /// The planned swap that is due at `tick`.
+    /// The controller in slot `to` is to be in charge from `tick` on; of several such wishes the last counts.
+    pub(crate) fn ask(&mut self, tick: u64, to: usize) {
+        if to < self.slots.len() {
+            self.asked = Some(PlannedSwap { tick, to });
+        }
+    }
+
+    /// The swap that is due at `tick`, asked for or planned.
     fn due(&self, tick: u64) -> Option<PlannedSwap> {
-        self.planned.get(self.next_planned).copied().filter(|swap| swap.tick <= tick)
+        let planned = self.planned.get(self.next_planned).copied();
+        self.asked.or(planned.filter(|swap| swap.tick <= tick))
+    }
+
+    /// The swap that was due has taken place, or need not.
+    fn settle(&mut self) {
+        if self.asked.take().is_none() {
+            self.next_planned += 1;
+        }
     }
 
     /// Judges all answers to `tick` and says what is to be applied; `settled` after the start of the run, whose changes are
@@ -281,11 +299,11 @@ impl LineUp {
     fn change(&mut self, tick: u64) -> Option<(usize, Cause, u64)> {
         while let Some(swap) = self.due(tick) {
             if swap.to == self.in_charge {
-                self.next_planned += 1;
+                self.settle();
                 continue;
             }
             if self.slots.get(swap.to).is_some_and(|slot| slot.rejection.is_none()) {
-                self.next_planned += 1;
+                self.settle();
                 return Some((swap.to, Cause::Planned, swap.tick));
             }
             break;

@@ -21,7 +21,8 @@ use thiserror::Error;
 use crate::attendance::Attendance;
 use crate::{
     Applied, Braking, DeviationStatistics, GateLimits, Hermite, Input, LineUp, LineUpSpec, Motion,
-    PlayRecord, Rejection, Sensors, SensorsSpec, Stage, Stages, System, SystemError, TickRecord,
+    PlayRecord, Rejection, Sensors, SensorsSpec, Stage, Stages, System, SystemError, TickRecord, Wish,
+    Wishes,
 };
 
 /// All that makes a plant.
@@ -202,6 +203,9 @@ pub struct Plant {
     braked: Option<(u64, Rejection)>,
     backoff: Backoff,
     peak_base_force: f64,
+    wishes: Wishes,
+    spoils_next: bool,
+    marks: u32,
 }
 
 /// Deceleration of a braking joint whose file names no acceleration limit, rad/s² (m/s²).
@@ -264,6 +268,9 @@ impl Plant {
             braked: None,
             backoff: Backoff::for_this_machine(),
             peak_base_force: 0.0,
+            wishes: Wishes::default(),
+            spoils_next: false,
+            marks: 0,
             config,
             system,
             path,
@@ -271,6 +278,11 @@ impl Plant {
             run,
             queue,
         })
+    }
+
+    /// Where to ask something of the plant while it runs.
+    pub fn wishes(&self) -> Wishes {
+        self.wishes.clone()
     }
 
     /// Waits for the controllers, then plays the run; `stop` ends it early.
@@ -374,6 +386,7 @@ impl Plant {
 
     fn tick(&mut self, tick: u64, schedule: &Schedule) -> Result<(), PlantError> {
         let scheduled = self.wake(tick, schedule);
+        self.hear_wishes(tick);
         let mut record = self.observe(tick, scheduled);
         self.state.published_ns = now_ns();
         self.link.publish(&self.state)?;
@@ -419,6 +432,16 @@ impl Plant {
                 self.stages.record(Stage::WakeUp, awake.saturating_sub(due));
                 self.deadlines.plant_late += u64::from(awake.saturating_sub(due) > self.config.period_ns);
                 due
+            }
+        }
+    }
+
+    fn hear_wishes(&mut self, tick: u64) {
+        while let Some(wish) = self.wishes.next() {
+            match wish {
+                Wish::Swap { to } => self.line_up.ask(tick, to),
+                Wish::Spoil => self.spoils_next = true,
+                Wish::Mark => self.marks += 1,
             }
         }
     }
@@ -469,6 +492,7 @@ impl Plant {
             link,
             peak_base_force: self.system.take_peaks().base_force,
             plays: self.plays(),
+            marks: self.marks,
         }
     }
 
@@ -543,7 +567,7 @@ impl Plant {
             return Ok(());
         }
         for _ in 0..COMMAND_BUFFER {
-            let Some(command) = self.link.next_command(slot)? else { break };
+            let Some(mut command) = self.link.next_command(slot)? else { break };
             let received = now_ns();
             let in_charge = slot == self.line_up.in_charge();
             if command.tick < tick && command.check(self.run).is_ok() {
@@ -555,6 +579,9 @@ impl Plant {
             }
             if in_charge {
                 self.clock(&command, scheduled, received);
+                if std::mem::take(&mut self.spoils_next) {
+                    command.value[0] = f64::NAN;
+                }
             }
             self.line_up.slot_mut(slot).answer = Some(command);
             break;

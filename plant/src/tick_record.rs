@@ -40,6 +40,8 @@ pub struct TickRecord {
     pub peak_base_force: f64,
     /// The bearings, in the order of the arm's plays.
     pub plays: [PlayRecord; MAX_PLAYS],
+    /// Marks that were set so far, see [`crate::Wish::Mark`].
+    pub marks: u32,
 }
 
 impl TickRecord {

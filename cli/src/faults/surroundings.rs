@@ -8,7 +8,8 @@ use freeplay_shm::RunRoot;
 use serde::Serialize;
 
 use crate::exit::Failure;
-use crate::run::{Contestant, Files, Running, start_controller, start_plant};
+use crate::processes::{Running, start_controller, start_plant};
+use crate::run::{Contestant, Files};
 use crate::scenario::{RecordingKind, Scenario};
 use crate::setup::Setup;
 

@@ -1,0 +1,85 @@
+//! What is worth seeing of a run twenty times a second.
+
+use std::collections::BTreeMap;
+
+use freeplay_plant::{Applied, IMPACT_LIMIT};
+use serde::{Deserialize, Serialize};
+
+/// Contact of a journal with its bearing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ContactMode {
+    /// None.
+    Free,
+    /// One that has lasted less than 2 ms so far.
+    Impact,
+    /// One that lasts.
+    Continuous,
+}
+
+impl ContactMode {
+    /// The mode of a contact that has lasted for `episode` s; zero in free flight.
+    pub fn of(episode: f64) -> Self {
+        match episode {
+            _ if episode <= 0.0 => Self::Free,
+            _ if episode < IMPACT_LIMIT => Self::Impact,
+            _ => Self::Continuous,
+        }
+    }
+
+    /// The word for it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Free => "free flight",
+            Self::Impact => "impact",
+            Self::Continuous => "contact",
+        }
+    }
+}
+
+/// One joint with play.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlayGlance {
+    /// Contact at the last tick.
+    pub mode: ContactMode,
+    /// Ticks so far in free flight, impact and lasting contact.
+    pub ticks: [u64; 3],
+    /// Greatest normal force since the last glance, N.
+    pub peak_normal_force: f64,
+    /// Where the journal was since the last glance, every few ticks: offsets in the plane across the axis, m.
+    pub orbit: Vec<[f64; 2]>,
+}
+
+/// Latency of a stage since the start, µs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StageGlance {
+    /// Name of the stage.
+    pub stage: String,
+    /// Percentiles 50, 99, 99.9 and the maximum.
+    pub percentiles: [f64; 4],
+}
+
+/// A look at a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Glance {
+    /// The last tick seen.
+    pub tick: u64,
+    /// The tool's deviation at that tick, base frame, m.
+    pub deviation: [f64; 3],
+    /// RMS and maximum of its size after the start of the run, m.
+    pub rms_max: [f64; 2],
+    /// Time, s, and size of the deviation, m, since the last glance: the greatest of every few ticks.
+    pub trace: Vec<[f64; 2]>,
+    /// The joints with play.
+    pub plays: Vec<PlayGlance>,
+    /// Slot of the controller in charge.
+    pub in_charge: usize,
+    /// What is in force on the joints.
+    pub applied: Applied,
+    /// Answers of who was in charge that did not pass, by reason.
+    pub rejected: BTreeMap<String, u64>,
+    /// Latencies by stage.
+    pub stages: Vec<StageGlance>,
+    /// Marks set so far.
+    pub marks: u32,
+}
