@@ -1,15 +1,13 @@
 //! What was typed.
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::exit::{Exit, Failure};
+use crate::manual::EXIT_CODES;
 
 /// Controller-in-the-loop harness for robot arms whose joints have play.
-///
-/// Exit codes: 0 done, 1 a verdict failed, 2 usage, 3 bad input or configuration, 4 machine not fit, 5 peer missing,
-/// 70 internal fault, 130 interrupted.
 #[derive(Parser, Debug)]
-#[command(name = "freeplay", version, max_term_width = 110)]
+#[command(name = "freeplay", version = env!("FREEPLAY_VERSION"), after_help = EXIT_CODES, max_term_width = 110)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -31,6 +29,10 @@ enum Command {
     Excite(crate::excite::ExciteArgs),
     /// The recorded states of a run to a new controller process, its commands beside the recorded ones.
     Replay(crate::replay::ReplayArgs),
+    /// What is in a recording; to CSV and Parquet; from ROS 2 bags, other CSVs and libfranka logs.
+    Record(crate::record::RecordArgs),
+    /// Whether a scenario can be run, what it comes to and where each value is from, its schema for editors.
+    Scenario(crate::scenario_command::ScenarioArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
     ReferenceRuns(crate::reference_runs::ReferenceArgs),
     /// The paper (Erkaya 2018) reproduced: its scenarios, figures and claims, each with a verdict.
@@ -39,6 +41,13 @@ enum Command {
     Bound(crate::bound::BoundArgs),
     /// Train the network of narx-qp on simulated runs, and show how much better it predicts than what needs no network.
     Train(crate::train::TrainArgs),
+    /// Completions for a shell, to standard output.
+    Completions(crate::manual::CompletionsArgs),
+    /// The manual page, to standard output; all pages with --out.
+    Man(crate::manual::ManArgs),
+    /// What the exit codes mean.
+    #[command(after_help = EXIT_CODES)]
+    ExitCodes,
     /// The process that plays the machine; `freeplay run` starts it.
     #[command(hide = true)]
     Plant(crate::plant_command::PlantArgs),
@@ -60,10 +69,15 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Diagnose(args) => crate::diagnose::diagnose(&args),
         Command::Excite(args) => crate::excite::excite(&args),
         Command::Replay(args) => crate::replay::replay(&args),
+        Command::Record(args) => crate::record::record(&args),
+        Command::Scenario(args) => crate::scenario_command::scenario(&args),
         Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
         Command::Reproduce(args) => crate::reproduce::reproduce(&args),
         Command::Bound(args) => crate::bound::bound(&args),
         Command::Train(args) => crate::train::train(&args),
+        Command::Completions(args) => crate::manual::completions(&args, Cli::command()),
+        Command::Man(args) => crate::manual::man(&args, Cli::command()),
+        Command::ExitCodes => crate::manual::exit_codes(),
         Command::Plant(args) => crate::plant_command::plant(&args),
         Command::Controller(args) => crate::controller_command::controller(&args),
     }

@@ -3,7 +3,8 @@
 //! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run` and `processes` (the parent),
 //! `plant_command` and `controller_command` (its children), `columns` and `recorder` (what is kept), `summary`,
 //! `histogram_files`, `screen`, `live` and `run_report` (what a person sees); `swaps` (who is in charge when), `swap_command` and
-//! `swap_measures` (what a swap costs); `compare`, `diagnose`, `replay`, `reference_runs` and `bound` beside them.
+//! `swap_measures` (what a swap costs); `compare`, `diagnose`, `replay`, `reference_runs` and `bound` beside them;
+//! `record`, `scenario_command` and `manual` run nothing.
 
 mod args;
 mod bound;
@@ -17,9 +18,11 @@ mod exit;
 mod faults;
 mod histogram_files;
 mod live;
+mod manual;
 mod plant_command;
 mod process;
 mod processes;
+mod record;
 mod recorder;
 mod reference_report;
 mod reference_runs;
@@ -29,6 +32,8 @@ mod run;
 mod run_report;
 mod say;
 mod scenario;
+mod scenario_command;
+mod scenario_place;
 mod screen;
 mod setup;
 mod simulation;

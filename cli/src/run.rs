@@ -22,6 +22,7 @@ use crate::processes::{
 };
 use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
+use crate::scenario_place::located;
 use crate::setup::{Setup, write};
 use crate::summary::{RunSummary, SCHEMA};
 use crate::{run_report, screen, swaps};
@@ -149,11 +150,13 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
         return Ok(Exit::Done);
     }
     let contestants = contestants(&scenario)?;
-    let setup = Setup::new(&scenario)?;
+    let at =
+        |failure: Failure| Failure { message: located(args.scenario.as_deref(), failure.message), ..failure };
+    let setup = Setup::new(&scenario).map_err(at)?;
     for contestant in &contestants {
         let names = swaps::names(&contestant.asked, &scenario.standby);
         let period = setup.plant.period_ns as f64 * 1e-9;
-        swaps::line_up(&scenario, &names, setup.plant.ticks, period)?;
+        swaps::line_up(&scenario, &names, setup.plant.ticks, period).map_err(at)?;
     }
     for standby in &scenario.standby {
         Contestant::of(standby)?;
@@ -259,7 +262,7 @@ fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
 pub fn load(file: Option<&Path>, sets: &[String]) -> Result<Scenario, Failure> {
     Scenario::load(file, sets).map_err(|error| match error {
         ScenarioError::Set { .. } => Failure::usage(error),
-        error => Failure::input(error),
+        error => Failure::input(located(file, error.to_string())),
     })
 }
 

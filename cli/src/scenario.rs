@@ -10,13 +10,14 @@ use freeplay_controller::Gains;
 use freeplay_laws::ClearanceTable;
 use freeplay_path::PathSpec;
 use freeplay_plant::SensorsSpec;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::swaps::{CompareTable, SwapTable};
 
 /// Who moves the joints.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Drive {
     /// The controller's torque.
@@ -27,7 +28,7 @@ pub enum Drive {
 }
 
 /// When the plant takes its next tick.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Pacing {
     /// By the wall clock.
@@ -38,7 +39,7 @@ pub enum Pacing {
 }
 
 /// How the motion is recorded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RecordingKind {
     /// MCAP: compressed, survives a kill; opens in Foxglove and PlotJuggler.
@@ -51,7 +52,7 @@ pub enum RecordingKind {
 }
 
 /// What the controllers are given to work with.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ControllerTable {
     /// The model given to the controllers; absent: the plant's own arm with its clearances.
@@ -61,11 +62,12 @@ pub struct ControllerTable {
     pub gains: Gains,
     /// What the controller itself understands.
     #[serde(skip_serializing_if = "toml::Table::is_empty")]
+    #[schemars(with = "serde_json::Map<String, serde_json::Value>")]
     pub options: toml::Table,
 }
 
 /// What is asked of the operating system.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RealtimeTable {
     /// SCHED_FIFO priority, 1 to 99; 0 asks for none.
@@ -87,7 +89,7 @@ impl Default for RealtimeTable {
 }
 
 /// What is run.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Scenario {
     /// The plant's arm: "paper", or the path of a URDF or TOML arm file.

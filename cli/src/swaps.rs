@@ -6,6 +6,7 @@ use freeplay_plant::{Comparison, LineUpSpec, PlannedSwap};
 use freeplay_shm::MAX_JOINTS;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::exit::Failure;
@@ -15,7 +16,7 @@ use crate::scenario::Scenario;
 const FIRST_TICK: u64 = 2;
 
 /// A change of controller at a tick.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SwapTable {
     /// Tick whose answer is to be the new controller's; it is in force from the next tick on.
@@ -25,7 +26,7 @@ pub struct SwapTable {
 }
 
 /// When two controllers disagree.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CompareTable {
     /// Greatest difference of each joint's command between controllers that agree, N·m or rad.

@@ -19,6 +19,7 @@
 use std::path::{Path, PathBuf};
 
 use freeplay_path::PathSpec;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -59,7 +60,7 @@ pub enum LimitsFrom {
 }
 
 /// Feedback of the joint motion: `q̈ = q̈_d + 2ζω (q̇_d − q̇) + ω² (q_d − q)`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Gains {
     /// ω, rad/s.

@@ -5,13 +5,14 @@
 //! Erkaya 2018 where it has them, else of its sources (bearing radius, smoothing speeds, floor of the impact speed).
 
 use freeplay_arm::EffectTable;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::effects::LawError;
 use crate::{ContactFriction, FrictionLaw, Material, NormalContact, NormalLaw, hertz_stiffness};
 
 /// A clearance as it is written in files, every field but `clearance` optional.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ClearanceTable {
     /// Radial clearance c = R_b − R_j, m, ≥ 0; zero is a perfect joint.

@@ -9,10 +9,11 @@
 //! pulls (the printed law does, late in the rebound), and the impact speed has a floor, since the law divides by it.
 //! The law is continuous for δ → 0⁺ and smooth for δ > 0 wherever it does not clamp.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// What a contact partner is made of.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
     /// Young's modulus, Pa, > 0.
@@ -47,7 +48,7 @@ pub fn hertz_stiffness(
 ///
 /// None but Hu–Guo returns the restitution it is given; Lankarani–Nikravesh gives 0.913 for 0.9 and 0.663 for 0.
 /// The first integral of the one-dimensional impact, d_h (1 + e′) = ln((1 + d_h)/(1 − d_h e′)), says what each returns.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum NormalLaw {
     /// d_h = 3(1 − e²)/4 (Lankarani & Nikravesh 1990): the paper's law.

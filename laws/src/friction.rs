@@ -8,10 +8,11 @@
 //! feeds energy into the joint, and its middle branch runs from μ_d to μ_s instead of from μ_s to μ_d.
 //! [`FrictionLaw::Corrected`] is the law meant; [`FrictionLaw::Printed`] is the law printed, kept to show what it does.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// How the friction coefficient depends on the sliding speed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FrictionLaw {
     /// Cubic step 0 → μ_s on \[0, v_s\], μ_s → μ_d on \[v_s, v_d\], μ_d above. Continuously differentiable.

@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Longest motion that is planned (`period × laps`, or the span of a file), in s: one day.
@@ -15,7 +16,7 @@ pub const SMALLEST_BLEND: f64 = 1e-6;
 pub const LARGEST_BLEND: f64 = 0.5;
 
 /// The shape of the motion.
-#[derive(Serialize, Deserialize, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Serialize, Deserialize, Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum PathKind {
     /// Smooth closed curve `centre + (A₁ cos θ, A₂ sin θ, A₃ sin 2θ)`, each lap from rest to rest.
@@ -34,7 +35,7 @@ pub enum PathKind {
 }
 
 /// One number, or one for each axis.
-#[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq)]
+#[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq, JsonSchema)]
 #[serde(untagged, expecting = "a number or an array of three numbers")]
 pub enum Size {
     /// Radius of the circle, half side of a square (m), or amplitude of every joint (rad, m).
@@ -47,7 +48,7 @@ pub enum Size {
 ///
 /// A field that the chosen `kind` has no use for is ignored if it has a value by default
 /// (`centre`, `rpy`, `period`, `start`), and refused otherwise (`blend`, `file`, `size`).
-#[derive(Serialize, Deserialize, Clone, Debug, PartialEq)]
+#[derive(Serialize, Deserialize, Clone, Debug, PartialEq, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct PathSpec {
     /// The shape of the motion.

@@ -6,6 +6,7 @@ use csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
 
 use crate::error::{Place, ReadError, Row};
 use crate::line_guard::{LineGuard, LongLine, MAX_LINE};
+use crate::mapping::{Mapped, Mapping};
 use crate::names::shorten;
 use crate::read::Source;
 use crate::recording::Recording;
@@ -16,22 +17,44 @@ const ROWS_TO_ESTIMATE: u64 = 1000;
 
 type Lines<R> = Reader<LineGuard<R>>;
 
-/// Reads a CSV, row by row.
+/// Reads a CSV with our columns, row by row.
 pub(crate) fn read(input: impl Read, source: &Source) -> Result<Recording, ReadError> {
+    read_mapped(input, source, None)
+}
+
+/// Reads a CSV, row by row, with our columns or with those that `mapping` makes ours.
+pub(crate) fn read_mapped(
+    input: impl Read,
+    source: &Source,
+    mapping: Option<&Mapping>,
+) -> Result<Recording, ReadError> {
     let mut lines = ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
+        .delimiter(mapping.map_or(b',', Mapping::separator))
         .buffer_capacity(1 << 16)
         .from_reader(LineGuard::new(input));
     let mut record = ByteRecord::new();
+    for _ in 0..mapping.map_or(0, Mapping::skip) {
+        next(&mut lines, &mut record, source)?;
+    }
     let Some(at) = next(&mut lines, &mut record, source)? else {
         return Err(ReadError::Empty { file: source.file.to_path_buf() });
     };
     let names = header(&record, source.place(at))?;
+    let Mapped { names, factors } = match mapping {
+        None => Mapped { factors: vec![1.0; names.len()], names },
+        Some(mapping) => mapping
+            .apply(names)
+            .map_err(|error| ReadError::Mapping { place: source.place(at), source: error })?,
+    };
+    let decimal = mapping.map_or(b'.', Mapping::decimal);
     let mut table = Table::new(source.place(at), names, source.joints, source.limit)?;
     let mut row = vec![0.0; table.names().len()];
     while let Some(at) = next(&mut lines, &mut record, source)? {
-        read_row(&record, at, &mut row, &mut table)?;
+        read_row(&record, at, decimal, &mut row, &mut table)?;
+        row.iter_mut().zip(&factors).for_each(|(value, factor)| *value *= factor);
+        table.push(&row, at)?;
         if table.rows() == ROWS_TO_ESTIMATE
             && let Some(size) = source.size
         {
@@ -100,19 +123,32 @@ fn wrong_separator(place: Place, separator: char) -> ReadError {
     ReadError::Separator { place, separator, remedy }
 }
 
-/// Reads one line into `row` and adds it to the table.
-fn read_row(record: &ByteRecord, at: Row, row: &mut [f64], table: &mut Table) -> Result<(), ReadError> {
+/// Reads one line into `row`.
+fn read_row(
+    record: &ByteRecord,
+    at: Row,
+    decimal: u8,
+    row: &mut [f64],
+    table: &mut Table,
+) -> Result<(), ReadError> {
     if record.len() != row.len() {
         let (place, expected, found) = (table.place(at), row.len(), record.len());
         return Err(ReadError::Ragged { place, expected, found });
     }
     for (column, cell) in record.iter().enumerate() {
-        row[column] = match number(cell) {
+        let value = if decimal == b'.' { number(cell) } else { number_with(decimal, cell) };
+        row[column] = match value {
             Some(value) if value.is_finite() => value,
             value => odd_cell(column, cell, value, at, table)?,
         };
     }
-    table.push(row, at)
+    Ok(())
+}
+
+/// The number in a cell that has `decimal` before its decimals.
+fn number_with(decimal: u8, cell: &[u8]) -> Option<f64> {
+    let pointed: Vec<u8> = cell.iter().map(|&byte| if byte == decimal { b'.' } else { byte }).collect();
+    number(&pointed)
 }
 
 /// A cell that is no finite number: an error in a column that is used, else kept (text as NaN).

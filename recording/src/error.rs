@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::mapping::MappingError;
 use crate::names::ColumnError;
 
 /// Where in a recording something is.
@@ -227,6 +228,46 @@ pub enum ReadError {
         /// The topics that are there.
         topics: String,
     },
+    /// The mapping does not fit the file.
+    #[error("{place}: {source}")]
+    Mapping {
+        /// The header.
+        place: Place,
+        /// What does not fit.
+        source: MappingError,
+    },
+    /// A bag without joint states.
+    #[error("{}: no topic of type {expected}; found: {topics}", file.display())]
+    NoJointStates {
+        /// The file.
+        file: PathBuf,
+        /// The type.
+        expected: &'static str,
+        /// The topics that are there, with their types.
+        topics: String,
+    },
+    /// A bag with several topics of the type that is looked for.
+    #[error("{}: several topics of type {kind}: {topics}; choose one with {option}", file.display())]
+    ManyTopics {
+        /// The file.
+        file: PathBuf,
+        /// The type.
+        kind: &'static str,
+        /// The topics.
+        topics: String,
+        /// The option that chooses.
+        option: &'static str,
+    },
+    /// A message of a bag that can't be used.
+    #[error("{place}: topic {topic}: {what}")]
+    Bag {
+        /// The message.
+        place: Place,
+        /// Its topic.
+        topic: String,
+        /// What is wrong and what to do.
+        what: String,
+    },
     /// A topic or a message in another form than this crate reads.
     #[error(
         "{place}: topic {topic}: {what}; it must be written as float64 fields, schema ros2msg, messages cdr (little-endian)"
@@ -246,7 +287,7 @@ pub enum ReadError {
 #[non_exhaustive]
 pub enum WriteError {
     /// The file's name does not say the format.
-    #[error("{}: a recording is written as .csv or .mcap; choose one of these endings", file.display())]
+    #[error("{}: a recording is written as .csv or .mcap, or exported as .parquet; choose one of these endings", file.display())]
     Ending {
         /// The file.
         file: PathBuf,

@@ -10,7 +10,9 @@
 //!   and [`Row`]), the column, the value and the remedy; a [`ColumnError`] is about the header alone;
 //! - a [`Recording`] holds the columns by their meaning, sorted into [`Group`]s; [`Absent`] is what it
 //!   answers when asked for columns it does not have;
-//! - [`export`] writes a recording again, as CSV or MCAP.
+//! - [`export`] writes a recording again, as CSV, MCAP or Parquet;
+//! - [`import_csv`] reads somebody else's CSV by a [`Mapping`] (a [`MappingError`] says what does not fit), [`import_bag`] the joint
+//!   states of a ROS 2 bag by [`BagOptions`].
 //!
 //! | column | meaning | unit |
 //! | --- | --- | --- |
@@ -27,23 +29,29 @@
 mod csv_reader;
 mod csv_writer;
 mod error;
+mod joint_states;
 mod line_guard;
+mod mapping;
 mod mcap_reader;
 mod mcap_records;
 mod mcap_writer;
 mod names;
 mod output;
+mod parquet_writer;
 mod read;
 mod recording;
 mod table;
 mod tick;
+mod tool_track;
 mod write;
 
 pub use csv_writer::CsvWriter;
 pub use error::{Place, ReadError, Row, WriteError};
+pub use joint_states::{BagOptions, import_bag};
+pub use mapping::{Mapping, MappingError};
 pub use mcap_writer::McapWriter;
 pub use names::{ColumnError, Group};
-pub use read::{read, read_from};
+pub use read::{import_csv, read, read_from};
 pub use recording::{Absent, Event, Recording};
 pub use table::MAX_NUMBERS;
 pub use write::{Layout, RowWriter, Summary, export};

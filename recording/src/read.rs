@@ -6,6 +6,7 @@ use std::path::Path;
 
 use crate::csv_reader;
 use crate::error::{Place, ReadError, Row};
+use crate::mapping::Mapping;
 use crate::mcap_reader;
 use crate::recording::Recording;
 use crate::table::MAX_NUMBERS;
@@ -53,6 +54,20 @@ pub fn read(path: &Path, joints: Option<usize>) -> Result<Recording, ReadError> 
     let size = metadata.is_file().then_some(metadata.len());
     let file = File::open(path).map_err(failed)?;
     dispatch(file, &Source { file: path, size, joints, limit: MAX_NUMBERS })
+}
+
+/// Reads a CSV with other columns, named and scaled by `mapping`. See [`read`].
+///
+/// # Errors
+/// See [`ReadError`]; each names the place, the value and the remedy.
+pub fn import_csv(path: &Path, mapping: &Mapping) -> Result<Recording, ReadError> {
+    let failed = |source| ReadError::Io { file: path.to_path_buf(), source };
+    let metadata = fs::metadata(path).map_err(failed)?;
+    if metadata.is_dir() {
+        return Err(ReadError::Folder { file: path.to_path_buf() });
+    }
+    let source = Source { file: path, size: Some(metadata.len()), joints: None, limit: MAX_NUMBERS };
+    csv_reader::read_mapped(File::open(path).map_err(failed)?, &source, Some(mapping))
 }
 
 /// Reads a recording from any stream of bytes; `origin` stands for the file in messages. See [`read`].

@@ -6,6 +6,7 @@ use crate::csv_writer::CsvWriter;
 use crate::error::WriteError;
 use crate::mcap_writer::McapWriter;
 use crate::names::{ColumnError, Group, ORIENTATION, Roles, TOOL};
+use crate::parquet_writer;
 use crate::recording::{Event, Recording};
 
 /// The columns of a recording that is going to be written, checked.
@@ -156,12 +157,15 @@ impl RowWriter {
     }
 }
 
-/// Writes `recording` to `path`, as CSV or MCAP by the ending, columns in the order of the contract.
-/// Reading it again gives the same numbers, bit for bit.
+/// Writes `recording` to `path`, as CSV, MCAP or Parquet by the ending, columns in the order of the contract.
+/// Reading it again gives the same numbers, bit for bit. Parquet has no place for events.
 ///
 /// # Errors
 /// As [`RowWriter`] has them.
 pub fn export(recording: &Recording, path: &Path) -> Result<Summary, WriteError> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet")) {
+        return parquet_writer::export(recording, path);
+    }
     let layout = Layout::new(recording.columns())?;
     let mut writer = RowWriter::create(path, &layout, &recording.metadata)?;
     let columns: Vec<&[f64]> = recording.named().map(|(_, values)| values).collect();

@@ -1,0 +1,74 @@
+//! `freeplay completions`, `freeplay man`, `freeplay exit-codes`: what a shell and a person want to know of the command line.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use clap_complete::Shell;
+
+use crate::exit::{Exit, Failure};
+use crate::say::say;
+
+/// The exit codes, for `--help`, `freeplay help exit-codes` and the manual.
+pub const EXIT_CODES: &str = "\
+Exit codes:
+    0  done
+    1  a verdict failed: what was asked was done, and it does not hold
+    2  usage: the command line is not understood
+    3  bad input or configuration: a file, a scenario, a recording
+    4  the machine is not fit (--require-rt)
+    5  the other process is missing: a controller that does not come, a plant that is gone
+   70  an internal fault, of this program or of the machine
+  130  interrupted; recordings are closed properly";
+
+/// Completions for a shell.
+#[derive(Args, Debug)]
+pub struct CompletionsArgs {
+    /// The shell, as in: freeplay completions bash > ~/.local/share/bash-completion/completions/freeplay
+    shell: Shell,
+}
+
+/// The manual.
+#[derive(Args, Debug)]
+pub struct ManArgs {
+    /// Folder for all pages, freeplay.1 and one for each command; without it: the first page to standard output.
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+/// Prints the completions of `command` for a shell.
+///
+/// # Errors
+/// Standard output can't be written.
+pub fn completions(args: &CompletionsArgs, mut command: clap::Command) -> Result<Exit, Failure> {
+    let mut text = Vec::new();
+    clap_complete::generate(args.shell, &mut command, "freeplay", &mut text);
+    say(&String::from_utf8_lossy(&text))?;
+    Ok(Exit::Done)
+}
+
+/// Prints the manual of `command`, or writes all its pages.
+///
+/// # Errors
+/// A folder or file that can't be written.
+pub fn man(args: &ManArgs, command: clap::Command) -> Result<Exit, Failure> {
+    let Some(out) = &args.out else {
+        let mut page = Vec::new();
+        clap_mangen::Man::new(command).render(&mut page).map_err(Failure::internal)?;
+        say(&String::from_utf8_lossy(&page))?;
+        return Ok(Exit::Done);
+    };
+    let failed = |error| Failure::input(format!("cannot write the manual to {}: {error}", out.display()));
+    std::fs::create_dir_all(out).map_err(failed)?;
+    clap_mangen::generate_to(command, out).map_err(failed)?;
+    say(&format!("{}: freeplay.1 and a page for each command; man -l {0}/freeplay.1\n", out.display()))?;
+    Ok(Exit::Done)
+}
+
+/// Prints the exit codes.
+///
+/// # Errors
+/// Standard output can't be written.
+pub fn exit_codes() -> Result<Exit, Failure> {
+    say(&format!("{EXIT_CODES}\n"))?;
+    Ok(Exit::Done)
+}

@@ -1,0 +1,288 @@
+//! `freeplay record`: what is in a recording, to other forms, and from other people's forms.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Subcommand, ValueEnum};
+use comfy_table::{CellAlignment, Table, presets};
+use freeplay_recording::{BagOptions, Group, Mapping, Recording};
+use serde_json::{Value, json};
+
+use crate::exit::{Exit, Failure};
+use crate::run::Format;
+use crate::say::say;
+
+/// Looks into recordings and turns them into other forms.
+#[derive(Args, Debug)]
+pub struct RecordArgs {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand, Debug)]
+enum Action {
+    /// What a recording holds: joints, samples, rate, columns with their ranges, metadata, marks.
+    Info(InfoArgs),
+    /// Write a recording in another form: CSV, Parquet or MCAP.
+    Export(ExportArgs),
+    /// Turn somebody else's recording into one of ours: a ROS 2 bag, a CSV with other columns, a libfranka log.
+    Import(ImportArgs),
+}
+
+#[derive(Args, Debug)]
+struct InfoArgs {
+    /// The recording, MCAP or CSV.
+    recording: PathBuf,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// A form that a recording is exported to.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Form {
+    /// Comma-separated, a header, the shortest numbers that read back to the same bits.
+    Csv,
+    /// Apache Parquet, one column of doubles each, for pandas and the like.
+    Parquet,
+    /// MCAP, for Foxglove and PlotJuggler.
+    Mcap,
+}
+
+#[derive(Args, Debug)]
+struct ExportArgs {
+    /// The recording, MCAP or CSV.
+    recording: PathBuf,
+    /// The form to write.
+    #[arg(long)]
+    format: Form,
+    /// The file to write; without it: beside the recording, with the form's ending.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Replace a file that is there.
+    #[arg(long)]
+    force: bool,
+}
+
+#[derive(Args, Debug)]
+struct ImportArgs {
+    /// The file: an MCAP bag of ROS 2, or a CSV.
+    file: PathBuf,
+    /// What the columns of the CSV mean: a mapping file; a libfranka log needs none.
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
+    /// The bag's topic of sensor_msgs/msg/JointState; without it: the only one.
+    #[arg(long)]
+    topic: Option<String>,
+    /// The bag's topic of geometry_msgs/msg/PoseStamped with the tool's pose in the base frame; without it: the only one.
+    #[arg(long)]
+    pose_topic: Option<String>,
+    /// The bag's joints from base to tool; without it: all, in the order of the first message.
+    #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
+    joints: Vec<String>,
+    /// The recording to write, .mcap, .csv or .parquet.
+    #[arg(long)]
+    out: PathBuf,
+    /// Replace a file that is there.
+    #[arg(long)]
+    force: bool,
+}
+
+/// Does what `args` say.
+///
+/// # Errors
+/// A file that can't be read or written; each names place, value and remedy.
+pub fn record(args: &RecordArgs) -> Result<Exit, Failure> {
+    match &args.action {
+        Action::Info(args) => info(args),
+        Action::Export(args) => export(args),
+        Action::Import(args) => import(args),
+    }
+}
+
+fn info(args: &InfoArgs) -> Result<Exit, Failure> {
+    let recording = freeplay_recording::read(&args.recording, None).map_err(Failure::input)?;
+    let described = describe(&recording);
+    match args.format {
+        Format::Json => {
+            say(&format!("{}\n", serde_json::to_string_pretty(&described).map_err(Failure::internal)?))?;
+        }
+        Format::Text => say(&in_words(&recording))?,
+    }
+    Ok(Exit::Done)
+}
+
+/// The unit of a column of the contract; empty for others.
+fn unit(column: &str) -> &'static str {
+    let stem = column.trim_end_matches(|c: char| c.is_ascii_digit());
+    let group = Group::ALL.into_iter().find(|group| group.prefix() == stem && stem != column);
+    match (group, column) {
+        (Some(Group::Velocity), _) => "rad/s",
+        (Some(Group::Torque), _) => "N*m",
+        (Some(_), _) => "rad",
+        (None, "t") => "s",
+        (None, "x" | "y" | "z") => "m",
+        (None, "qx" | "qy" | "qz" | "qw") => "1",
+        (None, _) => "",
+    }
+}
+
+/// Least and greatest finite value, and how many are not finite.
+fn range(values: &[f64]) -> (f64, f64, usize) {
+    let finite = values.iter().copied().filter(|value| value.is_finite());
+    let (least, most) = finite
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (least.min(value), most.max(value)));
+    (least, most, values.iter().filter(|value| !value.is_finite()).count())
+}
+
+fn steps(recording: &Recording) -> (f64, f64) {
+    let (least, most, _) = range(&recording.t.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>());
+    (least, most)
+}
+
+fn describe(recording: &Recording) -> Value {
+    let columns: Vec<Value> = recording
+        .columns()
+        .iter()
+        .filter_map(|name| Some((name, recording.column(name)?)))
+        .map(|(name, values)| {
+            let (least, most, odd) = range(values);
+            json!({ "name": name, "unit": unit(name), "min": least, "max": most, "not_finite": odd })
+        })
+        .collect();
+    let (shortest, longest) = steps(recording);
+    json!({
+        "schema": "freeplay.recording-info/1", "file": recording.origin, "joints": recording.joints(),
+        "samples": recording.len(), "duration_s": recording.duration(), "rate_hz": recording.rate_hz(),
+        "step_s": { "min": shortest, "median": recording.median_step(), "max": longest },
+        "tool_tracked": recording.tool.is_some(), "columns": columns,
+        "metadata": recording.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect::<serde_json::Map<_, _>>(),
+        "events": recording.events, "truncated": recording.truncated, "notes": recording.notes,
+    })
+}
+
+fn in_words(recording: &Recording) -> String {
+    let (shortest, longest) = steps(recording);
+    let mut text = format!(
+        "{}: {} joints, {} samples, {:.3} s at {:.1} Hz (steps {:.3} to {:.3} ms)\n\n",
+        recording.origin.display(),
+        recording.joints(),
+        recording.len(),
+        recording.duration(),
+        recording.rate_hz(),
+        shortest * 1e3,
+        longest * 1e3
+    );
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING).set_header(["column", "unit", "least", "greatest", ""]);
+    for name in recording.columns() {
+        let Some(values) = recording.column(&name) else { continue };
+        let (least, most, odd) = range(values);
+        let note = if odd == 0 { String::new() } else { format!("{odd} not finite") };
+        let number = |value: f64| if value.is_finite() { format!("{value:.6}") } else { "–".to_owned() };
+        table.add_row([name.as_str(), unit(&name), &number(least), &number(most), &note]);
+    }
+    for column in [2, 3] {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    text += &format!("{table}\n");
+    if !recording.metadata.is_empty() {
+        let keys: Vec<&str> = recording.metadata.iter().map(|(key, _)| key.as_str()).collect();
+        text += &format!("\nmetadata: {} (--format json shows them)\n", keys.join(", "));
+    }
+    for event in &recording.events {
+        text += &format!("mark at {:.3} s: {}: {}\n", event.t, event.kind, event.text);
+    }
+    for note in &recording.notes {
+        text += &format!("note: {note}\n");
+    }
+    text
+}
+
+fn export(args: &ExportArgs) -> Result<Exit, Failure> {
+    let ending = match args.format {
+        Form::Csv => "csv",
+        Form::Parquet => "parquet",
+        Form::Mcap => "mcap",
+    };
+    let out = args.out.clone().unwrap_or_else(|| args.recording.with_extension(ending));
+    if !out.extension().is_some_and(|found| found.eq_ignore_ascii_case(ending)) {
+        return Err(Failure::usage(format!("--out {}: the form {ending} ends in .{ending}", out.display())));
+    }
+    may_write(&out, &args.recording, args.force)?;
+    let recording = freeplay_recording::read(&args.recording, None).map_err(Failure::input)?;
+    write(&recording, &out)
+}
+
+fn import(args: &ImportArgs) -> Result<Exit, Failure> {
+    may_write(&args.out, &args.file, args.force)?;
+    let head = head(&args.file)?;
+    let recording = if head.starts_with(&[0x89, b'M', b'C', b'A', b'P']) {
+        let options = BagOptions {
+            topic: args.topic.clone(),
+            pose_topic: args.pose_topic.clone(),
+            joints: args.joints.clone(),
+        };
+        freeplay_recording::import_bag(&args.file, &options)
+    } else {
+        let mapping = match &args.mapping {
+            Some(path) => Mapping::load(path).map_err(Failure::input)?,
+            None if String::from_utf8_lossy(&head).contains("state.q[0]") => Mapping::libfranka(),
+            None => {
+                return Err(Failure::input(format!(
+                    "{}: neither an MCAP bag nor a libfranka log: say with --mapping FILE what its columns mean",
+                    args.file.display()
+                )));
+            }
+        };
+        freeplay_recording::import_csv(&args.file, &mapping)
+    };
+    write(&recording.map_err(Failure::input)?, &args.out)
+}
+
+/// The first line of `file`, at most some thousand bytes.
+fn head(file: &Path) -> Result<Vec<u8>, Failure> {
+    const LONGEST: u64 = 1 << 16;
+    let failed =
+        |error| Failure::input(format!("{}: {error}; check the path and the permissions", file.display()));
+    let mut line = Vec::new();
+    let input = BufReader::new(std::fs::File::open(file).map_err(failed)?);
+    input.take(LONGEST).read_until(b'\n', &mut line).map_err(failed)?;
+    Ok(line)
+}
+
+/// Whether `out` may be written: it is not the source, and not there unless `force`.
+fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
+    let same = std::fs::canonicalize(out)
+        .is_ok_and(|out| std::fs::canonicalize(source).is_ok_and(|source| source == out));
+    if same {
+        return Err(Failure::usage(format!(
+            "{}: is the file that is read; name another with --out",
+            out.display()
+        )));
+    }
+    if out.exists() && !force {
+        return Err(Failure::usage(format!(
+            "{}: is there already; name another with --out, or replace it with --force",
+            out.display()
+        )));
+    }
+    Ok(())
+}
+
+fn write(recording: &Recording, out: &Path) -> Result<Exit, Failure> {
+    let summary = freeplay_recording::export(recording, out).map_err(Failure::input)?;
+    for note in &recording.notes {
+        eprintln!("note: {note}");
+    }
+    say(&format!(
+        "{}: {} samples of {} columns, {:.1} kB\n",
+        summary.file.display(),
+        summary.rows,
+        recording.columns().len(),
+        summary.bytes as f64 * 1e-3
+    ))?;
+    Ok(Exit::Done)
+}

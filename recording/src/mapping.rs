@@ -1,0 +1,364 @@
+//! What the columns of somebody else's CSV mean: a mapping file in TOML.
+//!
+//! ```toml
+//! separator = ";"                 # optional; "," unless said
+//! decimal = ","                   # optional; "." unless said
+//! skip = 2                        # optional: lines before the header
+//!
+//! [t]
+//! columns = "Time"
+//! unit = "ms"                     # s, ms, us, ns
+//!
+//! [q]
+//! columns = ["J1 [deg]", "J2 [deg]"]   # or one name with {} for the joint's number: "pos_{}"
+//! first = 1                       # optional: the number of the first joint in such a name
+//! unit = "deg"                    # rad, deg; m, mm
+//!
+//! [tau]
+//! columns = "current_{}"
+//! unit = "N*m"                    # N*m, N*mm, N
+//! scale = [95.2, 95.2]            # optional: by joint or for all, times the value in that unit (current × constant × ratio)
+//! ```
+//!
+//! Tables: `t` and `q`, and where there are such columns `qd` (rad/s, deg/s, rpm, m/s, mm/s), `tau`, `q_ref` and `q_link` (as q),
+//! `tool` (x, y, z; m, mm) and `orientation` (qx, qy, qz, qw). Columns that it does not name are kept under their own names, or, where
+//! that is a name of ours, under `file_` and the name.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+use thiserror::Error;
+
+use crate::names::{Group, ORIENTATION, TOOL, list};
+
+/// What the columns of a foreign CSV mean.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Mapping {
+    #[serde(default = "comma")]
+    separator: char,
+    #[serde(default = "point")]
+    decimal: char,
+    #[serde(default)]
+    skip: usize,
+    t: Columns,
+    q: Columns,
+    qd: Option<Columns>,
+    tau: Option<Columns>,
+    q_ref: Option<Columns>,
+    q_link: Option<Columns>,
+    tool: Option<Columns>,
+    orientation: Option<Columns>,
+}
+
+fn comma() -> char {
+    ','
+}
+
+fn point() -> char {
+    '.'
+}
+
+/// The columns of one quantity.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Columns {
+    columns: Names,
+    #[serde(default = "one")]
+    first: usize,
+    unit: Option<String>,
+    scale: Option<Scale>,
+}
+
+fn one() -> usize {
+    1
+}
+
+/// A name, a name with `{}` for the joint's number, or all names.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+enum Names {
+    One(String),
+    All(Vec<String>),
+}
+
+/// A factor for all columns of a quantity, or one for each.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+enum Scale {
+    One(f64),
+    All(Vec<f64>),
+}
+
+/// Why a mapping can't be used.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum MappingError {
+    /// The file can't be read.
+    #[error("mapping {}: {source}; check the path and the permissions", file.display())]
+    Unreadable {
+        /// The file.
+        file: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not TOML, an unknown key, one missing or of the wrong type; the message shows line and column.
+    #[error("mapping {}: {source}", file.display())]
+    Syntax {
+        /// The file.
+        file: PathBuf,
+        /// Line, column and cause.
+        source: Box<toml::de::Error>,
+    },
+    /// A unit that the quantity is not given in.
+    #[error("mapping: {key}.unit = {unit:?} is none of its units: {known}")]
+    Unit {
+        /// The quantity.
+        key: &'static str,
+        /// What is given.
+        unit: String,
+        /// What may be given.
+        known: String,
+    },
+    /// A separator or decimal sign that no CSV has.
+    #[error("mapping: {key} = {value:?} is not a single ASCII character other than a digit or a quote")]
+    Sign {
+        /// The key.
+        key: &'static str,
+        /// What is given.
+        value: char,
+    },
+    /// A named column is not in the file.
+    #[error("mapping: {key}: the file has no column {column:?}; it has {found}")]
+    NoColumn {
+        /// The quantity.
+        key: &'static str,
+        /// The column.
+        column: String,
+        /// The columns that are there, shortened.
+        found: String,
+    },
+    /// Another number of columns, or of factors, than the quantity has.
+    #[error("mapping: {key}: {found} {what}, expected {expected}")]
+    Count {
+        /// The quantity.
+        key: &'static str,
+        /// Columns or factors.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many there should be.
+        expected: usize,
+    },
+    /// One column for two quantities.
+    #[error("mapping: column {column:?} is named for {one} and for {other}; it can be but one")]
+    Twice {
+        /// The column.
+        column: String,
+        /// The first name of ours.
+        one: String,
+        /// The second.
+        other: String,
+    },
+}
+
+/// What a quantity is measured in: names of units with their factors to SI.
+type Units = &'static [(&'static str, f64)];
+
+const DEGREE: f64 = std::f64::consts::PI / 180.0;
+const TIME: Units = &[("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)];
+const POSITION: Units = &[("rad", 1.0), ("deg", DEGREE), ("m", 1.0), ("mm", 1e-3)];
+const VELOCITY: Units =
+    &[("rad/s", 1.0), ("deg/s", DEGREE), ("rpm", 6.0 * DEGREE), ("m/s", 1.0), ("mm/s", 1e-3)];
+const TORQUE: Units = &[("N*m", 1.0), ("N*mm", 1e-3), ("N", 1.0)];
+const LENGTH: Units = &[("m", 1.0), ("mm", 1e-3)];
+const NUMBER: Units = &[("1", 1.0)];
+
+/// The columns of a file as ours: their names and the factor of each to SI.
+#[derive(Debug)]
+pub(crate) struct Mapped {
+    pub names: Vec<String>,
+    pub factors: Vec<f64>,
+}
+
+impl Mapping {
+    /// Reads a mapping file.
+    ///
+    /// # Errors
+    /// See [`MappingError`].
+    pub fn load(path: &Path) -> Result<Self, MappingError> {
+        let file = || path.to_path_buf();
+        let text = std::fs::read_to_string(path)
+            .map_err(|source| MappingError::Unreadable { file: file(), source })?;
+        let mapping: Self = toml::from_str(&text)
+            .map_err(|source| MappingError::Syntax { file: file(), source: Box::new(source) })?;
+        for (key, value) in [("separator", mapping.separator), ("decimal", mapping.decimal)] {
+            if !value.is_ascii() || value.is_ascii_alphanumeric() || value == '"' {
+                return Err(MappingError::Sign { key, value });
+            }
+        }
+        for (key, columns, units) in mapping.quantities() {
+            columns.factor(key, units)?;
+        }
+        Ok(mapping)
+    }
+
+    /// The logs that `franka::logToCSV` writes (libfranka, `src/log.cpp`): time in ms, joints counted from 0.
+    pub fn libfranka() -> Self {
+        let joints = |name: &str| Columns { first: 0, ..Columns::of(name) };
+        Mapping {
+            separator: ',',
+            decimal: '.',
+            skip: 0,
+            t: Columns { unit: Some("ms".to_owned()), ..Columns::of("time") },
+            q: joints("state.q[{}]"),
+            qd: Some(joints("state.dq[{}]")),
+            tau: Some(joints("state.tau_J[{}]")),
+            q_ref: Some(joints("state.q_d[{}]")),
+            q_link: None,
+            tool: None,
+            orientation: None,
+        }
+    }
+
+    /// What stands between two cells.
+    pub(crate) fn separator(&self) -> u8 {
+        self.separator as u8
+    }
+
+    /// What stands before the decimals.
+    pub(crate) fn decimal(&self) -> u8 {
+        self.decimal as u8
+    }
+
+    /// Lines before the header.
+    pub(crate) fn skip(&self) -> usize {
+        self.skip
+    }
+
+    /// The columns `names` of a file as ours.
+    pub(crate) fn apply(&self, names: Vec<String>) -> Result<Mapped, MappingError> {
+        let places: HashMap<&str, usize> =
+            names.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
+        let mut ours: Vec<Option<String>> = vec![None; names.len()];
+        let mut factors = vec![1.0; names.len()];
+        let joints = self.q.expand(&places).len();
+        for (key, columns, units) in self.quantities() {
+            let expanded = columns.expand(&places);
+            let expected =
+                expected_columns(key).unwrap_or(if key == "q" { expanded.len().max(1) } else { joints });
+            if expanded.len() != expected && key != "q_link" {
+                return Err(MappingError::Count { key, what: "columns", found: expanded.len(), expected });
+            }
+            let unit = columns.factor(key, units)?;
+            for (index, column) in expanded.iter().enumerate() {
+                let Some(&place) = places.get(column.as_str()) else {
+                    return Err(MappingError::NoColumn { key, column: column.clone(), found: list(&names) });
+                };
+                let name = our_name(key, index);
+                if let Some(one) = ours[place].replace(name.clone()) {
+                    return Err(MappingError::Twice { column: column.clone(), one, other: name });
+                }
+                factors[place] = unit * columns.scale(key, index, expanded.len())?;
+            }
+        }
+        let names =
+            names.into_iter().zip(ours).map(|(theirs, ours)| ours.unwrap_or_else(|| kept_name(theirs)));
+        Ok(Mapped { names: names.collect(), factors })
+    }
+
+    /// All quantities of the mapping: key, columns, units.
+    fn quantities(&self) -> impl Iterator<Item = (&'static str, &Columns, Units)> {
+        let optional = [
+            ("qd", &self.qd, VELOCITY),
+            ("tau", &self.tau, TORQUE),
+            ("q_ref", &self.q_ref, POSITION),
+            ("q_link", &self.q_link, POSITION),
+            ("tool", &self.tool, LENGTH),
+            ("orientation", &self.orientation, NUMBER),
+        ];
+        let present =
+            optional.into_iter().filter_map(|(key, columns, units)| Some((key, columns.as_ref()?, units)));
+        [("t", &self.t, TIME), ("q", &self.q, POSITION)].into_iter().chain(present)
+    }
+}
+
+impl Columns {
+    fn of(name: &str) -> Self {
+        Columns { columns: Names::One(name.to_owned()), first: 1, unit: None, scale: None }
+    }
+
+    /// The names, a pattern written out for as many numbers as the file has columns.
+    fn expand(&self, places: &HashMap<&str, usize>) -> Vec<String> {
+        match &self.columns {
+            Names::All(names) => names.clone(),
+            Names::One(pattern) if pattern.contains("{}") => {
+                let numbered = (self.first..).map(|number| pattern.replacen("{}", &number.to_string(), 1));
+                let found: Vec<String> =
+                    numbered.take_while(|name| places.contains_key(name.as_str())).collect();
+                // None at all: the first one is the one to name as missing.
+                if found.is_empty() {
+                    vec![pattern.replacen("{}", &self.first.to_string(), 1)]
+                } else {
+                    found
+                }
+            }
+            Names::One(name) => vec![name.clone()],
+        }
+    }
+
+    /// The factor from the unit to SI.
+    fn factor(&self, key: &'static str, units: Units) -> Result<f64, MappingError> {
+        let Some(unit) = &self.unit else { return Ok(1.0) };
+        let known = units.iter().find(|(name, _)| name == unit);
+        known.map(|(_, factor)| *factor).ok_or_else(|| MappingError::Unit {
+            key,
+            unit: unit.clone(),
+            known: units.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", "),
+        })
+    }
+
+    /// The factor beyond the unit of column `index` of `count`.
+    fn scale(&self, key: &'static str, index: usize, count: usize) -> Result<f64, MappingError> {
+        match &self.scale {
+            None => Ok(1.0),
+            Some(Scale::One(factor)) => Ok(*factor),
+            Some(Scale::All(factors)) if factors.len() == count => Ok(factors[index]),
+            Some(Scale::All(factors)) => Err(MappingError::Count {
+                key,
+                what: "factors in scale",
+                found: factors.len(),
+                expected: count,
+            }),
+        }
+    }
+}
+
+/// How many columns a quantity has that is not one of joints.
+fn expected_columns(key: &str) -> Option<usize> {
+    match key {
+        "t" => Some(1),
+        "tool" => Some(TOOL.len()),
+        "orientation" => Some(ORIENTATION.len()),
+        _ => None,
+    }
+}
+
+/// Our name for column `index` of a quantity.
+fn our_name(key: &str, index: usize) -> String {
+    match key {
+        "t" => "t".to_owned(),
+        "tool" => TOOL[index].to_owned(),
+        "orientation" => ORIENTATION[index].to_owned(),
+        _ => format!("{key}{}", index + 1),
+    }
+}
+
+/// The name of a column that the mapping does not name: its own, unless that has a meaning here.
+fn kept_name(name: String) -> String {
+    let stem = name.trim_end_matches(|c: char| c.is_ascii_digit());
+    let numbered = stem != name && Group::ALL.into_iter().any(|group| group.prefix() == stem);
+    let single = name == "t" || TOOL.contains(&name.as_str()) || ORIENTATION.contains(&name.as_str());
+    if numbered || single { format!("file_{name}") } else { name }
+}

@@ -1,0 +1,83 @@
+//! Writing a whole recording as Parquet: one column of `double` per column, compressed with Snappy.
+//!
+//! Parquet keeps its table of contents at the end, so a file that is not finished cannot be read: this is a form for handing on a
+//! recording, not for recording.
+
+use std::fs::{File, OpenOptions, Permissions};
+use std::io;
+use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::path::Path;
+use std::sync::Arc;
+
+use parquet::basic::{Compression, Repetition, Type as Physical};
+use parquet::data_type::DoubleType;
+use parquet::errors::ParquetError;
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::WriterProperties;
+use parquet::file::writer::SerializedFileWriter;
+use parquet::schema::types::{Type, TypePtr};
+
+use crate::error::WriteError;
+use crate::recording::Recording;
+use crate::write::Summary;
+
+/// Rows of one row group: a reader takes one at a time.
+const GROUP: usize = 1 << 17;
+
+/// Writes `recording` to `path`, readable by its owner alone.
+///
+/// # Errors
+/// [`WriteError::Create`], [`WriteError::Stopped`]; a file that is not finished is removed.
+pub(crate) fn export(recording: &Recording, path: &Path) -> Result<Summary, WriteError> {
+    let create = |source| WriteError::Create { file: path.to_path_buf(), source };
+    let file =
+        OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path).map_err(create)?;
+    file.set_permissions(Permissions::from_mode(0o600)).map_err(create)?;
+    let rows = recording.len() as u64;
+    match write(recording, file) {
+        Ok(bytes) => Ok(Summary { file: path.to_path_buf(), rows, events: 0, bytes }),
+        Err(error) => {
+            let _ = std::fs::remove_file(path);
+            let source = match error {
+                ParquetError::External(source) => io::Error::other(source),
+                error => io::Error::other(error.to_string()),
+            };
+            Err(WriteError::Stopped { file: path.to_path_buf(), rows, kept: 0, source })
+        }
+    }
+}
+
+/// Writes all of it; the size of the file, bytes.
+fn write(recording: &Recording, file: File) -> Result<u64, ParquetError> {
+    let columns: Vec<(String, &[f64])> = recording.named().collect();
+    let metadata = recording.metadata.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone()));
+    let properties = WriterProperties::builder()
+        .set_compression(Compression::SNAPPY)
+        .set_dictionary_enabled(false)
+        .set_created_by("freeplay".to_owned())
+        .set_key_value_metadata(Some(metadata.collect()));
+    let kept = file.try_clone()?;
+    let mut writer = SerializedFileWriter::new(file, schema(&columns)?, Arc::new(properties.build()))?;
+    for begin in (0..recording.len()).step_by(GROUP) {
+        let end = (begin + GROUP).min(recording.len());
+        let mut group = writer.next_row_group()?;
+        for (_, values) in &columns {
+            let Some(mut column) = group.next_column()? else { break };
+            column.typed::<DoubleType>().write_batch(&values[begin..end], None, None)?;
+            column.close()?;
+        }
+        group.close()?;
+    }
+    writer.close()?;
+    Ok(kept.metadata()?.len())
+}
+
+fn schema(columns: &[(String, &[f64])]) -> Result<TypePtr, ParquetError> {
+    let field = |(name, _): &(String, &[f64])| {
+        let column =
+            Type::primitive_type_builder(name, Physical::DOUBLE).with_repetition(Repetition::REQUIRED);
+        Ok(Arc::new(column.build()?))
+    };
+    let fields = columns.iter().map(field).collect::<Result<Vec<_>, ParquetError>>()?;
+    Ok(Arc::new(Type::group_type_builder("recording").with_fields(fields).build()?))
+}

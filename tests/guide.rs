@@ -1,0 +1,128 @@
+//! The guide does what it says: every console block of its pages is run, in the order of the page, with the files that the page shows.
+//!
+//! A block ` ```console ` holds commands behind `$ `; ` ```console python ` takes a Python with iceoryx2 and is left out, with a word, where
+//! there is none; a block with `file=NAME` is a file that the reader writes.
+
+mod common;
+
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use common::{Call, FREEPLAY, fresh_folder};
+
+fn root() -> PathBuf {
+    std::path::absolute(Path::new(env!("CARGO_MANIFEST_DIR")).join("..")).expect("a path")
+}
+
+/// A fenced block of a page: what stands behind its fence, and its lines.
+struct Block {
+    kind: String,
+    text: String,
+}
+
+fn blocks(page: &str) -> Vec<Block> {
+    let mut blocks: Vec<Block> = Vec::new();
+    let mut open = false;
+    for line in page.lines() {
+        match (open, line.strip_prefix("```")) {
+            (false, Some(kind)) => {
+                blocks.push(Block { kind: kind.trim().to_owned(), text: String::new() });
+                open = true;
+            }
+            (true, Some("")) => open = false,
+            (true, _) => {
+                let block = blocks.last_mut().expect("a block is open");
+                block.text += &format!("{line}\n");
+            }
+            (false, None) => {}
+        }
+    }
+    assert!(!open, "a fence is never closed");
+    blocks
+}
+
+/// The Python that takes part, if there is one.
+fn python() -> Option<String> {
+    let python = std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let script = "import tomllib, iceoryx2, sys; print(sys.executable)";
+    let output = Command::new(python).args(["-c", script]).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
+/// Plays the page called `name`; the number of commands run.
+fn play(name: &str) -> usize {
+    let page = std::fs::read_to_string(root().join("docs/guide").join(name)).expect("the page");
+    let binaries = Path::new(FREEPLAY).parent().expect("a folder").to_owned();
+    let mut folder = fresh_folder();
+    // The project's folder as the reader has it, but for what the page writes into it.
+    symlink(root().join("scenarios"), folder.path().join("scenarios")).expect("linked");
+    std::fs::create_dir_all(folder.path().join("target")).expect("made");
+    symlink(&binaries, folder.path().join("target/release")).expect("linked");
+    std::fs::create_dir_all(folder.path().join("python")).expect("made");
+    for part in ["freeplay.py", "examples"] {
+        symlink(root().join("python").join(part), folder.path().join("python").join(part)).expect("linked");
+    }
+    let python = python();
+    let folders = python.iter().filter_map(|python| Path::new(python).parent()).map(Path::to_owned);
+    let system = std::env::var("PATH").unwrap_or_default();
+    let path = std::env::join_paths(folders.chain([binaries]).chain(std::env::split_paths(&system)))
+        .expect("a path");
+    let mut count = 0;
+    for block in blocks(&page) {
+        if let Some(file) = block.kind.split(' ').find_map(|part| part.strip_prefix("file=")) {
+            std::fs::write(folder.path().join(file), &block.text).expect("written");
+        }
+        if !block.kind.starts_with("console") {
+            continue;
+        }
+        if block.kind.ends_with("python") && python.is_none() {
+            println!("skipped: no Python with iceoryx2 0.10.0; FREEPLAY_PYTHON names one\n{}", block.text);
+            continue;
+        }
+        for line in block.text.lines().filter_map(|line| line.strip_prefix("$ ")) {
+            let mut command = Command::new("sh");
+            command.args(["-c", line]).env("PATH", &path).env_remove("CARGO_MANIFEST_DIR");
+            let ran = Call::of(folder, command).run();
+            println!("{name}: {line}: exit code {:?}", ran.output.status.code());
+            assert_eq!(ran.output.status.code(), Some(0), "{name}: {line}\n{}", ran.dump());
+            folder = ran.folder;
+            count += 1;
+        }
+    }
+    count
+}
+
+#[test]
+fn writing_a_controller_in_rust() {
+    assert!(
+        Path::new(FREEPLAY).with_file_name("examples").join("minimal").is_file(),
+        "cargo build --workspace --example minimal"
+    );
+    assert_eq!(play("controller-rust.md"), 4);
+}
+
+#[test]
+fn writing_a_controller_in_python() {
+    let expected = if python().is_some() { 6 } else { 0 };
+    assert_eq!(play("controller-python.md"), expected);
+}
+
+#[test]
+fn bringing_an_arm() {
+    assert_eq!(play("own-arm.md"), 5);
+}
+
+#[test]
+fn bringing_a_recording() {
+    assert_eq!(play("own-recording.md"), 6);
+}
+
+#[test]
+fn every_page_is_in_the_index() {
+    let index = std::fs::read_to_string(root().join("docs/guide/README.md")).expect("the index");
+    for page in std::fs::read_dir(root().join("docs/guide")).expect("a folder").flatten() {
+        let name = page.file_name().to_string_lossy().into_owned();
+        assert!(name == "README.md" || index.contains(&format!("({name})")), "{name} is in no index");
+    }
+}
