@@ -14,12 +14,13 @@
     if __name__ == "__main__":
         freeplay.serve(Mine())
 
-Make the file executable and name it to `freeplay run --controller ./mine.py`; the same file takes part in `freeplay swap`,
-`freeplay faults` and `freeplay replay`. Needed are Python 3.11 and `pip install iceoryx2==0.10.0`, nothing else.
+Make the file executable and name it to `freeplay run --controller ./mine.py`; the same file takes part in
+`freeplay swap`, `freeplay faults` and `freeplay replay`. Needed are Python 3.11 and `pip install iceoryx2==0.10.0`,
+nothing else.
 
-The messages are those of docs/messages.md, byte for byte. Units are SI: rad, m, s, N·m. In the order in which data passes
-through this file: State and Command (what is exchanged), Controller (what you write), Run and Answer (what you are told and
-may say), Link (the run in shared memory), serve (the process).
+The messages are those of docs/messages.md, byte for byte. Units are SI: rad, m, s, N·m. In the order in which data
+passes through this file: State and Command (what is exchanged), Run and Answer (what you are told and may say),
+Controller (what you write), Link (the run in shared memory), Loop and serve (the process).
 """
 
 import ctypes
@@ -124,7 +125,8 @@ class Welcome(Message):
 
 
 class Run:
-    """What the plant says about the run: joints, mode (TORQUE or DRIVEN), pace (LOCKSTEP or REALTIME), period in s, ticks."""
+    """What the plant says about the run: joints, mode (TORQUE or DRIVEN), pace (LOCKSTEP or REALTIME), period, s,
+    and ticks."""
 
     def __init__(self, welcome):
         self.joints = welcome.joints
@@ -159,17 +161,18 @@ class Answer:
 
 
 class Controller:
-    """What you write. An answer should depend on the task and the states alone, so that a recorded run can be replayed."""
+    """What you write. An answer should depend on the task and the states alone, so that a recorded run can be
+    replayed."""
 
     name = "python"
 
     def start(self, task, run):
-        """Gets ready. `task` is the task file as a dict (model, gravity, rate, path, gains, options; paths are absolute),
-        `run` a Run. Everything that takes time belongs here. An exception ends the process with its message."""
+        """Gets ready. `task` is the task file as a dict (model, gravity, rate, path, gains, options; the model's path
+        is absolute), `run` a Run. What takes time belongs here. An exception ends the process with its message."""
 
     def answer(self, state):
-        """The answer to `state`: one number per joint (torques, or positions with mode DRIVEN), an Answer, or None for no
-        answer, which the plant bridges. `state` is the same object every time: copy what you keep."""
+        """The answer to `state`: one number per joint (torques, or positions with mode DRIVEN), an Answer, or None
+        for no answer, which the plant bridges. `state` is the same object every time: copy what you keep."""
         raise NotImplementedError
 
     def take_over(self, state):
@@ -193,7 +196,7 @@ VERDICTS = {
     6: "the run has no slot of that number",
 }
 
-# As in the Rust SDK: how often a seat is looked at, how long an unborn segment may live, ms; how often a door is tried, s.
+# As in Rust: how often a seat is looked at; how long an unborn segment may live, ms; how often a door is tried, s.
 LOOKS, BIRTH_MS, LOOK_AGAIN = 20, 200, 0.0005
 # How long before a tick is due a paced controller stops sleeping, and how long it may hear nothing, ns.
 EARLY_NS, LOOK_AROUND_NS = 300_000, 200_000_000
@@ -211,7 +214,9 @@ class Link:
             raise Failure(USAGE, f"{address!r} is no address of a run: freeplay run sets FREEPLAY_RUN, or give --run")
         self.share = self._share()
         self.node = self._node()
-        door = self._until("the plant has not opened its door", lambda: self._service("hello").request_response(Hello, Welcome).open())
+        door = self._until(
+            "the plant has not opened its door", lambda: self._service("hello").request_response(Hello, Welcome).open()
+        )
         client = door.client_builder().backpressure_strategy(iox().BackpressureStrategy.DiscardData).create()
         self.seat, self.plant = self._lock_file(f"slot-{slot}.lock"), self._lock_file("plant.lock")
         claim = self._take_seat()
@@ -219,7 +224,10 @@ class Link:
             self._open_ends()
         self.welcome = self._knock(client, name, claim)
         if self.welcome.verdict != 0:
-            raise Failure(BAD_INPUT, f"the plant refused this controller: {VERDICTS.get(self.welcome.verdict, 'no reason known here')}")
+            raise Failure(
+                BAD_INPUT,
+                f"the plant refused this controller: {VERDICTS.get(self.welcome.verdict, 'no reason known here')}",
+            )
 
     def next_state(self, state):
         """Copies the oldest state not yet taken into `state`; whether there was one."""
@@ -258,7 +266,9 @@ class Link:
             folder = os.open(self.root, os.O_RDONLY)
             fcntl.flock(folder, fcntl.LOCK_SH)
         except OSError as error:
-            raise Failure(PEER_MISSING, f"no run lives at {self.root}: it has ended, or the address is wrong ({error.strerror})") from None
+            raise Failure(
+                PEER_MISSING, f"no run lives at {self.root}: it has ended, or the address is wrong ({error.strerror})"
+            ) from None
         if os.fstat(folder).st_nlink == 0:
             raise Failure(PEER_MISSING, f"no run lives at {self.root}: it has ended")
         return folder
@@ -273,13 +283,19 @@ class Link:
         place.node.cleanup_dead_nodes_on_creation = False
         place.node.cleanup_dead_nodes_on_destruction = False
         place.service.cleanup_dead_nodes_on_open = False
-        node = iox().NodeBuilder.new().config(config).signal_handling_mode(iox().SignalHandlingMode.Disabled).create(iox().ServiceType.Ipc)
+        node = (
+            iox()
+            .NodeBuilder.new()
+            .config(config)
+            .signal_handling_mode(iox().SignalHandlingMode.Disabled)
+            .create(iox().ServiceType.Ipc)
+        )
         self._remove_unborn()
         node.blocking_cleanup_dead_nodes(iox().Duration.from_millis(500))
         return node
 
     def _remove_unborn(self):
-        """Removes segments left empty by a process that was killed while making them: iceoryx2 would wait for them for ever."""
+        """Removes segments that a process killed while making them left empty: iceoryx2 would wait for ever."""
         unborn = [path for path in SEGMENTS.glob(f"freeplay-{self.id}_*") if is_empty(path)]
         for _ in range(BIRTH_MS):
             if not unborn:
@@ -324,11 +340,13 @@ class Link:
         while True:
             pending = client.send_copy(hello)
             while True:
-                # The answer may come between a look for it and the look whether anybody holds our hello: look once more.
+                # The answer may come between a look for it and the look whether our hello is held: look once more.
                 is_held = pending.number_of_server_connections > 0 and pending.is_connected
                 response = pending.receive()
                 if response is not None:
-                    return Welcome.from_buffer_copy((ctypes.c_char * ctypes.sizeof(Welcome)).from_address(response.payload_ptr))
+                    return Welcome.from_buffer_copy(
+                        (ctypes.c_char * ctypes.sizeof(Welcome)).from_address(response.payload_ptr)
+                    )
                 self._wait("the plant is there but does not greet")
                 if not is_held:
                     break
@@ -375,8 +393,15 @@ class Loop:
 
     def check(self):
         state = self.state
-        if (state.magic, state.layout, state.run, state.joints) != (MAGIC, LAYOUT_VERSION, self.run_hash, self.run.joints):
-            raise Failure(BAD_INPUT, f"a state that is not of this run or layout: layout {state.layout}, {state.joints} joints")
+        if (state.magic, state.layout, state.run, state.joints) != (
+            MAGIC,
+            LAYOUT_VERSION,
+            self.run_hash,
+            self.run.joints,
+        ):
+            raise Failure(
+                BAD_INPUT, f"a state that is not of this run or layout: layout {state.layout}, {state.joints} joints"
+            )
 
     def fill(self, answer):
         """Makes `answer` the command to the state at hand."""
@@ -432,12 +457,15 @@ class Loop:
             cause = ""
         else:
             return
-        raise Failure(PEER_MISSING, f"the plant is gone: no state for {waited:.1f} s after {self.answered} states{cause}")
+        raise Failure(
+            PEER_MISSING, f"the plant is gone: no state for {waited:.1f} s after {self.answered} states{cause}"
+        )
 
 
 def serve(controller, arguments=None, patience=10.0):
-    """Serves the run that the command line (--run, --slot) or the environment (FREEPLAY_RUN, FREEPLAY_SLOT) names until it
-    ends, and ends the process: 0 done, 2 usage, 3 bad input, 5 plant missing, 70 a fault of the controller, 130 interrupted."""
+    """Serves the run that the command line (--run, --slot) or the environment (FREEPLAY_RUN, FREEPLAY_SLOT) names until
+    it ends, and ends the process: 0 done, 2 usage, 3 bad input, 5 plant missing, 70 a fault of the controller,
+    130 interrupted."""
     stop = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.append(True))
@@ -476,7 +504,9 @@ def _place(arguments):
         if flag in found:
             found[flag] = value if equals else next(rest, None)
     if not found["--run"]:
-        raise Failure(USAGE, "no run to join: freeplay run sets FREEPLAY_RUN for the controllers it starts, or give --run ADDRESS")
+        raise Failure(
+            USAGE, "no run to join: freeplay run sets FREEPLAY_RUN for its controllers, or give --run ADDRESS"
+        )
     if not (found["--slot"] or "").isdigit():
         raise Failure(USAGE, f"slot {found['--slot']!r} is not a number: give --slot 0")
     return found["--run"], int(found["--slot"])
@@ -506,7 +536,8 @@ def iox():
         except metadata.PackageNotFoundError:
             found = "none"
         if found != ICEORYX2:
-            raise Failure(BAD_INPUT, f"iceoryx2 {ICEORYX2} is needed, {sys.executable} has {found}: {sys.executable} -m pip install iceoryx2=={ICEORYX2}")
+            remedy = f"{sys.executable} -m pip install iceoryx2=={ICEORYX2}"
+            raise Failure(BAD_INPUT, f"iceoryx2 {ICEORYX2} is needed, this Python has {found}: {remedy}")
         import iceoryx2
 
         _iox = iceoryx2

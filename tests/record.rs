@@ -91,6 +91,32 @@ fn a_recorded_run_is_replayed_to_the_same_controller_and_to_another() {
 }
 
 #[test]
+fn a_controller_that_ends_does_not_keep_a_replay_waiting() {
+    let (_ran, mcap) = recorded();
+    let folder = fresh_folder();
+    let program = folder.path().join("ends");
+    std::fs::write(&program, "#!/bin/sh\necho no model >&2\nexit 3\n").expect("written");
+    std::fs::set_permissions(&program, std::os::unix::fs::PermissionsExt::from_mode(0o755))
+        .expect("executable");
+    let ran = freeplay_in(folder, &["replay", &mcap.display().to_string(), "--against", "./ends"]).expect(5);
+    assert!(ran.stderr().contains("no model") && ran.stderr().contains("exit status: 3"), "{}", ran.dump());
+}
+
+#[test]
+fn a_run_with_a_model_of_the_controllers_own_is_replayed_from_anywhere() {
+    let folder = fresh_folder();
+    let model = freeplay_arm::to_toml(&freeplay_arm::paper_arm());
+    std::fs::write(folder.path().join("believed.toml"), model).expect("written");
+    let arguments =
+        ["run", "--quiet", "--out", "out", "--set", "duration=0.1", "--controller", "computed-torque"];
+    let arguments = [&arguments[..], &["--set", "controller.model=believed.toml"]].concat();
+    let ran = freeplay_in(folder, &arguments).expect(0);
+    let mcap = ran.out().join("computed-torque.mcap").display().to_string();
+    let replayed = freeplay_in(fresh_folder(), &["replay", &mcap, "--against", "computed-torque"]).expect(0);
+    assert!(replayed.stdout().starts_with("100 of 100 commands"), "{}", replayed.dump());
+}
+
+#[test]
 fn the_command_line_says_what_it_is() {
     let version = freeplay_in(fresh_folder(), &["--version"]).expect(0).stdout();
     assert!(version.starts_with(concat!("freeplay ", env!("CARGO_PKG_VERSION"))), "{version}");

@@ -1,6 +1,7 @@
 //! `freeplay replay`: the recorded states to a new controller process, its commands beside the recorded ones.
 
 use std::path::PathBuf;
+use std::process::Child;
 use std::time::Duration;
 
 use clap::Args;
@@ -18,6 +19,9 @@ use crate::setup::Setup;
 
 /// How long a controller may take to come, and to answer.
 const PATIENCE: Duration = Duration::from_secs(10);
+
+/// How long an answer may take before the controller's process is looked after, ns.
+const LOOK_AFTER_NS: u64 = 50_000_000;
 
 /// Replays a recording to a controller.
 #[derive(Args, Debug)]
@@ -92,7 +96,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     };
     let mut link = PlantLink::open(root.address(), 1, offer).map_err(Failure::internal)?;
     let mut controller = start_controller(&scenario, &contestant, root.address())?;
-    let outcome = feed(&mut link, &recording, &setup, root.address().run(), &args.against);
+    let outcome = feed(&mut link, &mut controller, &recording, &setup, root.address().run(), &args.against);
     // It may have ended by itself.
     let _ = controller.kill();
     let _ = controller.wait();
@@ -125,12 +129,13 @@ fn recorded_scenario(
 
 fn feed(
     link: &mut PlantLink,
+    controller: &mut Child,
     recording: &Recording,
     setup: &Setup,
     run: u64,
     name: &str,
 ) -> Result<Difference, Failure> {
-    greet(link)?;
+    greet(link, controller)?;
     let mut difference =
         Difference { schema: "freeplay.replay/1", controller: name.to_owned(), ..Difference::default() };
     let joints = recording.joints();
@@ -140,7 +145,7 @@ fn feed(
             state.ok_or_else(|| Failure::input("the recording lacks columns that `freeplay run` writes"))?;
         state.published_ns = now_ns();
         link.publish(&state).map_err(Failure::internal)?;
-        let command = answer(link, state.tick)?;
+        let command = answer(link, controller, state.tick)?;
         let recorded: Option<Vec<f64>> = (1..=joints)
             .map(|joint| recording.column(&format!("command_{joint}")).map(|column| column[index]))
             .collect();
@@ -155,7 +160,17 @@ fn feed(
     Ok(difference)
 }
 
-fn greet(link: &mut PlantLink) -> Result<(), Failure> {
+/// Fails if the process of the controller has ended.
+fn see_alive(controller: &mut Child) -> Result<(), Failure> {
+    match controller.try_wait() {
+        Ok(Some(status)) => {
+            Err(Failure::peer(format!("the controller ended ({status}); what it said of that is above")))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn greet(link: &mut PlantLink, controller: &mut Child) -> Result<(), Failure> {
     let deadline = now_ns() + PATIENCE.as_nanos() as u64;
     while now_ns() < deadline {
         match link.greet().map_err(Failure::internal)?.into_iter().next() {
@@ -163,23 +178,22 @@ fn greet(link: &mut PlantLink) -> Result<(), Failure> {
             Some(Greeting::Refused { name, verdict, .. }) => {
                 return Err(Failure::input(format!("{name} was refused: {verdict:?}")));
             }
-            None => {}
+            None => see_alive(controller)?,
         }
         std::thread::sleep(Duration::from_millis(1));
     }
     Err(Failure::peer(format!("no controller came within {PATIENCE:?}")))
 }
 
-fn answer(link: &mut PlantLink, tick: u64) -> Result<Command, Failure> {
+fn answer(link: &mut PlantLink, controller: &mut Child, tick: u64) -> Result<Command, Failure> {
     let mut backoff = Backoff::for_this_machine();
     let deadline = now_ns() + PATIENCE.as_nanos() as u64;
     while now_ns() < deadline {
         match link.next_command(0).map_err(Failure::internal)? {
             Some(command) if command.tick == tick => return Ok(command),
             Some(_) => {}
-            None => {
-                backoff.wait();
-            }
+            None if backoff.wait() > LOOK_AFTER_NS => see_alive(controller)?,
+            None => {}
         }
     }
     Err(Failure::peer(format!("no answer to tick {tick} within {PATIENCE:?}")))

@@ -272,6 +272,11 @@ fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
     if scenario.model != freeplay_controller::task::PAPER_MODEL {
         scenario.model = std::path::absolute(&scenario.model).map_err(Failure::input)?.display().to_string();
     }
+    if let Some(model) = scenario.controller.model.as_mut()
+        && *model != freeplay_controller::task::PAPER_MODEL
+    {
+        *model = std::path::absolute(&*model).map_err(Failure::input)?.display().to_string();
+    }
     scenario.path.file = scenario.path.file.map(std::path::absolute).transpose().map_err(Failure::input)?;
     Ok(scenario)
 }

@@ -1,7 +1,7 @@
 """A rigid arm read from a Freeplay arm file, and its inverse dynamics, with the standard library alone.
 
-Source: Luh, Walker, Paul 1980, "On-line computational scheme for mechanical manipulators": velocities and accelerations from
-the base outwards, forces from the tool inwards, all in the frames of the links.
+Source: Luh, Walker, Paul 1980, "On-line computational scheme for mechanical manipulators": velocities and accelerations
+from the base outwards, forces from the tool inwards, all in the frames of the links.
 """
 
 import math
@@ -59,7 +59,8 @@ class Joint:
         self.axis = tuple(scaled(table["axis"], 1.0 / math.sqrt(dot(table["axis"], table["axis"]))))
         origin = table.get("origin", {})
         self.offset = tuple(origin.get("xyz", (0.0, 0.0, 0.0)))
-        self.turn = of_quaternion(origin["quaternion"]) if "quaternion" in origin else of_rpy(origin.get("rpy", (0.0, 0.0, 0.0)))
+        turned = "quaternion" in origin
+        self.turn = of_quaternion(origin["quaternion"]) if turned else of_rpy(origin.get("rpy", (0.0, 0.0, 0.0)))
         self.mass = table.get("mass", 0.0)
         self.com = tuple(table.get("com", (0.0, 0.0, 0.0)))
         inertia = {key: table.get("inertia", {}).get(key, 0.0) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}

@@ -219,7 +219,7 @@ pub enum ReadError {
         compression: String,
     },
     /// A MCAP without our topic.
-    #[error("{}: no topic {expected}; found: {topics}; record with `freeplay run`, or convert the joint columns to a CSV", file.display())]
+    #[error("{}: no topic {expected}; found: {topics}; record with `freeplay run`, or turn a ROS 2 bag into a recording with `freeplay record import`", file.display())]
     NoTopic {
         /// The file.
         file: PathBuf,

@@ -97,7 +97,7 @@ fn each_foreign_form_has_its_message() {
     let cases = [
         (
             message_of(&[topic("/joint_states"), topic("/tf")]),
-            "run.mcap: no topic /freeplay/tick; found: /joint_states, /tf; record with `freeplay run`, or convert the joint columns to a CSV".to_string(),
+            "run.mcap: no topic /freeplay/tick; found: /joint_states, /tf; record with `freeplay run`, or turn a ROS 2 bag into a recording with `freeplay record import`".to_string(),
         ),
         (
             message_of(&[json]),

@@ -1,11 +1,11 @@
-//! A MCAP of ours in the hands of the reference packages: `pip install mcap mcap-ros2-support`, and `PYTHON`
+//! A MCAP of ours in the hands of the reference packages, and a bag of theirs in ours: `pip install mcap mcap-ros2-support`, and `PYTHON`
 //! names the interpreter that has them.
 
 use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use freeplay_recording::{Event, Layout, RowWriter};
+use freeplay_recording::{BagOptions, Event, Layout, RowWriter, import_bag};
 
 const ROWS: u32 = 1_000;
 
@@ -86,4 +86,31 @@ fn the_reference_packages_read_the_same_bits() {
     check_rows(rows);
     let ours = freeplay_recording::read(&cut, None).expect("read").len();
     assert_eq!(ours, rows.len(), "both stop at the last complete chunk");
+}
+
+#[test]
+fn a_bag_of_the_reference_packages_is_imported() {
+    if !available() {
+        println!("skipped: no Python with mcap and mcap-ros2-support; PYTHON names one");
+        return;
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("bag.mcap");
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/other_writers.py");
+    let output = python().arg(script).arg(&path).output().expect("python runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let joints = ["shoulder", "elbow"].map(String::from).to_vec();
+    let recording = import_bag(&path, &BagOptions { joints, ..BagOptions::default() }).expect("imported");
+    assert_eq!((recording.len(), recording.joints()), (ROWS as usize, 2));
+    let x = &recording.tool.as_ref().expect("a tool")[0];
+    for (k, x) in x.iter().enumerate() {
+        let angle = k as f64 * 0.01;
+        // The poses are a straight line in time, so that what is interpolated is known.
+        for (found, expected) in
+            [(recording.q[0][k], angle.cos()), (recording.q[1][k], angle.sin()), (*x, k as f64 * 0.001)]
+        {
+            assert!((found - expected).abs() < 1e-15, "sample {k}: {found} {expected}");
+        }
+    }
+    assert!(recording.tau.is_none() && recording.velocities().is_ok_and(|qd| qd[0][5] == -5.0));
 }
