@@ -1,19 +1,21 @@
-//! Gives the program its version with the commit it was built from: `FREEPLAY_COMMIT` if that is set, else what git says of the
-//! checkout, else the version alone, so that an unpacked archive builds the same everywhere.
+//! Gives the program its version with the commit it was built from: `FREEPLAY_COMMIT` if that is set, else, in a release build, what git
+//! says of the checkout, else the version alone, so that an unpacked archive builds the same everywhere. A debug build does not ask git:
+//! it would be compiled anew after every commit.
 
 use std::path::Path;
 use std::process::Command;
 
 fn main() {
     println!("cargo::rerun-if-env-changed=FREEPLAY_COMMIT");
-    for file in ["../.git/HEAD", "../.git/logs/HEAD"] {
-        if Path::new(file).exists() {
-            println!("cargo::rerun-if-changed={file}");
-        }
-    }
-    let version = std::env::var("CARGO_PKG_VERSION").unwrap_or_default();
-    let commit = std::env::var("FREEPLAY_COMMIT").ok().or_else(commit).filter(|commit| !commit.is_empty());
-    let version = commit.map_or(version.clone(), |commit| format!("{version} ({commit})"));
+    println!("cargo::rerun-if-changed=build.rs");
+    let variable = |name| std::env::var(name).unwrap_or_default();
+    let given = variable("FREEPLAY_COMMIT");
+    let commit = match given.as_str() {
+        "" if variable("PROFILE") == "release" => commit().unwrap_or_default(),
+        given => given.to_owned(),
+    };
+    let version = variable("CARGO_PKG_VERSION");
+    let version = if commit.is_empty() { version } else { format!("{version} ({commit})") };
     println!("cargo::rustc-env=FREEPLAY_VERSION={version}");
 }
 
@@ -21,6 +23,10 @@ fn main() {
 fn commit() -> Option<String> {
     if !Path::new("../.git").exists() {
         return None;
+    }
+    // Without such a file, as in a worktree, cargo would take its absence for a change.
+    if Path::new("../.git/logs/HEAD").exists() {
+        println!("cargo::rerun-if-changed=../.git/logs/HEAD");
     }
     let output = Command::new("git").args(["rev-parse", "--short=12", "HEAD"]).output().ok()?;
     let text = String::from_utf8(output.stdout).ok()?;
