@@ -27,6 +27,8 @@ enum Command {
     Diagnose(crate::diagnose::DiagnoseArgs),
     /// The next motion where two causes are possible: safe, and telling them apart.
     Excite(crate::excite::ExciteArgs),
+    /// The proof on concealed effects: seal, diagnose once, open, score.
+    Blind(Box<crate::blind::BlindArgs>),
     /// The recorded states of a run to a new controller process, its commands beside the recorded ones.
     Replay(crate::replay::ReplayArgs),
     /// What is in a recording; to CSV and Parquet; from ROS 2 bags, other CSVs and libfranka logs.
@@ -48,6 +50,12 @@ enum Command {
     /// What the exit codes mean.
     #[command(after_help = EXIT_CODES)]
     ExitCodes,
+    /// The process that makes sealed recordings; `freeplay blind` starts it.
+    #[command(hide = true)]
+    BlindGenerate(crate::blind::GenerateArgs),
+    /// The process that answers for a sealed recording; `freeplay blind` starts it.
+    #[command(hide = true)]
+    BlindAnalyst(crate::blind::AnalystArgs),
     /// The process that plays the machine; `freeplay run` starts it.
     #[command(hide = true)]
     Plant(crate::plant_command::PlantArgs),
@@ -68,6 +76,9 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Faults(args) => crate::faults::faults(&args),
         Command::Diagnose(args) => crate::diagnose::diagnose(&args),
         Command::Excite(args) => crate::excite::excite(&args),
+        Command::Blind(args) => crate::blind::blind(&args),
+        Command::BlindGenerate(args) => crate::blind::generate(&args),
+        Command::BlindAnalyst(args) => crate::blind::analyst(&args),
         Command::Replay(args) => crate::replay::replay(&args),
         Command::Record(args) => crate::record::record(&args),
         Command::Scenario(args) => crate::scenario_command::scenario(&args),

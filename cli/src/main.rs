@@ -5,8 +5,10 @@
 //! `histogram_files`, `screen`, `live` and `run_report` (what a person sees); `swaps` (who is in charge when), `swap_command` and
 //! `swap_measures` (what a swap costs); `compare`, `diagnose`, `replay`, `reference_runs` and `bound` beside them;
 //! `record`, `scenario_command` and `manual` run nothing.
+//! `blind` (the proof on concealed effects).
 
 mod args;
+mod blind;
 mod bound;
 mod columns;
 mod compare;

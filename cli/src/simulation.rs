@@ -146,8 +146,20 @@ pub fn on_all_cores<T: Send>(
     count: usize,
     work: impl Fn(usize) -> Result<T, Failure> + Sync,
 ) -> Result<Vec<T>, Failure> {
+    on_cores(std::thread::available_parallelism().map_or(1, usize::from), count, work)
+}
+
+/// As [`on_all_cores`], with `workers` calls at a time.
+///
+/// # Errors
+/// As [`on_all_cores`].
+pub fn on_cores<T: Send>(
+    workers: usize,
+    count: usize,
+    work: impl Fn(usize) -> Result<T, Failure> + Sync,
+) -> Result<Vec<T>, Failure> {
     let next = std::sync::atomic::AtomicUsize::new(0);
-    let workers = std::thread::available_parallelism().map_or(1, usize::from).min(count.max(1));
+    let workers = workers.clamp(1, count.max(1));
     let done: Vec<Result<Vec<(usize, T)>, Failure>> = std::thread::scope(|scope| {
         let take = || {
             let mut mine = Vec::new();

@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use clap::Parser;
 use freeplay_concealed::{
-    CATALOGUE, Case, Demand, Family, GenerateError, Machine, Noise, OUTSIDE, Severity, generate, seats,
+    CATALOGUE, Case, Demand, Family, Machine, Noise, OUTSIDE, Severity, generate, make_case, seats,
     write_case,
 };
 use rand::seq::SliceRandom;
@@ -95,22 +95,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// Makes one case; where a machine can't show the effect as strongly as asked for, another does.
+/// Makes one case; unless machines were asked for, another does what the one drawn can't show.
 fn one(options: &Options, number: usize, case: &Case) -> Result<(), Box<dyn Error>> {
-    let mut case = case.clone();
-    let mut rng = ChaCha8Rng::seed_from_u64(case.seed);
-    for _ in 0..8 {
-        match generate(&case) {
-            Ok(made) => return Ok(write_case(&options.out, number + 1, &made)?),
-            Err(
-                GenerateError::TooWeak { .. } | GenerateError::Riddle { .. } | GenerateError::NoPlace { .. },
-            ) => {
-                case.machine = machine(options, &case.effects, &mut rng)?;
-            }
-            Err(error) => return Err(error.into()),
-        }
-    }
-    Err("no machine shows this effect as strongly as asked for".into())
+    let made = if options.machine.is_empty() { make_case(case)? } else { generate(case)? };
+    Ok(write_case(&options.out, number + 1, &made)?)
 }
 
 fn plan(options: &Options, rng: &mut ChaCha8Rng) -> Result<Vec<Case>, Box<dyn Error>> {
@@ -134,6 +122,7 @@ fn plan(options: &Options, rng: &mut ChaCha8Rng) -> Result<Vec<Case>, Box<dyn Er
                 machine: machine(options, &effects, rng)?,
                 effects,
                 family: None::<Family>,
+                hollow: false,
                 noise: noise.unwrap_or(Noise::ALL[rng.random_range(0..3)]),
                 seed: rng.random(),
             });

@@ -66,6 +66,8 @@ pub struct Floor {
     pub acceleration: Vec<f64>,
     /// Model torque without friction, N·m or N.
     pub load: Vec<f64>,
+    /// Share of the time, 0 to ½, in which the model torque without friction has the sign that it has less often.
+    pub reversal: Vec<f64>,
     /// Largest amount of torque with friction.
     pub peak: Vec<f64>,
     /// Nominal friction.
@@ -226,6 +228,10 @@ pub(crate) fn floor(
     let sizes = |column: &[Vec<f64>]| column.iter().map(|v| rms(v.iter().copied())).collect::<Vec<_>>();
     let middle: Vec<f64> = seen[0].iter().map(mean).collect();
     let way = seen[0].iter().zip(&middle).map(|(q, m)| rms(q.iter().map(|q| q - m))).collect();
+    let reversal = seen[3].iter().map(|load| {
+        let positive = load.iter().filter(|load| **load > 0.0).count() as f64 / load.len().max(1) as f64;
+        positive.min(1.0 - positive)
+    });
     let torque = without.torque.iter().zip(&chain.torque_noise);
     let torque = torque.map(|(r, noise)| rms(r.iter().copied()).hypot(*noise)).collect();
     let tool = rms(without.tool.iter().map(length)).hypot(3.0_f64.sqrt() * chain.tool_noise);
@@ -236,6 +242,7 @@ pub(crate) fn floor(
         speed: sizes(&seen[1]),
         acceleration: sizes(&seen[2]),
         load: sizes(&seen[3]),
+        reversal: reversal.collect(),
         friction: sizes(&seen[4]),
         peak,
         way,

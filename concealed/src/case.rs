@@ -5,8 +5,8 @@ use rand_chacha::ChaCha8Rng;
 use thiserror::Error;
 
 use crate::arms::{Load, Machine};
-use crate::calibrate::{Strength, floor};
-use crate::distinct::equivalents;
+use crate::calibrate::{Floor, floor};
+use crate::distinct::{can_be_distinct, equivalents};
 use crate::kinds::{CATALOGUE, Seat, seats};
 use crate::machine::{Plan, PlanError, Trace};
 use crate::motion::{Family, Motion};
@@ -14,7 +14,7 @@ use crate::physics::Effect;
 use crate::random::{pick, stream, uniform};
 use crate::sensors::{Chain, Noise, Samples};
 use crate::servo::Servo;
-use crate::sizing::Sizing;
+use crate::sizing::{Found, Sizing};
 use crate::tolerances::Tolerances;
 use crate::truth::{SCHEMA, Truth, TruthEffect, weak};
 
@@ -73,6 +73,9 @@ pub struct Case {
     pub family: Option<Family>,
     /// How good the sensors are.
     pub noise: Noise,
+    /// A negative control: machine, seat and motion are chosen as if for the effects, which are then left out. So nothing but the
+    /// effects parts a control from the cases it stands beside.
+    pub hollow: bool,
     /// Everything that is drawn comes from it.
     pub seed: u64,
 }
@@ -155,7 +158,7 @@ pub(crate) struct Bench {
 pub fn generate(case: &Case) -> Result<Made, GenerateError> {
     let mut failure = None;
     for attempt in 0..ATTEMPTS {
-        let mut bench = Bench::new(case, attempt)?;
+        let bench = Bench::new(case, attempt)?;
         match bench.make(case, attempt) {
             Ok(made) => return Ok(made),
             Err(
@@ -199,43 +202,68 @@ impl Bench {
         Ok(Self { machine: case.machine, sheet, load, tolerances, chain, servo, duration, motion, families })
     }
 
-    fn make(&mut self, case: &Case, attempt: u64) -> Result<Made, GenerateError> {
+    fn make(&self, case: &Case, attempt: u64) -> Result<Made, GenerateError> {
         let ordinary = self.plan(&[], &self.motion)?;
-        let (trace, duration) = if case.effects.is_empty() {
-            (None, self.duration)
-        } else {
-            (Some(ordinary.run(&self.sheet, &self.servo, &self.motion, self.duration)?), self.duration)
-        };
-        let mut effects = Vec::new();
-        let mut strengths = Vec::new();
-        if let Some(trace) = &trace {
-            let (floor, without) =
-                floor(&self.sheet, &ordinary, trace, &self.tolerances, &self.chain, duration);
-            for (number, demand) in case.effects.iter().enumerate() {
-                let mut rng = stream(case.seed, &format!("effect {number} attempt {attempt}"));
-                let seat = self.seat(demand, &effects, &mut rng)?;
-                let sizing = Sizing { bench: self, floor: &floor, without: &without };
-                let (effect, found) = sizing.find(demand, seat, &mut rng)?;
-                effects.push(effect);
-                strengths.push(found);
-            }
+        let trace = ordinary.run(&self.sheet, &self.servo, &self.motion, self.duration)?;
+        let mut found = self.conceal(case, attempt, &ordinary, &trace)?;
+        if case.hollow {
+            found.clear();
         }
-        let recording = self.record(&effects, &self.motion, &mut stream(case.seed, "noise"))?;
+        let effects: Vec<Effect> = found.iter().map(|found| found.effect.clone()).collect();
+        let mut noise = stream(case.seed, "noise");
+        let recording = match found.as_slice() {
+            [] => self.sample(&ordinary, &trace, &self.motion, &mut noise),
+            [one] => self.sample(&one.plan, &one.trace, &self.motion, &mut noise),
+            _ => self.record(&effects, &self.motion, &mut noise)?,
+        };
         let mut rng = stream(case.seed, "second motion");
         let motion = Motion::draw(self.machine, &self.sheet, self.families[1], self.duration, &mut rng);
         let second = self.record(&effects, &motion, &mut stream(case.seed, "second noise"))?;
-        let truth = self.truth(case, &effects, &strengths);
+        let truth = self.truth(case, &found);
         let file = ArmFile { arm: self.sheet.clone(), effects: Vec::new(), ignored: Vec::new() };
         Ok(Made { model: to_toml(&file), recording, second, truth })
     }
 
+    /// The effects asked for, each as strong as asked for, in a machine that did `trace` without them.
+    fn conceal(
+        &self,
+        case: &Case,
+        attempt: u64,
+        ordinary: &Plan,
+        trace: &Trace,
+    ) -> Result<Vec<Found>, GenerateError> {
+        if case.effects.is_empty() {
+            return Ok(Vec::new());
+        }
+        let (floor, without) =
+            floor(&self.sheet, ordinary, trace, &self.tolerances, &self.chain, self.duration);
+        let sizing = Sizing { bench: self, floor: &floor, without: &without };
+        let mut all: Vec<Found> = Vec::new();
+        for (number, demand) in case.effects.iter().enumerate() {
+            let mut rng = stream(case.seed, &format!("effect {number} attempt {attempt}"));
+            let seat = self.seat(demand, &all, &floor, &mut rng)?;
+            all.push(sizing.find(demand, seat, &mut rng)?);
+        }
+        Ok(all)
+    }
+
     /// A place for the effect, where no other is.
-    fn seat(&self, demand: &Demand, taken: &[Effect], rng: &mut ChaCha8Rng) -> Result<Seat, GenerateError> {
+    fn seat(
+        &self,
+        demand: &Demand,
+        taken: &[Found],
+        floor: &Floor,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Seat, GenerateError> {
         let free: Vec<Seat> = seats(&demand.kind, &self.sheet)
             .into_iter()
             .filter(|seat| demand.joint.is_none() || *seat == demand.joint)
-            .filter(|seat| seat.is_none() || taken.iter().all(|other| other.joint != *seat))
+            .filter(|seat| seat.is_none() || taken.iter().all(|other| other.effect.joint != *seat))
+            .filter(|seat| seat.is_none_or(|joint| can_be_distinct(&demand.kind, joint, floor)))
             .collect();
+        if free.is_empty() && !seats(&demand.kind, &self.sheet).is_empty() && demand.joint.is_none() {
+            return Err(GenerateError::Riddle { kind: demand.kind.clone(), machine: self.machine });
+        }
         if free.is_empty() {
             let (kind, machine) = (demand.kind.clone(), self.machine);
             return Err(GenerateError::NoPlace { kind, machine, joint: demand.joint });
@@ -274,17 +302,22 @@ impl Bench {
         rng: &mut ChaCha8Rng,
     ) -> Result<Samples, PlanError> {
         let (plan, trace) = self.run(effects, motion, self.duration)?;
+        Ok(self.sample(&plan, &trace, motion, rng))
+    }
+
+    /// What the sensors say of `trace`.
+    fn sample(&self, plan: &Plan, trace: &Trace, motion: &Motion, rng: &mut ChaCha8Rng) -> Samples {
         let n = self.sheet.dof();
         let reference = |t: f64, out: &mut [f64]| {
             let (mut v, mut a) = (vec![0.0; n], vec![0.0; n]);
             motion.at(t, out, &mut v, &mut a);
         };
-        Ok(self.chain.sample(&plan, &trace, &self.tolerances, self.duration, reference, rng))
+        self.chain.sample(plan, trace, &self.tolerances, self.duration, reference, rng)
     }
 
-    fn truth(&self, case: &Case, effects: &[Effect], strengths: &[Strength]) -> Truth {
-        let rows = effects.iter().zip(strengths).zip(&case.effects);
-        let effects = rows.map(|((effect, strength), demand)| TruthEffect {
+    fn truth(&self, case: &Case, found: &[Found]) -> Truth {
+        let rows = found.iter().zip(&case.effects);
+        let effects = rows.map(|(Found { effect, strength, .. }, demand)| TruthEffect {
             kind: demand.kind.clone(),
             joint: effect.joint.map(|joint| self.sheet.joints()[joint].name.clone()),
             parameters: effect.physics.parameters(),
@@ -299,6 +332,7 @@ impl Bench {
             schema: SCHEMA,
             seed: case.seed,
             machine: self.sheet.name().to_owned(),
+            joints: self.sheet.dof(),
             noise: format!("{:?}", case.noise).to_lowercase(),
             families: self.families.map(|family| format!("{family:?}").to_lowercase()),
             rate: self.chain.rate,

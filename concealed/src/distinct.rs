@@ -68,6 +68,16 @@ pub(crate) fn is_distinct(
     }
 }
 
+/// Whether the motion without any effect lets one of `kind` be told at `joint`: a gap needs a load that turns round, what depends on
+/// position needs way. Cheaper than to try.
+pub(crate) fn can_be_distinct(kind: &str, joint: usize, floor: &Floor) -> bool {
+    match kind {
+        "backlash" => floor.reversal[joint] >= 1.5 * EACH_SIDE,
+        "encoder_eccentricity" => RANGE * floor.way[joint] >= TAU / 3.0,
+        _ => true,
+    }
+}
+
 /// How far the motor leads its link, rad, along a trace.
 fn leads(trace: &Trace, joint: usize) -> Vec<f64> {
     (0..trace.len()).step_by(8).map(|row| trace.motor(row)[joint] - trace.link(row)[joint]).collect()

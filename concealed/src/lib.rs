@@ -3,6 +3,7 @@
 //! The generator shares no law and no integrator with its judge: it may name `arm` and `recording` alone. The nouns, in the
 //! order in which data passes through them:
 //!
+//! - [`Quota`]: how many cases of which sort; [`draw_set`] draws them from a seed.
 //! - [`Case`]: what is asked for: a [`Machine`] (an arm by its data sheet), [`Demand`]s (which physics is left out of the data
 //!   sheet, how strong), a [`Noise`] level and a seed.
 //! - [`Physics`]: one effect, of the catalogue or outside it, with its parameters.
@@ -11,7 +12,7 @@
 //! - [`Plan`]: the machine as it is: arm, drives, transmissions, bearings, springs.
 //! - [`Trace`]: what it did, by the servo controller and the time stepping of [`Plan::run`].
 //! - [`Chain`]: the sensors: what of it is written down.
-//! - [`Made`]: the data sheet, two recordings and the [`Truth`]; from [`generate`].
+//! - [`Made`]: the data sheet, two recordings and the [`Truth`]; from [`make_case`] or [`generate`].
 
 mod arms;
 mod calibrate;
@@ -25,6 +26,7 @@ mod physics;
 mod random;
 mod sensors;
 mod servo;
+mod set;
 mod sizing;
 mod tolerances;
 mod truth;
@@ -40,6 +42,7 @@ pub use motion::{Family, Motion};
 pub use physics::{Effect, Physics};
 pub use sensors::{Chain, Noise, Samples};
 pub use servo::Servo;
+pub use set::{Quota, draw_set, make_case};
 pub use tolerances::Tolerances;
 pub use truth::{Truth, TruthEffect};
-pub use write::{WriteCaseError, write_case};
+pub use write::{WriteCaseError, write_case, write_sealed};

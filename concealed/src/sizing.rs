@@ -7,15 +7,19 @@ use crate::case::{Bench, Demand, GenerateError};
 use crate::distinct::is_distinct;
 use crate::draft::Context;
 use crate::kinds::{Seat, depends_on_time, shows_at_tool};
-use crate::machine::PlanError;
+use crate::machine::{Plan, PlanError, Trace};
 use crate::physics::{Effect, Physics};
 
-/// Length of motion on which sizes are found, s.
+/// Length of motion on which a first size is found, s.
 const TRIAL: f64 = 8.0;
-/// Runs spent on finding the size of an effect.
-const TRIALS: usize = 5;
-/// How near the signal-to-floor ratio has to come to what is wanted, as a fraction.
-const NEAR: f64 = 0.12;
+/// Runs of the whole motion spent on the size of an effect.
+const TRIALS: usize = 3;
+/// How near the signal-to-floor ratio has to come to what is wanted for the search to end, natural logarithm.
+const NEAR: f64 = 0.15;
+/// The same for what is taken when the runs are spent.
+const NEAR_ENOUGH: f64 = 0.24;
+/// An effect this many times weaker or stronger than wanted, natural logarithm, may yet become distinct by its size.
+const UNSURE: f64 = 0.5;
 
 /// Finding the size of an effect.
 pub(crate) struct Sizing<'a> {
@@ -24,15 +28,23 @@ pub(crate) struct Sizing<'a> {
     pub without: &'a Residual,
 }
 
+/// An effect of the size asked for, with the machine and what it did over the whole motion.
+pub(crate) struct Found {
+    pub effect: Effect,
+    pub strength: Strength,
+    pub plan: Plan,
+    pub trace: Trace,
+    distinct: bool,
+}
+
 impl Sizing<'_> {
     /// An effect as strong as asked for, and its strength over the whole motion.
-    pub fn find(
-        &self,
-        demand: &Demand,
-        seat: Seat,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<(Effect, Strength), GenerateError> {
+    ///
+    /// The first run is short, where the effect does not depend on time; from there on each run is of the whole motion, and the
+    /// last of them is the recording.
+    pub fn find(&self, demand: &Demand, seat: Seat, rng: &mut ChaCha8Rng) -> Result<Found, GenerateError> {
         let bench = self.bench;
+        let (machine, kind) = (bench.machine, &demand.kind);
         let target = demand.severity.target(rng);
         let context = Context {
             arm: &bench.sheet,
@@ -41,37 +53,43 @@ impl Sizing<'_> {
             duration: bench.duration,
             target,
         };
-        let guess = context.guess(&demand.kind, seat, rng);
-        let machine = bench.machine;
-        let no_place = || GenerateError::NoPlace { kind: demand.kind.clone(), machine, joint: seat };
-        let mut physics = context.bounded(guess.ok_or_else(no_place)?, seat);
-        let short = if depends_on_time(&demand.kind) { bench.duration } else { TRIAL.min(bench.duration) };
+        let no_place = || GenerateError::NoPlace { kind: kind.clone(), machine, joint: seat };
+        let riddle = || GenerateError::Riddle { kind: kind.clone(), machine };
+        let weak = |reached| GenerateError::TooWeak { kind: kind.clone(), machine, reached, wanted: target };
+        let guess = context.guess(kind, seat, rng).ok_or_else(no_place)?;
+        let mut physics = context.bounded(guess, seat);
         let mut best: Option<(f64, Found)> = None;
-        for trial in 0..TRIALS {
-            // The first runs are short; the last decide on the whole motion.
-            let duration = if trial < 2 { short } else { bench.duration };
-            let found = self.strength(&physics, seat, duration)?;
+        if !depends_on_time(kind) && bench.duration > TRIAL {
+            let found = self.strength(&physics, seat, TRIAL)?;
+            let ratio = found.strength.signal_to_floor;
+            if !found.distinct && (ratio / target).ln().abs() < UNSURE {
+                return Err(riddle());
+            }
+            physics = context.bounded(rescaled(&physics, target / ratio), seat);
+        }
+        for _ in 0..TRIALS {
+            let found = self.strength(&physics, seat, bench.duration)?;
             let ratio = found.strength.signal_to_floor;
             let miss = (ratio / target).ln().abs();
-            let whole = duration >= bench.duration;
-            if whole && best.as_ref().is_none_or(|(least, _)| miss < *least) {
+            if !found.distinct && miss < UNSURE {
+                return Err(riddle());
+            }
+            let next = context.bounded(rescaled(&physics, target / ratio), seat);
+            if best.as_ref().is_none_or(|(least, _)| miss < *least) {
                 best = Some((miss, found));
             }
-            if whole && miss < NEAR {
+            // A machine that gives no more gives no more.
+            if miss < NEAR || next == physics {
                 break;
             }
-            physics = context.bounded(physics.scaled((target / ratio.max(1e-3)).clamp(0.15, 6.0)), seat);
+            physics = next;
         }
-        let (miss, found) = best.ok_or_else(no_place)?;
-        let kind = demand.kind.clone();
-        if !found.distinct {
-            return Err(GenerateError::Riddle { kind, machine });
+        match best {
+            Some((_, found)) if !found.distinct => Err(riddle()),
+            Some((miss, found)) if miss < NEAR_ENOUGH => Ok(found),
+            Some((_, found)) => Err(weak(found.strength.signal_to_floor)),
+            None => Err(no_place()),
         }
-        if miss > 2.0 * NEAR {
-            let reached = found.strength.signal_to_floor;
-            return Err(GenerateError::TooWeak { kind, machine, reached, wanted: target });
-        }
-        Ok((found.effect, found.strength))
     }
 
     fn strength(&self, physics: &Physics, seat: Seat, duration: f64) -> Result<Found, PlanError> {
@@ -81,13 +99,11 @@ impl Sizing<'_> {
         let with = residual(&bench.sheet, &plan, &trace, &bench.tolerances, duration);
         let strength = strength(&with, self.without, self.floor, shows_at_tool(&physics.kind()));
         let distinct = is_distinct(&effect, &trace, &with, self.without, self.floor);
-        Ok(Found { effect, strength, distinct })
+        Ok(Found { effect, strength, plan, trace, distinct })
     }
 }
 
-/// An effect of some size in a machine.
-struct Found {
-    effect: Effect,
-    strength: Strength,
-    distinct: bool,
+/// `physics` with a trace about `factor` times as large, within reason.
+fn rescaled(physics: &Physics, factor: f64) -> Physics {
+    physics.scaled(factor.clamp(0.15, 6.0))
 }

@@ -111,3 +111,30 @@ pub(crate) fn lengthen(way: &mut Vector3<f64>, amount: f64) {
         *way += direction * amount;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{DELAY, FRICTION, INERTIA, LENGTH, Tolerances, ZERO};
+    use crate::random::stream;
+
+    /// No machine is outside the tolerances that a diagnosis allows for, and the tolerances are used.
+    #[test]
+    fn machines_are_inside_their_tolerances() {
+        let mut most = [0.0_f64; 5];
+        for seed in 0..400 {
+            let drawn = Tolerances::draw(6, &mut stream(seed, "bench"));
+            let off = |factors: &[f64]| factors.iter().fold(0.0_f64, |most, x| most.max((x - 1.0).abs()));
+            let size = |values: &[f64]| values.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            let used = [
+                off(&drawn.mass).max(off(&drawn.inertia)) / INERTIA,
+                off(&drawn.viscous).max(off(&drawn.coulomb)) / FRICTION,
+                size(&drawn.zero) / ZERO,
+                size(&drawn.length) / LENGTH,
+                size(&[drawn.torque_delay, drawn.tool_delay]) / DELAY,
+            ];
+            most.iter_mut().zip(used).for_each(|(most, used)| *most = most.max(used));
+        }
+        println!("largest use of each tolerance: {most:?}");
+        assert!(most.iter().all(|used| (0.9..=1.0 + 1e-9).contains(used)));
+    }
+}

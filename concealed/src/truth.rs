@@ -36,6 +36,8 @@ pub struct Truth {
     pub seed: u64,
     /// The machine.
     pub machine: String,
+    /// Its joints.
+    pub joints: usize,
     /// Noise level.
     pub noise: String,
     /// Family of the motion, and of the second one.

@@ -44,16 +44,27 @@ pub enum WriteCaseError {
 /// [`WriteCaseError`] names the file.
 pub fn write_case(folder: &Path, number: usize, made: &Made) -> Result<(), WriteCaseError> {
     let name = format!("{number:04}");
-    let (case, truths) = (folder.join(&name), folder.join("truth"));
-    for path in [&case, &truths] {
-        fs::create_dir_all(path).map_err(|source| WriteCaseError::Io { path: path.clone(), source })?;
-    }
-    write_text(&case.join("model.toml"), &made.model)?;
-    write_samples(&case.join("recording.csv"), &made.recording)?;
-    write_samples(&case.join("second.csv"), &made.second)?;
+    let truths = folder.join("truth");
+    write_sealed(&folder.join(&name), made)?;
+    create(&truths)?;
     let truth = serde_json::to_string_pretty(&made.truth);
     let truth = truth.map_err(|source| WriteCaseError::Truth { number, source })?;
     write_text(&truths.join(format!("{name}.json")), &(truth + "\n"))
+}
+
+/// Writes `model.toml`, `recording.csv` and `second.csv` into `folder`, and nothing of the truth.
+///
+/// # Errors
+/// [`WriteCaseError`] names the file.
+pub fn write_sealed(folder: &Path, made: &Made) -> Result<(), WriteCaseError> {
+    create(folder)?;
+    write_text(&folder.join("model.toml"), &made.model)?;
+    write_samples(&folder.join("recording.csv"), &made.recording)?;
+    write_samples(&folder.join("second.csv"), &made.second)
+}
+
+fn create(folder: &Path) -> Result<(), WriteCaseError> {
+    fs::create_dir_all(folder).map_err(|source| WriteCaseError::Io { path: folder.to_path_buf(), source })
 }
 
 fn write_text(path: &Path, text: &str) -> Result<(), WriteCaseError> {

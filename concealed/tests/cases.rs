@@ -11,6 +11,7 @@ fn case(kind: Option<&str>, seed: u64) -> Case {
         effects: effects.into_iter().collect(),
         family: None,
         noise: Noise::Middle,
+        hollow: false,
         seed,
     }
 }
@@ -73,4 +74,73 @@ fn files_can_be_read_back() {
     let truth = std::fs::read_to_string(folder.path().join("truth/0007.json")).expect("the truth");
     let truth: serde_json::Value = serde_json::from_str(&truth).expect("JSON");
     assert_eq!(truth["effects"].as_array().map(Vec::len), Some(0));
+}
+
+/// The same case with and without its effect: the same machine, motion and noise.
+fn pair(kind: &str, severity: Severity, seed: u64) -> [freeplay_concealed::Made; 2] {
+    let mut wanted = case(Some(kind), seed);
+    wanted.effects[0].severity = severity;
+    wanted.family = Some(freeplay_concealed::Family::Fourier);
+    let hollow = Case { hollow: true, ..wanted.clone() };
+    [wanted, hollow].map(|case| generate(&case).expect("a case"))
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    values.for_each(|x| (sum, count) = (sum + x * x, count + 1.0));
+    f64::sqrt(sum / count)
+}
+
+/// What is said of the strength is what the files hold: with and without the effect they differ by as many floors as is claimed. The
+/// floor is taken from the file without it, by the mass and friction of the data sheet and the commanded motion, differentiated here.
+#[test]
+fn an_effect_is_as_strong_as_is_claimed() {
+    let mut looked = 0;
+    for (seed, severity) in (1..60).zip(Severity::ALL.into_iter().cycle()) {
+        let [with, without] = pair("viscous_friction", severity, seed);
+        let (Some(reference), Some(torque)) = (place(&with, "q_ref1"), place(&with, "tau1")) else {
+            continue;
+        };
+        let truth = &with.truth.effects[0];
+        assert!(truth.channel == "tau1" && without.truth.effects.is_empty());
+        let arm =
+            freeplay_arm::parse_toml(&with.model, std::path::Path::new("model.toml")).expect("a model").arm;
+        let (joint, t) = (&arm.joints()[0], &without.recording.t);
+        // A parabola through readings 20 ms apart.
+        let apart = (0.02 * with.truth.rate) as usize;
+        let q = &without.recording.columns[reference];
+        let tau = &without.recording.columns[torque];
+        let gravity = arm.gravity().dot(&joint.axis.into_inner());
+        let residual = (apart..t.len() - apart).filter_map(|k| {
+            let h = 0.5 * (t[k + apart] - t[k - apart]);
+            let v = (q[k + apart] - q[k - apart]) / (2.0 * h);
+            let a = (q[k + apart] - 2.0 * q[k] + q[k - apart]) / (h * h);
+            let friction = joint.friction.viscous * v + joint.friction.coulomb * v.signum();
+            let moves = v.abs() > 0.03 * joint.limits.velocity;
+            moves.then(|| tau[k] - joint.inertia.mass * (a - gravity) - friction)
+        });
+        let floor = rms(residual);
+        let trace = with.recording.columns[torque].iter().zip(tau).map(|(with, without)| with - without);
+        let found = rms(trace) / floor;
+        println!("seed {seed}: claimed {:.2}, in the files {found:.2}", truth.signal_to_floor);
+        assert!((found / truth.signal_to_floor - 1.0).abs() < 0.2, "seed {seed}");
+        looked += 1;
+        if looked == 3 {
+            return;
+        }
+    }
+    panic!("only {looked} recordings with a reference");
+}
+
+fn place(made: &freeplay_concealed::Made, name: &str) -> Option<usize> {
+    made.recording.names.iter().position(|other| other == name)
+}
+
+/// A negative control is the machine as it was drawn for the effect that is left out, and nothing else.
+#[test]
+fn a_negative_control_conceals_nothing() {
+    let [_, without] = pair("coulomb_friction", Severity::Slight, 9);
+    let [_, other] = pair("viscous_friction", Severity::Strong, 9);
+    assert!(without.truth.effects.is_empty());
+    assert_eq!(without.recording, other.recording, "whatever was left out, the machine is the same");
 }

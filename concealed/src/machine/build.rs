@@ -237,12 +237,18 @@ impl Plan {
                 fastest = fastest.max((slope / felt).sqrt());
             }
         }
+        for spring in &self.springs {
+            let lightest = lightest(&self.arm, &self.link, &[spring.coordinate], poses);
+            let (swings, fades) = ((spring.stiffness / lightest).sqrt(), spring.damping / lightest / 0.5);
+            fastest = fastest.max(swings).max(fades);
+        }
         let mut shortest = LONG_STEP;
         for bearing in &self.bearings {
             match &bearing.law {
                 BearingLaw::Oil(_) => shortest = OIL_STEP,
                 BearingLaw::Dry(law) => {
-                    let lightest = lightest_journal(&self.arm, &self.link, bearing.slides, poses);
+                    let journal = [bearing.slides, bearing.slides + 1];
+                    let lightest = lightest(&self.arm, &self.link, &journal, poses);
                     fastest = fastest.max((law.slope() / lightest).sqrt());
                 }
             }
@@ -277,8 +283,8 @@ fn felt_inertia(arm: &Arm, poses: &[Vec<f64>]) -> Vec<f64> {
     least
 }
 
-/// The least mass that a journal at coordinate `slides` and the next feels over `poses` of the joints, kg.
-fn lightest_journal(arm: &Arm, link: &[usize], slides: usize, poses: &[Vec<f64>]) -> f64 {
+/// The least inertia that any of `coordinates` feels with all others free over `poses` of the joints, kg or kg·m².
+fn lightest(arm: &Arm, link: &[usize], coordinates: &[usize], poses: &[Vec<f64>]) -> f64 {
     let (n, mut ws) = (arm.dof(), Workspace::new(arm));
     let mut m = DMatrix::zeros(n, n);
     let mut least = f64::INFINITY;
@@ -289,8 +295,8 @@ fn lightest_journal(arm: &Arm, link: &[usize], slides: usize, poses: &[Vec<f64>]
         }
         crba(arm, &mut ws, &q, &mut m);
         let Some(inverse) = m.clone().cholesky().map(|c| c.inverse()) else { continue };
-        for at in [slides, slides + 1] {
-            least = least.min(1.0 / inverse[(at, at)]);
+        for at in coordinates {
+            least = least.min(1.0 / inverse[(*at, *at)]);
         }
     }
     least

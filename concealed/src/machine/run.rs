@@ -8,11 +8,11 @@ use crate::motion::Motion;
 use crate::servo::Servo;
 
 /// The long step, s.
-pub(crate) const LONG_STEP: f64 = 0.25e-3;
+pub(crate) const LONG_STEP: f64 = 0.5e-3;
 /// Long steps from one servo cycle to the next: 1 kHz.
-const SERVO_EVERY: u64 = 4;
+const SERVO_EVERY: u64 = 2;
 /// Long steps from one point of the trace to the next.
-const TRACE_EVERY: u64 = 2;
+const TRACE_EVERY: u64 = 1;
 /// Time constant of the motors' currents, s.
 const CURRENT_LAG: f64 = 0.4e-3;
 /// How long the machine holds its first posture before the recording begins, s.

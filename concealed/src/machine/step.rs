@@ -48,6 +48,7 @@ pub(crate) struct Stepper<'a> {
     bias: Vec<f64>,
     middle: Vec<f64>,
     speed: Vec<f64>,
+    before: Vec<f64>,
     force: Vec<f64>,
     tool_jacobian: DMatrix<f64>,
 }
@@ -88,6 +89,7 @@ impl<'a> Stepper<'a> {
             bias: vec![0.0; n],
             middle: vec![0.0; n],
             speed: vec![0.0; n],
+            before: vec![0.0; all],
             force: vec![0.0; all],
             tool_jacobian: DMatrix::zeros(6, n),
             rubs,
@@ -102,12 +104,12 @@ impl<'a> Stepper<'a> {
     /// [`PlanError::NotFinite`].
     pub fn long_step(&mut self, by_current: &[f64], step: f64) -> Result<(), PlanError> {
         self.see(step);
-        let before = self.u.clone();
+        self.before.copy_from_slice(&self.u);
         let h = step / self.plan.substeps as f64;
         for _ in 0..self.plan.substeps {
             self.short_step(by_current, h);
         }
-        for ((a, after), before) in self.a.iter_mut().zip(&self.u).zip(&before) {
+        for ((a, after), before) in self.a.iter_mut().zip(&self.u).zip(&self.before) {
             *a = (after - before) / step;
         }
         match self.u.iter().chain(&self.x).position(|value| !value.is_finite()) {

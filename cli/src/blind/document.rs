@@ -1,0 +1,394 @@
+//! The report of a blind proof.
+
+use std::collections::BTreeSet;
+
+use freeplay_report::text::{Digits, number};
+use freeplay_report::{
+    Axis, Block, Cell, Chart, Column, Document, Drawing, Figure, Section, Series, Table, Verdict,
+};
+
+use super::interval::Share;
+use super::leak::Leak;
+use super::receipt::Receipt;
+use super::score::Outcome;
+use super::screen::{is_failure, said};
+use super::tally::{Bin, Goal, Judged, Score, of_sort};
+use super::truth::Sort;
+use super::verify::start;
+
+/// Hypotheses that are shown of a failure.
+const LEADING: usize = 4;
+
+/// The whole report.
+pub fn document(receipt: &Receipt, judged: &[Judged], score: &Score) -> Document {
+    let parts = &receipt.parts;
+    let cases = receipt.cases.len();
+    let mut document = Document::new("Blind proof of the diagnosis")
+        .subtitle(format!("{cases} sealed cases, each analysed once before its truth was opened"))
+        .overview(figures(score))
+        .overview(goals(&score.goals))
+        .section(outcomes(score))
+        .section(confusion(score))
+        .section(success(score))
+        .section(calibration(score))
+        .section(controls(score))
+        .section(improvement(judged))
+        .section(failures(judged))
+        .section(protocol(receipt, judged));
+    for part in parts {
+        document = document.footer(format!("program {} · chain {}", part.program.sha256, last(part)));
+    }
+    document
+}
+
+fn last(part: &super::receipt::Part) -> &str {
+    part.stages.last().map_or("", |stage| stage.chain.as_str())
+}
+
+fn percent(share: &Share) -> String {
+    number(100.0 * share.value(), Digits::Fixed(1))
+}
+
+fn count(of: usize) -> Cell {
+    Cell::from(of as u64)
+}
+
+fn figures(score: &Score) -> Block {
+    let tiles = score.goals.iter().filter(|goal| goal.met.is_some()).take(6).map(|goal| {
+        let figure = Figure::new(goal.quantity, number(goal.reached, Digits::Fixed(1)), goal.unit);
+        let verdict = if goal.met == Some(true) { Verdict::Ok } else { Verdict::Warn };
+        figure.note(format!("goal {}, of {}", goal.goal, goal.of)).verdict(verdict)
+    });
+    Block::Figures(tiles.collect())
+}
+
+fn goals(goals: &[Goal]) -> Table {
+    let table = Table::new("The goals, and what was reached")
+        .column(Column::text("quantity").wrapping())
+        .column(Column::text("goal"))
+        .column(Column::number("reached", "").fixed(2))
+        .column(Column::text("unit"))
+        .column(Column::number("from", "").fixed(2).group("95 % interval"))
+        .column(Column::number("to", "").fixed(2).group("95 % interval"))
+        .column(Column::number("of", "").fixed(0))
+        .column(Column::text(""));
+    let table = goals.iter().fold(table, |table, goal| {
+        let verdict = match goal.met {
+            Some(true) => Cell::verdict_in_words(Verdict::Ok, "met"),
+            Some(false) => Cell::verdict_in_words(Verdict::Warn, "missed"),
+            None => Cell::from("–"),
+        };
+        let of = |x: f64| if goal.met.is_some() { Cell::from(x) } else { Cell::from("–") };
+        table.row([
+            goal.quantity.into(),
+            goal.goal.into(),
+            of(goal.reached),
+            goal.unit.into(),
+            of(goal.ci95[0]),
+            of(goal.ci95[1]),
+            count(goal.of),
+            verdict,
+        ])
+    });
+    table.note(
+        "Intervals: Wilson for shares, exact where all or none are; order statistics for medians. Parameters of rightly named effects, \
+         those left out that leave next to no trace; gains and scales by their distance from one, angles that may be zero in rad. \
+         Processor time for a six-axis arm, scaled from the two recordings of a case to 16 s of recording.",
+    )
+}
+
+fn outcomes(score: &Score) -> Section {
+    let mut table = Table::new("Outcomes").column(Column::text("concealed"));
+    for outcome in Outcome::ALL {
+        table = table.column(Column::number(outcome.name(), "").fixed(0));
+    }
+    for sort in Sort::ALL {
+        let counts = score.outcomes.get(sort.name());
+        let of = |outcome: &Outcome| count(counts.and_then(|c| c.get(outcome.name())).copied().unwrap_or(0));
+        table = table.row(std::iter::once(Cell::from(sort.name())).chain(Outcome::ALL.iter().map(of)));
+    }
+    Section::new("Outcomes").with(table).with(Block::List(vec![
+        "right: all that was concealed and nothing else; nothing missing where nothing was; unknown where the catalogue lacks it".into(),
+        "partly: of two effects one, and none that is not there; extra: all, and something that is not there".into(),
+        "wrong: a name for what is not there; on a negative control: any finding".into(),
+        "refused: something is missing, without a name, or one of several with the truth among them".into(),
+        "missed: that nothing is missing, or that the recordings can't tell; failed: a crash, or no answer in time".into(),
+    ]))
+}
+
+/// The matrix as dots: what was concealed upwards, what was named across.
+fn confusion(score: &Score) -> Section {
+    let concealed: Vec<&String> = score.confusion.keys().collect();
+    let mut said: BTreeSet<&String> = score.confusion.values().flat_map(|row| row.keys()).collect();
+    said.extend(&concealed);
+    let (verdicts, kinds): (Vec<&String>, Vec<&String>) =
+        said.into_iter().partition(|said| said.starts_with('('));
+    let columns: Vec<&String> = kinds.into_iter().chain(verdicts).collect();
+    let mut drawn: [(Vec<f64>, Vec<f64>); 3] = Default::default();
+    let mut table = Table::new("What was said for what was concealed, one effect")
+        .column(Column::text("concealed"))
+        .column(Column::number("of", "").fixed(0))
+        .column(Column::number("right", "%").fixed(0))
+        .column(Column::text("said instead").wrapping());
+    for (row, kind) in concealed.iter().enumerate() {
+        let counts = &score.confusion[*kind];
+        let all: usize = counts.values().sum();
+        let right = counts.get(*kind).copied().unwrap_or(0);
+        let others: Vec<String> = counts
+            .iter()
+            .filter(|(said, _)| said != kind)
+            .map(|(said, times)| format!("{times} {said}"))
+            .collect();
+        let share = 100.0 * right as f64 / all as f64;
+        table = table.row([(*kind).as_str().into(), count(all), share.into(), others.join(", ").into()]);
+        for (said, dots) in counts {
+            let Some(column) = columns.iter().position(|other| *other == said) else { continue };
+            let class = if said == *kind { 0 } else { 1 + usize::from(said.starts_with('(')) };
+            // A square of dots for each cell, one a case.
+            let side = (*dots as f64).sqrt().ceil();
+            for dot in 0..*dots {
+                let (x, y) = (
+                    (dot as f64 % side + 0.5) / side - 0.5,
+                    ((dot as f64 / side).floor() + 0.5) / side - 0.5,
+                );
+                drawn[class].0.push((column + 1) as f64 + 0.8 * x);
+                drawn[class].1.push((row + 1) as f64 + 0.8 * y);
+            }
+        }
+    }
+    let mut chart =
+        Chart::plane("", Axis::new("said, by number", ""), Axis::new("concealed, by number", "")).height(560);
+    for (name, (x, y)) in ["right", "another name", "no name"].into_iter().zip(&drawn) {
+        if !x.is_empty() {
+            chart = chart.series(Series::points(name, x, y));
+        }
+    }
+    let numbers: Vec<String> =
+        columns.iter().enumerate().map(|(k, name)| format!("{} {name}", k + 1)).collect();
+    let rows: Vec<String> =
+        concealed.iter().enumerate().map(|(k, name)| format!("{} {name}", k + 1)).collect();
+    let caption = format!("One dot a case. Across: {}. Upwards: {}.", numbers.join(", "), rows.join(", "));
+    let section = Section::new("Confusion").with(table);
+    if concealed.is_empty() {
+        return section;
+    }
+    section.with(Drawing::new("Confusion matrix").caption(caption).panel(chart))
+}
+
+fn success(score: &Score) -> Section {
+    let table =
+        score.by_severity.iter().fold(bins_table("Success by severity", "severity"), |table, (name, bin)| {
+            table.row(bin_row(Cell::from(name.as_str()), bin))
+        });
+    let ratio = Axis::log("signal to floor", "");
+    let chart = bins_chart("Success against signal to floor", ratio, &score.by_strength);
+    Section::new("Success against the strength of the signal")
+        .with("Signal to floor: root mean square of the trace of the effect, over that of noise and tolerances together, in the channel where this is largest.")
+        .with(table)
+        .with(chart)
+}
+
+fn bins_table(title: &str, first: &str) -> Table {
+    Table::new(title)
+        .column(Column::text(first))
+        .column(Column::number("of", "").fixed(0))
+        .column(Column::number("right", "%").fixed(1))
+        .column(Column::number("from", "%").fixed(1).group("95 % interval"))
+        .column(Column::number("to", "%").fixed(1).group("95 % interval"))
+        .column(Column::number("detected", "%").fixed(1))
+}
+
+fn bin_row(first: Cell, bin: &Bin) -> [Cell; 6] {
+    let [low, high] = bin.right.ci95.map(|x| 100.0 * x);
+    let right = 100.0 * bin.right.value();
+    [first, count(bin.right.of), right.into(), low.into(), high.into(), (100.0 * bin.detected.value()).into()]
+}
+
+fn bins_chart(title: &str, x: Axis, bins: &[Bin]) -> Chart {
+    let at: Vec<f64> = bins.iter().map(|bin| bin.at).collect();
+    let of = |value: &dyn Fn(&Bin) -> f64| bins.iter().map(|bin| 100.0 * value(bin)).collect::<Vec<f64>>();
+    Chart::trace(title, x, Axis::new("share of cases", "%"))
+        .series(Series::line("right", &at, &of(&|bin| bin.right.value())))
+        .series(Series::line("95 %, lower", &at, &of(&|bin| bin.right.ci95[0])).like("right").dashed())
+        .series(Series::line("95 %, upper", &at, &of(&|bin| bin.right.ci95[1])).like("right").dashed())
+        .series(Series::line("detected", &at, &of(&|bin| bin.detected.value())))
+        .in_view(0.0)
+        .in_view(100.0)
+}
+
+fn calibration(score: &Score) -> Section {
+    let table = score
+        .calibration
+        .iter()
+        .fold(bins_table("Confidence and success", "mean confidence"), |table, bin| {
+            table.row(bin_row(Cell::from(number(bin.at, Digits::Fixed(4))), bin))
+        });
+    let covered = score.goals.iter().find(|goal| goal.quantity.contains("intervals"));
+    let words = covered.filter(|goal| goal.met.is_some()).map_or(String::new(), |goal| {
+        let [low, high] = goal.ci95;
+        format!(
+            "Of {} intervals {:.1} % hold the truth (95 %: {low:.1} to {high:.1} %).",
+            goal.of, goal.reached
+        )
+    });
+    Section::new("Calibration")
+        .with("Confidence: one over the sum of the odds of all that was weighed in the place of the one named effect, itself included. Calibrated, it is the share of right answers.")
+        .with(table)
+        .with(words)
+}
+
+fn controls(score: &Score) -> Section {
+    let controls = &score.controls;
+    let closed = |median: &Option<super::interval::Median>| {
+        median.map_or("–".to_owned(), |m| {
+            format!("{:.0} % (95 %: {:.0} to {:.0} %)", m.value, m.ci95[0], m.ci95[1])
+        })
+    };
+    let [low, high] = controls.oracle.ci95.map(|x| 100.0 * x);
+    Section::new("Controls").with(Block::List(vec![
+        format!("One effect, right: {} % of {}.", percent(&controls.right), controls.right.of),
+        format!(
+            "Labels permuted, every case with the answer of each other one: {:.2} % (kind and joint), {:.2} % (kind alone).",
+            100.0 * controls.permuted,
+            100.0 * controls.permuted_kind
+        ),
+        format!(
+            "An oracle that knows what to look for finds it in {} % (95 %: {low:.1} to {high:.1} %): the concealed kind at its joint explains more than the least that counts.",
+            percent(&controls.oracle)
+        ),
+        format!("Held-out error closed, median, by the name: {}.", closed(&controls.closed_by_name)),
+        format!("By tuning inside the tolerances, without a name: {}.", closed(&controls.closed_by_tuning)),
+        format!("By an unnamed correction: {}.", closed(&controls.closed_by_black_box)),
+    ]))
+}
+
+fn improvement(judged: &[Judged]) -> Section {
+    let mut table = Table::new("Held-out error closed, case by case")
+        .column(Column::text("case"))
+        .column(Column::text("concealed").wrapping())
+        .column(Column::text("outcome"))
+        .column(Column::number("by the name", "%").fixed(1))
+        .column(Column::number("name and tuning", "%").fixed(1))
+        .column(Column::number("tuning alone", "%").fixed(1))
+        .column(Column::number("unnamed", "%").fixed(1));
+    for case in judged.iter().filter(|case| !case.answer.effects.is_empty()) {
+        let of = |error: fn(&super::answer::Errors) -> f64| {
+            Cell::from(case.closed(error).map_or(f64::NAN, |closed| 100.0 * closed))
+        };
+        table = table.row([
+            case.name.as_str().into(),
+            case.truth.words().into(),
+            case.outcome.name().into(),
+            of(|e| e.after),
+            of(|e| e.after_tuned),
+            of(|e| e.tuned),
+            of(|e| e.black_box),
+        ]);
+    }
+    let blocks = vec![table.into()];
+    Section::new("Improvement, case by case")
+        .with("(before − after) / (before − floor) on data that took no part in the fit, mean over the channels in which the named effects show.")
+        .with(Block::Details { summary: "All cases in which an effect was named".to_owned(), blocks })
+}
+
+fn failures(judged: &[Judged]) -> Section {
+    let mut section = Section::new("The failures, one by one");
+    for sort in Sort::ALL {
+        let some: Vec<&Judged> = of_sort(judged, sort).filter(|case| is_failure(case)).collect();
+        if some.is_empty() {
+            continue;
+        }
+        section = section.with(Block::Heading(format!("{}: {}", sort.name(), some.len())));
+        for case in some {
+            section = section.with(failure(case));
+        }
+    }
+    section
+}
+
+/// A failure and what misled the tool: how the concealed effects ranked among all that was weighed.
+fn failure(case: &Judged) -> Block {
+    let truth = &case.truth;
+    let about = format!(
+        "{}, {} joints, noise {}, {:.0} s, seed {}",
+        truth.machine, truth.joints, truth.noise, truth.duration, truth.seed
+    );
+    let mut lines = vec![about];
+    for concealed in &truth.effects {
+        lines.push(format!(
+            "{} {}: signal {:.2} × floor in {}; {}",
+            concealed.kind,
+            concealed.parameters,
+            concealed.signal_to_floor,
+            concealed.channel,
+            rank(case, &concealed.kind, concealed.joint.as_deref())
+        ));
+    }
+    let leading = case.answer.hypotheses.iter().take(LEADING).map(|row| {
+        let place = row.joint.as_ref().map_or(String::new(), |joint| format!(" of {joint}"));
+        format!("{}{place} {:.0} (least that counts {:.0})", row.kind, row.alone, row.threshold)
+    });
+    let leading: Vec<String> = leading.collect();
+    if !leading.is_empty() {
+        lines.push(format!("explains most by itself: {}", leading.join(", ")));
+    }
+    lines.push(format!("the tool's words: {}", case.answer.statement));
+    let summary = format!("{} · {} · {} → {}", case.outcome.name(), case.name, truth.words(), said(case));
+    Block::Details { summary, blocks: vec![Block::List(lines)] }
+}
+
+fn rank(case: &Judged, kind: &str, joint: Option<&str>) -> String {
+    let rows = &case.answer.hypotheses;
+    match rows.iter().position(|row| row.kind == kind && row.joint.as_deref() == joint) {
+        Some(place) if rows[place].alone > rows[place].threshold => {
+            format!("by itself it ranks {} with {:.0}", place + 1, rows[place].alone)
+        }
+        Some(place) => format!("by itself it explains {:.0}, less than counts", rows[place].alone),
+        None => "it was not among what was weighed".to_owned(),
+    }
+}
+
+fn protocol(receipt: &Receipt, judged: &[Judged]) -> Section {
+    let mut section = Section::new("Protocol");
+    for part in &receipt.parts {
+        let mut table = Table::new("Stages")
+            .column(Column::text("stage"))
+            .column(Column::text("completed"))
+            .column(Column::text("SHA-256 of what it brought"))
+            .column(Column::text("chain"));
+        for stage in &part.stages {
+            table = table.row([
+                stage.name.as_str().into(),
+                stage.at.as_str().into(),
+                start(&stage.brought).into(),
+                start(&stage.chain).into(),
+            ]);
+        }
+        let draw = part.draw.as_ref().map_or("sealed by someone else".to_owned(), |draw| {
+            let [shard, shards] = draw.shard;
+            format!("seed {} from {}, shard {shard} of {shards}", draw.seed, draw.seed_from)
+        });
+        let mut lines = vec![
+            draw,
+            format!("program {}, catalogue {}", part.program.sha256, part.program.catalogue),
+            format!(
+                "generated in {:.0} s, analysed in {:.0} s, on {}",
+                part.seconds[0], part.seconds[1], part.machine
+            ),
+        ];
+        lines.extend(part.isolation.iter().map(|(words, count)| format!("{count} analysts behind {words}")));
+        lines.extend(part.not_made.iter().map(|what| format!("not made: {what}")));
+        section = section.with(table).with(Block::List(lines));
+        if let Some(leak) = Leak::of(part, judged) {
+            let words = format!(
+                "A classifier on names, sizes and order of the files gets the sort of {:.1} % right; with sorts dealt at random {:.1} %, as good or better in {:.1} % of the deals.",
+                100.0 * leak.right,
+                100.0 * leak.chance,
+                100.0 * leak.p
+            );
+            section =
+                section.with(if leak.is_tight() { (Verdict::Ok, words) } else { (Verdict::Fail, words) });
+        }
+    }
+    section
+}

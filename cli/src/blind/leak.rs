@@ -1,0 +1,130 @@
+//! Whether the sealed folder tells by its looks what it conceals: a classifier on names, sizes and order has to be at chance.
+//!
+//! Each case is given the sort of its nearest neighbours in name, sizes of its files and place in the order of names; how often that
+//! is right is compared with the same after the sorts were dealt anew at random.
+
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use super::receipt::Part;
+use super::tally::Judged;
+use super::truth::Sort;
+
+/// Neighbours that are asked.
+const NEIGHBOURS: usize = 7;
+/// Times that the sorts are dealt anew.
+const DEALS: usize = 400;
+/// Share of the deals that may be right more often than the true sorts before that counts as a leak.
+const CHANCE: f64 = 0.005;
+
+/// What a classifier makes of the looks of a folder.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Leak {
+    /// Share of the cases whose sort it gets right.
+    pub right: f64,
+    /// The same by chance, mean over sorts dealt anew.
+    pub chance: f64,
+    /// Share of the deals in which chance is as good.
+    pub p: f64,
+}
+
+impl Leak {
+    /// Whether the folder tells nothing.
+    pub fn is_tight(&self) -> bool {
+        self.p > CHANCE
+    }
+
+    /// Of the cases of `part`; `None` for too few of them.
+    pub fn of(part: &Part, cases: &[Judged]) -> Option<Self> {
+        let cases: Vec<&Judged> = cases.iter().filter(|case| part.sealed.contains_key(&case.name)).collect();
+        let looks: Vec<Vec<f64>> =
+            cases.iter().enumerate().map(|(place, case)| look(part, &case.name, place)).collect();
+        let sorts: Vec<Sort> = cases.iter().map(|case| case.truth.sort()).collect();
+        (cases.len() > 2 * NEIGHBOURS).then(|| Self::among(&looks, sorts))
+    }
+
+    fn among(looks: &[Vec<f64>], mut sorts: Vec<Sort>) -> Self {
+        let near = neighbours(&spread(looks));
+        let right = accuracy(&near, &sorts);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let deals: Vec<f64> = (0..DEALS)
+            .map(|_| {
+                sorts.shuffle(&mut rng);
+                accuracy(&near, &sorts)
+            })
+            .collect();
+        let as_good = deals.iter().filter(|deal| **deal >= right).count();
+        let chance = deals.iter().sum::<f64>() / DEALS as f64;
+        Self { right, chance, p: (as_good + 1) as f64 / (DEALS + 1) as f64 }
+    }
+}
+
+/// What is seen of a case without opening its files.
+fn look(part: &Part, name: &str, place: usize) -> Vec<f64> {
+    let number = u64::from_str_radix(name, 16).unwrap_or_default() as f64;
+    let sizes =
+        part.sealed.get(name).into_iter().flat_map(|files| files.values().map(|file| file.bytes as f64));
+    [number, place as f64].into_iter().chain(sizes.map(f64::ln_1p)).collect()
+}
+
+/// Each column with mean 0 and deviation 1.
+fn spread(looks: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let width = looks.iter().map(Vec::len).min().unwrap_or(0);
+    let n = looks.len() as f64;
+    let mut spread = vec![vec![0.0; width]; looks.len()];
+    for column in 0..width {
+        let mean = looks.iter().map(|row| row[column]).sum::<f64>() / n;
+        let square = looks.iter().map(|row| (row[column] - mean).powi(2)).sum::<f64>() / n;
+        for (to, from) in spread.iter_mut().zip(looks) {
+            to[column] = (from[column] - mean) / square.sqrt().max(1e-12);
+        }
+    }
+    spread
+}
+
+/// The nearest others of each.
+fn neighbours(looks: &[Vec<f64>]) -> Vec<Vec<usize>> {
+    let distance =
+        |a: usize, b: usize| looks[a].iter().zip(&looks[b]).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
+    let nearest = |at: usize| {
+        let mut others: Vec<usize> = (0..looks.len()).filter(|other| *other != at).collect();
+        others.sort_by(|a, b| distance(at, *a).total_cmp(&distance(at, *b)));
+        others.truncate(NEIGHBOURS);
+        others
+    };
+    (0..looks.len()).map(nearest).collect()
+}
+
+/// How often the commonest sort among the neighbours is the right one.
+fn accuracy(near: &[Vec<usize>], sorts: &[Sort]) -> f64 {
+    let right = near.iter().zip(sorts).filter(|(near, sort)| {
+        let count = |sort: Sort| near.iter().filter(|other| sorts[**other] == sort).count();
+        Sort::ALL.into_iter().max_by_key(|sort| count(*sort)) == Some(**sort)
+    });
+    right.count() as f64 / sorts.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Leak;
+    use crate::blind::truth::Sort;
+
+    /// The classifier finds a leak where there is one, a size that goes with the sort, and none where there is none.
+    #[test]
+    fn a_leak_is_found_where_there_is_one() {
+        let sorts: Vec<Sort> = (0..200).map(|k| Sort::ALL[[0, 1, 1, 1, 2, 3][k % 6]]).collect();
+        let looks = |leaks: bool| -> Vec<Vec<f64>> {
+            let size = |k: usize| (k * 7919 % 200) as f64 * 0.01;
+            (0..200)
+                .map(|k| vec![size(k), if leaks { sorts[k] as u8 as f64 + size(k) } else { size(k * 31) }])
+                .collect()
+        };
+        let (leaking, tight) =
+            (Leak::among(&looks(true), sorts.clone()), Leak::among(&looks(false), sorts.clone()));
+        println!("leaking {leaking:?}, tight {tight:?}");
+        assert!(!leaking.is_tight() && leaking.right > 0.6);
+        assert!(tight.is_tight() && tight.right < 0.6);
+    }
+}

@@ -1,0 +1,258 @@
+//! Right or wrong: one answer against its truth.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::answer::{Answer, Estimate, Named};
+use super::truth::{Concealed, Sort, Truth};
+
+/// How an answer compares with the truth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Outcome {
+    /// All of it and nothing else; for physics outside the catalogue: that it is unknown.
+    Right,
+    /// Of several effects at least one, and none that is not there.
+    Partly,
+    /// All of it, and something that is not there.
+    Extra,
+    /// A name for what is not there.
+    Wrong,
+    /// Something is missing, but no name: unknown, or one of several with the truth among them.
+    Refused,
+    /// That nothing is missing, or that the recordings can't tell.
+    Missed,
+    /// No answer: a crash, or too late.
+    Failed,
+}
+
+impl Outcome {
+    /// Every outcome.
+    pub const ALL: [Outcome; 7] = [
+        Outcome::Right,
+        Outcome::Partly,
+        Outcome::Extra,
+        Outcome::Wrong,
+        Outcome::Refused,
+        Outcome::Missed,
+        Outcome::Failed,
+    ];
+
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        ["right", "partly", "extra", "wrong", "refused", "missed", "failed"][self as usize]
+    }
+}
+
+/// Compares `answer` with `truth`.
+pub fn outcome(truth: &Truth, answer: &Answer) -> Outcome {
+    let sort = truth.sort();
+    match (answer.verdict.as_str(), sort) {
+        ("nothing_missing", Sort::Negative) => Outcome::Right,
+        ("insufficient_data", Sort::Negative) => Outcome::Refused,
+        ("nothing_missing" | "insufficient_data", _) => Outcome::Missed,
+        ("unknown" | "one_of" | "named", Sort::Negative) => Outcome::Wrong,
+        ("unknown", Sort::Outside) => Outcome::Right,
+        ("unknown", _) => Outcome::Refused,
+        ("one_of" | "named", Sort::Outside) => Outcome::Wrong,
+        ("one_of", _) => one_of(truth, answer),
+        ("named", _) => named(truth, answer),
+        _ => Outcome::Failed,
+    }
+}
+
+/// How many of the concealed effects are said, and how many of the named ones say none of them.
+fn said(truth: &Truth, effects: &[Named]) -> (usize, usize) {
+    let by: Vec<Vec<usize>> = truth.effects.iter().map(|concealed| concealed.said_by(effects)).collect();
+    let found = by.iter().filter(|by| !by.is_empty()).count();
+    let idle = (0..effects.len()).filter(|index| by.iter().all(|by| !by.contains(index))).count();
+    (found, idle)
+}
+
+fn named(truth: &Truth, answer: &Answer) -> Outcome {
+    let (found, idle) = said(truth, &answer.effects);
+    match (found == truth.effects.len(), idle) {
+        (true, 0) => Outcome::Right,
+        (true, _) => Outcome::Extra,
+        (false, 0) if found > 0 => Outcome::Partly,
+        _ => Outcome::Wrong,
+    }
+}
+
+/// One of several: refused where the truth is among them, partly right where that is so of some of it.
+fn one_of(truth: &Truth, answer: &Answer) -> Outcome {
+    let among = truth.effects.iter().filter(|concealed| concealed.is_among(answer)).count();
+    let (found, idle) = said(truth, &answer.effects);
+    match (among == truth.effects.len(), answer.effects.len() <= truth.effects.len()) {
+        (true, true) => Outcome::Refused,
+        (false, true) if found > 0 && idle == 0 => Outcome::Partly,
+        (false, true) if among > 0 && among >= answer.effects.len() => Outcome::Refused,
+        _ => Outcome::Wrong,
+    }
+}
+
+/// How near a parameter came to the truth.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Hit {
+    /// `kind.parameter`.
+    pub name: String,
+    /// The truth: a number, or the length of a vector.
+    pub truth: f64,
+    /// Relative error; of angles that may be zero, the error in rad.
+    pub error: f64,
+    /// Whether the 95 % interval holds the truth; `None` without an interval.
+    pub covered: Option<bool>,
+}
+
+/// The parameters of the effect that says `concealed` by its own name, those left out that leave next to no trace.
+pub fn hits(concealed: &Concealed, answer: &Answer) -> Vec<Hit> {
+    let same = |effect: &&Named| concealed.is(&effect.kind, effect.joint.as_deref());
+    let Some(effect) = answer.effects.iter().find(same) else { return Vec::new() };
+    let strong = effect.parameters.iter().filter(|(name, _)| !concealed.weak.contains(name));
+    strong
+        .filter_map(|(name, estimate)| {
+            let hit = hit(name, &concealed.parameters[name], estimate)?;
+            Some(Hit { name: format!("{}.{name}", concealed.kind), ..hit })
+        })
+        .collect()
+}
+
+/// `None` where the truth does not know the parameter or it is a word.
+fn hit(name: &str, truth: &Value, estimate: &Estimate) -> Option<Hit> {
+    let vector =
+        |value: &Value| value.as_array().map(|v| v.iter().filter_map(Value::as_f64).collect::<Vec<_>>());
+    if let (Some(truth), Some(found)) = (vector(truth), vector(&estimate.value)) {
+        let length = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+        let apart: Vec<f64> = truth.iter().zip(&found).map(|(a, b)| a - b).collect();
+        let size = length(&truth);
+        let error = length(&apart) / size;
+        return (size > 0.0).then(|| Hit { name: String::new(), truth: size, error, covered: None });
+    }
+    let (truth, found) = (truth.as_f64()?, estimate.value.as_f64()?);
+    // Factors of one are no effect: their distance from one is.
+    let neutral = if matches!(name, "gain" | "scale") { 1.0 } else { 0.0 };
+    let turn = std::f64::consts::TAU;
+    let off = if name == "phase" {
+        (found - truth + 0.5 * turn).rem_euclid(turn) - 0.5 * turn
+    } else {
+        found - truth
+    };
+    let size =
+        if matches!(name, "phase" | "rest" | "roll" | "pitch") { 1.0 } else { (truth - neutral).abs() };
+    // By way of `off`, so that a phase may lie a turn away.
+    let inside = |[low, high]: [f64; 2]| (low..=high).contains(&(found - off));
+    (size > 0.0).then(|| Hit {
+        name: String::new(),
+        truth,
+        error: off.abs() / size,
+        covered: estimate.ci95.map(inside),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::super::answer::{Answer, Estimate, Named, Rival};
+    use super::super::truth::Truth;
+    use super::{Outcome, hits, outcome};
+
+    fn truth(effects: serde_json::Value) -> Truth {
+        serde_json::from_value(json!({ "effects": effects })).expect("a truth")
+    }
+
+    fn named(verdict: &str, effects: &[(&str, &str)]) -> Answer {
+        let effects = effects
+            .iter()
+            .map(|(kind, joint)| Named {
+                kind: (*kind).into(),
+                joint: Some((*joint).into()),
+                ..Named::default()
+            })
+            .collect();
+        Answer { verdict: verdict.into(), effects, ..Answer::default() }
+    }
+
+    #[test]
+    fn answers_are_judged_as_they_say() {
+        let nothing = truth(json!([]));
+        let one = truth(json!([{ "kind": "backlash", "joint": "elbow" }]));
+        let outside = truth(json!([{ "kind": "sloshing_load", "joint": null, "catalogued": false }]));
+        let backlash = ("backlash", "elbow");
+        let spring = ("joint_spring", "elbow");
+        for (truth, answer, expected) in [
+            (&nothing, named("nothing_missing", &[]), Outcome::Right),
+            (&nothing, named("unknown", &[]), Outcome::Wrong),
+            (&nothing, named("insufficient_data", &[]), Outcome::Refused),
+            (&one, named("named", &[backlash]), Outcome::Right),
+            (&one, named("named", &[("backlash", "wrist")]), Outcome::Wrong),
+            (&one, named("named", &[backlash, spring]), Outcome::Extra),
+            (&one, named("one_of", &[backlash]), Outcome::Refused),
+            (&one, named("one_of", &[spring]), Outcome::Wrong),
+            (&one, named("unknown", &[]), Outcome::Refused),
+            (&one, named("nothing_missing", &[]), Outcome::Missed),
+            (&one, Answer::failed("crash".into()), Outcome::Failed),
+            (&outside, named("unknown", &[]), Outcome::Right),
+            (&outside, named("named", &[spring]), Outcome::Wrong),
+            (&outside, named("nothing_missing", &[]), Outcome::Missed),
+        ] {
+            assert_eq!(outcome(truth, &answer), expected, "{truth:?} {answer:?}");
+        }
+    }
+
+    #[test]
+    fn two_effects_may_be_half_right() {
+        let two = truth(json!([
+            { "kind": "backlash", "joint": "elbow" }, { "kind": "payload", "joint": null }
+        ]));
+        assert_eq!(outcome(&two, &named("named", &[("backlash", "elbow")])), Outcome::Partly);
+        assert_eq!(
+            outcome(&two, &named("named", &[("backlash", "elbow"), ("joint_spring", "wrist")])),
+            Outcome::Wrong
+        );
+        let mut both = named("named", &[("backlash", "elbow")]);
+        both.effects.push(Named { kind: "payload".into(), ..Named::default() });
+        assert_eq!(outcome(&two, &both), Outcome::Right);
+    }
+
+    /// An equivalent of two kinds counts when both are named; a rival that can't be told apart is no wrong name.
+    #[test]
+    fn equivalents_and_rivals_count() {
+        let asymmetric = truth(json!([{
+            "kind": "asymmetric_friction", "joint": "elbow",
+            "equivalents": [{ "kinds": ["coulomb_friction", "torque_offset"], "joint": "elbow" }]
+        }]));
+        let (coulomb, offset) = (("coulomb_friction", "elbow"), ("torque_offset", "elbow"));
+        assert_eq!(outcome(&asymmetric, &named("named", &[coulomb, offset])), Outcome::Right);
+        assert_eq!(outcome(&asymmetric, &named("named", &[coulomb])), Outcome::Wrong);
+        let mut unsure = named("one_of", &[coulomb]);
+        let kind = "asymmetric_friction".to_owned();
+        unsure.rivals =
+            vec![Rival { kind, joint: Some("elbow".into()), indistinguishable: true, log_odds_against: 1.0 }];
+        assert_eq!(outcome(&asymmetric, &unsure), Outcome::Refused);
+    }
+
+    /// A gain is judged by its distance from one, a phase round the circle, a word not at all.
+    #[test]
+    fn parameters_are_compared_in_their_own_measure() {
+        let one = truth(json!([{
+            "kind": "torque_ripple", "joint": "elbow",
+            "parameters": { "phase": 0.1, "gain": 1.2, "amplitude": 2.0, "word": "tool" }
+        }]));
+        let mut answer = named("named", &[("torque_ripple", "elbow")]);
+        let mut put = |name: &str, value, ci95| {
+            answer.effects[0].parameters.insert(name.into(), Estimate { value, ci95 });
+        };
+        put("phase", json!(0.1 + std::f64::consts::TAU - 0.02), Some([6.3, 6.5]));
+        put("gain", json!(1.1), Some([1.05, 1.15]));
+        put("amplitude", json!(2.2), None);
+        put("word", json!("tool"), None);
+        let hits = hits(&one.effects[0], &answer);
+        let of = |name: &str| hits.iter().find(|hit| hit.name.ends_with(name)).expect("a hit");
+        println!("{hits:?}");
+        assert_eq!(hits.len(), 3);
+        assert!((of("phase").error - 0.02).abs() < 1e-9 && of("phase").covered == Some(true));
+        assert!((of("gain").error - 0.5).abs() < 1e-9 && of("gain").covered == Some(false));
+        assert!((of("amplitude").error - 0.1).abs() < 1e-9 && of("amplitude").covered.is_none());
+    }
+}

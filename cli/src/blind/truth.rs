@@ -1,0 +1,149 @@
+//! What a case conceals, as a truth file says it.
+
+use serde::Deserialize;
+use serde_json::Value;
+
+use super::answer::{Answer, Named};
+
+/// What a case conceals. Of the fields only `effects` has to be there.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+pub struct Truth {
+    /// What is concealed; nothing for a negative control.
+    pub effects: Vec<Concealed>,
+    /// The machine's name.
+    pub machine: String,
+    /// Level of the noise.
+    pub noise: String,
+    /// Seed of the case.
+    pub seed: Value,
+    /// Length of each recording, s.
+    pub duration: f64,
+    /// Number of joints.
+    pub joints: usize,
+}
+
+/// One concealed effect.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+pub struct Concealed {
+    /// Its kind.
+    pub kind: String,
+    /// Its joint; `None`: the arm as a whole.
+    pub joint: Option<String>,
+    /// Its parameters, SI.
+    pub parameters: Value,
+    /// Parameters that leave next to no trace of their own: not scored.
+    pub weak: Vec<String>,
+    /// Other names that are as right.
+    pub equivalents: Vec<Equivalent>,
+    /// False: physics outside the catalogue.
+    #[serde(default = "yes")]
+    pub catalogued: bool,
+    /// `slight`, `clear`, `strong`.
+    pub severity: String,
+    /// Root mean square of its trace over that of noise and tolerances.
+    pub signal_to_floor: f64,
+    /// The channel where that is largest.
+    pub channel: String,
+}
+
+fn yes() -> bool {
+    true
+}
+
+/// Another name for an effect.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(default)]
+pub struct Equivalent {
+    /// Kinds that together are the same.
+    pub kinds: Vec<String>,
+    /// Their joint.
+    pub joint: Option<String>,
+}
+
+/// What a case is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Sort {
+    /// Nothing is concealed.
+    Negative,
+    /// One effect of the catalogue.
+    Single,
+    /// Two or more of the catalogue.
+    Double,
+    /// Something outside the catalogue.
+    Outside,
+}
+
+impl Sort {
+    /// Every sort.
+    pub const ALL: [Sort; 4] = [Sort::Negative, Sort::Single, Sort::Double, Sort::Outside];
+
+    /// What it is called.
+    pub fn name(self) -> &'static str {
+        match self {
+            Sort::Negative => "nothing concealed",
+            Sort::Single => "one effect",
+            Sort::Double => "two effects",
+            Sort::Outside => "not in the catalogue",
+        }
+    }
+}
+
+impl Truth {
+    /// What the case is about.
+    pub fn sort(&self) -> Sort {
+        match self.effects.as_slice() {
+            [] => Sort::Negative,
+            effects if effects.iter().any(|effect| !effect.catalogued) => Sort::Outside,
+            [_] => Sort::Single,
+            _ => Sort::Double,
+        }
+    }
+
+    /// What is concealed, in a few words.
+    pub fn words(&self) -> String {
+        match self.effects.as_slice() {
+            [] => "nothing".to_owned(),
+            effects => {
+                effects.iter().map(|e| at(&e.kind, e.joint.as_deref())).collect::<Vec<_>>().join(" + ")
+            }
+        }
+    }
+}
+
+/// `kind of joint`.
+pub fn at(kind: &str, joint: Option<&str>) -> String {
+    joint.map_or_else(|| kind.to_owned(), |joint| format!("{kind} of {joint}"))
+}
+
+impl Concealed {
+    /// Whether kind and joint are these.
+    pub fn is(&self, kind: &str, joint: Option<&str>) -> bool {
+        self.kind == kind && self.joint.as_deref() == joint
+    }
+
+    /// Which of the named effects say it: one by its name, or those of an equivalent; none if it is not said.
+    pub fn said_by(&self, effects: &[Named]) -> Vec<usize> {
+        let place = |kind: &str, joint: &Option<String>| {
+            effects.iter().position(|e| e.kind == kind && e.joint == *joint)
+        };
+        if let Some(index) = place(&self.kind, &self.joint) {
+            return vec![index];
+        }
+        let mut all = self.equivalents.iter().map(|other| {
+            other.kinds.iter().map(|kind| place(kind, &other.joint)).collect::<Option<Vec<_>>>()
+        });
+        all.find_map(|found| found).unwrap_or_default()
+    }
+
+    /// Whether the answer holds it for possible: names it, or says that it can't tell it from what it names.
+    pub fn is_among(&self, answer: &Answer) -> bool {
+        let rival = |kind: &str, joint: &Option<String>| {
+            answer.rivals.iter().any(|r| r.indistinguishable && r.kind == kind && r.joint == *joint)
+        };
+        !self.said_by(&answer.effects).is_empty()
+            || rival(&self.kind, &self.joint)
+            || self.equivalents.iter().any(|e| e.kinds.len() == 1 && rival(&e.kinds[0], &e.joint))
+    }
+}
