@@ -25,6 +25,8 @@ enum Command {
     Faults(crate::faults::FaultsArgs),
     /// Where a model and recordings differ, what is missing from the model, and how much better it gets with it.
     Diagnose(crate::diagnose::DiagnoseArgs),
+    /// The loop closed: machines with concealed physics played, diagnosed, and controlled with what was found.
+    Demo(crate::demo::DemoArgs),
     /// The next motion where two causes are possible: safe, and telling them apart.
     Excite(crate::excite::ExciteArgs),
     /// The proof on concealed effects: seal, diagnose once, open, score.
@@ -75,6 +77,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Swap(args) => crate::swap_command::swap(&args),
         Command::Faults(args) => crate::faults::faults(&args),
         Command::Diagnose(args) => crate::diagnose::diagnose(&args),
+        Command::Demo(args) => crate::demo::demo(&args),
         Command::Excite(args) => crate::excite::excite(&args),
         Command::Blind(args) => crate::blind::blind(&args),
         Command::BlindGenerate(args) => crate::blind::generate(&args),

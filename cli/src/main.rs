@@ -6,6 +6,8 @@
 //! `swap_measures` (what a swap costs); `compare`, `diagnose`, `replay`, `reference_runs` and `bound` beside them;
 //! `record`, `scenario_command` and `manual` run nothing.
 //! `blind` (the proof on concealed effects).
+//! `swap_measures` (what a swap costs); `diagnose` and `diagnose_report` (what is missing from a model), `excite` (the next motion), `demo`
+//! (the loop closed); `compare`, `replay`, `reference_runs` and `bound` beside them.
 
 mod args;
 mod blind;
@@ -13,6 +15,7 @@ mod bound;
 mod columns;
 mod compare;
 mod controller_command;
+mod demo;
 mod diagnose;
 mod diagnose_report;
 mod excite;

@@ -38,6 +38,7 @@ pub mod deviation;
 pub mod features;
 pub mod identity;
 pub mod journal_twin;
+pub mod known_effects;
 pub mod learned;
 pub mod look_ahead;
 pub mod model;

@@ -1,6 +1,7 @@
 //! What a controller knows of the arm: the model file of its task.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use freeplay_arm::{Arm, ArmFile, Limits};
 use freeplay_laws::{Clearance, Effects};
@@ -10,11 +11,13 @@ use nalgebra::Vector3;
 use crate::controller::{ControllerError, RunInfo};
 use crate::task::{LimitsFrom, PAPER_MODEL, Task, TaskMode};
 
-/// The nominal arm, and the play that the controller believes its joints to have.
+/// The arm, and the play and other effects that the controller believes its joints to have.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// The nominal arm, with the gravity and the limits of the task.
+    /// The arm with what its effects change of it, a payload or a tilt, with the gravity and the limits of the task.
     pub arm: Arm,
+    /// All effects of the model file.
+    pub effects: Arc<Effects>,
     /// Clearances by joint index of `arm`, in ascending order.
     pub clearances: Vec<(usize, Clearance)>,
 }
@@ -31,15 +34,16 @@ impl Model {
             freeplay_arm::load(Path::new(&task.model))?
         };
         check(task, &file, run)?;
-        let clearances = Effects::of(&file)?.clearances;
+        let effects = Effects::of(&file)?;
         let mut arm = file.arm;
         if let Some(gravity) = task.gravity {
             arm = arm.with_gravity(Vector3::from(gravity));
         }
+        arm = effects.changed(&arm)?;
         if task.limits == LimitsFrom::None {
             arm = without_limits(&arm)?;
         }
-        Ok(Model { arm, clearances })
+        Ok(Model { arm, clearances: effects.clearances.clone(), effects: Arc::new(effects) })
     }
 }
 

@@ -46,6 +46,12 @@ impl JointMotion {
         }
     }
 
+    /// Moves by `shift`, position and velocity.
+    pub fn shift(&mut self, [by, rate]: [&[f64]; 2]) {
+        self.q.iter_mut().zip(by).for_each(|(q, by)| *q += by);
+        self.v.iter_mut().zip(rate).for_each(|(v, rate)| *v += rate);
+    }
+
     /// Becomes `reference` plus `correction`.
     pub fn add(&mut self, reference: &Reference, correction: Motion<'_>) {
         for joint in 0..self.q.len() {

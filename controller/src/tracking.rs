@@ -21,6 +21,7 @@ use crate::controller::{Answer, ControllerError};
 use crate::corners::CornerSearch;
 use crate::correction::Correction;
 use crate::deviation::QuasiStatic;
+use crate::known_effects::KnownEffects;
 use crate::look_ahead::{LookAhead, drive_frictions};
 use crate::model::Model;
 use crate::outlook::{JointMotion, Outlook};
@@ -93,6 +94,8 @@ pub struct Tracking {
     /// Whether the predicted journals are smooth enough to be differentiated.
     smooth: bool,
     friction: Vec<DriveFriction>,
+    /// What other effects of the model ask of the drives; none if there are none.
+    known: Option<KnownEffects>,
     look_ahead: LookAhead,
     outlook: Outlook,
     /// Predicts for the instant of the answer and feeds forward.
@@ -104,6 +107,7 @@ pub struct Tracking {
     tick: Option<u64>,
     planned: JointMotion,
     target: JointMotion,
+    /// Of the contacts' friction and of the known effects, for the next look ahead, N·m (N).
     contact_moments: Vec<f64>,
     acceleration: Vec<f64>,
     passages: Passages,
@@ -125,6 +129,7 @@ impl Tracking {
     ) -> Result<Tracking, ControllerError> {
         let (n, period) = (model.arm.dof(), task.period());
         let with_play = ArmWithPlay::new(&model.arm, &model.clearances)?;
+        let known = KnownEffects::along(&model.arm, &model.effects, &path, period)?;
         let half = ((options.average / period - 1.0) / 2.0).round().max(0.0) as usize;
         let mut outlook = Outlook::new(path, &with_play, period, half);
         let search = CornerSearch {
@@ -147,6 +152,7 @@ impl Tracking {
             period,
             smooth: half > 0,
             friction: drive_frictions(&model.arm),
+            known,
             look_ahead: LookAhead::new(&model.arm, period),
             outlook,
             predictor: QuasiStatic::new(&with_play, period),
@@ -175,6 +181,11 @@ impl Tracking {
         let learned = self.learned;
         self.plan(state.tick, Some(&state.reference_next), beyond, answer);
         self.target.add(&state.reference_next, self.correction.motion());
+        if let Some(known) = &mut self.known {
+            let instant = state.tick.saturating_add(self.mode.lead());
+            known.turn_to(instant as f64 * self.period, &state.reference_next);
+            known.shift().into_iter().for_each(|shift| self.target.shift(shift));
+        }
         let begun = now_ns();
         answer.deviation = (self.predict(&state.reference_next) + learned).into();
         answer.predict_ns += now_ns() - begun;
@@ -295,6 +306,10 @@ impl Tracking {
         add_drive_friction(&self.friction, target.v, &mut torque[..n]);
         self.contact_moments.fill(0.0);
         self.predictor.add_contact_moments(&mut self.contact_moments);
+        if let Some(spent) = self.known.as_ref().and_then(KnownEffects::torque) {
+            torque.iter_mut().zip(spent).for_each(|(torque, spent)| *torque += spent);
+            self.contact_moments.iter_mut().zip(spent).for_each(|(external, spent)| *external -= spent);
+        }
         Some(())
     }
 }

@@ -4,6 +4,8 @@
 
 mod simulation;
 
+use std::sync::Arc;
+
 use freeplay_arm::paper_arm;
 use freeplay_controller::features::Features;
 use freeplay_controller::{Answer, Model, Task, TaskMode, built_in};
@@ -22,7 +24,7 @@ fn forecast_errors(mode: TaskMode, tracked: bool) -> [f64; 2] {
     let model = model_file(folder.path(), &[(4, C)]).display().to_string();
     let task = Task { model, mode, ..Task::default() };
     let clearance = Clearance::new(&ClearanceTable::new(C)).unwrap();
-    let model = Model { arm: paper_arm().arm, clearances: vec![(4, clearance)] };
+    let model = Model { arm: paper_arm().arm, clearances: vec![(4, clearance)], effects: Arc::default() };
     let play = ArmWithPlay::new(&model.arm, &model.clearances).unwrap();
     let path = JointPath::plan(&model.arm, &task.path, task.rate).unwrap();
     let mut features = Features::new(&model, &play, path, mode, task.period(), HORIZON).unwrap();

@@ -47,6 +47,7 @@ mod colours;
 mod document;
 mod drawing;
 mod html;
+mod standalone;
 mod svg;
 mod table;
 pub mod text;

@@ -19,6 +19,7 @@ use freeplay_report::{Block, Cell, Column, Document, Figure, Section, Table, Ver
 use crate::units::{people, written};
 
 pub use findings::title;
+pub use picture::{of as pictures, strongest_map};
 
 /// What a report is about.
 pub struct Subject<'a> {

@@ -289,7 +289,9 @@ fn bearing(diagnosis: &Diagnosis, joint: usize) -> Option<Clearance> {
 /// The strongest map of what the tuned model leaves, in words and as a picture.
 pub fn strongest_map(diagnosis: &Diagnosis) -> Option<Drawing> {
     let place = diagnosis.location.first()?;
-    let near = diagnosis.maps.iter().filter(|map| place.channels.contains(&map.channel));
+    // Over the direction there are two bars only: the velocity shows the same and more.
+    let drawable = |map: &&Map| place.channels.contains(&map.channel) && map.mean.len() > 2;
+    let near = diagnosis.maps.iter().filter(drawable);
     let map: &Map = near.min_by(|a, b| a.p.total_cmp(&b.p).then(b.explained.total_cmp(&a.explained)))?;
     let (x_scale, x_unit) = people(map.variable_unit, span(&map.at));
     let (scale, unit) = people(map.unit, span(&map.mean));

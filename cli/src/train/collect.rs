@@ -1,5 +1,6 @@
 //! From runs to what trains and tests: the extractor of the controller, fed state by state.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use freeplay_arm::{ArmFile, EffectTable, forward_kinematics, to_toml};
@@ -98,7 +99,11 @@ pub fn collect(
 fn one(subject: &Subject, spec: &RunSpec, horizon: usize, tracked: bool) -> Result<Collected, Failure> {
     let fault = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", spec.name));
     let clearance = Clearance::new(&ClearanceTable::new(spec.clearance)).map_err(|error| fault(&error))?;
-    let model = Model { arm: subject.arm.clone(), clearances: vec![(subject.joint, clearance)] };
+    let model = Model {
+        arm: subject.arm.clone(),
+        clearances: vec![(subject.joint, clearance)],
+        effects: Arc::default(),
+    };
     let play = ArmWithPlay::new(&model.arm, &model.clearances).map_err(|error| fault(&error))?;
     let path = JointPath::plan(&model.arm, &spec.path, RATE).map_err(|error| fault(&error))?;
     let mut features = Features::new(&model, &play, path, TaskMode::Torque, 1.0 / RATE, horizon)

@@ -123,7 +123,24 @@ fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
     let moments = [0, 1, 2].map(|i| coefficients[4 + i] - steiner[(i, i)]);
     let products = [(0, 1), (0, 2), (1, 2)];
     let products = [0, 1, 2].map(|i| coefficients[7 + i] - steiner[products[i]]);
-    body(mass, com.into(), moments, products)
+    if mass < 0.0 {
+        return body(mass, com.into(), moments, products);
+    }
+    let [[xx, yy, zz], [xy, xz, yz]] = [moments, products];
+    let about_com = possible(Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz));
+    let products = [(0, 1), (0, 2), (1, 2)].map(|place| about_com[place]);
+    body(mass, com.into(), about_com.diagonal().into(), products)
+}
+
+/// The nearest tensor that a body can have: negative principal moments, which a fit finds where the motion hardly tells them, are 0 (Higham
+/// 1988, Linear Algebra Appl. 103:103).
+fn possible(tensor: Matrix3<f64>) -> Matrix3<f64> {
+    let mut principal = tensor.symmetric_eigen();
+    if principal.eigenvalues.min() >= 0.0 {
+        return tensor;
+    }
+    principal.eigenvalues.apply(|moment| *moment = moment.max(0.0));
+    principal.recompose()
 }
 
 #[derive(Clone, Copy, Debug)]
