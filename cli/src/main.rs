@@ -3,11 +3,9 @@
 //! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run` and `processes` (the parent),
 //! `plant_command` and `controller_command` (its children), `columns` and `recorder` (what is kept), `summary`,
 //! `histogram_files`, `screen`, `live` and `run_report` (what a person sees); `swaps` (who is in charge when), `swap_command` and
-//! `swap_measures` (what a swap costs); `compare`, `diagnose`, `replay`, `reference_runs` and `bound` beside them;
-//! `record`, `scenario_command` and `manual` run nothing.
-//! `blind` (the proof on concealed effects).
 //! `swap_measures` (what a swap costs); `diagnose` and `diagnose_report` (what is missing from a model), `excite` (the next motion), `demo`
-//! (the loop closed); `compare`, `replay`, `reference_runs` and `bound` beside them.
+//! (the loop closed), `blind` (the proof on concealed effects); `compare`, `replay`, `reference_runs` and `bound` beside them; `record`,
+//! `scenario_command` and `manual` run nothing.
 
 mod args;
 mod blind;

@@ -13,7 +13,7 @@ use super::analyst::FILES;
 use super::answer::Answer;
 use super::hash;
 use crate::exit::Failure;
-use crate::run::Running;
+use crate::processes::Running;
 use crate::simulation::on_cores;
 
 /// How often an analyst is looked after.

@@ -14,7 +14,7 @@ use serde_json::Value;
 
 use crate::exit::{Exit, Failure};
 use crate::process::end_with_parent;
-use crate::run::Running;
+use crate::processes::Running;
 use crate::say::say;
 use crate::simulation::on_cores;
 
