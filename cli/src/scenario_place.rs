@@ -83,11 +83,11 @@ mod tests {
 
     #[test]
     fn keys_are_found_however_they_are_written() {
-        let text = "rate = 1\n[path]\n  period = 0 # é\n[clearance]\njoint_5 = { é = 1, friction = -1 }\nsensors.tool.noise = 2\n";
+        let text = "rate = 1\n[path]\n  period = 0 # é\n[clearance]\njoint_5 = { \"é\" = 1, friction = -1 }\nsensors.tool.noise = 2\n";
         let at = |key| place_of(text, key);
         assert_eq!(at("rate"), Some(Place { line: 1, column: 1 }));
         assert_eq!(at("path.period"), Some(Place { line: 3, column: 3 }));
-        assert_eq!(at("clearance.joint_5.friction"), Some(Place { line: 5, column: 20 }));
+        assert_eq!(at("clearance.joint_5.friction"), Some(Place { line: 5, column: 22 }));
         assert_eq!(at("clearance.sensors.tool"), Some(Place { line: 6, column: 9 }));
         assert_eq!((at("path.laps"), at("rate.x"), at("nothing")), (None, None, None));
     }
