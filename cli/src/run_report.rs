@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_recording::Recording;
+use freeplay_recording::{Recording, read_overview};
 use freeplay_report::{
     Axis, Block, Cell, Chart, Column, Document, Figure, Mark, Section, Series, Table, Verdict,
 };
@@ -15,6 +15,9 @@ use crate::histogram_files::read_hlog;
 use crate::scenario::Scenario;
 use crate::setup::Setup;
 use crate::summary::RunSummary;
+
+/// Rows of a recording that a report is drawn from; of a longer one, an overview with all peaks.
+const MOST_ROWS: usize = 40_000;
 
 /// One controller's run with what it left.
 struct Played<'a> {
@@ -66,7 +69,7 @@ impl<'a> Played<'a> {
     fn read(summary: &'a RunSummary, out: &Path) -> Result<Self, Failure> {
         let recording = match &summary.recording {
             Some(name) if summary.ticks > 0 => {
-                Some(freeplay_recording::read(&out.join(name), None).map_err(Failure::input)?)
+                Some(read_overview(&out.join(name), None, MOST_ROWS).map_err(Failure::input)?)
             }
             _ => None,
         };
@@ -212,7 +215,8 @@ fn contact(played: &[Played], play: &str, clearance: f64) -> Section {
 
 /// The journal's path in its bearing.
 fn orbit(run: &Played, play: &str, clearance: f64) -> Option<Chart> {
-    let recording = run.recording.as_ref()?;
+    // The rows of an overview are no samples: least and greatest of two columns do not belong together.
+    let recording = run.recording.as_ref().filter(|recording| run.summary.ticks <= recording.len() as u64)?;
     let scaled = |quantity: &str| -> Option<Vec<f64>> {
         Some(recording.column(&play_column(play, quantity))?.iter().map(|value| value * 1e3).collect())
     };

@@ -49,7 +49,8 @@ pub(crate) fn read_mapped(
             .map_err(|error| ReadError::Mapping { place: source.place(at), source: error })?,
     };
     let decimal = mapping.map_or(b'.', Mapping::decimal);
-    let mut table = Table::new(source.place(at), names, source.joints, source.limit)?;
+    let table = Table::new(source.place(at), names, source.joints, source.limit)?;
+    let mut table = table.with_overview(source.overview);
     let mut row = vec![0.0; table.names().len()];
     while let Some(at) = next(&mut lines, &mut record, source)? {
         read_row(&record, at, decimal, &mut row, &mut table)?;

@@ -86,8 +86,9 @@ impl Reading<'_> {
                     }
                     None => {
                         self.row = vec![0.0; names.len()];
-                        let Source { joints, limit, .. } = *self.source;
-                        self.table = Some(Table::new(self.source.place(Row::Whole), names, joints, limit)?);
+                        let Source { joints, limit, overview, .. } = *self.source;
+                        let table = Table::new(self.source.place(Row::Whole), names, joints, limit)?;
+                        self.table = Some(table.with_overview(overview));
                     }
                 }
                 self.ticks.insert(channel.id);

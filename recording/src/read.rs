@@ -22,6 +22,8 @@ pub(crate) struct Source<'a> {
     pub joints: Option<usize>,
     /// The most numbers to read.
     pub limit: u64,
+    /// Rows of the overview, where no more is wanted.
+    pub overview: Option<usize>,
 }
 
 impl Source<'_> {
@@ -46,6 +48,19 @@ impl Source<'_> {
 /// # Errors
 /// See [`ReadError`]; each names the place, the value and the remedy.
 pub fn read(path: &Path, joints: Option<usize>) -> Result<Recording, ReadError> {
+    open(path, joints, None)
+}
+
+/// Reads a recording of any length in at most about `rows` rows: where it has more, of each stretch of time the least and the greatest
+/// value of every column, in two rows. What is drawn against time loses no peak; rows are no samples any more. See [`read`].
+///
+/// # Errors
+/// See [`ReadError`].
+pub fn read_overview(path: &Path, joints: Option<usize>, rows: usize) -> Result<Recording, ReadError> {
+    open(path, joints, Some(rows))
+}
+
+fn open(path: &Path, joints: Option<usize>, overview: Option<usize>) -> Result<Recording, ReadError> {
     let failed = |source| ReadError::Io { file: path.to_path_buf(), source };
     let metadata = fs::metadata(path).map_err(failed)?;
     if metadata.is_dir() {
@@ -53,7 +68,7 @@ pub fn read(path: &Path, joints: Option<usize>) -> Result<Recording, ReadError> 
     }
     let size = metadata.is_file().then_some(metadata.len());
     let file = File::open(path).map_err(failed)?;
-    dispatch(file, &Source { file: path, size, joints, limit: MAX_NUMBERS })
+    dispatch(file, &Source { file: path, size, joints, limit: MAX_NUMBERS, overview })
 }
 
 /// Reads a CSV with other columns, named and scaled by `mapping`. See [`read`].
@@ -75,7 +90,7 @@ pub fn import_csv(path: &Path, mapping: &Mapping) -> Result<Recording, ReadError
 /// # Errors
 /// See [`ReadError`].
 pub fn read_from(input: impl Read, origin: &Path, joints: Option<usize>) -> Result<Recording, ReadError> {
-    dispatch(input, &Source { file: origin, size: None, joints, limit: MAX_NUMBERS })
+    dispatch(input, &Source { file: origin, size: None, joints, limit: MAX_NUMBERS, overview: None })
 }
 
 /// Chooses the reader by the first bytes.
@@ -128,7 +143,7 @@ mod tests {
     }
 
     fn source(limit: u64, size: Option<u64>) -> Source<'static> {
-        Source { file: Path::new("run.csv"), size, joints: None, limit }
+        Source { file: Path::new("run.csv"), size, joints: None, limit, overview: None }
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Place, ReadError, Row};
 use crate::names::{Group, Role, Roles, shorten};
+use crate::overview::Overview;
 use crate::recording::{Event, Recording};
 
 /// The most numbers (rows times columns) that one recording may hold: 2 GiB of them. While the columns
@@ -29,6 +30,8 @@ pub(crate) struct Table {
     columns: Vec<Vec<f64>>,
     oddities: Vec<Oddities>,
     limit: u64,
+    /// Where but an overview is wanted.
+    overview: Option<Overview>,
     pub metadata: Vec<(String, String)>,
     pub events: Vec<Event>,
     pub truncated: bool,
@@ -55,11 +58,18 @@ impl Table {
             names,
             roles,
             limit,
+            overview: None,
             metadata: Vec::new(),
             events: Vec::new(),
             truncated: false,
             notes: Vec::new(),
         })
+    }
+
+    /// The same, of which an overview of at most `rows` rows is wanted.
+    pub fn with_overview(mut self, rows: Option<usize>) -> Self {
+        self.overview = rows.map(Overview::new);
+        self
     }
 
     /// A table from whole columns, checked like rows.
@@ -108,6 +118,9 @@ impl Table {
 
     /// Makes room for about `rows` rows; refuses them if even half of them are too many.
     pub fn expect_rows(&mut self, rows: u64) -> Result<(), ReadError> {
+        if self.overview.is_some() {
+            return Ok(());
+        }
         if self.check_size(rows / 2).is_err() {
             return self.check_size(rows);
         }
@@ -155,6 +168,11 @@ impl Table {
                 _ => {}
             }
         }
+        if let Some(overview) = &mut self.overview {
+            let time = self.roles.roles.iter().position(|role| *role == Role::Time);
+            overview.push(row, &mut self.columns, time.unwrap_or(usize::MAX));
+            return Ok(());
+        }
         for (column, value) in self.columns.iter_mut().zip(row) {
             column.push(*value);
         }
@@ -177,6 +195,9 @@ impl Table {
 
     /// The finished recording.
     pub fn into_recording(mut self) -> Result<Recording, ReadError> {
+        if let Some(overview) = &mut self.overview {
+            overview.finish(&mut self.columns);
+        }
         if self.columns[0].is_empty() {
             let why = if self.truncated { ENDS_EARLY } else { "" };
             return Err(ReadError::NoSamples { file: self.file, why });
