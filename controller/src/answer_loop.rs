@@ -73,6 +73,8 @@ pub struct AnswerLoop {
     backoff: Backoff,
     /// When the next state is due in a paced run, `CLOCK_MONOTONIC`, ns.
     due_ns: u64,
+    /// Whether another controller is in charge: nobody waits for this one before the tick has begun.
+    stands_by: bool,
     answered: u64,
 }
 
@@ -88,6 +90,7 @@ impl AnswerLoop {
             parent: rustix::process::getppid(),
             backoff: Backoff::for_this_machine(),
             due_ns: 0,
+            stands_by: false,
             answered: 0,
         }
     }
@@ -144,6 +147,7 @@ impl AnswerLoop {
             if let Some(state) = state {
                 // Where the two sides' clocks do not agree, no later than the next state can come.
                 self.due_ns = (state.scheduled_ns + self.run.period_ns).min(now_ns() + self.run.period_ns);
+                self.stands_by = state.next_in_charge() != self.slot;
                 return Ok(Some(state));
             }
             let now = now_ns();
@@ -161,7 +165,9 @@ impl AnswerLoop {
             self.backoff.wait();
             return;
         }
-        let wake_ns = self.due_ns.saturating_sub(EARLY_NS).min(now + LONGEST_SLEEP_NS);
+        // Standbys that poll before the tick would keep the one in charge from its core where there are few.
+        let early_ns = if self.stands_by { 0 } else { EARLY_NS };
+        let wake_ns = self.due_ns.saturating_sub(early_ns).min(now + LONGEST_SLEEP_NS);
         if now < wake_ns {
             sleep_then_spin_until(wake_ns, 0);
         } else {

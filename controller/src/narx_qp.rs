@@ -221,7 +221,7 @@ impl Ready {
         let fast = self.forecast(state);
         let residual = &mut self.residual;
         self.tracking.answer(state, &mut |plan| residual.beyond(plan) + fast, answer)?;
-        self.residual.aim(state.tick + self.lead, self.tracking.target());
+        self.residual.aim(state.tick + self.lead, self.tracking.target(), &answer.value);
         Some(())
     }
 }

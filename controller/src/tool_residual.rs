@@ -7,11 +7,16 @@
 //! the plan's own correction taken out of r, the loop is an internal-model control: its filter makes an integral action on the tool,
 //! and the ticks between plan and measurement cost speed but not stability (Morari & Zafiriou 1989, ch. 4).
 //!
+//! While the command in force is not the controller's own (it stands by, or a hand-over blends) the joints are not sent along its plan.
+//! Then FK takes the measured joints: the part of r that the play makes is the same whoever moves the arm, so that a standby has learned
+//! it by the time it takes over. To take the plan for what was not carried out would teach it the other's correction. Once its own command
+//! is in force, the joints settle for `SETTLING`, and then what is expected goes over from the one to the other within `RETURN`.
+//!
 //! Bounces are no slow residual: a step of the filter is never longer than [`LONGEST_STEP`] of the reach, and while r moves by more
 //! than [`BOUNCE`] of it within `BOUNCE_TICKS` ticks the estimate stands still.
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics};
-use freeplay_shm::State;
+use freeplay_shm::{Joints, State};
 use nalgebra::{Rotation3, Vector3};
 
 use crate::compensation::Motion;
@@ -29,6 +34,10 @@ pub const LARGEST: f64 = 0.5;
 const FILTER: f64 = 0.05;
 /// Time constant of the second, which smooths what is to be differentiated twice, s.
 const SMOOTHING: f64 = 0.02;
+/// Time for which a controller that has taken over still expects the tool where the measured joints put it, s.
+const SETTLING: f64 = 0.2;
+/// Time in which it then goes back to expecting what it planned, s.
+const RETURN: f64 = 0.2;
 /// Reach where the model knows of no play, m.
 const REACH_WITHOUT_PLAY: f64 = 1e-3;
 /// A deviation below this share of the reach has no direction worth following.
@@ -59,6 +68,10 @@ pub struct ToolResidual {
     /// Age of a measured tool pose, ticks.
     delay: u64,
     expected: [Option<Expected>; REMEMBERED],
+    /// The last answer: during the next tick it is in force if its controller is in charge.
+    said: Option<Joints>,
+    /// Time for which the own command has been in force, s; no longer than what matters.
+    in_force: f64,
     frame: Rotation3<f64>,
     /// The latest residuals, frame of the contact, m.
     latest: [Vector3<f64>; BOUNCE_TICKS],
@@ -79,6 +92,8 @@ impl ToolResidual {
             reach: if reach > 0.0 { reach } else { REACH_WITHOUT_PLAY },
             delay,
             expected: [None; REMEMBERED],
+            said: None,
+            in_force: SETTLING + RETURN,
             frame: Rotation3::identity(),
             latest: [Vector3::zeros(); BOUNCE_TICKS],
             measured: 0,
@@ -91,6 +106,7 @@ impl ToolResidual {
     /// Forgets what was expected, for a motion that does not continue the last one; what was learned stays.
     pub fn restart(&mut self) {
         self.expected = [None; REMEMBERED];
+        self.said = None;
         self.measured = 0;
     }
 
@@ -106,6 +122,7 @@ impl ToolResidual {
 
     /// Takes the measured tool of `state`, if there is one that the plan was for.
     pub fn observe(&mut self, state: &State) {
+        self.follow(state);
         let Some(residual) = self.residual(state) else { return };
         let oldest = self.measured % BOUNCE_TICKS;
         let moved = (residual - self.latest[oldest]).norm();
@@ -146,9 +163,33 @@ impl ToolResidual {
         self.frame * self.smooth
     }
 
-    /// Remembers that the joints are sent along `target` at the instant of `tick`.
-    pub fn aim(&mut self, tick: u64, target: Motion<'_>) {
-        let tool = forward_kinematics(&self.arm, &mut self.workspace, target.q).translation.vector;
+    /// Remembers that the answer `said` sends the joints along `target` at the instant of `tick`.
+    pub fn aim(&mut self, tick: u64, target: Motion<'_>, said: &Joints) {
+        self.said = Some(*said);
+        self.expect(tick, target.q);
+    }
+
+    /// Expects the joints where `state` measured them, as far as they are not sent along the plan.
+    fn follow(&mut self, state: &State) {
+        let joints = state.joints as usize;
+        let is_own = self.said.is_none_or(|said| said[..joints] == state.applied[..joints]);
+        self.in_force = if is_own { (self.in_force + self.period).min(SETTLING + RETURN) } else { 0.0 };
+        let share = (self.in_force - SETTLING) / RETURN;
+        if share >= 1.0 {
+            return;
+        }
+        let planned = self.expected[slot(state.tick)].filter(|expected| expected.tick == state.tick);
+        let planned = planned.and_then(|expected| expected.tool);
+        self.expect(state.tick, &state.q[..joints]);
+        let measured = self.expected[slot(state.tick)].as_mut().and_then(|expected| expected.tool.as_mut());
+        if let (Some(planned), Some(measured)) = (planned, measured) {
+            *measured += (planned - *measured) * share.max(0.0);
+        }
+    }
+
+    /// Expects the tool where it is with the joints at `q`, at the instant of `tick`.
+    fn expect(&mut self, tick: u64, q: &[f64]) {
+        let tool = forward_kinematics(&self.arm, &mut self.workspace, q).translation.vector;
         if let Some(expected) = self.expected[slot(tick)].as_mut().filter(|expected| expected.tick == tick) {
             expected.tool = Some(tool);
         }
@@ -175,4 +216,58 @@ fn slot(tick: u64) -> usize {
 fn shortened(vector: Vector3<f64>, most: f64) -> Vector3<f64> {
     let length = vector.norm();
     if length > most { vector * (most / length) } else { vector }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::ToolResidual;
+    use crate::compensation::Motion;
+    use crate::tracking::Plan;
+    use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
+    use freeplay_shm::State;
+    use nalgebra::Vector3;
+
+    const PERIOD: f64 = 1e-3;
+    /// What physics predicts, and what there is beyond it, m.
+    const PHYSICS: Vector3<f64> = Vector3::new(0.0, 0.0, -0.5e-3);
+    const BEYOND: Vector3<f64> = Vector3::new(0.0, 0.0, -0.04e-3);
+
+    /// What is learned along the deviation in `ticks` ticks in which the joints stand at zero while the plan has them elsewhere, if the
+    /// command in force is the own one from the tick `takes_over` on, when the joints go along the plan.
+    fn learned(ticks: u64, takes_over: u64) -> f64 {
+        let arm = paper_arm().arm;
+        let n = arm.dof();
+        let mut workspace = Workspace::new(&arm);
+        let mut residual = ToolResidual::new(&arm, 0.6e-3, PERIOD, 0);
+        let (mut planned, rest) = ([0.0; 12], [0.0; 12]);
+        planned[1] = 4e-4;
+        let mut state = State::new(1, n);
+        state.flags = State::FLAG_TOOL_TRACKED;
+        for tick in 0..ticks {
+            let is_own = tick >= takes_over;
+            state.tick = tick;
+            state.q = if is_own { planned } else { rest };
+            state.applied[0] = if is_own { 7.0 } else { 5.0 };
+            let tool = forward_kinematics(&arm, &mut workspace, &state.q[..n]).translation.vector;
+            state.tool[..3].copy_from_slice((tool + PHYSICS + BEYOND).as_slice());
+            residual.observe(&state);
+            let motion = Motion { q: &rest[..n], v: &rest[..n], a: &rest[..n] };
+            residual.beyond(&Plan { tick: tick + 2, motion, deviation: PHYSICS });
+            let target = Motion { q: &planned[..n], v: &rest[..n], a: &rest[..n] };
+            let mut said = [0.0; 12];
+            said[0] = 7.0;
+            residual.aim(tick + 1, target, &said);
+        }
+        residual.learned().x
+    }
+
+    #[test]
+    fn a_standby_learns_what_the_play_does_and_not_what_another_did_not_correct() {
+        let expected = BEYOND.norm();
+        for (what, takes_over) in [("on standby", u64::MAX), ("in charge", 0), ("after a while", 700)] {
+            let found = learned(1500, takes_over);
+            println!("{what}: {:.3} µm of {:.3} µm", found * 1e6, expected * 1e6);
+            assert!((found / expected - 1.0).abs() < 1e-3, "{what}: {found}");
+        }
+    }
 }
