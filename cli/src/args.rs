@@ -23,6 +23,10 @@ enum Command {
     Swap(crate::swap_command::SwapArgs),
     /// The exam of a controller: faults injected on purpose, and what comes of each.
     Faults(crate::faults::FaultsArgs),
+    /// Time every stage of the loop beside a bare clock loop and bare iceoryx2, alternately, with a cause for every missed deadline.
+    Bench(crate::bench::BenchArgs),
+    /// Is this machine fit for runs, for medians and for tails of latencies, and what to change.
+    Doctor(crate::doctor::DoctorArgs),
     /// Where a model and recordings differ, what is missing from the model, and how much better it gets with it.
     Diagnose(crate::diagnose::DiagnoseArgs),
     /// The loop closed: machines with concealed physics played, diagnosed, and controlled with what was found.
@@ -64,6 +68,9 @@ enum Command {
     /// The process of a built-in controller; `freeplay run` starts it.
     #[command(hide = true)]
     Controller(crate::controller_command::ControllerArgs),
+    /// A yardstick of `freeplay bench`, which starts it.
+    #[command(hide = true)]
+    Yardstick(crate::bench::YardstickArgs),
 }
 
 /// Understands the command line and does what it says.
@@ -76,6 +83,9 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Compare(args) => crate::compare::compare(&args),
         Command::Swap(args) => crate::swap_command::swap(&args),
         Command::Faults(args) => crate::faults::faults(&args),
+        Command::Bench(args) => crate::bench::bench(&args),
+        Command::Yardstick(args) => crate::bench::yardstick(&args),
+        Command::Doctor(args) => crate::doctor::doctor(&args),
         Command::Diagnose(args) => crate::diagnose::diagnose(&args),
         Command::Demo(args) => crate::demo::demo(&args),
         Command::Excite(args) => crate::excite::excite(&args),

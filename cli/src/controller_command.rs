@@ -8,6 +8,7 @@ use clap::Args;
 use freeplay_controller::{BUILT_IN, Ended, ServeOptions, built_in, serve_with};
 use freeplay_shm::{Address, RtRequest};
 
+use crate::bench::Loaded;
 use crate::exit::{Exit, Failure};
 
 /// Runs a controller as a process of its own; `freeplay run` starts it.
@@ -30,6 +31,9 @@ pub struct ControllerArgs {
     /// Lock all memory.
     #[arg(long)]
     pub lock_memory: bool,
+    /// Seconds that it computes in vain for each answer.
+    #[arg(long, default_value_t = 0.0, value_name = "S")]
+    pub load: f64,
     /// A plan of faults that it is made to have.
     #[arg(long, value_name = "FILE")]
     faults: Option<PathBuf>,
@@ -50,6 +54,9 @@ pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
     let Some(mut controller) = args.name.to_str().and_then(built_in) else {
         return Err(become_executable(&args.name));
     };
+    if args.load > 0.0 {
+        controller = Box::new(Loaded::new(controller, args.load));
+    }
     let address = Address::parse(&args.run).map_err(Failure::usage)?;
     let realtime = RtRequest { priority: args.priority, cpu: args.cpu, lock_memory: args.lock_memory };
     let options = ServeOptions { slot: args.slot, realtime, ..ServeOptions::new(address) };

@@ -1,5 +1,6 @@
 //! Latency histograms as files: `.hlog` for HdrHistogram's tools, `.hgrm` for its plotters and for people.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -28,6 +29,26 @@ pub fn write_hlog(
     start: SystemTime,
     duration: Duration,
 ) -> Result<(), Failure> {
+    let all = Stage::ALL.map(|stage| (stage.name(), stages.histogram(stage)));
+    write_log(path, &all, start, duration)
+}
+
+/// Writes histograms (ns) by tag, of no particular time, as one interval log.
+///
+/// # Errors
+/// A file that can't be written.
+pub fn write_tagged(path: &Path, histograms: &BTreeMap<String, Histogram<u64>>) -> Result<(), Failure> {
+    let all: Vec<(&str, &Histogram<u64>)> =
+        histograms.iter().map(|(tag, histogram)| (tag.as_str(), histogram)).collect();
+    write_log(path, &all, SystemTime::now(), Duration::ZERO)
+}
+
+fn write_log(
+    path: &Path,
+    histograms: &[(&str, &Histogram<u64>)],
+    start: SystemTime,
+    duration: Duration,
+) -> Result<(), Failure> {
     let mut text = Vec::new();
     let mut serializer = V2DeflateSerializer::new();
     let mut log = IntervalLogWriterBuilder::new()
@@ -37,12 +58,9 @@ pub fn write_hlog(
         .with_max_value_divisor(UNIT)
         .begin_log_with(&mut text, &mut serializer)
         .map_err(Failure::internal)?;
-    for stage in Stage::ALL {
-        let histogram = stages.histogram(stage);
-        if !histogram.is_empty() {
-            log.write_histogram(histogram, Duration::ZERO, duration, Tag::new(stage.name()))
-                .map_err(|error| Failure::internal(format!("{error:?}")))?;
-        }
+    for (tag, histogram) in histograms.iter().filter(|(_, histogram)| !histogram.is_empty()) {
+        log.write_histogram(histogram, Duration::ZERO, duration, Tag::new(tag))
+            .map_err(|error| Failure::internal(format!("{error:?}")))?;
     }
     drop(log);
     write(path, &String::from_utf8(text).map_err(Failure::internal)?)
@@ -68,6 +86,16 @@ pub fn write_hgrm(folder: &Path, name: &str, stages: &Stages) -> Result<(), Fail
         write(&folder.join(file), &text)?;
     }
     Ok(())
+}
+
+/// Writes the percentile distribution of `histogram` (ns), µs.
+///
+/// # Errors
+/// A file that can't be written.
+pub fn write_distribution(path: &Path, histogram: &Histogram<u64>) -> Result<(), Failure> {
+    let mut text = String::new();
+    distribution(&mut text, histogram).map_err(Failure::internal)?;
+    write(path, &text)
 }
 
 fn distribution(text: &mut String, histogram: &Histogram<u64>) -> std::fmt::Result {

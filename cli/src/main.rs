@@ -9,6 +9,10 @@
 
 mod args;
 mod blind;
+//! `swap_measures` (what a swap costs); `bench` and `doctor` (timing, and whether the machine is fit for it); `compare`, `diagnose`, `replay`, `reference_runs` and `bound` beside them.
+
+mod args;
+mod bench;
 mod bound;
 mod columns;
 mod compare;
@@ -16,6 +20,7 @@ mod controller_command;
 mod demo;
 mod diagnose;
 mod diagnose_report;
+mod doctor;
 mod excite;
 mod exit;
 mod faults;

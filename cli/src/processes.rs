@@ -130,6 +130,9 @@ fn controller_command(scenario: &Scenario, contestant: &Contestant, slot: usize)
         if realtime.lock_memory {
             command.arg("--lock-memory");
         }
+        if realtime.load > 0.0 && contestant.executable.is_none() {
+            command.args(["--load", &realtime.load.to_string()]);
+        }
     }
     Ok(command)
 }

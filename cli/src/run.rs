@@ -14,6 +14,7 @@ use rustix::fs::{Access, access};
 use serde_json::json;
 use sha2::{Digest, Sha256};
 
+use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
 use crate::live::{Title, Watch};
 use crate::plant_command::pace_name;
@@ -75,6 +76,9 @@ pub struct RunArgs {
     /// Print the effective scenario and end.
     #[arg(long)]
     show: bool,
+    /// End with code 4 unless the machine is fit for tails of latencies (see `freeplay doctor`).
+    #[arg(long)]
+    require_rt: bool,
     /// Start the controller this many seconds after the plant, or before it if negative.
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "S", hide = true)]
     controller_delay: f64,
@@ -148,6 +152,9 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     if args.show {
         say(&scenario.to_toml().map_err(Failure::internal)?)?;
         return Ok(Exit::Done);
+    }
+    if args.require_rt {
+        Examination::quick().require_rt()?;
     }
     let contestants = contestants(&scenario)?;
     let at =
@@ -426,7 +433,7 @@ fn finish(
     let effective = scenario.to_toml().map_err(Failure::internal)?;
     let hash: String =
         Sha256::digest(effective.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
-    let machine = json!(freeplay_shm::Machine::read());
+    let machine = Examination::quick().machine();
     let summary = json!({
         "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"),
         "scenario": json!(scenario), "config_hash": hash, "machine": machine, "runs": runs,

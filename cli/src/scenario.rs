@@ -67,7 +67,7 @@ pub struct ControllerTable {
 }
 
 /// What is asked of the operating system.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RealtimeTable {
     /// SCHED_FIFO priority, 1 to 99; 0 asks for none.
@@ -80,11 +80,22 @@ pub struct RealtimeTable {
     pub controller_cpu: Option<usize>,
     /// Whether memory is locked.
     pub lock_memory: bool,
+    /// Whether the evidence for the cause of every missed deadline is gathered.
+    pub evidence: bool,
+    /// Seconds that a built-in controller computes in vain for each answer, to see where the budget breaks.
+    pub load: f64,
 }
 
 impl Default for RealtimeTable {
     fn default() -> Self {
-        Self { priority: 80, plant_cpu: None, controller_cpu: None, lock_memory: true }
+        Self {
+            priority: 80,
+            plant_cpu: None,
+            controller_cpu: None,
+            lock_memory: true,
+            evidence: true,
+            load: 0.0,
+        }
     }
 }
 
@@ -122,6 +133,10 @@ pub struct Scenario {
     pub random_swaps: u32,
     /// Seconds over which the commands of one controller go over into those of the next.
     pub swap_blend: f64,
+    /// Greatest change of each joint's torque from tick to tick as it changes hands by plan, N·m; what is cut off comes with the next tick.
+    /// Absent: as much as the old controller would have changed it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub swap_change: Option<Vec<f64>>,
     /// Seconds to wait in lockstep for an answer while a standby could take over; absent: `patience`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub answer_patience: Option<f64>,
@@ -163,6 +178,7 @@ impl Default for Scenario {
             standby: Vec::new(),
             random_swaps: 0,
             swap_blend: 0.3,
+            swap_change: None,
             answer_patience: None,
             recording: RecordingKind::default(),
             path: PathSpec::default(),
@@ -308,6 +324,8 @@ impl Scenario {
         }
         let priority = self.realtime.priority;
         within("realtime.priority", f64::from(priority), priority <= 99, "0 (none) to 99")?;
+        let load = self.realtime.load;
+        within("realtime.load", load, (0.0..=1.0).contains(&load), "0 to 1 s")?;
         if self.controllers.is_empty() {
             return Err(ScenarioError::Contradiction("controllers is empty; name at least one".into()));
         }

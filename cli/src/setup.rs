@@ -112,6 +112,7 @@ impl Setup {
             hold: scenario.hold,
             patience: Duration::from_secs_f64(scenario.patience),
             answer_patience: scenario.answer_patience.map(Duration::from_secs_f64),
+            evidence: scenario.realtime.evidence,
             line_up: LineUpSpec::default(),
         };
         check_step(&plant, &path)?;

@@ -84,14 +84,22 @@ fn contacts(plant: &Plant, plays: &[String]) -> Value {
     json!({ "joints": joints })
 }
 
-fn deadlines(counts: &Deadlines, line_up: &LineUp) -> Value {
+fn deadlines(plant: &Plant) -> Value {
+    let (counts, line_up): (Deadlines, &LineUp) = (plant.deadlines(), plant.line_up());
     let silent = counts.missed.saturating_sub(counts.late);
     let by_cause = json!({
         "late_answer": counts.late, "no_answer": silent, "plant_late": counts.plant_late,
         "rejected": Rejection::ALL.iter().skip(1).map(|&reason| line_up.rejected(reason)).sum::<u64>(),
     });
-    json!({ "missed": counts.missed, "late": counts.late, "plant_late": counts.plant_late,
-            "unrecorded": counts.unrecorded, "by_cause": by_cause })
+    let mut value = json!({ "missed": counts.missed, "late": counts.late, "plant_late": counts.plant_late,
+            "unrecorded": counts.unrecorded, "by_cause": by_cause });
+    if let Some(misses) = plant.misses() {
+        let counts = misses.counts().filter(|(_, count)| *count > 0);
+        let counts: serde_json::Map<String, Value> =
+            counts.map(|(cause, count)| (cause.name().to_owned(), json!(count))).collect();
+        (value["by_evidence"], value["first"]) = (json!(counts), json!(misses.listed()));
+    }
+    value
 }
 
 /// The controllers by slot, and the swaps; joint values without the unused entries.
@@ -128,7 +136,8 @@ fn line_up(plant: &Plant, names: &[String]) -> Value {
     })
 }
 
-fn percentiles(histogram: &Histogram<u64>) -> Value {
+/// Quantiles, greatest and count of a histogram of ns, in µs.
+pub fn percentiles(histogram: &Histogram<u64>) -> Value {
     let us = |ns: u64| ns as f64 * 1e-3;
     json!({
         "p50": us(histogram.value_at_quantile(0.5)), "p90": us(histogram.value_at_quantile(0.9)),
@@ -189,7 +198,7 @@ impl RunSummary {
             contact: contacts(plant, &facts.plays),
             base_force: json!({ "peak": plant.peak_base_force() }),
             energy: json!({ "ledger": ledger, "residual": ledger.residual() }),
-            deadlines: deadlines(&plant.deadlines(), plant.line_up()),
+            deadlines: deadlines(plant),
             gate: json!({ "rejected": gate }),
             line_up: line_up(plant, &facts.controllers),
             latency_us: latencies(plant.stages()),

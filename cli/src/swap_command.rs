@@ -13,13 +13,14 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::{Value, json};
 
+use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
 use crate::run::{Contestant, Files, Format, default_folder, load, play};
 use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::setup::{Setup, write};
 use crate::summary::RunSummary;
-use crate::swap_measures::{Alone, Measured, SETTLING, measure};
+use crate::swap_measures::{Alone, Measured, SETTLING, measure, steady_change};
 use crate::swaps;
 
 /// The schema of `swap.json`.
@@ -91,7 +92,7 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     let verdicts = Verdicts::of(&played.swaps, args.swaps);
     let text = json!({
         "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"), "scenario": stage.scenario,
-        "machine": freeplay_shm::Machine::read(), "runs": played.runs, "verdicts": verdicts, "swaps": played.swaps,
+        "machine": Examination::quick().machine(), "runs": played.runs, "verdicts": verdicts, "swaps": played.swaps,
     });
     let text = serde_json::to_string_pretty(&text).map_err(Failure::internal)?;
     write(&stage.out.join("swap.json"), &text)?;
@@ -153,6 +154,7 @@ impl Stage {
         scenario.controllers.rotate_left(first);
         scenario.standby = scenario.controllers.split_off(1);
         (scenario.random_swaps, scenario.seed) = (count, self.seed + run as u64);
+        scenario.swap_change.get_or_insert_with(|| steady_change(alone));
         // The names by which they were run alone.
         let mut names: Vec<String> = alone.iter().map(|alone| alone.name.clone()).collect();
         names.rotate_left(first);

@@ -94,6 +94,14 @@ impl Alone {
     }
 }
 
+/// The greatest change of each joint's command that none of `alone` exceeds in its steady motion by itself: the least of their greatest.
+pub fn steady_change(alone: &[Alone]) -> Vec<f64> {
+    let joints = alone.iter().map(|alone| alone.steady.len()).min().unwrap_or(0);
+    let least = |joint: usize| alone.iter().map(|alone| alone.steady[joint]).fold(f64::INFINITY, f64::min);
+    // A hair less: a sum and a difference of two torques round.
+    (0..joints).map(|joint| least(joint) * (1.0 - 1e-9)).collect()
+}
+
 impl Alone {
     /// The greatest deviation in `ticks`, m.
     pub fn peak(&self, ticks: Range<usize>) -> f64 {

@@ -116,10 +116,21 @@ pub fn line_up(
             "scenario: compare.tolerance = {bad} is out of range; it must be at least 0"
         )));
     }
+    if let Some(bad) = scenario.swap_change.iter().flatten().find(|value| value.is_nan() || **value < 0.0) {
+        return Err(Failure::input(format!(
+            "scenario: swap_change = {bad} is out of range; it must be at least 0"
+        )));
+    }
+    let hand_over_change = scenario.swap_change.as_ref().map(|given| {
+        let mut most = [f64::INFINITY; MAX_JOINTS];
+        most.iter_mut().zip(given).for_each(|(to, from)| *to = *from);
+        most
+    });
     Ok(LineUpSpec {
         controllers: names.len(),
         swaps,
         blend,
+        hand_over_change,
         comparison: scenario.compare.as_ref().map(CompareTable::comparison),
     })
 }

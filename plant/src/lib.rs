@@ -11,22 +11,27 @@
 //! - [`TickRecord`]: all that is worth keeping of one tick; it leaves the loop through a queue.
 //! - [`Stages`]: how long each stage of the loop took.
 //! - [`Wishes`]: what a person asks of the loop while it runs.
+//! - [`Misses`]: the missed deadlines, each with its [`Evidence`] and its [`MissCause`].
 //! - [`Plant`]: the loop itself.
 
 mod attendance;
 mod bearing;
 mod blend;
+mod cause;
 mod deviation;
 mod drives;
 mod gate;
 mod ledger;
 mod line_up;
+mod misses;
 mod motion;
 mod plant;
 mod rotor;
+mod round_trips;
 mod sensors;
 mod stages;
 mod system;
+mod thread_watch;
 mod tick_record;
 mod tool_forces;
 mod wish;
@@ -34,10 +39,12 @@ mod witnesses;
 
 pub use bearing::{Bearing, ContactTally, IMPACT_LIMIT};
 pub use blend::Blend;
+pub use cause::{Cause as MissCause, Evidence, Hardship, Links, cause as miss_cause};
 pub use deviation::{Deviation, DeviationStatistics};
 pub use gate::{Applied, Gate, GateLimits, Rejection};
 pub use ledger::Ledger;
 pub use line_up::{Cause, LineUp, LineUpSpec, PlannedSwap, Swap};
+pub use misses::{Miss, Misses};
 pub use motion::{Braking, Hermite, Motion};
 pub use plant::{Deadlines, Ending, Plant, PlantConfig, PlantError, PlantOutcome};
 pub use rotor::ROTOR_SHARE;

@@ -40,6 +40,9 @@ pub struct LineUpSpec {
     pub swaps: Vec<PlannedSwap>,
     /// Length of the blend after a change, ticks.
     pub blend: u32,
+    /// Greatest change of a torque from tick to tick as it changes hands by plan, by joint, N·m; what is cut off comes with the next
+    /// tick. Absent: as much as the old controller would have changed it. Positions are not cut: they come with derivatives.
+    pub hand_over_change: Option<Joints>,
     /// How far the one in charge may differ from the others; absent: as far as it likes.
     pub comparison: Option<Comparison>,
 }
@@ -47,7 +50,7 @@ pub struct LineUpSpec {
 impl Default for LineUpSpec {
     /// One controller.
     fn default() -> Self {
-        Self { controllers: 1, swaps: Vec::new(), blend: 100, comparison: None }
+        Self { controllers: 1, swaps: Vec::new(), blend: 100, hand_over_change: None, comparison: None }
     }
 }
 
@@ -115,6 +118,7 @@ pub struct LineUp {
     /// What was asked for while the run goes on; it comes before what is planned.
     asked: Option<PlannedSwap>,
     blend: Blend,
+    hand_over_change: Option<Joints>,
     comparison: Option<Comparison>,
     witnesses: Witnesses,
     in_force: Option<Command>,
@@ -138,6 +142,7 @@ impl LineUp {
             next_planned: 0,
             asked: None,
             blend: Blend::new(mode, period, spec.blend),
+            hand_over_change: spec.hand_over_change.filter(|_| mode == Mode::Torque),
             comparison: spec.comparison,
             witnesses: Witnesses::new(spec.comparison, spec.controllers.clamp(1, MAX_SLOTS)),
             in_force: None,
@@ -266,9 +271,11 @@ impl LineUp {
         }
         self.slots[old].in_charge += 1;
         let before = self.in_force;
-        if let Some((to, cause, asked)) = self.change(tick) {
+        let change = self.change(tick);
+        if let Some((to, cause, asked)) = change {
             self.hand_over(tick, to, cause, asked);
         }
+        let most = self.hand_over_change.filter(|_| matches!(change, Some((_, Cause::Planned, _))));
         let slot = &mut self.slots[self.in_charge];
         let answer = slot.answer;
         let (applied, let_through) = match (slot.rejection, answer) {
@@ -276,7 +283,7 @@ impl LineUp {
             _ => (slot.gate.fall_back(), None),
         };
         if let Some(command) = let_through {
-            self.put_in_force(tick, command, before.as_ref(), settled);
+            self.put_in_force(tick, command, before.as_ref(), most.as_ref(), settled);
         }
         Verdict { applied, rejection, answer }
     }
@@ -353,12 +360,24 @@ impl LineUp {
         }
     }
 
-    /// Puts `command` in force, with what is left of a blend, and notes how far it is from the one `before`.
-    fn put_in_force(&mut self, tick: u64, mut command: Command, before: Option<&Command>, settled: bool) {
+    /// Puts `command` in force, with what is left of a blend and no further than `most` from the one `before`, and notes how far it is.
+    fn put_in_force(
+        &mut self,
+        tick: u64,
+        mut command: Command,
+        before: Option<&Command>,
+        most: Option<&Joints>,
+        settled: bool,
+    ) {
         let blends = self.blend.holds(tick);
         if let (true, Some(before)) = (blends, before) {
             self.blend.add(tick, &mut command);
             self.slots[self.in_charge].gate.limits().clamp(&mut command, before);
+        }
+        if let (Some(before), Some(most)) = (before, most) {
+            for (value, (from, most)) in command.value.iter_mut().zip(before.value.iter().zip(most)) {
+                *value = value.clamp(from - most, from + most);
+            }
         }
         if let Some(before) = before {
             let mut change = [0.0; MAX_JOINTS];

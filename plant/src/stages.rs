@@ -22,15 +22,18 @@ pub enum Stage {
     Compute,
     /// Controller sends → plant has the command.
     CommandTransport,
-    /// Schedule (lockstep: publication) → plant has the command.
+    /// Schedule → plant has the command, for every tick: one without an answer waits for that to a later tick. Lockstep: from publication.
     RoundTrip,
+    /// Publication → plant has the command, of answers in time alone: what is measured where nobody minds coordinated omission. Real time
+    /// only.
+    Uncorrected,
     /// Handing the tick to the recorder.
     Record,
 }
 
 impl Stage {
     /// All stages in the order of the tick.
-    pub const ALL: [Stage; 9] = [
+    pub const ALL: [Stage; 10] = [
         Self::WakeUp,
         Self::PlantStep,
         Self::StateTransport,
@@ -39,6 +42,7 @@ impl Stage {
         Self::Compute,
         Self::CommandTransport,
         Self::RoundTrip,
+        Self::Uncorrected,
         Self::Record,
     ];
 
@@ -53,6 +57,7 @@ impl Stage {
             Self::Compute => "compute",
             Self::CommandTransport => "command_transport",
             Self::RoundTrip => "round_trip",
+            Self::Uncorrected => "round_trip_uncorrected",
             Self::Record => "record",
         }
     }
@@ -62,6 +67,8 @@ impl Stage {
 #[derive(Clone, Debug)]
 pub struct Stages {
     histograms: Vec<Histogram<u64>>,
+    /// Iterations of the quadratic programme.
+    iterations: Histogram<u64>,
 }
 
 impl Stages {
@@ -74,13 +81,25 @@ impl Stages {
     /// Never for these bounds; the library's error is passed on.
     pub fn new() -> Result<Self, hdrhistogram::CreationError> {
         let one = Histogram::new_with_bounds(1, Self::LONGEST, 3)?;
-        Ok(Self { histograms: vec![one; Stage::ALL.len()] })
+        let iterations = Histogram::new_with_bounds(1, 1_000_000, 3)?;
+        Ok(Self { histograms: vec![one; Stage::ALL.len()], iterations })
     }
 
     /// Counts a latency of `nanoseconds` in `stage`.
     #[inline]
     pub fn record(&mut self, stage: Stage, nanoseconds: u64) {
         self.histograms[stage as usize].saturating_record(nanoseconds.max(1));
+    }
+
+    /// Counts a quadratic programme of `iterations`.
+    #[inline]
+    pub fn record_iterations(&mut self, iterations: u32) {
+        self.iterations.saturating_record(u64::from(iterations).max(1));
+    }
+
+    /// The median of the iterations of the quadratic programme; 0 without one.
+    pub fn usual_iterations(&self) -> u32 {
+        self.iterations.value_at_quantile(0.5) as u32
     }
 
     /// The histogram of `stage`, ns.

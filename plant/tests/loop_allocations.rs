@@ -62,7 +62,8 @@ fn play(ticks: u64, controllers: usize) -> (u64, usize) {
         hold: 20,
         patience: Duration::from_secs(10),
         answer_patience: None,
-        line_up: LineUpSpec { controllers, swaps, blend: 7, comparison: None },
+        evidence: false,
+        line_up: LineUpSpec { controllers, swaps, blend: 7, ..LineUpSpec::default() },
     };
     let queue = Arc::new(ArrayQueue::new(ticks as usize));
     let mut plant = Plant::new(config, path, link, address.run(), Arc::clone(&queue)).expect("a plant");

@@ -17,15 +17,10 @@ use std::process::{Child, Command as Process};
 use std::time::Duration;
 
 use freeplay_shm::{
-    Address, Backoff, Command, ControllerLink, Hello, Machine, Mode, Offer, Pace, PlantLink, RtRequest,
-    RunRoot, Schedule, State, now_ns, prepare, sleep_then_spin_until,
+    Address, Backoff, BareController, BarePlant, Command, ControllerLink, Hello, Machine, Mode, Offer, Pace,
+    PlantLink, RtRequest, RunRoot, Schedule, State, now_ns, prepare, sleep_then_spin_until,
 };
 use hdrhistogram::Histogram;
-use iceoryx2::config::Config;
-use iceoryx2::node::{Node, NodeBuilder};
-use iceoryx2::port::publisher::Publisher;
-use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{FileName, Path, SemanticString, SignalHandlingMode, ipc};
 
 type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -77,7 +72,7 @@ fn plant(is_fifo: bool) -> Outcome<()> {
     let mut ratios = Histogram::<u64>::new(3)?;
     for _ in 0..TURNS {
         let of_ours = measure(run, |state| plant_round(&mut plant, state))?;
-        let of_bare = measure(run, |state| bare_ends.round(state))?;
+        let of_bare = measure(run, |state| bare_plant_round(&bare_ends, state))?;
         ratios.record((1000.0 * ratio(&of_ours, &of_bare)) as u64)?;
         total[0].add(of_ours)?;
         total[1].add(of_bare)?;
@@ -106,7 +101,7 @@ fn controller(ours: &Address, bare: &Address, is_fifo: bool) -> Outcome<()> {
             controller_round(&mut link)?;
         }
         for _ in 0..WARM_UP + ROUNDS {
-            bare_ends.round()?;
+            bare_controller_round(&bare_ends)?;
         }
     }
     Ok(())
@@ -163,74 +158,27 @@ fn controller_round(link: &mut ControllerLink) -> Outcome<()> {
     }
 }
 
-/// The plant's end over iceoryx2 alone, with its default settings.
-struct BarePlant {
-    states: Publisher<ipc::Service, State, ()>,
-    commands: Subscriber<ipc::Service, Command, ()>,
-    _node: Node<ipc::Service>,
-}
-
-/// The controller's end over iceoryx2 alone.
-struct BareController {
-    states: Subscriber<ipc::Service, State, ()>,
-    commands: Publisher<ipc::Service, Command, ()>,
-    _node: Node<ipc::Service>,
-}
-
-impl BarePlant {
-    fn open(address: &Address) -> Outcome<Self> {
-        let node = bare_node(address)?;
-        let states =
-            node.service_builder(&"state".try_into()?).publish_subscribe::<State>().open_or_create()?;
-        let commands =
-            node.service_builder(&"command".try_into()?).publish_subscribe::<Command>().open_or_create()?;
-        let (states, commands) =
-            (states.publisher_builder().create()?, commands.subscriber_builder().create()?);
-        Ok(Self { states, commands, _node: node })
-    }
-
-    fn round(&self, state: &State) -> Outcome<()> {
-        self.states.send_copy(*state)?;
-        loop {
-            match self.commands.receive()? {
-                Some(command) if command.tick == state.tick => {
-                    black_box(*command.payload());
-                    return Ok(());
-                }
-                _ => spin_loop(),
-            }
-        }
-    }
-}
-
-impl BareController {
-    fn open(address: &Address) -> Outcome<Self> {
-        let node = bare_node(address)?;
-        let states =
-            node.service_builder(&"state".try_into()?).publish_subscribe::<State>().open_or_create()?;
-        let commands =
-            node.service_builder(&"command".try_into()?).publish_subscribe::<Command>().open_or_create()?;
-        let (states, commands) =
-            (states.subscriber_builder().create()?, commands.publisher_builder().create()?);
-        Ok(Self { states, commands, _node: node })
-    }
-
-    fn round(&self) -> Outcome<()> {
-        loop {
-            if let Some(state) = self.states.receive()? {
-                self.commands.send_copy(Command::answer_to(&black_box(*state.payload()), 0))?;
+fn bare_plant_round(plant: &BarePlant, state: &State) -> Outcome<()> {
+    plant.publish(state)?;
+    loop {
+        match plant.next_command()? {
+            Some(command) if command.tick == state.tick => {
+                black_box(&command);
                 return Ok(());
             }
-            spin_loop();
+            _ => spin_loop(),
         }
     }
 }
 
-fn bare_node(address: &Address) -> Outcome<Node<ipc::Service>> {
-    let mut config = Config::default();
-    config.global.set_root_path(&Path::new(address.root().as_os_str().as_encoded_bytes())?);
-    config.global.prefix = FileName::new(address.prefix().as_bytes())?;
-    Ok(NodeBuilder::new().config(&config).signal_handling_mode(SignalHandlingMode::Disabled).create()?)
+fn bare_controller_round(controller: &BareController) -> Outcome<()> {
+    loop {
+        if let Some(state) = controller.next_state()? {
+            controller.send(&Command::answer_to(black_box(&state), 0))?;
+            return Ok(());
+        }
+        spin_loop();
+    }
 }
 
 /// How late [`sleep_then_spin_until`] is at 1 kHz for 5 s.

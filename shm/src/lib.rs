@@ -18,11 +18,13 @@
 //! - [`Backoff`]: how a lockstep run waits for its peer.
 //! - [`RtRequest`], [`RtReport`]: priority, affinity and memory locking, asked for, reported, never required.
 //! - [`layout::Layout`], [`layout_text::markdown`], [`layout_text::c_header`]: the messages described, for other languages.
+//! - [`BarePlant`], [`BareController`]: iceoryx2 alone with the same messages, to measure the links against.
 //! - [`Machine`]: the facts that timing depends on, stamped into every result.
 //!
 //! This is the only crate that names iceoryx2.
 
 pub mod address;
+pub mod bare;
 pub mod controller_link;
 pub mod error;
 pub mod handshake;
@@ -40,6 +42,7 @@ mod segments;
 pub mod services;
 
 pub use address::{Address, RUN_ENV};
+pub use bare::{BareController, BarePlant};
 pub use controller_link::ControllerLink;
 pub use error::LinkError;
 pub use handshake::{Greeting, Hello, Offer, Pace, Verdict, Welcome};

@@ -1,0 +1,137 @@
+//! From blocks to figures: merged histograms, and ratios with their spread over the blocks.
+
+use hdrhistogram::Histogram;
+use serde::Serialize;
+
+use crate::bench::blocks::{Block, ByStage};
+
+/// The quantiles that are compared, with their names.
+pub const QUANTILES: [(&str, f64); 3] = [("p50", 0.5), ("p99", 0.99), ("p99.9", 0.999)];
+
+/// A ratio at one quantile.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Ratio {
+    /// Of all blocks together.
+    pub all: f64,
+    /// Median of the blocks' own.
+    pub median: f64,
+    /// Least of the blocks'.
+    pub least: f64,
+    /// Greatest of the blocks'.
+    pub greatest: f64,
+}
+
+/// Stages whose lengths are added up and set against the same of a yardstick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Compared {
+    /// The wake-up against the bare loop's.
+    WakeUp,
+    /// The ways of state and command against those of bare iceoryx2.
+    Transport,
+}
+
+impl Compared {
+    fn stages(self) -> &'static [&'static str] {
+        match self {
+            Self::WakeUp => &["wake_up"],
+            Self::Transport => &["state_transport", "command_transport"],
+        }
+    }
+
+    fn yardstick(self, block: &Block) -> &ByStage {
+        match self {
+            Self::WakeUp => &block.clock,
+            Self::Transport => &block.exchange,
+        }
+    }
+
+    /// The sum of its stages at `quantile`, ns; `None` where one was not measured.
+    pub fn at(self, stages: &ByStage, quantile: f64) -> Option<f64> {
+        let of = |name: &&str| Some(stages.get(*name)?.value_at_quantile(quantile) as f64);
+        self.stages().iter().map(of).sum()
+    }
+}
+
+/// All histograms of `parts` added up, stage by stage.
+pub fn merged<'a>(parts: impl Iterator<Item = &'a ByStage>) -> ByStage {
+    let mut sum = ByStage::new();
+    for part in parts {
+        for (stage, histogram) in part {
+            match sum.get_mut(stage) {
+                // They all have the same bounds.
+                Some(total) => drop(total.add(histogram)),
+                None => drop(sum.insert(stage.clone(), histogram.clone())),
+            }
+        }
+    }
+    sum
+}
+
+/// The ratio of the controller number `which` to its yardstick at each of [`QUANTILES`].
+pub fn ratios(blocks: &[Block], which: usize, compared: Compared) -> [Option<Ratio>; 3] {
+    let ours = merged(blocks.iter().map(|block| &block.full[which].1));
+    let bare = merged(blocks.iter().map(|block| compared.yardstick(block)));
+    QUANTILES.map(|(_, quantile)| {
+        let ratio = |ours: &ByStage, bare: &ByStage| {
+            let (ours, bare) = (compared.at(ours, quantile)?, compared.at(bare, quantile)?);
+            (bare > 0.0).then_some(ours / bare)
+        };
+        let of_block = |block: &Block| ratio(&block.full[which].1, compared.yardstick(block));
+        let mut each: Vec<f64> = blocks.iter().filter_map(of_block).collect();
+        each.sort_by(f64::total_cmp);
+        Some(Ratio {
+            all: ratio(&ours, &bare)?,
+            median: *each.get(each.len() / 2)?,
+            least: *each.first()?,
+            greatest: *each.last()?,
+        })
+    })
+}
+
+/// Points of a percentile curve, (quantile, µs), as far as the number of values carries.
+pub fn curve(histogram: &Histogram<u64>) -> (Vec<f64>, Vec<f64>) {
+    let most = 1.0 - 1.0 / histogram.len().max(1) as f64;
+    let quantiles = (0..=144).map(|step| 1.0 - 10f64.powf(-f64::from(step) / 24.0));
+    let x: Vec<f64> = quantiles.filter(|&quantile| quantile <= most).collect();
+    let y = x.iter().map(|&quantile| histogram.value_at_quantile(quantile) as f64 * 1e-3).collect();
+    (x, y)
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+mod tests {
+    use super::{ByStage, Compared, curve, merged};
+    use hdrhistogram::Histogram;
+
+    fn stages(of: &[(&str, u64)]) -> ByStage {
+        let one = |value: u64| {
+            let mut histogram = Histogram::new_with_bounds(1, 1_000_000_000, 3).unwrap();
+            histogram.record_n(value, 100).unwrap();
+            histogram
+        };
+        of.iter().map(|&(stage, value)| (stage.to_owned(), one(value))).collect()
+    }
+
+    #[test]
+    fn the_ways_of_state_and_command_are_added_up() {
+        let one = stages(&[("state_transport", 1000), ("command_transport", 500), ("wake_up", 60)]);
+        assert_eq!(Compared::Transport.at(&one, 0.5), Some(1500.0));
+        assert_eq!(Compared::WakeUp.at(&one, 0.99), Some(60.0));
+        assert_eq!(Compared::Transport.at(&stages(&[("state_transport", 1000)]), 0.5), None);
+    }
+
+    #[test]
+    fn histograms_are_added_stage_by_stage() {
+        let parts = [stages(&[("wake_up", 10)]), stages(&[("wake_up", 1000), ("compute", 7)])];
+        let sum = merged(parts.iter());
+        assert_eq!((sum["wake_up"].len(), sum["compute"].len()), (200, 100));
+        assert_eq!([0.5, 0.99].map(|quantile| sum["wake_up"].value_at_quantile(quantile)), [10, 1000]);
+    }
+
+    #[test]
+    fn a_curve_ends_where_the_values_do() {
+        let (x, y) = curve(&stages(&[("wake_up", 2000)])["wake_up"]);
+        assert_eq!((x[0], y[0]), (0.0, 2.0));
+        assert!(x.last().is_some_and(|&last| last <= 0.99 && last > 0.98), "a hundred values");
+    }
+}

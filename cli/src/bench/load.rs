@@ -1,0 +1,39 @@
+//! A controller that takes longer than it needs to, to find where the budget of a tick breaks.
+
+use freeplay_controller::{Answer, Controller, ControllerError, RunInfo, Task};
+use freeplay_shm::{State, now_ns};
+
+/// A controller that computes in vain for a given time before each of its answers leaves.
+pub struct Loaded {
+    inner: Box<dyn Controller>,
+    load_ns: u64,
+}
+
+impl Loaded {
+    /// `inner` with `load` s more for each answer.
+    pub fn new(inner: Box<dyn Controller>, load: f64) -> Self {
+        Self { inner, load_ns: (load * 1e9) as u64 }
+    }
+}
+
+impl Controller for Loaded {
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+
+    fn start(&mut self, task: &Task, run: &RunInfo) -> Result<(), ControllerError> {
+        self.inner.start(task, run)
+    }
+
+    fn answer(&mut self, state: &State, answer: &mut Answer) {
+        self.inner.answer(state, answer);
+        let end = now_ns() + self.load_ns;
+        while now_ns() < end {
+            std::hint::spin_loop();
+        }
+    }
+
+    fn take_over(&mut self, state: &State) {
+        self.inner.take_over(state);
+    }
+}

@@ -1,0 +1,333 @@
+//! The book of missed deadlines: evidence is noted as a deadline passes, and the cause is found when the answer comes after all, or
+//! when it is clear that it never will.
+
+use serde::Serialize;
+
+use crate::cause::{Cause, Evidence, Hardship, LEAST, Links, cause};
+use crate::thread_watch::{StealWatch, ThreadWatch};
+use crate::{Stage, Stages};
+
+/// Misses that are kept one by one; more are counted by cause.
+pub const MOST_LISTED: usize = 1024;
+/// Misses in a row whose answers may still come.
+const MOST_OPEN: usize = 64;
+/// Ticks between two looks at the time stolen, which take longer than the others.
+const STEAL_TICKS: u64 = 16;
+
+/// A missed deadline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Miss {
+    /// The tick whose answer did not come in time; or at which the plant itself was more than a period late.
+    pub tick: u64,
+    /// Why.
+    pub cause: Cause,
+    /// On what this rests.
+    pub evidence: Evidence,
+}
+
+/// How a tick went, at its end.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ended {
+    pub tick: u64,
+    /// Whether its deadline passed without an answer.
+    pub missed: bool,
+    /// How long after the next tick was due it ended, ns; 0 if before.
+    pub over_ns: u64,
+    /// Its links as far as they are known; of one without an answer the controller's is the time since publication.
+    pub links: Links,
+}
+
+/// The book; see the module. Allocates when it is made, and then no more.
+#[derive(Debug)]
+pub struct Misses {
+    period_ns: u64,
+    plant: Option<ThreadWatch>,
+    controller: Option<ThreadWatch>,
+    steal: Option<StealWatch>,
+    seen: [Hardship; 2],
+    stolen_seen: u64,
+    /// What the threads went through, and what was stolen, since the plant was last in time.
+    hardship: [Hardship; 2],
+    stolen: u64,
+    /// What the links were too long since then.
+    backlog: Links,
+    /// How late the next tick is because this one ended late, ns.
+    over_ns: u64,
+    /// Misses whose answer may still come.
+    open: Vec<Miss>,
+    listed: Vec<Miss>,
+    counts: [u64; Cause::ALL.len()],
+    /// The last miss with its cause: one that follows without an answer shares it.
+    last: Option<(u64, Cause)>,
+}
+
+impl Misses {
+    /// An empty book for ticks of `period_ns`, on the calling thread and the controller's process `controller`.
+    pub fn new(period_ns: u64, controller: Option<u32>) -> Self {
+        let mut book = Self {
+            period_ns,
+            plant: ThreadWatch::of_this_thread(),
+            controller: controller.and_then(ThreadWatch::of_process),
+            steal: StealWatch::open(),
+            seen: [Hardship::default(); 2],
+            stolen_seen: 0,
+            hardship: [Hardship::default(); 2],
+            stolen: 0,
+            backlog: Links::default(),
+            over_ns: 0,
+            open: Vec::with_capacity(MOST_OPEN),
+            listed: Vec::with_capacity(MOST_LISTED),
+            counts: [0; Cause::ALL.len()],
+            last: None,
+        };
+        book.look();
+        book.look_for_theft();
+        book.forget();
+        book
+    }
+
+    /// How many deadlines were missed for each cause.
+    pub fn counts(&self) -> impl Iterator<Item = (Cause, u64)> {
+        Cause::ALL.into_iter().zip(self.counts)
+    }
+
+    /// The first misses, one by one.
+    pub fn listed(&self) -> &[Miss] {
+        &self.listed
+    }
+
+    /// Notes how a tick went.
+    pub(crate) fn end_tick(&mut self, ended: &Ended, stages: &Stages) {
+        let Ended { tick, missed, over_ns, links } = *ended;
+        if (links.wake_up_ns as f64) < LEAST * self.period_ns as f64 {
+            self.forget();
+        }
+        let is_late = links.wake_up_ns > self.period_ns;
+        self.look();
+        if missed || is_late || tick.is_multiple_of(STEAL_TICKS) {
+            self.look_for_theft();
+        }
+        let usual = usual(stages);
+        self.add_to_backlog(&links, &usual);
+        self.over_ns = over_ns;
+        if is_late {
+            self.note_lateness(tick, &usual);
+        }
+        if missed {
+            if self.open.len() == MOST_OPEN {
+                self.close_one(None);
+            }
+            let evidence = self.evidence(links, usual, false);
+            self.open.push(Miss { tick, cause: Cause::Unknown, evidence });
+        }
+    }
+
+    /// An answer to `tick` of the controller in charge came; with it its `links` are known. The misses before it are closed, its own with
+    /// what it tells.
+    pub(crate) fn answered(&mut self, tick: u64, links: &Links) {
+        while let Some(first) = self.open.first().copied() {
+            if first.tick > tick {
+                return;
+            }
+            self.close_one((first.tick == tick).then_some(links));
+        }
+    }
+
+    /// No more answers will come.
+    pub(crate) fn close(&mut self) {
+        while !self.open.is_empty() {
+            self.close_one(None);
+        }
+    }
+
+    fn evidence(&self, links: Links, usual: Links, answered: bool) -> Evidence {
+        let [plant, controller] = self.hardship;
+        Evidence {
+            period_ns: self.period_ns,
+            links,
+            usual,
+            plant,
+            controller,
+            stolen_ns: self.stolen,
+            answered,
+        }
+    }
+
+    /// The plant was more than a period late for `tick`: by what its links were too long since it was last in time.
+    fn note_lateness(&mut self, tick: u64, usual: &Links) {
+        let excess = self.backlog;
+        let links = Links {
+            wake_up_ns: usual.wake_up_ns + excess.wake_up_ns,
+            step_ns: usual.step_ns + excess.step_ns,
+            state_ns: usual.state_ns + excess.state_ns,
+            compute_ns: usual.compute_ns + excess.compute_ns,
+            qp_ns: usual.qp_ns + excess.qp_ns,
+            qp_iterations: usual.qp_iterations.saturating_add(excess.qp_iterations),
+            command_ns: usual.command_ns + excess.command_ns,
+        };
+        let evidence = self.evidence(links, *usual, true);
+        self.enter(Miss { tick, cause: cause(&evidence), evidence });
+    }
+
+    /// Adds what `links` were too long. Of waking late, what the end of the tick before does not explain.
+    fn add_to_backlog(&mut self, links: &Links, usual: &Links) {
+        let sum = &mut self.backlog;
+        sum.wake_up_ns += links.wake_up_ns.saturating_sub(self.over_ns);
+        for (sum, is, usual) in [
+            (&mut sum.step_ns, links.step_ns, usual.step_ns),
+            (&mut sum.state_ns, links.state_ns, usual.state_ns),
+            (&mut sum.compute_ns, links.compute_ns, usual.compute_ns),
+            (&mut sum.qp_ns, links.qp_ns, usual.qp_ns),
+            (&mut sum.command_ns, links.command_ns, usual.command_ns),
+        ] {
+            *sum += is.saturating_sub(usual);
+        }
+        sum.qp_iterations = sum.qp_iterations.max(links.qp_iterations.saturating_sub(usual.qp_iterations));
+    }
+
+    fn forget(&mut self) {
+        self.hardship = Default::default();
+        (self.stolen, self.backlog) = Default::default();
+    }
+
+    /// Closes the oldest open miss, with the links of its answer if one came after all.
+    fn close_one(&mut self, answer: Option<&Links>) {
+        let mut miss = self.open.remove(0);
+        if let Some(answer) = answer {
+            let Links { wake_up_ns, step_ns, .. } = miss.evidence.links;
+            (miss.evidence.links, miss.evidence.answered) = (Links { wake_up_ns, step_ns, ..*answer }, true);
+        }
+        miss.cause = match self.last {
+            Some((before, same)) if answer.is_none() && before + 1 == miss.tick => same,
+            _ => cause(&miss.evidence),
+        };
+        self.enter(miss);
+    }
+
+    fn enter(&mut self, miss: Miss) {
+        self.last = Some((miss.tick, miss.cause));
+        self.counts[miss.cause as usize] += 1;
+        if self.listed.len() < MOST_LISTED {
+            self.listed.push(miss);
+        }
+    }
+
+    /// Adds what the threads went through since the last look.
+    fn look(&mut self) {
+        let watches = [&self.plant, &self.controller];
+        for ((watch, seen), sum) in watches.into_iter().zip(&mut self.seen).zip(&mut self.hardship) {
+            let Some(watch) = watch else { continue };
+            let now = watch.read();
+            sum.waited_ns += now.waited_ns.saturating_sub(seen.waited_ns);
+            sum.major_faults += now.major_faults.saturating_sub(seen.major_faults);
+            sum.minor_faults += now.minor_faults.saturating_sub(seen.minor_faults);
+            *seen = now;
+        }
+    }
+
+    fn look_for_theft(&mut self) {
+        let Some(steal) = &self.steal else { return };
+        let now = steal.read();
+        self.stolen += now.saturating_sub(self.stolen_seen);
+        self.stolen_seen = now;
+    }
+}
+
+/// The medians so far, ns.
+fn usual(stages: &Stages) -> Links {
+    let median = |stage: Stage| stages.histogram(stage).value_at_quantile(0.5);
+    Links {
+        wake_up_ns: median(Stage::WakeUp),
+        step_ns: median(Stage::PlantStep),
+        state_ns: median(Stage::StateTransport),
+        compute_ns: median(Stage::Compute),
+        qp_ns: median(Stage::Qp),
+        qp_iterations: stages.usual_iterations(),
+        command_ns: median(Stage::CommandTransport),
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+mod tests {
+    use super::{Ended, Misses};
+    use crate::cause::{Cause, Links};
+    use crate::{Stage, Stages};
+
+    const USUAL: Links = Links {
+        wake_up_ns: 100,
+        step_ns: 100_000,
+        state_ns: 1_000,
+        compute_ns: 50_000,
+        qp_ns: 0,
+        qp_iterations: 0,
+        command_ns: 1_000,
+    };
+
+    fn stages() -> Stages {
+        let mut stages = Stages::new().unwrap();
+        for (stage, ns) in [
+            (Stage::WakeUp, USUAL.wake_up_ns),
+            (Stage::PlantStep, USUAL.step_ns),
+            (Stage::StateTransport, USUAL.state_ns),
+            (Stage::Compute, USUAL.compute_ns),
+            (Stage::CommandTransport, USUAL.command_ns),
+        ] {
+            stages.record(stage, ns);
+        }
+        stages
+    }
+
+    /// A book that watches nobody: what the machine does to this test is no matter.
+    fn book() -> Misses {
+        let mut book = Misses::new(1_000_000, None);
+        (book.plant, book.steal) = (None, None);
+        book.forget();
+        book
+    }
+
+    fn found(book: &Misses) -> Vec<(u64, Cause)> {
+        book.listed().iter().map(|miss| (miss.tick, miss.cause)).collect()
+    }
+
+    #[test]
+    fn a_late_answer_tells_why_and_those_that_were_passed_over_share_its_cause() {
+        let (mut book, stages) = (book(), stages());
+        for tick in 5..8 {
+            let links = Links { compute_ns: 950_000, ..USUAL };
+            book.end_tick(&Ended { tick, missed: true, over_ns: 0, links }, &stages);
+        }
+        assert_eq!(found(&book), []);
+        // The answer to tick 5 comes late: the state was long under way. 6 and 7 are passed over.
+        book.answered(5, &Links { state_ns: 2_500_000, ..USUAL });
+        book.answered(8, &USUAL);
+        assert_eq!(found(&book), [5, 6, 7].map(|tick| (tick, Cause::Transport)));
+        book.end_tick(&Ended { tick: 20, missed: true, over_ns: 0, links: USUAL }, &stages);
+        book.close();
+        assert_eq!(found(&book)[3], (20, Cause::Unknown), "nothing was longer than usual");
+        assert_eq!(book.counts().map(|(_, count)| count).sum::<u64>(), 4);
+    }
+
+    #[test]
+    fn a_plant_that_falls_behind_bit_by_bit_is_late_for_what_it_fell_behind_by() {
+        let (mut book, stages) = (book(), stages());
+        let mut late = 0;
+        for tick in 1..8 {
+            let over_ns = late + 400_000;
+            let links = Links { wake_up_ns: late, step_ns: 1_300_000, ..USUAL };
+            book.end_tick(&Ended { tick, missed: false, over_ns, links }, &stages);
+            late = over_ns;
+        }
+        let first = found(&book)[0];
+        assert_eq!(first, (4, Cause::PlantStep), "{:?}", book.listed()[0]);
+        // In time again, and then woken late at once: that is another matter.
+        let mut end = |tick, wake_up_ns, over_ns| {
+            let links = Links { wake_up_ns, ..USUAL };
+            book.end_tick(&Ended { tick, missed: false, over_ns, links }, &stages);
+        };
+        end(30, 0, 0);
+        end(31, 5_000_000, 4_200_000);
+        end(32, 4_200_000, 3_400_000);
+        assert_eq!(found(&book).last(), Some(&(32, Cause::Clock)));
+    }
+}

@@ -1,0 +1,183 @@
+//! The loop that plays the machine: publish, take the answer, step, judge, record.
+//!
+//! The answer to tick k is applied during tick k + 1. In lockstep the plant waits for it; in real time it is due at
+//! the schedule's time of tick k + 1 (less the 50 µs in which it is judged), and what comes later is late. During tick 0 no command can have come yet: the
+//! joints are guided along the reference.
+
+mod answers;
+mod config;
+mod start;
+mod tick;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crossbeam::queue::ArrayQueue;
+use freeplay_arm::Workspace;
+use freeplay_laws::SensorLaw;
+use freeplay_path::JointPath;
+use freeplay_shm::{Backoff, Pace, PlantLink, Schedule, State, now_ns};
+
+pub use config::{Deadlines, Ending, PlantConfig, PlantError, PlantOutcome};
+
+use crate::attendance::Attendance;
+use crate::cause::Links;
+use crate::misses::Misses;
+use crate::round_trips::RoundTrips;
+use crate::{
+    Applied, Braking, DeviationStatistics, Hermite, LineUp, Rejection, Sensors, Stages, System, TickRecord,
+    Wishes,
+};
+
+/// The plant of one run.
+pub struct Plant {
+    config: PlantConfig,
+    system: System,
+    path: Arc<JointPath>,
+    nominal: Workspace,
+    link: PlantLink,
+    run: u64,
+    line_up: LineUp,
+    attendance: Attendance,
+    sensor_laws: Vec<Box<dyn SensorLaw>>,
+    sensors: Sensors,
+    queue: Arc<ArrayQueue<TickRecord>>,
+    stages: Stages,
+    deviation: DeviationStatistics,
+    deadlines: Deadlines,
+    applied: Applied,
+    motion: Hermite,
+    brakes: Braking,
+    driven: Vec<bool>,
+    torque: Vec<f64>,
+    state: State,
+    braked: Option<(u64, Rejection)>,
+    backoff: Backoff,
+    peak_base_force: f64,
+    wishes: Wishes,
+    spoils_next: bool,
+    marks: u32,
+    /// The process of the controller in slot 0.
+    controller: Option<u32>,
+    /// Real time, tick 0: controllers may still be planning, and no latency counts.
+    is_planning: bool,
+    /// Real time: which ticks have had their answer.
+    round_trips: Option<RoundTrips>,
+    /// When the latest states were published, ns.
+    published: [u64; PUBLISHED],
+    /// The links of this tick that the plant itself sees.
+    links: Links,
+    misses: Option<Misses>,
+}
+
+/// States whose time of publication is remembered, for answers that come late.
+const PUBLISHED: usize = 256;
+
+/// Every so many ticks the plant looks who else knocks.
+const GREETING_TICKS: u64 = 128;
+
+impl Plant {
+    /// Where to ask something of the plant while it runs.
+    pub fn wishes(&self) -> Wishes {
+        self.wishes.clone()
+    }
+
+    /// Waits for the controllers, then plays the run; `stop` ends it early.
+    ///
+    /// # Errors
+    /// [`PlantError::NoController`] if none came; [`PlantError::System`] if the motion could not be integrated.
+    pub fn run(&mut self, stop: &AtomicBool) -> Result<PlantOutcome, PlantError> {
+        let mut refused = Vec::new();
+        let Some(controllers) = self.await_controllers(stop, &mut refused)? else {
+            return Ok(PlantOutcome {
+                ending: Ending::Interrupted { tick: 0 },
+                controllers: Vec::new(),
+                ticks: 0,
+                refused,
+                divergence: None,
+            });
+        };
+        let (mut played, mut divergence) = (0, None);
+        match self.play(stop, &mut refused, &mut played) {
+            Ok(()) => {}
+            Err(PlantError::System(error)) => divergence = Some(error),
+            Err(error) => return Err(error),
+        }
+        let ending = match self.braked {
+            _ if divergence.is_some() => Ending::Diverged { tick: played },
+            _ if played < self.config.ticks => Ending::Interrupted { tick: played },
+            Some((tick, reason)) => Ending::Braked { tick, reason },
+            None => Ending::Finished,
+        };
+        Ok(PlantOutcome { ending, controllers, ticks: played, refused, divergence })
+    }
+
+    /// Plays tick after tick; `played` counts them.
+    fn play(
+        &mut self,
+        stop: &AtomicBool,
+        refused: &mut Vec<String>,
+        played: &mut u64,
+    ) -> Result<(), PlantError> {
+        // Tick 0 waits for its answer at either pace: the controller may still be planning. The schedule starts then.
+        let pace = std::mem::replace(&mut self.config.pace, Pace::Lockstep);
+        self.is_planning = pace == Pace::RealTime;
+        self.tick(0, &Schedule { start_ns: now_ns(), period_ns: self.config.period_ns })?;
+        (self.config.pace, self.is_planning) = (pace, false);
+        let schedule = Schedule { start_ns: now_ns(), period_ns: self.config.period_ns };
+        if pace == Pace::RealTime {
+            self.round_trips = Some(RoundTrips::new(schedule, 1));
+            self.misses = self.config.evidence.then(|| Misses::new(self.config.period_ns, self.controller));
+        }
+        *played = 1;
+        while *played < self.config.ticks && !stop.load(Ordering::Relaxed) {
+            self.tick(*played, &schedule)?;
+            *played += 1;
+            if (*played).is_multiple_of(GREETING_TICKS) {
+                self.note_greetings(refused)?;
+            }
+        }
+        self.settle_accounts(*played);
+        Ok(())
+    }
+
+    /// Why deadlines were missed, where evidence was gathered.
+    pub fn misses(&self) -> Option<&Misses> {
+        self.misses.as_ref()
+    }
+
+    /// Number of joints of the arm.
+    pub fn joints(&self) -> usize {
+        self.config.arm.dof()
+    }
+
+    /// Latencies of all stages.
+    pub fn stages(&self) -> &Stages {
+        &self.stages
+    }
+
+    /// The tool's deviation.
+    pub fn deviation(&self) -> &DeviationStatistics {
+        &self.deviation
+    }
+
+    /// Ticks without a command in time.
+    pub fn deadlines(&self) -> Deadlines {
+        self.deadlines
+    }
+
+    /// The controllers with their gates and their counts.
+    pub fn line_up(&self) -> &LineUp {
+        &self.line_up
+    }
+
+    /// The arm with play as the run left it.
+    pub fn system(&self) -> &System {
+        &self.system
+    }
+
+    /// The greatest force of the base on the first moving body, N.
+    pub fn peak_base_force(&self) -> f64 {
+        self.peak_base_force
+    }
+}

@@ -1,0 +1,135 @@
+//! The start of a run, and who else knocks while it goes on.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use crossbeam::queue::ArrayQueue;
+use freeplay_arm::Workspace;
+use freeplay_path::JointPath;
+use freeplay_shm::{Backoff, Greeting, MAX_JOINTS, PlantLink, State, now_ns};
+
+use crate::attendance::Attendance;
+use crate::cause::Links;
+use crate::plant::{Deadlines, PUBLISHED, Plant, PlantConfig, PlantError};
+use crate::{
+    Applied, Braking, DeviationStatistics, GateLimits, Hermite, LineUp, Sensors, Stages, TickRecord, Wishes,
+};
+
+/// Deceleration of a braking joint whose file names no acceleration limit, rad/s² (m/s²).
+const BRAKE_RATE: f64 = 10.0;
+
+impl Plant {
+    /// A plant at the start of `path`, with its end of the run open and nobody greeted yet.
+    ///
+    /// # Errors
+    /// See [`PlantError`].
+    pub fn new(
+        config: PlantConfig,
+        path: Arc<JointPath>,
+        link: PlantLink,
+        run: u64,
+        queue: Arc<ArrayQueue<TickRecord>>,
+    ) -> Result<Self, PlantError> {
+        let joints = config.arm.dof();
+        if joints > MAX_JOINTS {
+            return Err(PlantError::TooManyJoints { joints });
+        }
+        let period = config.period_ns as f64 * 1e-9;
+        let (system, sensor_laws) = config.system(&path)?;
+        let rates = config.arm.joints().iter().map(|joint| joint.limits.acceleration);
+        Ok(Self {
+            nominal: Workspace::new(&config.arm),
+            line_up: LineUp::new(
+                &config.line_up,
+                GateLimits::of(&config.arm, config.mode, period, config.hold),
+                run,
+                joints,
+                period,
+            ),
+            attendance: Attendance::new(config.line_up.controllers),
+            sensor_laws,
+            sensors: Sensors::new(&config.sensors, joints, config.seed),
+            stages: Stages::new()?,
+            deviation: DeviationStatistics::new(DeviationStatistics::START),
+            deadlines: Deadlines::default(),
+            applied: Applied::Guided,
+            motion: Hermite::new(joints),
+            brakes: Braking::new(
+                rates.map(|rate| if rate.is_finite() { rate } else { BRAKE_RATE }).collect(),
+            ),
+            driven: vec![true; joints],
+            torque: vec![0.0; joints],
+            state: State::new(run, joints),
+            braked: None,
+            backoff: Backoff::for_this_machine(),
+            peak_base_force: 0.0,
+            wishes: Wishes::default(),
+            spoils_next: false,
+            marks: 0,
+            controller: None,
+            is_planning: false,
+            round_trips: None,
+            published: [0; PUBLISHED],
+            links: Links::default(),
+            misses: None,
+            config,
+            system,
+            path,
+            link,
+            run,
+            queue,
+        })
+    }
+
+    /// Greets until every slot has its controller; their names.
+    pub(super) fn await_controllers(
+        &mut self,
+        stop: &AtomicBool,
+        refused: &mut Vec<String>,
+    ) -> Result<Option<Vec<String>>, PlantError> {
+        let deadline = now_ns() + self.config.patience.as_nanos() as u64;
+        let mut names: Vec<Option<String>> = vec![None; self.line_up.len()];
+        while !stop.load(Ordering::Relaxed) {
+            for greeting in self.link.greet()? {
+                match greeting {
+                    Greeting::Accepted { slot, name, pid } => {
+                        names[slot as usize] = Some(name);
+                        if slot == 0 {
+                            self.controller = Some(pid);
+                        }
+                    }
+                    Greeting::Refused { name, verdict, .. } => refused.push(format!("{name}: {verdict:?}")),
+                }
+            }
+            if names.iter().all(Option::is_some) {
+                return Ok(Some(names.into_iter().flatten().collect()));
+            }
+            if now_ns() > deadline {
+                let several = names.len() > 1;
+                return Err(PlantError::NoController {
+                    missing: (0..names.len()).filter(|&slot| several && names[slot].is_none()).collect(),
+                    patience: self.config.patience,
+                    refused: std::mem::take(refused),
+                });
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        Ok(None)
+    }
+
+    pub(super) fn note_greetings(&mut self, refused: &mut Vec<String>) -> Result<(), PlantError> {
+        for greeting in self.link.greet()? {
+            match greeting {
+                Greeting::Refused { name, verdict, .. } => refused.push(format!("{name}: {verdict:?}")),
+                // A process in the place of one that has ended. The only controller of a run is not replaced.
+                Greeting::Accepted { slot, .. } if self.line_up.len() > 1 => {
+                    self.line_up.renew(slot as usize);
+                    self.attendance.renew(slot as usize);
+                }
+                Greeting::Accepted { .. } => {}
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,274 @@
+//! One tick: wake, observe, publish, step, judge, keep.
+
+use std::time::Duration;
+
+use freeplay_arm::forward_kinematics;
+use freeplay_laws::Readings;
+use freeplay_shm::{Joints, MAX_JOINTS, Mode, Pace, Schedule, State, now_ns, sleep_then_spin_until};
+
+use crate::cause::Links;
+use crate::plant::{PUBLISHED, Plant, PlantError};
+use crate::{Applied, DeviationStatistics, Input, Motion, PlayRecord, Stage, TickRecord, Wish};
+
+/// How long the plant spins before the schedule's time, ns.
+const SPIN_NS: u64 = 200_000;
+/// Share of the period for which the answer is awaited before the plant steps, in real time.
+const ANSWER_WINDOW: u64 = 2;
+/// Real time: how long before the next tick the plant judges what it has, ns.
+const JUDGING_NS: u64 = 50_000;
+
+impl Plant {
+    pub(super) fn tick(&mut self, tick: u64, schedule: &Schedule) -> Result<(), PlantError> {
+        let scheduled = self.wake(tick, schedule);
+        self.hear_wishes(tick);
+        let mut record = self.observe(tick, scheduled);
+        self.state.published_ns = now_ns();
+        self.published[tick as usize % PUBLISHED] = self.state.published_ns;
+        self.link.publish(&self.state)?;
+        record.state = self.state;
+        self.line_up.begin_tick();
+        if self.config.pace == Pace::RealTime {
+            // From publication, so that a plant that was held up waits for its answers while it catches up.
+            let window = self.state.published_ns + self.config.period_ns / ANSWER_WINDOW;
+            self.await_answers(tick, scheduled, window)?;
+        }
+        self.step()?;
+        let is_complete = match self.config.pace {
+            Pace::RealTime => self.line_up.all_have_answered(),
+            Pace::Lockstep => self.all_in(tick),
+        };
+        if !is_complete {
+            // With one controller this is rare. A standby that is slow or gone makes it the rule: then the plant wakes in time.
+            let spin = if self.line_up.len() > 1 { SPIN_NS } else { 0 };
+            let deadline = match self.config.pace {
+                Pace::RealTime => sleep_then_spin_until(schedule.due_ns(tick + 1) - JUDGING_NS, spin),
+                Pace::Lockstep => now_ns() + self.answer_patience(tick).as_nanos() as u64,
+            };
+            self.await_answers(tick, scheduled, deadline)?;
+        }
+        let missed = self.misses_deadline();
+        self.judge(tick, &mut record);
+        self.keep(record);
+        self.note_links(tick, missed);
+        Ok(())
+    }
+
+    /// How long lockstep waits for the answer to `tick`; before the first, controllers still plan.
+    fn answer_patience(&self, tick: u64) -> Duration {
+        let of_several = self.config.answer_patience.filter(|_| tick > 0 && self.line_up.len() > 1);
+        of_several.unwrap_or(self.config.patience)
+    }
+
+    /// Waits for the tick's time; returns the time that latencies of this tick are taken against, ns.
+    fn wake(&mut self, tick: u64, schedule: &Schedule) -> u64 {
+        match self.config.pace {
+            Pace::Lockstep => now_ns(),
+            Pace::RealTime => {
+                let due = schedule.due_ns(tick);
+                let late = sleep_then_spin_until(due, SPIN_NS).saturating_sub(due);
+                self.stages.record(Stage::WakeUp, late);
+                self.links = Links { wake_up_ns: late, ..Links::default() };
+                self.deadlines.plant_late += u64::from(late > self.config.period_ns);
+                due
+            }
+        }
+    }
+
+    fn hear_wishes(&mut self, tick: u64) {
+        while let Some(wish) = self.wishes.next() {
+            match wish {
+                Wish::Swap { to } => self.line_up.ask(tick, to),
+                Wish::Spoil => self.spoils_next = true,
+                Wish::Mark => self.marks += 1,
+            }
+        }
+    }
+
+    /// Reads the sensors into the State of `tick`, and the truth into its record.
+    fn observe(&mut self, tick: u64, scheduled: u64) -> TickRecord {
+        let joints = self.config.arm.dof();
+        let period = self.config.period_ns as f64 * 1e-9;
+        let time = tick as f64 * period;
+        let state = &mut self.state;
+        state.tick = tick;
+        state.mode = self.config.mode.code();
+        state.scheduled_ns = match self.config.pace {
+            Pace::Lockstep => tick * self.config.period_ns,
+            Pace::RealTime => scheduled,
+        };
+        let mut link = [0.0; MAX_JOINTS];
+        self.system.encoders(&mut state.q[..joints], &mut state.qd[..joints]);
+        self.system.drive_torque(&mut state.tau[..joints]);
+        self.system.play().gather(self.system.q(), &mut link[..joints]);
+        // The answer is applied from the next tick on: a torque from its start, a position at its end.
+        let ahead = match self.config.mode {
+            Mode::Torque => period,
+            Mode::Driven => 2.0 * period,
+        };
+        for (reference, at) in [(&mut state.reference, time), (&mut state.reference_next, time + ahead)] {
+            self.path.at(
+                at,
+                &mut reference.q[..joints],
+                &mut reference.qd[..joints],
+                &mut reference.qdd[..joints],
+            );
+        }
+        let desired =
+            forward_kinematics(&self.config.arm, &mut self.nominal, &self.state.reference.q[..joints]);
+        let pose = self.system.tool();
+        let deviation = pose.translation.vector - desired.translation.vector;
+        self.deviation.add(time, &deviation);
+        let tool = tool_row(&pose);
+        self.sense(tick, tool, &mut link);
+        TickRecord {
+            state: self.state,
+            command: None,
+            applied: self.applied,
+            rejection: None,
+            deviation: deviation.into(),
+            tool,
+            link,
+            peak_base_force: self.system.take_peaks().base_force,
+            plays: self.plays(),
+            marks: self.marks,
+        }
+    }
+
+    /// Puts what the sensors make of the truth into the State, and the flags.
+    fn sense(&mut self, tick: u64, mut tool: [f64; 7], link: &mut Joints) {
+        let joints = self.config.arm.dof();
+        let State { q, qd, tau, .. } = &mut self.state;
+        let mut readings = Readings {
+            period: self.config.period_ns as f64 * 1e-9,
+            q: &mut q[..joints],
+            v: &mut qd[..joints],
+            torque: &mut tau[..joints],
+            link: &mut link[..joints],
+            tool: &mut tool[..3],
+        };
+        self.sensor_laws.iter_mut().for_each(|law| law.read(&mut readings));
+        let Readings { q, v, torque, tool: position, .. } = readings;
+        self.sensors.read(q, v, torque, position);
+        let tracked = self.config.sensors.track_tool;
+        self.state.tool = if tracked { tool } else { [f64::NAN; 7] };
+        let flags = [
+            (State::FLAG_LAST, tick + 1 == self.config.ticks),
+            (State::FLAG_TOOL_TRACKED, tracked),
+            (State::FLAG_FALLBACK, matches!(self.applied, Applied::Hold | Applied::Brake)),
+        ];
+        let flags: u32 = flags.iter().map(|&(flag, holds)| if holds { flag } else { 0 }).sum();
+        let charge = [self.line_up.in_charge(), self.line_up.next_in_charge(tick)];
+        self.state.flags = flags | State::charge_flags(charge[0] as u32, charge[1] as u32);
+    }
+
+    fn plays(&mut self) -> [PlayRecord; MAX_JOINTS] {
+        let mut records = [PlayRecord::default(); MAX_JOINTS];
+        for (index, record) in records.iter_mut().enumerate().take(self.system.bearings().len()) {
+            let [first, second] = self.system.play().plays()[index].slides;
+            record.offset = [self.system.q()[first], self.system.q()[second]];
+            let bearing = self.system.bearing_mut(index);
+            record.peak_normal_force = bearing.take_peak();
+            record.episode = bearing.episode();
+        }
+        records
+    }
+
+    /// Integrates the tick under what is in force.
+    fn step(&mut self) -> Result<(), PlantError> {
+        let before = now_ns();
+        let motion: &dyn Motion = match self.applied {
+            Applied::Guided => &*self.path,
+            Applied::Brake => &self.brakes,
+            Applied::Command | Applied::Hold => &self.motion,
+        };
+        let by_motion = match self.applied {
+            Applied::Guided | Applied::Brake => true,
+            Applied::Command | Applied::Hold => self.config.mode == Mode::Driven,
+        };
+        self.driven.fill(by_motion);
+        self.system.tick(&Input { torque: &self.torque, driven: &self.driven, motion })?;
+        self.links.step_ns = now_ns() - before;
+        self.stages.record(Stage::PlantStep, self.links.step_ns);
+        Ok(())
+    }
+
+    /// Judges the answers and sets what is in force in the next tick; closed brakes stay closed.
+    fn judge(&mut self, tick: u64, record: &mut TickRecord) {
+        if self.braked.is_some() {
+            record.command = self.line_up.slot_mut(self.line_up.in_charge()).answer;
+            return;
+        }
+        if self.config.pace == Pace::Lockstep {
+            let several = self.line_up.len() > 1;
+            for slot in 0..self.line_up.len() {
+                let came = self.line_up.slot_mut(slot).answer.is_some();
+                self.attendance.note(slot, tick, came, several);
+            }
+        }
+        self.deadlines.missed += u64::from(self.misses_deadline());
+        let settled = tick as f64 * self.config.period_ns as f64 * 1e-9 >= DeviationStatistics::START;
+        let verdict = self.line_up.judge(tick, settled);
+        let applied = verdict.applied;
+        (record.command, record.rejection) = (verdict.answer, verdict.rejection);
+        self.applied = applied;
+        if let (Applied::Brake, Some(reason)) = (applied, verdict.rejection) {
+            self.braked = Some((tick, reason));
+        }
+        let joints = self.config.arm.dof();
+        match applied {
+            Applied::Guided => {}
+            Applied::Brake => {
+                let motors = (0..joints).map(|joint| self.system.joint(joint));
+                self.brakes.close(self.system.time(), motors.map(|[q, v, _]| [q, v]));
+            }
+            Applied::Command | Applied::Hold => self.command(),
+        }
+    }
+
+    /// Puts the command that passed, or the last one that did, in force.
+    fn command(&mut self) {
+        let Some(command) = self.line_up.in_force().copied() else { return };
+        let joints = self.config.arm.dof();
+        let held = self.applied == Applied::Hold;
+        self.torque.copy_from_slice(&command.value[..joints]);
+        if !held {
+            self.state.applied = command.value;
+        }
+        if self.config.mode == Mode::Driven {
+            let period = self.config.period_ns as f64 * 1e-9;
+            let (system, line_up) = (&self.system, &mut self.line_up);
+            let now = (0..joints).map(|joint| system.joint(joint));
+            let next = (0..joints).map(|joint| {
+                if held {
+                    let [q, v, _] = system.joint(joint);
+                    let next = [q + v * period, v, 0.0];
+                    line_up.moved_on(joint, next);
+                    next
+                } else {
+                    [command.value[joint], command.velocity[joint], command.acceleration[joint]]
+                }
+            });
+            self.motion.begin(system.time(), period, now);
+            self.motion.finish(next);
+        }
+    }
+
+    /// Hands the record to who keeps it. In lockstep nothing is lost: the plant waits for room.
+    fn keep(&mut self, record: TickRecord) {
+        let before = now_ns();
+        self.peak_base_force = self.peak_base_force.max(record.peak_base_force);
+        let mut pending = self.queue.push(record);
+        self.stages.record(Stage::Record, now_ns() - before);
+        while let (Err(record), Pace::Lockstep) = (pending, self.config.pace) {
+            std::thread::yield_now();
+            pending = self.queue.push(record);
+        }
+        self.deadlines.unrecorded += u64::from(pending.is_err());
+    }
+}
+
+/// A pose as x y z qx qy qz qw.
+fn tool_row(pose: &nalgebra::Isometry3<f64>) -> [f64; 7] {
+    let (p, r) = (pose.translation.vector, pose.rotation.coords);
+    [p.x, p.y, p.z, r.x, r.y, r.z, r.w]
+}

@@ -1,0 +1,132 @@
+//! iceoryx2 alone with its default settings, carrying the same messages: the yardstick for the links of this crate.
+//!
+//! Nothing is checked, greeted, counted or held by a seat here. Both ends copy each message as a user of it does.
+
+use std::fmt::Debug;
+
+use iceoryx2::config::Config;
+use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::port::publisher::Publisher;
+use iceoryx2::port::subscriber::Subscriber;
+use iceoryx2::prelude::{FileName, Path, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+
+use crate::address::Address;
+use crate::error::LinkError;
+use crate::messages::{Command, State};
+use crate::services::{Ipc, transport};
+
+const STATES: &str = "state";
+const COMMANDS: &str = "command";
+
+/// The plant's end.
+#[derive(Debug)]
+pub struct BarePlant {
+    states: Publisher<Ipc, State, ()>,
+    commands: Subscriber<Ipc, Command, ()>,
+    _node: Node<Ipc>,
+}
+
+/// The controller's end.
+#[derive(Debug)]
+pub struct BareController {
+    states: Subscriber<Ipc, State, ()>,
+    commands: Publisher<Ipc, Command, ()>,
+    _node: Node<Ipc>,
+}
+
+impl BarePlant {
+    /// Opens the plant's end in the run at `address`, be the other there or not.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`] if iceoryx2 refuses.
+    pub fn open(address: &Address) -> Result<Self, LinkError> {
+        let node = node(address)?;
+        let states = service(&node, STATES)?.publisher_builder().create();
+        let commands = service(&node, COMMANDS)?.subscriber_builder().create();
+        Ok(Self {
+            states: states.map_err(transport("publish on", STATES))?,
+            commands: commands.map_err(transport("subscribe to", COMMANDS))?,
+            _node: node,
+        })
+    }
+
+    /// Publishes `state`.
+    ///
+    /// # Errors
+    /// As [`BarePlant::open`].
+    #[inline]
+    pub fn publish(&self, state: &State) -> Result<(), LinkError> {
+        self.states.send_copy(*state).map_err(transport("publish on", STATES)).map(|_receivers| ())
+    }
+
+    /// The oldest command not yet taken.
+    ///
+    /// # Errors
+    /// As [`BarePlant::open`].
+    #[inline]
+    pub fn next_command(&self) -> Result<Option<Command>, LinkError> {
+        let command = self.commands.receive().map_err(transport("take commands of", COMMANDS))?;
+        Ok(command.map(|command| *command.payload()))
+    }
+}
+
+impl BareController {
+    /// Opens the controller's end in the run at `address`, be the other there or not.
+    ///
+    /// # Errors
+    /// [`LinkError::Transport`] if iceoryx2 refuses.
+    pub fn open(address: &Address) -> Result<Self, LinkError> {
+        let node = node(address)?;
+        let states = service(&node, STATES)?.subscriber_builder().create();
+        let commands = service(&node, COMMANDS)?.publisher_builder().create();
+        Ok(Self {
+            states: states.map_err(transport("subscribe to", STATES))?,
+            commands: commands.map_err(transport("publish on", COMMANDS))?,
+            _node: node,
+        })
+    }
+
+    /// The oldest state not yet taken.
+    ///
+    /// # Errors
+    /// As [`BareController::open`].
+    #[inline]
+    pub fn next_state(&self) -> Result<Option<State>, LinkError> {
+        let state = self.states.receive().map_err(transport("take states of", STATES))?;
+        Ok(state.map(|state| *state.payload()))
+    }
+
+    /// Sends `command`.
+    ///
+    /// # Errors
+    /// As [`BareController::open`].
+    #[inline]
+    pub fn send(&self, command: &Command) -> Result<(), LinkError> {
+        self.commands.send_copy(*command).map_err(transport("publish on", COMMANDS)).map(|_receivers| ())
+    }
+}
+
+fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
+    let bad_address = |_| LinkError::BadAddress { text: address.to_string() };
+    let mut config = Config::default();
+    let root = Path::new(address.root().as_os_str().as_encoded_bytes()).map_err(bad_address)?;
+    config.global.set_root_path(&root);
+    config.global.prefix = FileName::new(address.prefix().as_bytes()).map_err(bad_address)?;
+    NodeBuilder::new()
+        .config(&config)
+        .signal_handling_mode(SignalHandlingMode::Disabled)
+        .create()
+        .map_err(transport("create the node of", "this process"))
+}
+
+fn service<Message: Debug + ZeroCopySend>(
+    node: &Node<Ipc>,
+    name: &str,
+) -> Result<PortFactory<Ipc, Message, ()>, LinkError> {
+    let full = ServiceName::new(name).map_err(transport("name", name))?;
+    node.service_builder(&full)
+        .publish_subscribe::<Message>()
+        .open_or_create()
+        .map_err(transport("make", name))
+}

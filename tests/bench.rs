@@ -1,0 +1,47 @@
+//! A short bench of the real binary: its accounts are complete, whatever the machine makes of the times.
+
+mod common;
+
+use common::{Call, fresh_folder};
+use serde_json::Value;
+
+#[test]
+fn every_tick_is_accounted_for_and_every_miss_has_a_line() {
+    // No priority, no cores of its own: tests run beside each other.
+    let polite = ["--set", "realtime.priority=0", "--set", "realtime.lock_memory=false"];
+    let size = ["--ticks", "600", "--pairs", "2", "--load", "0,5000", "--controller", "computed-torque"];
+    let arguments = [&["bench", "--quiet", "--out", "out"][..], &polite[..], &size[..]].concat();
+    let ran = Call::new(fresh_folder(), &arguments).run();
+    // What a busy machine does to the ratios is no matter for a test: 0 and 1 are both ends of a bench.
+    assert!(matches!(ran.code(), 0 | 1), "{}", ran.dump());
+    let text = std::fs::read_to_string(ran.out().join("bench.json")).expect("a result");
+    let bench: Value = serde_json::from_str(&text).expect("JSON");
+    let of = &bench["latency_us"]["computed-torque"];
+    // Tick 0 of each block starts the schedule: it has no round trip by it.
+    assert_eq!((&of["round_trip"]["count"], &of["wake_up"]["count"]), (&598.into(), &598.into()), "{of:#}");
+    assert_eq!(bench["latency_us"]["bare clock loop"]["wake_up"]["count"], 600);
+    let contest = &bench["controllers"][0];
+    let causes: u64 = contest["causes"].as_object().expect("causes").values().filter_map(Value::as_u64).sum();
+    assert_eq!(contest["missed"], causes, "{contest:#}");
+    assert!(
+        bench["cliff"][1]["missed_share"].as_f64().is_some_and(|share| share > 0.5),
+        "5 ms do not fit into 1 ms"
+    );
+    let late = bench["latency_us"]["computed-torque"]["round_trip"]["max"].as_f64().expect("a number");
+    println!("slowest round trip {late} µs; causes {}", contest["causes"]);
+    for file in ["computed-torque.hlog", "computed-torque.hgrm", "bare-clock-loop.hlog", "report.html"] {
+        assert!(ran.out().join(file).is_file(), "{file}");
+    }
+}
+
+#[test]
+fn what_cannot_be_measured_is_refused() {
+    for (arguments, words) in [
+        (&["--ticks", "100", "--pairs", "2"][..], "a hundred ticks"),
+        (&["--load=-1"], "--load takes"),
+        (&["--load", "5", "--controller", "/bin/true"], "built-in controllers alone"),
+    ] {
+        let ran = Call::new(fresh_folder(), &[&["bench", "--quiet"], arguments].concat()).run().expect(2);
+        assert!(ran.stderr().contains(words), "{}", ran.dump());
+    }
+}
