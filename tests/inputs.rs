@@ -490,3 +490,41 @@ fn bad_training() {
     ];
     play(&["train"], &cases);
 }
+
+/// The weights that come with the project, changed from one text to another.
+fn weights_with(from: &str, to: &str) -> String {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../controller/weights/erkaya2018.narx.json");
+    let text = std::fs::read_to_string(file).expect("the weights that come with the project");
+    assert!(text.contains(from), "{from} is not in {file}");
+    text.replacen(from, to, 1)
+}
+
+/// A run whose controller cannot start has not run: no summary and no report says so.
+#[test]
+fn weights_that_do_not_fit_end_a_run_before_its_report() {
+    let arm = weights_with("9bb5554e00bd6d1f", "0123456789abcdef");
+    let channels = weights_with("\"error_n_0\"", "\"torque_1\"");
+    let version = weights_with("\"version\": 1", "\"version\": 99");
+    let cases = [
+        ("another arm", arm.as_str(), ["trained on arm", "train for this arm"]),
+        ("another layout", &channels, ["input channels", "torque_1"]),
+        ("another version", &version, ["version", "99"]),
+        ("no weights", "{}", ["freeplay.narx", "w.json"]),
+    ];
+    for (name, text, said) in cases {
+        let folder = fresh_folder();
+        let file = folder.path().join("w.json");
+        std::fs::write(&file, text).expect("written");
+        let option = format!("controller.options.weights={}", file.display());
+        let arguments = ["run", "--quiet", "--set", "duration=0.05", "--set", &option, "--out", "out"];
+        let ran =
+            Call::new(folder, &[&arguments, ["--controller", "narx-qp"].as_slice()].concat()).run().expect(3);
+        println!("3  {name}: {}", ran.stderr().lines().next().unwrap_or_default());
+        for words in said {
+            assert!(ran.stderr().contains(words), "{name}: {words:?} is not said: {}", ran.dump());
+        }
+        for left in ["report.html", "summary.json", "narx-qp.json"] {
+            assert!(!ran.out().join(left).exists(), "{name} left {left}: {}", ran.dump());
+        }
+    }
+}

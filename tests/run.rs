@@ -27,6 +27,19 @@ fn the_default_scenario_runs_every_built_in_controller() {
         let joint = &run["contact"]["joints"]["joint_5"];
         let total: f64 = ["free", "impact", "continuous"].iter().map(|key| number(&joint[*key])).sum();
         assert!((total - 1.0).abs() < 1e-9, "fractions add up to {total}");
+        assert_eq!(run["answers"]["ok"], 1000, "{}", run["answers"]);
+        for name in (1..=6).map(|number| format!("joint_{number}")) {
+            let used = &run["joint_use"][&name];
+            let share = number(&used["torque"]["share"]);
+            let peak = number(&used["torque"]["peak_after_start"]);
+            assert!(peak > 0.0 && share <= 1.0 && number(&used["speed"]["share"]) < 1.0, "{name}: {used}");
+            assert!((share - peak / number(&used["torque"]["limit"])).abs() < 1e-12, "{name}: {used}");
+        }
+        assert!(
+            ran.stdout().contains(&format!("{controller}: of the limits after 0.5 s, speed")),
+            "{}",
+            ran.dump()
+        );
         for file in [format!("{controller}.mcap"), format!("{controller}.hlog"), format!("{controller}.hgrm")]
         {
             assert!(ran.out().join(&file).metadata().expect("written").len() > 100, "{file}");
@@ -39,6 +52,19 @@ fn the_default_scenario_runs_every_built_in_controller() {
     assert!(compensated < 0.05 * plain, "the compensation removes more than 95 %: {compensated}");
     let report = std::fs::read_to_string(ran.out().join("report.html")).expect("a report");
     assert!(report.contains("quasi-static") && report.len() < 5_000_000, "{} bytes", report.len());
+}
+
+/// Without weight no bearing pushes before a corner, so that no passage can be planned: every answer in a corner says so.
+#[test]
+fn what_a_programme_could_not_solve_is_counted_and_said() {
+    let set = ["--set", "path.kind=square_sharp", "--set", "path.period=2", "--set", "gravity=[0,0,0]"];
+    let ran = lockstep(0.8, &[["--controller", "narx-qp"].as_slice(), &set].concat()).expect(0);
+    let run = &ran.summary()["runs"][0];
+    let [ok, failed] = ["ok", "qp_failed"].map(|key| run["answers"][key].as_u64().expect("a count"));
+    println!("answers: {}", run["answers"]);
+    assert!(failed > 0 && ok > 0 && ok + failed == 800, "{}", run["answers"]);
+    let said = format!("narx-qp: answers whose quadratic programme had no solution: {failed}");
+    assert!(ran.stdout().contains(&said), "{}", ran.dump());
 }
 
 #[test]

@@ -46,7 +46,9 @@ enum Command {
     /// The paper (Erkaya 2018) reproduced: its scenarios, figures and claims, each with a verdict.
     Reproduce(crate::reproduce::ReproduceArgs),
     /// How far the deviation at sharp corners can be taken down at all: an offline optimum with all knowledge of the arm.
-    Bound(crate::bound::BoundArgs),
+    Bound(crate::bound_table::BoundArgs),
+    /// The table of compensation: paths, times, clearances, wrong models and two joints with play, under every built-in controller.
+    Cells(crate::cells::CellsArgs),
     /// Train the network of narx-qp on simulated runs, and show how much better it predicts than what needs no network.
     Train(crate::train::TrainArgs),
     /// Completions for a shell, to standard output.
@@ -97,7 +99,8 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Scenario(args) => crate::scenario_command::scenario(&args),
         Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
         Command::Reproduce(args) => crate::reproduce::reproduce(&args),
-        Command::Bound(args) => crate::bound::bound(&args),
+        Command::Bound(args) => crate::bound_table::bound(&args),
+        Command::Cells(args) => crate::cells::cells(&args),
         Command::Train(args) => crate::train::train(&args),
         Command::Completions(args) => crate::manual::completions(&args, Cli::command()),
         Command::Man(args) => crate::manual::man(&args, Cli::command()),

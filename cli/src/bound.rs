@@ -1,4 +1,4 @@
-//! `freeplay bound`: how far the deviation at sharp corners can be taken down at all, and how much of that a controller reaches.
+//! How far the deviation at sharp corners can be taken down at all; see `bound_table` for how much of that a controller reaches.
 //!
 //! The bound of a cell (period T, clearance c of the sharp square) is the least that an offline optimisation finds which knows the true
 //! arm: over the corrections of the joints, within their limits of speed, acceleration and torque, and over the way of the journal, tick
@@ -11,19 +11,15 @@
 //!
 //! As a check, the optimal motion is given to the true plant as prescribed joints; what the plant then measures is printed beside it.
 
-use clap::Args;
-use comfy_table::{CellAlignment, Table, presets};
 use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
 use freeplay_controller::outlook::Outlook;
-use freeplay_controller::{CornerSearch, Passage, PassageOptions, Weights};
+use freeplay_controller::{CornerSearch, Passage, PassageOptions, Step, Weights};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_plant::{DeviationStatistics, Hermite, Input, System};
 use serde::Serialize;
 
-use crate::exit::{Exit, Failure};
-use crate::run::Format;
-use crate::say::say;
+use crate::exit::Failure;
 
 /// Length of a tick, s.
 const PERIOD: f64 = 1e-3;
@@ -33,20 +29,6 @@ const JOINT: usize = 4;
 const HALF: usize = 10;
 /// Starts: the turn of the journal's way in the middle of a window, rad.
 const STARTS: [f64; 3] = [0.0, 0.6, -0.6];
-
-/// Computes bounds.
-#[derive(Args, Debug)]
-pub struct BoundArgs {
-    /// Times of a lap, s.
-    #[arg(long, value_delimiter = ',', default_value = "6,12")]
-    period: Vec<f64>,
-    /// Clearances, mm.
-    #[arg(long, value_delimiter = ',', default_value = "0.2,0.4,0.6")]
-    clearance: Vec<f64>,
-    /// How results are printed.
-    #[arg(long, default_value = "text")]
-    format: Format,
-}
 
 /// What one start led to, mm.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -72,6 +54,8 @@ pub struct Bound {
     pub fourth_powers: Vec<Found>,
     /// RMS and maximum in the windows that the true plant measures on the motion of the least squares.
     pub measured: Option<Found>,
+    /// What the passages of `narx-qp` as it plans them would leave.
+    pub planned: Found,
 }
 
 impl Bound {
@@ -107,10 +91,9 @@ impl Cell {
         })
     }
 
-    /// The passages that `options` lead to, on a tool that may turn.
-    fn passages(&self, options: PassageOptions) -> Vec<Passage> {
+    /// The passages that `weights` and `options` lead to.
+    fn passages(&self, weights: Weights, options: PassageOptions) -> Vec<Passage> {
         let arm = paper_arm().arm;
-        let weights = Weights { orientation: 1e-5, ..Weights::default() };
         let search = CornerSearch { arm: &arm, with_play: &self.play, period: PERIOD, weights, options };
         let mut outlook = Outlook::new(self.path.clone(), &self.play, PERIOD, HALF);
         let begin = (DeviationStatistics::START / PERIOD) as u64;
@@ -142,7 +125,7 @@ impl Cell {
         let slides = self.play.plays()[0].slides;
         let end = (passage.first() + passage.ticks() as u64).min(self.ticks);
         let rows = (passage.first()..end).filter_map(|tick| passage.at(tick).map(|row| (tick, row)));
-        rows.map(|(tick, (corrections, journals))| {
+        rows.map(|(tick, Step { corrections, journals, .. })| {
             let mut extended = vec![0.0; self.play.arm().dof()];
             self.play.spread(&self.joints(tick, corrections), &mut extended);
             slides.into_iter().zip(journals).for_each(|(slide, &journal)| extended[slide] = journal);
@@ -153,11 +136,15 @@ impl Cell {
         .collect()
     }
 
+    fn all_meant(&self, passages: &[Passage]) -> Vec<f64> {
+        passages.iter().flat_map(|passage| self.meant(passage)).collect()
+    }
+
     /// The deviation that the true plant measures when its joints are prescribed as `passage` says, mm, tick by tick.
     fn measured(&self, passage: &Passage) -> Result<Vec<f64>, Failure> {
         let arm = paper_arm().arm;
         let mut system = System::new(self.play.clone(), &arm, PERIOD, 50).map_err(Failure::input)?;
-        let row = |tick: u64| passage.at(tick).map(|(corrections, _)| self.joints(tick, corrections));
+        let row = |tick: u64| passage.at(tick).map(|step| self.joints(tick, step.corrections));
         let centred = |tick: u64| -> Option<Vec<[f64; 3]>> {
             let [before, now, after] = [row(tick - 1)?, row(tick)?, row(tick + 1)?];
             let state = |i: usize| {
@@ -170,9 +157,10 @@ impl Cell {
         let Some(begin) = centred(first) else { return Ok(Vec::new()) };
         let start = |order: usize| begin.iter().map(|state| state[order]).collect::<Vec<_>>();
         system.start(&start(0), &start(1));
-        if let (Some((_, before)), Some((_, now)), Some((_, after))) =
+        if let (Some(before), Some(now), Some(after)) =
             (passage.at(first - 1), passage.at(first), passage.at(first + 1))
         {
+            let [before, now, after] = [before, now, after].map(|step| step.journals);
             let speed = [0, 1].map(|i| (after[i] - before[i]) / (2.0 * PERIOD));
             system.place_journal(0, [now[0], now[1]], speed);
         }
@@ -203,11 +191,15 @@ impl Cell {
             squares: Vec::new(),
             fourth_powers: Vec::new(),
             measured: None,
+            planned: self
+                .figures(0.0, &self.all_meant(&self.passages(Weights::default(), PassageOptions::default()))),
         };
+        // The tool may turn.
+        let weights = Weights { orientation: 1e-5, ..Weights::default() };
         for emphasis in [0.0, 2.0] {
             for detour in STARTS {
-                let passages = self.passages(PassageOptions { emphasis, detour, ..free });
-                let norms: Vec<f64> = passages.iter().flat_map(|passage| self.meant(passage)).collect();
+                let passages = self.passages(weights, PassageOptions { emphasis, detour, ..free });
+                let norms = self.all_meant(&passages);
                 let found = self.figures(detour, &norms);
                 if emphasis > 0.0 {
                     bound.fourth_powers.push(found);
@@ -231,55 +223,4 @@ impl Cell {
 /// A clearance or a period that cannot be.
 pub fn sharp_square(period: f64, clearance: f64) -> Result<Bound, Failure> {
     Cell::new(period, clearance)?.bound(clearance)
-}
-
-/// Computes the bounds and prints them.
-///
-/// # Errors
-/// See [`sharp_square`].
-pub fn bound(args: &BoundArgs) -> Result<Exit, Failure> {
-    let cells = args.period.iter().flat_map(|&period| args.clearance.iter().map(move |&c| (period, c)));
-    let bounds = cells.map(|(period, c)| sharp_square(period, c)).collect::<Result<Vec<_>, _>>()?;
-    match args.format {
-        Format::Json => {
-            say(&format!("{}\n", serde_json::to_string_pretty(&bounds).map_err(Failure::internal)?))?
-        }
-        Format::Text => say(&in_words(&bounds))?,
-    }
-    Ok(Exit::Done)
-}
-
-fn in_words(bounds: &[Bound]) -> String {
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING);
-    table.set_header([
-        "T [s]",
-        "c [mm]",
-        "RMS [mm]",
-        "from other starts",
-        "max [mm]",
-        "on the plant: RMS, max",
-    ]);
-    for bound in bounds {
-        let starts: Vec<String> = bound.squares.iter().map(|found| format!("{:.4}", found.rms)).collect();
-        let measured =
-            bound.measured.map_or("–".to_owned(), |found| format!("{:.4}, {:.3}", found.rms, found.max));
-        table.add_row([
-            format!("{}", bound.period),
-            format!("{}", bound.clearance),
-            format!("{:.4}", bound.rms()),
-            starts.join(" "),
-            format!("{:.3}", bound.max()),
-            measured,
-        ]);
-    }
-    for column in 0..6 {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    format!(
-        "Sharp square, joint 5, after {} s: the least deviation that was found with all knowledge of the arm\n{table}\n",
-        DeviationStatistics::START
-    )
 }

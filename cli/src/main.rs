@@ -6,6 +6,7 @@
 //! `swap_measures` (what a swap costs); `diagnose` and `diagnose_report` (what is missing from a model), `excite` (the next motion), `demo`
 //! (the loop closed), `blind` (the proof on concealed effects); `compare`, `replay`, `reference_runs` and `bound` beside them; `record`,
 //! `scenario_command` and `manual` run nothing.
+//! `swap_measures` (what a swap costs); `compare`, `diagnose`, `replay`, `reference_runs`, `bound` and `cells` beside them.
 
 mod args;
 mod blind;
@@ -14,6 +15,9 @@ mod blind;
 mod args;
 mod bench;
 mod bound;
+mod bound_table;
+mod cells;
+mod closed_loop;
 mod columns;
 mod compare;
 mod controller_command;

@@ -75,6 +75,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let link = PlantLink::open(&address, names.len(), offer).map_err(Failure::internal)?;
     let queue = Arc::new(ArrayQueue::new(QUEUE));
     let plays: Vec<String> = setup.plays().into_iter().map(|(joint, _)| joint).collect();
+    let joints = setup.arm().joints().iter().map(|joint| joint.name.clone()).collect();
     let mut plant =
         Plant::new(setup.plant.clone(), Arc::clone(&setup.path), link, address.run(), Arc::clone(&queue))
             .map_err(failure)?;
@@ -118,6 +119,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
             ticks: outcome.ticks,
             ending: outcome.ending,
             state_hash: kept.state_hash,
+            joints,
             plays,
             realtime: granted,
             recording: kept.recording.and_then(|path| Some(path.file_name()?.to_string_lossy().into_owned())),

@@ -56,7 +56,7 @@ pub fn write(
             document.section(contact(&played, play, setup.plant.effects.clearances[index].1.clearance));
     }
     document = document
-        .section(torques(&played, setup))
+        .section(torques(&played, setup).with(joint_use(&played, setup)))
         .section(latencies(&played))
         .section(configuration(scenario, machine)?)
         .footer(format!("freeplay {}", env!("CARGO_PKG_VERSION")));
@@ -251,6 +251,31 @@ fn torques(played: &[Played], setup: &Setup) -> Section {
         section = section.with(chart);
     }
     section
+}
+
+/// The greatest speeds, accelerations and torques, and the shares of their limits.
+fn joint_use(played: &[Played], setup: &Setup) -> Table {
+    let mut table = Table::new("What was asked of the motors: greatest values, and shares of the limits")
+        .column(Column::text("controller"))
+        .column(Column::text("joint"))
+        .column(Column::number("speed", "rad/s, m/s").significant(3).group("speed"))
+        .column(Column::number("of its limit", "%").fixed(1).group("speed"))
+        .column(Column::number("mean over a tick", "rad/s², m/s²").significant(3).group("acceleration"))
+        .column(Column::number("of its limit", "%").fixed(1).group("acceleration"))
+        .column(Column::number("torque", "N·m, N").significant(3).group("torque"))
+        .column(Column::number("of its limit", "%").fixed(1).group("torque"));
+    for run in played {
+        for joint in setup.arm().joints() {
+            let mut row = vec![Cell::series(run.name()), joint.name.as_str().into()];
+            for quantity in ["speed", "acceleration", "torque"] {
+                let used = &run.summary.joint_use[&joint.name][quantity];
+                row.push(used["peak_after_start"].as_f64().unwrap_or(f64::NAN).into());
+                row.push(used["share"].as_f64().map_or_else(|| "–".into(), |share| (100.0 * share).into()));
+            }
+            table = table.row(row);
+        }
+    }
+    table.note("After the first half second: before, the bounces of the journal throw the light joints about, whatever the controller does.")
 }
 
 /// Quantiles at which a percentile curve is drawn.

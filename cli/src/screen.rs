@@ -27,6 +27,9 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
     );
     let _ = writeln!(text, "(the drop of the centred journal can't be compensated)\n");
     for run in runs {
+        let _ = writeln!(text, "{}", drives(run));
+    }
+    for run in runs {
         for note in remarks(run) {
             let _ = writeln!(text, "{}: {note}", run.controller);
         }
@@ -147,6 +150,24 @@ fn row(run: &RunSummary, joint: Option<&str>) -> Vec<String> {
     ]
 }
 
+/// The greatest share of the limits that a run used, by quantity, and where.
+fn drives(run: &RunSummary) -> String {
+    let greatest = |quantity: &str| {
+        let joints = run.joint_use.as_object().into_iter().flatten();
+        let shares = joints.filter_map(|(name, used)| Some((used[quantity]["share"].as_f64()?, name)));
+        let most = shares.max_by(|one, two| one.0.total_cmp(&two.0));
+        most.map_or_else(
+            || "no limits".to_owned(),
+            |(share, name)| format!("{:.0} % ({name})", 100.0 * share),
+        )
+    };
+    let [speed, acceleration, torque] = ["speed", "acceleration", "torque"].map(greatest);
+    format!(
+        "{}: of the limits after 0.5 s, speed {speed}, acceleration {acceleration}, torque {torque}",
+        run.controller
+    )
+}
+
 /// What is out of the ordinary in a run, a line each.
 fn remarks(run: &RunSummary) -> Vec<String> {
     let mut remarks = run.notes.clone();
@@ -165,6 +186,13 @@ fn remarks(run: &RunSummary) -> Vec<String> {
             .collect();
         if !counted.is_empty() {
             remarks.push(format!("commands that did not pass the gate: {}", counted.join(", ")));
+        }
+    }
+    for (key, said) in [("qp_failed", "had no solution"), ("qp_limit", "stopped at its limit of iterations")]
+    {
+        let count = run.answers[key].as_u64().unwrap_or(0);
+        if count > 0 {
+            remarks.push(format!("answers whose quadratic programme {said}: {count}"));
         }
     }
     remarks.extend(swap_remarks(run));

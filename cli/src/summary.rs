@@ -33,9 +33,13 @@ pub struct RunSummary {
     /// The force of the base on the first moving body, N.
     #[serde(rename = "base_force_N")]
     pub base_force: Value,
+    /// What was asked of the drives, joint by joint: greatest speed, acceleration and torque, the limits and the shares of them.
+    pub joint_use: Value,
     /// Energies, J.
     #[serde(rename = "energy_J")]
     pub energy: Value,
+    /// How the controllers in charge said that they arrived at their answers, counted.
+    pub answers: Value,
     /// Ticks without a command in time.
     pub deadlines: Value,
     /// What the gate did not let through of who was in charge.
@@ -82,6 +86,13 @@ fn contacts(plant: &Plant, plays: &[String]) -> Value {
         })
         .collect();
     json!({ "joints": joints })
+}
+
+fn joint_use(plant: &Plant, joints: &[String]) -> Value {
+    let used = joints.iter().zip(plant.joint_use().joints());
+    let each: serde_json::Map<String, Value> =
+        used.map(|(joint, used)| (joint.clone(), json!(used))).collect();
+    json!(each)
 }
 
 fn deadlines(plant: &Plant) -> Value {
@@ -169,6 +180,8 @@ pub struct RunFacts {
     pub ending: Ending,
     /// The hash of what was said.
     pub state_hash: String,
+    /// All joints.
+    pub joints: Vec<String>,
     /// Joints with play.
     pub plays: Vec<String>,
     /// What became of the wishes to the operating system.
@@ -197,6 +210,8 @@ impl RunSummary {
             deviation_mm: deviations(plant),
             contact: contacts(plant, &facts.plays),
             base_force: json!({ "peak": plant.peak_base_force() }),
+            joint_use: joint_use(plant, &facts.joints),
+            answers: json!(plant.answers()),
             energy: json!({ "ledger": ledger, "residual": ledger.residual() }),
             deadlines: deadlines(plant),
             gate: json!({ "rejected": gate }),

@@ -1,19 +1,27 @@
-//! A signal at three ticks, and its derivatives at the one in the middle.
+//! A signal at four ticks: its derivatives at the second, and what a value held from there to the third has to be.
 
 use crate::compensation::Motion;
 
-/// The values of a signal at the ticks j − 1, j and j + 1; velocity and acceleration at j are the centred differences.
+/// The values of a signal at the ticks j − 1, j, j + 1 and j + 2.
+///
+/// Velocity and acceleration at j are the centred differences. What is held for the tick from j to j + 1 (a torque) has to give the
+/// mean acceleration of that tick, the one that leads from the velocity at j to that at j + 1; the one at j would run half a tick late.
 #[derive(Clone, Debug)]
 pub struct Centred {
     period: f64,
     older: Vec<f64>,
     middle: Vec<f64>,
+    next: Vec<f64>,
     newest: Vec<f64>,
     velocity: Vec<f64>,
     acceleration: Vec<f64>,
-    /// Values pushed since [`Centred::clear`], up to three.
+    held: Vec<f64>,
+    /// Values pushed since [`Centred::clear`], up to four.
     known: usize,
 }
+
+/// Values that are kept.
+const KEPT: usize = 4;
 
 impl Centred {
     /// A signal of `width` numbers, at rest at zero, in ticks of `period` seconds.
@@ -23,10 +31,12 @@ impl Centred {
             period,
             older: zeros.clone(),
             middle: zeros.clone(),
+            next: zeros.clone(),
             newest: zeros.clone(),
             velocity: zeros.clone(),
-            acceleration: zeros,
-            known: 3,
+            acceleration: zeros.clone(),
+            held: zeros,
+            known: KEPT,
         }
     }
 
@@ -34,29 +44,32 @@ impl Centred {
     pub fn rest(&mut self, values: &[f64]) {
         self.known = 0;
         self.push(values);
-        self.known = 3;
+        self.known = KEPT;
     }
 
-    /// Forgets the past: the next value counts for all three ticks, and there are no derivatives before three values are known.
+    /// Forgets the past: the next value counts for all ticks, and there are no derivatives before four values are known.
     pub fn clear(&mut self) {
         self.known = 0;
     }
 
     /// Moves on by one tick to the newest value.
     pub fn push(&mut self, values: &[f64]) {
-        self.known = (self.known + 1).min(3);
+        self.known = (self.known + 1).min(KEPT);
         if self.known == 1 {
             self.middle.copy_from_slice(values);
+            self.next.copy_from_slice(values);
             self.newest.copy_from_slice(values);
         }
         std::mem::swap(&mut self.older, &mut self.middle);
-        std::mem::swap(&mut self.middle, &mut self.newest);
+        std::mem::swap(&mut self.middle, &mut self.next);
+        std::mem::swap(&mut self.next, &mut self.newest);
         self.newest.copy_from_slice(values);
-        let derivatives = if self.known == 3 { 1.0 / self.period } else { 0.0 };
+        let per_tick = if self.known == KEPT { 1.0 / self.period } else { 0.0 };
         for (i, &newest) in self.newest.iter().enumerate() {
-            let (older, middle) = (self.older[i], self.middle[i]);
-            self.velocity[i] = 0.5 * (newest - older) * derivatives;
-            self.acceleration[i] = (newest - 2.0 * middle + older) * derivatives * derivatives;
+            let (older, middle, next) = (self.older[i], self.middle[i], self.next[i]);
+            self.velocity[i] = 0.5 * (next - older) * per_tick;
+            self.acceleration[i] = (next - 2.0 * middle + older) * per_tick * per_tick;
+            self.held[i] = 0.5 * (newest - next - middle + older) * per_tick * per_tick;
         }
     }
 
@@ -65,8 +78,13 @@ impl Centred {
         &self.newest
     }
 
-    /// Value and derivatives at the tick in the middle.
+    /// Value and derivatives at the tick j.
     pub fn motion(&self) -> Motion<'_> {
         Motion { q: &self.middle, v: &self.velocity, a: &self.acceleration }
+    }
+
+    /// The acceleration that is to be held from the tick j to j + 1.
+    pub fn held(&self) -> &[f64] {
+        &self.held
     }
 }

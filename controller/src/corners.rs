@@ -16,8 +16,6 @@ use crate::pin_force::PinForce;
 
 /// Share of a bearing's force that moving the journal takes, from which on there is a corner.
 const NOTICEABLE: f64 = 0.01;
-/// Time before and after a corner that a passage takes, s.
-const MARGIN: f64 = 0.036;
 /// Ticks of all passages that are planned before a run, laps that repeat counted once.
 const MOST_PLANNED: usize = 3000;
 /// Ticks of a run in which corners are looked for.
@@ -42,7 +40,7 @@ pub struct CornerSearch<'a> {
 impl CornerSearch<'_> {
     /// The passages between the ticks `from` and `to`.
     pub fn passages(&self, outlook: &mut Outlook, from: u64, to: u64) -> Passages {
-        let margin = (MARGIN / self.period).ceil().max(4.0) as u64;
+        let margin = (self.options.margin / self.period).ceil().max(4.0) as u64;
         let to = to.min(from + MOST_SEARCHED);
         let corners = self.corners(outlook, from + margin, to, margin);
         let mut planner =

@@ -1,4 +1,4 @@
-//! The correction of the joints along a motion: what the compensation says at three ticks, and its derivatives in the middle.
+//! The correction of the joints along a motion: what the compensation says tick by tick, and its derivatives.
 
 use freeplay_arm::{Arm, Workspace, jacobian};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
@@ -10,7 +10,7 @@ use crate::qp::QpError;
 /// A correction at the start that is larger than this, rad (m), is not taken for one.
 const LARGEST_START: f64 = 0.01;
 
-/// The correction of one arm, planned one tick ahead of the instant at which it is used.
+/// The correction of one arm, planned two ticks ahead of the instant at which it is used.
 ///
 /// After a start it goes over from where the joints stand to the compensation within a blend time, by a quintic.
 pub struct Correction {
@@ -26,7 +26,7 @@ pub struct Correction {
     planned: DVector<f64>,
     /// Ticks since the start.
     age: u64,
-    /// Δq at the ticks j − 1, j, j + 1.
+    /// Δq at the ticks j − 1 to j + 2.
     course: Centred,
 }
 
@@ -73,8 +73,8 @@ impl Correction {
         self.compensator.restart(self.start.as_slice());
     }
 
-    /// Moves on by one tick: plans the correction for the instant of `desired` (tick j + 1), at which the play of the joints moves the
-    /// tool by `deviation`, base frame, m. [`Self::motion`] is then that of the tick before (j).
+    /// Moves on by one tick: plans the correction for the instant of `desired` (tick j + 2), at which the play of the joints moves the
+    /// tool by `deviation`, base frame, m. [`Self::motion`] is then that of tick j.
     pub fn advance(
         &mut self,
         arm: &Arm,
@@ -113,6 +113,11 @@ impl Correction {
         let report = self.compensator.advance(desired, &self.jacobian, &target);
         self.course.push(self.compensator.correction());
         report
+    }
+
+    /// The second derivative that is to be held from tick j to j + 1, rad/s² (m/s²).
+    pub fn held(&self) -> &[f64] {
+        self.course.held()
     }
 
     /// Δq with its first and second derivative at tick j, rad, rad/s, rad/s² (m).

@@ -76,6 +76,11 @@ impl Meeting {
     pub fn residual(&self) -> f64 {
         self.across + self.friction[0] * self.push
     }
+
+    /// Moment of the contact's friction on the joint, N·m, for a journal in `clearance`.
+    pub fn moment(&self, clearance: &Clearance) -> f64 {
+        -self.friction[0] * self.push.max(0.0) * clearance.journal_radius()
+    }
 }
 
 impl Course {

@@ -79,10 +79,25 @@ impl QuasiStatic {
         move_tool(&self.arm, &self.jacobian, displacements.iter().copied())
     }
 
+    /// Moments of the contact friction on the joints with play in [`Self::rests`], N·m.
+    pub fn moments(&self) -> impl Iterator<Item = f64> {
+        self.rests.iter().map(|rest| rest.moment)
+    }
+
     /// Torques of the drives, N·m (N), that move the arm along `motion` while the journals move as `journals` says (displacements, m,
-    /// with derivatives), against the friction of the contacts in [`Self::rests`] but without that of the drives.
-    pub fn feed_forward(&mut self, motion: Motion<'_>, journals: Motion<'_>, torque: &mut [f64]) {
+    /// with derivatives), against the `moments` of the contact friction (N·m, one for each joint with play) but without the friction of
+    /// the drives. What journals and moments do to the joints of an arm without play comes out as `external`, N·m (N).
+    pub fn feed_forward(
+        &mut self,
+        motion: Motion<'_>,
+        journals: Motion<'_>,
+        moments: &[f64],
+        torque: &mut [f64],
+        external: &mut [f64],
+    ) {
         self.spread(motion);
+        rnea(self.arm.arm(), &mut self.workspace, &self.q, &self.v, &self.a, &mut self.tau);
+        self.arm.gather(&self.tau, external);
         for (index, slide) in self.arm.plays().iter().flat_map(|play| play.slides).enumerate() {
             self.q[slide] = journals.q[index];
             self.v[slide] = journals.v[index];
@@ -90,15 +105,12 @@ impl QuasiStatic {
         }
         rnea(self.arm.arm(), &mut self.workspace, &self.q, &self.v, &self.a, &mut self.tau);
         self.arm.gather(&self.tau, torque);
-        for (play, rest) in self.arm.plays().iter().zip(&self.rests) {
-            torque[play.joint] -= rest.moment;
+        for (external, torque) in external.iter_mut().zip(torque.iter()) {
+            *external -= torque;
         }
-    }
-
-    /// Adds the moments of the contact friction on the joints to `torque` (one entry per nominal joint), N·m.
-    pub fn add_contact_moments(&self, torque: &mut [f64]) {
-        for (play, rest) in self.arm.plays().iter().zip(&self.rests) {
-            torque[play.joint] += rest.moment;
+        for (play, moment) in self.arm.plays().iter().zip(moments) {
+            torque[play.joint] -= moment;
+            external[play.joint] += moment;
         }
     }
 

@@ -74,7 +74,7 @@ pub use look_ahead::{JointState, LookAhead};
 pub use model::Model;
 pub use narx_qp::{NarxQp, NarxQpOptions};
 pub use outlook::{JointMotion, Outlook};
-pub use passage::{Passage, PassageFault, PassageOptions, Passages};
+pub use passage::{Passage, PassageFault, PassageOptions, Passages, Step};
 pub use passage_planner::PassagePlanner;
 pub use pin_force::PinForce;
 pub use preview::Preview;

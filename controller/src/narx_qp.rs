@@ -19,6 +19,7 @@ use crate::controller::{Answer, Controller, ControllerError, RunInfo};
 use crate::features::Features;
 use crate::learned::{self, Learned};
 use crate::model::Model;
+use crate::passage::PassageOptions;
 use crate::task::{Task, TaskError};
 use crate::tool_residual::{LONGEST_DELAY, ToolResidual};
 use crate::tracking::{Tracking, TrackingOptions};
@@ -44,6 +45,8 @@ pub struct NarxQpOptions {
     pub cost: Weights,
     /// Whether passages through the corners of the path are planned before the run; see [`crate::passage`].
     pub passages: bool,
+    /// What they are judged by.
+    pub passage: PassageOptions,
     /// Age of the tracker's readings, ticks.
     pub tracker_delay: u64,
     /// File with the network's weights; absent: those that come with the project for this arm, if there are any.
@@ -61,6 +64,7 @@ impl Default for NarxQpOptions {
             average,
             cost: weights,
             passages: true,
+            passage: PassageOptions::default(),
             tracker_delay: 0,
             weights: None,
             fast: 0.0,
@@ -83,6 +87,7 @@ impl NarxQpOptions {
             average: self.average,
             weights: self.cost,
             passages: self.passages,
+            passage: self.passage,
         };
         tracking.check(NARX_QP)?;
         Ok(tracking)

@@ -36,13 +36,12 @@ impl JointMotion {
         self.a.copy_from_slice(motion.a);
     }
 
-    /// Becomes what `reference` leads to in `period` seconds with its acceleration.
-    pub fn extrapolate(&mut self, reference: &Reference, period: f64) {
-        for joint in 0..self.q.len() {
-            let (q, v, a) = (reference.q[joint], reference.qd[joint], reference.qdd[joint]);
-            self.q[joint] = q + (v + 0.5 * a * period) * period;
-            self.v[joint] = v + a * period;
-            self.a[joint] = a;
+    /// Becomes what the positions `q` and velocities `v` lead to in `span` seconds of the accelerations `a`.
+    pub fn coast(&mut self, q: &[f64], v: &[f64], a: &[f64], span: f64) {
+        for i in 0..self.q.len() {
+            self.q[i] = q[i] + (v[i] + 0.5 * a[i] * span) * span;
+            self.v[i] = v[i] + a[i] * span;
+            self.a[i] = a[i];
         }
     }
 
@@ -99,6 +98,15 @@ impl Outlook {
     pub fn on_path(&mut self, tick: u64) -> Motion<'_> {
         self.follow(tick as f64);
         self.motion.as_motion()
+    }
+
+    /// The mean accelerations of the path from the tick `tick` to the next, rad/s² (m/s²): to be held for that time.
+    pub fn held(&mut self, tick: u64, held: &mut [f64]) {
+        held.copy_from_slice(self.on_path(tick + 1).v);
+        let per_tick = 1.0 / self.period;
+        for (held, v) in held.iter_mut().zip(self.on_path(tick).v) {
+            *held = (*held - v) * per_tick;
+        }
     }
 
     /// The smoothed displacements on the path at the tick `tick`, m: two for each joint with play. Cheap if the last call was for

@@ -6,8 +6,10 @@
 //! against it all the time, and what that costs of the tool's accuracy is least (see [`crate::passage_planner`]). It joins the quasi-static
 //! correction before and after the corner.
 
-use crate::qp::{QpError, QpStatus};
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
+
+use crate::qp::{QpError, QpStatus};
 
 /// Why there is no passage through a corner; the quasi-static correction then goes through it as it is.
 #[derive(Debug, Error)]
@@ -43,7 +45,8 @@ pub enum PassageFault {
 }
 
 /// What a course is judged by, and where its planning starts.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct PassageOptions {
     /// ε_a, mm²/(rad/s²)²: weight of the correction's acceleration. By default 100 rad/s² cost as much as 0.1 mm.
     pub acceleration: f64,
@@ -55,32 +58,55 @@ pub struct PassageOptions {
     pub emphasis: f64,
     /// Turn by which the journals' angles in the middle of the first course differ from the quasi-static ones, rad: another start.
     pub detour: f64,
+    /// Time that a passage takes before and after its corner, s.
+    pub margin: f64,
 }
 
 impl Default for PassageOptions {
     fn default() -> PassageOptions {
-        PassageOptions { acceleration: 1e-6, least_push: 5.0, missing_push: 1e-2, emphasis: 0.0, detour: 0.0 }
+        PassageOptions {
+            acceleration: 1e-6,
+            least_push: 5.0,
+            missing_push: 1e-2,
+            emphasis: 0.0,
+            detour: 0.0,
+            margin: 0.036,
+        }
     }
+}
+
+/// What a passage says of one tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step<'a> {
+    /// Corrections of the joints, rad (m).
+    pub corrections: &'a [f64],
+    /// Displacements of the journals, m: two for each joint with play.
+    pub journals: &'a [f64],
+    /// Moments of the contacts' friction on the joints with play, N·m.
+    pub moments: &'a [f64],
 }
 
 /// A planned motion through one corner, tick by tick.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Passage {
     first: u64,
-    joints: usize,
+    ticks: usize,
     /// Row after row.
     corrections: Vec<f64>,
     journals: Vec<f64>,
+    moments: Vec<f64>,
 }
 
 impl Passage {
-    /// From the tick `first` on: corrections of the joints, rad (m), and displacements of the journals, m, tick by tick.
-    pub fn new(first: u64, corrections: &[Vec<f64>], journals: &[Vec<f64>]) -> Passage {
+    /// From the tick `first` on: corrections of the joints, rad (m), displacements of the journals, m, and moments of their friction, N·m,
+    /// tick by tick.
+    pub fn new(first: u64, corrections: &[Vec<f64>], journals: &[Vec<f64>], moments: &[Vec<f64>]) -> Passage {
         Passage {
             first,
-            joints: corrections.first().map_or(0, Vec::len),
+            ticks: corrections.len(),
             corrections: corrections.concat(),
             journals: journals.concat(),
+            moments: moments.concat(),
         }
     }
 
@@ -96,16 +122,20 @@ impl Passage {
 
     /// Number of ticks.
     pub fn ticks(&self) -> usize {
-        self.corrections.len() / self.joints.max(1)
+        self.ticks
     }
 
-    /// Corrections of the joints, rad (m), and displacements of the journals, m, at the tick `tick`, if it is within.
-    pub fn at(&self, tick: u64) -> Option<(&[f64], &[f64])> {
-        let k = usize::try_from(tick.checked_sub(self.first)?).ok()?;
-        let ticks = self.ticks();
-        let width = self.journals.len() / ticks.max(1);
-        (k < ticks).then(|| {
-            (&self.corrections[k * self.joints..][..self.joints], &self.journals[k * width..][..width])
+    /// What it says of the tick `tick`, if that is within.
+    pub fn at(&self, tick: u64) -> Option<Step<'_>> {
+        let k = usize::try_from(tick.checked_sub(self.first)?).ok().filter(|&k| k < self.ticks)?;
+        let row = |values: &'_ [f64]| -> std::ops::Range<usize> {
+            let width = values.len() / self.ticks;
+            k * width..(k + 1) * width
+        };
+        Some(Step {
+            corrections: &self.corrections[row(&self.corrections)],
+            journals: &self.journals[row(&self.journals)],
+            moments: &self.moments[row(&self.moments)],
         })
     }
 }
@@ -135,7 +165,7 @@ impl Passages {
     }
 
     /// What the passage at the tick `tick`, if there is one, says: see [`Passage::at`].
-    pub fn at(&self, tick: u64) -> Option<(&[f64], &[f64])> {
+    pub fn at(&self, tick: u64) -> Option<Step<'_>> {
         let after = self.planned.partition_point(|passage| passage.first <= tick);
         self.planned[..after].last()?.at(tick)
     }

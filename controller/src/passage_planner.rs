@@ -131,7 +131,7 @@ impl PassagePlanner {
         if with.is_nan() || with > without {
             return Err(PassageFault::NoGain { planned: with, plain: without });
         }
-        Ok(Passage::new(first, &course.corrections, &rolled))
+        Ok(Passage::new(first, &course.corrections, &rolled, &self.moments(&course)))
     }
 
     /// Weights of the tool's deviation; arms of fewer than six joints cannot keep their orientation.
@@ -201,6 +201,20 @@ impl PassagePlanner {
             Some(factor) => factor.solve(&right).iter().map(|correction| -correction).collect(),
             None => vec![0.0; n],
         }
+    }
+
+    /// The moments of the contacts' friction on the joints with play, N·m, tick by tick; at either end that of the tick beside it.
+    fn moments(&mut self, course: &Course) -> Vec<Vec<f64>> {
+        let plays = self.pin.arm().plays().to_vec();
+        let last = course.ticks() - 1;
+        let rows = (0..=last).map(|k| {
+            let k = k.clamp(1, last - 1);
+            let forces = course.forces(k, &mut self.pin);
+            let each = plays.iter().enumerate();
+            each.map(|(index, play)| course.meeting(k, index, play, &forces).moment(&play.clearance))
+                .collect()
+        });
+        rows.collect()
     }
 
     /// What the bearings push with before the corner, N.

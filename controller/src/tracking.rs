@@ -2,7 +2,8 @@
 //!
 //! The reference path is planned here, so that it is known where the journals will rest at the ticks to come: that is smoothed by a
 //! centred moving average, the joints are corrected for it ([`Correction`]) and the corrected motion is tracked by inverse dynamics
-//! with feedback, with the motion of the journals and the friction of their contacts fed forward. Where the reference in the state
+//! with feedback, with the motion of the journals and the friction of their contacts fed forward. A torque is held for a tick: it is
+//! computed for the middle of the tick and for the mean acceleration from its start to its end. Where the reference in the state
 //! is not that of the own path, the deviation is predicted from that reference alone, without a look ahead. With the option
 //! `passages`, corners are passed as planned before the run ([`crate::passage`]); one that could not be planned is passed without, and
 //! its answers have the status `QpFailed`.
@@ -33,6 +34,8 @@ use crate::task::{Gains, Task, TaskError, TaskMode};
 pub const SHORTEST_AVERAGE: f64 = 0.01;
 /// Missed ticks that are caught up one by one; after more, the correction starts anew from where it was.
 const MOST_CAUGHT_UP: u64 = 3;
+/// Ticks between the instant of an answer and the newest that is planned for: as many as [`Centred`] looks ahead.
+const AHEAD: u64 = 2;
 
 /// How a reference is tracked and corrected.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,11 +49,19 @@ pub struct TrackingOptions {
     pub weights: Weights,
     /// Whether passages through the corners of the path are planned before the run; see [`crate::passage`].
     pub passages: bool,
+    /// What they are judged by.
+    pub passage: PassageOptions,
 }
 
 impl Default for TrackingOptions {
     fn default() -> TrackingOptions {
-        TrackingOptions { blend: 0.3, average: 0.021, weights: Weights::default(), passages: false }
+        TrackingOptions {
+            blend: 0.3,
+            average: 0.021,
+            weights: Weights::default(),
+            passages: false,
+            passage: PassageOptions::default(),
+        }
     }
 }
 
@@ -107,12 +118,21 @@ pub struct Tracking {
     tick: Option<u64>,
     planned: JointMotion,
     target: JointMotion,
-    /// Of the contacts' friction and of the known effects, for the next look ahead, N·m (N).
-    contact_moments: Vec<f64>,
+    /// Moments of the contacts' friction on the joints with play during the tick of the answer, N·m.
+    moments: Vec<f64>,
+    /// What they, the known effects and the motion of the journals do to the joints during that tick, N·m (N).
+    external: Vec<f64>,
     acceleration: Vec<f64>,
+    /// Mean accelerations of the reference during the tick of the answer, rad/s² (m/s²).
+    held: Vec<f64>,
+    /// Joints and journals in the middle of that tick.
+    halfway: JointMotion,
+    journals_halfway: JointMotion,
     passages: Passages,
-    /// What was said beyond physics of the newest instant, m.
-    learned: Vector3<f64>,
+    /// Whether the last reference was that of the own path.
+    own: bool,
+    /// What was said beyond physics of the instant before the newest, and of the newest, m.
+    learned: [Vector3<f64>; 2],
 }
 
 impl Tracking {
@@ -137,7 +157,7 @@ impl Tracking {
             with_play: &with_play,
             period,
             weights: options.weights,
-            options: PassageOptions::default(),
+            options: options.passage,
         };
         let passages = if options.passages {
             search.passages(&mut outlook, (options.blend / period).ceil() as u64, ticks)
@@ -145,7 +165,7 @@ impl Tracking {
             Passages::default()
         };
         // All that the first answer, to tick 0, needs but the newest value.
-        outlook.at(task.mode.lead());
+        outlook.at(task.mode.lead() + AHEAD - 1);
         Ok(Tracking {
             mode: task.mode,
             gains: task.gains,
@@ -161,10 +181,15 @@ impl Tracking {
             tick: None,
             planned: JointMotion::new(n),
             target: JointMotion::new(n),
-            contact_moments: vec![0.0; n],
+            moments: vec![0.0; model.clearances.len()],
+            external: vec![0.0; n],
             acceleration: vec![0.0; n],
+            held: vec![0.0; n],
+            halfway: JointMotion::new(n),
+            journals_halfway: JointMotion::new(2 * model.clearances.len()),
             passages,
-            learned: Vector3::zeros(),
+            own: true,
+            learned: [Vector3::zeros(); 2],
             arm: model.arm.clone(),
         })
     }
@@ -178,7 +203,7 @@ impl Tracking {
             return None;
         }
         self.catch_up(state, beyond, answer);
-        let learned = self.learned;
+        let [learned, _] = self.learned;
         self.plan(state.tick, Some(&state.reference_next), beyond, answer);
         self.target.add(&state.reference_next, self.correction.motion());
         if let Some(known) = &mut self.known {
@@ -196,7 +221,10 @@ impl Tracking {
                 answer.velocity[..n].copy_from_slice(target.v);
                 answer.acceleration[..n].copy_from_slice(target.a);
             }
-            TaskMode::Torque => self.torque(state, &mut answer.value)?,
+            TaskMode::Torque => {
+                self.rub(state.tick + self.mode.lead());
+                self.torque(state, &mut answer.value)?;
+            }
         }
         answer.is_finite().then_some(())
     }
@@ -233,7 +261,7 @@ impl Tracking {
         self.tick = Some(state.tick);
     }
 
-    /// Plans the correction of the answer to `tick`: the newest is for the tick after that of the answer.
+    /// Plans the correction of the answer to `tick`: the newest is for [`AHEAD`] ticks after the instant of the answer.
     /// `reference` is that of the answer; without one, the path is taken to be followed.
     fn plan(
         &mut self,
@@ -244,22 +272,28 @@ impl Tracking {
     ) {
         let begun = now_ns();
         let instant = tick.saturating_add(self.mode.lead());
-        let ahead = instant.saturating_add(1);
+        let ahead = instant.saturating_add(AHEAD);
         let foreign = reference.filter(|reference| !self.outlook.leads_through(reference, instant));
+        match foreign {
+            None => self.outlook.held(instant, &mut self.held),
+            Some(reference) => self.held.copy_from_slice(&reference.qdd[..self.arm.dof()]),
+        }
         let journals = match foreign {
             None => {
                 self.planned.copy(self.outlook.on_path(ahead));
                 self.outlook.at(ahead)
             }
             Some(reference) => {
-                self.planned.extrapolate(reference, self.period);
+                let (q, v, a) = (&reference.q, &reference.qd, &reference.qdd);
+                self.planned.coast(q, v, a, AHEAD as f64 * self.period);
                 self.outlook.of(self.planned.as_motion())
             }
         };
-        let own = foreign.is_none();
+        self.own = foreign.is_none();
+        let own = self.own;
         let passage = self.passages.at(ahead).filter(|_| own);
         match passage {
-            Some((_, journals)) => self.journals.push(journals),
+            Some(step) => self.journals.push(step.journals),
             None if own && self.smooth => self.journals.push(journals),
             None => self.journals.rest(journals),
         }
@@ -268,11 +302,13 @@ impl Tracking {
         }
         let planned = self.planned.as_motion();
         let physics = self.predictor.deviation_with(planned.q, self.journals.newest());
-        self.learned = beyond(&Plan { tick: ahead, motion: planned, deviation: physics });
+        let [_, before] = self.learned;
+        let learned = beyond(&Plan { tick: ahead, motion: planned, deviation: physics });
+        self.learned = [before, learned];
         let predicted = now_ns();
         let report = match passage {
-            Some((correction, _)) => self.correction.follow(&self.arm, planned, correction, &self.learned),
-            None => self.correction.advance(&self.arm, planned, &(physics + self.learned)),
+            Some(step) => self.correction.follow(&self.arm, planned, step.corrections, &learned),
+            None => self.correction.advance(&self.arm, planned, &(physics + learned)),
         };
         answer.predict_ns += predicted - begun;
         answer.qp_ns += now_ns() - predicted;
@@ -296,19 +332,39 @@ impl Tracking {
         self.predictor.deviation(motion.q)
     }
 
+    /// Sets the moments of the contacts' friction during the tick that begins at `instant`.
+    fn rub(&mut self, instant: u64) {
+        let planned = self.passages.at(instant).zip(self.passages.at(instant + 1)).filter(|_| self.own);
+        match planned {
+            Some((from, to)) => {
+                let pairs = from.moments.iter().zip(to.moments);
+                self.moments
+                    .iter_mut()
+                    .zip(pairs)
+                    .for_each(|(moment, (from, to))| *moment = 0.5 * (from + to));
+            }
+            None => self.moments.iter_mut().zip(self.predictor.moments()).for_each(|(m, rest)| *m = rest),
+        }
+    }
+
     fn torque(&mut self, state: &State, torque: &mut Joints) -> Option<()> {
         let n = self.arm.dof();
-        let ahead = self.look_ahead.predict(&self.arm, state, &self.contact_moments)?;
+        let ahead = self.look_ahead.predict(&self.arm, state, &self.external)?;
         let target = self.target.as_motion();
-        feedback(self.gains, target, ahead, &mut self.acceleration);
-        let next = Motion { q: &ahead.q, v: &ahead.v, a: &self.acceleration };
-        self.predictor.feed_forward(next, self.journals.motion(), &mut torque[..n]);
+        for (held, correction) in self.held.iter_mut().zip(self.correction.held()) {
+            *held += correction;
+        }
+        feedback(self.gains, Motion { a: &self.held, ..target }, ahead, &mut self.acceleration);
+        // The torque is held for the tick: it is that of the middle.
+        self.halfway.coast(&ahead.q, &ahead.v, &self.acceleration, 0.5 * self.period);
+        let journals = self.journals.motion();
+        self.journals_halfway.coast(journals.q, journals.v, self.journals.held(), 0.5 * self.period);
+        let (joints, journals) = (self.halfway.as_motion(), self.journals_halfway.as_motion());
+        self.predictor.feed_forward(joints, journals, &self.moments, &mut torque[..n], &mut self.external);
         add_drive_friction(&self.friction, target.v, &mut torque[..n]);
-        self.contact_moments.fill(0.0);
-        self.predictor.add_contact_moments(&mut self.contact_moments);
         if let Some(spent) = self.known.as_ref().and_then(KnownEffects::torque) {
             torque.iter_mut().zip(spent).for_each(|(torque, spent)| *torque += spent);
-            self.contact_moments.iter_mut().zip(spent).for_each(|(external, spent)| *external -= spent);
+            self.external.iter_mut().zip(spent).for_each(|(external, spent)| *external -= spent);
         }
         Some(())
     }

@@ -62,7 +62,9 @@ fn the_bearing_forces_of_the_predicted_rest_carry_the_outer_links() {
             let displacements: Vec<f64> = predictor.displacements().collect();
             let still = vec![0.0; displacements.len()];
             let journals = Motion { q: &displacements, v: &still, a: &still };
-            predictor.feed_forward(desired, journals, &mut torque);
+            let rubbing: Vec<f64> = predictor.moments().collect();
+            let mut external = [0.0; 6];
+            predictor.feed_forward(desired, journals, &rubbing, &mut torque, &mut external);
             if tick == 0 {
                 continue;
             }

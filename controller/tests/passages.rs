@@ -6,7 +6,7 @@ mod simulation;
 
 use freeplay_arm::{Workspace, paper_arm, rnea};
 use freeplay_controller::outlook::Outlook;
-use freeplay_controller::{CornerSearch, Passage, PassageOptions, Passages, Task, Weights, built_in};
+use freeplay_controller::{CornerSearch, Passage, PassageOptions, Passages, Step, Task, Weights, built_in};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::{JointPath, PathKind};
 use freeplay_shm::CommandStatus;
@@ -50,7 +50,7 @@ fn motion(play: &ArmWithPlay, path: &JointPath, passage: &Passage, tick: u64) ->
     let at = |tick: u64| {
         let (mut q, mut v, mut a) = (vec![0.0; 6], vec![0.0; 6], vec![0.0; 6]);
         path.at(tick as f64 * PERIOD, &mut q, &mut v, &mut a);
-        let (corrections, journals) = passage.at(tick).unwrap();
+        let Step { corrections, journals, .. } = passage.at(tick).unwrap();
         q.iter_mut().zip(corrections).for_each(|(q, correction)| *q += correction);
         let mut extended = vec![0.0; m];
         play.spread(&q, &mut extended);
@@ -72,7 +72,7 @@ fn on_a_passage_the_bearing_only_pushes_along_its_normal_and_the_limits_hold() {
     let mut workspace = Workspace::new(play.arm());
     let mut force = vec![0.0; 8];
     let (mut sideways, mut least, mut turned, mut turn_before) = (0.0_f64, f64::INFINITY, 0.0_f64, None);
-    let mut used = [0.0_f64; 3];
+    let (mut used, mut rubbed) = ([0.0_f64; 3], [0.0_f64; 2]);
     for tick in passage.first() + 1..passage.first() + passage.ticks() as u64 - 1 {
         let [q, v, a] = motion(&play, &path, passage, tick);
         rnea(play.arm(), &mut workspace, &q, &v, &a, &mut force);
@@ -83,6 +83,10 @@ fn on_a_passage_the_bearing_only_pushes_along_its_normal_and_the_limits_hold() {
         let push = -(n[0] * b[0] + n[1] * b[1]);
         least = least.min(push);
         sideways = sideways.max((n[1] * b[0] - n[0] * b[1]).abs() / push);
+        // Friction of mu = 0.01 at a journal of 9.4 mm.
+        let rubbing = passage.at(tick).unwrap().moments[0] / (0.01 * 0.0094 * push);
+        assert!(rubbing.abs() < 1.0 + 1e-3, "the bearing rubs with {rubbing} of what it can");
+        rubbed = [rubbed[0].min(rubbing), rubbed[1].max(rubbing)];
         let angle = n[1].atan2(n[0]);
         turned = turned.max(angle - *turn_before.get_or_insert(angle));
         for (joint, of) in paper_arm().arm.joints().iter().enumerate() {
@@ -96,6 +100,10 @@ fn on_a_passage_the_bearing_only_pushes_along_its_normal_and_the_limits_hold() {
         "push {least:.2} N and more (limit 4.5), sideways {sideways:.4} of it (limit mu = 0.01 + 0.005), turned by {turned:.2} rad; \
          of the limits used: speed {:.2}, acceleration {:.3}, torque {:.2}",
         used[0], used[1], used[2]
+    );
+    assert!(
+        rubbed[0] < -0.99 && rubbed[1] > 0.99,
+        "a journal that rolls to and fro rubs both ways: {rubbed:?}"
     );
     assert!(turned > 0.3, "a journal that stays where it is tests nothing");
     assert!(least > 4.5 && sideways < 0.015);

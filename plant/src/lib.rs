@@ -11,9 +11,11 @@
 //! - [`TickRecord`]: all that is worth keeping of one tick; it leaves the loop through a queue.
 //! - [`Stages`]: how long each stage of the loop took.
 //! - [`Wishes`]: what a person asks of the loop while it runs.
+//! - [`JointUse`]: what the run asked of the drives, beside their limits.
 //! - [`Misses`]: the missed deadlines, each with its [`Evidence`] and its [`MissCause`].
 //! - [`Plant`]: the loop itself.
 
+mod answer_counts;
 mod attendance;
 mod bearing;
 mod blend;
@@ -21,6 +23,7 @@ mod cause;
 mod deviation;
 mod drives;
 mod gate;
+mod joint_use;
 mod ledger;
 mod line_up;
 mod misses;
@@ -37,11 +40,13 @@ mod tool_forces;
 mod wish;
 mod witnesses;
 
+pub use answer_counts::AnswerCounts;
 pub use bearing::{Bearing, ContactTally, IMPACT_LIMIT};
 pub use blend::Blend;
 pub use cause::{Cause as MissCause, Evidence, Hardship, Links, cause as miss_cause};
 pub use deviation::{Deviation, DeviationStatistics};
 pub use gate::{Applied, Gate, GateLimits, Rejection};
+pub use joint_use::{JointUse, Used, UsedByJoint};
 pub use ledger::Ledger;
 pub use line_up::{Cause, LineUp, LineUpSpec, PlannedSwap, Swap};
 pub use misses::{Miss, Misses};

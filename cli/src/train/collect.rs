@@ -3,17 +3,20 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use freeplay_arm::{ArmFile, EffectTable, forward_kinematics, to_toml};
+use freeplay_arm::forward_kinematics;
 use freeplay_controller::features::{Features, REGRESSORS};
-use freeplay_controller::{Model, QuasiStatic, Task, TaskMode};
+use freeplay_controller::{Model, QuasiStatic, TaskMode};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::JointPath;
+use freeplay_plant::DeviationStatistics;
+use freeplay_predictor::{Narx, Predictor};
 use freeplay_shm::State;
 use indicatif::ProgressBar;
 use nalgebra::Vector3;
 
+use crate::closed_loop::{ClosedLoop, RATE, task};
 use crate::exit::Failure;
-use crate::train::simulate::{RATE, RunSpec, Subject, simulate};
+use crate::train::scenarios::{RunSpec, Subject};
 
 /// What is known at one tick, and the truth.
 #[derive(Clone, Debug)]
@@ -32,6 +35,8 @@ pub struct Row {
     pub normal: [f64; 2],
     /// Directions of the slides at the target, base frame.
     pub directions: [Vector3<f64>; 2],
+    /// Where the twin with the network, fed with what the network said before, expects it there, m; as the twin without a network.
+    pub piloted: [f64; 2],
     /// Whether the journal flies.
     pub free: bool,
 }
@@ -61,15 +66,25 @@ impl Collected {
     }
 }
 
-/// Runs all `specs` on all cores and looks `horizon` ticks ahead from every state. `tracked` hides the tool if false.
+/// Who looks ahead.
+#[derive(Clone, Copy, Debug)]
+pub struct Observer<'a> {
+    /// Ticks looked ahead.
+    pub horizon: usize,
+    /// Whether the tool is seen.
+    pub tracked: bool,
+    /// The network that says, tick by tick, how wrong the twin's forecast will be; without a tracked tool the twin believes it.
+    pub network: Option<&'a Narx>,
+}
+
+/// Runs all `specs` on all cores, with `observer` looking ahead from every state.
 ///
 /// # Errors
 /// The first run that fails.
 pub fn collect(
     subject: &Subject,
     specs: &[RunSpec],
-    horizon: usize,
-    tracked: bool,
+    observer: Observer<'_>,
     bar: &ProgressBar,
 ) -> Result<Vec<Collected>, Failure> {
     let next = AtomicUsize::new(0);
@@ -79,7 +94,7 @@ pub fn collect(
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             let Some(spec) = specs.get(index) else { return Ok(mine) };
-            mine.push((index, one(subject, spec, horizon, tracked)?));
+            mine.push((index, one(subject, spec, observer)?));
             bar.inc(1);
         }
     };
@@ -96,7 +111,8 @@ pub fn collect(
     Ok(all.into_iter().map(|(_, run)| run).collect())
 }
 
-fn one(subject: &Subject, spec: &RunSpec, horizon: usize, tracked: bool) -> Result<Collected, Failure> {
+fn one(subject: &Subject, spec: &RunSpec, observer: Observer<'_>) -> Result<Collected, Failure> {
+    let Observer { horizon, tracked, network } = observer;
     let fault = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", spec.name));
     let clearance = Clearance::new(&ClearanceTable::new(spec.clearance)).map_err(|error| fault(&error))?;
     let model = Model {
@@ -109,12 +125,24 @@ fn one(subject: &Subject, spec: &RunSpec, horizon: usize, tracked: bool) -> Resu
     let mut features = Features::new(&model, &play, path, TaskMode::Torque, 1.0 / RATE, horizon)
         .ok_or_else(|| Failure::usage(format!("--horizon {horizon}: give 1 to 16 ticks")))?;
     let folder = tempfile::tempdir().map_err(Failure::internal)?;
-    let task = task(subject, spec, folder.path())?;
+    let plays = [(subject.joint, spec.clearance)];
+    let task = task(&subject.arm, &plays, &spec.path, toml::Table::new(), folder.path())?;
     let mut collected = Collected { spec: spec.clone(), first: 0, rows: Vec::new() };
     let mut truth = Truth::new(&model, &play);
-    simulate(subject, spec, &task, |state, free| {
-        let journal = truth.journal(state);
-        let mut state = *state;
+    let mut network = network.cloned().map(Predictor::new);
+    let run = ClosedLoop {
+        arm: &subject.arm,
+        plays: &plays,
+        path: &spec.path,
+        controller: spec.controller,
+        task: &task,
+        tracked: true,
+        after: DeviationStatistics::START,
+    };
+    run.run(|tick| {
+        let journal = truth.journal(tick.state);
+        let free = !tick.system.bearings()[0].touching();
+        let mut state = *tick.state;
         if !tracked {
             state.flags &= !State::FLAG_TOOL_TRACKED;
         }
@@ -125,22 +153,35 @@ fn one(subject: &Subject, spec: &RunSpec, horizon: usize, tracked: bool) -> Resu
                 if collected.rows.is_empty() {
                     collected.first = state.tick;
                 }
+                let error =
+                    network.as_mut().and_then(|network| said(network, &regressors)).unwrap_or_default();
+                features.predicted(&error, scale);
                 let rests = features.rests();
                 let beyond = features.forecast();
+                let correction = features.along_slides(error.map(|error| error * scale));
+                let forecast = [rests[1][0] + beyond[0], rests[1][1] + beyond[1]];
                 collected.rows.push(Row {
                     regressors,
                     scale,
                     journal,
                     rests,
-                    forecast: [rests[1][0] + beyond[0], rests[1][1] + beyond[1]],
+                    forecast,
+                    piloted: [forecast[0] + correction[0], forecast[1] + correction[1]],
                     normal: features.along_slides([1.0, 0.0]),
                     directions: features.directions(),
                     free,
                 });
             }
         }
-    })?;
+    })
+    .map_err(|error| Failure { exit: error.exit, ..fault(&error) })?;
     Ok(collected)
+}
+
+/// What `network` says for `regressors`, in units of σ; nothing until it has all that it looks at.
+fn said(network: &mut Predictor, regressors: &[f64]) -> Option<[f64; 2]> {
+    let said = network.push(regressors, None).ok().flatten()?;
+    Some([said[0], said[1]])
 }
 
 /// Where the journal truly is, from an ideally tracked tool.
@@ -166,21 +207,4 @@ impl Truth {
         let off = Vector3::new(state.tool[0], state.tool[1], state.tool[2]) - tool;
         [[1.0, 0.0], [0.0, 1.0]].map(|slide| self.slides.deviation_with(q, &slide).dot(&off))
     }
-}
-
-/// The task of the controller of `spec`, with the true model in `folder`.
-fn task(subject: &Subject, spec: &RunSpec, folder: &std::path::Path) -> Result<Task, Failure> {
-    let parameters = toml::Table::from_iter([("clearance".to_owned(), toml::Value::from(spec.clearance))]);
-    let joint = Some(subject.arm.joints()[subject.joint].name.clone());
-    let effect = EffectTable { kind: Clearance::KIND.to_owned(), joint, parameters, line: 0 };
-    let file = ArmFile { arm: subject.arm.clone(), effects: vec![effect], ignored: Vec::new() };
-    let model = folder.join("model.toml");
-    crate::setup::write(&model, &to_toml(&file))?;
-    Ok(Task {
-        model: model.display().to_string(),
-        gravity: Some((*subject.arm.gravity()).into()),
-        rate: RATE,
-        path: spec.path.clone(),
-        ..Task::default()
-    })
 }

@@ -4,7 +4,6 @@ pub mod collect;
 pub mod scenarios;
 pub mod score;
 pub mod series;
-pub mod simulate;
 mod table;
 
 use std::ops::ControlFlow;
@@ -21,9 +20,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::exit::{Exit, Failure};
 use crate::run::Format;
 use crate::say::say;
-use crate::train::collect::{Collected, collect};
+use crate::train::collect::{Collected, Observer, collect};
+use crate::train::scenarios::{RunSpec, Subject};
 use crate::train::series::View;
-use crate::train::simulate::Subject;
 use crate::train::table::Figures;
 
 /// Steady contact is the same over and over: every so many windows of it train.
@@ -72,23 +71,20 @@ pub struct TrainArgs {
 /// An arm, a joint or weights that can't be used; runs that fail; a file that can't be written.
 pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
     let subject = subject(args)?;
-    let figures = match &args.evaluate {
+    let fitted = match &args.evaluate {
         Some(file) => {
             let narx = Narx::load(file).map_err(Failure::input)?;
             freeplay_controller::learned::check(&narx, &subject.arm).map_err(Failure::input)?;
-            let horizon = narx.layout().horizon;
-            table::score(
-                &Fitted { twin: narx, plain: None },
-                &gather(&subject, &scenarios::tests(args.quick), horizon)?,
-            )?
+            Fitted { twin: narx, plain: None }
         }
         None => {
             let fitted = learn(args, &subject)?;
             fitted.twin.save(&args.out).map_err(Failure::input)?;
             eprintln!("weights  {}", args.out.display());
-            table::score(&fitted, &gather(&subject, &scenarios::tests(args.quick), args.horizon)?)?
+            fitted
         }
     };
+    let figures = test(&subject, &fitted, args.quick)?;
     match args.format {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&figures).map_err(Failure::internal)?))?;
@@ -96,6 +92,16 @@ pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
         Format::Text => say(&Figures::in_words(&figures))?,
     }
     Ok(Exit::Done)
+}
+
+/// The table of `fitted` on the runs to be tested on: one step with a tracked tool, and the whole run without one.
+fn test(subject: &Subject, fitted: &Fitted, quick: bool) -> Result<Vec<Figures>, Failure> {
+    let (specs, horizon) = (scenarios::tests(quick), fitted.twin.layout().horizon);
+    let seeing = Observer { horizon, tracked: true, network: None };
+    let mut figures = table::score(fitted, &gather(subject, &specs, seeing)?)?;
+    let blind = Observer { horizon, tracked: false, network: Some(&fitted.twin) };
+    figures.extend(table::free_run(&gather(subject, &specs, blind)?, horizon));
+    Ok(figures)
 }
 
 fn subject(args: &TrainArgs) -> Result<Subject, Failure> {
@@ -119,9 +125,9 @@ pub struct Fitted {
     pub plain: Option<(Narx, Arx)>,
 }
 
-fn gather(subject: &Subject, specs: &[simulate::RunSpec], horizon: usize) -> Result<Vec<Collected>, Failure> {
+fn gather(subject: &Subject, specs: &[RunSpec], observer: Observer<'_>) -> Result<Vec<Collected>, Failure> {
     let bar = bar(specs.len() as u64, "runs");
-    let runs = collect(subject, specs, horizon, true, &bar)?;
+    let runs = collect(subject, specs, observer, &bar)?;
     bar.finish_and_clear();
     Ok(runs)
 }
@@ -140,7 +146,8 @@ fn learn(args: &TrainArgs, subject: &Subject) -> Result<Fitted, Failure> {
     let mut specs = scenarios::training();
     let training = specs.len();
     specs.extend(scenarios::validation());
-    let runs = gather(subject, &specs, args.horizon)?;
+    let observer = Observer { horizon: args.horizon, tracked: true, network: None };
+    let runs = gather(subject, &specs, observer)?;
     let names = specs[..training].iter().map(|spec| spec.name.clone()).collect();
     let provenance = |hidden: &[usize]| Provenance {
         arm: subject.arm.name().to_owned(),

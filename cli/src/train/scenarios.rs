@@ -2,9 +2,30 @@
 //!
 //! Nothing is tested on that trained: neither a path (its place, size or sharpness) nor a clearance.
 
+use freeplay_arm::Arm;
 use freeplay_path::{PathKind, PathSpec, Size};
 
-use crate::train::simulate::RunSpec;
+/// What is simulated.
+#[derive(Clone, Debug)]
+pub struct RunSpec {
+    /// For people.
+    pub name: String,
+    /// The reference.
+    pub path: PathSpec,
+    /// Radial clearance, m.
+    pub clearance: f64,
+    /// Name of the built-in controller.
+    pub controller: &'static str,
+}
+
+/// One arm and the joint of it that has play.
+#[derive(Clone, Debug)]
+pub struct Subject {
+    /// The nominal arm.
+    pub arm: Arm,
+    /// Index of the joint.
+    pub joint: usize,
+}
 
 /// One line of the list: kind, centre, size, period, blend, clearance in mm.
 struct Line(PathKind, [f64; 3], f64, f64, Option<f64>, f64);

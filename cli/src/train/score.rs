@@ -26,6 +26,8 @@ pub enum Part {
     Steady,
     /// The 50 ms around detachments.
     Detachment,
+    /// The whole run, predicted without ever seeing the tool.
+    FreeRun,
 }
 
 /// The windows of run `run` that are scored, by part; from `from` ticks of the run on.
@@ -46,6 +48,13 @@ pub fn windows(
         parts[usize::from(near[target])].push(Window { run, present, target });
     }
     parts
+}
+
+/// Every window of run `run` that is scored.
+pub fn whole(runs: &[Collected], run: usize, horizon: usize) -> Vec<Window> {
+    let mut all = windows(runs, run, horizon, horizon, 0).concat();
+    all.sort_by_key(|window| window.present);
+    all
 }
 
 /// Whether each row is around a detachment.

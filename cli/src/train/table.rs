@@ -7,11 +7,13 @@ use serde::Serialize;
 
 use crate::exit::Failure;
 use crate::train::Fitted;
-use crate::train::collect::Collected;
+use crate::train::collect::{Collected, Row};
 use crate::train::score::{self, LEAST_ERROR, LEAST_VARIATION, Part};
 use crate::train::series::{View, journals};
 
 const AXES: [&str; 3] = ["x", "y", "z"];
+/// How the names of the baselines begin, column by column.
+const BASELINES: [&str; 4] = ["persistence", "quasi-static", "ridge", "previous"];
 
 /// One axis in one part of one run.
 #[derive(Clone, Debug, Serialize)]
@@ -56,12 +58,17 @@ impl Figures {
             let micro = |value: f64| format!("{:.3}", value * 1e6);
             let skill =
                 |error: f64| one.skill(error).map_or_else(|| "–".to_owned(), |skill| format!("{skill:.3}"));
-            let part = if one.part == Part::Steady { "steady" } else { "detach" };
+            let part = match one.part {
+                Part::Steady => "steady",
+                Part::Detachment => "detach",
+                Part::FreeRun => "free run",
+            };
             let mut row = vec![one.run.clone(), part.to_owned(), one.axis.to_owned()];
             row.extend([one.count.to_string(), micro(one.spread)]);
-            row.extend(
-                (0..4).map(|i| one.baselines.get(i).map_or_else(|| "–".into(), |(_, rms)| micro(*rms))),
-            );
+            row.extend(BASELINES.map(|known| {
+                let found = one.baselines.iter().find(|(name, _)| name.starts_with(known));
+                found.map_or_else(|| "–".into(), |(_, rms)| micro(*rms))
+            }));
             row.push(one.plain.map_or_else(|| "–".into(), micro));
             row.extend([micro(one.twin), micro(one.network)]);
             row.push(one.plain.map_or_else(|| "–".into(), skill));
@@ -74,17 +81,50 @@ impl Figures {
             }
         }
         let mut text = format!("{table}\n");
-        let skills: Vec<f64> = all.iter().filter_map(|one| one.skill(one.network)).collect();
-        let better = skills.iter().filter(|skill| **skill > 0.0).count();
+        let counted = |free: bool| {
+            let rows = all.iter().filter(|one| (one.part == Part::FreeRun) == free);
+            let skills: Vec<f64> = rows.filter_map(|one| one.skill(one.network)).collect();
+            (skills.iter().filter(|skill| **skill > 0.0).count(), skills.len())
+        };
+        let ((better, rows), (better_free, rows_free)) = (counted(false), counted(true));
         let _ = writeln!(
             text,
-            "\nRMS errors in µm after 0.5 s; skill = 1 - MSE / MSE of the best baseline, above 0 in {better} of {} rows; – where that \
-             baseline is off by less than {} nm: nothing is left to predict",
-            skills.len(),
+            "\nRMS errors in µm after 0.5 s; skill = 1 - MSE / MSE of the best baseline, above 0 in {better} of {rows} rows; – where that \
+             baseline is off by less than {} nm: nothing is left to predict.\nFree run: the tool is never seen, the twin goes on from its own \
+             estimate over the whole run; against quasi-static alone the skill is above 0 in {better_free} of {rows_free} rows.",
             LEAST_ERROR * 1e9
         );
         text
     }
+}
+
+/// Scores what was predicted in `runs` without ever seeing the tool, beside quasi-static alone.
+pub fn free_run(runs: &[Collected], horizon: usize) -> Vec<Figures> {
+    let mut all = Vec::new();
+    for (index, run) in runs.iter().enumerate() {
+        let windows = score::whole(runs, index, horizon);
+        let truth = score::truth(runs, &windows);
+        let of = |said: fn(&Row) -> [f64; 2]| {
+            let said: Vec<_> = windows.iter().map(|window| said(&run.rows[window.present])).collect();
+            score::errors(runs, &windows, &truth, &said).map(f64::sqrt)
+        };
+        let (statics, twin, network) =
+            (of(|row| row.rests[1]), of(|row| row.forecast), of(|row| row.piloted));
+        let spread = score::variance(runs, &windows, &truth).map(f64::sqrt);
+        let moves = AXES.into_iter().enumerate().filter(|(axis, _)| spread[*axis] > LEAST_VARIATION);
+        all.extend(moves.map(|(axis, name)| Figures {
+            run: run.spec.name.clone(),
+            part: Part::FreeRun,
+            axis: name,
+            count: windows.len(),
+            spread: spread[axis],
+            baselines: vec![("quasi-static", statics[axis])],
+            plain: None,
+            twin: twin[axis],
+            network: network[axis],
+        }));
+    }
+    all
 }
 
 /// Scores `fitted` on `runs`, which it has not seen.

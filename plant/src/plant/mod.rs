@@ -25,7 +25,7 @@ use crate::cause::Links;
 use crate::misses::Misses;
 use crate::round_trips::RoundTrips;
 use crate::{
-    Applied, Braking, DeviationStatistics, Hermite, LineUp, Rejection, Sensors, Stages, System, TickRecord,
+    AnswerCounts, Applied, Braking, DeviationStatistics, Hermite, JointUse, LineUp, Rejection, Sensors, Stages, System, TickRecord,
     Wishes,
 };
 
@@ -44,6 +44,8 @@ pub struct Plant {
     queue: Arc<ArrayQueue<TickRecord>>,
     stages: Stages,
     deviation: DeviationStatistics,
+    joint_use: JointUse,
+    answers: AnswerCounts,
     deadlines: Deadlines,
     applied: Applied,
     motion: Hermite,
@@ -159,6 +161,16 @@ impl Plant {
     /// The tool's deviation.
     pub fn deviation(&self) -> &DeviationStatistics {
         &self.deviation
+    }
+
+    /// What was asked of the drives.
+    pub fn joint_use(&self) -> &JointUse {
+        &self.joint_use
+    }
+
+    /// How the controllers in charge arrived at their answers.
+    pub fn answers(&self) -> AnswerCounts {
+        self.answers
     }
 
     /// Ticks without a command in time.

@@ -13,7 +13,7 @@ use crate::attendance::Attendance;
 use crate::cause::Links;
 use crate::plant::{Deadlines, PUBLISHED, Plant, PlantConfig, PlantError};
 use crate::{
-    Applied, Braking, DeviationStatistics, GateLimits, Hermite, LineUp, Sensors, Stages, TickRecord, Wishes,
+    AnswerCounts, Applied, Braking, DeviationStatistics, GateLimits, Hermite, JointUse, LineUp, Sensors, Stages, TickRecord, Wishes,
 };
 
 /// Deceleration of a braking joint whose file names no acceleration limit, rad/s² (m/s²).
@@ -52,6 +52,8 @@ impl Plant {
             sensors: Sensors::new(&config.sensors, joints, config.seed),
             stages: Stages::new()?,
             deviation: DeviationStatistics::new(DeviationStatistics::START),
+            joint_use: JointUse::new(&config.arm, period),
+            answers: AnswerCounts::default(),
             deadlines: Deadlines::default(),
             applied: Applied::Guided,
             motion: Hermite::new(joints),

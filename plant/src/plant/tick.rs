@@ -118,6 +118,7 @@ impl Plant {
         let pose = self.system.tool();
         let deviation = pose.translation.vector - desired.translation.vector;
         self.deviation.add(time, &deviation);
+        self.joint_use.add(&self.system);
         let tool = tool_row(&pose);
         self.sense(tick, tool, &mut link);
         TickRecord {
@@ -257,6 +258,9 @@ impl Plant {
     fn keep(&mut self, record: TickRecord) {
         let before = now_ns();
         self.peak_base_force = self.peak_base_force.max(record.peak_base_force);
+        if let Some(command) = &record.command {
+            self.answers.add(command.status);
+        }
         let mut pending = self.queue.push(record);
         self.stages.record(Stage::Record, now_ns() - before);
         while let (Err(record), Pace::Lockstep) = (pending, self.config.pace) {

@@ -1,0 +1,48 @@
+//! How the controller in charge says that it arrived at its answers, counted by name.
+
+use freeplay_shm::CommandStatus;
+use serde::Serialize;
+
+/// Answers of a run by their status; those that never came are not among them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct AnswerCounts {
+    /// Computed as intended.
+    pub ok: u64,
+    /// A quadratic programme had no solution, or its planning none before the run; the answer is the controller's own fallback.
+    pub qp_failed: u64,
+    /// A quadratic programme stopped at its limit of iterations.
+    pub qp_limit: u64,
+    /// The controller gave up; the gate took its fallback.
+    pub no_answer: u64,
+    /// A status that this version does not know.
+    pub unknown: u64,
+}
+
+impl AnswerCounts {
+    /// Counts an answer whose message says `status`.
+    pub fn add(&mut self, status: u32) {
+        let count = match CommandStatus::from_code(status) {
+            Some(CommandStatus::Ok) => &mut self.ok,
+            Some(CommandStatus::QpFailed) => &mut self.qp_failed,
+            Some(CommandStatus::QpLimit) => &mut self.qp_limit,
+            Some(CommandStatus::NoAnswer) => &mut self.no_answer,
+            None => &mut self.unknown,
+        };
+        *count += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_status_has_a_count_of_its_own() {
+        let mut counts = AnswerCounts::default();
+        for (status, times) in [(0, 5), (1, 4), (2, 3), (3, 2), (77, 1)] {
+            (0..times).for_each(|_| counts.add(status));
+        }
+        let expected = AnswerCounts { ok: 5, qp_failed: 4, qp_limit: 3, no_answer: 2, unknown: 1 };
+        assert_eq!(counts, expected);
+    }
+}

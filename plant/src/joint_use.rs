@@ -1,0 +1,140 @@
+//! What a run asks of the drives: the greatest speed, acceleration and torque of every joint, beside its limits.
+//!
+//! Taken once a tick on the motor's side. The speed is that of the tick; the acceleration is the mean over the tick, the change of the
+//! speed over its length, which an impact in a bearing cannot make infinite; the torque is that in force (for prescribed joints, what
+//! they needed in the last sub-step).
+
+use freeplay_arm::{Arm, Limits};
+use serde::Serialize;
+
+use crate::{DeviationStatistics, System};
+
+/// One quantity of one joint: rad/s, rad/s² or N·m (m/s, m/s², N).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Used {
+    /// Greatest magnitude of the run; the bounces of a journal that starts in the middle of its bearing throw a light joint about.
+    pub peak: f64,
+    /// Greatest magnitude after [`DeviationStatistics::START`].
+    pub peak_after_start: f64,
+    /// The limit; none where the arm file names none.
+    pub limit: Option<f64>,
+    /// Peak after the start over limit; none without a limit.
+    pub share: Option<f64>,
+}
+
+impl Used {
+    fn of([peak, peak_after_start]: [f64; 2], limit: f64) -> Self {
+        let limit = limit.is_finite().then_some(limit);
+        Self { peak, peak_after_start, limit, share: limit.map(|limit| peak_after_start / limit) }
+    }
+}
+
+/// What one joint was asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct UsedByJoint {
+    /// Speed.
+    pub speed: Used,
+    /// Acceleration, mean over a tick.
+    pub acceleration: Used,
+    /// Torque of the motor.
+    pub torque: Used,
+}
+
+impl UsedByJoint {
+    /// The quantities with their names.
+    pub fn all(&self) -> [(&'static str, Used); 3] {
+        [("speed", self.speed), ("acceleration", self.acceleration), ("torque", self.torque)]
+    }
+}
+
+/// The greatest of a run.
+#[derive(Clone, Debug)]
+pub struct JointUse {
+    limits: Vec<Limits>,
+    period: f64,
+    /// |v|, |a|, |τ| by joint: of the run, and after its start.
+    peaks: Vec<[[f64; 2]; 3]>,
+    /// Speeds of the last tick.
+    before: Vec<Option<f64>>,
+}
+
+impl JointUse {
+    /// Nothing used yet of the joints of `arm`, in ticks of `period` seconds.
+    pub fn new(arm: &Arm, period: f64) -> Self {
+        Self {
+            limits: arm.joints().iter().map(|joint| joint.limits).collect(),
+            period,
+            peaks: vec![[[0.0; 2]; 3]; arm.dof()],
+            before: vec![None; arm.dof()],
+        }
+    }
+
+    /// Takes in where `system` is; to be called once a tick.
+    pub fn add(&mut self, system: &System) {
+        let started = system.time() >= DeviationStatistics::START;
+        for (joint, (peaks, before)) in self.peaks.iter_mut().zip(&mut self.before).enumerate() {
+            let [_, v, _] = system.joint(joint);
+            let acceleration = before.map_or(0.0, |before| (v - before) / self.period);
+            *before = Some(v);
+            for (peak, value) in peaks.iter_mut().zip([v, acceleration, system.motor_torque()[joint]]) {
+                peak[0] = peak[0].max(value.abs());
+                if started {
+                    peak[1] = peak[1].max(value.abs());
+                }
+            }
+        }
+    }
+
+    /// What each joint was asked for.
+    pub fn joints(&self) -> Vec<UsedByJoint> {
+        let pairs = self.peaks.iter().zip(&self.limits);
+        pairs
+            .map(|(&[speed, acceleration, torque], limits)| UsedByJoint {
+                speed: Used::of(speed, limits.velocity),
+                acceleration: Used::of(acceleration, limits.acceleration),
+                torque: Used::of(torque, limits.effort),
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
+    use super::*;
+    use crate::{Hermite, Input};
+    use freeplay_arm::paper_arm;
+    use freeplay_laws::ArmWithPlay;
+
+    #[test]
+    fn a_constant_torque_gives_the_peaks_of_the_equation_of_motion() {
+        let arm = paper_arm().arm;
+        let mut system = System::new(ArmWithPlay::new(&arm, &[]).unwrap(), &arm, 1e-3, 50).unwrap();
+        system.start(&[0.0; 6], &[0.0; 6]);
+        let mut used = JointUse::new(&arm, 1e-3);
+        // The vertical first joint alone: about it gravity has no moment, so that τ = M₁₁ a.
+        let torque = 300.0;
+        let mut inertia = nalgebra::DMatrix::zeros(6, 6);
+        freeplay_arm::crba(&arm, &mut freeplay_arm::Workspace::new(&arm), &[0.0; 6], &mut inertia);
+        let expected = torque / inertia[(0, 0)];
+        let driven = [false, true, true, true, true, true];
+        let still = Hermite::new(6);
+        for _ in 0..600 {
+            used.add(&system);
+            let torques = [torque, 0.0, 0.0, 0.0, 0.0, 0.0];
+            system.tick(&Input { torque: &torques, driven: &driven, motion: &still }).unwrap();
+        }
+        used.add(&system);
+        let first = used.joints()[0];
+        assert!(expected > 1.0, "{expected}");
+        assert!((first.acceleration.peak / expected - 1.0).abs() < 1e-3, "{first:?}, expected {expected}");
+        assert!((first.speed.peak / (expected * 0.6) - 1.0).abs() < 1e-3, "{first:?}");
+        assert_eq!(first.torque.peak, torque);
+        let limit = arm.joints()[0].limits.effort;
+        assert_eq!(first.torque.share, limit.is_finite().then(|| torque / limit));
+        // A drive without a limit has no share; what came before the start does not count for it.
+        assert_eq!(Used::of([1.0; 2], f64::INFINITY).share, None);
+        assert_eq!(Used::of([5.0, 1.0], 2.0).share, Some(0.5));
+    }
+}
