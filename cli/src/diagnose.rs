@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use freeplay_arm::{ArmFile, to_toml};
@@ -19,6 +20,8 @@ use crate::run::Format;
 use crate::say::say;
 use crate::setup::{load_model, write};
 
+/// A diagnosis that takes longer tells on the error output what it is doing.
+const PATIENCE: Duration = Duration::from_secs(2);
 /// Width of the longest bar, characters.
 const BAR: f64 = 24.0;
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
@@ -107,8 +110,14 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let file = load_model(&args.model)?;
     let read = |path: &PathBuf| freeplay_recording::read(path, Some(file.arm.dof())).map_err(Failure::input);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
+    let begin = Instant::now();
+    let mut progress = |what: &str| {
+        if begin.elapsed() > PATIENCE {
+            eprintln!("{:5.1} s  {what}", begin.elapsed().as_secs_f64());
+        }
+    };
     let mut diagnosis =
-        diagnosed(&file, &recordings, &settings, &mut |_| {}).map_err(|error| match error {
+        diagnosed(&file, &recordings, &settings, &mut progress).map_err(|error| match error {
             DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
             other => Failure::input(other),
         })?;

@@ -33,16 +33,19 @@ pub(crate) struct Weighing {
     pub deviation: Vec<f64>,
     /// Effective number of samples.
     pub effective: Vec<f64>,
+    /// Long-run variance of what the laws that were taken in miss, in squares of the channel's unit.
+    pub misfit: Vec<f64>,
 }
 
 impl Weighing {
-    /// w = n_eff/(n σ²) of every channel, with σ at least `floor`.
+    /// w = 1/(σ² n/n_eff + misfit) of every channel, with σ at least `floor`: one over the long-run variance.
     pub fn weights(&self, rows: &[f64], floor: &[f64]) -> Vec<f64> {
-        let channels = self.deviation.iter().zip(&self.effective).zip(rows.iter().zip(floor));
+        let channels =
+            self.deviation.iter().zip(&self.effective).zip(&self.misfit).zip(rows.iter().zip(floor));
         channels
-            .map(|((deviation, effective), (rows, floor))| {
-                let deviation = deviation.max(*floor);
-                if *rows < 1.0 || deviation <= 0.0 { 0.0 } else { effective / rows / deviation.powi(2) }
+            .map(|(((deviation, effective), misfit), (rows, floor))| {
+                let variance = deviation.max(*floor).powi(2) * rows / effective.max(1.0) + misfit;
+                if *rows < 1.0 || variance <= 0.0 { 0.0 } else { 1.0 / variance }
             })
             .collect()
     }
@@ -153,7 +156,8 @@ impl<'a> Case<'a> {
 
     /// What nothing explains in each channel: what the unnamed correction leaves of `residual`.
     pub fn weigh(&self, residual: &[Vec<f64>]) -> Weighing {
-        let mut weighing = Weighing { deviation: Vec::new(), effective: Vec::new() };
+        let nothing = vec![0.0; residual.len()];
+        let mut weighing = Weighing { deviation: Vec::new(), effective: Vec::new(), misfit: nothing };
         for ((residual, universal), kept) in residual.iter().zip(&self.universal).zip(&self.kept) {
             let rest: Vec<f64> =
                 residual.iter().zip(universal.explained(residual)).map(|(r, e)| r - e).collect();

@@ -5,32 +5,30 @@ use std::collections::BTreeMap;
 use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_laws::LawError;
 use nalgebra::DMatrix;
-use toml::{Table, Value};
 
-use super::case::Case;
 use super::engine::DiagnoseSettings;
 use super::hypothesis::Hypothesis;
 use super::interval::draws;
 use super::judge::{Judge, Proof};
 use super::locate::{Map, correct, maps};
+use super::numbers::{parameters, widened};
 use super::passage::{noise, passages};
 use super::report::{
-    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Parameter, Rmse,
-    Tuned, Untestable, Verdict,
+    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Rmse, Tuned,
+    Untestable, Verdict,
 };
 use super::search::Search;
 use super::show::HeldOut;
 use super::words;
 use crate::residual::Kind;
 
-/// Twice the log of the odds below which two effects are not told apart: 150 to 1.
-const TOLD_APART: f64 = 10.0;
 /// Share of what an unnamed correction explains that naming may leave unexplained, in squares.
 const UNNAMED_SHARE: f64 = 0.2;
 /// Least share of the error that an unnamed correction takes away for something to be missing at all.
 const LEAST_UNNAMED: f64 = 0.1;
-/// Most alternatives that are listed.
-const ALTERNATIVES: usize = 6;
+
+/// Chance below which a part of the motion is named.
+const SIGNIFICANT: f64 = 0.05;
 
 /// All that a conclusion rests on.
 pub(crate) struct Conclusion<'c, 'a, 'b> {
@@ -123,7 +121,7 @@ impl Conclusion<'_, '_, '_> {
         &self.file.arm
     }
 
-    fn joint_name(&self, joint: Option<usize>) -> Option<String> {
+    pub(super) fn joint_name(&self, joint: Option<usize>) -> Option<String> {
         joint.map(|joint| self.arm().joints()[joint].name.clone())
     }
 
@@ -144,7 +142,7 @@ impl Conclusion<'_, '_, '_> {
         let covariance = search.system.covariance(&fit);
         let mut at = search.nuisances().len();
         let (mut tables, mut effects) = (Vec::new(), Vec::new());
-        for (chosen, proof) in search.chosen.iter().zip(self.proofs) {
+        for (index, (chosen, proof)) in search.chosen.iter().zip(self.proofs).enumerate() {
             let hypothesis = &search.hypotheses[chosen.hypothesis];
             let columns = at..at + hypothesis.size();
             at = columns.end;
@@ -158,7 +156,7 @@ impl Conclusion<'_, '_, '_> {
                     widened(&column, fit.eta[k], covariance[(k, k)].sqrt())
                 })
                 .collect();
-            let parameters = parameters(hypothesis, search.case, &table, &spread);
+            let parameters = parameters(search, index, &table, &spread, self.settings.seed);
             let joint = self.joint_name(hypothesis.joint);
             let statement = words::statement(hypothesis.kind, joint.as_deref(), parameters.iter());
             tables.push(EffectTable {
@@ -190,70 +188,6 @@ impl Conclusion<'_, '_, '_> {
             held_out: proof.held_out,
             channels: proof.channels.iter().map(|&c| channels[c].name.clone()).collect(),
         }
-    }
-
-    /// What else could stand in the place of each named effect, the closest first.
-    fn alternatives(&self) -> Vec<Alternative> {
-        let search = self.search;
-        let mut all = Vec::new();
-        for (index, chosen) in search.chosen.iter().enumerate() {
-            let named = &search.hypotheses[chosen.hypothesis];
-            let Some(fit) = search.system.fit(&search.active(Some(index))) else { continue };
-            let Some(all_in) = search.system.fit(&search.active(None)) else { continue };
-            let weighing = search.case.weigh(&search.system.residual(&fit));
-            let merit = search.merit(named, chosen.gain, &weighing);
-            let mut best: BTreeMap<(&str, Option<usize>), (f64, &Hypothesis)> = BTreeMap::new();
-            for other in &search.hypotheses {
-                let taken = search.chosen.iter().any(|c| search.hypotheses[c.hypothesis].same_effect(other));
-                if taken || is_nested(named, other) {
-                    continue;
-                }
-                let Some(score) = search.system.score(&fit, &other.block) else { continue };
-                if !other.is_physical(&score) {
-                    continue;
-                }
-                // What it explains beside the named effect is no reason to put it in that one's place.
-                let beside = search.system.score(&all_in, &other.block).map_or(0.0, |score| score.gain);
-                let others = search.merit(other, score.gain - beside, &weighing);
-                let entry = best.entry((other.kind.name, other.joint)).or_insert((others, other));
-                if others > entry.0 {
-                    *entry = (others, other);
-                }
-            }
-            for entry in best.values_mut() {
-                let block = &entry.1.block;
-                let exact = search.system.exact_score(&fit, block);
-                let beside = search.system.exact_score(&all_in, block).map_or(0.0, |score| score.gain);
-                let exact = exact.filter(|score| entry.1.is_physical(score));
-                let gain = exact.map_or(0.0, |score| score.gain - beside);
-                entry.0 = search.merit(entry.1, gain, &weighing);
-            }
-            let explained = |merit_: f64| 100.0 * (1.0 - merit_ / merit.max(f64::MIN_POSITIVE));
-            all.extend(best.into_values().map(|(others, other)| {
-                let behind = merit - others;
-                let indistinguishable = behind < TOLD_APART;
-                let instead_of =
-                    format!("{} {}", named.kind.name, words::site(self.joint_name(named.joint).as_deref()));
-                let why_not = if indistinguishable {
-                    "says it as well in this motion".to_owned()
-                } else {
-                    format!("explains {:.0} % less", explained(others).clamp(0.0, 100.0))
-                };
-                Alternative {
-                    kind: other.kind.name,
-                    joint: self.joint_name(other.joint),
-                    instead_of,
-                    why_not,
-                    indistinguishable,
-                    what_would_separate: separates(named, other),
-                    log_odds_against: 0.5 * behind,
-                }
-            }));
-        }
-        all.sort_by(|a, b| a.log_odds_against.total_cmp(&b.log_odds_against));
-        let sure = all.iter().filter(|alternative| alternative.indistinguishable).count();
-        all.truncate(sure.max(ALTERNATIVES));
-        all
     }
 
     /// The strongest shape of every kind at every place, alone and beside what was named.
@@ -366,7 +300,7 @@ impl Conclusion<'_, '_, '_> {
                     joint: self.joint_name(joint),
                     channels: names,
                     share: if all > 0.0 { sum / all } else { 0.0 },
-                    when: words::when(strongest),
+                    when: words::when(strongest.filter(|map| map.p < SIGNIFICANT)),
                     p: strongest.map_or(1.0, |map| map.p),
                 }
             })
@@ -409,7 +343,7 @@ impl Conclusion<'_, '_, '_> {
         location: &[Location],
     ) -> Verdict {
         if self.proofs.is_empty() {
-            let seen = location.iter().any(|place| place.p < 0.05);
+            let seen = location.iter().any(|place| place.p < SIGNIFICANT);
             return if channels.is_empty() || !seen { Verdict::NothingMissing } else { Verdict::Unknown };
         }
         let left = |gain: f64| (1.0 - gain).powi(2);
@@ -422,74 +356,6 @@ impl Conclusion<'_, '_, '_> {
         let undecided = alternatives.iter().any(|alternative| alternative.indistinguishable);
         if undecided { Verdict::OneOf } else { Verdict::Named }
     }
-}
-
-/// Two kinds at one place of which one contains the other are tested nested, not as alternatives.
-fn is_nested(a: &Hypothesis, b: &Hypothesis) -> bool {
-    let contains =
-        |a: &Hypothesis, b: &Hypothesis| a.kind.contains.iter().any(|(kind, _)| *kind == b.kind.name);
-    a.joint == b.joint && (contains(a, b) || contains(b, a))
-}
-
-/// What separates two kinds, by the catalogue.
-fn separates(named: &Hypothesis, other: &Hypothesis) -> String {
-    if named.kind.name == other.kind.name {
-        return "a motion in which the two joints do not move alike".to_owned();
-    }
-    let of = |a: &Hypothesis, b: &Hypothesis| {
-        a.kind
-            .confounders
-            .iter()
-            .find(|(kind, _)| *kind == b.kind.name)
-            .map(|(kind, how)| format!("{kind} {how}"))
-    };
-    of(named, other)
-        .or_else(|| of(other, named))
-        .unwrap_or_else(|| "a motion that varies speed, load and position independently".to_owned())
-}
-
-/// `draws` about `value`, spread at least as wide as `deviation`.
-fn widened(draws: &[f64], value: f64, deviation: f64) -> Vec<f64> {
-    let count = draws.len().max(1) as f64;
-    let mean = draws.iter().sum::<f64>() / count;
-    let spread = (draws.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let wider = if spread > 0.0 { (deviation / spread).max(1.0) } else { 1.0 };
-    draws.iter().map(|x| value + wider * (x - mean)).collect()
-}
-
-/// The parameters in `table` with intervals by the draws `spread` of the coefficients.
-fn parameters(
-    hypothesis: &Hypothesis,
-    case: &Case,
-    table: &Table,
-    spread: &[Vec<f64>],
-) -> BTreeMap<String, Parameter> {
-    let joint = hypothesis.joint.map(|joint| &case.stages[0].arm().joints()[joint]);
-    let count = spread.first().map_or(0, Vec::len);
-    let drawn: Vec<Table> = (0..count)
-        .map(|k| {
-            let beta: Vec<f64> = spread.iter().map(|column| column[k]).collect();
-            hypothesis.kind.compose(&hypothesis.shape, &beta)
-        })
-        .collect();
-    let interval = |name: &str| {
-        let mut values: Vec<f64> =
-            drawn.iter().filter_map(|table| table.get(name).and_then(Value::as_float)).collect();
-        values.sort_by(f64::total_cmp);
-        let (first, last) = (values.first()?, values.last()?);
-        (first < last).then(|| [values[values.len() / 40], values[values.len() - 1 - values.len() / 40]])
-    };
-    table
-        .iter()
-        .map(|(name, value)| {
-            let parameter = Parameter {
-                value: value.clone(),
-                unit: hypothesis.kind.unit(name, joint).to_owned(),
-                ci95: interval(name),
-            };
-            (name.clone(), parameter)
-        })
-        .collect()
 }
 
 /// Puts the verdict into words.

@@ -109,10 +109,10 @@ pub fn diagnose(
         .ok_or(DiagnoseError::Singular)?;
     progress("searching");
     let mut search = Search::new(&fitted, system, hypotheses, null);
-    search.run().ok_or(DiagnoseError::Singular)?;
+    search.run(progress).ok_or(DiagnoseError::Singular)?;
     progress("judging on held-out data");
     let judge = Judge::new(&held, settings.seed);
-    let proofs = judge.sift(&mut search)?.ok_or(DiagnoseError::Singular)?;
+    let proofs = judge.sift(&mut search, progress)?.ok_or(DiagnoseError::Singular)?;
     let conclusion =
         Conclusion { file, settings, search: &search, judge: &judge, proofs: &proofs, data: &parts.how };
     conclusion.diagnosis(notes, untestable)?.ok_or(DiagnoseError::Singular)

@@ -46,8 +46,11 @@ pub(crate) fn null(
         }
         null.floor = squares.iter().map(|square| square.sqrt()).collect();
         null.effective = effective;
-        let weighing =
-            super::case::Weighing { deviation: null.floor.clone(), effective: null.effective.clone() };
+        let weighing = super::case::Weighing {
+            deviation: null.floor.clone(),
+            effective: null.effective.clone(),
+            misfit: nothing.clone(),
+        };
         weights = Some(weighing.weights(&rows, &nothing));
     }
     for mut twin in twins {

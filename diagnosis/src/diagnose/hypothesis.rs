@@ -34,7 +34,12 @@ impl Hypothesis {
 
     /// Whether the coefficients of `score` are physical.
     pub fn is_physical(&self, score: &Score) -> bool {
-        self.terms.iter().zip(score.beta.iter()).all(|(term, beta)| *beta >= term.least && *beta <= term.most)
+        self.is_possible(score.beta.as_slice())
+    }
+
+    /// Whether these coefficients are physical.
+    pub fn is_possible(&self, beta: &[f64]) -> bool {
+        self.terms.iter().zip(beta).all(|(term, beta)| *beta >= term.least && *beta <= term.most)
     }
 
     /// Channels in which it shows.

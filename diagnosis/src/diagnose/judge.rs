@@ -10,6 +10,10 @@ use super::system::{Column, System};
 
 /// Least share of the error that a finding takes away where it shows.
 const LEAST_GAIN: f64 = 0.05;
+/// How often the search goes on after an effect did not prove itself.
+const RENEWALS: usize = 6;
+/// The same for one effect beside the others, which the cross-validation has passed.
+const LEAST_HELD_OUT: f64 = 0.03;
 /// Share of an effect's own weight that a channel must carry to count as one in which it shows.
 const SHOWS: f64 = 0.1;
 
@@ -171,20 +175,29 @@ impl<'a, 'b> Judge<'a, 'b> {
     ///
     /// # Errors
     /// See [`LawError`]; `None` if a fit is singular.
-    pub fn sift(&self, search: &mut Search) -> Result<Option<Vec<Proof>>, LawError> {
+    pub fn sift(
+        &self,
+        search: &mut Search,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Option<Vec<Proof>>, LawError> {
+        let mut rounds = 0;
         loop {
             let mut proofs = Vec::new();
             for index in 0..search.chosen.len() {
                 let Some(proof) = self.proof(search, index)? else { return Ok(None) };
                 proofs.push(proof);
             }
-            let fails = |proof: &Proof| proof.gain.value < LEAST_GAIN || proof.gain.ci95[0] <= 0.0;
+            let fails = |proof: &Proof| proof.gain.value < LEAST_HELD_OUT;
             let weakest = (0..proofs.len())
                 .filter(|&index| fails(&proofs[index]))
                 .min_by(|&a, &b| proofs[a].gain.value.total_cmp(&proofs[b].gain.value));
             let Some(index) = weakest else { return Ok(Some(proofs)) };
-            search.chosen.remove(index);
-            if search.settle().is_none() {
+            let [low, high] = proofs[index].gain.ci95.map(|share| 100.0 * share);
+            progress(&format!("{} does not prove itself: {low:.0} to {high:.0} %", search.in_words(index)));
+            search.veto(index);
+            rounds += 1;
+            if rounds <= RENEWALS && search.improve_validated(progress).is_none() || search.settle().is_none()
+            {
                 return Ok(None);
             }
         }

@@ -8,10 +8,11 @@
 //! - `quality`: what the recordings are good for.
 //! - `hypothesis`: each kind of effect at each place in each shape.
 //! - `noise`, `twins` and `floor`: what is found in nothing.
-//! - `search`: which effects explain what the model leaves.
+//! - `search`, `select` and `refine`: which effects explain what the model leaves, and in which shape;
+//!   `validate`: whether they do so where they were not fitted.
 //! - `show` and `judge`: what they are worth on held-out data.
 //! - `variables` and `passage`: what pictures are drawn from.
-//! - `interval`, `locate`, `words`, `conclude`, `report`: what is said.
+//! - `interval`, `numbers`, `rivals`, `locate`, `words`, `conclude`, `report`: what is said.
 //! - `engine`: all of it.
 //! - `excite`: the next motion, where two causes remain.
 
@@ -25,17 +26,22 @@ mod interval;
 mod judge;
 mod locate;
 mod noise;
+mod numbers;
 mod parts;
 mod passage;
 mod quality;
+mod refine;
 mod report;
+mod rivals;
 mod search;
+mod select;
 mod show;
 mod stage;
 mod system;
 mod tolerance;
 mod twins;
 mod universal;
+mod validate;
 mod variables;
 mod words;
 

@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use freeplay_recording::Recording;
 
-/// Most numbers (samples times columns) that one diagnosis works on; what is longer is thinned to windows.
+/// Most samples that one diagnosis works on, and most of them times joints if that is more; what is longer is thinned to windows.
 const MOST_SAMPLES: usize = 60_000;
+const MOST_NUMBERS: usize = 300_000;
 /// Windows that a long recording is thinned to.
 const WINDOWS: usize = 8;
 /// Share of a single recording that the fit rests on.
@@ -28,7 +29,9 @@ pub(crate) struct Parts {
 impl Parts {
     /// Parts `recordings`: the last of several is held out, else the last 30 % of the only one.
     pub fn of(recordings: &[Recording]) -> Self {
-        let (mut notes, share) = (Vec::new(), MOST_SAMPLES / recordings.len().max(1));
+        let joints = recordings.first().map_or(1, |recording| recording.joints().max(1));
+        let most = MOST_SAMPLES.max(MOST_NUMBERS / joints);
+        let (mut notes, share) = (Vec::new(), most / recordings.len().max(1));
         let mut all: Vec<Recording> =
             recordings.iter().map(|whole| thinned(whole, share, &mut notes)).collect();
         if all.len() > 1 {
@@ -122,7 +125,7 @@ mod tests {
         let parts = Parts::of(std::slice::from_ref(&long));
         let count = parts.fitted[0].len() + parts.held[0].len();
         println!("{count} of {} samples", long.len());
-        assert!(count <= MOST_SAMPLES && count > MOST_SAMPLES / 2);
+        assert!(count <= MOST_NUMBERS && count > MOST_NUMBERS / 2);
         assert_eq!(parts.held[0].t.last(), long.t.last());
         assert_eq!(parts.notes.len(), 1);
     }

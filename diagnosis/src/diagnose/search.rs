@@ -1,24 +1,18 @@
-//! Which effects explain what the model leaves: forward selection under thresholds that twins set, and backward elimination.
+//! Which effects explain what the model leaves: what is asked, what was taken in, and what it is worth. How the choice is made is in
+//! `select`, how shapes are moved in `refine`.
 
 use std::collections::BTreeMap;
 
 use super::case::{Case, Weighing};
-use super::hypothesis::{Hypothesis, hypothesis};
-use super::system::{Fit, Score, System};
+use super::hypothesis::Hypothesis;
+use super::system::{Fit, System};
 
-/// Most effects that are named, and most kinds among them: friction sits on every joint of a real machine.
-const MOST_EFFECTS: usize = 24;
-const MOST_KINDS: usize = 6;
-/// How often weights and winner are brought into agreement.
-const ROUNDS: usize = 4;
 /// Chance that a perfect recording makes any hypothesis as strong as the threshold.
 const ALARM: f64 = 1e-4;
-/// Factors by which the numbers of a shape are moved.
-const REFINEMENTS: [f64; 4] = [1.2, 1.08, 1.03, 1.01];
-/// Kinds whose merits differ by less than this share are judged by their strongest place.
-const ALIKE: f64 = 0.05;
 /// Twins are few: the threshold stands this much above the strongest thing they showed.
 const ABOVE_TWINS: f64 = 1.5;
+/// Twice the log of the odds below which two effects are not told apart: 150 to 1.
+pub(crate) const TOLD_APART: f64 = 10.0;
 
 /// What twins say: the noise floor, and what each kind finds in nothing.
 #[derive(Clone, Debug, Default)]
@@ -54,55 +48,23 @@ pub(crate) struct Search<'a, 'b> {
     pub null: Null,
     /// What was taken in.
     pub chosen: Vec<Chosen>,
+    /// Columns of every hypothesis that was ever taken in.
+    pub(super) admitted: BTreeMap<usize, Vec<usize>>,
+    /// Kinds and places that did not stand the cross-validation.
+    pub(super) barred: Vec<(&'static str, Option<usize>)>,
+    /// Kinds and places that did not prove themselves on held-out data.
+    pub(super) vetoed: Vec<(&'static str, Option<usize>)>,
     /// Number of nuisances.
     nuisances: usize,
     rows: Vec<f64>,
-}
-
-/// The strongest hypothesis of a step.
-struct Winner {
-    hypothesis: usize,
-    score: Score,
-}
-
-/// The places of one kind.
-#[derive(Default)]
-struct Family {
-    strongest: Option<(f64, Winner)>,
-    together: f64,
-    channels: Vec<usize>,
-    overlap: bool,
-}
-
-impl Family {
-    /// Takes a place in; it adds to the others if it `counts`.
-    fn join(&mut self, merit: f64, winner: Winner, counts: bool, channels: Vec<usize>) {
-        if counts {
-            self.together += merit;
-            self.overlap |= channels.iter().any(|channel| self.channels.contains(channel));
-            self.channels.extend(channels);
-        }
-        if self.strongest.as_ref().is_none_or(|(strongest, _)| merit > *strongest) {
-            self.strongest = Some((merit, winner));
-        }
-    }
-
-    /// Of its strongest place.
-    fn alone(&self) -> f64 {
-        self.strongest.as_ref().map_or(f64::NEG_INFINITY, |(merit, _)| *merit)
-    }
-
-    /// Of all its places, if they show in different channels.
-    fn merit(&self) -> f64 {
-        if self.overlap { self.alone() } else { self.together.max(self.alone()) }
-    }
 }
 
 impl<'a, 'b> Search<'a, 'b> {
     /// A search of `hypotheses` in `system`.
     pub fn new(case: &'b Case<'a>, system: System, hypotheses: Vec<Hypothesis>, null: Null) -> Self {
         let (nuisances, rows) = (system.base.len(), case.rows());
-        Self { case, system, hypotheses, null, chosen: Vec::new(), nuisances, rows }
+        let (chosen, admitted, barred, vetoed) = (Vec::new(), BTreeMap::new(), Vec::new(), Vec::new());
+        Self { case, system, hypotheses, null, chosen, admitted, barred, vetoed, nuisances, rows }
     }
 
     /// Base columns of the nuisances and of all that was taken in, without the effect number `left_out`.
@@ -116,6 +78,23 @@ impl<'a, 'b> Search<'a, 'b> {
         (0..self.nuisances).collect()
     }
 
+    /// The hypothesis of the effect number `index`.
+    pub fn named(&self, index: usize) -> &Hypothesis {
+        &self.hypotheses[self.chosen[index].hypothesis]
+    }
+
+    /// Whether `hypothesis` is an effect that was taken in, in whatever shape, the effect number `but` aside.
+    pub fn is_taken(&self, hypothesis: &Hypothesis, but: Option<usize>) -> bool {
+        let mut others = (0..self.chosen.len()).filter(|index| Some(*index) != but);
+        others.any(|index| self.named(index).same_effect(hypothesis))
+    }
+
+    /// Coefficients of the effect number `index` in `fit`, which has all effects in.
+    pub fn coefficients(&self, fit: &Fit, index: usize) -> Vec<f64> {
+        let place = |column: &usize| fit.active.iter().position(|a| a == column);
+        self.chosen[index].columns.iter().filter_map(place).map(|k| fit.eta[k]).collect()
+    }
+
     /// Least gain that counts for a hypothesis.
     pub fn threshold(&self, hypothesis: &Hypothesis) -> f64 {
         let chance = ALARM / self.hypotheses.len().max(1) as f64;
@@ -123,85 +102,58 @@ impl<'a, 'b> Search<'a, 'b> {
         chi_square(hypothesis.size(), chance).max(by_twins)
     }
 
-    /// Gain less what the number of coefficients costs (Schwarz 1978).
-    pub fn merit(&self, hypothesis: &Hypothesis, gain: f64, weighing: &Weighing) -> f64 {
+    /// What the coefficients of `hypothesis` cost (Schwarz 1978).
+    pub fn cost(&self, hypothesis: &Hypothesis, weighing: &Weighing) -> f64 {
         let effective: f64 = hypothesis.channels().map(|c| weighing.effective[c]).sum();
-        gain - hypothesis.size() as f64 * effective.max(2.0).ln()
+        hypothesis.size() as f64 * effective.max(2.0).ln()
     }
 
-    /// Weighs the channels by what even the unnamed correction leaves of `residual`.
-    pub fn reweigh(&mut self, residual: &[Vec<f64>]) -> Weighing {
-        let weighing = self.case.weigh(residual);
+    /// Gain less that cost.
+    pub fn merit(&self, hypothesis: &Hypothesis, gain: f64, weighing: &Weighing) -> f64 {
+        gain - self.cost(hypothesis, weighing)
+    }
+
+    /// How sure each channel is if `residual` is what `fit` leaves: by what even the unnamed correction leaves of it, and by the error
+    /// of the laws that were taken in.
+    pub fn weighing(&self, residual: &[Vec<f64>], fit: &Fit) -> Weighing {
+        let mut weighing = self.case.weigh(residual);
+        let mut said = vec![Vec::new(); residual.len()];
+        for (column, eta) in fit.active.iter().zip(fit.eta.iter()).filter(|(a, _)| **a >= self.nuisances) {
+            for (said, part) in said.iter_mut().zip(&self.system.base[*column]) {
+                let Some(part) = part else { continue };
+                said.resize(part.len(), 0.0);
+                said.iter_mut().zip(part).for_each(|(said, x)| *said += eta * x);
+            }
+        }
+        weighing.misfit = said.iter().zip(&self.rows).map(|(said, rows)| law_error(said, *rows)).collect();
+        weighing
+    }
+
+    /// Weighs the channels for `residual`, which `fit` leaves.
+    pub fn reweigh(&mut self, residual: &[Vec<f64>], fit: &Fit) -> Weighing {
+        let weighing = self.weighing(residual, fit);
         self.system.weights = weighing.weights(&self.rows, &self.null.floor);
         weighing
     }
 
-    /// Takes effects in one by one as long as they count, then drops those that the others made idle.
-    pub fn run(&mut self) -> Option<()> {
-        for _ in 0..3 {
-            let fit = self.system.fit(&self.active(None))?;
-            let residual = self.system.residual(&fit);
-            self.reweigh(&residual);
-        }
-        while self.chosen.len() < MOST_EFFECTS && self.step()? {}
-        while self.drop_one()? {}
-        self.settle()?;
-        self.refine()?;
-        self.settle()
+    /// Weights and gains under what was taken in.
+    pub fn settle(&mut self) -> Option<()> {
+        self.weigh_anew()?;
+        self.update_gains()
     }
 
-    /// Moves the shapes of what was taken in off their grid, as long as that explains more.
-    fn refine(&mut self) -> Option<()> {
-        for index in 0..self.chosen.len() {
-            for factor in REFINEMENTS {
-                while self.reshape(index, factor)? || self.reshape(index, 1.0 / factor)? {}
-            }
+    /// Weights under what was taken in.
+    pub fn weigh_anew(&mut self) -> Option<()> {
+        for _ in 0..2 {
+            let fit = self.system.fit(&self.active(None))?;
+            let residual = self.system.residual(&fit);
+            self.reweigh(&residual, &fit);
         }
         Some(())
     }
 
-    /// Multiplies each number of a shape by `factor` where that explains more; whether it did.
-    fn reshape(&mut self, index: usize, factor: f64) -> Option<bool> {
-        let at = self.chosen[index].hypothesis;
-        let fit = self.system.fit(&self.active(Some(index)))?;
-        let (kind, joint) = (self.hypotheses[at].kind, self.hypotheses[at].joint);
-        let mut moved = false;
-        let numbers: Vec<(String, f64)> = self.hypotheses[at]
-            .shape
-            .iter()
-            .filter_map(|(name, value)| Some((name.clone(), value.as_float()?)))
-            .filter(|(_, value)| *value != 0.0)
-            .collect();
-        for (name, value) in numbers {
-            let now = self.system.score(&fit, &self.hypotheses[at].block).map_or(0.0, |score| score.gain);
-            let mut shape = self.hypotheses[at].shape.clone();
-            shape.insert(name, toml::Value::Float(value * factor));
-            let Ok(Some(other)) = hypothesis(self.case, &self.system, kind, joint, shape) else { continue };
-            let Some(score) = self.system.score(&fit, &other.block) else { continue };
-            if score.gain <= now * (1.0 + 1e-4) || !other.is_physical(&score) {
-                continue;
-            }
-            self.chosen[index].columns = self.system.admit(&other.block);
-            self.hypotheses[at] = other;
-            for hypothesis in &mut self.hypotheses {
-                self.system.catch_up(&mut hypothesis.block);
-            }
-            moved = true;
-        }
-        Some(moved)
-    }
-
-    /// Weights and gains under what was taken in.
-    pub fn settle(&mut self) -> Option<()> {
-        for _ in 0..2 {
-            let fit = self.system.fit(&self.active(None))?;
-            let residual = self.system.residual(&fit);
-            self.reweigh(&residual);
-        }
-        self.update_gains()
-    }
-
-    fn update_gains(&mut self) -> Option<()> {
+    /// What each effect explains beside the others.
+    pub fn update_gains(&mut self) -> Option<()> {
         let all = self.system.fit(&self.active(None))?;
         for index in 0..self.chosen.len() {
             let without = self.system.fit(&self.active(Some(index)))?;
@@ -210,110 +162,34 @@ impl<'a, 'b> Search<'a, 'b> {
         Some(())
     }
 
-    /// Takes the strongest effect in if it counts; whether it did. `None` if a fit is singular.
-    fn step(&mut self) -> Option<bool> {
-        let weights = self.system.weights.clone();
-        let mut last = None;
-        let mut won = None;
-        for _ in 0..ROUNDS {
-            let fit = self.system.fit(&self.active(None))?;
-            let residual = self.system.residual(&fit);
-            let weighing = self.case.weigh(&residual);
-            let Some(winner) = self.winner(&fit, &weighing) else { break };
-            let with =
-                self.system.residual_with(&fit, &self.hypotheses[winner.hypothesis].block, &winner.score);
-            self.reweigh(&with);
-            let same = last == Some(winner.hypothesis);
-            last = Some(winner.hypothesis);
-            won = Some(winner);
-            if same {
-                break;
+    /// Takes the hypothesis number `hypothesis` in.
+    pub fn admit(&mut self, hypothesis: usize) -> Chosen {
+        let columns = if let Some(columns) = self.admitted.get(&hypothesis) {
+            columns.clone()
+        } else {
+            let columns = self.system.admit(&self.hypotheses[hypothesis].block);
+            for other in &mut self.hypotheses {
+                self.system.catch_up(&mut other.block);
             }
-        }
-        let Some(winner) = won else {
-            self.system.weights = weights;
-            return Some(false);
+            self.admitted.insert(hypothesis, columns.clone());
+            columns
         };
-        let hypothesis = &self.hypotheses[winner.hypothesis];
-        if winner.score.gain < self.threshold(hypothesis) {
-            self.system.weights = weights;
-            return Some(false);
-        }
-        let columns = self.system.admit(&hypothesis.block);
-        self.chosen.push(Chosen { hypothesis: winner.hypothesis, columns, gain: winner.score.gain });
-        for hypothesis in &mut self.hypotheses {
-            self.system.catch_up(&mut hypothesis.block);
-        }
-        Some(true)
+        Chosen { hypothesis, columns, gain: 0.0 }
     }
+}
 
-    /// The strongest member of the strongest kind: the kind whose members explain most together where they show in different
-    /// channels, as friction on several joints does; else the kind of the strongest single hypothesis.
-    fn winner(&self, fit: &Fit, weighing: &Weighing) -> Option<Winner> {
-        let kinds = self.kinds();
-        let mut best: BTreeMap<(&str, Option<usize>), (f64, Winner)> = BTreeMap::new();
-        for (index, hypothesis) in self.hypotheses.iter().enumerate() {
-            let taken =
-                self.chosen.iter().any(|chosen| self.hypotheses[chosen.hypothesis].same_effect(hypothesis));
-            if taken || (kinds.len() >= MOST_KINDS && !kinds.contains(&hypothesis.kind.name)) {
-                continue;
-            }
-            let Some(score) = self.system.score(fit, &hypothesis.block) else { continue };
-            let merit = self.merit(hypothesis, score.gain, weighing);
-            let place = (hypothesis.kind.name, hypothesis.joint);
-            let better = best.get(&place).is_none_or(|(least, _)| merit > *least);
-            if better && hypothesis.is_physical(&score) {
-                best.insert(place, (merit, Winner { hypothesis: index, score }));
-            }
-        }
-        let mut families: BTreeMap<&str, Family> = BTreeMap::new();
-        for ((kind, _), (merit, mut winner)) in best {
-            let hypothesis = &self.hypotheses[winner.hypothesis];
-            let mut merit = merit;
-            if merit > 0.0 {
-                let Some(score) = self.system.exact_score(fit, &hypothesis.block) else { continue };
-                if !hypothesis.is_physical(&score) {
-                    continue;
-                }
-                merit = self.merit(hypothesis, score.gain, weighing);
-                winner.score = score;
-            }
-            let counts = merit > 0.0 && winner.score.gain > self.threshold(hypothesis);
-            families.entry(kind).or_default().join(merit, winner, counts, hypothesis.channels().collect());
-        }
-        // What members explain together is not sharp: the fit without them is bent by what is missing.
-        let most = families.values().map(Family::merit).fold(f64::NEG_INFINITY, f64::max);
-        let near = families.into_values().filter(|family| family.merit() >= most - ALIKE * most.abs());
-        let strongest = near.max_by(|a, b| a.alone().total_cmp(&b.alone()));
-        strongest.and_then(|family| family.strongest).map(|(_, winner)| winner)
-    }
+/// A law of the catalogue is an idealisation: a machine follows it to about this share of what it says.
+const LAW_ERROR: f64 = 0.05;
 
-    /// The kinds taken in.
-    fn kinds(&self) -> Vec<&'static str> {
-        let mut kinds: Vec<_> =
-            self.chosen.iter().map(|chosen| self.hypotheses[chosen.hypothesis].kind.name).collect();
-        kinds.sort_unstable();
-        kinds.dedup();
-        kinds
+/// Long-run variance of what laws that say `said` miss: LAW_ERROR² times its power times the number of samples that are alike.
+fn law_error(said: &[f64], rows: f64) -> f64 {
+    if said.is_empty() || rows < 1.0 {
+        return 0.0;
     }
-
-    /// Drops the weakest effect if the others made it idle; whether one was dropped.
-    fn drop_one(&mut self) -> Option<bool> {
-        self.update_gains()?;
-        let weakest = (0..self.chosen.len())
-            .map(|index| {
-                let chosen = &self.chosen[index];
-                (index, chosen.gain - self.threshold(&self.hypotheses[chosen.hypothesis]))
-            })
-            .min_by(|a, b| a.1.total_cmp(&b.1));
-        match weakest {
-            Some((index, margin)) if margin < 0.0 => {
-                self.chosen.remove(index);
-                Some(true)
-            }
-            _ => Some(false),
-        }
-    }
+    let mean = said.iter().sum::<f64>() / said.len() as f64;
+    let varying: Vec<f64> = said.iter().map(|x| x - mean).collect();
+    let alike = said.len() as f64 / super::noise::effective_samples(&varying).max(1.0);
+    LAW_ERROR.powi(2) * alike * varying.iter().map(|x| x * x).sum::<f64>() / rows
 }
 
 /// The value that a χ² of `degrees` exceeds with the probability `chance` (Wilson & Hilferty 1931; a little too large far out).

@@ -25,6 +25,8 @@ pub(crate) struct Block {
     with_itself: ByChannel,
     /// Zᵀy by channel.
     with_target: Vec<DVector<f64>>,
+    /// Channels in which it is not zero.
+    shows: Vec<usize>,
 }
 
 /// What a block explains beyond the base.
@@ -98,7 +100,8 @@ impl System {
         Block {
             with_base: channels.clone().map(|c| gram(&self.base, &columns, c)).collect(),
             with_itself: channels.clone().map(|c| gram(&columns, &columns, c)).collect(),
-            with_target: channels.map(|c| against(&columns, &self.target, c)).collect(),
+            with_target: channels.clone().map(|c| against(&columns, &self.target, c)).collect(),
+            shows: channels.filter(|&c| columns.iter().any(|column| column[c].is_some())).collect(),
             columns,
         }
     }
@@ -134,7 +137,11 @@ impl System {
             return;
         }
         for c in 0..self.target.len() {
-            let more = gram(&self.base[known..], &block.columns, c);
+            let more = if block.shows.contains(&c) {
+                gram(&self.base[known..], &block.columns, c)
+            } else {
+                DMatrix::zeros(all - known, block.columns.len())
+            };
             let mut grown = block.with_base[c].clone().resize_vertically(all, 0.0);
             grown.rows_mut(known, all - known).copy_from(&more);
             block.with_base[c] = grown;
@@ -156,7 +163,8 @@ impl System {
         let (base, base_right) = self.normal(&fit.active);
         let mut normal = base.resize(n + p, n + p, 0.0);
         let mut right = base_right.resize_vertically(n + p, 0.0);
-        for (c, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
+        for &c in &block.shows {
+            let weight = self.weights[c];
             for j in 0..p {
                 right[n + j] += weight * block.with_target[c][j];
                 for k in 0..p {
@@ -207,20 +215,23 @@ impl System {
         let mut cross = DMatrix::zeros(n, p);
         let mut own = DMatrix::zeros(p, p);
         let mut right = DVector::zeros(p);
-        for (c, weight) in self.weights.iter().enumerate() {
-            own += *weight * &block.with_itself[c];
-            right += *weight * &with_target[c];
-            for (i, &a) in fit.active.iter().enumerate() {
-                for j in 0..p {
-                    cross[(i, j)] += weight * block.with_base[c][(a, j)];
+        for &c in &block.shows {
+            let weight = self.weights[c];
+            own += weight * &block.with_itself[c];
+            right += weight * &with_target[c];
+            for j in 0..p {
+                let products = block.with_base[c].column(j);
+                for (i, &a) in fit.active.iter().enumerate() {
+                    cross[(i, j)] += weight * products[a];
                 }
             }
         }
         let whole = own.diagonal();
         right -= cross.transpose() * &fit.eta;
         let free = DMatrix::from_fn(fit.free.len(), p, |i, j| cross[(fit.free[i], j)]);
-        let solved = fit.factor.solve(&free);
-        own -= free.transpose() * &solved;
+        let mut half = free;
+        fit.factor.l_dirty().solve_lower_triangular_mut(&mut half);
+        own -= half.transpose() * &half;
         let share = (0..p).map(|j| own[(j, j)] / whole[j].max(f64::MIN_POSITIVE)).fold(1.0, f64::min);
         if !whole.iter().all(|&w| w > 0.0) || share < 1e-9 {
             return None;
@@ -229,8 +240,43 @@ impl System {
         let beta = &inverse * &right;
         let gain = right.dot(&beta);
         let mut shift = DVector::zeros(n);
-        fit.free.iter().zip((solved * &beta).iter()).for_each(|(&k, moved)| shift[k] = -moved);
+        let mut moved = half * &beta;
+        fit.factor.l_dirty().tr_solve_lower_triangular_mut(&mut moved);
+        fit.free.iter().zip(moved.iter()).for_each(|(&k, moved)| shift[k] = -moved);
         gain.is_finite().then_some(Score { gain, beta, shift })
+    }
+
+    /// Least share of the square of any column of `block` that the base columns `others` can't say.
+    pub fn apart(&self, others: &[usize], block: &Block) -> f64 {
+        let near: Vec<usize> = others
+            .iter()
+            .copied()
+            .filter(|&a| block.shows.iter().any(|&c| self.base[a][c].is_some()))
+            .collect();
+        let n = near.len();
+        if n == 0 {
+            return 1.0;
+        }
+        let mut gram = DMatrix::<f64>::zeros(n, n);
+        let mut cross = DMatrix::<f64>::zeros(n, block.columns.len());
+        let mut own = DVector::<f64>::zeros(block.columns.len());
+        for &c in &block.shows {
+            let weight = self.weights[c];
+            own += weight * block.with_itself[c].diagonal();
+            for (i, &a) in near.iter().enumerate() {
+                for (j, &b) in near.iter().enumerate() {
+                    gram[(i, j)] += weight * self.products[c][(a, b)];
+                }
+                for j in 0..block.columns.len() {
+                    cross[(i, j)] += weight * block.with_base[c][(a, j)];
+                }
+            }
+        }
+        (0..n).for_each(|i| gram[(i, i)] = gram[(i, i)] * (1.0 + 1e-9) + f64::MIN_POSITIVE);
+        let Some(factor) = Cholesky::new(gram) else { return 0.0 };
+        let solved = factor.solve(&cross);
+        let share = |j: usize| 1.0 - cross.column(j).dot(&solved.column(j)) / own[j].max(f64::MIN_POSITIVE);
+        (0..own.len()).map(share).fold(1.0, f64::min)
     }
 
     /// Covariance of the active coefficients; zero where one is held at its bound.
@@ -274,16 +320,17 @@ impl System {
 }
 
 /// The least of ηᵀNη − 2bᵀη with some η inside their bounds.
-struct Bounded {
+pub(crate) struct Bounded {
     free: Vec<usize>,
     factor: Cholesky<f64, Dyn>,
-    eta: DVector<f64>,
+    /// The coefficients.
+    pub eta: DVector<f64>,
     /// By how much it is below zero.
     fall: f64,
 }
 
 /// Solves `normal` η = `right`; what goes beyond its bound is held there, and the rest is solved again.
-fn bounded(normal: &DMatrix<f64>, right: &DVector<f64>, bound: &[bool]) -> Option<Bounded> {
+pub(crate) fn bounded(normal: &DMatrix<f64>, right: &DVector<f64>, bound: &[bool]) -> Option<Bounded> {
     let n = bound.len();
     let mut free: Vec<usize> = (0..n).collect();
     let mut eta = DVector::zeros(n);

@@ -4,9 +4,10 @@
 //! transmitted torque τ_L \[N·m\]. In a recording the link rests on the flank that the load presses it to,
 //! q_link = q − τ_L/k − (j/2) sign(τ_L), with τ_L from the *model*; a file without stiffness means rigid flanks. Terms: j, 1/k.
 //!
-//! Friction F \[N·m\] *behind* the gap holds the link while the motor crosses it: the drive then spends F p, where p is ±1 with the
-//! flanks in touch in the direction of motion and 0 while the motor has moved less than j since the reversal. That holds where F is
-//! greater than the load behind it; the link lags by the crossing. Term for a given gap: F.
+//! Friction F \[N·m\] *behind* the gap holds the link while the motor crosses it: the drive then spends F p, where p is 0 while the
+//! motor has moved less than j since the reversal, then grows over the way F/k on which the flanks give, and is ±1 from there on
+//! (Prandtl 1928; with rigid flanks it jumps). That holds where F is greater than the load behind it; the link lags by the crossing.
+//! It may differ by direction: F₊ and F₋ with their mean F. Terms for a given gap and way F/k: F₊, F₋.
 //! Source: Nordin & Gutman 2002, Automatica 38:1633 (dead zone); Tao & Kokotović 1996, Adaptive Control of Systems with Actuator and
 //! Sensor Nonlinearities, §2.3 (play). Departure: inertia and the impact of the flanks are left to the plant.
 
@@ -50,6 +51,9 @@ pub static KIND: Kind = Kind {
         )
         .prismatic("N")
         .or(0.0),
+        Parameter::number("friction_negative", "the same for negative velocity", "N*m", [0.0, 1e6])
+            .prismatic("N")
+            .or_else("that for positive velocity"),
     ],
     seen: Seen::BOTH,
     rough: true,
@@ -74,12 +78,19 @@ pub static KIND: Kind = Kind {
             compliance: stiffness.map_or(0.0, |stiffness| 1.0 / stiffness),
             plant_stiffness: stiffness.unwrap_or_else(|| rigid(values.arm(), joint)),
             damping: values.number("damping")?,
-            friction: values.number("friction")?,
+            friction: [
+                values.optional("friction_negative")?.unwrap_or(values.number("friction")?),
+                values.number("friction")?,
+            ],
         }))
     },
 };
 
-/// Gaps for friction behind them, from 1/200 of the way to a third of it; and the empty shape of gap and compliance.
+/// Name of a shape's entry: the way on which the flanks give under the friction.
+const YIELD: &str = "yield";
+
+/// Gaps for friction behind them, from 1/200 of the way to a third of it, with rigid and with soft flanks; and the empty shape of gap and
+/// compliance.
 fn shapes(place: &Place) -> Vec<Table> {
     let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };
     let (least, most) = motion.q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
@@ -88,7 +99,10 @@ fn shapes(place: &Place) -> Vec<Table> {
         std::iter::successors(Some(way / 200.0), |gap| Some(1.4 * gap)).take_while(|gap| 3.0 * gap < way);
     let mut shapes = Vec::new();
     if way > 0.0 {
-        shapes.extend(gaps.map(|gap| with(&Table::new(), [("gap", gap)])));
+        let soft = |gap: f64| {
+            [0.0, 0.3, 0.7, 1.5].map(|share| with(&Table::new(), [("gap", gap), (YIELD, share * gap)]))
+        };
+        shapes.extend(gaps.flat_map(soft));
     }
     shapes.push(Table::new());
     shapes
@@ -97,9 +111,14 @@ fn shapes(place: &Place) -> Vec<Table> {
 fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let unit = |name| kind.unit(name, place.joint());
     if shape.contains_key("gap") {
-        let with_friction = with(shape, [("friction", 1.0)]);
-        let without = with(shape, [("friction", 0.0)]);
-        return vec![Term::new("friction", unit("friction"), [0.0, 1e6], with_friction).less(without)];
+        /// The other direction's half of that is the same in both and cancels, so that neither is without friction.
+        const STEP: f64 = 100.0;
+        let of = |[positive, negative]: [f64; 2]| sliding(shape, positive * STEP, negative * STEP);
+        return [("friction", [1.0, 0.5], [0.0, 0.5]), ("friction_negative", [0.5, 1.0], [0.5, 0.0])]
+            .map(|(name, plus, minus)| {
+                Term::new(name, unit(name), [0.0, 1e6], of(plus)).less(of(minus)).stepped(STEP)
+            })
+            .into();
     }
     /// Small enough for angles to act linearly.
     const STEP: f64 = 1e-5;
@@ -116,11 +135,24 @@ const COMPLIANCE: f64 = 1e-8;
 
 fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
     if shape.contains_key("gap") {
-        return with(shape, [("friction", coefficients[0])]);
+        return sliding(shape, coefficients[0], coefficients[1]);
     }
     let mut table = with(shape, [("gap", coefficients[0])]);
     if coefficients[1] > 1e-12 {
         table.insert("stiffness".to_owned(), Value::Float(1.0 / coefficients[1]));
+    }
+    table
+}
+
+/// Friction behind the gap of `shape`, with the flanks as stiff as the way on which they give says.
+fn sliding(shape: &Table, positive: f64, negative: f64) -> Table {
+    let number = |name: &str| shape.get(name).and_then(Value::as_float).unwrap_or(0.0);
+    let (gap, give) = (number("gap"), number(YIELD));
+    let mut table =
+        with(&Table::new(), [("gap", gap), ("friction", positive), ("friction_negative", negative)]);
+    if give > 0.0 {
+        let stiffness = 0.5 * (positive + negative) / give;
+        table.insert("stiffness".to_owned(), Value::Float(stiffness.clamp(1.0, 1e12)));
     }
     table
 }
@@ -131,7 +163,8 @@ struct Backlash {
     gap: f64,
     compliance: f64,
     damping: f64,
-    friction: f64,
+    /// Friction behind the gap for negative and for positive velocity.
+    friction: [f64; 2],
     /// Stiffness in the plant, N·m/rad.
     plant_stiffness: f64,
 }
@@ -148,14 +181,25 @@ fn rigid(arm: &Arm, joint: usize) -> f64 {
 }
 
 impl Backlash {
-    /// Where the motor stands in the gap at each point, −½ to ½ of it, if friction holds the link in between.
+    /// The play in its middle.
+    fn play(&self) -> Play {
+        let mean = 0.5 * (self.friction[0] + self.friction[1]);
+        Play { gap: self.gap, give: mean * self.compliance, place: 0.0 }
+    }
+
+    /// Whether there is friction behind the gap.
+    fn slides(&self) -> bool {
+        self.friction.iter().any(|friction| *friction > 0.0)
+    }
+
+    /// Where the motor stands in the gap at each point, if friction holds the link in between.
     fn crossings(&self, scene: &Scene) -> Vec<f64> {
-        let (q, v) = (&scene.motion.q[self.joint], &scene.motion.v[self.joint]);
+        let q = &scene.motion.q[self.joint];
         let mut places = vec![0.0; q.len()];
         for stretch in &scene.motion.stretches {
-            // The first motion finds the flank.
-            let first = v[stretch.clone()].iter().find(|v| **v != 0.0).map_or(0.0, |v| v.signum());
-            let mut play = Play { gap: self.gap, place: 0.5 * self.gap * first };
+            // What came before is not known. From the middle of the gap the first way through it puts that right; from a flank, small
+            // movements about the start would stay wrong for ever.
+            let mut play = self.play();
             for point in stretch.clone() {
                 let moved = if point > stretch.start { q[point] - q[point - 1] } else { 0.0 };
                 places[point] = play.cross(moved);
@@ -169,54 +213,70 @@ impl Backlash {
 #[derive(Clone, Copy, Debug)]
 struct Play {
     gap: f64,
-    /// Motor minus link, rad, −gap/2 to gap/2.
+    /// Way on which a flank gives until the link slides, rad.
+    give: f64,
+    /// Motor minus link, rad.
     place: f64,
 }
 
 impl Play {
-    /// Moves the motor; where it then stands in the gap, −½ to ½.
+    /// Greatest distance of motor and link.
+    fn reach(&self) -> f64 {
+        0.5 * self.gap + self.give
+    }
+
+    /// Moves the motor; where it then stands in the gap.
     fn cross(&mut self, moved: f64) -> f64 {
-        let half = 0.5 * self.gap;
-        self.place = (self.place + moved).clamp(-half, half);
+        self.place = (self.place + moved).clamp(-self.reach(), self.reach());
         self.place
     }
 
-    /// −1, 0 or 1: which flank touches at `place`.
-    fn flank(gap: f64, place: f64, v: f64) -> f64 {
-        let inside = 0.5 * gap * (1.0 - 1e-9);
-        if gap <= 0.0 {
+    /// −1 to 1: how much of the friction the flank that touches at `place` carries.
+    fn flank(&self, place: f64, v: f64) -> f64 {
+        if self.reach() <= 0.0 {
             return if v == 0.0 { 0.0 } else { v.signum() };
         }
-        if place.abs() < inside { 0.0 } else { place.signum() }
+        let pressed = place.abs() - 0.5 * self.gap;
+        if self.give > 0.0 {
+            return place.signum() * (pressed / self.give).clamp(0.0, 1.0);
+        }
+        if pressed < -1e-9 * self.gap { 0.0 } else { place.signum() }
     }
+}
+
+/// What `share` of the friction, −1 to 1, is.
+fn of_friction(friction: [f64; 2], share: f64) -> f64 {
+    share * if share < 0.0 { friction[0] } else { friction[1] }
 }
 
 impl Effect for Backlash {
     fn shift(&self, scene: &Scene, shift: &mut [Vec<f64>]) {
-        let held = (self.friction > 0.0).then(|| self.crossings(scene));
+        let held = self.slides().then(|| self.crossings(scene));
         for (point, (shift, load)) in shift[self.joint].iter_mut().zip(&scene.load[self.joint]).enumerate() {
             let side = if *load == 0.0 { 0.0 } else { load.signum() };
+            // Held by friction, the way on which the flanks give is part of where the motor stands.
             let place = held.as_ref().map_or(0.5 * self.gap * side, |held| held[point]);
             *shift -= self.compliance * load + place;
         }
     }
 
     fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
-        if self.friction == 0.0 {
+        if !self.slides() {
             return;
         }
+        let play = self.play();
         let places = self.crossings(scene);
         let v = &scene.motion.v[self.joint];
         for ((torque, place), v) in torque[self.joint].iter_mut().zip(places).zip(v) {
-            *torque += self.friction * Play::flank(self.gap, place, *v);
+            *torque += of_friction(self.friction, play.flank(place, *v));
         }
     }
 
     fn inject(&self, injection: &mut Injection) {
         let (stiffness, damping, gap) = (self.plant_stiffness, self.damping, self.gap);
         injection.transmissions.push((self.joint, Transmission { stiffness, damping, gap }));
-        if self.friction > 0.0 {
-            let play = Play { gap, place: 0.0 };
+        if self.slides() {
+            let play = self.play();
             injection.drives.push(Box::new(FrictionBehind {
                 joint: self.joint,
                 friction: self.friction,
@@ -230,14 +290,14 @@ impl Effect for Backlash {
 #[derive(Clone, Copy, Debug)]
 struct FrictionBehind {
     joint: usize,
-    friction: f64,
+    friction: [f64; 2],
     play: Play,
 }
 
 impl DriveLaw for FrictionBehind {
     fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
         let place = self.play.cross(now.v[self.joint] * now.step);
-        torque[self.joint] -= self.friction * Play::flank(self.play.gap, place, now.v[self.joint]);
+        torque[self.joint] -= of_friction(self.friction, self.play.flank(place, now.v[self.joint]));
     }
 
     fn restart(&mut self) {

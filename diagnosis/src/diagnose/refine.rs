@@ -1,0 +1,64 @@
+//! Shapes off their grid: the numbers of a shape are moved as long as that explains more.
+
+use super::hypothesis::hypothesis;
+use super::search::Search;
+
+/// Factors by which the numbers of a shape are moved.
+const REFINEMENTS: [f64; 4] = [1.2, 1.08, 1.03, 1.01];
+/// Most moves by one factor: from one shape of the grid to the next, not to another law's.
+const MOST_MOVES: usize = 4;
+
+impl Search<'_, '_> {
+    /// Moves the shapes of what was taken in off their grid, as long as that explains more.
+    pub(super) fn refine(&mut self) -> Option<()> {
+        for index in 0..self.chosen.len() {
+            let mut moved = false;
+            for factor in REFINEMENTS {
+                for _ in 0..MOST_MOVES {
+                    if !self.reshape(index, factor)? && !self.reshape(index, 1.0 / factor)? {
+                        break;
+                    }
+                    moved = true;
+                }
+            }
+            if moved {
+                self.take_shape(index);
+            }
+        }
+        Some(())
+    }
+
+    /// Multiplies each number of a shape by `factor` where that explains more; whether it did.
+    fn reshape(&mut self, index: usize, factor: f64) -> Option<bool> {
+        let at = self.chosen[index].hypothesis;
+        let fit = self.system.fit(&self.active(Some(index)))?;
+        let (kind, joint) = (self.hypotheses[at].kind, self.hypotheses[at].joint);
+        let mut moved = false;
+        let numbers: Vec<(String, f64)> = self.hypotheses[at]
+            .shape
+            .iter()
+            .filter_map(|(name, value)| Some((name.clone(), value.as_float()?)))
+            .filter(|(_, value)| *value != 0.0)
+            .collect();
+        for (name, value) in numbers {
+            let now = self.system.score(&fit, &self.hypotheses[at].block).map_or(0.0, |score| score.gain);
+            let mut shape = self.hypotheses[at].shape.clone();
+            shape.insert(name, toml::Value::Float(value * factor));
+            let Ok(Some(other)) = hypothesis(self.case, &self.system, kind, joint, shape) else { continue };
+            let Some(score) = self.system.score(&fit, &other.block) else { continue };
+            if score.gain <= now * (1.0 + 1e-4) || !other.is_physical(&score) {
+                continue;
+            }
+            self.hypotheses[at] = other;
+            moved = true;
+        }
+        Some(moved)
+    }
+
+    /// Brings the columns of the effect number `index` up to its shape.
+    fn take_shape(&mut self, index: usize) {
+        let at = self.chosen[index].hypothesis;
+        self.admitted.remove(&at);
+        self.chosen[index] = self.admit(at);
+    }
+}

@@ -1,0 +1,342 @@
+//! How effects are chosen: forward while they count, backward where others made them idle, one exchanged for another where that
+//! explains more; and the same once more from the friction that sits on every joint of a real machine.
+
+use std::collections::BTreeMap;
+
+use super::case::Weighing;
+use super::hypothesis::Hypothesis;
+use super::search::{Chosen, Search, TOLD_APART};
+use super::system::{Fit, Score};
+use super::validate::{Validation, is_brief_and_weak};
+
+/// Most effects that are named, beside these for each joint.
+const MOST_EFFECTS: usize = 4;
+const MOST_A_JOINT: usize = 4;
+/// How often weights and winner are brought into agreement.
+const ROUNDS: usize = 4;
+/// How often every effect is put to the test of an exchange.
+const EXCHANGES: usize = 3;
+/// How often the search goes on after the cross-validation has dropped effects.
+const VALIDATIONS: usize = 6;
+/// Least share of the error that an effect takes away where it was not fitted.
+const LEAST_GAIN: f64 = 0.05;
+/// Least share of an effect's square that the effects taken in don't say already: large effects that cancel are no finding.
+const LEAST_APART: f64 = 0.05;
+/// Two models whose errors differ by less than this share, summed over the channels, are as good.
+const AS_GOOD: f64 = 0.02;
+/// Kinds whose merits differ by less than this share are judged by their strongest place.
+const ALIKE: f64 = 0.05;
+/// What sits on every joint of a real machine.
+const USUAL: [&str; 3] = ["coulomb_friction", "viscous_friction", "torque_offset"];
+
+/// The strongest hypothesis of a step.
+pub(super) struct Winner {
+    /// Which hypothesis.
+    pub hypothesis: usize,
+    /// What it explains.
+    pub score: Score,
+    /// That less the cost of its coefficients.
+    pub merit: f64,
+}
+
+/// The places of one kind.
+#[derive(Default)]
+struct Family {
+    strongest: Option<Winner>,
+    together: f64,
+    channels: Vec<usize>,
+    overlap: bool,
+}
+
+impl Family {
+    /// Takes a place in.
+    fn join(&mut self, winner: Winner, channels: Vec<usize>) {
+        self.together += winner.merit;
+        self.overlap |= channels.iter().any(|channel| self.channels.contains(channel));
+        self.channels.extend(channels);
+        if self.strongest.as_ref().is_none_or(|strongest| winner.merit > strongest.merit) {
+            self.strongest = Some(winner);
+        }
+    }
+
+    /// Of its strongest place.
+    fn alone(&self) -> f64 {
+        self.strongest.as_ref().map_or(f64::NEG_INFINITY, |winner| winner.merit)
+    }
+
+    /// Of all its places, if they show in different channels.
+    fn merit(&self) -> f64 {
+        if self.overlap { self.alone() } else { self.together.max(self.alone()) }
+    }
+}
+
+impl Search<'_, '_> {
+    /// Chooses the effects; `None` if a fit is singular. `progress` is told what was taken in.
+    pub fn run(&mut self, progress: &mut dyn FnMut(&str)) -> Option<()> {
+        self.weigh_anew()?;
+        self.improve_validated(progress)?;
+        if self.chosen.len() > 1 {
+            progress("searching from the friction of every joint");
+            let first = std::mem::take(&mut self.chosen);
+            self.barred.clear();
+            self.take_usual()?;
+            self.improve_validated(progress)?;
+            self.keep_better(first)?;
+        }
+        self.refine()?;
+        self.settle()
+    }
+
+    /// Improves, drops what does not stand the cross-validation, and goes on without that.
+    pub fn improve_validated(&mut self, progress: &mut dyn FnMut(&str)) -> Option<()> {
+        for _ in 0..VALIDATIONS {
+            self.improve(progress)?;
+            if !self.prune(progress)? {
+                break;
+            }
+        }
+        Some(())
+    }
+
+    /// Drops the effects that say nothing of what they were not fitted to, the worst first, and bars them; whether there were any.
+    fn prune(&mut self, progress: &mut dyn FnMut(&str)) -> Option<bool> {
+        let before = self.chosen.len();
+        while !self.chosen.is_empty() {
+            let validation = Validation::of(self)?;
+            let gains = (0..self.chosen.len()).filter_map(|index| Some((index, validation.gain(index)?)));
+            let Some((worst, gain)) = gains.min_by(|a, b| a.1.total_cmp(&b.1)) else { break };
+            if gain >= LEAST_GAIN {
+                break;
+            }
+            progress(&format!("{} fails the cross-validation: {:.0} %", self.in_words(worst), 100.0 * gain));
+            self.bar(worst);
+        }
+        Some(self.chosen.len() < before)
+    }
+
+    /// Forward, backward, exchanges, until nothing moves.
+    fn improve(&mut self, progress: &mut dyn FnMut(&str)) -> Option<()> {
+        for _ in 0..EXCHANGES {
+            while self.chosen.len() < self.most_effects() && self.step(progress)? {}
+            while self.drop_one()? {}
+            self.weigh_anew()?;
+            progress(&format!("{} effect(s) so far", self.chosen.len()));
+            if !self.exchange(progress)? {
+                break;
+            }
+        }
+        while self.drop_one()? {}
+        self.settle()
+    }
+
+    fn most_effects(&self) -> usize {
+        MOST_EFFECTS + MOST_A_JOINT * self.case.stages[0].arm().dof()
+    }
+
+    /// The effect number `index`, for people.
+    pub fn in_words(&self, index: usize) -> String {
+        let (named, joints) = (self.named(index), self.case.stages[0].arm().joints());
+        let site = named.joint.map_or("arm", |joint| joints[joint].name.as_str());
+        format!("{} ({site})", named.kind.title)
+    }
+
+    /// Takes in the friction and the offset of every joint, and drops what of it does not count.
+    fn take_usual(&mut self) -> Option<()> {
+        let usual: Vec<usize> = (0..self.hypotheses.len())
+            .filter(|&index| USUAL.contains(&self.hypotheses[index].kind.name))
+            .collect();
+        self.chosen = usual.into_iter().map(|index| self.admit(index)).collect();
+        self.weigh_anew()?;
+        while self.drop_one()? {}
+        self.weigh_anew()
+    }
+
+    /// Goes back to `first` if that says what it was not fitted to as well, with fewer effects, or better.
+    fn keep_better(&mut self, first: Vec<Chosen>) -> Option<()> {
+        let now = Validation::of(self)?.size();
+        let second = std::mem::replace(&mut self.chosen, first);
+        self.weigh_anew()?;
+        let before = Validation::of(self)?.size();
+        let as_good = (now - before).abs() < AS_GOOD;
+        let fewer = second.len() < self.chosen.len();
+        if if as_good { fewer } else { now < before } {
+            self.chosen = second;
+        }
+        self.weigh_anew()
+    }
+
+    /// Takes the strongest effect in if it counts; whether it did. `None` if a fit is singular.
+    fn step(&mut self, progress: &mut dyn FnMut(&str)) -> Option<bool> {
+        let weights = self.system.weights.clone();
+        let mut last = None;
+        let mut won = None;
+        for _ in 0..ROUNDS {
+            let fit = self.system.fit(&self.active(None))?;
+            let weighing = self.weighing(&self.system.residual(&fit), &fit);
+            let Some(winner) = self.winner(&fit, &weighing) else { break };
+            let with =
+                self.system.residual_with(&fit, &self.hypotheses[winner.hypothesis].block, &winner.score);
+            self.reweigh(&with, &fit);
+            let same = last == Some(winner.hypothesis);
+            last = Some(winner.hypothesis);
+            won = Some(winner);
+            if same {
+                break;
+            }
+        }
+        let counts =
+            |winner: &Winner| winner.score.gain >= self.threshold(&self.hypotheses[winner.hypothesis]);
+        let Some(winner) = won.filter(counts) else {
+            self.system.weights = weights;
+            return Some(false);
+        };
+        let chosen = self.admit(winner.hypothesis);
+        self.chosen.push(Chosen { gain: winner.score.gain, ..chosen });
+        let last = self.chosen.len() - 1;
+        let validated = Validation::of(self)?.gain(last);
+        progress(&format!(
+            "+ {} ({:.0}; validated {:.2})",
+            self.in_words(last),
+            self.chosen[last].gain,
+            validated.unwrap_or(f64::NAN)
+        ));
+        if validated.is_some_and(|gain| gain < LEAST_GAIN) || is_brief_and_weak(self, last)? {
+            self.bar(last);
+            self.weigh_anew()?;
+        }
+        Some(true)
+    }
+
+    /// Drops the effect number `index`, which did not prove itself on held-out data, for good; what could not stand beside it may.
+    pub fn veto(&mut self, index: usize) {
+        self.bar(index);
+        self.vetoed.extend(self.barred.pop());
+        self.barred.clear();
+    }
+
+    /// Drops the effect number `index` for this search.
+    fn bar(&mut self, index: usize) {
+        self.barred.push((self.named(index).kind.name, self.named(index).joint));
+        self.chosen.remove(index);
+    }
+
+    /// The best shape of every kind at every place that is free, beside `fit`, the effect number `but` being left out of it.
+    fn by_place(
+        &self,
+        fit: &Fit,
+        weighing: &Weighing,
+        but: Option<usize>,
+    ) -> BTreeMap<(&'static str, Option<usize>), Winner> {
+        let mut best: BTreeMap<(&str, Option<usize>), Winner> = BTreeMap::new();
+        for (index, hypothesis) in self.hypotheses.iter().enumerate() {
+            let site = (hypothesis.kind.name, hypothesis.joint);
+            if self.is_taken(hypothesis, but) || self.barred.contains(&site) || self.vetoed.contains(&site) {
+                continue;
+            }
+            let Some(score) = self.system.score(fit, &hypothesis.block) else { continue };
+            if self.system.apart(&fit.active[self.nuisances().len()..], &hypothesis.block) < LEAST_APART {
+                continue;
+            }
+            let merit = self.merit(hypothesis, score.gain, weighing);
+            let place = (hypothesis.kind.name, hypothesis.joint);
+            let better = best.get(&place).is_none_or(|winner| merit > winner.merit);
+            if better && hypothesis.is_physical(&score) {
+                best.insert(place, Winner { hypothesis: index, score, merit });
+            }
+        }
+        best
+    }
+
+    /// `winner` with the nuisances at their bounds free to come back; `None` if it is then not physical.
+    fn exact(&self, fit: &Fit, weighing: &Weighing, mut winner: Winner) -> Option<Winner> {
+        let hypothesis = &self.hypotheses[winner.hypothesis];
+        if winner.merit > 0.0 {
+            winner.score = self.system.exact_score(fit, &hypothesis.block)?;
+            winner.merit = self.merit(hypothesis, winner.score.gain, weighing);
+        }
+        hypothesis.is_physical(&winner.score).then_some(winner)
+    }
+
+    /// The strongest member of the strongest kind, of all that count: the kind whose members explain most together where they show in different
+    /// channels, as friction on several joints does; else the kind of the strongest single hypothesis.
+    fn winner(&self, fit: &Fit, weighing: &Weighing) -> Option<Winner> {
+        let mut families: BTreeMap<&str, Family> = BTreeMap::new();
+        for ((kind, _), winner) in self.by_place(fit, weighing, None) {
+            let Some(winner) = self.exact(fit, weighing, winner) else { continue };
+            let hypothesis = &self.hypotheses[winner.hypothesis];
+            if winner.merit > 0.0 && winner.score.gain > self.threshold(hypothesis) {
+                families.entry(kind).or_default().join(winner, hypothesis.channels().collect());
+            }
+        }
+        // What members explain together is not sharp: the fit without them is bent by what is missing.
+        let most = families.values().map(Family::merit).fold(f64::NEG_INFINITY, f64::max);
+        let near = families.into_values().filter(|family| family.merit() >= most - ALIKE * most.abs());
+        near.max_by(|a, b| a.alone().total_cmp(&b.alone())).and_then(|family| family.strongest)
+    }
+
+    /// Puts another effect in the place of each where that explains more, or as much with a plainer law; whether anything moved.
+    fn exchange(&mut self, progress: &mut dyn FnMut(&str)) -> Option<bool> {
+        let mut moved = false;
+        for index in 0..self.chosen.len() {
+            let fit = self.system.fit(&self.active(Some(index)))?;
+            let all = self.system.fit(&self.active(None))?;
+            let weighing = self.weighing(&self.system.residual(&all), &all);
+            let merit = self.merit(self.named(index), fit.left - all.left, &weighing);
+            let (plain, size) = (plainness(self.named(index)), self.named(index).size());
+            let mut rivals: Vec<Winner> = self
+                .by_place(&fit, &weighing, Some(index))
+                .into_values()
+                .filter(|winner| winner.merit > merit - TOLD_APART)
+                .filter(|winner| self.hypotheses[winner.hypothesis].size() <= size + 1)
+                .filter_map(|winner| self.exact(&fit, &weighing, winner))
+                .map(|mut winner| {
+                    // What it explains beside the named effect is no reason to put it in that one's place.
+                    let block = &self.hypotheses[winner.hypothesis].block;
+                    let beside = self.system.exact_score(&all, block).map_or(0.0, |score| score.gain);
+                    winner.merit -= beside.max(0.0);
+                    winner
+                })
+                .filter(|winner| {
+                    let plainer = plainness(&self.hypotheses[winner.hypothesis]) < plain;
+                    winner.merit > merit + if plainer { -TOLD_APART } else { TOLD_APART }
+                })
+                .collect();
+            rivals.sort_by(|a, b| b.merit.total_cmp(&a.merit));
+            let Some(best) = rivals.first().map(|best| best.merit) else { continue };
+            let near = rivals.into_iter().filter(|rival| rival.merit > best - TOLD_APART);
+            let Some(winner) = near.min_by_key(|rival| plainness(&self.hypotheses[rival.hypothesis])) else {
+                continue;
+            };
+            let was = self.in_words(index);
+            self.chosen[index] = self.admit(winner.hypothesis);
+            progress(&format!(
+                "{was} exchanged for {} ({merit:.0} to {:.0})",
+                self.in_words(index),
+                winner.merit
+            ));
+            moved = true;
+        }
+        Some(moved)
+    }
+
+    /// Drops what is not physical beside the others, or else the weakest effect if the others made it idle; whether one was dropped.
+    fn drop_one(&mut self) -> Option<bool> {
+        self.update_gains()?;
+        let fit = self.system.fit(&self.active(None))?;
+        let margin = |index: usize| self.chosen[index].gain - self.threshold(self.named(index));
+        let weakest =
+            |among: &mut dyn Iterator<Item = usize>| among.min_by(|&a, &b| margin(a).total_cmp(&margin(b)));
+        let unphysical = |index: &usize| !self.named(*index).is_possible(&self.coefficients(&fit, *index));
+        let dropped = weakest(&mut (0..self.chosen.len()).filter(unphysical))
+            .or_else(|| weakest(&mut (0..self.chosen.len()).filter(|&index| margin(index) < 0.0)));
+        if let Some(index) = dropped {
+            self.chosen.remove(index);
+        }
+        Some(dropped.is_some())
+    }
+}
+
+/// How plain a law is: fewer numbers are plainer.
+fn plainness(hypothesis: &Hypothesis) -> usize {
+    hypothesis.size() + hypothesis.shape.values().filter(|value| value.is_float()).count()
+}

@@ -1,0 +1,111 @@
+//! `freeplay diagnose` on recordings of real machines: the same binary, nothing told. Held-out errors against the lowest of what the
+//! `reference_fits.txt` beside each set and the published model reach on the same file, as a table of margins.
+
+mod common;
+
+use std::path::{Path, PathBuf};
+
+use common::{Call, fresh_folder};
+use serde_json::Value;
+
+/// A set: what is fitted, what is held out, and the lowest error known of each channel, in its unit.
+struct Set {
+    model: &'static str,
+    fitted: &'static [&'static str],
+    held: &'static str,
+    /// From `reference_fits.txt` (URDF alone, plain least squares) and the published model of `meta.toml`.
+    lowest: &'static [(&'static str, f64)],
+    /// Kinds of which one each has to be among the findings: friction by any of its laws.
+    found: &'static [&'static [&'static str]],
+}
+
+const FRICTION: &[&str] = &[
+    "coulomb_friction",
+    "viscous_friction",
+    "asymmetric_friction",
+    "load_dependent_friction",
+    "presliding_friction",
+    "stribeck_friction",
+];
+
+const EMPS: Set = Set {
+    model: "emps/emps.urdf",
+    fitted: &["emps/train.csv"],
+    held: "emps/test_pulses.csv",
+    lowest: &[("tau1", 3.132)],
+    found: &[FRICTION],
+};
+
+const KR300: Set = Set {
+    model: "kuka_kr300/kr300_r2500_payload150.urdf",
+    fitted: &["kuka_kr300/train_A.csv"],
+    held: "kuka_kr300/test_B.csv",
+    lowest: &[
+        ("tau1", 142.9),
+        ("tau2", 318.3),
+        ("tau3", 347.1),
+        ("tau4", 70.55),
+        ("tau5", 92.37),
+        ("tau6", 37.32),
+    ],
+    found: &[FRICTION, &["joint_spring"], &["time_delay"]],
+};
+
+fn folder() -> Option<PathBuf> {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
+    let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, PathBuf::from);
+    if !folder.is_dir() {
+        eprintln!("skipped: no recordings here; FREEPLAY_RECORDINGS names their folder");
+        return None;
+    }
+    folder.canonicalize().ok()
+}
+
+/// Diagnoses `set`; prints its margins and returns ours over the lowest known, by channel.
+fn margins(set: &Set) -> Option<Vec<(&'static str, f64)>> {
+    let folder = folder()?;
+    let path = |file: &str| folder.join(file).display().to_string();
+    let mut arguments = vec!["diagnose".to_owned(), "--model".to_owned(), path(set.model)];
+    arguments.extend(["--format", "json", "--recording"].map(str::to_owned));
+    arguments.extend(set.fitted.iter().chain([&set.held]).map(|file| path(file)));
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let ran = Call::new(fresh_folder(), &arguments).run().expect(0);
+    let diagnosis: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
+    let kinds: Vec<&str> =
+        diagnosis["effects"].as_array().into_iter().flatten().filter_map(|e| e["kind"].as_str()).collect();
+    println!("{}: {}, {}", set.held, diagnosis["verdict"], kinds.join(", "));
+    for any in set.found {
+        assert!(kinds.iter().any(|kind| any.contains(kind)), "none of {any:?} among {kinds:?}");
+    }
+    let rows = set.lowest.iter().map(|&(channel, lowest)| {
+        let rmse = |row: &str| diagnosis["fit"][row][channel]["rmse"].as_f64().expect("a number");
+        let ours = rmse("after_retuned");
+        let share = ours / lowest;
+        println!(
+            "  {channel}: {:10.3} as given, lowest known {lowest:10.3}, ours {ours:10.3}, {:+.0} %",
+            rmse("before"),
+            100.0 * (share - 1.0)
+        );
+        (channel, share)
+    });
+    Some(rows.collect())
+}
+
+#[test]
+fn the_servo_axis_beats_its_published_model() {
+    let Some(margins) = margins(&EMPS) else { return };
+    assert!(margins.iter().all(|(_, share)| *share < 1.02), "{margins:?}");
+}
+
+/// The counterbalance of axis 2 is no straight line over its way: its channel is printed, and only held to a better fit than none.
+#[test]
+#[ignore = "minutes without optimisation: cargo test --release --test real_machines -- --ignored --nocapture"]
+fn six_axes_are_named_and_beat_their_published_model() {
+    let Some(margins) = margins(&KR300) else { return };
+    for (channel, share) in margins {
+        assert!(
+            share < if channel == "tau2" { 2.0 } else { 1.02 },
+            "{channel}: {share:.3} of the lowest known"
+        );
+    }
+}
