@@ -110,7 +110,7 @@ fn an_effect_is_as_strong_as_is_claimed() {
         let apart = (0.02 * with.truth.rate) as usize;
         let q = &without.recording.columns[reference];
         let tau = &without.recording.columns[torque];
-        let gravity = arm.gravity().dot(&joint.axis.into_inner());
+        let gravity = arm.gravity().dot(&(joint.placement.rotation * joint.axis.into_inner()));
         let residual = (apart..t.len() - apart).filter_map(|k| {
             let h = 0.5 * (t[k + apart] - t[k - apart]);
             let v = (q[k + apart] - q[k - apart]) / (2.0 * h);
