@@ -3,17 +3,14 @@
 //! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run` and `processes` (the parent),
 //! `plant_command` and `controller_command` (its children), `columns` and `recorder` (what is kept), `summary`,
 //! `histogram_files`, `screen`, `live` and `run_report` (what a person sees); `swaps` (who is in charge when), `swap_command` and
-//! `swap_measures` (what a swap costs); `diagnose` and `diagnose_report` (what is missing from a model), `excite` (the next motion), `demo`
-//! (the loop closed), `blind` (the proof on concealed effects); `compare`, `replay`, `reference_runs` and `bound` beside them; `record`,
+//! `swap_measures` (what a swap costs); `bench` and `doctor` (timing, and whether the machine is fit for it); `diagnose` and
+//! `diagnose_report` (what is missing from a model), `excite` (the next motion), `demo` (the loop closed), `blind` (the proof on concealed
+//! effects); `cells` and `bound` (how far a correction gets); `compare`, `replay`, `reference_runs` and `reproduce` beside them; `record`,
 //! `scenario_command` and `manual` run nothing.
-//! `swap_measures` (what a swap costs); `compare`, `diagnose`, `replay`, `reference_runs`, `bound` and `cells` beside them.
-
-mod args;
-mod blind;
-//! `swap_measures` (what a swap costs); `bench` and `doctor` (timing, and whether the machine is fit for it); `compare`, `diagnose`, `replay`, `reference_runs` and `bound` beside them.
 
 mod args;
 mod bench;
+mod blind;
 mod bound;
 mod bound_table;
 mod cells;

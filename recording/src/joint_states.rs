@@ -90,7 +90,7 @@ pub fn import_bag(path: &Path, options: &BagOptions) -> Result<Recording, ReadEr
     if file.read_exact(&mut magic).is_err() || magic != mcap::MAGIC {
         return Err(ReadError::NotMcap { file: path.to_path_buf() });
     }
-    let source = Source { file: path, size: None, joints: None, limit: MAX_NUMBERS };
+    let source = Source { file: path, size: None, joints: None, limit: MAX_NUMBERS, overview: None };
     Bag::read(file, &source)?.into_recording(options, &source)
 }
 

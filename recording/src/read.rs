@@ -81,7 +81,8 @@ pub fn import_csv(path: &Path, mapping: &Mapping) -> Result<Recording, ReadError
     if metadata.is_dir() {
         return Err(ReadError::Folder { file: path.to_path_buf() });
     }
-    let source = Source { file: path, size: Some(metadata.len()), joints: None, limit: MAX_NUMBERS };
+    let source =
+        Source { file: path, size: Some(metadata.len()), joints: None, limit: MAX_NUMBERS, overview: None };
     csv_reader::read_mapped(File::open(path).map_err(failed)?, &source, Some(mapping))
 }
 

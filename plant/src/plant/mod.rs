@@ -25,8 +25,8 @@ use crate::cause::Links;
 use crate::misses::Misses;
 use crate::round_trips::RoundTrips;
 use crate::{
-    AnswerCounts, Applied, Braking, DeviationStatistics, Hermite, JointUse, LineUp, Rejection, Sensors, Stages, System, TickRecord,
-    Wishes,
+    AnswerCounts, Applied, Braking, DeviationStatistics, Hermite, JointUse, LineUp, Rejection, Sensors,
+    Stages, System, TickRecord, Wishes,
 };
 
 /// The plant of one run.

@@ -13,7 +13,8 @@ use crate::attendance::Attendance;
 use crate::cause::Links;
 use crate::plant::{Deadlines, PUBLISHED, Plant, PlantConfig, PlantError};
 use crate::{
-    AnswerCounts, Applied, Braking, DeviationStatistics, GateLimits, Hermite, JointUse, LineUp, Sensors, Stages, TickRecord, Wishes,
+    AnswerCounts, Applied, Braking, DeviationStatistics, GateLimits, Hermite, JointUse, LineUp, Sensors,
+    Stages, TickRecord, Wishes,
 };
 
 /// Deceleration of a braking joint whose file names no acceleration limit, rad/s² (m/s²).
