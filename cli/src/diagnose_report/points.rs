@@ -154,7 +154,7 @@ mod tests {
     /// y = sign(v) is told by v; y = |x| sign(v) needs the direction beside x.
     #[test]
     fn a_law_is_plain_over_its_own_variable_only() {
-        let t: Vec<f64> = (0..2000).map(|k| f64::from(k) * 0.01).collect();
+        let t: Vec<f64> = (0..20_000).map(|k| f64::from(k) * 0.1).collect();
         let v: Vec<f64> = t.iter().map(|t| t.cos()).collect();
         let load: Vec<f64> = t.iter().map(|t| (0.37 * t).sin()).collect();
         let whole = vec![true; t.len()];

@@ -103,7 +103,7 @@ mod tests {
 
     use freeplay_recording::Recording;
 
-    use super::{MOST_SAMPLES, Parts};
+    use super::{MOST_NUMBERS, Parts};
 
     fn recording(samples: usize) -> Recording {
         let t: Vec<f64> = (0..samples).map(|k| k as f64 * 0.001).collect();
