@@ -5,7 +5,7 @@
 //! - [`Observer`]: sums up what the recorder's thread of the plant's process sees of the ticks; the loop knows nothing of it.
 //! - [`Glance`]: what is worth seeing of a run twenty times a second; a line of JSON on the plant's standard output.
 //! - [`Console`]: the plant's end of the talk with its parent: glances out, wishes in.
-//! - [`Dashboard`]: what the parent has seen of a run so far; [`draw`] makes a picture of it.
+//! - [`Dashboard`]: what the parent has seen of a run so far; [`draw()`] makes a picture of it.
 //! - [`Action`]: what a key asks for.
 //! - [`Watch`]: a run that is watched: the terminal with its keys, or plain lines where there is none.
 
