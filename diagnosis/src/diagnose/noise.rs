@@ -5,6 +5,9 @@ use rand_distr::{Distribution, StandardNormal};
 
 /// Sum of the squares of 1, −4, 6, −4, 1.
 const FOURTH_DIFFERENCE: f64 = 70.0;
+/// What no sensor is believed to be better than, as a share of what its channel spans in the recording: a machine's 24 bits. Without it a
+/// simulated recording, which has no noise at all, would make every rounding error a finding.
+const FINEST: f64 = 1e-7;
 /// Median of |x| over the standard deviation of a normal x.
 const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
 
@@ -24,13 +27,17 @@ impl Noise {
         let mut fourth: Vec<f64> =
             samples.windows(5).map(|x| (x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]).abs()).collect();
         let step = rounding(samples);
+        let [low, high] = samples
+            .iter()
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
+        let least = (step / 12_f64.sqrt()).max(FINEST * (high - low).max(0.0));
         if fourth.is_empty() {
-            return Self { deviation: 0.0, step };
+            return Self { deviation: least, step };
         }
         let middle = fourth.len() / 2;
         let median = *fourth.select_nth_unstable_by(middle, f64::total_cmp).1;
         let seen = median / MEDIAN_OF_NORMAL / FOURTH_DIFFERENCE.sqrt();
-        Self { deviation: seen.max(step / 12_f64.sqrt()), step }
+        Self { deviation: seen.max(least), step }
     }
 }
 
