@@ -25,6 +25,7 @@ mod doctor;
 mod excite;
 mod exit;
 mod faults;
+mod hex;
 mod histogram_files;
 mod live;
 mod manual;

@@ -11,6 +11,7 @@ use freeplay_recording::{RowWriter, WriteError};
 use sha2::{Digest, Sha256};
 
 use crate::columns::RunColumns;
+use crate::hex::hex;
 use crate::live::Observer;
 
 /// Ticks that the queue between loop and recorder holds.
@@ -98,6 +99,6 @@ fn keep(
     if let Some(Err(error)) = writer.map(RowWriter::finish) {
         fault = Some(error);
     }
-    let state_hash = hash.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+    let state_hash = hex(&hash.finalize());
     Kept { state_hash, fault, recording }
 }

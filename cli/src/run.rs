@@ -16,6 +16,7 @@ use sha2::{Digest, Sha256};
 
 use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
+use crate::hex::hex;
 use crate::live::{Title, Watch};
 use crate::plant_command::pace_name;
 use crate::processes::{
@@ -439,8 +440,7 @@ fn finish(
     runs: &[RunSummary],
 ) -> Result<(), Failure> {
     let effective = scenario.to_toml().map_err(Failure::internal)?;
-    let hash: String =
-        Sha256::digest(effective.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+    let hash = hex(&Sha256::digest(effective.as_bytes()));
     let machine = Examination::quick().machine();
     let summary = json!({
         "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"),

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use crate::exit::Failure;
+use crate::hex::hex;
 
 /// SHA-256 of `parts` one after the other, each with its length before it, as hexadecimal digits.
 pub fn of(parts: &[&[u8]]) -> String {
@@ -72,11 +73,6 @@ pub fn of_json(value: &Value) -> String {
 /// The commitment to the truth of one case: its salt, then the truth as compact JSON.
 pub fn commitment(salt: &str, truth: &Value) -> String {
     of(&[salt.as_bytes(), truth.to_string().as_bytes()])
-}
-
-/// Hexadecimal digits.
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]

@@ -14,6 +14,7 @@ use super::generator::{Line, Order, made, without_times};
 use super::receipt::{Draw, Part, Program, Receipt, Record, SCHEMA};
 use super::{BlindArgs, hash, history};
 use crate::exit::Failure;
+use crate::hex::hex;
 
 /// Bytes of a salt.
 const SALT: usize = 16;
@@ -159,7 +160,7 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
     for line in lines {
         match line {
             Line::Made { name, truth } => {
-                let salt = hash::hex(&random::<SALT>()?);
+                let salt = hex(&random::<SALT>()?);
                 part.commitments.insert(name.clone(), hash::commitment(&salt, &truth));
                 withheld.insert(name, (salt, truth));
             }
@@ -176,7 +177,7 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
 fn ask(args: &BlindArgs, cases: &Path, mut part: Part) -> Result<Receipt, Failure> {
     // Beside the sealed cases, where the truth would be if it were anywhere: no analyst may be able to read it.
     let canary = cases.join("canary");
-    let secret = hash::hex(&random::<SALT>()?);
+    let secret = hex(&random::<SALT>()?);
     crate::setup::write(&canary, &secret)?;
     let analysts = Analysts { jobs: args.jobs(), patience: args.patience(), canary: Some(canary.clone()) };
     let bar = bar(args.quiet, part.sealed.len(), "analysing");

@@ -111,7 +111,7 @@ impl Dashboard {
     /// The last look in one line, for where there is no terminal.
     pub fn line(&self) -> String {
         let Some(now) = &self.now else { return "no tick yet".to_owned() };
-        let size = now.deviation.iter().map(|along| along * along).sum::<f64>().sqrt() * 1e3;
+        let size = now.size() * 1e3;
         let plays: Vec<String> = self
             .title
             .plays

@@ -86,10 +86,10 @@ fn deviation(frame: &mut Frame, board: &Dashboard, area: Rect, ink: Ink) {
     let end = board.time().max(WINDOW);
     let seen = points.iter().filter(|(time, _)| *time >= end - WINDOW);
     let top = seen.map(|&(_, size)| size).fold(1e-4, f64::max) * 1.1;
-    let [size, rms, max] = board.now.as_ref().map_or([0.0; 3], |now| {
-        let size = now.deviation.iter().map(|along| along * along).sum::<f64>().sqrt();
-        [size, now.rms_max[0], now.rms_max[1]].map(|metres| metres * 1e3)
-    });
+    let [size, rms, max] = board
+        .now
+        .as_ref()
+        .map_or([0.0; 3], |now| [now.size(), now.rms_max[0], now.rms_max[1]].map(|metres| metres * 1e3));
     let title =
         format!(" tool deviation [mm]   now {size:.4}   rms {rms:.4}   max {max:.4}   (after 0.5 s) ");
     let dataset = Dataset::default()

@@ -83,3 +83,10 @@ pub struct Glance {
     /// Marks set so far.
     pub marks: u32,
 }
+
+impl Glance {
+    /// Size of the deviation at the last tick, m.
+    pub fn size(&self) -> f64 {
+        self.deviation.iter().map(|along| along * along).sum::<f64>().sqrt()
+    }
+}

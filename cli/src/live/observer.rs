@@ -89,8 +89,7 @@ impl Observer {
         (glance.applied, glance.in_charge) = (record.applied, record.state.in_charge() as usize);
         let time = tick as f64 * self.period;
         self.deviation.add(time, &record.deviation.into());
-        let size = record.deviation.iter().map(|along| along * along).sum::<f64>().sqrt();
-        self.greatest = self.greatest.max(size);
+        self.greatest = self.greatest.max(glance.size());
         if (tick + 1).is_multiple_of(TRACE_TICKS) {
             glance.trace.push([time, std::mem::take(&mut self.greatest)]);
         }

@@ -5,7 +5,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 /// Sum of the squares of 1, −4, 6, −4, 1.
 const FOURTH_DIFFERENCE: f64 = 70.0;
-/// What no sensor is believed to be better than, as a share of what its channel spans in the recording: a machine's 24 bits. Without it a
+/// What no sensor is believed to be better than, as a share of what its channel spans in the recording: a little over 23 bits. Without it a
 /// simulated recording, which has no noise at all, would make every rounding error a finding.
 const FINEST: f64 = 1e-7;
 /// Median of |x| over the standard deviation of a normal x.
