@@ -3,13 +3,17 @@
 //! In real time every latency is taken against the schedule, so that a stall of the loop counts for every tick that
 //! it delays (no coordinated omission; Tene, "How NOT to measure latency", 2013).
 
+use freeplay_shm::Arrival;
 use hdrhistogram::Histogram;
 
 /// A stage of the loop.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Schedule → the loop is awake. Real time only.
+    /// Schedule → the loop is awake, for every tick: one of catching up after a stall is late by what is left of the stall. Real time only.
     WakeUp,
+    /// The same of the ticks that the loop waited for, asleep or spinning, alone: how well the machine wakes. Ticks of catching up, which
+    /// nothing woke, are not among them. Real time only.
+    Woken,
     /// Integrating one tick.
     PlantStep,
     /// Plant publishes → controller has the state.
@@ -33,8 +37,9 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in the order of the tick.
-    pub const ALL: [Stage; 10] = [
+    pub const ALL: [Stage; 11] = [
         Self::WakeUp,
+        Self::Woken,
         Self::PlantStep,
         Self::StateTransport,
         Self::Predict,
@@ -50,6 +55,7 @@ impl Stage {
     pub fn name(self) -> &'static str {
         match self {
             Self::WakeUp => "wake_up",
+            Self::Woken => "wake_up_uncorrected",
             Self::PlantStep => "plant_step",
             Self::StateTransport => "state_transport",
             Self::Predict => "predict",
@@ -100,6 +106,15 @@ impl Stages {
     /// The median of the iterations of the quadratic programme; 0 without one.
     pub fn usual_iterations(&self) -> u32 {
         self.iterations.value_at_quantile(0.5) as u32
+    }
+
+    /// Counts how the loop got to a tick: in [`Stage::WakeUp`], and if it waited for it in [`Stage::Woken`].
+    #[inline]
+    pub fn record_arrival(&mut self, arrival: Arrival) {
+        self.record(Stage::WakeUp, arrival.late_ns);
+        if arrival.waited {
+            self.record(Stage::Woken, arrival.late_ns);
+        }
     }
 
     /// The histogram of `stage`, ns.

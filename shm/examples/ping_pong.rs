@@ -59,7 +59,7 @@ fn plant(is_fifo: bool) -> Outcome<()> {
         us(made - start) / 2.0,
         us(now_ns() - made)
     );
-    let bare_ends = BarePlant::open(bare.address())?;
+    let mut bare_ends = BarePlant::open(bare.address())?;
     let mut controller = start_controller(ours.address(), bare.address(), is_fifo)?;
     set_up(0, is_fifo);
     println!("{:#?}", Machine::read());
@@ -72,7 +72,7 @@ fn plant(is_fifo: bool) -> Outcome<()> {
     let mut ratios = Histogram::<u64>::new(3)?;
     for _ in 0..TURNS {
         let of_ours = measure(run, |state| plant_round(&mut plant, state))?;
-        let of_bare = measure(run, |state| bare_plant_round(&bare_ends, state))?;
+        let of_bare = measure(run, |state| bare_plant_round(&mut bare_ends, state))?;
         ratios.record((1000.0 * ratio(&of_ours, &of_bare)) as u64)?;
         total[0].add(of_ours)?;
         total[1].add(of_bare)?;
@@ -94,14 +94,14 @@ fn controller(ours: &Address, bare: &Address, is_fifo: bool) -> Outcome<()> {
     let start = now_ns();
     let (mut link, _) = ControllerLink::connect(ours, Hello::new("ping-pong", 0, 7), PATIENCE)?;
     println!("the controller's end opened in {:.0} µs, greeting included", us(now_ns() - start));
-    let bare_ends = BareController::open(bare)?;
+    let mut bare_ends = BareController::open(bare)?;
     set_up(1, is_fifo);
     for _ in 0..TURNS {
         for _ in 0..WARM_UP + ROUNDS {
             controller_round(&mut link)?;
         }
         for _ in 0..WARM_UP + ROUNDS {
-            bare_controller_round(&bare_ends)?;
+            bare_controller_round(&mut bare_ends)?;
         }
     }
     Ok(())
@@ -158,7 +158,7 @@ fn controller_round(link: &mut ControllerLink) -> Outcome<()> {
     }
 }
 
-fn bare_plant_round(plant: &BarePlant, state: &State) -> Outcome<()> {
+fn bare_plant_round(plant: &mut BarePlant, state: &State) -> Outcome<()> {
     plant.publish(state)?;
     loop {
         match plant.next_command()? {
@@ -171,7 +171,7 @@ fn bare_plant_round(plant: &BarePlant, state: &State) -> Outcome<()> {
     }
 }
 
-fn bare_controller_round(controller: &BareController) -> Outcome<()> {
+fn bare_controller_round(controller: &mut BareController) -> Outcome<()> {
     loop {
         if let Some(state) = controller.next_state()? {
             controller.send(&Command::answer_to(black_box(&state), 0))?;

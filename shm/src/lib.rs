@@ -14,7 +14,7 @@
 //! - [`PlantLink`]: the plant's end: publishes states, greets controllers, takes commands slot by slot.
 //! - [`ControllerLink`]: a controller's end: takes states, sends commands.
 //! - [`LinkError`]: why a link could not be opened or used, with the remedy.
-//! - [`Schedule`], [`now_ns`], [`sleep_then_spin_until`]: the wall clock of a paced run.
+//! - [`Schedule`], [`Arrival`], [`now_ns`], [`sleep_then_spin_until`]: the wall clock of a paced run.
 //! - [`Backoff`]: how a lockstep run waits for its peer.
 //! - [`RtRequest`], [`RtReport`]: priority, affinity and memory locking, asked for, reported, never required.
 //! - [`layout::Layout`], [`layout_text::markdown`], [`layout_text::c_header`]: the messages described, for other languages.
@@ -51,7 +51,7 @@ pub use messages::{
     Command, CommandKind, CommandStatus, Joints, LAYOUT_VERSION, MAGIC, MAX_JOINTS, MessageFault, Mode,
     Reference, State,
 };
-pub use pacing::{Backoff, Schedule, now_ns, sleep_then_spin_until};
+pub use pacing::{Arrival, Backoff, Schedule, now_ns, sleep_then_spin_until};
 pub use plant_link::PlantLink;
 pub use realtime::{Outcome, RtReport, RtRequest, prepare};
 pub use run_root::{RunRoot, SHM_ENV};

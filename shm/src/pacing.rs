@@ -18,6 +18,15 @@ pub fn now_ns() -> u64 {
     now.tv_sec as u64 * NS_PER_S + now.tv_nsec as u64
 }
 
+/// How a loop got to a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Arrival {
+    /// How late the loop was, ns: against the schedule, whatever it was late for.
+    pub late_ns: u64,
+    /// Whether the loop was there before the tick was due and waited for it. If not, nothing woke it: it is catching up.
+    pub waited: bool,
+}
+
 /// When each tick is due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Schedule {
@@ -38,6 +47,14 @@ impl Schedule {
     #[must_use]
     pub fn late_ns(&self, tick: u64, now_ns: u64) -> u64 {
         now_ns.saturating_sub(self.due_ns(tick))
+    }
+
+    /// Waits for `tick`, asleep until `spin_ns` before it is due and spinning from then on; returns how that went. A tick that is due
+    /// already is not waited for: a loop that was held up catches up without a pause.
+    pub fn await_tick(&self, tick: u64, spin_ns: u64) -> Arrival {
+        let due_ns = self.due_ns(tick);
+        let waited = now_ns() < due_ns;
+        Arrival { late_ns: sleep_then_spin_until(due_ns, spin_ns).saturating_sub(due_ns), waited }
     }
 
     /// The tick in force at `now_ns`: the last one that is due; 0 before the start.
@@ -168,6 +185,18 @@ mod tests {
             assert!(now_ns() >= deadline && late_ns < 1_000_000_000);
         }
         assert!(sleep_then_spin_until(0, 0) > 0, "a deadline long past returns at once");
+    }
+
+    #[test]
+    fn a_tick_that_is_due_already_is_not_waited_for() {
+        let schedule = Schedule { start_ns: now_ns(), period_ns: 20_000_000 };
+        let first = schedule.await_tick(0, 0);
+        let second = schedule.await_tick(1, 200_000);
+        std::thread::sleep(Duration::from_millis(60));
+        let third = schedule.await_tick(2, 200_000);
+        println!("{first:?}, {second:?}, {third:?}");
+        assert!(!first.waited && second.waited && !third.waited);
+        assert!(third.late_ns >= 40_000_000 && second.late_ns < 1_000_000_000);
     }
 
     #[test]

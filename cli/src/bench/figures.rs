@@ -24,8 +24,10 @@ pub struct Ratio {
 /// Stages whose lengths are added up and set against the same of a yardstick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Compared {
-    /// The wake-up against the bare loop's.
+    /// The wake-up of the ticks that a loop waited for, against the bare loop's: how well the machine wakes either.
     WakeUp,
+    /// How late either is against the schedule, ticks of catching up after a stall included: who does more in a tick takes longer to catch up.
+    Lateness,
     /// The ways of state and command against those of bare iceoryx2.
     Transport,
 }
@@ -33,14 +35,15 @@ pub enum Compared {
 impl Compared {
     fn stages(self) -> &'static [&'static str] {
         match self {
-            Self::WakeUp => &["wake_up"],
+            Self::WakeUp => &["wake_up_uncorrected"],
+            Self::Lateness => &["wake_up"],
             Self::Transport => &["state_transport", "command_transport"],
         }
     }
 
     fn yardstick(self, block: &Block) -> &ByStage {
         match self {
-            Self::WakeUp => &block.clock,
+            Self::WakeUp | Self::Lateness => &block.clock,
             Self::Transport => &block.exchange,
         }
     }
@@ -50,6 +53,12 @@ impl Compared {
         let of = |name: &&str| Some(stages.get(*name)?.value_at_quantile(quantile) as f64);
         self.stages().iter().map(of).sum()
     }
+}
+
+/// Ticks that a loop did not wait for because they were due already.
+pub fn caught_up(stages: &ByStage) -> u64 {
+    let count = |name: &str| stages.get(name).map_or(0, Histogram::len);
+    count("wake_up").saturating_sub(count("wake_up_uncorrected"))
 }
 
 /// All histograms of `parts` added up, stage by stage.
@@ -100,7 +109,7 @@ pub fn curve(histogram: &Histogram<u64>) -> (Vec<f64>, Vec<f64>) {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 mod tests {
-    use super::{ByStage, Compared, curve, merged};
+    use super::{ByStage, Compared, caught_up, curve, merged};
     use hdrhistogram::Histogram;
 
     fn stages(of: &[(&str, u64)]) -> ByStage {
@@ -116,7 +125,8 @@ mod tests {
     fn the_ways_of_state_and_command_are_added_up() {
         let one = stages(&[("state_transport", 1000), ("command_transport", 500), ("wake_up", 60)]);
         assert_eq!(Compared::Transport.at(&one, 0.5), Some(1500.0));
-        assert_eq!(Compared::WakeUp.at(&one, 0.99), Some(60.0));
+        assert_eq!(Compared::Lateness.at(&one, 0.99), Some(60.0));
+        assert_eq!((Compared::WakeUp.at(&one, 0.99), caught_up(&one)), (None, 100));
         assert_eq!(Compared::Transport.at(&stages(&[("state_transport", 1000)]), 0.5), None);
     }
 

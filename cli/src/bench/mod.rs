@@ -1,7 +1,9 @@
 //! `freeplay bench`: how long every stage of the loop takes, beside a bare clock loop and bare iceoryx2 that take turns with it; why
 //! deadlines were missed; and how much more a controller may compute before the budget of a tick breaks.
 
+mod bench_page;
 mod bench_report;
+mod bench_words;
 mod blocks;
 mod figures;
 mod load;
@@ -24,7 +26,7 @@ pub use yardstick::{YardstickArgs, yardstick};
 
 use crate::bench::bench_report::Report;
 use crate::bench::blocks::{Block, Stand};
-use crate::bench::figures::{Compared, Ratio, ratios};
+use crate::bench::figures::{Compared, Ratio, caught_up, ratios};
 use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
 use crate::run::{Contestant, Format, default_folder, load};
@@ -54,8 +56,8 @@ pub struct BenchArgs {
     /// Ticks of each controller, and of each yardstick.
     #[arg(long, default_value_t = 10_000)]
     ticks: u64,
-    /// Blocks in which the full loop and the yardsticks take turns.
-    #[arg(long, default_value_t = 5)]
+    /// Blocks in which the full loop and the yardsticks take turns: the shorter, the more alike is what the machine does to them.
+    #[arg(long, default_value_t = 20)]
     pairs: usize,
     /// Also find the cliff: a block of each controller with each of these microseconds of added compute, as in --load 100,300,600.
     #[arg(long, value_name = "US", value_delimiter = ',')]
@@ -85,12 +87,18 @@ pub struct BenchArgs {
 pub struct Contest {
     /// The controller.
     pub controller: String,
-    /// The wake-up against the bare loop's at p50, p99, p99.9.
+    /// The wake-up of ticks that were waited for against the bare loop's at p50, p99, p99.9.
     pub wake_up: [Option<Ratio>; 3],
+    /// The lateness of all ticks against the bare loop's.
+    pub lateness: [Option<Ratio>; 3],
     /// The transport against bare iceoryx2's.
     pub transport: [Option<Ratio>; 3],
     /// Ticks played.
     pub ticks: u64,
+    /// Ticks that were due before the loop got to them: it was catching up after a stall, and nothing woke it.
+    pub caught_up: u64,
+    /// The same of the bare loop.
+    pub bare_caught_up: u64,
     /// Ticks without an answer in time, and ticks at which the plant itself was a period late.
     pub missed: u64,
     /// How many of them by cause.
@@ -100,17 +108,36 @@ pub struct Contest {
 impl Contest {
     fn of(blocks: &[Block], which: usize, controller: &str) -> Self {
         let mut causes = BTreeMap::new();
-        let (mut ticks, mut missed) = (0, 0);
-        for (run, _) in blocks.iter().map(|block| &block.full[which]) {
+        let [mut ticks, mut missed, mut ours, mut bare] = [0; 4];
+        for (block, (run, stages)) in blocks.iter().map(|block| (block, &block.full[which])) {
             ticks += run.ticks;
+            ours += caught_up(stages);
+            bare += caught_up(&block.clock);
             missed += missed_of(run);
             for (cause, count) in run.deadlines["by_evidence"].as_object().into_iter().flatten() {
                 *causes.entry(cause.clone()).or_insert(0) += count.as_u64().unwrap_or(0);
             }
         }
-        let [wake_up, transport] =
-            [Compared::WakeUp, Compared::Transport].map(|compared| ratios(blocks, which, compared));
-        Self { controller: controller.to_owned(), wake_up, transport, ticks, missed, causes }
+        Self {
+            controller: controller.to_owned(),
+            wake_up: ratios(blocks, which, Compared::WakeUp),
+            lateness: ratios(blocks, which, Compared::Lateness),
+            transport: ratios(blocks, which, Compared::Transport),
+            ticks,
+            caught_up: ours,
+            bare_caught_up: bare,
+            missed,
+            causes,
+        }
+    }
+
+    /// What is compared, in words, with its ratios.
+    pub fn compared(&self) -> [(&'static str, &[Option<Ratio>; 3]); 3] {
+        [
+            ("wake-up", &self.wake_up),
+            ("lateness, catching up included", &self.lateness),
+            ("transport", &self.transport),
+        ]
     }
 }
 

@@ -83,12 +83,12 @@ pub fn yardstick(args: &YardstickArgs) -> Result<Exit, Failure> {
         Role::Plant => {
             let plant = BarePlant::open(&address).map_err(Failure::internal)?;
             let _ = prepare(&request);
-            exchange(args, &plant, address.run(), &mut stages)?;
+            exchange(args, plant, address.run(), &mut stages)?;
         }
         Role::Controller => {
             let controller = BareController::open(&address).map_err(Failure::internal)?;
             let _ = prepare(&request);
-            answer(args, &controller)?;
+            answer(args, controller)?;
         }
     }
     if let Some(path) = &args.out {
@@ -100,8 +100,7 @@ pub fn yardstick(args: &YardstickArgs) -> Result<Exit, Failure> {
 fn wake(args: &YardstickArgs, stages: &mut Stages) {
     let schedule = Schedule { start_ns: now_ns() + args.period, period_ns: args.period };
     for tick in 0..args.ticks {
-        let awake = sleep_then_spin_until(schedule.due_ns(tick), SPIN_NS);
-        stages.record(Stage::WakeUp, schedule.late_ns(tick, awake));
+        stages.record_arrival(schedule.await_tick(tick, SPIN_NS));
     }
 }
 
@@ -118,11 +117,11 @@ fn command(plant: &BarePlant, state: &State, deadline: u64) -> Result<Option<(Co
     }
 }
 
-fn exchange(args: &YardstickArgs, plant: &BarePlant, run: u64, stages: &mut Stages) -> Result<(), Failure> {
+fn exchange(args: &YardstickArgs, mut plant: BarePlant, run: u64, stages: &mut Stages) -> Result<(), Failure> {
     let mut state = State::new(run, JOINTS);
     let patience = now_ns() + PATIENCE_NS;
     // The other end may still be opening: tick 0 is said until it is answered.
-    while command(plant, &state, now_ns() + args.period)?.is_none() {
+    while command(&plant, &state, now_ns() + args.period)?.is_none() {
         plant.publish(&state).map_err(Failure::internal)?;
         if now_ns() > patience {
             return Err(Failure::peer("the other end of the yardstick did not come"));
@@ -130,13 +129,12 @@ fn exchange(args: &YardstickArgs, plant: &BarePlant, run: u64, stages: &mut Stag
     }
     let schedule = Schedule { start_ns: now_ns(), period_ns: args.period };
     for tick in 1..=args.ticks {
-        let awake = sleep_then_spin_until(schedule.due_ns(tick), SPIN_NS);
-        stages.record(Stage::WakeUp, schedule.late_ns(tick, awake));
+        stages.record_arrival(schedule.await_tick(tick, SPIN_NS));
         (state.tick, state.scheduled_ns, state.published_ns) = (tick, schedule.due_ns(tick), now_ns());
         state.flags = if tick == args.ticks { State::FLAG_LAST } else { 0 };
         plant.publish(&state).map_err(Failure::internal)?;
         let deadline = schedule.due_ns(tick + 1) - JUDGING_NS;
-        if let Some((command, received)) = command(plant, &state, deadline)? {
+        if let Some((command, received)) = command(&plant, &state, deadline)? {
             stages.record(Stage::StateTransport, command.received_ns.saturating_sub(state.published_ns));
             stages.record(Stage::CommandTransport, received.saturating_sub(command.sent_ns));
             stages.record(Stage::Uncorrected, received.saturating_sub(state.published_ns));
@@ -145,7 +143,7 @@ fn exchange(args: &YardstickArgs, plant: &BarePlant, run: u64, stages: &mut Stag
     Ok(())
 }
 
-fn answer(args: &YardstickArgs, controller: &BareController) -> Result<(), Failure> {
+fn answer(args: &YardstickArgs, mut controller: BareController) -> Result<(), Failure> {
     let mut last = now_ns();
     let mut due = 0;
     loop {

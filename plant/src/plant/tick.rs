@@ -64,12 +64,11 @@ impl Plant {
         match self.config.pace {
             Pace::Lockstep => now_ns(),
             Pace::RealTime => {
-                let due = schedule.due_ns(tick);
-                let late = sleep_then_spin_until(due, SPIN_NS).saturating_sub(due);
-                self.stages.record(Stage::WakeUp, late);
-                self.links = Links { wake_up_ns: late, ..Links::default() };
-                self.deadlines.plant_late += u64::from(late > self.config.period_ns);
-                due
+                let arrival = schedule.await_tick(tick, SPIN_NS);
+                self.stages.record_arrival(arrival);
+                self.links = Links { wake_up_ns: arrival.late_ns, ..Links::default() };
+                self.deadlines.plant_late += u64::from(arrival.late_ns > self.config.period_ns);
+                schedule.due_ns(tick)
             }
         }
     }
