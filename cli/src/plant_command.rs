@@ -109,6 +109,14 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     }
     let mut notes = outcome.refused.iter().map(|who| format!("refused: {who}")).collect::<Vec<_>>();
     notes.extend(fault.clone());
+    notes.extend(names.iter().enumerate().filter_map(|(slot, name)| {
+        let foreign = plant.foreign(slot);
+        let process = foreign.process?;
+        Some(format!(
+            "{} commands for {name} came from process {process}, which does not hold its seat, and were not used",
+            foreign.commands
+        ))
+    }));
     notes.extend(outcome.divergence.iter().map(ToString::to_string));
     let summary = RunSummary::new(
         &plant,

@@ -42,7 +42,7 @@ pub struct RunSummary {
     pub answers: Value,
     /// Ticks without a command in time.
     pub deadlines: Value,
-    /// What the gate did not let through of who was in charge.
+    /// What was not let through: of who was in charge by the gate, and commands for any slot that did not come from its seat.
     pub gate: Value,
     /// The controllers with what each gate refused, and every change of who was in charge.
     pub line_up: Value,
@@ -195,10 +195,12 @@ pub struct RunFacts {
 impl RunSummary {
     /// The summary of what `plant` did.
     pub fn new(plant: &Plant, facts: RunFacts) -> Self {
-        let gate: serde_json::Map<String, Value> = Rejection::ALL
+        let mut gate: serde_json::Map<String, Value> = Rejection::ALL
             .iter()
             .map(|&reason| (reason.name().to_owned(), json!(plant.line_up().rejected(reason))))
             .collect();
+        let foreign: u64 = (0..plant.line_up().len()).map(|slot| plant.foreign(slot).commands).sum();
+        gate.insert("foreign".to_owned(), json!(foreign));
         let ledger = plant.system().ledger();
         Self {
             files: facts.controller.clone(),

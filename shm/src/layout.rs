@@ -271,7 +271,11 @@ fn verdicts() -> Codes {
             "Another layout version, or another size of a message.",
         ),
         ("wrong_joints", Verdict::WrongJoints.code(), "Another number of joints than the arm has."),
-        ("slot_taken", Verdict::SlotTaken.code(), "The hello claims no seat: another controller has it."),
+        (
+            "slot_taken",
+            Verdict::SlotTaken.code(),
+            "The hello claims no seat, or one that its process does not hold: another controller has it.",
+        ),
         ("wrong_run", Verdict::WrongRun.code(), "The address of another run."),
         ("no_such_slot", Verdict::NoSuchSlot.code(), "The run has no slot of that number."),
     ];

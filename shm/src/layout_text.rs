@@ -50,7 +50,9 @@ services of its own. `FREEPLAY_RUN` holds the address of the run: the path of it
    dead nodes switched off; whoever makes a service fixes its settings, so it only opens what is there;
 3. takes the exclusive `flock` on `slot-<slot>.lock` in the folder: the seat, which the kernel frees however the process ends;
 4. opens `freeplay/command/<slot>` to publish and `freeplay/state` to subscribe;
-5. says `Hello` with `claim` 1 on `freeplay/hello` and hears `Welcome`; a verdict other than 0 ends it, and so does a wait of seconds;
+5. says `Hello` with `claim` 1 on `freeplay/hello` and hears `Welcome`; a verdict other than 0 ends it, and so does a wait of seconds.
+   Seat, hello and commands are of one process: by the ids of iceoryx2 the plant knows whom a message is from, and it takes the commands
+   of a slot from the process alone that holds its seat and was welcomed;
 6. reads the task file that the welcome names, gets ready, and answers states until one has the flag `last`.
 
 | service | pattern | payload, and its type name |

@@ -12,6 +12,7 @@
 //! - [`Command`]: the answer of one controller to one state.
 //! - [`MessageFault`]: why a message is not to be used.
 //! - [`PlantLink`]: the plant's end: publishes states, greets controllers, takes commands slot by slot.
+//! - [`Foreign`]: commands for a slot that did not come from its seat.
 //! - [`ControllerLink`]: a controller's end: takes states, sends commands.
 //! - [`LinkError`]: why a link could not be opened or used, with the remedy.
 //! - [`Schedule`], [`Arrival`], [`now_ns`], [`sleep_then_spin_until`]: the wall clock of a paced run.
@@ -52,7 +53,7 @@ pub use messages::{
     Reference, State,
 };
 pub use pacing::{Arrival, Backoff, Schedule, now_ns, sleep_then_spin_until};
-pub use plant_link::PlantLink;
+pub use plant_link::{Foreign, PlantLink};
 pub use realtime::{Outcome, RtReport, RtRequest, prepare};
 pub use run_root::{RunRoot, SHM_ENV};
 pub use services::{COMMAND_BUFFER, MAX_SLOTS, STATE_BUFFER};

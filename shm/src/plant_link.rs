@@ -11,9 +11,18 @@ use crate::outbox::Outbox;
 use crate::run_root::Share;
 use crate::seat::Seat;
 use crate::services::{
-    self, CommandSample, CommandSubscriber, DOOR_SERVICE, DoorServer, Ipc, MAX_SLOTS, STATE_SERVICE,
-    command_service, transport,
+    self, COMMAND_BUFFER, CommandSample, CommandSubscriber, DOOR_SERVICE, DoorServer, Ipc, MAX_SLOTS,
+    STATE_SERVICE, command_service, process_of, transport,
 };
+
+/// Commands for a slot that came from elsewhere than the process that holds its seat, and were not used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Foreign {
+    /// How many.
+    pub commands: u64,
+    /// The process of the last one.
+    pub process: Option<u32>,
+}
 
 /// The plant's end of a run. Belongs to the thread that opened it.
 ///
@@ -38,6 +47,9 @@ pub struct PlantLink {
 struct Slot {
     commands: CommandSubscriber,
     seat: Seat,
+    /// The process that was greeted for this slot: nobody else's commands are taken.
+    seated: Option<u32>,
+    foreign: Foreign,
     skipped: u64,
 }
 
@@ -105,8 +117,17 @@ impl PlantLink {
         self.slots.get(slot).map_or(0, |slot| slot.skipped)
     }
 
+    /// The commands for `slot` that came from elsewhere than its seat so far; none for a slot there is not.
+    #[must_use]
+    pub fn foreign(&self, slot: usize) -> Foreign {
+        self.slots.get(slot).map_or_else(Foreign::default, |slot| slot.foreign)
+    }
+
     /// Answers every waiting hello: accepts it or says why not. Does not wait. Allocates and opens shared memory when
     /// there is somebody to greet.
+    ///
+    /// Whom a hello is from is for the transport to say, and who holds the seat for the system: a hello that claims the seat of somebody
+    /// else is refused. From then on only commands of the process that was accepted count for its slot.
     ///
     /// A controller that is not answered for long says hello again, so one may be greeted twice.
     ///
@@ -116,10 +137,11 @@ impl PlantLink {
         let mut greetings = Vec::new();
         while let Some(request) = self.door.receive().map_err(transport("take hellos of", DOOR_SERVICE))? {
             let hello: Hello = *request.payload();
-            let verdict = self.offer.judge(&hello, self.run, self.slots.len());
-            if verdict == Verdict::Accepted {
-                self.connect_to(hello.slot as usize);
-            }
+            let sender = process_of(request.origin().value());
+            let verdict = match self.offer.judge(&hello, self.run, self.slots.len()) {
+                Verdict::Accepted => self.seat(hello.slot as usize, sender),
+                verdict => verdict,
+            };
             if request.send_copy(self.offer.welcome(self.run, self.slots.len(), verdict)).is_ok() {
                 greetings.push(Greeting::of(&hello, verdict));
             }
@@ -139,6 +161,16 @@ impl PlantLink {
         self.slots.get_mut(slot).ok_or(LinkError::NoSlot { slot, slots })
     }
 
+    /// Gives `slot` to the process `sender` if it holds the seat.
+    fn seat(&mut self, slot: usize, sender: u32) -> Verdict {
+        match self.slots.get_mut(slot) {
+            Some(it) if it.seat.is_held_by(sender) => it.seated = Some(sender),
+            _ => return Verdict::SlotTaken,
+        }
+        self.connect_to(slot);
+        Verdict::Accepted
+    }
+
     /// Opens the shared memory of the controller of `slot` now, so that the first tick need not. What fails is tried again
     /// then.
     fn connect_to(&mut self, slot: usize) {
@@ -153,14 +185,31 @@ impl Slot {
     fn open(address: &Address, node: &Node<Ipc>, slot: u32) -> Result<Self, LinkError> {
         let service = services::create_commands(node, slot)?;
         let commands = services::subscriber(&service, &command_service(slot))?;
-        Ok(Self { commands, seat: Seat::of_controller(address, slot)?, skipped: 0 })
+        Ok(Self {
+            commands,
+            seat: Seat::of_controller(address, slot)?,
+            seated: None,
+            foreign: Foreign::default(),
+            skipped: 0,
+        })
     }
 
-    /// The oldest command not yet taken, where it lies in shared memory.
+    /// The oldest command not yet taken of the process that holds the seat, where it lies in shared memory. Those of others are counted,
+    /// no more of them at a time than a buffer holds, so that a flood does not keep the loop.
     #[inline]
     fn next(&mut self, slot: usize) -> Result<Option<CommandSample>, LinkError> {
-        self.commands
-            .receive()
-            .map_err(|error| transport("take commands of", &command_service(slot as u32))(error))
+        for _ in 0..COMMAND_BUFFER {
+            let received = self.commands.receive();
+            let received = received
+                .map_err(|error| transport("take commands of", &command_service(slot as u32))(error))?;
+            let Some(command) = received else { return Ok(None) };
+            let sender = process_of(command.origin().value());
+            if self.seated == Some(sender) {
+                return Ok(Some(command));
+            }
+            self.foreign.commands += 1;
+            self.foreign.process = Some(sender);
+        }
+        Ok(None)
     }
 }

@@ -1,7 +1,7 @@
 //! [`Seat`]: a part in a run that one process has at a time.
 
-use std::fs::{File, TryLockError};
-use std::os::unix::fs::OpenOptionsExt;
+use std::fs::{self, File, TryLockError};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -11,6 +11,9 @@ use crate::error::{LinkError, folder_fault};
 /// How often to look for a seat that is taken, a millisecond apart: who merely looks at it, and a process that has just been
 /// started by one that sits, hold it for a moment.
 const LOOKS: u32 = 20;
+
+/// The system's list of all locks.
+const LOCKS: &str = "/proc/locks";
 
 /// A part in a run that one process has at a time: the plant, or a controller in its slot. It is the exclusive `flock` on a
 /// file in the run's folder, `plant.lock` or `slot-<n>.lock`, so the kernel frees it however the process ends.
@@ -64,6 +67,46 @@ impl Seat {
                 false
             }
             Err(_) => true,
+        }
+    }
+
+    /// Whether the process `pid` has taken the seat, by the system's list of locks. Where that does not show this lock (another
+    /// namespace of processes), whether anybody has. Reads a file of the system: not for the loop.
+    pub(crate) fn is_held_by(&self, pid: u32) -> bool {
+        let listed = fs::read_to_string(LOCKS).unwrap_or_default();
+        let inode = self.file.metadata().map_or(0, |metadata| metadata.ino());
+        let holders: Vec<u32> = listed.lines().filter_map(|line| holder(line, inode)).collect();
+        self.is_taken() && (holders.is_empty() || holders.contains(&pid))
+    }
+}
+
+/// The process that holds an exclusive `flock` on the file `inode`, if `line` of the list of locks says so, as in
+/// `3: FLOCK  ADVISORY  WRITE 4711 00:1b:346579 0 EOF`. Process 0 is one of another namespace.
+fn holder(line: &str, inode: u64) -> Option<u32> {
+    let mut words = line.split_ascii_whitespace().skip(1);
+    let is_exclusive = [words.next()?, words.next()?, words.next()?] == ["FLOCK", "ADVISORY", "WRITE"];
+    let pid: u32 = words.next()?.parse().ok()?;
+    let of: u64 = words.next()?.rsplit(':').next()?.parse().ok()?;
+    (is_exclusive && pid > 0 && of == inode).then_some(pid)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::holder;
+
+    #[test]
+    fn the_list_of_locks_names_who_holds_a_file() {
+        let line = "12: FLOCK  ADVISORY  WRITE 4711 00:1b:346579 0 EOF";
+        assert_eq!(holder(line, 346_579), Some(4711));
+        for (line, inode) in [
+            (line, 346_580),
+            ("12: FLOCK  ADVISORY  READ  4711 00:1b:346579 0 EOF", 346_579),
+            ("12: POSIX  ADVISORY  WRITE 4711 00:1b:346579 0 EOF", 346_579),
+            ("12: -> FLOCK  ADVISORY  WRITE 4711 00:1b:346579 0 EOF", 346_579),
+            ("12: FLOCK  ADVISORY  WRITE 0 00:1b:346579 0 EOF", 346_579),
+            ("", 0),
+        ] {
+            assert_eq!(holder(line, inode), None, "{line}");
         }
     }
 }

@@ -206,6 +206,12 @@ pub(crate) fn door_client(service: &DoorService) -> Result<DoorClient, LinkError
         .map_err(transport("knock on", DOOR_SERVICE))
 }
 
+/// The process of the port that iceoryx2 calls `id`. Version 0.10 makes ids of the time (bits 0 to 63), the process (64 to 95) and a
+/// counter (`iceoryx2_bb_posix::UniqueSystemId`), and offers the process of a node's id alone; a test holds it to that.
+pub(crate) fn process_of(id: u128) -> u32 {
+    (id >> 64) as u32
+}
+
 /// What iceoryx2 said, as our error.
 pub(crate) fn transport<Cause: Debug>(doing: &'static str, service: &str) -> impl FnOnce(Cause) -> LinkError {
     move |cause| LinkError::Transport { doing, service: service.to_owned(), cause: format!("{cause:?}") }

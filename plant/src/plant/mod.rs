@@ -16,7 +16,7 @@ use crossbeam::queue::ArrayQueue;
 use freeplay_arm::Workspace;
 use freeplay_laws::SensorLaw;
 use freeplay_path::JointPath;
-use freeplay_shm::{Backoff, Pace, PlantLink, Schedule, State, now_ns};
+use freeplay_shm::{Backoff, Foreign, Pace, PlantLink, Schedule, State, now_ns};
 
 pub use config::{Deadlines, Ending, PlantConfig, PlantError, PlantOutcome};
 
@@ -146,6 +146,11 @@ impl Plant {
     /// Why deadlines were missed, where evidence was gathered.
     pub fn misses(&self) -> Option<&Misses> {
         self.misses.as_ref()
+    }
+
+    /// Commands for `slot` that did not come from the process that holds its seat.
+    pub fn foreign(&self, slot: usize) -> Foreign {
+        self.link.foreign(slot)
     }
 
     /// Number of joints of the arm.

@@ -20,6 +20,7 @@ fn role() {
     match env::var(ROLE_ENV).as_deref() {
         Ok("controller") => controller(),
         Ok("plant") => plant(),
+        Ok("intruder") => crate::foreign::intruder(),
         Ok("grabber") => grabber(),
         Ok("whole run") => whole_run(),
         Ok("root") => root(),
@@ -90,12 +91,12 @@ impl Drop for Role {
     }
 }
 
-fn say(line: &str) {
+pub fn say(line: &str) {
     println!("{line}");
 }
 
 /// Until killed, but not for ever.
-fn sleep_until_killed() {
+pub fn sleep_until_killed() {
     std::thread::sleep(PATIENCE);
 }
 

@@ -4,6 +4,7 @@
 
 mod allocation;
 mod child;
+mod foreign;
 mod handshake;
 mod leftovers;
 mod loss;
