@@ -408,3 +408,6 @@ impl LineUp {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -51,6 +51,14 @@ fn expected(verdict: &Verdict) -> String {
     }
 }
 
+/// After how many of the faults that were detected the standby was in force, at once and soon.
+fn taken_over(verdict: &Verdict) -> String {
+    match verdict.detected {
+        0 => "–".to_owned(),
+        _ => format!("{}, {}", verdict.taken_over_at_once, verdict.taken_over_soon),
+    }
+}
+
 fn slowest(verdict: &Verdict) -> String {
     verdict.slowest.map_or_else(|| "–".to_owned(), |ticks| ticks.to_string())
 }
@@ -103,6 +111,7 @@ impl<'a> Report<'a> {
             "in\ncontact",
             "\ndetected",
             "slowest\n[ticks]",
+            "standby in force\nat once, soon",
             "\nas",
             "\nin force",
             "in charge\nnext",
@@ -117,6 +126,7 @@ impl<'a> Report<'a> {
                 verdict.in_contact.to_string(),
                 format!("{} of {}", verdict.detected, verdict.in_charge),
                 slowest(verdict),
+                taken_over(verdict),
                 counted(&verdict.reasons),
                 counted(&verdict.applied),
                 counted(&verdict.next_in_charge),
@@ -125,7 +135,7 @@ impl<'a> Report<'a> {
                 word(verdict.holds).to_owned(),
             ]);
         }
-        for column in [1, 2, 3, 4, 8, 9] {
+        for column in [1, 2, 3, 4, 5, 9, 10] {
             if let Some(column) = table.column_mut(column) {
                 column.set_cell_alignment(CellAlignment::Right);
             }
@@ -204,6 +214,7 @@ impl<'a> Report<'a> {
             .column(Column::number("in contact", ""))
             .column(Column::number("detected", ""))
             .column(Column::text("slowest, ticks"))
+            .column(Column::text("standby in force at once, soon"))
             .column(Column::text("as"))
             .column(Column::text("in force meanwhile"))
             .column(Column::text("in charge next"))
@@ -219,6 +230,7 @@ impl<'a> Report<'a> {
                 (verdict.in_contact as u64).into(),
                 (verdict.detected as u64).into(),
                 slowest(verdict).into(),
+                taken_over(verdict).into(),
                 counted(&verdict.reasons).into(),
                 counted(&verdict.applied).into(),
                 counted(&verdict.next_in_charge).into(),
@@ -229,6 +241,7 @@ impl<'a> Report<'a> {
         }
         let table = table.note(
             "Ticks are counted from the first faulty answer to the tick in which something else was in force: 1 is at once. \
+             The standby is in force at once if its answer to the tick that lacked one was, soon if one of the next two was. \
              The deviation is the tool's greatest until the next fault, beside the greatest of either controller alone in the same ticks.",
         );
         let mut others = Table::new("Faults that are not the controller's")

@@ -29,6 +29,8 @@ pub struct Finding {
     pub in_contact: bool,
     /// Ticks from the first faulty answer to the one in which something else than the controller's answers was in force.
     pub detected_after: Option<u64>,
+    /// Ticks from the first answer that did not pass to the one whose successor had the standby's command in force; 0: no tick was lost.
+    pub taken_over_after: Option<u64>,
     /// Why the answer did not pass.
     pub reason: Option<&'static str>,
     /// Faulty answers that were in force.
@@ -71,6 +73,8 @@ impl Finding {
         let refused = (begin..faulty).find(|&tick| rejected[tick] != 0.0);
         // The answer to tick k is in force during tick k + 1.
         let was_faulty = |tick: usize| in_force[tick] == 1.0 && in_charge[tick] == 0.0;
+        let is_taken_over = |tick: &usize| in_force[*tick] == 1.0 && in_charge[*tick] != 0.0;
+        let taken_over = refused.and_then(|tick| Some((tick + 1..end).find(is_taken_over)? - tick - 1));
         let norm = deviation(recording)?;
         let peak = norm[begin.min(norm.len())..end.min(norm.len())].iter().copied().fold(0.0, f64::max);
         let without = alone.iter().map(|alone| alone.peak(begin..end)).fold(0.0, f64::max);
@@ -84,6 +88,7 @@ impl Finding {
                 name.ends_with("_contact_time") && values[begin.min(values.len() - 1)] > 0.0
             }),
             detected_after: refused.map(|tick| (tick - begin) as u64 + 1),
+            taken_over_after: taken_over.map(|ticks| ticks as u64),
             reason: refused.map(|tick| reason(rejected[tick])),
             faulty_in_force: (begin + 1..(faulty + 1).min(end)).filter(|&tick| was_faulty(tick)).count()
                 as u64,
@@ -178,6 +183,10 @@ pub struct Verdict {
     pub in_charge: usize,
     /// Of these, detected.
     pub detected: usize,
+    /// Faults after which the standby's answer to the very tick that lacked one was in force.
+    pub taken_over_at_once: usize,
+    /// Faults after which the standby was in charge within two ticks more.
+    pub taken_over_soon: usize,
     /// Ticks until the slowest was detected.
     pub slowest: Option<u64>,
     /// Faults that were not met as they should be.
@@ -218,6 +227,8 @@ impl Verdict {
             in_contact: 0,
             in_charge: 0,
             detected: 0,
+            taken_over_at_once: 0,
+            taken_over_soon: 0,
             slowest: None,
             not_as_expected: 0,
             applied: BTreeMap::new(),
@@ -247,6 +258,8 @@ impl Verdict {
             if finding.was_in_charge {
                 self.in_charge += 1;
                 self.detected += usize::from(finding.detected_after.is_some());
+                self.taken_over_at_once += usize::from(finding.taken_over_after == Some(0));
+                self.taken_over_soon += usize::from(matches!(finding.taken_over_after, Some(1 | 2)));
                 self.slowest = self.slowest.max(finding.detected_after);
             }
             self.not_as_expected += usize::from(!finding.holds(self.kind.expected()));

@@ -16,6 +16,9 @@ const SPIN_NS: u64 = 200_000;
 const ANSWER_WINDOW: u64 = 2;
 /// Real time: how long before the next tick the plant judges what it has, ns.
 const JUDGING_NS: u64 = 50_000;
+/// Real time: how long before it judges the plant is awake again to take answers that came after it stepped, ns: the system wakes
+/// sleepers 40 to 130 µs late.
+const LAST_LOOK_NS: u64 = 100_000;
 
 impl Plant {
     pub(super) fn tick(&mut self, tick: u64, schedule: &Schedule) -> Result<(), PlantError> {
@@ -38,10 +41,14 @@ impl Plant {
             Pace::Lockstep => self.all_in(tick),
         };
         if !is_complete {
-            // With one controller this is rare. A standby that is slow or gone makes it the rule: then the plant wakes in time.
-            let spin = if self.line_up.len() > 1 { SPIN_NS } else { 0 };
             let deadline = match self.config.pace {
-                Pace::RealTime => sleep_then_spin_until(schedule.due_ns(tick + 1) - JUDGING_NS, spin),
+                Pace::RealTime => {
+                    // Asleep, not spinning: where cores are few, the standby whose answer lacks computes on this one while the dying
+                    // process of the one in charge is taken apart, at its own priority, on the other.
+                    let deadline = schedule.due_ns(tick + 1) - JUDGING_NS;
+                    sleep_then_spin_until(deadline - LAST_LOOK_NS, 0);
+                    deadline
+                }
                 Pace::Lockstep => now_ns() + self.answer_patience(tick).as_nanos() as u64,
             };
             self.await_answers(tick, scheduled, deadline)?;

@@ -1,0 +1,77 @@
+use freeplay_shm::{Command, MAX_JOINTS, Mode, State};
+
+use super::{Cause, LineUp, LineUpSpec};
+use crate::{Applied, GateLimits, Rejection};
+
+const RUN: u64 = 7;
+
+/// Two controllers of one joint that have both answered the ticks before `tick`, the first in charge.
+fn sound_until(tick: u64) -> LineUp {
+    let limits = GateLimits {
+        mode: Mode::Torque,
+        lower: [-100.0; MAX_JOINTS],
+        upper: [100.0; MAX_JOINTS],
+        change: [50.0; MAX_JOINTS],
+        speed: [5.0; MAX_JOINTS],
+        acceleration: [50.0; MAX_JOINTS],
+        hold: 20,
+    };
+    let spec = LineUpSpec { controllers: 2, ..LineUpSpec::default() };
+    let mut line_up = LineUp::new(&spec, limits, RUN, 1, 1e-3);
+    for before in 0..tick {
+        play(&mut line_up, before, [Some(answer(before, 5.0)), Some(answer(before, 6.0))]);
+    }
+    line_up
+}
+
+fn answer(tick: u64, value: f64) -> Command {
+    let mut command = Command::answer_to(&State { tick, ..State::new(RUN, 1) }, 0);
+    command.value[0] = value;
+    command
+}
+
+/// What is applied after `tick`, and why the one in charge did not pass.
+fn play(line_up: &mut LineUp, tick: u64, answers: [Option<Command>; 2]) -> (Applied, Option<Rejection>) {
+    line_up.begin_tick();
+    for (slot, answer) in answers.into_iter().enumerate() {
+        line_up.slot_mut(slot).answer = answer;
+    }
+    let verdict = line_up.judge(tick, true);
+    (verdict.applied, verdict.rejection)
+}
+
+/// However the one in charge fails, no tick is lost as long as the standby has answered it.
+#[test]
+fn the_standby_s_answer_to_the_same_tick_takes_the_place_of_one_that_does_not_pass() {
+    let nan = Command { value: [f64::NAN; MAX_JOINTS], ..answer(9, 5.0) };
+    for (reason, failed) in [
+        (Rejection::Missing, None),
+        (Rejection::Stale, Some(answer(8, 5.0))),
+        (Rejection::NotFinite, Some(nan)),
+        (Rejection::OutOfRange, Some(answer(9, 101.0))),
+        (Rejection::TooFast, Some(answer(9, 90.0))),
+        (Rejection::Malformed, Some(Command { magic: 1, ..answer(9, 5.0) })),
+    ] {
+        let mut line_up = sound_until(9);
+        assert_eq!(line_up.in_charge(), 0);
+        assert_eq!(play(&mut line_up, 9, [failed, Some(answer(9, 6.0))]), (Applied::Command, Some(reason)));
+        assert_eq!(line_up.in_charge(), 1, "{reason:?}");
+        let swap = line_up.swaps()[0];
+        assert_eq!((swap.tick, swap.gap, swap.held, swap.cause), (9, 0, 0, Cause::Failed(reason)));
+        assert_eq!(line_up.in_force().map(|command| command.tick), Some(9), "the answer to this very tick");
+    }
+}
+
+#[test]
+fn where_nobody_has_answered_the_command_is_held_until_somebody_has() {
+    let mut line_up = sound_until(9);
+    for tick in 9..12 {
+        assert_eq!(play(&mut line_up, tick, [None, None]), (Applied::Hold, Some(Rejection::Missing)));
+    }
+    assert_eq!(play(&mut line_up, 12, [None, Some(answer(12, 6.0))]).0, Applied::Command);
+    let swap = line_up.swaps()[0];
+    assert_eq!((swap.tick, swap.gap, swap.held, line_up.in_charge()), (12, 3, 3, 1));
+    // An old answer of the standby is no better than none.
+    let mut line_up = sound_until(9);
+    assert_eq!(play(&mut line_up, 9, [None, Some(answer(8, 6.0))]).0, Applied::Hold);
+}
