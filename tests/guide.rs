@@ -119,6 +119,11 @@ fn bringing_a_recording() {
 }
 
 #[test]
+fn reading_results() {
+    assert_eq!(play("results.md"), 3);
+}
+
+#[test]
 fn every_page_is_in_the_index() {
     let index = std::fs::read_to_string(root().join("docs/guide/README.md")).expect("the index");
     for page in std::fs::read_dir(root().join("docs/guide")).expect("a folder").flatten() {

@@ -25,6 +25,8 @@ enum Command {
     Faults(crate::faults::FaultsArgs),
     /// Time every stage of the loop beside a bare clock loop and bare iceoryx2, alternately, with a cause for every missed deadline.
     Bench(crate::bench::BenchArgs),
+    /// Compare runs in one HTML file: verdicts, deviations, contact and latencies over each other, and what was set differently.
+    Report(crate::report_command::ReportArgs),
     /// Is this machine fit for runs, for medians and for tails of latencies, and what to change.
     Doctor(crate::doctor::DoctorArgs),
     /// Where a model and recordings differ, what is missing from the model, and how much better it gets with it.
@@ -87,6 +89,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Faults(args) => crate::faults::faults(&args),
         Command::Bench(args) => crate::bench::bench(&args),
         Command::Yardstick(args) => crate::bench::yardstick(&args),
+        Command::Report(args) => crate::report_command::report(&args),
         Command::Doctor(args) => crate::doctor::doctor(&args),
         Command::Diagnose(args) => crate::diagnose::diagnose(&args),
         Command::Demo(args) => crate::demo::demo(&args),

@@ -12,6 +12,7 @@ use serde_json::Value;
 use crate::columns::play_column;
 use crate::exit::Failure;
 use crate::histogram_files::read_hlog;
+use crate::run_film::{Seen, film};
 use crate::scenario::Scenario;
 use crate::setup::Setup;
 use crate::summary::RunSummary;
@@ -20,7 +21,9 @@ use crate::summary::RunSummary;
 const MOST_ROWS: usize = 40_000;
 
 /// One controller's run with what it left.
-struct Played<'a> {
+pub struct Played<'a> {
+    /// What it is called.
+    name: String,
     summary: &'a RunSummary,
     recording: Option<Recording>,
     latencies: Vec<(String, Histogram<u64>)>,
@@ -37,7 +40,10 @@ pub fn write(
     runs: &[RunSummary],
     machine: &Value,
 ) -> Result<PathBuf, Failure> {
-    let played = runs.iter().map(|run| Played::read(run, out)).collect::<Result<Vec<_>, _>>()?;
+    let played = runs
+        .iter()
+        .map(|run| Played::read(run, out, run.controller.clone()))
+        .collect::<Result<Vec<_>, _>>()?;
     let plays: Vec<&str> = setup
         .plant
         .effects
@@ -47,13 +53,14 @@ pub fn write(
         .collect();
     let mut document =
         Document::new("Freeplay run").subtitle(format!("{}, {} controllers", setup.arm().name(), runs.len()));
-    for block in overview(runs) {
+    for block in overview(&played) {
         document = document.overview(block);
     }
     document = document.section(deviation(&played));
-    for (index, play) in plays.iter().enumerate() {
-        document =
-            document.section(contact(&played, play, setup.plant.effects.clearances[index].1.clearance));
+    for (play, (joint, clearance)) in plays.iter().zip(&setup.plant.effects.clearances) {
+        let mut section = contact(&played, play);
+        section.blocks.extend(seen(&played, setup, play, *joint, clearance.clearance));
+        document = document.section(section);
     }
     document = document
         .section(torques(&played, setup).with(joint_use(&played, setup)))
@@ -66,7 +73,11 @@ pub fn write(
 }
 
 impl<'a> Played<'a> {
-    fn read(summary: &'a RunSummary, out: &Path) -> Result<Self, Failure> {
+    /// The run of `summary`, called `name`, with what it left in `out`.
+    ///
+    /// # Errors
+    /// A recording or histograms that can't be read back.
+    pub fn read(summary: &'a RunSummary, out: &Path, name: String) -> Result<Self, Failure> {
         let recording = match &summary.recording {
             Some(name) if summary.ticks > 0 => {
                 Some(read_overview(&out.join(name), None, MOST_ROWS).map_err(Failure::input)?)
@@ -74,11 +85,22 @@ impl<'a> Played<'a> {
             _ => None,
         };
         let latencies = read_hlog(&out.join(format!("{}.hlog", summary.files)))?;
-        Ok(Self { summary, recording, latencies })
+        Ok(Self { name, summary, recording, latencies })
     }
 
-    fn name(&self) -> &str {
-        &self.summary.controller
+    /// What it is called.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What it came to.
+    pub fn summary(&self) -> &RunSummary {
+        self.summary
+    }
+
+    /// The recording with all its ticks: the rows of an overview are no samples, least and greatest of two columns do not belong together.
+    fn whole(&self) -> Option<&Recording> {
+        self.recording.as_ref().filter(|recording| self.summary.ticks <= recording.len() as u64)
     }
 
     /// A column of the recording against time, scaled, as a line with the controller's name.
@@ -93,35 +115,29 @@ fn mm(value: &Value) -> f64 {
     value.as_f64().unwrap_or(f64::NAN)
 }
 
-fn overview(runs: &[RunSummary]) -> Vec<Block> {
-    let mut blocks: Vec<Block> = runs
-        .iter()
-        .map(|run| {
-            let ok = run.ending.as_str() == Some("finished");
-            let words = if ok {
-                format!(
-                    "{}: finished; tool deviation {:.4} mm RMS, {:.4} mm at most after the first 0.5 s",
-                    run.controller,
-                    mm(&run.deviation_mm["rms_after_start"]),
-                    mm(&run.deviation_mm["max_after_start"]),
-                )
-            } else {
-                format!("{}: did not finish under control: {}", run.controller, run.ending)
-            };
-            Block::Verdict(Verdict::passed(ok), words)
-        })
-        .collect();
-    let figures = runs
-        .iter()
-        .map(|run| {
-            Figure::new(
-                run.controller.clone(),
-                format!("{:.4}", mm(&run.deviation_mm["rms_after_start"])),
-                "mm RMS",
+/// How each ended, and how far its tool was off.
+pub fn overview(played: &[Played]) -> Vec<Block> {
+    let verdict = |run: &Played| {
+        let summary = run.summary;
+        let ok = summary.ending.as_str() == Some("finished");
+        let words = if ok {
+            format!(
+                "{}: finished; tool deviation {:.4} mm RMS, {:.4} mm at most after the first 0.5 s",
+                run.name(),
+                mm(&summary.deviation_mm["rms_after_start"]),
+                mm(&summary.deviation_mm["max_after_start"]),
             )
-        })
-        .collect();
-    blocks.push(Block::Figures(figures));
+        } else {
+            format!("{}: did not finish under control: {}", run.name(), summary.ending)
+        };
+        Block::Verdict(Verdict::passed(ok), words)
+    };
+    let figure = |run: &Played| {
+        let rms = format!("{:.4}", mm(&run.summary.deviation_mm["rms_after_start"]));
+        Figure::new(run.name(), rms, "mm RMS")
+    };
+    let mut blocks: Vec<Block> = played.iter().map(verdict).collect();
+    blocks.push(Block::Figures(played.iter().map(figure).collect()));
     blocks
 }
 
@@ -135,7 +151,8 @@ fn chart(played: &[Played], title: &str, axis: Axis, column: &str, scale: f64) -
     Some(series.into_iter().fold(chart, Chart::series))
 }
 
-fn deviation(played: &[Played]) -> Section {
+/// The tool's deviation: a table, and traces over each other.
+pub fn deviation(played: &[Played]) -> Section {
     let mut table = Table::new("Tool deviation: true tool minus the perfect arm on the desired joints")
         .column(Column::text("controller"))
         .column(Column::number("rms", "mm").fixed(4).group("after 0.5 s").lowest())
@@ -174,8 +191,9 @@ fn deviation(played: &[Played]) -> Section {
     section
 }
 
-fn contact(played: &[Played], play: &str, clearance: f64) -> Section {
-    let mut table = Table::new(format!("Contact in {play}, clearance {:.3} mm", clearance * 1e3))
+/// What the journal of `play` does.
+pub fn contact(played: &[Played], play: &str) -> Section {
+    let mut table = Table::new(format!("Contact in {play}"))
         .column(Column::text("controller"))
         .column(Column::number("free flight", "%").fixed(2))
         .column(Column::number("impact", "%").fixed(2))
@@ -208,15 +226,21 @@ fn contact(played: &[Played], play: &str, clearance: f64) -> Section {
     ) {
         section = section.with(chart.mark(Mark::Level { y: 2.0, label: "impact / continuous".into() }));
     }
-    section.with(Block::Columns(
-        played.iter().filter_map(|run| orbit(run, play, clearance)).map(Block::from).collect(),
-    ))
+    section
+}
+
+/// The film of the arm and its journals, and their orbits as charts.
+fn seen(played: &[Played], setup: &Setup, play: &str, joint: usize, clearance: f64) -> Vec<Block> {
+    let seen: Vec<Seen> =
+        played.iter().filter_map(|run| Some(Seen { name: run.name(), recording: run.whole()? })).collect();
+    let orbits = played.iter().filter_map(|run| orbit(run, play, clearance)).map(Block::from).collect();
+    let film = film(setup.arm(), &seen, play, joint, clearance).map(Block::from);
+    film.into_iter().chain([Block::Columns(orbits)]).collect()
 }
 
 /// The journal's path in its bearing.
 fn orbit(run: &Played, play: &str, clearance: f64) -> Option<Chart> {
-    // The rows of an overview are no samples: least and greatest of two columns do not belong together.
-    let recording = run.recording.as_ref().filter(|recording| run.summary.ticks <= recording.len() as u64)?;
+    let recording = run.whole()?;
     let scaled = |quantity: &str| -> Option<Vec<f64>> {
         Some(recording.column(&play_column(play, quantity))?.iter().map(|value| value * 1e3).collect())
     };
@@ -283,7 +307,8 @@ fn quantiles() -> impl Iterator<Item = f64> {
     (0..=120).map(|step| 1.0 - 10f64.powf(-f64::from(step) / 24.0))
 }
 
-fn latencies(played: &[Played]) -> Section {
+/// How long the stages took: a table, and percentile curves over each other.
+pub fn latencies(played: &[Played]) -> Section {
     let mut table = Table::new("Latencies by stage")
         .column(Column::text("controller"))
         .column(Column::text("stage"))

@@ -32,6 +32,10 @@ impl<'a> Colours<'a> {
         match block {
             Block::Chart(chart) => self.collect_series(chart),
             Block::Drawing(drawing) => drawing.panels.iter().for_each(|panel| self.collect_series(panel)),
+            Block::Film(film) => {
+                let parts = film.scenes.iter().flat_map(|scene| &scene.moving);
+                parts.for_each(|moving| self.add(&moving.name));
+            }
             Block::Columns(blocks) | Block::Details { blocks, .. } => {
                 for block in blocks {
                     self.collect(block);
@@ -42,10 +46,12 @@ impl<'a> Colours<'a> {
     }
 
     fn collect_series(&mut self, chart: &'a Chart) {
-        for name in chart.series.iter().map(|series| series.colour_name()) {
-            if !self.names.contains(&name) {
-                self.names.push(name);
-            }
+        chart.series.iter().for_each(|series| self.add(series.colour_name()));
+    }
+
+    fn add(&mut self, name: &'a str) {
+        if !name.is_empty() && !self.names.contains(&name) {
+            self.names.push(name);
         }
     }
 }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::chart::Chart;
 use crate::drawing::Drawing;
+use crate::film::Film;
 use crate::table::Table;
 
 /// A report: what is written into one HTML file.
@@ -61,6 +62,8 @@ pub enum Block {
     Chart(Box<Chart>),
     /// A figure drawn once, as SVG.
     Drawing(Box<Drawing>),
+    /// A figure whose parts move.
+    Film(Box<Film>),
     /// Blocks side by side where the window is wide enough, else one below the other.
     Columns(Vec<Block>),
     /// Text as typed: commands, files, messages.
@@ -262,6 +265,12 @@ impl From<Table> for Block {
 impl From<Chart> for Block {
     fn from(chart: Chart) -> Self {
         Self::Chart(Box::new(chart))
+    }
+}
+
+impl From<Film> for Block {
+    fn from(film: Film) -> Self {
+        Self::Film(Box::new(film))
     }
 }
 

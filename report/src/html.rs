@@ -3,6 +3,7 @@
 mod blocks;
 mod drawing;
 mod figure;
+mod film;
 mod table;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
@@ -13,6 +14,7 @@ use crate::thin::{LEAST_IN_SERIES, MOST_IN_DOCUMENT, MOST_IN_SERIES};
 
 const STYLE: &str = include_str!("report.css");
 const SCRIPT: &str = include_str!("glue.js");
+const FILM_SCRIPT: &str = include_str!("film.js");
 const UPLOT_STYLE: &str = include_str!("../vendor/uplot/uPlot.min.css");
 const UPLOT_SCRIPT: &str = include_str!("../vendor/uplot/uPlot.iife.min.js");
 const UPLOT_LICENCE: &str = include_str!("../vendor/uplot/LICENSE");
@@ -62,6 +64,7 @@ fn head(document: &Document) -> Markup {
             style { (PreEscaped(UPLOT_STYLE)) (PreEscaped(STYLE)) }
             script { "/*\n" (PreEscaped(UPLOT_LICENCE)) "*/\n" (PreEscaped(UPLOT_SCRIPT)) }
             script { (PreEscaped(SCRIPT)) }
+            script { (PreEscaped(FILM_SCRIPT)) }
         }
     }
 }

@@ -6,12 +6,13 @@
 //! The nouns, in the order in which data passes through them:
 //!
 //! - [`Document`]: title, overview (what a reader sees first), [`Section`]s, footer; written with [`Document::write`].
-//! - [`Block`]: what stands in an overview or a section: text, list, verdict, figures, table, chart, drawing, columns, code, details.
+//! - [`Block`]: what stands in an overview or a section: text, list, verdict, figures, table, chart, drawing, film, columns, code, details.
 //! - [`Verdict`]: ok, warn, fail or info; shown as a word and a sign, never as a colour alone.
 //! - [`Figure`]: a key number with its name, unit and remark, drawn as a tile.
 //! - [`Table`] of [`Column`]s and [`Cell`]s: units in the heading, decimals aligned, the [`Best`] marked.
 //! - [`Chart`] of [`Series`] over two [`Axis`]es, with [`Mark`]s; [`Scale`] and [`Style`] say how they are drawn.
 //! - [`Drawing`]: a figure of panels drawn once, as SVG, with a caption; each panel is a [`Chart`].
+//! - [`Film`] of [`Scene`]s with [`Moving`] parts: a figure that is played over time, and a still on paper.
 //! - [`thin`]: fewer points, every peak kept; done by itself so that a report stays below about 5 MB.
 //! - [`text`]: how a number is written, for every table of the project, on paper and in the terminal.
 //! - [`ReportError`]: why a report could not be written.
@@ -46,6 +47,7 @@ mod chart_data;
 mod colours;
 mod document;
 mod drawing;
+mod film;
 mod html;
 mod standalone;
 mod svg;
@@ -56,5 +58,6 @@ mod thin;
 pub use chart::{Axis, Chart, Mark, Scale, Series, Style};
 pub use document::{Block, Document, Figure, ReportError, Section, Verdict};
 pub use drawing::Drawing;
+pub use film::{Film, Moving, Scene};
 pub use table::{Best, Cell, Column, Content, Table};
 pub use thin::thin;

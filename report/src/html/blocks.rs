@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::{Context, drawing, figure, table};
+use super::{Context, drawing, figure, film, table};
 use crate::document::{Block, Figure, Verdict};
 
 /// Blocks, one below the other.
@@ -21,6 +21,7 @@ fn one(block: &Block, context: &Context<'_>) -> Markup {
         Block::Table(content) => table::table(content, context),
         Block::Chart(chart) => figure::chart(chart, context),
         Block::Drawing(content) => drawing::drawing(content, context),
+        Block::Film(content) => film::film(content, context),
         Block::Columns(columns) => html! {
             div.columns { @for column in columns { div { (one(column, context)) } } }
         },
