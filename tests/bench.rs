@@ -22,7 +22,8 @@ fn every_tick_is_accounted_for_and_every_miss_has_a_line() {
     assert_eq!(bench["latency_us"]["bare clock loop"]["wake_up"]["count"], 600);
     let contest = &bench["controllers"][0];
     // Each tick was waited for, or the loop was catching up; so it is with the bare loop.
-    for (of, ticks, caught_up) in [(of, 598, "caught_up"), (&bench["latency_us"]["bare clock loop"], 600, "bare_caught_up")]
+    for (of, ticks, caught_up) in
+        [(of, 598, "caught_up"), (&bench["latency_us"]["bare clock loop"], 600, "bare_caught_up")]
     {
         let waited = of["wake_up_uncorrected"]["count"].as_u64().expect("a count");
         println!("{caught_up}: {} of {ticks}", contest[caught_up]);

@@ -208,14 +208,37 @@ fn watch(
     setup: &Setup,
     files: &Files,
 ) -> Result<Watch, Failure> {
-    let title = Title {
+    Watch::open(title(contestant, scenario, setup), &said(contestant, files))
+}
+
+/// Plays one run as [`play`] does, with the live view of a terminal that nobody sees.
+///
+/// # Errors
+/// As [`play`].
+pub fn play_unseen(
+    scenario: &Scenario,
+    contestant: &Contestant,
+    setup: &Setup,
+    files: &Files,
+    stop: &AtomicBool,
+) -> Result<(Exit, Option<RunSummary>), Failure> {
+    let watch = Watch::unseen(title(contestant, scenario, setup), &said(contestant, files))?;
+    play_watched(scenario, contestant, files, 0.0, stop, Some(watch))
+}
+
+/// Where the processes of a watched run say what they have to say.
+fn said(contestant: &Contestant, files: &Files) -> PathBuf {
+    files.out.join(format!("{}.stderr", contestant.name))
+}
+
+fn title(contestant: &Contestant, scenario: &Scenario, setup: &Setup) -> Title {
+    Title {
         words: screen::heading(scenario, setup),
         seconds: setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9,
         period: setup.plant.period_ns as f64 * 1e-9,
         controllers: swaps::names(&contestant.asked, &scenario.standby),
         plays: setup.plays(),
-    };
-    Watch::open(title, &files.out.join(format!("{}.stderr", contestant.name)))
+    }
 }
 
 /// The files that the processes of a run share.

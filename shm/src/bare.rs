@@ -11,7 +11,10 @@ use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
-use iceoryx2::prelude::{FileName, Path, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend};
+use iceoryx2::prelude::{
+    FileName, LogLevel, Path, SemanticString, ServiceName, SignalHandlingMode, ZeroCopySend,
+    set_log_level_from_env_or,
+};
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
@@ -133,6 +136,7 @@ impl<Message: Debug + Copy + ZeroCopySend + 'static> Ahead<Message> {
 }
 
 fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
+    set_log_level_from_env_or(LogLevel::Fatal);
     let bad_address = |_| LinkError::BadAddress { text: address.to_string() };
     let mut config = Config::default();
     let root = Path::new(address.root().as_os_str().as_encoded_bytes()).map_err(bad_address)?;

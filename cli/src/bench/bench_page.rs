@@ -195,8 +195,14 @@ fn stage_section(measured: &[(String, ByStage)]) -> Section {
 
 /// What is measured for every tick by the schedule (first) and where that can be seen (second), in one picture each.
 const PAIRS: [(&str, [&str; 2]); 2] = [
-    ("Round trip: by the schedule (solid), and uncorrected (dashed)", ["round_trip", "round_trip_uncorrected"]),
-    ("Lateness of all ticks (solid), and wake-up of ticks waited for (dashed)", ["wake_up", "wake_up_uncorrected"]),
+    (
+        "Round trip: by the schedule (solid), and uncorrected (dashed)",
+        ["round_trip", "round_trip_uncorrected"],
+    ),
+    (
+        "Lateness of all ticks (solid), and wake-up of ticks waited for (dashed)",
+        ["wake_up", "wake_up_uncorrected"],
+    ),
 ];
 
 /// A latency with and without the correction for coordinated omission.

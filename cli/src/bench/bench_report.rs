@@ -143,7 +143,7 @@ impl Report<'_> {
             (
                 wake_up,
                 format!(
-                    "wake-up: p99 {} of the bare loop's at most, of ticks that were waited for, limit {MOST_WAKE_UP}",
+                    "wake-up: p99 of ticks that were waited for {} of the bare loop's at most, median of the blocks, limit {MOST_WAKE_UP}",
                     number(verdicts.wake_up_p99)
                 ),
             ),

@@ -86,7 +86,9 @@ fn row(title: &str, name: &str, histogram: &Histogram<u64>) -> [String; 7] {
 fn in_words(ratio: Option<Ratio>) -> String {
     ratio.map_or_else(
         || "–".to_owned(),
-        |ratio| format!("{:.3} [{:.2} … {:.2}]", ratio.all, ratio.least, ratio.greatest),
+        |ratio| {
+            format!("{:.3} [{:.2} … {:.2} … {:.2}]", ratio.all, ratio.least, ratio.median, ratio.greatest)
+        },
     )
 }
 

@@ -11,7 +11,7 @@ use hdrhistogram::Histogram;
 use crate::exit::Failure;
 use crate::histogram_files::read_hlog;
 use crate::processes::Running;
-use crate::run::{Contestant, Files, play};
+use crate::run::{Contestant, Files, play, play_unseen};
 use crate::scenario::Scenario;
 use crate::setup::Setup;
 use crate::summary::RunSummary;
@@ -79,10 +79,34 @@ impl Stand<'_> {
         contestant: &Contestant,
         scenario: &Scenario,
     ) -> Result<Option<(RunSummary, ByStage)>, Failure> {
+        self.played(contestant, scenario, false)
+    }
+
+    /// One run of the full loop with the live view of a terminal that nobody sees.
+    ///
+    /// # Errors
+    /// As [`Stand::play`].
+    pub fn watched(
+        &self,
+        contestant: &Contestant,
+        scenario: &Scenario,
+    ) -> Result<Option<(RunSummary, ByStage)>, Failure> {
+        self.played(contestant, scenario, true)
+    }
+
+    fn played(
+        &self,
+        contestant: &Contestant,
+        scenario: &Scenario,
+        watched: bool,
+    ) -> Result<Option<(RunSummary, ByStage)>, Failure> {
         let setup = Setup::new(scenario)?;
         let folder = self.out.join("blocks");
         let files = Files::write(scenario, &setup, &folder)?;
-        let (_, summary) = play(scenario, contestant, &files, 0.0, self.stop)?;
+        let (_, summary) = match watched {
+            true => play_unseen(scenario, contestant, &setup, &files, self.stop)?,
+            false => play(scenario, contestant, &files, 0.0, self.stop)?,
+        };
         let Some(summary) = summary else { return Ok(None) };
         let histograms = read(&folder.join(format!("{}.hlog", summary.files)))?;
         Ok(Some((summary, histograms)))

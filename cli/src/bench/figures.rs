@@ -81,20 +81,31 @@ pub fn ratios(blocks: &[Block], which: usize, compared: Compared) -> [Option<Rat
     let ours = merged(blocks.iter().map(|block| &block.full[which].1));
     let bare = merged(blocks.iter().map(|block| compared.yardstick(block)));
     QUANTILES.map(|(_, quantile)| {
-        let ratio = |ours: &ByStage, bare: &ByStage| {
-            let (ours, bare) = (compared.at(ours, quantile)?, compared.at(bare, quantile)?);
-            (bare > 0.0).then_some(ours / bare)
+        let at = |stages: &ByStage| compared.at(stages, quantile);
+        let each = blocks.iter().map(|block| (at(&block.full[which].1), at(compared.yardstick(block))));
+        Ratio::of((at(&ours), at(&bare)), each)
+    })
+}
+
+impl Ratio {
+    /// Of one thing over another, (ours, yardstick), `all` together and `each` block.
+    pub fn of(
+        all: (Option<f64>, Option<f64>),
+        each: impl Iterator<Item = (Option<f64>, Option<f64>)>,
+    ) -> Option<Self> {
+        let ratio = |(ours, bare): (Option<f64>, Option<f64>)| {
+            let bare = bare.filter(|&bare| bare > 0.0)?;
+            Some(ours? / bare)
         };
-        let of_block = |block: &Block| ratio(&block.full[which].1, compared.yardstick(block));
-        let mut each: Vec<f64> = blocks.iter().filter_map(of_block).collect();
+        let mut each: Vec<f64> = each.filter_map(ratio).collect();
         each.sort_by(f64::total_cmp);
-        Some(Ratio {
-            all: ratio(&ours, &bare)?,
+        Some(Self {
+            all: ratio(all)?,
             median: *each.get(each.len() / 2)?,
             least: *each.first()?,
             greatest: *each.last()?,
         })
-    })
+    }
 }
 
 /// Points of a percentile curve, (quantile, µs), as far as the number of values carries.

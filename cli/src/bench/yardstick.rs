@@ -18,6 +18,9 @@ use crate::histogram_files::write_hlog;
 const SPIN_NS: u64 = 200_000;
 /// How long before the next tick a command is given up, ns: as in runs.
 const JUDGING_NS: u64 = 50_000;
+/// How long the end that answers lets pass before it does, ns: about what the fastest controller computes. Else the answer would be there
+/// before the other end has begun to look for it, which no command of a controller is.
+const THOUGHT_NS: u64 = 10_000;
 /// How long the two ends wait for each other, ns.
 const PATIENCE_NS: u64 = 10_000_000_000;
 /// Joints of the messages; they are of one size for any number.
@@ -117,7 +120,12 @@ fn command(plant: &BarePlant, state: &State, deadline: u64) -> Result<Option<(Co
     }
 }
 
-fn exchange(args: &YardstickArgs, mut plant: BarePlant, run: u64, stages: &mut Stages) -> Result<(), Failure> {
+fn exchange(
+    args: &YardstickArgs,
+    mut plant: BarePlant,
+    run: u64,
+    stages: &mut Stages,
+) -> Result<(), Failure> {
     let mut state = State::new(run, JOINTS);
     let patience = now_ns() + PATIENCE_NS;
     // The other end may still be opening: tick 0 is said until it is answered.
@@ -163,6 +171,9 @@ fn answer(args: &YardstickArgs, mut controller: BareController) -> Result<(), Fa
         last = now_ns();
         let received_ns = last;
         due = state.scheduled_ns + args.period;
+        while now_ns() < received_ns + THOUGHT_NS {
+            std::hint::spin_loop();
+        }
         let answer = Command { received_ns, sent_ns: now_ns(), ..Command::answer_to(&state, 0) };
         controller.send(&answer).map_err(Failure::internal)?;
         if state.has(State::FLAG_LAST) {

@@ -8,7 +8,8 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use freeplay_plant::Wish;
-use ratatui::DefaultTerminal;
+use ratatui::backend::TestBackend;
+use ratatui::{DefaultTerminal, Terminal};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::{Action, Dashboard, Glance, Title, draw};
@@ -26,7 +27,12 @@ enum Face {
     Screen(Box<DefaultTerminal>),
     /// A line a second on standard error.
     Lines,
+    /// The picture that a terminal would show, drawn as often, and shown to nobody.
+    Unseen(Box<Terminal<TestBackend>>),
 }
+
+/// Columns and lines of a picture that nobody sees.
+const UNSEEN: (u16, u16) = (140, 48);
 
 /// A run that is watched.
 pub struct Watch {
@@ -56,7 +62,20 @@ impl Watch {
         } else {
             Face::Lines
         };
-        Ok(Self {
+        Ok(Self::with(face, title, said))
+    }
+
+    /// A watch that does all the work of a live view in a terminal but has none: what that costs the loop can be measured.
+    ///
+    /// # Errors
+    /// None that is known; what the library says.
+    pub fn unseen(title: Title, said: &Path) -> Result<Self, Failure> {
+        let terminal = Terminal::new(TestBackend::new(UNSEEN.0, UNSEEN.1)).map_err(Failure::internal)?;
+        Ok(Self::with(Face::Unseen(Box::new(terminal)), title, said))
+    }
+
+    fn with(face: Face, title: Title, said: &Path) -> Self {
+        Self {
             face,
             board: Dashboard::new(title),
             shown: None,
@@ -65,7 +84,7 @@ impl Watch {
             plant: None,
             glances: None,
             stopped: Vec::new(),
-        })
+        }
     }
 
     /// Where the processes of the run are to write what they have to say.
@@ -74,7 +93,7 @@ impl Watch {
     /// A file that can't be written.
     pub fn stderr(&self) -> Result<Stdio, Failure> {
         Ok(match &self.face {
-            Face::Lines => Stdio::inherit(),
+            Face::Lines | Face::Unseen(_) => Stdio::inherit(),
             Face::Screen(_) => {
                 File::options().create(true).append(true).open(&self.said).map_err(Failure::input)?.into()
             }
@@ -143,6 +162,7 @@ impl Watch {
             return Ok(());
         }
         self.shown = Some(Instant::now());
+        let colours = || std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
         match &mut self.face {
             Face::Lines => {
                 let tick = self.board.now.as_ref().map(|now| now.tick).filter(|&tick| tick > 0);
@@ -152,8 +172,10 @@ impl Watch {
                 }
             }
             Face::Screen(terminal) => {
-                let colours = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-                terminal.draw(|frame| draw(frame, &self.board, colours)).map_err(Failure::internal)?;
+                terminal.draw(|frame| draw(frame, &self.board, colours())).map_err(Failure::internal)?;
+            }
+            Face::Unseen(terminal) => {
+                terminal.draw(|frame| draw(frame, &self.board, colours())).map_err(Failure::internal)?;
             }
         }
         Ok(())
