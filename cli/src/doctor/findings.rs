@@ -2,8 +2,12 @@
 
 use serde::Serialize;
 
+use crate::doctor::clocks::{clock_source, idle, stolen, timer, wake_up};
 use crate::doctor::facts::Facts;
 use crate::doctor::probe::{Around, Probe};
+use crate::doctor::system::{
+    budget, cores, governor, isolation, kernel, load, memory, preemption, priority, shared_memory,
+};
 
 /// How good a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -87,28 +91,18 @@ impl Verdict {
     }
 }
 
-/// A share of stolen time from which tails are the host's: a millisecond in a second.
-const STOLEN_FAIL: f64 = 1e-3;
-/// A share from which it shows.
-const STOLEN_WARN: f64 = 1e-5;
-/// Room in shared memory that a run needs with all of its slots, and with a wide margin, bytes.
-const ROOM: [u64; 2] = [8 << 20, 64 << 20];
-/// Coarsest timer that can keep a tick of a millisecond, ns.
-const COARSEST: u64 = 10_000;
-/// Wake-up p50 from which idle states are worth a change, ns.
-const SLOW_WAKE_UP: u64 = 20_000;
-/// Wake-up p99 with which the run's own wait (sleep, then spin the last 200 µs) no longer hides the sleep, ns.
-const HIDDEN: u64 = 200_000;
-
-fn ok(item: &'static str, found: impl Into<String>) -> Finding {
+/// All is well with `item`.
+pub fn ok(item: &'static str, found: impl Into<String>) -> Finding {
     Finding { item, level: Level::Ok, found: found.into(), remedy: None, spoils: Use::Tails }
 }
 
-fn warn(item: &'static str, found: impl Into<String>, remedy: impl Into<String>) -> Finding {
+/// Something about `item` costs something, and `remedy` helps.
+pub fn warn(item: &'static str, found: impl Into<String>, remedy: impl Into<String>) -> Finding {
     Finding { level: Level::Warn, remedy: Some(remedy.into()), ..ok(item, found) }
 }
 
-fn fail(spoils: Use, item: &'static str, found: impl Into<String>, remedy: impl Into<String>) -> Finding {
+/// Something about `item` spoils the use `spoils`, and `remedy` helps.
+pub fn fail(spoils: Use, item: &'static str, found: impl Into<String>, remedy: impl Into<String>) -> Finding {
     Finding { level: Level::Fail, spoils, ..warn(item, found, remedy) }
 }
 
@@ -132,267 +126,6 @@ pub fn judge(facts: &Facts, around: &Around, probe: Option<&Probe>, wanted: u8) 
     ];
     found.extend(probe.map(wake_up));
     found
-}
-
-fn kernel(facts: &Facts) -> Finding {
-    let kind = if facts.is_virtual { ", on a virtual machine" } else { "" };
-    ok("kernel", format!("Linux {}{kind}", facts.kernel.as_deref().unwrap_or("of unknown release")))
-}
-
-fn preemption(facts: &Facts) -> Finding {
-    let item = "preemption model";
-    let build = facts.build.as_deref().unwrap_or_default();
-    let has = |word: &str| build.split_whitespace().any(|part| part == word);
-    let remedy = "install a PREEMPT_RT kernel; failing that, boot with preempt=full";
-    if facts.realtime || has("PREEMPT_RT") {
-        ok(item, "PREEMPT_RT")
-    } else if has("PREEMPT_DYNAMIC") {
-        warn(item, "PREEMPT_DYNAMIC: chosen at boot, not a real-time kernel", remedy)
-    } else if has("PREEMPT") {
-        warn(item, "PREEMPT: not a real-time kernel", remedy)
-    } else {
-        warn(item, "none or voluntary: a system call of anybody can delay a tick by milliseconds", remedy)
-    }
-}
-
-fn priority(facts: &Facts, wanted: u8) -> Finding {
-    let item = "real-time priority";
-    match facts.priority {
-        Some(most) if most >= u64::from(wanted) => {
-            ok(item, format!("allowed up to {most}, {wanted} is asked for"))
-        }
-        found => {
-            let found = match found {
-                None => "unknown".to_owned(),
-                Some(0) => "refused".to_owned(),
-                Some(most) => format!("allowed up to {most}, {wanted} is asked for"),
-            };
-            let remedy =
-                "add \"@realtime - rtprio 95\" to /etc/security/limits.conf, or run with CAP_SYS_NICE";
-            fail(Use::Tails, item, found, remedy)
-        }
-    }
-}
-
-fn memory(facts: &Facts) -> Finding {
-    let item = "locking memory";
-    if facts.may_lock == Some(true) {
-        return ok(item, "allowed");
-    }
-    let remedy =
-        "add \"@realtime - memlock unlimited\" to /etc/security/limits.conf, or run with CAP_IPC_LOCK";
-    warn(item, "refused: a page that is not there costs a tick its time", remedy)
-}
-
-fn budget(facts: &Facts) -> Finding {
-    let item = "real-time budget";
-    match facts.realtime_share {
-        None => ok(item, "not limited"),
-        Some(share) if share > 0.5 => {
-            ok(item, format!("{:.0} % of each second; the loop sleeps for most of it", share * 100.0))
-        }
-        Some(share) => fail(
-            Use::Tails,
-            item,
-            format!("{:.0} % of each second", share * 100.0),
-            "sysctl kernel.sched_rt_runtime_us=950000",
-        ),
-    }
-}
-
-fn cores(facts: &Facts) -> Finding {
-    let item = "cores";
-    let Some(cores) = facts.cores else {
-        return warn(item, "unknown", "mount /proc");
-    };
-    match facts.quota {
-        Some(quota) => fail(
-            Use::Tails,
-            item,
-            format!(
-                "{cores}, but its control group allows {quota:.2} cores' worth of time and then stops it"
-            ),
-            "lift the CPU quota of the container (no --cpus; cpu.max = max)",
-        ),
-        None if cores < 2 => fail(
-            Use::Medians,
-            item,
-            "1: plant and controller take turns on it",
-            "give this process two cores or more",
-        ),
-        None if cores < 4 => warn(
-            item,
-            format!("{cores}: one for the plant, one for the controller, none for the rest"),
-            "use four cores or more, or stop everything else",
-        ),
-        None => ok(item, cores.to_string()),
-    }
-}
-
-fn load(facts: &Facts) -> Finding {
-    let item = "load";
-    match (facts.load, facts.cores) {
-        (Some(load), Some(cores)) if load > 0.5 * cores as f64 => fail(
-            Use::Medians,
-            item,
-            format!("{load:.1} processes want to run on {cores} cores"),
-            "wait until nothing else runs; figures taken now are the others'",
-        ),
-        (Some(load), _) => ok(item, format!("{load:.1} processes want to run")),
-        _ => ok(item, "unknown"),
-    }
-}
-
-fn governor(facts: &Facts) -> Finding {
-    let item = "frequency governor";
-    let others: Vec<&str> =
-        facts.governors.iter().map(String::as_str).filter(|name| *name != "performance").collect();
-    if facts.governors.is_empty() {
-        ok(item, "none to see: the firmware or the host sets the frequency")
-    } else if others.is_empty() {
-        ok(item, "performance")
-    } else {
-        warn(item, others.join(", "), "cpupower frequency-set --governor performance")
-    }
-}
-
-fn isolation(facts: &Facts) -> Finding {
-    let item = "isolated cores";
-    match (&facts.isolated, &facts.tickless) {
-        (Some(isolated), Some(tickless)) => ok(item, format!("isolcpus {isolated}, nohz_full {tickless}")),
-        (Some(isolated), None) => warn(
-            item,
-            format!("isolcpus {isolated}, but they still have a periodic interrupt"),
-            format!("boot with nohz_full={isolated}, too"),
-        ),
-        (None, _) => warn(
-            item,
-            "none: others run on the loop's cores",
-            "with cores to spare: boot with isolcpus=2,3 nohz_full=2,3 and set realtime.plant_cpu, realtime.controller_cpu",
-        ),
-    }
-}
-
-fn shared_memory(around: &Around) -> Finding {
-    let item = "shared memory";
-    let path = around.shared_memory.display();
-    let Some(free) = around.free else {
-        return fail(
-            Use::Lockstep,
-            item,
-            format!("{path} cannot be used"),
-            "mount a tmpfs there, or name another folder in FREEPLAY_SHM",
-        );
-    };
-    let found = format!("{path}, {:.1} MiB free", free as f64 / f64::from(1 << 20));
-    let remedy = format!("free some of it, or mount -o remount,size=256M {path}");
-    if free < ROOM[0] {
-        fail(Use::Lockstep, item, found, remedy)
-    } else if free < ROOM[1] {
-        warn(item, found, remedy)
-    } else if !around.is_tmpfs {
-        warn(item, format!("{found}, on a disk"), "name a folder on a tmpfs in FREEPLAY_SHM")
-    } else {
-        ok(item, found)
-    }
-}
-
-fn timer(around: &Around) -> Finding {
-    let found = format!("{} ns", around.resolution);
-    if around.resolution <= COARSEST {
-        return ok("timer resolution", found);
-    }
-    let remedy = "boot without highres=off, with a kernel that has CONFIG_HIGH_RES_TIMERS";
-    fail(Use::Medians, "timer resolution", found, remedy)
-}
-
-fn clock_source(facts: &Facts) -> Finding {
-    let item = "clock source";
-    match facts.clock_source.as_deref() {
-        None => ok(item, "unknown"),
-        Some(slow @ ("hpet" | "acpi_pm" | "jiffies" | "refined-jiffies" | "pit")) => fail(
-            Use::Medians,
-            item,
-            format!("{slow}: reading the time costs a microsecond or more"),
-            "boot with tsc=reliable, if the processor's clock is; see dmesg for why it was left",
-        ),
-        Some(name) => ok(item, name),
-    }
-}
-
-fn us(ns: u64) -> f64 {
-    ns as f64 * 1e-3
-}
-
-fn idle(facts: &Facts, around: &Around, probe: Option<&Probe>) -> Finding {
-    let item = "idle states";
-    let deepest =
-        facts.deepest_idle.map_or(String::new(), |us| format!("; the deepest takes {us} µs to leave"));
-    let keep =
-        "hold /dev/cpu_dma_latency open with 0 in it while measuring (as root), or boot with idle=poll";
-    let Some(probe) = probe else {
-        return match facts.deepest_idle {
-            Some(latency) if latency * 1000 > SLOW_WAKE_UP => {
-                warn(item, format!("the deepest takes {latency} µs to leave"), keep)
-            }
-            _ => ok(item, format!("not measured{deepest}")),
-        };
-    };
-    let plain = us(probe.asleep.p50);
-    let held = match probe.asleep_held {
-        Some(held) => format!("; with /dev/cpu_dma_latency held at 0: {:.0} µs", us(held.p50)),
-        None if around.may_hold => String::new(),
-        None => {
-            "; what holding /dev/cpu_dma_latency at 0 brings cannot be tried: it cannot be opened".to_owned()
-        }
-    };
-    let found = format!("waking an idle core costs {plain:.0} µs (p50){held}{deepest}");
-    let helps = probe.asleep_held.is_none_or(|held| 2 * held.p50 < probe.asleep.p50);
-    if probe.asleep.p50 > SLOW_WAKE_UP && helps { warn(item, found, keep) } else { ok(item, found) }
-}
-
-fn stolen(facts: &Facts, probe: Option<&Probe>) -> Finding {
-    let item = "time stolen by the hypervisor";
-    let Some(time) = facts.cpu_time else { return ok(item, "unknown") };
-    let since_start = time.stolen as f64 / time.total.max(1) as f64;
-    let (now, share) = match probe {
-        Some(probe) => (
-            format!("{} clock ticks in the {:.1} s of this look, ", probe.stolen, probe.seconds),
-            since_start.max(probe.stolen as f64 / probe.clock_ticks.max(1) as f64),
-        ),
-        None => (String::new(), since_start),
-    };
-    let found = format!("{now}{:.4} % since the machine was started", since_start * 100.0);
-    let remedy = "ask for dedicated cores, or measure on a machine of your own";
-    if share >= STOLEN_FAIL {
-        fail(Use::Tails, item, format!("{found}: tails above a millisecond will not be yours"), remedy)
-    } else if share >= STOLEN_WARN {
-        warn(item, found, remedy)
-    } else {
-        ok(item, found)
-    }
-}
-
-fn wake_up(probe: &Probe) -> Finding {
-    let found = format!(
-        "at 1 kHz under {}: p50 {:.2}, p99 {:.1}, max {:.0} µs late (asleep all the time: {:.0}, {:.0}, {:.0} µs); reading the clock {} ns",
-        probe.scheduler,
-        us(probe.spun.p50),
-        us(probe.spun.p99),
-        us(probe.spun.max),
-        us(probe.asleep.p50),
-        us(probe.asleep.p99),
-        us(probe.asleep.max),
-        probe.clock_cost,
-    );
-    let remedy = "look at the lines above: load, priority, isolation, time stolen";
-    if probe.spun.p99 > HIDDEN {
-        fail(Use::Tails, "wake-up", found, remedy)
-    } else if probe.asleep.p99 > HIDDEN {
-        warn("wake-up", found, remedy)
-    } else {
-        ok("wake-up", found)
-    }
 }
 
 #[cfg(test)]

@@ -1,8 +1,10 @@
 //! `freeplay doctor`: is this machine fit for runs, for medians, for tails; and what to change.
 
+mod clocks;
 mod facts;
 mod findings;
 mod probe;
+mod system;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
