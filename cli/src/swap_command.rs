@@ -205,6 +205,10 @@ struct Verdicts {
     swaps: usize,
     asked: u32,
     with_contact_event: usize,
+    /// Swaps that fell on a stall of the machine; the figures below are of the others.
+    stalled: usize,
+    /// Ticks held in these.
+    held_ticks_of_stalled: u64,
     greatest_gap_ticks: u64,
     missed_ticks: u64,
     held_ticks: u64,
@@ -216,12 +220,15 @@ struct Verdicts {
 }
 
 impl Verdicts {
-    fn of(swaps: &[Measured], asked: u32) -> Self {
-        let most = |of: &dyn Fn(&Measured) -> f64| swaps.iter().map(of).fold(0.0, f64::max);
+    fn of(all: &[Measured], asked: u32) -> Self {
+        let (stalled, swaps): (Vec<&Measured>, Vec<&Measured>) = all.iter().partition(|swap| swap.stalls > 0);
+        let most = |of: &dyn Fn(&Measured) -> f64| swaps.iter().map(|swap| of(swap)).fold(0.0, f64::max);
         Self {
-            swaps: swaps.len(),
+            swaps: all.len(),
             asked,
-            with_contact_event: swaps.iter().filter(|swap| swap.contact_event).count(),
+            with_contact_event: all.iter().filter(|swap| swap.contact_event).count(),
+            stalled: stalled.len(),
+            held_ticks_of_stalled: stalled.iter().map(|swap| swap.held_ticks).sum(),
             greatest_gap_ticks: swaps.iter().map(|swap| swap.gap_ticks).max().unwrap_or(0),
             missed_ticks: swaps.iter().map(|swap| swap.missed_ticks).sum(),
             held_ticks: swaps.iter().map(|swap| swap.held_ticks).sum(),
@@ -234,7 +241,8 @@ impl Verdicts {
     }
 
     fn all_hold(&self) -> bool {
-        self.greatest_gap_ticks == 0
+        self.stalled < self.swaps
+            && self.greatest_gap_ticks == 0
             && self.held_ticks == 0
             && self.greatest_jump <= MOST_JUMP
             && self.above_deviation_limit == 0
@@ -243,7 +251,7 @@ impl Verdicts {
 
 fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
     let mut pairs: BTreeMap<(&str, &str), Vec<&Measured>> = BTreeMap::new();
-    for swap in &played.swaps {
+    for swap in played.swaps.iter().filter(|swap| swap.stalls == 0) {
         pairs.entry((&swap.from, &swap.to)).or_default().push(swap);
     }
     let mut table = Table::new();
@@ -303,5 +311,11 @@ fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
             verdicts.greatest_deviation_ratio, verdicts.above_deviation_limit
         ),
     );
+    if verdicts.stalled > 0 {
+        text += &format!(
+            "{} of {} swaps fell on a stall of the machine, with {} ticks held, and are counted apart\n",
+            verdicts.stalled, verdicts.swaps, verdicts.held_ticks_of_stalled
+        );
+    }
     text + &format!("\nall swaps   {}\n", out.join("swap.json").display())
 }

@@ -55,6 +55,9 @@ pub struct Measured {
     pub deviation_peak_mm: f64,
     /// Over the greatest in the same ticks of the runs without swap of who had been in charge.
     pub deviation_ratio: f64,
+    /// Deadlines missed from the planned tick until it had settled for causes that are the machine's: no core, a page that was not there, a
+    /// clock that woke late, time taken by the host. Such a swap says more of the machine than of the swap.
+    pub stalls: u64,
     /// Whether the journals came into contact or lost it in these ticks.
     pub contact_event: bool,
 }
@@ -116,6 +119,8 @@ struct Run<'a> {
     in_charge: Vec<usize>,
     in_force: &'a [f64],
     rejected: &'a [f64],
+    /// Ticks whose deadline the machine missed.
+    stalled: Vec<u64>,
     /// Time in contact of each joint with play at each tick, s.
     contact: Vec<&'a [f64]>,
     /// The run alone of the controller of each slot.
@@ -144,6 +149,7 @@ pub fn measure(
         in_charge: column("in_charge")?.iter().map(|&slot| slot as usize).collect(),
         in_force: column("in_force")?,
         rejected: column("rejected")?,
+        stalled: stalled(summary),
         contact: summary.contact["joints"]
             .as_object()
             .into_iter()
@@ -158,6 +164,16 @@ pub fn measure(
     }
     let swaps = summary.line_up["swaps"].as_array().map(Vec::as_slice).unwrap_or_default();
     Ok(swaps.iter().map(|swap| run.measure(swap, names, seed)).collect())
+}
+
+/// The ticks whose deadline was missed for a cause that is the machine's.
+fn stalled(summary: &RunSummary) -> Vec<u64> {
+    let misses = summary.deadlines["first"].as_array().into_iter().flatten();
+    let by_machine = misses.filter(|miss| {
+        let cause = miss["cause"].as_str().unwrap_or_default();
+        ["scheduler", "page_fault", "machine", "clock"].contains(&cause)
+    });
+    by_machine.filter_map(|miss| miss["tick"].as_u64()).collect()
 }
 
 impl Run<'_> {
@@ -183,6 +199,10 @@ impl Run<'_> {
             held_ticks: count("held_ticks") + ticks_with(self.in_force, &|code| code == HELD),
             jump: self.of_usual(&numbers(&swap["jump"]), slots, &ticks),
             blend_change: self.of_usual(&numbers(&swap["greatest_change"]), slots, &ticks),
+            stalls: {
+                let watched = tick.saturating_sub(count("gap_ticks"))..ticks.end as u64;
+                self.stalled.iter().filter(|&tick| watched.contains(tick)).count() as u64
+            },
             deviation_peak_mm: peak * 1e3,
             deviation_ratio: if without > 0.0 { peak / without } else { f64::NAN },
             contact_event: self
