@@ -79,7 +79,9 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
         given => given.to_vec(),
     };
     if scenario.controllers.len() < 2 || args.swaps == 0 || args.per_run == 0 {
-        return Err(Failure::usage("swapping needs at least two controllers and one swap"));
+        return Err(Failure::usage(
+            "swapping needs two controllers or more (--controller twice; without it all built-in ones) and a swap",
+        ));
     }
     let out = args.out.clone().unwrap_or_else(default_folder);
     let stop = Arc::new(AtomicBool::new(false));

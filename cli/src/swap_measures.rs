@@ -55,7 +55,7 @@ pub struct Measured {
     pub deviation_peak_mm: f64,
     /// Over the greatest in the same ticks of the runs without swap of who had been in charge.
     pub deviation_ratio: f64,
-    /// Deadlines missed from the planned tick until it had settled for causes that are the machine's: no core, a page that was not there, a
+    /// Deadlines missed, as long before the planned tick as an arm settles and until it had settled, for causes that are the machine's: no core, a page that was not there, a
     /// clock that woke late, time taken by the host. Such a swap says more of the machine than of the swap.
     pub stalls: u64,
     /// Whether the journals came into contact or lost it in these ticks.
@@ -200,7 +200,8 @@ impl Run<'_> {
             jump: self.of_usual(&numbers(&swap["jump"]), slots, &ticks),
             blend_change: self.of_usual(&numbers(&swap["greatest_change"]), slots, &ticks),
             stalls: {
-                let watched = tick.saturating_sub(count("gap_ticks"))..ticks.end as u64;
+                let before = count("gap_ticks") + self.window as u64;
+                let watched = tick.saturating_sub(before)..ticks.end as u64;
                 self.stalled.iter().filter(|&tick| watched.contains(tick)).count() as u64
             },
             deviation_peak_mm: peak * 1e3,
