@@ -12,6 +12,8 @@ use crate::film::{Film, Moving, Scene};
 const WIDTH: f64 = 400.0;
 /// Radius of the dots of joints, and of the dot that leaves a trail.
 const DOTS: [f64; 2] = [2.6, 5.0];
+/// How far from the scene what lies outside is put at most; what has no place at all is put there, too.
+const AWAY: f64 = 1e4;
 
 /// What the script is told.
 #[derive(Serialize)]
@@ -72,7 +74,10 @@ fn measure(scene: &Scene) -> (f64, f64) {
 
 fn placed(scene: &Scene, [x, y]: [f64; 2]) -> [f64; 2] {
     let (scale, _) = measure(scene);
-    let tenth = |value: f64| (value * 10.0).round() / 10.0;
+    let tenth = |value: f64| match value.is_finite() {
+        true => (value.clamp(-AWAY, AWAY) * 10.0).round() / 10.0,
+        false => -AWAY,
+    };
     [tenth((x - scene.x[0]) * scale), tenth((scene.y[1] - y) * scale)]
 }
 

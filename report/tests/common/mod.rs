@@ -1,7 +1,8 @@
 //! What several tests need: a page with every kind of block.
 
 use freeplay_report::{
-    Axis, Block, Cell, Chart, Column, Document, Drawing, Figure, Mark, Section, Series, Table, Verdict,
+    Axis, Block, Cell, Chart, Column, Document, Drawing, Figure, Film, Mark, Moving, Scene, Section, Series,
+    Table, Verdict,
 };
 
 /// Every kind of block, each text of it being `text`, with three charts that are drawn and one that is empty.
@@ -43,6 +44,22 @@ pub fn every_block(text: &str) -> Document {
         .row([text.into(), Cell::uncertain(2.0, 0.1).judged(Verdict::Warn), "surplus".into()])
         .row([word().into(), Cell::verdict_in_words(Verdict::Info, text)])
         .note(text);
+    let part = |trail| Moving {
+        name: word(),
+        frames: vec![vec![[0.0, 1.0]], vec![[f64::NAN, f64::INFINITY]], vec![[1.0, 0.5]]],
+        trail,
+    };
+    let scene = Scene {
+        title: word(),
+        x: [0.0, 1.0],
+        y: [0.0, 1.0],
+        still: vec![(vec![[0.0, 0.0], [1.0, 1.0]], false)],
+        moving: vec![part(0), part(2)],
+        states: vec![word(), "rest".to_owned()],
+        state: vec![0, 1, 0],
+    };
+    let mut film = Film::new(text, x.to_vec()).scene(scene);
+    (film.caption, film.first) = (word(), 1);
     let figure = Figure::new(text, text, text).note(text).verdict(Verdict::Ok);
     Document::new(text)
         .subtitle(text)
@@ -55,7 +72,7 @@ pub fn every_block(text: &str) -> Document {
                 .with(Block::Columns(vec![plane.into(), Block::Code(word())]))
                 .with(Block::Details { summary: word(), blocks: vec![percentiles.into(), empty.into()] }),
         )
-        .section(Section::new(text).with(drawing).with(Block::Judged {
+        .section(Section::new(text).with(drawing).with(film).with(Block::Judged {
             verdict: Verdict::Warn,
             word: word(),
             text: word(),
