@@ -55,8 +55,10 @@ pub struct Tick<'a> {
 pub struct Outcome {
     /// The tool's deviation.
     pub deviation: DeviationStatistics,
-    /// The most that the drives were asked for.
+    /// The most that the motors did, as their encoders measure it.
     pub joint_use: JointUse,
+    /// The most that they were commanded: the reference with its correction, and the torque.
+    pub commanded: JointUse,
     /// Answers whose programme had no solution.
     pub failures: u64,
 }
@@ -83,6 +85,7 @@ impl ClosedLoop<'_> {
         let mut outcome = Outcome {
             deviation: DeviationStatistics::new(self.after),
             joint_use: JointUse::new(self.arm, 1.0 / RATE),
+            commanded: JointUse::new(self.arm, 1.0 / RATE),
             failures: 0,
         };
         let mut state = State::new(1, n);
@@ -103,6 +106,8 @@ impl ClosedLoop<'_> {
                 CommandStatus::QpFailed | CommandStatus::QpLimit => outcome.failures += 1,
                 _ => {}
             }
+            let instant = (tick + 1) as f64 / RATE;
+            outcome.commanded.add_commanded(instant, &answer.velocity, &answer.acceleration, &answer.value);
             let input = Input { torque: &state.applied[..n], driven: &vec![tick == 0; n], motion: &*path };
             system.tick(&input).map_err(Failure::input)?;
             state.applied = answer.value;

@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use freeplay_shm::{
-    Backoff, Command, ControllerLink, MessageFault, Pace, State, now_ns, sleep_then_spin_until,
+    Backoff, Command, ControllerLink, Joints, MAX_JOINTS, MessageFault, Mode, Pace, State, now_ns,
+    sleep_then_spin_until,
 };
 use signal_hook::SigId;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -199,6 +200,8 @@ impl AnswerLoop {
     }
 
     fn command(&self, state: &State, answer: &Answer, received_ns: u64) -> Command {
+        // Beside a torque the motion is for who watches in the same process.
+        let motion = |of: &Joints| if self.run.mode == Mode::Driven { *of } else { [0.0; MAX_JOINTS] };
         Command {
             status: answer.status.code(),
             received_ns,
@@ -206,8 +209,8 @@ impl AnswerLoop {
             qp_ns: answer.qp_ns,
             qp_iterations: answer.qp_iterations,
             value: answer.value,
-            velocity: answer.velocity,
-            acceleration: answer.acceleration,
+            velocity: motion(&answer.velocity),
+            acceleration: motion(&answer.acceleration),
             deviation: answer.deviation,
             sent_ns: now_ns(),
             ..Command::answer_to(state, self.slot)

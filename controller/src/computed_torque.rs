@@ -58,12 +58,11 @@ impl Controller for ComputedTorque {
     fn answer(&mut self, state: &State, answer: &mut Answer) {
         let Some(ready) = &mut self.ready else { return answer.give_up() };
         let reference = &state.reference_next;
+        (answer.velocity, answer.acceleration) = (reference.qd, reference.qdd);
         let computed = match ready.mode {
             TaskMode::Torque => ready.torque(state, reference, &mut answer.value),
             TaskMode::Driven => {
                 answer.value = reference.q;
-                answer.velocity = reference.qd;
-                answer.acceleration = reference.qdd;
                 Some(())
             }
         };

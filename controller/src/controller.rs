@@ -58,9 +58,11 @@ pub struct Answer {
     pub status: CommandStatus,
     /// Torque, N·m (N), or position, rad (m), by the mode of the run.
     pub value: Joints,
-    /// In mode driven: velocity, rad/s (m/s).
+    /// Velocity that the joints are to have at that instant, rad/s (m/s). In mode torque nobody acts on it and it is not sent; a run in
+    /// one process shows by it what was commanded. Zero where a controller does not say.
     pub velocity: Joints,
-    /// In mode driven: acceleration, rad/s² (m/s²).
+    /// Acceleration that they are to have, rad/s² (m/s²): in mode driven at that instant, in mode torque the mean over the tick for which
+    /// the torque is held; otherwise as the velocity.
     pub acceleration: Joints,
     /// Predicted deviation of the tool at the instant of the answer that the play of the joints causes, before it is taken out, base frame, m.
     pub deviation: [f64; 3],

@@ -214,16 +214,17 @@ impl Tracking {
         let begun = now_ns();
         answer.deviation = (self.predict(&state.reference_next) + learned).into();
         answer.predict_ns += now_ns() - begun;
+        let target = self.target.as_motion();
+        answer.velocity[..n].copy_from_slice(target.v);
         match self.mode {
             TaskMode::Driven => {
-                let target = self.target.as_motion();
                 answer.value[..n].copy_from_slice(target.q);
-                answer.velocity[..n].copy_from_slice(target.v);
                 answer.acceleration[..n].copy_from_slice(target.a);
             }
             TaskMode::Torque => {
                 self.rub(state.tick + self.mode.lead());
                 self.torque(state, &mut answer.value)?;
+                answer.acceleration[..n].copy_from_slice(&self.held);
             }
         }
         let is_finite = answer.is_finite();

@@ -1,8 +1,9 @@
 //! What a run asks of the drives: the greatest speed, acceleration and torque of every joint, beside its limits.
 //!
-//! Taken once a tick on the motor's side. The speed is that of the tick; the acceleration is the mean over the tick, the change of the
+//! Measured once a tick on the motor's side: the speed is that of the tick; the acceleration is the mean over the tick, the change of the
 //! speed over its length, which an impact in a bearing cannot make infinite; the torque is that in force (for prescribed joints, what
-//! they needed in the last sub-step).
+//! they needed in the last sub-step). A journal that lands throws a light joint about: that acceleration nobody commanded, and it may be
+//! beyond a limit. What was commanded can be taken in instead ([`JointUse::add_commanded`]).
 
 use freeplay_arm::{Arm, Limits};
 use serde::Serialize;
@@ -71,16 +72,27 @@ impl JointUse {
 
     /// Takes in where `system` is; to be called once a tick.
     pub fn add(&mut self, system: &System) {
-        let started = system.time() >= DeviationStatistics::START;
-        for (joint, (peaks, before)) in self.peaks.iter_mut().zip(&mut self.before).enumerate() {
+        for joint in 0..self.peaks.len() {
             let [_, v, _] = system.joint(joint);
-            let acceleration = before.map_or(0.0, |before| (v - before) / self.period);
-            *before = Some(v);
-            for (peak, value) in peaks.iter_mut().zip([v, acceleration, system.motor_torque()[joint]]) {
-                peak[0] = peak[0].max(value.abs());
-                if started {
-                    peak[1] = peak[1].max(value.abs());
-                }
+            let acceleration = self.before[joint].map_or(0.0, |before| (v - before) / self.period);
+            self.before[joint] = Some(v);
+            self.raise(joint, system.time(), [v, acceleration, system.motor_torque()[joint]]);
+        }
+    }
+
+    /// Takes in what was commanded for the instant `time`, s, instead of what was measured: the speed, the mean acceleration over the tick
+    /// and the torque of each joint.
+    pub fn add_commanded(&mut self, time: f64, speed: &[f64], acceleration: &[f64], torque: &[f64]) {
+        for joint in 0..self.peaks.len() {
+            self.raise(joint, time, [speed[joint], acceleration[joint], torque[joint]]);
+        }
+    }
+
+    fn raise(&mut self, joint: usize, time: f64, values: [f64; 3]) {
+        for (peak, value) in self.peaks[joint].iter_mut().zip(values) {
+            peak[0] = peak[0].max(value.abs());
+            if time >= DeviationStatistics::START {
+                peak[1] = peak[1].max(value.abs());
             }
         }
     }
