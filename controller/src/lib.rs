@@ -12,6 +12,7 @@
 //! - [`serve()`]: the process of a controller: finds the run, shakes hands, answers, ends with an exit code; [`serve_with`] for those who
 //!   bring their own [`ServeOptions`].
 //! - [`LookAhead`]: the state of the joints when the answer takes effect.
+//! - [`Knocks`]: landings of journals, seen in the encoders; after one the feedback is softer.
 //! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`freeplay_laws::Rest`].
 //! - [`Outlook`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
 //! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`].
@@ -38,6 +39,7 @@ pub mod deviation;
 pub mod features;
 pub mod identity;
 pub mod journal_twin;
+pub mod knocks;
 pub mod known_effects;
 pub mod learned;
 pub mod look_ahead;
@@ -70,6 +72,7 @@ pub use controller::{Answer, Controller, ControllerError, RunInfo};
 pub use corners::CornerSearch;
 pub use correction::Correction;
 pub use deviation::QuasiStatic;
+pub use knocks::Knocks;
 pub use look_ahead::{JointState, LookAhead};
 pub use model::Model;
 pub use narx_qp::{NarxQp, NarxQpOptions};

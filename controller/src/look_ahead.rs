@@ -32,6 +32,8 @@ pub struct LookAhead {
     mass: DMatrix<f64>,
     right: DVector<f64>,
     predicted: JointState,
+    /// The tick that is predicted.
+    tick: Option<u64>,
 }
 
 impl LookAhead {
@@ -45,13 +47,20 @@ impl LookAhead {
             mass: DMatrix::zeros(n, n),
             right: DVector::zeros(n),
             predicted: JointState { q: vec![0.0; n], v: vec![0.0; n] },
+            tick: None,
         }
+    }
+
+    /// What was predicted of the tick `tick`, if it was.
+    pub fn expected(&self, tick: u64) -> Option<&JointState> {
+        (self.tick == Some(tick)).then_some(&self.predicted)
     }
 
     /// The joints of `arm` one tick after `state`, under the command in force and the torques `external` of the surroundings, N·m (N).
     /// `None` if the state is not finite.
     pub fn predict(&mut self, arm: &Arm, state: &State, external: &[f64]) -> Option<&JointState> {
         let n = arm.dof();
+        self.tick = state.tick.checked_add(1);
         if state.tick == 0 {
             self.predicted.q.copy_from_slice(&state.reference_next.q[..n]);
             self.predicted.v.copy_from_slice(&state.reference_next.qd[..n]);

@@ -54,6 +54,8 @@ pub struct NarxQpOptions {
     /// Share of what the forecast says beyond the residual that is corrected, 0 to 1. None by default: a bearing that is moved after
     /// its swinging journal feeds the swinging, as measured on the soft square.
     pub fast: f64,
+    /// Whether the feedback is softer for a while after a journal has landed; see [`crate::knocks`].
+    pub soft_landing: bool,
 }
 
 impl Default for NarxQpOptions {
@@ -68,6 +70,7 @@ impl Default for NarxQpOptions {
             tracker_delay: 0,
             weights: None,
             fast: 0.0,
+            soft_landing: true,
         }
     }
 }
@@ -88,6 +91,7 @@ impl NarxQpOptions {
             weights: self.cost,
             passages: self.passages,
             passage: self.passage,
+            soft_landing: self.soft_landing,
         };
         tracking.check(NARX_QP)?;
         Ok(tracking)

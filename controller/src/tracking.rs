@@ -22,6 +22,7 @@ use crate::controller::{Answer, ControllerError};
 use crate::corners::CornerSearch;
 use crate::correction::Correction;
 use crate::deviation::QuasiStatic;
+use crate::knocks::Knocks;
 use crate::known_effects::KnownEffects;
 use crate::look_ahead::{LookAhead, drive_frictions};
 use crate::model::Model;
@@ -51,6 +52,8 @@ pub struct TrackingOptions {
     pub passages: bool,
     /// What they are judged by.
     pub passage: PassageOptions,
+    /// Whether the feedback is softer for a while after a journal has landed; see [`crate::knocks`].
+    pub soft_landing: bool,
 }
 
 impl Default for TrackingOptions {
@@ -61,6 +64,7 @@ impl Default for TrackingOptions {
             weights: Weights::default(),
             passages: false,
             passage: PassageOptions::default(),
+            soft_landing: false,
         }
     }
 }
@@ -108,6 +112,8 @@ pub struct Tracking {
     /// What other effects of the model ask of the drives; none if there are none.
     known: Option<KnownEffects>,
     look_ahead: LookAhead,
+    knocks: Knocks,
+    soft_landing: bool,
     outlook: Outlook,
     /// Predicts for the instant of the answer and feeds forward.
     predictor: QuasiStatic,
@@ -174,6 +180,8 @@ impl Tracking {
             friction: drive_frictions(&model.arm),
             known,
             look_ahead: LookAhead::new(&model.arm, period),
+            knocks: Knocks::new(period),
+            soft_landing: options.soft_landing,
             outlook,
             predictor: QuasiStatic::new(&with_play, period),
             correction: Correction::new(&model.arm, period, options.blend, &options.weights)?,
@@ -355,12 +363,15 @@ impl Tracking {
 
     fn torque(&mut self, state: &State, torque: &mut Joints) -> Option<()> {
         let n = self.arm.dof();
+        let expected = self.look_ahead.expected(state.tick).map(|state| state.v.as_slice());
+        self.knocks.observe(expected, &state.qd[..n]);
+        let gains = if self.soft_landing { self.knocks.soften(self.gains) } else { self.gains };
         let ahead = self.look_ahead.predict(&self.arm, state, &self.external)?;
         let target = self.target.as_motion();
         for (held, correction) in self.held.iter_mut().zip(self.correction.held()) {
             *held += correction;
         }
-        feedback(self.gains, Motion { a: &self.held, ..target }, ahead, &mut self.acceleration);
+        feedback(gains, Motion { a: &self.held, ..target }, ahead, &mut self.acceleration);
         // The torque is held for the tick: it is that of the middle.
         self.halfway.coast(&ahead.q, &ahead.v, &self.acceleration, 0.5 * self.period);
         let journals = self.journals.motion();
