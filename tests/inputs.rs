@@ -480,7 +480,16 @@ fn a_full_disk_ends_the_recording_and_not_the_run() {
 
 #[test]
 fn bad_training() {
-    let cases: [Case; 6] = [
+    let cases: [Case; 9] = [
+        ("epochs", &[], &["--epochs", "0"], 2, &["--epochs", "at least 1"]),
+        ("folder", &[], &["--out", "none/w.json"], 3, &["none/w.json", "no folder none"]),
+        (
+            "cut off",
+            &[("w.json", "{\"format\": \"freeplay.narx\",")],
+            &["--evaluate", "w.json"],
+            3,
+            &["w.json", "line 1"],
+        ),
         ("joint", &[], &["--joint", "wrist"], 3, &["--joint wrist", "no such joint", "joint_5"]),
         ("arm", &[], &["--model", "none.toml"], 3, &["none.toml"]),
         ("horizon", &[], &["--horizon", "99"], 2, &["--horizon 99", "1 to 16"]),
@@ -504,10 +513,12 @@ fn weights_with(from: &str, to: &str) -> String {
 fn weights_that_do_not_fit_end_a_run_before_its_report() {
     let arm = weights_with("9bb5554e00bd6d1f", "0123456789abcdef");
     let channels = weights_with("\"error_n_0\"", "\"torque_1\"");
+    let layers = weights_with("\"layers\": [", "\"layers\": [7, ");
     let version = weights_with("\"version\": 1", "\"version\": 99");
     let cases = [
         ("another arm", arm.as_str(), ["trained on arm", "train for this arm"]),
         ("another layout", &channels, ["input channels", "torque_1"]),
+        ("a layer more", &layers, ["w.json", "layer"]),
         ("another version", &version, ["version", "99"]),
         ("no weights", "{}", ["freeplay.narx", "w.json"]),
     ];

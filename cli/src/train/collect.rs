@@ -10,7 +10,7 @@ use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::JointPath;
 use freeplay_plant::DeviationStatistics;
 use freeplay_predictor::{Narx, Predictor};
-use freeplay_shm::State;
+use freeplay_shm::{Joints, State};
 use indicatif::ProgressBar;
 use nalgebra::Vector3;
 
@@ -39,6 +39,12 @@ pub struct Row {
     pub piloted: [f64; 2],
     /// Whether the journal flies.
     pub free: bool,
+    /// What the paper's network looks at: the torques of the joints, N·m (N), and the tool's reference, base frame, m.
+    pub torque: Joints,
+    /// See above.
+    pub path: [f64; 3],
+    /// The tool's deviation, base frame, m.
+    pub deviation: [f64; 3],
 }
 
 /// One run, row after row without a gap from tick `first` on.
@@ -46,6 +52,8 @@ pub struct Row {
 pub struct Collected {
     /// What was run.
     pub spec: RunSpec,
+    /// Joints of the arm.
+    pub joints: usize,
     /// Tick of the first row.
     pub first: u64,
     /// The rows.
@@ -127,7 +135,8 @@ fn one(subject: &Subject, spec: &RunSpec, observer: Observer<'_>) -> Result<Coll
     let folder = tempfile::tempdir().map_err(Failure::internal)?;
     let plays = [(subject.joint, spec.clearance)];
     let task = task(&subject.arm, &plays, &spec.path, toml::Table::new(), folder.path())?;
-    let mut collected = Collected { spec: spec.clone(), first: 0, rows: Vec::new() };
+    let mut collected =
+        Collected { spec: spec.clone(), joints: subject.arm.dof(), first: 0, rows: Vec::new() };
     let mut truth = Truth::new(&model, &play);
     let mut network = network.cloned().map(Predictor::new);
     let run = ClosedLoop {
@@ -160,7 +169,12 @@ fn one(subject: &Subject, spec: &RunSpec, observer: Observer<'_>) -> Result<Coll
                 let beyond = features.forecast();
                 let correction = features.along_slides(error.map(|error| error * scale));
                 let forecast = [rests[1][0] + beyond[0], rests[1][1] + beyond[1]];
+                let path = truth.tool(&tick.state.reference.q);
+                let tool = Vector3::from_column_slice(&tick.state.tool[..3]);
                 collected.rows.push(Row {
+                    torque: tick.state.tau,
+                    path: path.into(),
+                    deviation: (tool - path).into(),
                     regressors,
                     scale,
                     journal,
@@ -200,10 +214,15 @@ impl Truth {
         }
     }
 
+    /// The perfect arm's tool, base frame, m.
+    fn tool(&mut self, q: &Joints) -> Vector3<f64> {
+        forward_kinematics(&self.arm, &mut self.workspace, &q[..self.arm.dof()]).translation.vector
+    }
+
     /// Offset along the slides, m: they move the tool along two directions at right angles.
     fn journal(&mut self, state: &State) -> [f64; 2] {
         let q = &state.q[..self.arm.dof()];
-        let tool = forward_kinematics(&self.arm, &mut self.workspace, q).translation.vector;
+        let tool = self.tool(&state.q);
         let off = Vector3::new(state.tool[0], state.tool[1], state.tool[2]) - tool;
         [[1.0, 0.0], [0.0, 1.0]].map(|slide| self.slides.deviation_with(q, &slide).dot(&off))
     }

@@ -27,8 +27,11 @@ use crate::train::table::Figures;
 
 /// Steady contact is the same over and over: every so many windows of it train.
 const STEADY_SHARE: usize = 6;
-/// Most windows that train.
+/// Most windows that train, and that train the paper's network, which has five times the weights.
 const MOST_WINDOWS: usize = 20_000;
+const MOST_OF_THE_PAPER: usize = 6_000;
+/// The paper's hidden layers.
+const PAPER_HIDDEN: [usize; 4] = [10; 4];
 
 /// Trains the network of narx-qp.
 #[derive(Args, Debug)]
@@ -49,15 +52,15 @@ pub struct TrainArgs {
     #[arg(long, value_delimiter = ',', default_values_t = [10, 10])]
     hidden: Vec<usize>,
     /// Most epochs.
-    #[arg(long, default_value_t = 40)]
+    #[arg(long, default_value_t = 40, value_parser = at_least_one)]
     epochs: usize,
     /// Seed of the start weights.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Train nothing: test these weights.
+    /// Test these weights; only what they are compared with is trained.
     #[arg(long, value_name = "WEIGHTS")]
     evaluate: Option<PathBuf>,
-    /// Test on one short run only.
+    /// Test on one short run only, beside what needs no training.
     #[arg(long)]
     quick: bool,
     /// How results are printed.
@@ -71,11 +74,23 @@ pub struct TrainArgs {
 /// An arm, a joint or weights that can't be used; runs that fail; a file that can't be written.
 pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
     let subject = subject(args)?;
+    // Before what takes minutes.
+    if let Some(folder) =
+        args.out.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
+    {
+        return Err(Failure::input(format!(
+            "--out {}: there is no folder {}",
+            args.out.display(),
+            folder.display()
+        )));
+    }
     let fitted = match &args.evaluate {
         Some(file) => {
             let narx = Narx::load(file).map_err(Failure::input)?;
             freeplay_controller::learned::check(&narx, &subject.arm).map_err(Failure::input)?;
-            Fitted { twin: narx, plain: None }
+            let others =
+                if args.quick { None } else { Some(others(args, &subject, &training(args, &subject)?)?) };
+            Fitted { twin: narx, others }
         }
         None => {
             let fitted = learn(args, &subject)?;
@@ -94,9 +109,15 @@ pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
+fn at_least_one(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|&number: &usize| number > 0);
+    number.ok_or_else(|| "give a whole number of at least 1".to_owned())
+}
+
 /// The table of `fitted` on the runs to be tested on: one step with a tracked tool, and the whole run without one.
 fn test(subject: &Subject, fitted: &Fitted, quick: bool) -> Result<Vec<Figures>, Failure> {
-    let (specs, horizon) = (scenarios::tests(quick), fitted.twin.layout().horizon);
+    let folder = tempfile::tempdir().map_err(Failure::internal)?;
+    let (specs, horizon) = (scenarios::tests(quick, folder.path())?, fitted.twin.layout().horizon);
     let seeing = Observer { horizon, tracked: true, network: None };
     let mut figures = table::score(fitted, &gather(subject, &specs, seeing)?)?;
     let blind = Observer { horizon, tracked: false, network: Some(&fitted.twin) };
@@ -121,8 +142,24 @@ fn subject(args: &TrainArgs) -> Result<Subject, Failure> {
 pub struct Fitted {
     /// The network that ships.
     pub twin: Narx,
-    /// The plain NARX and the ridge ARX on its regressors, unless only weights are tested.
-    pub plain: Option<(Narx, Arx)>,
+    /// What it is compared with, unless the test is a quick one.
+    pub others: Option<Others>,
+}
+
+/// What is trained for comparison only.
+pub struct Others {
+    /// The plain NARX.
+    pub plain: Narx,
+    /// The ridge ARX on its regressors.
+    pub arx: Arx,
+    /// The paper's NARX.
+    pub paper: Narx,
+}
+
+/// Runs that train, then those that stop the training, and the names of the former.
+struct Training {
+    runs: Vec<Collected>,
+    names: Vec<String>,
 }
 
 fn gather(subject: &Subject, specs: &[RunSpec], observer: Observer<'_>) -> Result<Vec<Collected>, Failure> {
@@ -142,29 +179,29 @@ fn bar(length: u64, what: &str) -> ProgressBar {
     bar
 }
 
-fn learn(args: &TrainArgs, subject: &Subject) -> Result<Fitted, Failure> {
+fn training(args: &TrainArgs, subject: &Subject) -> Result<Training, Failure> {
     let mut specs = scenarios::training();
-    let training = specs.len();
+    let names = specs.iter().map(|spec| spec.name.clone()).collect();
     specs.extend(scenarios::validation());
     let observer = Observer { horizon: args.horizon, tracked: true, network: None };
-    let runs = gather(subject, &specs, observer)?;
-    let names = specs[..training].iter().map(|spec| spec.name.clone()).collect();
-    let provenance = |hidden: &[usize]| Provenance {
-        arm: subject.arm.name().to_owned(),
-        arm_hash: freeplay_controller::identity::identity(&subject.arm),
-        joint: subject.arm.joints()[subject.joint].name.clone(),
-        command: command(args, hidden),
-        scenarios: names,
-        seed: args.seed,
-    };
-    let given = provenance(&args.hidden);
-    let twin = fit_view(View::Twin, &runs, training, args, given.clone())?;
-    let plain = fit_view(View::Plain, &runs, training, args, given)?;
-    let series = View::Plain.series(&runs, args.horizon)?;
+    Ok(Training { runs: gather(subject, &specs, observer)?, names })
+}
+
+fn learn(args: &TrainArgs, subject: &Subject) -> Result<Fitted, Failure> {
+    let training = training(args, subject)?;
+    let twin = fit_view(View::Twin, &training, args, subject)?;
+    Ok(Fitted { twin, others: Some(others(args, subject, &training)?) })
+}
+
+fn others(args: &TrainArgs, subject: &Subject, training: &Training) -> Result<Others, Failure> {
+    let series = View::Plain.series(&training.runs, args.horizon)?;
     let layout = View::Plain.layout(args.horizon);
-    let split = split(&runs, training, &series, layout.memory(), args.horizon)?;
-    let arx = Arx::fit(&series, &split, &layout).map_err(Failure::input)?;
-    Ok(Fitted { twin, plain: Some((plain, arx)) })
+    let split = split(training, &series, layout.memory(), args.horizon, MOST_WINDOWS)?;
+    Ok(Others {
+        arx: Arx::fit(&series, &split, &layout).map_err(Failure::input)?,
+        plain: fit_view(View::Plain, training, args, subject)?,
+        paper: fit_view(View::Paper, training, args, subject)?,
+    })
 }
 
 fn command(args: &TrainArgs, hidden: &[usize]) -> String {
@@ -180,19 +217,25 @@ fn command(args: &TrainArgs, hidden: &[usize]) -> String {
     )
 }
 
-fn fit_view(
-    view: View,
-    runs: &[Collected],
-    training: usize,
-    args: &TrainArgs,
-    provenance: Provenance,
-) -> Result<Narx, Failure> {
-    let series = view.series(runs, args.horizon)?;
+fn fit_view(view: View, training: &Training, args: &TrainArgs, subject: &Subject) -> Result<Narx, Failure> {
+    let series = view.series(&training.runs, args.horizon)?;
     let layout = view.layout(args.horizon);
-    let split = split(runs, training, &series, layout.memory(), args.horizon)?;
+    let (hidden, most) = match view {
+        View::Twin | View::Plain => (args.hidden.clone(), MOST_WINDOWS),
+        View::Paper => (PAPER_HIDDEN.to_vec(), MOST_OF_THE_PAPER),
+    };
+    let split = split(training, &series, layout.memory(), args.horizon, most)?;
+    let provenance = Provenance {
+        arm: subject.arm.name().to_owned(),
+        arm_hash: freeplay_controller::identity::identity(&subject.arm),
+        joint: subject.arm.joints()[subject.joint].name.clone(),
+        command: command(args, &hidden),
+        scenarios: training.names.clone(),
+        seed: args.seed,
+    };
     let recipe = Recipe {
         layout,
-        hidden: args.hidden.clone(),
+        hidden,
         activation: Activation::Tanh,
         seed: args.seed,
         settings: Settings { epochs: args.epochs, ..Settings::default() },
@@ -223,13 +266,13 @@ fn fit_view(
 
 /// The windows that train and those that stop the training: all around detachments and in the first half second, a share of the rest.
 fn split(
-    runs: &[Collected],
-    training: usize,
+    training: &Training,
     series: &Series,
     memory: usize,
     horizon: usize,
+    most: usize,
 ) -> Result<Split, Failure> {
-    let near: Vec<Vec<bool>> = runs.iter().map(|run| score::around(&run.rows)).collect();
+    let near: Vec<Vec<bool>> = training.runs.iter().map(|run| score::around(&run.rows)).collect();
     let wanted = |window: &Window| {
         let early = window.present < 500;
         early || near[window.run][window.target] || window.present.is_multiple_of(STEADY_SHARE)
@@ -237,8 +280,8 @@ fn split(
     // The first forecasts have not come due.
     let all = windows(series, memory.max(horizon), horizon).map_err(Failure::input)?;
     let (train, validation): (Vec<_>, Vec<_>) =
-        all.into_iter().filter(wanted).partition(|window| window.run < training);
-    let keep = train.len().div_ceil(MOST_WINDOWS).max(1);
+        all.into_iter().filter(wanted).partition(|window| window.run < training.names.len());
+    let keep = train.len().div_ceil(most).max(1);
     let train = train.into_iter().step_by(keep).collect();
     Ok(Split { train, validation, test: Vec::new() })
 }

@@ -2,8 +2,13 @@
 //!
 //! Nothing is tested on that trained: neither a path (its place, size or sharpness) nor a clearance.
 
+use std::fmt::Write as _;
+use std::path::Path;
+
 use freeplay_arm::Arm;
 use freeplay_path::{PathKind, PathSpec, Size};
+
+use crate::exit::Failure;
 
 /// What is simulated.
 #[derive(Clone, Debug)]
@@ -102,12 +107,16 @@ pub fn validation() -> Vec<RunSpec> {
     VALIDATION.iter().map(spec).collect()
 }
 
-/// The runs that are tested on: the default paths (the sharp one twice around, so that there is a previous lap) and a trained path,
-/// with the tested clearances. `quick` takes one lap of the sharp square.
-pub fn tests(quick: bool) -> Vec<RunSpec> {
+/// The runs that are tested on: the default paths (the sharp one twice around, so that there is a previous lap), a trained path with the
+/// tested clearances, and shapes of which none trained: a triangle with sharp corners, written to `folder`, and joints that swing each with
+/// a frequency of its own. `quick` takes one lap of the sharp square.
+///
+/// # Errors
+/// A file that cannot be written.
+pub fn tests(quick: bool, folder: &Path) -> Result<Vec<RunSpec>, Failure> {
     if quick {
         let path = PathSpec { kind: SHARP, ..PathSpec::default() };
-        return vec![named(path, 0.4)];
+        return Ok(vec![named(path, 0.4)]);
     }
     let mut specs = Vec::new();
     for kind in [PathKind::Lissajous, SOFT, SHARP] {
@@ -119,5 +128,51 @@ pub fn tests(quick: bool) -> Vec<RunSpec> {
     for clearance in TESTED {
         specs.push(named(spec(&TRAINING[6]).path, clearance));
     }
-    specs
+    let file = folder.join("triangle.csv");
+    crate::setup::write(&file, &triangle())?;
+    for clearance in TESTED {
+        let path = PathSpec { kind: PathKind::File, file: Some(file.clone()), ..PathSpec::default() };
+        let name =
+            format!("sharp triangle, a shape that did not train, T = {} s, c = {clearance} mm", path.period);
+        specs.push(RunSpec { name, ..named(path, clearance) });
+    }
+    let swinging = named(PathSpec { kind: PathKind::JointSine, ..PathSpec::default() }, TESTED[1]);
+    let name = format!("joint_sine, a shape that did not train, T = 6 s, c = {} mm", TESTED[1]);
+    specs.push(RunSpec { name, ..swinging });
+    Ok(specs)
+}
+
+/// A horizontal equilateral triangle about the default centre, 0.15 m from there to its corners, each side from rest to rest in 2 s with
+/// the sharp square's share of it for speeding up and for braking: rows of a path file, 1 kHz.
+fn triangle() -> String {
+    const SIDE: usize = 2000;
+    const BLEND: f64 = 0.004;
+    let corner = |index: usize| {
+        let angle = std::f64::consts::TAU * (index % 3) as f64 / 3.0;
+        [0.95 + 0.15 * angle.cos(), 0.15 * angle.sin()]
+    };
+    let share = |f: f64| {
+        let ramp = |f: f64| f * f / (2.0 * BLEND) / (1.0 - BLEND);
+        if f < BLEND {
+            ramp(f)
+        } else if f > 1.0 - BLEND {
+            1.0 - ramp(1.0 - f)
+        } else {
+            (f - BLEND / 2.0) / (1.0 - BLEND)
+        }
+    };
+    let mut rows = String::from("t,x,y,z\n");
+    for tick in 0..=3 * SIDE {
+        let side = (tick / SIDE).min(2);
+        let along = share((tick - side * SIDE) as f64 / SIDE as f64);
+        let ([x, y], [to_x, to_y]) = (corner(side), corner(side + 1));
+        let _ = writeln!(
+            rows,
+            "{},{},{},0.95",
+            tick as f64 / 1e3,
+            x + along * (to_x - x),
+            y + along * (to_y - y)
+        );
+    }
+    rows
 }

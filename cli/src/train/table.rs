@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use comfy_table::{CellAlignment, Table, presets};
+use freeplay_predictor::{Narx, Series};
 use serde::Serialize;
 
 use crate::exit::Failure;
@@ -30,8 +31,10 @@ pub struct Figures {
     pub spread: f64,
     /// Root mean square error of each baseline, m.
     pub baselines: Vec<(&'static str, f64)>,
-    /// Root mean square error of the plain NARX, if there is one, of the twin without a network, and with it, m.
+    /// Root mean square error of the plain NARX and of the paper's, if there are any, of the twin without a network, and with it, m.
     pub plain: Option<f64>,
+    /// See above.
+    pub paper: Option<f64>,
     /// See above.
     pub twin: f64,
     /// See above.
@@ -52,12 +55,14 @@ impl Figures {
         let mut head = vec!["\nrun", "\npart", "\naxis", "\nn", "spread\n[µm]"];
         let lap = "previous\nlap";
         head.extend(["persist-\nence", "quasi-st.\n+ resid.", "ridge\nARX", lap]);
-        head.extend(["plain\nNARX", "twin", "twin +\nnetwork", "skill\nplain", "\ntwin", "twin +\nnetwork"]);
+        head.extend(["plain\nNARX", "paper's\nNARX", "\ntwin", "twin +\nnetwork"]);
+        head.extend(["skill\nplain", "\npaper's", "\ntwin", "twin +\nnetwork"]);
         table.set_header(head);
         for one in all {
-            let micro = |value: f64| format!("{:.3}", value * 1e6);
-            let skill =
-                |error: f64| one.skill(error).map_or_else(|| "–".to_owned(), |skill| format!("{skill:.3}"));
+            let short =
+                |value: f64| if value.abs() < 1e6 { format!("{value:.3}") } else { format!("{value:.0e}") };
+            let micro = |value: f64| short(value * 1e6);
+            let skill = |error: f64| one.skill(error).map_or_else(|| "–".to_owned(), short);
             let part = match one.part {
                 Part::Steady => "steady",
                 Part::Detachment => "detach",
@@ -69,33 +74,71 @@ impl Figures {
                 let found = one.baselines.iter().find(|(name, _)| name.starts_with(known));
                 found.map_or_else(|| "–".into(), |(_, rms)| micro(*rms))
             }));
-            row.push(one.plain.map_or_else(|| "–".into(), micro));
+            let narx = [one.plain, one.paper];
+            row.extend(narx.map(|error| error.map_or_else(|| "–".into(), micro)));
             row.extend([micro(one.twin), micro(one.network)]);
-            row.push(one.plain.map_or_else(|| "–".into(), skill));
+            row.extend(narx.map(|error| error.map_or_else(|| "–".into(), skill)));
             row.extend([skill(one.twin), skill(one.network)]);
             table.add_row(row);
         }
-        for column in 3..15 {
+        for column in 3..17 {
             if let Some(column) = table.column_mut(column) {
                 column.set_cell_alignment(CellAlignment::Right);
             }
         }
-        let mut text = format!("{table}\n");
-        let counted = |free: bool| {
-            let rows = all.iter().filter(|one| (one.part == Part::FreeRun) == free);
-            let skills: Vec<f64> = rows.filter_map(|one| one.skill(one.network)).collect();
-            (skills.iter().filter(|skill| **skill > 0.0).count(), skills.len())
-        };
-        let ((better, rows), (better_free, rows_free)) = (counted(false), counted(true));
-        let _ = writeln!(
-            text,
-            "\nRMS errors in µm after 0.5 s; skill = 1 - MSE / MSE of the best baseline, above 0 in {better} of {rows} rows; – where that \
-             baseline is off by less than {} nm: nothing is left to predict.\nFree run: the tool is never seen, the twin goes on from its own \
-             estimate over the whole run; against quasi-static alone the skill is above 0 in {better_free} of {rows_free} rows.",
-            LEAST_ERROR * 1e9
-        );
-        text
+        format!("{table}\n{}", in_short(all))
     }
+}
+
+/// A way to predict, by name, with its error in a row.
+type Way = (&'static str, fn(&Figures) -> Option<f64>);
+/// Those that learn.
+const WAYS: [Way; 4] = [
+    ("plain NARX", |one| one.plain),
+    ("the paper's NARX", |one| one.paper),
+    ("the twin", |one| Some(one.twin)),
+    ("the twin with its network", |one| Some(one.network)),
+];
+/// The skill asked for around detachments.
+const BAR: f64 = 0.5;
+
+/// What the rows come to, way by way.
+fn in_short(all: &[Figures]) -> String {
+    let mut text = format!(
+        "\nRMS errors in µm after 0.5 s; skill = 1 - MSE / MSE of the best baseline; – where that baseline is off by less than {} nm: nothing \
+         is left to predict.\nFree run: the tool is never seen, the twin goes on from its own estimate over the whole run; the baseline is \
+         quasi-static alone.\n",
+        LEAST_ERROR * 1e9
+    );
+    for (name, error) in WAYS {
+        let skills = |part: Part| -> Vec<f64> {
+            let rows = all.iter().filter(|one| one.part == part);
+            rows.filter_map(|one| one.skill(error(one)?)).collect()
+        };
+        let above = |skills: &[f64], bar: f64| skills.iter().filter(|skill| **skill > bar).count();
+        let [steady, detached, free] = [Part::Steady, Part::Detachment, Part::FreeRun].map(skills);
+        if detached.is_empty() {
+            continue;
+        }
+        let least = detached.iter().copied().fold(f64::INFINITY, f64::min);
+        let _ = write!(
+            text,
+            "{name}: skill above 0 in {} of {} rows of steady contact; around detachments above 0 in {} of {}, above {BAR} in {}, least \
+             {least:.3}",
+            above(&steady, 0.0),
+            steady.len(),
+            above(&detached, 0.0),
+            detached.len(),
+            above(&detached, BAR),
+        );
+        let free = if free.is_empty() {
+            String::new()
+        } else {
+            format!("; free run above 0 in {} of {}", above(&free, 0.0), free.len())
+        };
+        let _ = writeln!(text, "{free}");
+    }
+    text
 }
 
 /// Scores what was predicted in `runs` without ever seeing the tool, beside quasi-static alone.
@@ -120,6 +163,7 @@ pub fn free_run(runs: &[Collected], horizon: usize) -> Vec<Figures> {
             spread: spread[axis],
             baselines: vec![("quasi-static", statics[axis])],
             plain: None,
+            paper: None,
             twin: twin[axis],
             network: network[axis],
         }));
@@ -136,6 +180,7 @@ pub fn score(fitted: &Fitted, runs: &[Collected]) -> Result<Vec<Figures>, Failur
     let horizon = fitted.twin.layout().horizon;
     let twin = View::Twin.series(runs, horizon)?;
     let plain = View::Plain.series(runs, horizon)?;
+    let paper = View::Paper.series(runs, horizon)?;
     let memory = View::Plain.layout(horizon).memory().max(horizon);
     for index in 0..runs.len() {
         let spec = &runs[index].spec;
@@ -150,10 +195,13 @@ pub fn score(fitted: &Fitted, runs: &[Collected]) -> Result<Vec<Figures>, Failur
             let network = of(&journals(View::Twin, runs, &twin, &windows, &fitted.twin)?);
             let alone: Vec<_> = windows.iter().map(|w| runs[w.run].rows[w.present].forecast).collect();
             let alone = of(&alone);
-            let narx =
-                fitted.plain.as_ref().map(|(narx, _)| journals(View::Plain, runs, &plain, &windows, narx));
-            let narx = narx.transpose()?.map(|said| of(&said));
-            let arx = fitted.plain.as_ref().map(|(_, arx)| (&plain, arx));
+            let others = fitted.others.as_ref();
+            let said = |view: View, series: &Series, narx: &Narx| {
+                journals(view, runs, series, &windows, narx).map(|said| of(&said))
+            };
+            let plain_narx = others.map(|others| said(View::Plain, &plain, &others.plain)).transpose()?;
+            let paper_narx = others.map(|others| said(View::Paper, &paper, &others.paper)).transpose()?;
+            let arx = others.map(|others| (&plain, &others.arx));
             let baselines = score::baselines(runs, &windows, arx, lap)?;
             let baselines: Vec<_> = baselines.iter().map(|(name, said)| (*name, of(said))).collect();
             let spread = score::variance(runs, &windows, &truth).map(f64::sqrt);
@@ -167,7 +215,8 @@ pub fn score(fitted: &Fitted, runs: &[Collected]) -> Result<Vec<Figures>, Failur
                     count: windows.len(),
                     spread: spread[axis],
                     baselines: baselines.iter().map(|(name, rms)| (*name, rms[axis])).collect(),
-                    plain: narx.map(|rms| rms[axis]),
+                    plain: plain_narx.map(|rms| rms[axis]),
+                    paper: paper_narx.map(|rms| rms[axis]),
                     twin: alone[axis],
                     network: network[axis],
                 });
