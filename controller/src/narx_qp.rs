@@ -54,7 +54,8 @@ pub struct NarxQpOptions {
     /// Share of what the forecast says beyond the residual that is corrected, 0 to 1. None by default: a bearing that is moved after
     /// its swinging journal feeds the swinging, as measured on the soft square.
     pub fast: f64,
-    /// Whether the feedback is softer for a while after a journal has landed; see [`crate::knocks`].
+    /// Whether, with play in more than one joint, the feedback is softer for a while after a journal has landed; see
+    /// [`crate::knocks`].
     pub soft_landing: bool,
 }
 

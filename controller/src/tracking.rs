@@ -52,7 +52,8 @@ pub struct TrackingOptions {
     pub passages: bool,
     /// What they are judged by.
     pub passage: PassageOptions,
-    /// Whether the feedback is softer for a while after a journal has landed; see [`crate::knocks`].
+    /// Whether, with play in more than one joint, the feedback is softer for a while after a journal has landed; see
+    /// [`crate::knocks`].
     pub soft_landing: bool,
 }
 
@@ -181,7 +182,8 @@ impl Tracking {
             known,
             look_ahead: LookAhead::new(&model.arm, period),
             knocks: Knocks::new(period),
-            soft_landing: options.soft_landing,
+            // A journal that bounces alone comes to rest by itself, and corners are passed better with the whole of the feedback.
+            soft_landing: options.soft_landing && model.clearances.len() > 1,
             outlook,
             predictor: QuasiStatic::new(&with_play, period),
             correction: Correction::new(&model.arm, period, options.blend, &options.weights)?,
