@@ -192,7 +192,6 @@ impl Bench {
             integral: uniform(&mut rng, 1.0, 4.0),
             creep: uniform(&mut rng, 0.005, 0.02),
             resolution: chain.encoder_step.clone(),
-            middle: case.machine.home().to_vec(),
         };
         let mut rng = stream(case.seed, &format!("motion {attempt}"));
         let family = case.family.unwrap_or_else(|| pick(&mut rng, &Family::ALL));

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 const PERIOD: f64 = 1e-3;
 /// Cutoff of the filter of differentiated encoder readings, Hz.
 const SPEED_CUTOFF: f64 = 200.0;
-/// Damping ratio of a joint under its own inertia.
+/// Damping ratio of a joint under the inertia that it feels.
 const DAMPING: f64 = 0.9;
 
 /// What a servo is set to.
@@ -21,15 +21,13 @@ pub struct Servo {
     pub creep: f64,
     /// Step of each encoder, rad or m.
     pub resolution: Vec<f64>,
-    /// A posture in the middle of the motion: gains are for the inertia there.
-    pub middle: Vec<f64>,
 }
 
 /// A servo at work.
 pub(crate) struct Controller<'a> {
     servo: &'a Servo,
     ws: Workspace,
-    inertia: Vec<f64>,
+    mass: DMatrix<f64>,
     last: Option<Vec<f64>>,
     speed: Vec<f64>,
     sum: Vec<f64>,
@@ -39,11 +37,14 @@ impl Servo {
     /// A servo for the arm `nominal`, at rest.
     pub(crate) fn start<'a>(&'a self, nominal: &Arm) -> Controller<'a> {
         let n = nominal.dof();
-        let mut ws = Workspace::new(nominal);
-        let mut m = DMatrix::zeros(n, n);
-        crba(nominal, &mut ws, &self.middle, &mut m);
-        let inertia = (0..n).map(|i| m[(i, i)]).collect();
-        Controller { servo: self, ws, inertia, last: None, speed: vec![0.0; n], sum: vec![0.0; n] }
+        Controller {
+            servo: self,
+            ws: Workspace::new(nominal),
+            mass: DMatrix::zeros(n, n),
+            last: None,
+            speed: vec![0.0; n],
+            sum: vec![0.0; n],
+        }
     }
 }
 
@@ -54,15 +55,19 @@ impl Controller<'_> {
         rnea(nominal, &mut self.ws, q, v, a, out);
         let rounded: Vec<f64> =
             positions.iter().zip(&self.servo.resolution).map(|(x, step)| (x / step).round() * step).collect();
+        // What a joint feels with the others free: gains for more would make a joint chatter whose neighbours give way.
+        crba(nominal, &mut self.ws, q, &mut self.mass);
+        let inverse = self.mass.clone().cholesky().map(|factor| factor.inverse());
         let share = 1.0 - (-std::f64::consts::TAU * SPEED_CUTOFF * PERIOD).exp();
         for (i, joint) in nominal.joints().iter().enumerate() {
             let difference = self.last.as_ref().map_or(0.0, |last| (rounded[i] - last[i]) / PERIOD);
             self.speed[i] += share * (difference - self.speed[i]);
             let error = q[i] - rounded[i];
-            let stiffness = self.inertia[i] * self.servo.bandwidth * self.servo.bandwidth;
+            let inertia = inverse.as_ref().map_or(0.0, |inverse| 1.0 / inverse[(i, i)]);
+            let stiffness = inertia * self.servo.bandwidth * self.servo.bandwidth;
             self.sum[i] += stiffness * self.servo.integral * PERIOD * error;
             self.sum[i] = self.sum[i].clamp(-0.3 * joint.limits.effort, 0.3 * joint.limits.effort);
-            let damping = 2.0 * DAMPING * self.inertia[i] * self.servo.bandwidth;
+            let damping = 2.0 * DAMPING * inertia * self.servo.bandwidth;
             let creep = self.servo.creep * joint.limits.velocity;
             let friction =
                 joint.friction.viscous * v[i] + joint.friction.coulomb * (v[i] / creep).clamp(-1.0, 1.0);

@@ -8,11 +8,15 @@ use freeplay_recording::Recording;
 use crate::error::ResidualError;
 use crate::filter::{LowPass, derivatives};
 use crate::grid::{Grid, Stretch};
+use crate::statistics::MEDIAN_OF_NORMAL;
 
 /// The default cutoff: this share of the sampling rate, within these bounds, Hz.
 const CUTOFF_SHARE: f64 = 0.03;
 const LEAST_CUTOFF: f64 = 10.0;
 const GREATEST_CUTOFF: f64 = 40.0;
+/// The fine cutoff is this many times the cutoff, but no more than this share of the rate.
+const FINE: f64 = 3.0;
+const MOST_FINE: f64 = 0.4;
 /// Least number of points kept per period of the cutoff.
 const POINTS_PER_PERIOD: f64 = 6.0;
 /// Periods of the cutoff that a stretch must last to be used.
@@ -42,6 +46,7 @@ pub fn default_cutoff_hz(rate_hz: f64) -> f64 {
 pub struct Treatment {
     grid: Grid,
     filter: LowPass,
+    fine: LowPass,
     trim_s: Option<f64>,
     every: usize,
     notes: Vec<String>,
@@ -61,8 +66,9 @@ impl Treatment {
         let rate_hz = grid.rate_hz();
         let cutoff_hz = settings.lowpass_hz.unwrap_or_else(|| default_cutoff_hz(rate_hz));
         let filter = LowPass::new(rate_hz, cutoff_hz)?;
+        let fine = LowPass::new(rate_hz, (FINE * cutoff_hz).min(MOST_FINE * rate_hz).max(cutoff_hz))?;
         let every = ((rate_hz / (POINTS_PER_PERIOD * cutoff_hz) + 1e-6) as usize).max(1);
-        let mut treatment = Self { grid, filter, trim_s: settings.trim_s, every, notes: Vec::new() };
+        let mut treatment = Self { grid, filter, fine, trim_s: settings.trim_s, every, notes: Vec::new() };
         treatment.drop_short_stretches(recording)?;
         Ok(treatment)
     }
@@ -180,6 +186,16 @@ impl Treatment {
     /// The smoothed motion on every grid point of the recording, nothing left out: where laws that jump are evaluated, before
     /// [`Treatment::low_pass`] and [`Treatment::keep`].
     pub fn whole_motion(&self, recording: &Recording) -> Trajectory {
+        self.motion_through(&self.filter, recording)
+    }
+
+    /// The motion on every grid point, smoothed less: for what is not linear in it and then passes [`Treatment::low_pass`]. The torque of a
+    /// smoothed motion is not the smoothed torque.
+    pub fn fine_motion(&self, recording: &Recording) -> Trajectory {
+        self.motion_through(&self.fine, recording)
+    }
+
+    fn motion_through(&self, filter: &LowPass, recording: &Recording) -> Trajectory {
         let mut whole = Trajectory::default();
         let mut begin = 0;
         for stretch in &self.grid.stretches {
@@ -190,7 +206,7 @@ impl Treatment {
         for column in &recording.q {
             let mut joint = [const { Vec::new() }; 3];
             for stretch in &self.grid.stretches {
-                let smooth = self.filter.apply(&self.grid.resample(stretch, &recording.t, column));
+                let smooth = filter.apply(&self.grid.resample(stretch, &recording.t, column));
                 let (first, second) = derivatives(&smooth, self.grid.step);
                 joint.iter_mut().zip([smooth, first, second]).for_each(|(out, part)| out.extend(part));
             }
@@ -215,6 +231,31 @@ impl Treatment {
             out.extend(self.filter.apply(&column[out.len()..out.len() + stretch.len]));
         }
         out
+    }
+
+    /// Standard deviation of white noise that has in the octave above the cutoff what `column`, on all grid points, has there.
+    ///
+    /// By the median of its size (Hampel 1974), which does not mind a few jumps.
+    pub fn deviation_above(&self, column: &[f64]) -> f64 {
+        let (rate_hz, cutoff_hz) = (self.rate_hz(), self.filter.cutoff_hz());
+        let Ok(wider) = LowPass::new(rate_hz, (2.0 * cutoff_hz).min(MOST_FINE * rate_hz)) else { return 0.0 };
+        let mut band = Vec::with_capacity(column.len());
+        for stretch in &self.grid.stretches {
+            let part = &column[band.len()..band.len() + stretch.len];
+            band.extend(
+                wider
+                    .apply(part)
+                    .iter()
+                    .zip(self.filter.apply(part))
+                    .map(|(wide, narrow)| (wide - narrow).abs()),
+            );
+        }
+        let middle = band.len() / 2;
+        if band.is_empty() {
+            return 0.0;
+        }
+        let median = *band.select_nth_unstable_by(middle, f64::total_cmp).1;
+        median / MEDIAN_OF_NORMAL / share_between(&self.filter, &wider, rate_hz).sqrt()
     }
 
     /// The kept points of one column of the points of [`Treatment::whole_motion`].
@@ -242,4 +283,12 @@ impl Treatment {
         }
         motion
     }
+}
+
+/// Share of the power of white noise that `wide` lets through and `narrow` does not, by their gains' closed form.
+fn share_between(narrow: &LowPass, wide: &LowPass, rate_hz: f64) -> f64 {
+    const POINTS: usize = 2000;
+    let at = |k: usize| (k as f64 + 0.5) / POINTS as f64 * 0.5 * rate_hz;
+    let power = |f: f64| (wide.gain(f) - narrow.gain(f)).powi(2);
+    (0..POINTS).map(|k| power(at(k))).sum::<f64>() / POINTS as f64
 }

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use freeplay_arm::{Arm, JointKind};
-use freeplay_laws::{Placed, Prediction, predict, torque_unit};
+use freeplay_laws::{Placed, Prediction, Trajectory, predict, rigid_torques, tool_positions, torque_unit};
 use freeplay_recording::{Group, Recording};
 
 use crate::error::ResidualError;
@@ -75,7 +75,8 @@ pub fn residuals(
 ) -> Result<Residuals, ResidualError> {
     check_joints(arm, recording)?;
     let whole = treatment.whole_motion(recording);
-    let prediction = predict(arm, effects, &whole, &|column| treatment.low_pass(column))?;
+    let mut prediction = predict(arm, effects, &whole, &|column| treatment.low_pass(column))?;
+    prediction.add(&sharpening(arm, recording, treatment, &whole));
     let channels = channels(arm, recording, treatment, &prediction);
     if channels.is_empty() {
         return Err(ResidualError::NothingToCompare { origin: recording.origin.clone(), joints: arm.dof() });
@@ -84,6 +85,30 @@ pub fn residuals(
         return Err(ResidualError::NotFinite { origin: recording.origin.clone(), channel: odd.name.clone() });
     }
     Ok(Residuals { t: treatment.times(), stretches: treatment.stretches(), channels })
+}
+
+/// By how much the rigid arm's torque and tool, treated, differ from those of the treated motion `whole`, on all grid points: products of
+/// positions, speeds and accelerations that change faster than the low-pass lets through.
+pub(crate) fn sharpening(
+    arm: &Arm,
+    recording: &Recording,
+    treatment: &Treatment,
+    whole: &Trajectory,
+) -> Prediction {
+    let fine = treatment.fine_motion(recording);
+    let mut more = Prediction::blank(arm.dof(), whole.len());
+    let differ = |fine: &[f64], smooth: &[f64]| -> Vec<f64> {
+        treatment.low_pass(fine).iter().zip(smooth).map(|(fine, smooth)| fine - smooth).collect()
+    };
+    let torques = rigid_torques(arm, &fine, None).into_iter().zip(rigid_torques(arm, whole, None));
+    for (more, (fine, smooth)) in more.torque.iter_mut().zip(torques) {
+        *more = differ(&fine, &smooth);
+    }
+    let tools = tool_positions(arm, &fine.q).into_iter().zip(tool_positions(arm, &whole.q));
+    for (more, (fine, smooth)) in more.tool.iter_mut().zip(tools) {
+        *more = differ(&fine, &smooth);
+    }
+    more
 }
 
 /// The model and the recording have the same number of joints.

@@ -1,5 +1,8 @@
 //! Moments of a signal.
 
+/// Median of |x| over the standard deviation of a normal x.
+pub(crate) const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
+
 /// Mean, spread and size of a signal; zeros for an empty one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moments {

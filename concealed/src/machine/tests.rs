@@ -36,13 +36,7 @@ fn wheel(inertia: f64, damping: f64, friction: f64) -> Arm {
 }
 
 fn servo(arm: &Arm, pose: &[f64]) -> Servo {
-    Servo {
-        bandwidth: 35.0,
-        integral: 2.0,
-        creep: 0.01,
-        resolution: vec![1e-6; arm.dof()],
-        middle: pose.to_vec(),
-    }
+    Servo { bandwidth: 35.0, integral: 2.0, creep: 0.01, resolution: vec![1e-6; arm.dof()] }
 }
 
 /// The state after `time` s by classical Runge–Kutta of fourth order on the articulated-body algorithm.

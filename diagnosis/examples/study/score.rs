@@ -52,7 +52,12 @@ impl Score {
             self.measure(one, diagnosis);
         }
         let missing: Vec<String> = truth.iter().map(|t| named(&t.kind, t.joint.as_deref())).collect();
-        println!("{name:10} {outcome:8} {:5.1} s  {} -> {said}", answer.seconds, missing.join(" + "));
+        let above = answer.diagnosis.as_ref().ok().and_then(above_the_floor).unwrap_or_default();
+        println!(
+            "{name:10} {outcome:8} {:5.1} s  {} -> {said}  {above}",
+            answer.seconds,
+            missing.join(" + ")
+        );
         *self.by_kind.entry(label).or_default().entry(outcome).or_default() += 1;
     }
 
@@ -109,6 +114,26 @@ impl Score {
             self.seconds.iter().copied().fold(0.0, f64::max),
         );
     }
+}
+
+/// How far above the floor the tuned model is on held-out data where it is worst, without and with what was named.
+fn above_the_floor(diagnosis: &Diagnosis) -> Option<String> {
+    let fit = diagnosis.fit.as_ref()?;
+    let worst = |table: &BTreeMap<String, freeplay_diagnosis::Rmse>| {
+        let ratios =
+            table.iter().map(|(channel, left)| (left.rmse / fit.noise_floor[channel].rmse, channel.clone()));
+        ratios.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::NAN, String::new()))
+    };
+    let (before, after) = (worst(&fit.retuned), worst(&fit.after_retuned));
+    let random = diagnosis
+        .noise
+        .iter()
+        .map(|(channel, noise)| (noise.deviation / fit.noise_floor[channel].rmse, channel));
+    let random = random.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+    Some(format!(
+        "[{:.2} {} to {:.2} {} floors, {:.2} {} random]",
+        before.0, before.1, after.0, after.1, random.0, random.1
+    ))
 }
 
 fn median(values: &mut [f64]) -> f64 {

@@ -7,6 +7,7 @@ use freeplay_laws::LawError;
 use nalgebra::DMatrix;
 
 use super::engine::DiagnoseSettings;
+use super::excess::Excess;
 use super::hypothesis::Hypothesis;
 use super::interval::draws;
 use super::judge::{Judge, Proof};
@@ -88,7 +89,8 @@ impl Conclusion<'_, '_, '_> {
         let channels = self.judged_channels(&errors, &black_box);
         let fit = self.fit(&errors, &black_box, &channels);
         let Some(passages) = passages(self.search, self.judge, &errors, &black_box)? else { return Ok(None) };
-        let verdict = self.verdict(&errors, &channels, &fit, &alternatives, &location);
+        let Some(excess) = Excess::of(self.search, self.judge)? else { return Ok(None) };
+        let verdict = self.verdict(&errors, &channels, &fit, &excess, &alternatives, &location);
         let mut model = self.file.clone();
         if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) {
             model.effects.extend(tables);
@@ -147,7 +149,7 @@ impl Conclusion<'_, '_, '_> {
             let columns = at..at + hypothesis.size();
             at = columns.end;
             let beta: Vec<f64> = columns.clone().map(|k| fit.eta[k]).collect();
-            let table = hypothesis.kind.compose(&hypothesis.shape, &beta);
+            let table = hypothesis.compose(&hypothesis.shape, &beta);
             let spread: Vec<Vec<f64>> = columns
                 .clone()
                 .map(|k| {
@@ -269,7 +271,7 @@ impl Conclusion<'_, '_, '_> {
     /// Shares of what the tuned model leaves beyond the floor, in squares of each channel's own deviation.
     fn location(&self, maps: &[Map], errors: &HeldOut) -> Vec<Location> {
         let channels = &self.search.case.stages[0].channels;
-        let left = self.judge.rms(&errors.retuned);
+        let left = self.judge.held.rms(&errors.retuned);
         let beyond: Vec<f64> = left
             .iter()
             .zip(&self.search.null.floor)
@@ -315,7 +317,7 @@ impl Conclusion<'_, '_, '_> {
         let table = |values: Vec<f64>| -> BTreeMap<String, Rmse> {
             described.iter().zip(values).map(|(c, rmse)| (c.name.clone(), Rmse { rmse })).collect()
         };
-        let rms = |rows: &[Vec<f64>]| table(self.judge.rms(rows));
+        let rms = |rows: &[Vec<f64>]| table(self.judge.held.rms(rows));
         let gain = |after: &[Vec<f64>]| {
             (!channels.is_empty()).then(|| self.judge.gain(self.search, channels, &errors.retuned, after))
         };
@@ -339,12 +341,24 @@ impl Conclusion<'_, '_, '_> {
         errors: &HeldOut,
         channels: &[usize],
         fit: &Fit,
+        excess: &Excess,
         alternatives: &[Alternative],
         location: &[Location],
     ) -> Verdict {
+        if std::env::var("EXCESS").is_ok() {
+            let m = |x: &[f64]| x.iter().copied().fold(0.0, f64::max);
+            eprintln!("   {:.2} {:.2} {:.3}", m(&excess.before), m(&excess.after), excess.share_left());
+        }
+        if excess.is_unnamed() {
+            return Verdict::Unknown;
+        }
         if self.proofs.is_empty() {
             let seen = location.iter().any(|place| place.p < SIGNIFICANT);
             return if channels.is_empty() || !seen { Verdict::NothingMissing } else { Verdict::Unknown };
+        }
+        let undecided = alternatives.iter().any(|alternative| alternative.indistinguishable);
+        if !excess.is_left() {
+            return if undecided { Verdict::OneOf } else { Verdict::Named };
         }
         let left = |gain: f64| (1.0 - gain).powi(2);
         let named = fit.gain.map_or(1.0, |gain| left(gain.value));
@@ -353,7 +367,6 @@ impl Conclusion<'_, '_, '_> {
         if (named - unnamed) > UNNAMED_SHARE * (1.0 - unnamed) {
             return Verdict::Unknown;
         }
-        let undecided = alternatives.iter().any(|alternative| alternative.indistinguishable);
         if undecided { Verdict::OneOf } else { Verdict::Named }
     }
 }

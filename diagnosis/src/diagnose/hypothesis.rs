@@ -5,7 +5,7 @@ use toml::Table;
 
 use super::case::Case;
 use super::report::Untestable;
-use super::system::{Block, Score, System};
+use super::system::{Block, Column, Score, System, dot};
 
 /// One effect at one place in one shape.
 pub(crate) struct Hypothesis {
@@ -15,8 +15,12 @@ pub(crate) struct Hypothesis {
     pub joint: Option<usize>,
     /// Its shape.
     pub shape: Table,
-    /// Its terms, in the order of the block's columns.
+    /// Its terms that the motion shows, in the order of the block's columns.
     pub terms: Vec<Term>,
+    /// Where these are among all terms of the law; the others are zero.
+    shown: Vec<usize>,
+    /// Number of all terms of the law.
+    all: usize,
     /// Its columns.
     pub block: Block,
 }
@@ -25,6 +29,23 @@ impl Hypothesis {
     /// Number of coefficients.
     pub fn size(&self) -> usize {
         self.terms.len()
+    }
+
+    /// The parameters for these coefficients of the terms shown, with the shape `shape`.
+    pub fn compose(&self, shape: &Table, coefficients: &[f64]) -> Table {
+        let mut all = vec![0.0; self.all];
+        self.shown.iter().zip(coefficients).for_each(|(&place, coefficient)| all[place] = *coefficient);
+        self.kind.compose(shape, &all)
+    }
+
+    /// The columns of its terms on the rows of `case`, another one than it was made for.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn columns_on(&self, case: &Case) -> Result<Vec<Column>, LawError> {
+        let (_, mut all) = columns(case, self.kind, self.joint, &self.shape)?;
+        all.resize_with(self.all, || vec![None; case.kept.len()]);
+        Ok(self.shown.iter().map(|&place| std::mem::take(&mut all[place])).collect())
     }
 
     /// The same effect at the same place.
@@ -102,7 +123,10 @@ pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<
     (all, untestable)
 }
 
-/// `kind` at `joint` in `shape`; `None` if it shows in no row that counts.
+/// Least share of a column's square that the columns of the same law before it do not say, for the motion to show its term.
+const OWN_SHARE: f64 = 1e-8;
+
+/// `kind` at `joint` in `shape`, with the terms that the motion shows; `None` if it shows none.
 ///
 /// # Errors
 /// See [`LawError`].
@@ -113,16 +137,62 @@ pub(crate) fn hypothesis(
     joint: Option<usize>,
     shape: Table,
 ) -> Result<Option<Hypothesis>, LawError> {
-    let by_stage: Vec<_> =
-        case.stages.iter().map(|stage| stage.terms(kind, joint, &shape)).collect::<Result<_, _>>()?;
-    let terms: Vec<Term> = by_stage[0].iter().map(|(term, _)| term.clone()).collect();
-    let columns: Vec<_> = (0..terms.len())
-        .map(|index| case.column(by_stage.iter().map(|terms| terms[index].1.clone()).collect()))
-        .collect();
-    let seen = |column: &super::system::Column| column.iter().flatten().flatten().any(|x| *x != 0.0);
-    let finite = |column: &super::system::Column| column.iter().flatten().flatten().all(|x| x.is_finite());
-    if terms.is_empty() || !columns.iter().all(|column| seen(column) && finite(column)) {
+    let (terms, columns) = columns(case, kind, joint, &shape)?;
+    if columns.iter().flatten().flatten().flatten().any(|x| !x.is_finite()) {
         return Ok(None);
     }
-    Ok(Some(Hypothesis { kind, joint, shape, terms, block: system.block(columns) }))
+    let (all, shown) = (terms.len(), shown(&columns));
+    if shown.is_empty() {
+        return Ok(None);
+    }
+    let pick = |place: &usize| (terms[*place].clone(), columns[*place].clone());
+    let (terms, columns) = shown.iter().map(pick).unzip();
+    Ok(Some(Hypothesis { kind, joint, shape, terms, shown, all, block: system.block(columns) }))
+}
+
+/// All terms of a law and their columns.
+fn columns(
+    case: &Case,
+    kind: &'static EffectKind,
+    joint: Option<usize>,
+    shape: &Table,
+) -> Result<(Vec<Term>, Vec<Column>), LawError> {
+    let by_stage: Vec<_> =
+        case.stages.iter().map(|stage| stage.terms(kind, joint, shape)).collect::<Result<_, _>>()?;
+    let terms: Vec<Term> = by_stage[0].iter().map(|(term, _)| term.clone()).collect();
+    let column = |index: usize| case.column(by_stage.iter().map(|terms| terms[index].1.clone()).collect());
+    let columns = (0..terms.len()).map(column).collect();
+    Ok((terms, columns))
+}
+
+/// Which of `columns` say something that those before them do not (Gram and Schmidt).
+fn shown(columns: &[Column]) -> Vec<usize> {
+    let mut shown = Vec::new();
+    let mut before: Vec<Column> = Vec::new();
+    for (place, column) in columns.iter().enumerate() {
+        let whole = product(column, column);
+        let mut own = column.clone();
+        for other in &before {
+            let share = product(&own, other) / product(other, other);
+            subtract(&mut own, other, share);
+        }
+        if whole > 0.0 && product(&own, &own) > OWN_SHARE * whole {
+            shown.push(place);
+            before.push(own);
+        }
+    }
+    shown
+}
+
+fn product(a: &Column, b: &Column) -> f64 {
+    a.iter().zip(b).filter_map(|(a, b)| Some(dot(a.as_ref()?, b.as_ref()?))).sum()
+}
+
+/// Subtracts `share` of `other` from `column`.
+fn subtract(column: &mut Column, other: &Column, share: f64) {
+    for (column, other) in column.iter_mut().zip(other) {
+        let Some(other) = other else { continue };
+        let rows = column.get_or_insert_with(|| vec![0.0; other.len()]);
+        rows.iter_mut().zip(other).for_each(|(x, other)| *x -= share * other);
+    }
 }

@@ -3,10 +3,10 @@
 use freeplay_laws::LawError;
 
 use super::case::Case;
-use super::hypothesis::{Hypothesis, hypothesis};
+use super::hypothesis::Hypothesis;
 use super::search::Search;
-use super::show::{Coefficients, Gain, HeldOut, gain, held_out, rms};
-use super::system::{Column, System};
+use super::show::{Coefficients, Gain, HeldOut, gain, held_out};
+use super::system::{Column, System, subtract};
 
 /// Least share of the error that a finding takes away where it shows.
 const LEAST_GAIN: f64 = 0.05;
@@ -52,11 +52,8 @@ impl<'a, 'b> Judge<'a, 'b> {
     ///
     /// # Errors
     /// See [`LawError`].
-    pub fn columns(&self, hypothesis_: &Hypothesis) -> Result<Vec<Column>, LawError> {
-        let Hypothesis { kind, joint, shape, terms, .. } = hypothesis_;
-        let found = hypothesis(self.held, &self.system, kind, *joint, shape.clone())?;
-        let blank = || vec![vec![None; self.held.kept.len()]; terms.len()];
-        Ok(found.filter(|found| found.size() == terms.len()).map_or_else(blank, |found| found.block.columns))
+    pub fn columns(&self, hypothesis: &Hypothesis) -> Result<Vec<Column>, LawError> {
+        hypothesis.columns_on(self.held)
     }
 
     /// The held-out errors of what `search` has chosen, but for the effect number `left_out`.
@@ -219,17 +216,29 @@ impl<'a, 'b> Judge<'a, 'b> {
         Some(self.gain(search, channels, &errors.tuned_after, &after))
     }
 
-    /// Root of the mean square of `rows` in each channel of a stage, over all held-out recordings.
-    pub fn rms(&self, rows: &[Vec<f64>]) -> Vec<f64> {
-        let per_stage = self.held.per_stage();
-        let stages = self.held.stages.len() as f64;
-        (0..per_stage)
-            .map(|c| {
-                let all = (c..rows.len()).step_by(per_stage);
-                let squares: f64 = all.map(|c| rms(&rows[c], &self.held.kept[c]).powi(2)).sum();
-                (squares / stages).sqrt()
-            })
-            .collect()
+    /// What the model leaves of the held-out recordings with its parameters tuned to these inside their tolerances: without and with
+    /// what `search` has chosen. `None` if a fit is singular.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn retuned_there(&self, search: &Search) -> Result<Option<[Vec<Vec<f64>>; 2]>, LawError> {
+        let Some(fit) = search.system.fit(&search.active(None)) else { return Ok(None) };
+        let without = self.held.target();
+        let mut with = without.clone();
+        let mut at = search.nuisances().len();
+        for chosen in &search.chosen {
+            for column in self.columns(&search.hypotheses[chosen.hypothesis])? {
+                subtract(&mut with, &column, fit.eta[at]);
+                at += 1;
+            }
+        }
+        let all: Vec<usize> = (0..self.system.base.len()).collect();
+        let tuned = |target: &[Vec<f64>]| {
+            let mut system = self.system.with_other_target(target);
+            system.weights = self.weights(search);
+            Some(system.residual(&system.fit(&all)?))
+        };
+        Ok(tuned(&without).zip(tuned(&with)).map(|(without, with)| [without, with]))
     }
 }
 

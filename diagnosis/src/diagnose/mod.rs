@@ -11,6 +11,7 @@
 //! - `search`, `select` and `refine`: which effects explain what the model leaves, and in which shape;
 //!   `validate`: whether they do so where they were not fitted.
 //! - `show` and `judge`: what they are worth on held-out data.
+//! - `excess`: whether more is left than noise explains.
 //! - `variables` and `passage`: what pictures are drawn from.
 //! - `interval`, `numbers`, `rivals`, `locate`, `words`, `conclude`, `report`: what is said.
 //! - `engine`: all of it.
@@ -19,6 +20,7 @@
 mod case;
 mod conclude;
 mod engine;
+mod excess;
 mod excite;
 mod floor;
 mod hypothesis;

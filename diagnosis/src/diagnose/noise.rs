@@ -3,13 +3,13 @@
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
+use crate::statistics::MEDIAN_OF_NORMAL;
+
 /// Sum of the squares of 1, −4, 6, −4, 1.
 const FOURTH_DIFFERENCE: f64 = 70.0;
 /// What no sensor is believed to be better than, as a share of what its channel spans in the recording: a little over 23 bits. Without it a
 /// simulated recording, which has no noise at all, would make every rounding error a finding.
 const FINEST: f64 = 1e-7;
-/// Median of |x| over the standard deviation of a normal x.
-const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
 
 /// Noise of one column.
 #[derive(Clone, Copy, Debug, PartialEq)]

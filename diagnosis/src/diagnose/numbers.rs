@@ -72,7 +72,7 @@ pub(crate) fn parameters(
                     *value *= (deviation * normal(&mut rng)).exp();
                 }
             }
-            named.kind.compose(&shape, &beta)
+            named.compose(&shape, &beta)
         })
         .collect();
     let interval = |name: &str| {

@@ -10,7 +10,7 @@ use toml::Table;
 
 use crate::error::ResidualError;
 use crate::motion::{Settings, Treatment};
-use crate::residual::{Channel, Kind, residuals};
+use crate::residual::{Channel, Kind, residuals, sharpening};
 
 /// What something adds to each channel of a stage; `None` where it adds nothing.
 pub(crate) type Answer = Vec<Option<Vec<f64>>>;
@@ -29,6 +29,10 @@ pub(crate) struct Ground<'a> {
     pub whole: Trajectory,
     /// Measured, channel by channel.
     channels: Vec<Channel>,
+    /// What the low-pass on the motion takes from the model, on all grid points.
+    sharpening: Prediction,
+    /// What the low-pass takes from the rigid arm's torques, `[joint][point]`, on all grid points.
+    pub unresolved: Vec<Vec<f64>>,
     treated: Box<LowPass>,
     as_it_is: Box<LowPass>,
 }
@@ -43,10 +47,17 @@ impl<'a> Ground<'a> {
         let treatment = Treatment::new(recording, settings)?;
         let channels = residuals(arm, &[], recording, &treatment)?.channels;
         let (motion, whole) = (treatment.motion(recording), treatment.whole_motion(recording));
+        let sharpening = sharpening(arm, recording, &treatment, &whole);
+        let unresolved = rigid_torques(arm, &treatment.fine_motion(recording), None)
+            .iter()
+            .map(|torque| {
+                torque.iter().zip(treatment.low_pass(torque)).map(|(torque, low)| torque - low).collect()
+            })
+            .collect();
         let own = treatment.clone();
         let treated = Box::new(move |column: &[f64]| own.low_pass(column));
         let as_it_is = Box::new(|column: &[f64]| column.to_vec());
-        Ok(Self { recording, treatment, motion, whole, channels, treated, as_it_is })
+        Ok(Self { recording, treatment, motion, whole, channels, sharpening, unresolved, treated, as_it_is })
     }
 }
 
@@ -74,7 +85,10 @@ impl<'a> Stage<'a> {
         let rough = Baseline::new(arm, effects, &ground.whole, &*ground.treated)?;
         let mut channels = ground.channels.clone();
         for channel in &mut channels {
-            channel.model = ground.treatment.keep(column_of(rough.prediction(), channel.kind));
+            let model = column_of(rough.prediction(), channel.kind).iter();
+            let sharp =
+                model.zip(column_of(&ground.sharpening, channel.kind)).map(|(model, more)| model + more);
+            channel.model = ground.treatment.keep(&sharp.collect::<Vec<_>>());
         }
         let now = &smooth.scene().arm;
         let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));

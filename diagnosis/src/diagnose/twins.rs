@@ -36,7 +36,11 @@ impl Noises {
             Kind::Link(joint) => recording.q_link[joint].as_ref(),
         };
         let channels = stage.channels.iter().map(|channel| {
-            measured(channel.kind).map_or(Noise { deviation: 0.0, step: 0.0 }, |column| noise(column))
+            let Some(column) = measured(channel.kind) else { return Noise { deviation: 0.0, step: 0.0 } };
+            let whole = treatment.whole_column(recording, column);
+            let fine = Noise::of(&whole);
+            // A tracker that reads more slowly than it is recorded has noise that neighbours share.
+            Noise { deviation: fine.deviation.max(treatment.deviation_above(&whole)), ..fine }
         });
         Self { positions, channels: channels.collect() }
     }

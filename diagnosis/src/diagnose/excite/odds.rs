@@ -193,7 +193,7 @@ impl Weighed<'_, '_> {
         let fit = system.fit(&nuisances).ok_or(ExciteError::Singular)?;
         let scores = self.scores(&system, &fit, rival)?;
         let best = scores.into_iter().max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
-        Ok(best.map(|(found, score)| (score.gain, rival.kind.compose(&found.shape, score.beta.as_slice()))))
+        Ok(best.map(|(found, score)| (score.gain, found.compose(&found.shape, score.beta.as_slice()))))
     }
 
     fn scores(
@@ -232,6 +232,6 @@ impl Weighed<'_, '_> {
         if loudest > 0.0 {
             beta[0] = (PLAIN / loudest).clamp(found.terms[0].least, found.terms[0].most);
         }
-        Ok(rival.kind.compose(&found.shape, &beta))
+        Ok(found.compose(&found.shape, &beta))
     }
 }

@@ -1,0 +1,64 @@
+//! How far what is left is above what noise explains: whether anything is missing at all, and whether naming has found most of it.
+
+use freeplay_laws::LawError;
+
+use super::judge::Judge;
+use super::search::Search;
+
+/// A channel this many times above the floor holds more than noise: twins stay below 1.2, laws that are idealised add to that.
+const BEYOND: f64 = 2.5;
+/// Greatest share of the squares beyond the floor that naming may leave.
+const LEFT: f64 = 0.4;
+
+/// What is left over the noise floor in each channel, the model's parameters tuned inside their tolerances to the very data that are
+/// looked at: so nothing of it is for the tolerances to explain.
+#[derive(Clone, Debug)]
+pub(crate) struct Excess {
+    /// Without what was named: of the fit, then of the held-out data.
+    pub before: Vec<f64>,
+    /// With it.
+    pub after: Vec<f64>,
+}
+
+impl Excess {
+    /// The excess of what `search` was given and of the held-out data of `judge`; `None` if a fit is singular.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn of(search: &Search, judge: &Judge) -> Result<Option<Self>, LawError> {
+        let system = &search.system;
+        let (Some(bare), Some(fit)) = (system.fit(&search.nuisances()), system.fit(&search.active(None)))
+        else {
+            return Ok(None);
+        };
+        let of_fit = |residual: &[Vec<f64>]| search.case.rms(residual);
+        let (mut before, mut after) = (of_fit(&system.residual(&bare)), of_fit(&system.residual(&fit)));
+        let Some(held) = judge.retuned_there(search)? else { return Ok(None) };
+        before.extend(judge.held.rms(&held[0]));
+        after.extend(judge.held.rms(&held[1]));
+        let floors = &search.null.floor[..search.case.per_stage()];
+        let over = |rms: Vec<f64>| {
+            rms.iter()
+                .zip(floors.iter().cycle())
+                .map(|(rms, floor)| rms / floor.max(f64::MIN_POSITIVE))
+                .collect()
+        };
+        Ok(Some(Self { before: over(before), after: over(after) }))
+    }
+
+    /// Whether something is left that noise does not explain.
+    pub fn is_left(&self) -> bool {
+        self.after.iter().any(|left| *left > BEYOND)
+    }
+
+    /// Share of the squares beyond the floor that naming leaves, by the channels' own floors.
+    pub fn share_left(&self) -> f64 {
+        let beyond = |all: &[f64]| all.iter().map(|left| (left * left - 1.0).max(0.0)).sum::<f64>();
+        beyond(&self.after) / beyond(&self.before).max(f64::MIN_POSITIVE)
+    }
+
+    /// Whether most of what is there has no name.
+    pub fn is_unnamed(&self) -> bool {
+        self.is_left() && self.share_left() > LEFT
+    }
+}
