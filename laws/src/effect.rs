@@ -33,6 +33,11 @@ pub trait Effect: Debug + Send + Sync {
     /// Adds to `tool`, `[axis][point]`, how far the tool is from where the shifted joints put it, base frame, m.
     fn displace(&self, _scene: &Scene, _tool: &mut [Vec<f64>; 3]) {}
 
+    /// Whether [`Effect::measure`] does anything.
+    fn measures(&self) -> bool {
+        false
+    }
+
     /// Changes what is measured: gains, offsets, delays.
     fn measure(&self, _scene: &Scene, _prediction: &mut Prediction) {}
 

@@ -138,9 +138,13 @@ impl<'a> Baseline<'a> {
             change.subtract(&self.measured);
             return Ok(change);
         }
-        let mut plain = self.plain.clone();
-        plain.add(&self.plain_change(placed));
+        let change = self.plain_change(placed);
         let effects = self.effects.iter().copied().chain([placed]);
+        if !effects.clone().any(|placed| placed.effect.measures()) {
+            return Ok(change);
+        }
+        let mut plain = self.plain.clone();
+        plain.add(&change);
         effects.for_each(|placed| placed.effect.measure(&self.scene, &mut plain));
         plain.subtract(&self.measured);
         Ok(plain)
@@ -150,17 +154,21 @@ impl<'a> Baseline<'a> {
     fn plain_change(&self, placed: &Placed) -> Prediction {
         let (scene, points) = (&self.scene, self.scene.motion.len());
         let mut change = Prediction::blank(scene.arm.dof(), points);
-        let mut tool = vec![vec![0.0; points]; 3];
-        say(placed, self.low_pass, &mut change.link, |effect, shift| effect.shift(scene, shift));
-        say(placed, self.low_pass, &mut change.torque, |effect, torque| effect.torque(scene, torque));
-        say(placed, self.low_pass, &mut tool, |effect, tool| displace(effect, scene, tool));
+        let effect = placed.effect.as_ref();
+        effect.shift(scene, &mut change.link);
+        effect.torque(scene, &mut change.torque);
+        effect.displace(scene, &mut change.tool);
+        if placed.kind.rough {
+            let said = change.columns_mut().filter(|column| column.iter().any(|&x| x != 0.0));
+            said.for_each(|column| *column = (self.low_pass)(column));
+        }
         for (joint, shift) in change.link.iter().enumerate() {
             if shift.iter().all(|&shift| shift == 0.0) {
                 continue;
             }
             let sensitivity =
                 self.tool_sensitivity.get_or_init(|| tool_sensitivity(&scene.arm, &self.plain.link));
-            add_products(&mut tool, &sensitivity[joint], shift);
+            add_products(&mut change.tool, &sensitivity[joint], shift);
             if placed.kind.rough {
                 let sensitivity = self
                     .torque_sensitivity
@@ -173,7 +181,6 @@ impl<'a> Baseline<'a> {
             add(&mut change.torque, &link_torques(scene, &change.link, &none));
             subtract(&mut change.torque, &scene.load);
         }
-        change.tool = <[Vec<f64>; 3]>::try_from(tool).unwrap_or_default();
         change
     }
 }

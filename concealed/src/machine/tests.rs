@@ -35,7 +35,7 @@ fn wheel(inertia: f64, damping: f64, friction: f64) -> Arm {
     parse_toml(&text, Path::new("wheel.toml")).expect("an arm").arm
 }
 
-fn servo(arm: &Arm, pose: &[f64]) -> Servo {
+fn servo(arm: &Arm) -> Servo {
     Servo { bandwidth: 35.0, integral: 2.0, creep: 0.01, resolution: vec![1e-6; arm.dof()] }
 }
 
@@ -168,7 +168,7 @@ fn without_effects_the_recording_is_the_data_sheet() {
         let motion = Motion::draw(machine, &arm, Family::Fourier, 4.0, &mut stream(3, "motion"));
         let ideal = Tolerances::none(arm.dof());
         let machine_plan = Plan::new(&arm, &load, &ideal, &[], &[machine.home().to_vec()]).expect("a plan");
-        let trace = machine_plan.run(&arm, &servo(&arm, machine.home()), &motion, 4.0).expect("a run");
+        let trace = machine_plan.run(&arm, &servo(&arm), &motion, 4.0).expect("a run");
         let residual = residual(&arm, &machine_plan, &trace, &ideal, 4.0);
         let (torque, tool) = residual.sizes();
         for (joint, (size, limits)) in torque.iter().zip(arm.joints().iter().map(|j| j.limits)).enumerate() {
@@ -228,7 +228,7 @@ fn a_gap_is_taken_up_by_the_load() {
     let effect = Effect { joint: Some(1), physics: Physics::Backlash { gap, stiffness } };
     let (machine, ideal) = (plan(&arm, &[effect], pose), Tolerances::none(2));
     let motion = Motion::draw(Machine::Two, &arm, Family::Sweep, 0.1, &mut stream(1, "m"));
-    let trace = machine.run(&arm, &servo(&arm, pose), &motion, 0.1).expect("a run");
+    let trace = machine.run(&arm, &servo(&arm), &motion, 0.1).expect("a run");
     let row = 40;
     let lead = trace.motor(row)[1] - trace.link(row)[1];
     let load = trace.torque(row)[1];

@@ -216,7 +216,7 @@ fn rows_that_count(stage: &Stage, kind: Kind, noise: f64) -> Vec<f64> {
     let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
     let blurred = (ROUNDED * Moments::of(a).rms / cutoff_hz).max(STANDING * fastest);
     let undecided: Vec<f64> = v.iter().map(|v| if v.abs() < blurred { dry } else { 0.0 }).collect();
-    // A sample says of a jump between two of them no more than that: by a third of the time between samples it is early or late, times
+    // A sample says of a jump between two of them no more than that. By half the time between samples it is early or late, times
     // the slope of the low-pass's answer, which is twice the cutoff times twice what the low-pass takes from the jump.
     let unresolved = &stage.ground.unresolved[joint];
     let white = noise * (2.0 * cutoff_hz / rate_hz).sqrt();
@@ -226,7 +226,7 @@ fn rows_that_count(stage: &Stage, kind: Kind, noise: f64) -> Vec<f64> {
         .zip(treatment.keep(&envelope(&treatment.low_pass(&undecided), reach)))
         .zip(treatment.keep(&envelope(unresolved, reach)))
         .map(|((standing, undecided), unresolved)| {
-            let known = white.hypot(undecided).hypot(cutoff_hz / rate_hz * unresolved);
+            let known = white.hypot(undecided).hypot(2.0 * cutoff_hz / rate_hz * unresolved);
             (1.0 - standing) * white / known.max(f64::MIN_POSITIVE)
         })
         .collect();

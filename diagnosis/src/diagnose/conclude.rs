@@ -84,6 +84,8 @@ impl Conclusion<'_, '_, '_> {
         let Some(black_box) = self.judge.black_box(self.search, &errors) else { return Ok(None) };
         let (Some(maps), Some(drawn)) = (self.maps(), self.drawn()) else { return Ok(None) };
         let (tables, effects) = self.effects(&drawn);
+        let is_named = |one: &Untestable| effects.iter().any(|e| e.kind == one.kind && e.joint == one.joint);
+        let untestable = untestable.into_iter().filter(|one| !is_named(one)).collect();
         let alternatives = self.alternatives();
         let location = self.location(&maps, &errors);
         let channels = self.judged_channels(&errors, &black_box);

@@ -1,6 +1,6 @@
 //! Everything that might be missing: each kind of effect at each place in each shape, as a block of columns.
 
-use freeplay_laws::{CATALOGUE, Kind as EffectKind, LawError, Place, Site, Term};
+use freeplay_laws::{CATALOGUE, Kind as EffectKind, LawError, Place, Recorded, Site, Term};
 use toml::Table;
 
 use super::case::Case;
@@ -80,28 +80,33 @@ pub(crate) fn places(kind: &EffectKind, arm: &freeplay_arm::Arm) -> Vec<Option<u
     }
 }
 
-/// All hypotheses that the recordings of `case` can show, and those that they can't.
+/// All hypotheses that the recordings of `case` can show, and those that they can't, or can't tell from others.
 pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<Untestable>) {
     let (mut all, mut untestable) = (Vec::new(), Vec::new());
     let arm = case.stages[0].arm();
     for kind in CATALOGUE {
         for joint in places(kind, arm) {
-            let missing: Vec<String> = case
-                .stages
-                .iter()
-                .filter_map(|stage| {
-                    let place = Place { scene: stage.baseline(kind).scene(), joint };
-                    kind.missing(&place, &stage.recorded())
-                })
-                .collect();
-            if missing.len() == case.stages.len() {
-                untestable.push(Untestable {
-                    kind: kind.name,
-                    joint: joint.map(|joint| arm.joints()[joint].name.clone()),
-                    because: missing.into_iter().next().unwrap_or_default(),
-                });
+            let because = |lacks: &dyn Fn(&Place, &Recorded) -> Option<String>| {
+                let stages = case.stages.iter();
+                let all: Option<Vec<String>> = stages
+                    .map(|stage| {
+                        let place = Place { scene: stage.baseline(kind).scene(), joint };
+                        lacks(&place, &stage.recorded())
+                    })
+                    .collect();
+                all.and_then(|all| all.into_iter().next())
+            };
+            let can_not = |because| Untestable {
+                kind: kind.name,
+                joint: joint.map(|joint| arm.joints()[joint].name.clone()),
+                because,
+            };
+            if let Some(because) = because(&|place, recorded| kind.cannot_be_fitted(place, recorded)) {
+                untestable.push(can_not(because));
                 continue;
             }
+            // What covers too little still stands beside what it could be taken for.
+            untestable.extend(because(&|place, recorded| kind.missing(place, recorded)).map(can_not));
             let shapes = (kind.shapes)(&Place { scene: case.stages[0].baseline(kind).scene(), joint });
             let before = all.len();
             let mut refused = None;
@@ -112,11 +117,8 @@ pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<
                 }
             }
             if all.len() == before {
-                untestable.push(Untestable {
-                    kind: kind.name,
-                    joint: joint.map(|joint| arm.joints()[joint].name.clone()),
-                    because: refused.unwrap_or_else(|| "this motion shows nothing of it".to_owned()),
-                });
+                untestable
+                    .push(can_not(refused.unwrap_or_else(|| "this motion shows nothing of it".to_owned())));
             }
         }
     }
@@ -142,7 +144,8 @@ pub(crate) fn hypothesis(
         return Ok(None);
     }
     let (all, shown) = (terms.len(), shown(&columns));
-    if shown.is_empty() {
+    // A law without one of its terms may be a plainer one of the catalogue, which stands there by itself.
+    if shown.is_empty() || shown.len() < all && !kind.contains.is_empty() {
         return Ok(None);
     }
     let pick = |place: &usize| (terms[*place].clone(), columns[*place].clone());

@@ -62,6 +62,10 @@ struct ActuatorSaturation {
 }
 
 impl Effect for ActuatorSaturation {
+    fn measures(&self) -> bool {
+        true
+    }
+
     fn measure(&self, _scene: &Scene, prediction: &mut Prediction) {
         for torque in &mut prediction.torque[self.joint] {
             *torque -= self.share * (*torque - torque.clamp(-self.limit, self.limit));

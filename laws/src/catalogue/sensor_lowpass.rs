@@ -85,6 +85,10 @@ struct SensorLowpass {
 }
 
 impl Effect for SensorLowpass {
+    fn measures(&self) -> bool {
+        true
+    }
+
     fn measure(&self, scene: &Scene, prediction: &mut Prediction) {
         for stretch in &scene.motion.stretches {
             let (step, mut lag) = (scene.motion.step(stretch), self.lag);

@@ -71,6 +71,10 @@ struct TimeDelay {
 }
 
 impl Effect for TimeDelay {
+    fn measures(&self) -> bool {
+        true
+    }
+
     fn measure(&self, scene: &Scene, prediction: &mut Prediction) {
         let late = |columns: &mut [Vec<f64>], delay: f64| {
             for column in columns {

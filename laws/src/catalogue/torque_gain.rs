@@ -52,6 +52,10 @@ struct TorqueGain {
 }
 
 impl Effect for TorqueGain {
+    fn measures(&self) -> bool {
+        true
+    }
+
     fn measure(&self, _scene: &Scene, prediction: &mut Prediction) {
         prediction.torque[self.joint].iter_mut().for_each(|torque| *torque /= self.gain);
     }

@@ -46,6 +46,10 @@ struct TorqueOffset {
 }
 
 impl Effect for TorqueOffset {
+    fn measures(&self) -> bool {
+        true
+    }
+
     fn measure(&self, _scene: &Scene, prediction: &mut Prediction) {
         prediction.torque[self.joint].iter_mut().for_each(|torque| *torque += self.offset);
     }
