@@ -99,27 +99,7 @@ fn one(model: &Path, recordings: &[&str]) {
     });
     eprintln!("{:6.2} s in all", start.elapsed().as_secs_f64());
     match diagnosis {
-        Ok(diagnosis) => {
-            if let Ok(out) = std::env::var("DUMP") {
-                for (k, p) in diagnosis.passages.iter().enumerate() {
-                    for tr in &p.traces {
-                        let mut s = String::new();
-                        for i in 0..p.motion.t.len() {
-                            s += &format!(
-                                "{},{},{},{},{}",
-                                p.motion.t[i], tr.measured[i], tr.retuned[i], tr.after[i], tr.unnamed[i]
-                            );
-                            for j in 0..p.motion.q.len() {
-                                s += &format!(",{},{}", p.motion.q[j][i], p.motion.v[j][i]);
-                            }
-                            s.push('\n');
-                        }
-                        std::fs::write(format!("{out}/{k}_{}.csv", tr.channel), s).unwrap();
-                    }
-                }
-            }
-            print(&diagnosis)
-        }
+        Ok(diagnosis) => print(&diagnosis),
         Err(error) => println!("{error}"),
     }
 }

@@ -125,15 +125,7 @@ fn above_the_floor(diagnosis: &Diagnosis) -> Option<String> {
         ratios.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::NAN, String::new()))
     };
     let (before, after) = (worst(&fit.retuned), worst(&fit.after_retuned));
-    let random = diagnosis
-        .noise
-        .iter()
-        .map(|(channel, noise)| (noise.deviation / fit.noise_floor[channel].rmse, channel));
-    let random = random.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
-    Some(format!(
-        "[{:.2} {} to {:.2} {} floors, {:.2} {} random]",
-        before.0, before.1, after.0, after.1, random.0, random.1
-    ))
+    Some(format!("[{:.2} {} to {:.2} {} floors]", before.0, before.1, after.0, after.1))
 }
 
 fn median(values: &mut [f64]) -> f64 {

@@ -347,10 +347,6 @@ impl Conclusion<'_, '_, '_> {
         alternatives: &[Alternative],
         location: &[Location],
     ) -> Verdict {
-        if std::env::var("EXCESS").is_ok() {
-            let m = |x: &[f64]| x.iter().copied().fold(0.0, f64::max);
-            eprintln!("   {:.2} {:.2} {:.3}", m(&excess.before), m(&excess.after), excess.share_left());
-        }
         if excess.is_unnamed() {
             return Verdict::Unknown;
         }

@@ -15,9 +15,9 @@ const LEFT: f64 = 0.4;
 #[derive(Clone, Debug)]
 pub(crate) struct Excess {
     /// Without what was named: of the fit, then of the held-out data.
-    pub before: Vec<f64>,
+    before: Vec<f64>,
     /// With it.
-    pub after: Vec<f64>,
+    after: Vec<f64>,
 }
 
 impl Excess {
