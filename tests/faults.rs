@@ -297,7 +297,10 @@ fn in_real_time_late_and_dead_controllers_are_counted() {
         let rejected: u64 = COUNTS.iter().map(|name| count(&run["gate"]["rejected"][*name])).sum();
         assert!(rejected > HOLD, "{fault}: {rejected} rejected");
         if fault == "late@50" {
-            assert!(count(&run["deadlines"]["missed"]) > HOLD && count(&run["deadlines"]["late"]) >= 1);
+            assert!(count(&run["deadlines"]["missed"]) > HOLD);
+            // On a machine that is busy with other things it may not have come to answer at all.
+            let starved = run["deadlines"]["by_evidence"]["scheduler"].as_u64().unwrap_or(0);
+            assert!(count(&run["deadlines"]["late"]) >= 1 || starved > HOLD);
         }
         assert_safe(&recording(&ran), false);
     }

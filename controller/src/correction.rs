@@ -115,7 +115,7 @@ impl Correction {
             target -= self.start_deviation * (1.0 - share);
         }
         let mut position = target.fixed_rows_mut::<3>(0);
-        position += bend;
+        position += bend * share;
         let report = self.compensator.advance(desired, &self.jacobian, &target);
         self.course.push(self.compensator.correction());
         report
