@@ -7,6 +7,8 @@ use super::search::Search;
 
 /// A channel this many times above the floor holds more than noise: twins stay below 1.2, laws that are idealised add to that.
 const BEYOND: f64 = 2.5;
+/// The same for a channel of which most is left, when others have their names.
+const FAR: f64 = 8.0;
 /// Greatest share of the squares beyond the floor that naming may leave.
 const LEFT: f64 = 0.4;
 
@@ -57,8 +59,10 @@ impl Excess {
         beyond(&self.after) / beyond(&self.before).max(f64::MIN_POSITIVE)
     }
 
-    /// Whether most of what is there has no name.
+    /// Whether most of what is there has no name: in all channels together, or in one that has much of it.
     pub fn is_unnamed(&self) -> bool {
-        self.is_left() && self.share_left() > LEFT
+        let beyond = |left: f64| (left * left - 1.0).max(0.0);
+        let stays = |(before, after): (&f64, &f64)| *after > FAR && beyond(*after) > LEFT * beyond(*before);
+        self.is_left() && self.share_left() > LEFT || self.before.iter().zip(&self.after).any(stays)
     }
 }

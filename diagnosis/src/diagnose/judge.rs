@@ -13,7 +13,7 @@ const LEAST_GAIN: f64 = 0.05;
 /// How often the search goes on after an effect did not prove itself.
 const RENEWALS: usize = 6;
 /// The same for one effect beside the others, which the cross-validation has passed.
-const LEAST_HELD_OUT: f64 = 0.03;
+const LEAST_HELD_OUT: f64 = 0.08;
 /// Share of an effect's own weight that a channel must carry to count as one in which it shows.
 const SHOWS: f64 = 0.1;
 

@@ -49,14 +49,14 @@ fn rounding(samples: &[f64]) -> f64 {
         return 0.0;
     }
     steps.sort_by(f64::total_cmp);
-    let least = steps[steps.len() / 50];
+    let least = steps[(steps.len() / 50).min(4)];
     let whole = |step: &&f64| {
         let times = **step / least;
         (times - times.round()).abs() < 0.02 * times.max(1.0).sqrt() && times < 50.0
     };
     let near = steps.iter().filter(|step| **step < 20.0 * least);
     let (count, fitting) = near.clone().fold((0, 0), |(n, m), step| (n + 1, m + usize::from(whole(&step))));
-    if fitting * 10 > count * 9 && count * 4 > steps.len() { least } else { 0.0 }
+    if fitting * 10 > count * 9 && count >= 16 { least } else { 0.0 }
 }
 
 /// `count` normal numbers of deviation `deviation`.

@@ -118,7 +118,10 @@ impl Drawn {
             (rigid_torques(stage.arm(), &read, None), tool_positions(stage.arm(), &read.q));
         let mut left = Vec::new();
         for (channel, noise) in stage.channels.iter().zip(&noises.channels) {
-            let mut rest = stage.treated(&normals(rng, stage.whole().len(), noise.deviation));
+            let mut rest = stage.treated(&match channel.kind {
+                Kind::Link(joint) => misreading(rng, &stage.whole().q[joint], noise),
+                Kind::Torque(_) | Kind::Tool(_) => normals(rng, stage.whole().len(), noise.deviation),
+            });
             let mut add = |truth: &[f64], model: &[f64]| {
                 rest.iter_mut().zip(truth.iter().zip(model)).for_each(|(rest, (t, m))| *rest += t - m);
             };
@@ -151,7 +154,7 @@ fn misread(
     let treatment = &stage.ground.treatment;
     let mut jumps = Vec::new();
     for (joint, noise) in noises.positions.iter().enumerate() {
-        let error = treatment.low_pass(&normals(rng, whole.len(), noise.deviation));
+        let error = treatment.low_pass(&misreading(rng, &whole.q[joint], noise));
         let (mut rate, mut second) = (Vec::new(), Vec::new());
         for stretch in &whole.stretches {
             let (v, a) = derivatives(&error[stretch.clone()], whole.step(stretch));
@@ -173,6 +176,22 @@ fn misread(
         }));
     }
     (read, jumps)
+}
+
+/// What an encoder reads of `position` too much: its noise, and its rounding, which is no noise where the joint hardly moves.
+fn misreading(rng: &mut ChaCha8Rng, position: &[f64], noise: &Noise) -> Vec<f64> {
+    let step = noise.step;
+    if step <= 0.0 {
+        return normals(rng, position.len(), noise.deviation);
+    }
+    let beside_rounding = (noise.deviation.powi(2) - step * step / 12.0).max(0.0).sqrt();
+    let zero = 0.5 * step * even(rng);
+    let errors = normals(rng, position.len(), beside_rounding);
+    let read = |(position, error): (&f64, f64)| {
+        let place = (position + zero + error) / step;
+        place.round() * step - position - zero
+    };
+    position.iter().zip(errors).map(read).collect()
 }
 
 fn lengthen(way: &mut Vector3<f64>, amount: f64) {
