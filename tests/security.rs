@@ -131,7 +131,7 @@ fn another_user_can_neither_join_a_run_nor_read_it_nor_take_its_place() {
 
 /// A process of the same user that has neither seat nor greeting and forges commands for the slot of the controller in charge.
 const INTRUDER: &str = r#"
-import sys, freeplay
+import sys, time, freeplay
 
 class Intruder(freeplay.Link):
     def _take_seat(self):
@@ -149,6 +149,8 @@ for forged in wrong * 2:
     command = freeplay.Command(**{**good, **forged})
     command.value[:] = [FORGED] * 12
     link.send(command)
+# What nobody has collected goes with its sender.
+time.sleep(1.0)
 link.close()
 print("sent")
 "#;
