@@ -14,6 +14,8 @@ const LEAST_GAIN: f64 = 0.05;
 const RENEWALS: usize = 6;
 /// The same for one effect beside the others, which the cross-validation has passed.
 const LEAST_HELD_OUT: f64 = 0.08;
+/// The most by which a finding may make the error of a channel greater on held-out data, as a factor.
+const MOST_BENT: f64 = 1.5;
 /// Share of an effect's own weight that a channel must carry to count as one in which it shows.
 const SHOWS: f64 = 0.1;
 
@@ -157,6 +159,15 @@ impl<'a, 'b> Judge<'a, 'b> {
             .iter()
             .map(|&c| weights[c] * errors.tuned_after[c].iter().map(|x| x * x).sum::<f64>())
             .sum();
+        // What doubles the error of any channel there bends what the others say, whatever it does elsewhere.
+        let (with, without_it) =
+            (self.held.rms(&errors.tuned_after), self.held.rms(&errors_without.tuned_after));
+        if let Some(bent) = (0..per_stage).find(|&c| with[c] > MOST_BENT * without_it[c]) {
+            let over: Vec<usize> = (bent..self.held.kept.len()).step_by(per_stage).collect();
+            let (before, after) = (&errors_without.tuned_after, &errors.tuned_after);
+            let loss = gain(self.held, &over, &weights, before, after, self.seed);
+            return Ok(Some(Proof { gain: loss, held_out: true, channels: shows }));
+        }
         if there > 0.1 * left {
             return Ok(Some(Proof { gain: on_held, held_out: true, channels: shows }));
         }
