@@ -19,6 +19,7 @@ mod calibrate;
 mod case;
 mod distinct;
 mod draft;
+mod felt;
 mod kinds;
 mod machine;
 mod motion;

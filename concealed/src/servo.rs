@@ -1,7 +1,8 @@
 //! The machine's own controller: computed feed-forward from the data sheet, and a PID on quantised encoders at 1 kHz.
 
-use freeplay_arm::{Arm, Workspace, crba, rnea};
-use nalgebra::DMatrix;
+use freeplay_arm::{Arm, Workspace, rnea};
+
+use crate::felt::Felt;
 
 /// Servo period, s.
 const PERIOD: f64 = 1e-3;
@@ -27,7 +28,7 @@ pub struct Servo {
 pub(crate) struct Controller<'a> {
     servo: &'a Servo,
     ws: Workspace,
-    mass: DMatrix<f64>,
+    felt: Felt,
     last: Option<Vec<f64>>,
     speed: Vec<f64>,
     sum: Vec<f64>,
@@ -40,7 +41,7 @@ impl Servo {
         Controller {
             servo: self,
             ws: Workspace::new(nominal),
-            mass: DMatrix::zeros(n, n),
+            felt: Felt::new(nominal),
             last: None,
             speed: vec![0.0; n],
             sum: vec![0.0; n],
@@ -56,14 +57,13 @@ impl Controller<'_> {
         let rounded: Vec<f64> =
             positions.iter().zip(&self.servo.resolution).map(|(x, step)| (x / step).round() * step).collect();
         // What a joint feels with the others free: gains for more would make a joint chatter whose neighbours give way.
-        crba(nominal, &mut self.ws, q, &mut self.mass);
-        let inverse = self.mass.clone().cholesky().map(|factor| factor.inverse());
+        let felt = self.felt.at(nominal, q);
         let share = 1.0 - (-std::f64::consts::TAU * SPEED_CUTOFF * PERIOD).exp();
         for (i, joint) in nominal.joints().iter().enumerate() {
             let difference = self.last.as_ref().map_or(0.0, |last| (rounded[i] - last[i]) / PERIOD);
             self.speed[i] += share * (difference - self.speed[i]);
             let error = q[i] - rounded[i];
-            let inertia = inverse.as_ref().map_or(0.0, |inverse| 1.0 / inverse[(i, i)]);
+            let inertia = felt.as_ref().map_or(0.0, |felt| felt[i]);
             let stiffness = inertia * self.servo.bandwidth * self.servo.bandwidth;
             self.sum[i] += stiffness * self.servo.integral * PERIOD * error;
             self.sum[i] = self.sum[i].clamp(-0.3 * joint.limits.effort, 0.3 * joint.limits.effort);

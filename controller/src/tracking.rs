@@ -113,8 +113,8 @@ pub struct Tracking {
     /// What other effects of the model ask of the drives; none if there are none.
     known: Option<KnownEffects>,
     look_ahead: LookAhead,
-    knocks: Knocks,
-    soft_landing: bool,
+    /// Landings, where the feedback is softer after one.
+    knocks: Option<Knocks>,
     outlook: Outlook,
     /// Predicts for the instant of the answer and feeds forward.
     predictor: QuasiStatic,
@@ -181,9 +181,8 @@ impl Tracking {
             friction: drive_frictions(&model.arm),
             known,
             look_ahead: LookAhead::new(&model.arm, period),
-            knocks: Knocks::new(period),
             // A journal that bounces alone comes to rest by itself, and corners are passed better with the whole of the feedback.
-            soft_landing: options.soft_landing && model.clearances.len() > 1,
+            knocks: (options.soft_landing && model.clearances.len() > 1).then(|| Knocks::new(period)),
             outlook,
             predictor: QuasiStatic::new(&with_play, period),
             correction: Correction::new(&model.arm, period, options.blend, &options.weights)?,
@@ -365,9 +364,14 @@ impl Tracking {
 
     fn torque(&mut self, state: &State, torque: &mut Joints) -> Option<()> {
         let n = self.arm.dof();
-        let expected = self.look_ahead.expected(state.tick).map(|state| state.v.as_slice());
-        self.knocks.observe(expected, &state.qd[..n]);
-        let gains = if self.soft_landing { self.knocks.soften(self.gains) } else { self.gains };
+        let mut gains = self.gains;
+        if let Some(knocks) = &mut self.knocks {
+            knocks.observe(
+                self.look_ahead.expected(state.tick).map(|state| state.v.as_slice()),
+                &state.qd[..n],
+            );
+            gains = knocks.soften(gains);
+        }
         let ahead = self.look_ahead.predict(&self.arm, state, &self.external)?;
         let target = self.target.as_motion();
         for (held, correction) in self.held.iter_mut().zip(self.correction.held()) {

@@ -75,8 +75,21 @@ pub fn residuals(
 ) -> Result<Residuals, ResidualError> {
     check_joints(arm, recording)?;
     let whole = treatment.whole_motion(recording);
-    let mut prediction = predict(arm, effects, &whole, &|column| treatment.low_pass(column))?;
-    prediction.add(&sharpening(arm, recording, treatment, &whole));
+    let sharpening = Sharpening::of(arm, recording, treatment, &whole);
+    residuals_along(arm, effects, recording, treatment, &whole, &sharpening)
+}
+
+/// [`residuals`] for the treated motion `whole` of `recording`, and what sharpens the model along it.
+pub(crate) fn residuals_along(
+    arm: &Arm,
+    effects: &[Placed],
+    recording: &Recording,
+    treatment: &Treatment,
+    whole: &Trajectory,
+    sharpening: &Sharpening,
+) -> Result<Residuals, ResidualError> {
+    let mut prediction = predict(arm, effects, whole, &|column| treatment.low_pass(column))?;
+    prediction.add(&sharpening.more);
     let channels = channels(arm, recording, treatment, &prediction);
     if channels.is_empty() {
         return Err(ResidualError::NothingToCompare { origin: recording.origin.clone(), joints: arm.dof() });
@@ -87,28 +100,36 @@ pub fn residuals(
     Ok(Residuals { t: treatment.times(), stretches: treatment.stretches(), channels })
 }
 
-/// By how much the rigid arm's torque and tool, treated, differ from those of the treated motion `whole`, on all grid points: products of
-/// positions, speeds and accelerations that change faster than the low-pass lets through.
-pub(crate) fn sharpening(
-    arm: &Arm,
-    recording: &Recording,
-    treatment: &Treatment,
-    whole: &Trajectory,
-) -> Prediction {
-    let fine = treatment.fine_motion(recording);
-    let mut more = Prediction::blank(arm.dof(), whole.len());
-    let differ = |fine: &[f64], smooth: &[f64]| -> Vec<f64> {
-        treatment.low_pass(fine).iter().zip(smooth).map(|(fine, smooth)| fine - smooth).collect()
-    };
-    let torques = rigid_torques(arm, &fine, None).into_iter().zip(rigid_torques(arm, whole, None));
-    for (more, (fine, smooth)) in more.torque.iter_mut().zip(torques) {
-        *more = differ(&fine, &smooth);
+/// What is lost where the rigid arm is worked out along a treated motion: products of positions, speeds and accelerations that change
+/// faster than the low-pass lets through. On all grid points.
+pub(crate) struct Sharpening {
+    /// By how much the arm's torque and tool, treated, differ from those of the treated motion.
+    pub more: Prediction,
+    /// What the low-pass takes from the arm's torques, `[joint][point]`.
+    pub unresolved: Vec<Vec<f64>>,
+}
+
+impl Sharpening {
+    /// For `arm` along `recording`, whose treated motion is `whole`.
+    pub fn of(arm: &Arm, recording: &Recording, treatment: &Treatment, whole: &Trajectory) -> Self {
+        let fine = treatment.fine_motion(recording);
+        let mut more = Prediction::blank(arm.dof(), whole.len());
+        let torques = rigid_torques(arm, &fine, None);
+        let low: Vec<Vec<f64>> = torques.iter().map(|torque| treatment.low_pass(torque)).collect();
+        for ((more, low), smooth) in more.torque.iter_mut().zip(&low).zip(rigid_torques(arm, whole, None)) {
+            *more = difference(low, &smooth);
+        }
+        let tools = tool_positions(arm, &fine.q).into_iter().zip(tool_positions(arm, &whole.q));
+        for (more, (fine, smooth)) in more.tool.iter_mut().zip(tools) {
+            *more = difference(&treatment.low_pass(&fine), &smooth);
+        }
+        let unresolved = torques.iter().zip(&low).map(|(torque, low)| difference(torque, low)).collect();
+        Self { more, unresolved }
     }
-    let tools = tool_positions(arm, &fine.q).into_iter().zip(tool_positions(arm, &whole.q));
-    for (more, (fine, smooth)) in more.tool.iter_mut().zip(tools) {
-        *more = differ(&fine, &smooth);
-    }
-    more
+}
+
+fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
 /// The model and the recording have the same number of joints.

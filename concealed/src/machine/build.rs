@@ -1,7 +1,7 @@
 //! From the true arm and its effects to the machine's [`Plan`].
 
-use freeplay_arm::{Arm, Joint, Workspace, crba};
-use nalgebra::{DMatrix, Vector3};
+use freeplay_arm::{Arm, Joint};
+use nalgebra::Vector3;
 
 use super::bearing::DryBearing;
 use super::bristles::Bristles;
@@ -13,6 +13,7 @@ use super::plan::{Bearing, BearingLaw, Encoder, Plan, PlanError, Senses, Shaft, 
 use super::run::LONG_STEP;
 use super::transmission::Transmission;
 use crate::arms::Load;
+use crate::felt::Felt;
 use crate::physics::{Effect, Physics};
 use crate::tolerances::Tolerances;
 
@@ -268,36 +269,22 @@ fn nominal_drive(joint: &Joint) -> Drive {
     }
 }
 
-/// The least inertia that each joint feels with the others free, over `poses`: 1/(M⁻¹)_ii.
+/// The least inertia that each joint feels over `poses`.
 fn felt_inertia(arm: &Arm, poses: &[Vec<f64>]) -> Vec<f64> {
-    let (n, mut ws) = (arm.dof(), Workspace::new(arm));
-    let mut least = vec![f64::INFINITY; n];
-    let mut m = DMatrix::zeros(n, n);
-    for pose in poses {
-        crba(arm, &mut ws, pose, &mut m);
-        let Some(inverse) = m.clone().cholesky().map(|c| c.inverse()) else { continue };
-        for (i, least) in least.iter_mut().enumerate() {
-            *least = least.min(1.0 / inverse[(i, i)]);
-        }
-    }
-    least
+    let mut felt = Felt::new(arm);
+    let all = poses.iter().filter_map(|pose| felt.at(arm, pose));
+    all.fold(vec![f64::INFINITY; arm.dof()], |least, felt| {
+        least.iter().zip(felt).map(|(least, felt)| least.min(felt)).collect()
+    })
 }
 
-/// The least inertia that any of `coordinates` feels with all others free over `poses` of the joints, kg or kg·m².
+/// The least inertia that any of `coordinates` feels over `poses` of the joints, kg or kg·m².
 fn lightest(arm: &Arm, link: &[usize], coordinates: &[usize], poses: &[Vec<f64>]) -> f64 {
-    let (n, mut ws) = (arm.dof(), Workspace::new(arm));
-    let mut m = DMatrix::zeros(n, n);
-    let mut least = f64::INFINITY;
-    for pose in poses {
-        let mut q = vec![0.0; n];
-        for (joint, &place) in link.iter().enumerate() {
-            q[place] = pose[joint];
-        }
-        crba(arm, &mut ws, &q, &mut m);
-        let Some(inverse) = m.clone().cholesky().map(|c| c.inverse()) else { continue };
-        for at in coordinates {
-            least = least.min(1.0 / inverse[(*at, *at)]);
-        }
-    }
-    least
+    let places = poses.iter().map(|pose| {
+        let mut q = vec![0.0; arm.dof()];
+        link.iter().zip(pose).for_each(|(&place, position)| q[place] = *position);
+        q
+    });
+    let least = felt_inertia(arm, &places.collect::<Vec<_>>());
+    coordinates.iter().map(|&at| least[at]).fold(f64::INFINITY, f64::min)
 }

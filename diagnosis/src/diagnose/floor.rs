@@ -7,7 +7,7 @@ use super::hypothesis::Hypothesis;
 use super::search::Null;
 use super::system::System;
 use super::tolerance::Tolerances;
-use super::twins::{Noises, twin};
+use super::twins::twin;
 
 /// Sends `count` twins through the pipeline of `case`; `None` if a fit is singular.
 pub(crate) fn null(
@@ -18,14 +18,13 @@ pub(crate) fn null(
     count: usize,
     seed: u64,
 ) -> Option<Null> {
-    let noises: Vec<Noises> = case.stages.iter().map(Noises::of).collect();
     let all: Vec<usize> = (0..system.base.len()).collect();
     let rows = case.rows();
     let nothing = vec![0.0; rows.len()];
     let twins: Vec<System> = (0..count)
         .map(|k| {
             let seed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(k as u64);
-            system.with_other_target(&twin(case, &noises, tolerances, seed))
+            system.with_other_target(&twin(case, tolerances, seed))
         })
         .collect();
     let mut null = Null { floor: nothing.clone(), effective: nothing.clone(), gains: BTreeMap::new() };

@@ -5,7 +5,8 @@ use toml::Table;
 
 use super::case::Case;
 use super::report::Untestable;
-use super::system::{Block, Column, Score, System, dot};
+use super::stage::Answer;
+use super::system::{Block, Column, Score, System};
 
 /// One effect at one place in one shape.
 pub(crate) struct Hypothesis {
@@ -143,14 +144,18 @@ pub(crate) fn hypothesis(
     if columns.iter().flatten().flatten().flatten().any(|x| !x.is_finite()) {
         return Ok(None);
     }
-    let (all, shown) = (terms.len(), shown(&columns));
+    let all = terms.len();
+    let mut block = system.block(columns);
+    let shown = block.independent(OWN_SHARE);
     // A law without one of its terms may be a plainer one of the catalogue, which stands there by itself.
     if shown.is_empty() || shown.len() < all && !kind.contains.is_empty() {
         return Ok(None);
     }
-    let pick = |place: &usize| (terms[*place].clone(), columns[*place].clone());
-    let (terms, columns) = shown.iter().map(pick).unzip();
-    Ok(Some(Hypothesis { kind, joint, shape, terms, shown, all, block: system.block(columns) }))
+    if shown.len() < all {
+        block = system.block(shown.iter().map(|&place| std::mem::take(&mut block.columns[place])).collect());
+    }
+    let terms = shown.iter().map(|&place| terms[place].clone()).collect();
+    Ok(Some(Hypothesis { kind, joint, shape, terms, shown, all, block }))
 }
 
 /// All terms of a law and their columns.
@@ -160,42 +165,15 @@ fn columns(
     joint: Option<usize>,
     shape: &Table,
 ) -> Result<(Vec<Term>, Vec<Column>), LawError> {
-    let by_stage: Vec<_> =
-        case.stages.iter().map(|stage| stage.terms(kind, joint, shape)).collect::<Result<_, _>>()?;
-    let terms: Vec<Term> = by_stage[0].iter().map(|(term, _)| term.clone()).collect();
-    let column = |index: usize| case.column(by_stage.iter().map(|terms| terms[index].1.clone()).collect());
-    let columns = (0..terms.len()).map(column).collect();
-    Ok((terms, columns))
-}
-
-/// Which of `columns` say something that those before them do not (Gram and Schmidt).
-fn shown(columns: &[Column]) -> Vec<usize> {
-    let mut shown = Vec::new();
-    let mut before: Vec<Column> = Vec::new();
-    for (place, column) in columns.iter().enumerate() {
-        let whole = product(column, column);
-        let mut own = column.clone();
-        for other in &before {
-            let share = product(&own, other) / product(other, other);
-            subtract(&mut own, other, share);
+    let mut terms = Vec::new();
+    let mut answers: Vec<Vec<Answer>> = Vec::new();
+    for (number, stage) in case.stages.iter().enumerate() {
+        let (of_stage, said): (Vec<Term>, Vec<Answer>) = stage.terms(kind, joint, shape)?.into_iter().unzip();
+        if number == 0 {
+            answers.resize_with(of_stage.len(), Vec::new);
+            terms = of_stage;
         }
-        if whole > 0.0 && product(&own, &own) > OWN_SHARE * whole {
-            shown.push(place);
-            before.push(own);
-        }
+        answers.iter_mut().zip(said).for_each(|(answers, said)| answers.push(said));
     }
-    shown
-}
-
-fn product(a: &Column, b: &Column) -> f64 {
-    a.iter().zip(b).filter_map(|(a, b)| Some(dot(a.as_ref()?, b.as_ref()?))).sum()
-}
-
-/// Subtracts `share` of `other` from `column`.
-fn subtract(column: &mut Column, other: &Column, share: f64) {
-    for (column, other) in column.iter_mut().zip(other) {
-        let Some(other) = other else { continue };
-        let rows = column.get_or_insert_with(|| vec![0.0; other.len()]);
-        rows.iter_mut().zip(other).for_each(|(x, other)| *x -= share * other);
-    }
+    Ok((terms, answers.into_iter().map(|answers| case.column(answers)).collect()))
 }

@@ -3,10 +3,9 @@
 use freeplay_laws::LawError;
 
 use super::case::Case;
-use super::hypothesis::Hypothesis;
 use super::search::Search;
 use super::show::{Coefficients, Gain, HeldOut, gain, held_out};
-use super::system::{Column, System, subtract};
+use super::system::{Column, Fit, System, subtract};
 
 /// Least share of the error that a finding takes away where it shows.
 const LEAST_GAIN: f64 = 0.05;
@@ -50,12 +49,22 @@ impl<'a, 'b> Judge<'a, 'b> {
         (0..self.held.kept.len()).map(|c| search.system.weights[c % self.held.per_stage()]).collect()
     }
 
-    /// Columns of a chosen effect on the held-out recordings; none where it shows nothing there.
+    /// The columns of all that `search` has chosen, but for the effect number `left_out`, on the held-out recordings, each with its coefficient
+    /// in `fit`.
     ///
     /// # Errors
     /// See [`LawError`].
-    pub fn columns(&self, hypothesis: &Hypothesis) -> Result<Vec<Column>, LawError> {
-        hypothesis.columns_on(self.held)
+    fn effects(
+        &self,
+        search: &Search,
+        fit: &Fit,
+        left_out: Option<usize>,
+    ) -> Result<Vec<(Column, f64)>, LawError> {
+        let mut columns = Vec::new();
+        for (_, chosen) in search.chosen.iter().enumerate().filter(|(index, _)| Some(*index) != left_out) {
+            columns.extend(search.hypotheses[chosen.hypothesis].columns_on(self.held)?);
+        }
+        Ok(columns.into_iter().zip(fit.eta.iter().skip(search.nuisances().len()).copied()).collect())
     }
 
     /// The held-out errors of what `search` has chosen, but for the effect number `left_out`.
@@ -69,17 +78,7 @@ impl<'a, 'b> Judge<'a, 'b> {
             return Ok(None);
         };
         let nuisances = bare.eta.len();
-        let mut effects = Vec::new();
-        let mut at = nuisances;
-        for (index, chosen) in search.chosen.iter().enumerate() {
-            if Some(index) == left_out {
-                continue;
-            }
-            for column in self.columns(&search.hypotheses[chosen.hypothesis])? {
-                effects.push((column, fit.eta[at]));
-                at += 1;
-            }
-        }
+        let effects = self.effects(search, &fit, left_out)?;
         let (retuned, tuned) =
             (self.bound(search, bare.eta.as_slice()), self.bound(search, &fit.eta.as_slice()[..nuisances]));
         let coefficients = Coefficients { retuned: &retuned, tuned: &tuned, effects: &effects };
@@ -154,7 +153,7 @@ impl<'a, 'b> Judge<'a, 'b> {
             &errors.tuned_after,
             self.seed,
         );
-        let there: f64 = squares(&self.columns(hypothesis)?, &weights).iter().sum();
+        let there: f64 = squares(&hypothesis.columns_on(self.held)?, &weights).iter().sum();
         let left: f64 = over(self.held)
             .iter()
             .map(|&c| weights[c] * errors.tuned_after[c].iter().map(|x| x * x).sum::<f64>())
@@ -236,12 +235,8 @@ impl<'a, 'b> Judge<'a, 'b> {
         let Some(fit) = search.system.fit(&search.active(None)) else { return Ok(None) };
         let without = self.held.target();
         let mut with = without.clone();
-        let mut at = search.nuisances().len();
-        for chosen in &search.chosen {
-            for column in self.columns(&search.hypotheses[chosen.hypothesis])? {
-                subtract(&mut with, &column, fit.eta[at]);
-                at += 1;
-            }
+        for (column, eta) in self.effects(search, &fit, None)? {
+            subtract(&mut with, &column, eta);
         }
         let all: Vec<usize> = (0..self.system.base.len()).collect();
         let tuned = |target: &[Vec<f64>]| {

@@ -4,6 +4,7 @@
 //! - `stage`: one recording made ready, and what any effect would add to each channel of it.
 //! - `tolerance`: how far a machine may be from its model without that being a finding.
 //! - `universal`: the unnamed correction, which competes with every named effect.
+//! - `counted`: how much each row counts.
 //! - `case` and `system`: all recordings stacked; the linear system behind every question.
 //! - `quality`: what the recordings are good for.
 //! - `hypothesis`: each kind of effect at each place in each shape.
@@ -19,6 +20,7 @@
 
 mod case;
 mod conclude;
+mod counted;
 mod engine;
 mod excess;
 mod excite;

@@ -1,8 +1,11 @@
 //! What a recording's noise and rounding are, by its own samples; and numbers at random.
 
+use freeplay_recording::Recording;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
+use crate::motion::Treatment;
+use crate::residual::{Channel, Kind};
 use crate::statistics::MEDIAN_OF_NORMAL;
 
 /// Sum of the squares of 1, −4, 6, −4, 1.
@@ -38,6 +41,36 @@ impl Noise {
         let median = *fourth.select_nth_unstable_by(middle, f64::total_cmp).1;
         let seen = median / MEDIAN_OF_NORMAL / FOURTH_DIFFERENCE.sqrt();
         Self { deviation: seen.max(least), step }
+    }
+}
+
+/// The noise of what was measured in one recording.
+#[derive(Clone, Debug)]
+pub(crate) struct Noises {
+    /// Of the joint encoders.
+    pub positions: Vec<Noise>,
+    /// Of each channel.
+    pub channels: Vec<Noise>,
+}
+
+impl Noises {
+    /// The noise of `recording`, of which `channels` are compared with a model.
+    pub fn of(recording: &Recording, treatment: &Treatment, channels: &[Channel]) -> Self {
+        let whole = |column: &[f64]| treatment.whole_column(recording, column);
+        let positions = recording.q.iter().map(|q| Noise::of(&whole(q))).collect();
+        let measured = |kind: Kind| match kind {
+            Kind::Torque(joint) => recording.tau.as_ref().map(|tau| &tau[joint]),
+            Kind::Tool(axis) => recording.tool.as_ref().map(|tool| &tool[axis]),
+            Kind::Link(joint) => recording.q_link[joint].as_ref(),
+        };
+        let of_channel = |channel: &Channel| {
+            let Some(column) = measured(channel.kind) else { return Noise { deviation: 0.0, step: 0.0 } };
+            let whole = whole(column);
+            let fine = Noise::of(&whole);
+            // A tracker that reads more slowly than it is recorded has noise that neighbours share.
+            Noise { deviation: fine.deviation.max(treatment.deviation_above(&whole)), ..fine }
+        };
+        Self { positions, channels: channels.iter().map(of_channel).collect() }
     }
 }
 

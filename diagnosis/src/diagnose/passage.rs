@@ -83,7 +83,7 @@ pub(crate) fn passages(
         let beta = &fit.eta.as_slice()[at..at + hypothesis.size()];
         at += hypothesis.size();
         of_fit.push(law(&hypothesis.block.columns, beta));
-        of_held.push(law(&judge.columns(hypothesis)?, beta));
+        of_held.push(law(&hypothesis.columns_on(judge.held)?, beta));
     }
     let fitted = Rows {
         before: search.case.target(),

@@ -5,7 +5,6 @@ use freeplay_arm::Arm;
 use super::case::Case;
 use super::noise::Noise;
 use super::stage::Ground;
-use super::twins::Noises;
 use crate::residual::Kind;
 use crate::statistics::Moments;
 
@@ -47,9 +46,9 @@ pub(crate) fn lack(arm: &Arm, fitted: &[Ground], held: &[Ground]) -> Option<Stri
 pub(crate) fn notes(case: &Case) -> Vec<String> {
     let mut notes = Vec::new();
     for (number, stage) in case.stages.iter().enumerate() {
-        let noises = Noises::of(stage);
         let mut rounded = Vec::new();
-        for (index, (channel, noise)) in stage.channels.iter().zip(&noises.channels).enumerate() {
+        for (index, (channel, noise)) in stage.channels.iter().zip(&stage.ground.noises.channels).enumerate()
+        {
             let spread = Moments::of(&channel.measured).std;
             if spread <= 1e-9 * Moments::of(&channel.measured).rms || spread == 0.0 {
                 notes.push(format!("{} is constant: nothing is to be seen in it", channel.name));

@@ -8,9 +8,10 @@ use freeplay_laws::{
 use freeplay_recording::Recording;
 use toml::Table;
 
+use super::noise::Noises;
 use crate::error::ResidualError;
 use crate::motion::{Settings, Treatment};
-use crate::residual::{Channel, Kind, residuals, sharpening};
+use crate::residual::{Channel, Kind, Sharpening, residuals_along};
 
 /// What something adds to each channel of a stage; `None` where it adds nothing.
 pub(crate) type Answer = Vec<Option<Vec<f64>>>;
@@ -29,10 +30,10 @@ pub(crate) struct Ground<'a> {
     pub whole: Trajectory,
     /// Measured, channel by channel.
     channels: Vec<Channel>,
-    /// What the low-pass on the motion takes from the model, on all grid points.
-    sharpening: Prediction,
-    /// What the low-pass takes from the rigid arm's torques, `[joint][point]`, on all grid points.
-    pub unresolved: Vec<Vec<f64>>,
+    /// How noisy what was measured is.
+    pub noises: Noises,
+    /// What the low-pass on the motion takes from the model.
+    pub sharpening: Sharpening,
     treated: Box<LowPass>,
     as_it_is: Box<LowPass>,
 }
@@ -45,19 +46,14 @@ impl<'a> Ground<'a> {
     pub fn new(arm: &Arm, recording: &'a Recording, settings: &Settings) -> Result<Self, ResidualError> {
         crate::residual::check_joints(arm, recording)?;
         let treatment = Treatment::new(recording, settings)?;
-        let channels = residuals(arm, &[], recording, &treatment)?.channels;
         let (motion, whole) = (treatment.motion(recording), treatment.whole_motion(recording));
-        let sharpening = sharpening(arm, recording, &treatment, &whole);
-        let unresolved = rigid_torques(arm, &treatment.fine_motion(recording), None)
-            .iter()
-            .map(|torque| {
-                torque.iter().zip(treatment.low_pass(torque)).map(|(torque, low)| torque - low).collect()
-            })
-            .collect();
+        let sharpening = Sharpening::of(arm, recording, &treatment, &whole);
+        let channels = residuals_along(arm, &[], recording, &treatment, &whole, &sharpening)?.channels;
+        let noises = Noises::of(recording, &treatment, &channels);
         let own = treatment.clone();
         let treated = Box::new(move |column: &[f64]| own.low_pass(column));
         let as_it_is = Box::new(|column: &[f64]| column.to_vec());
-        Ok(Self { recording, treatment, motion, whole, channels, sharpening, unresolved, treated, as_it_is })
+        Ok(Self { recording, treatment, motion, whole, channels, noises, sharpening, treated, as_it_is })
     }
 }
 
@@ -87,7 +83,7 @@ impl<'a> Stage<'a> {
         for channel in &mut channels {
             let model = column_of(rough.prediction(), channel.kind).iter();
             let sharp =
-                model.zip(column_of(&ground.sharpening, channel.kind)).map(|(model, more)| model + more);
+                model.zip(column_of(&ground.sharpening.more, channel.kind)).map(|(model, more)| model + more);
             channel.model = ground.treatment.keep(&sharp.collect::<Vec<_>>());
         }
         let now = &smooth.scene().arm;

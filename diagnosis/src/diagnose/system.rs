@@ -29,6 +29,25 @@ pub(crate) struct Block {
     shows: Vec<usize>,
 }
 
+impl Block {
+    /// Which of its columns say something that those before them don't: more than `share` of their squares.
+    pub fn independent(&self, share: f64) -> Vec<usize> {
+        let n = self.columns.len();
+        let gram = self.with_itself.iter().fold(DMatrix::zeros(n, n), |sum, of_channel| sum + of_channel);
+        let mut found: Vec<usize> = Vec::new();
+        for place in 0..n {
+            let known = gram.select_rows(&found).select_columns(&found);
+            let cross = DVector::from_iterator(found.len(), found.iter().map(|&k| gram[(k, place)]));
+            let said = Cholesky::new(known).map_or(0.0, |factor| cross.dot(&factor.solve(&cross)));
+            let whole = gram[(place, place)];
+            if whole > 0.0 && whole - said > share * whole {
+                found.push(place);
+            }
+        }
+        found
+    }
+}
+
 /// What a block explains beyond the base.
 #[derive(Clone, Debug)]
 pub(crate) struct Score {

@@ -15,47 +15,16 @@ use super::tolerance::Tolerances;
 use crate::filter::derivatives;
 use crate::residual::Kind;
 
-/// The noise of what was measured in one recording.
-#[derive(Clone, Debug)]
-pub(crate) struct Noises {
-    /// Of the joint encoders.
-    pub positions: Vec<Noise>,
-    /// Of each channel.
-    pub channels: Vec<Noise>,
-}
-
-impl Noises {
-    /// The noise of the recording of `stage`.
-    pub fn of(stage: &Stage) -> Self {
-        let (recording, treatment) = (stage.ground.recording, &stage.ground.treatment);
-        let noise = |column: &[f64]| Noise::of(&treatment.whole_column(recording, column));
-        let positions = recording.q.iter().map(|q| noise(q)).collect();
-        let measured = |kind: Kind| match kind {
-            Kind::Torque(joint) => recording.tau.as_ref().map(|tau| &tau[joint]),
-            Kind::Tool(axis) => recording.tool.as_ref().map(|tool| &tool[axis]),
-            Kind::Link(joint) => recording.q_link[joint].as_ref(),
-        };
-        let channels = stage.channels.iter().map(|channel| {
-            let Some(column) = measured(channel.kind) else { return Noise { deviation: 0.0, step: 0.0 } };
-            let whole = treatment.whole_column(recording, column);
-            let fine = Noise::of(&whole);
-            // A tracker that reads more slowly than it is recorded has noise that neighbours share.
-            Noise { deviation: fine.deviation.max(treatment.deviation_above(&whole)), ..fine }
-        });
-        Self { positions, channels: channels.collect() }
-    }
-}
-
 /// What one twin of all recordings leaves, by channel: measured minus model, as [`Case::target`] has it.
-pub(crate) fn twin(case: &Case, noises: &[Noises], tolerances: &Tolerances, seed: u64) -> Vec<Vec<f64>> {
+pub(crate) fn twin(case: &Case, tolerances: &Tolerances, seed: u64) -> Vec<Vec<f64>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let drawn = Drawn::new(case.stages[0].arm(), tolerances, &mut rng);
     // What no change of the arm makes is linear: friction, delays, the tracker.
     let linear: Vec<f64> =
         case.nuisances[0].iter().map(|n| if n.free { 0.0 } else { within(&mut rng) }).collect();
     let mut target = Vec::new();
-    for ((stage, nuisances), noises) in case.stages.iter().zip(&case.nuisances).zip(noises) {
-        let mut left = drawn.left(stage, noises, &mut rng);
+    for (stage, nuisances) in case.stages.iter().zip(&case.nuisances) {
+        let mut left = drawn.left(stage, &mut rng);
         for (nuisance, amount) in nuisances.iter().zip(&linear) {
             if !nuisance.arm && !nuisance.shifts {
                 subtract(&mut left, &nuisance.answer, -amount);
@@ -105,7 +74,7 @@ impl Drawn {
 
     /// Measured minus model: the drawn machine on the recorded motion, measured with noise, against the model on the motion
     /// that its encoders read.
-    fn left(&self, stage: &Stage, noises: &Noises, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+    fn left(&self, stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
         let motion = stage.motion();
         let points = motion.len();
         let shift: Vec<Vec<f64>> = self.zeros.iter().map(|zero| vec![*zero; points]).collect();
@@ -113,11 +82,11 @@ impl Drawn {
         let moved: Vec<Vec<f64>> =
             motion.q.iter().zip(&self.zeros).map(|(q, zero)| q.iter().map(|q| q + zero).collect()).collect();
         let true_tool = tool_positions(&self.arm, &moved);
-        let (read, jumps) = misread(stage, noises, rng);
+        let (read, jumps) = misread(stage, rng);
         let (model_torque, model_tool) =
             (rigid_torques(stage.arm(), &read, None), tool_positions(stage.arm(), &read.q));
         let mut left = Vec::new();
-        for (channel, noise) in stage.channels.iter().zip(&noises.channels) {
+        for (channel, noise) in stage.channels.iter().zip(&stage.ground.noises.channels) {
             let mut rest = stage.treated(&match channel.kind {
                 Kind::Link(joint) => misreading(rng, &stage.whole().q[joint], noise),
                 Kind::Torque(_) | Kind::Tool(_) => normals(rng, stage.whole().len(), noise.deviation),
@@ -145,15 +114,11 @@ impl Drawn {
 }
 
 /// The motion as noisy encoders read it, and how much more dry friction the model then sees, by joint.
-fn misread(
-    stage: &Stage,
-    noises: &Noises,
-    rng: &mut ChaCha8Rng,
-) -> (freeplay_laws::Trajectory, Vec<Option<Vec<f64>>>) {
+fn misread(stage: &Stage, rng: &mut ChaCha8Rng) -> (freeplay_laws::Trajectory, Vec<Option<Vec<f64>>>) {
     let (mut read, whole) = (stage.motion().clone(), stage.whole());
     let treatment = &stage.ground.treatment;
     let mut jumps = Vec::new();
-    for (joint, noise) in noises.positions.iter().enumerate() {
+    for (joint, noise) in stage.ground.noises.positions.iter().enumerate() {
         let error = treatment.low_pass(&misreading(rng, &whole.q[joint], noise));
         let (mut rate, mut second) = (Vec::new(), Vec::new());
         for stretch in &whole.stretches {

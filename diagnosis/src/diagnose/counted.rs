@@ -1,0 +1,69 @@
+//! How much each row of a channel counts: little where what it holds is beyond what the model and the samples can say.
+
+use freeplay_laws::DriveFriction;
+
+use super::stage::Stage;
+use crate::residual::Kind;
+use crate::statistics::Moments;
+
+/// A joint slower than this share of its greatest speed for longer than the filter remembers stands still: what its dry friction
+/// does then, no motion tells.
+const STANDING: f64 = 2e-3;
+/// The low-pass with the cutoff f_c rounds the corner of a speed where a joint starts to stick or to slip: by about this times the
+/// acceleration over f_c. A slower joint may as well stick, with any dry friction up to its own.
+const ROUNDED: f64 = 0.05;
+
+/// How much each row of the channel number `channel` of `stage` counts, 0 to 1: of a torque, nothing while its joint stands; the less, the
+/// more the dry friction that the model knows is undecided, where the joint sticks or turns; and the less, the faster the model's torque
+/// changes for the rate.
+pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
+    let points = stage.motion().len();
+    let Kind::Torque(joint) = stage.channels[channel].kind else { return vec![1.0; points] };
+    let (v, a) = (&stage.whole().v[joint], &stage.whole().a[joint]);
+    let treatment = &stage.ground.treatment;
+    let (rate_hz, cutoff_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
+    let slow = STANDING * v.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    let reach = (rate_hz / cutoff_hz / 2.0) as usize;
+    let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
+    let blurred = (ROUNDED * Moments::of(a).rms / cutoff_hz).max(slow);
+    let undecided: Vec<f64> = v.iter().map(|v| if v.abs() < blurred { dry } else { 0.0 }).collect();
+    // A sample says of a jump between two of them no more than that. By half the time between samples it is early or late, times
+    // the slope of the low-pass's answer, which is twice the cutoff times twice what the low-pass takes from the jump.
+    let unresolved = &stage.ground.sharpening.unresolved[joint];
+    let white = stage.ground.noises.channels[channel].deviation * (2.0 * cutoff_hz / rate_hz).sqrt();
+    let rows: Vec<f64> = treatment
+        .keep(&standing(v, slow, reach))
+        .iter()
+        .zip(treatment.keep(&envelope(&treatment.low_pass(&undecided), reach)))
+        .zip(treatment.keep(&envelope(unresolved, reach)))
+        .map(|((standing, undecided), unresolved)| {
+            let known = white.hypot(undecided).hypot(2.0 * cutoff_hz / rate_hz * unresolved);
+            (1.0 - standing) * white / known.max(f64::MIN_POSITIVE)
+        })
+        .collect();
+    // A joint that never moves still carries its load: all that is not friction shows there.
+    if Moments::of(&rows).mean < 0.1 { vec![1.0; points] } else { rows }
+}
+
+/// 1 within `reach` points of where the speed `v` stays below `slow` for longer than that, else 0.
+fn standing(v: &[f64], slow: f64, reach: usize) -> Vec<f64> {
+    let is_slow = |point: usize| v[point].abs() < slow;
+    let mut standing = vec![0.0; v.len()];
+    let mut begin = 0;
+    for end in 1..=v.len() {
+        if end == v.len() || is_slow(end) != is_slow(begin) {
+            if is_slow(begin) && end - begin > reach {
+                let around = begin.saturating_sub(reach)..(end + reach).min(v.len());
+                standing[around].fill(1.0);
+            }
+            begin = end;
+        }
+    }
+    standing
+}
+
+/// The greatest size of `x` within `reach` points of each.
+fn envelope(x: &[f64], reach: usize) -> Vec<f64> {
+    let around = |k: usize| &x[k.saturating_sub(reach)..(k + reach + 1).min(x.len())];
+    (0..x.len()).map(|k| around(k).iter().fold(0.0_f64, |most, x| most.max(x.abs()))).collect()
+}
