@@ -18,7 +18,7 @@ const GREATEST_CUTOFF: f64 = 40.0;
 const FINE: f64 = 3.0;
 const MOST_FINE: f64 = 0.4;
 /// Least number of points kept per period of the cutoff.
-const POINTS_PER_PERIOD: f64 = 6.0;
+const POINTS_PER_PERIOD: f64 = 4.0;
 /// Periods of the cutoff that a stretch must last to be used.
 const LEAST_PERIODS: f64 = 4.0;
 /// The ends left out are at most this share of a stretch.

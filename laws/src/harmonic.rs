@@ -47,10 +47,11 @@ impl Wave {
 pub const TERMS: Terms = Terms {
     list: |kind, place, shape| {
         let unit = kind.unit("amplitude", place.joint());
+        let most = kind.most("amplitude");
         [("sine", 0.0), ("cosine", std::f64::consts::FRAC_PI_2)]
             .map(|(name, phase)| {
                 let plus = with(shape, [("amplitude", STEP), ("phase", phase)]);
-                Term::new(name, unit, [-1e6, 1e6], plus).stepped(STEP)
+                Term::new(name, unit, [-most, most], plus).stepped(STEP)
             })
             .into()
     },

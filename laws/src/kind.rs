@@ -103,6 +103,14 @@ impl Kind {
         }
     }
 
+    /// Greatest value of the number called `name`; infinite for what is none.
+    pub fn most(&self, name: &str) -> f64 {
+        match self.parameter(name).map(|parameter| parameter.range) {
+            Some(Range::Number { most, .. }) => most,
+            _ => f64::INFINITY,
+        }
+    }
+
     /// Whether the effect can sit at `joint` (`None`: on the arm as a whole).
     pub fn fits(&self, joint: Option<&Joint>) -> bool {
         match (self.site, joint) {

@@ -74,7 +74,14 @@ impl Score {
             }
             self.errors.push(((value - exact) / exact).abs());
             if let Some([low, high]) = parameter.ci95 {
-                self.covered[usize::from(low <= exact && exact <= high)] += 1;
+                let covers = low <= exact && exact <= high;
+                self.covered[usize::from(covers)] += 1;
+                if !covers {
+                    println!(
+                        "           {} {name} {value:.4} ({low:.4} to {high:.4}) is {exact:.4}",
+                        truth.kind
+                    );
+                }
             }
         }
         if let Some(fit) = &diagnosis.fit {

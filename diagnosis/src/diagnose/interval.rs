@@ -1,10 +1,12 @@
-//! How sure the coefficients are: a bootstrap of blocks, which minds that neighbours are alike.
+//! How sure the coefficients are: a bootstrap of blocks, which minds that neighbours are alike, with the prior's mean drawn anew each time
+//! (Bardsley, Solonen, Haario & Laine 2014).
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Case;
+use super::noise::normal as normal_number;
 use super::system::{Fit, System, dot};
 
 /// Length of a block, s.
@@ -29,6 +31,8 @@ pub(crate) fn draws(case: &Case, system: &System, fit: &Fit, seed: u64) -> Optio
         }
         for (i, &a) in fit.active.iter().enumerate() {
             normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-9) + system.precision[a] + f64::MIN_POSITIVE;
+            // Another machine of the same tolerances: without this, what the data leave to the prior would seem sure.
+            right[i] += system.precision[a].sqrt() * normal_number(&mut rng);
         }
         right -= &normal * &held;
         let part = DMatrix::from_fn(free.len(), free.len(), |i, j| normal[(free[i], free[j])]);

@@ -9,8 +9,8 @@ use super::system::{Column, Fit, System, subtract};
 
 /// Least share of the error that a finding takes away where it shows.
 const LEAST_GAIN: f64 = 0.05;
-/// How often the search goes on after an effect did not prove itself.
-const RENEWALS: usize = 6;
+/// How often the search goes on after effects did not prove themselves.
+const RENEWALS: usize = 4;
 /// The same for one effect beside the others, which the cross-validation has passed.
 const LEAST_HELD_OUT: f64 = 0.08;
 /// The most by which a finding may make the error of a channel greater on held-out data, as a factor.
@@ -178,7 +178,7 @@ impl<'a, 'b> Judge<'a, 'b> {
         Ok(Some(Proof { gain: if held_out { on_held } else { on_fit }, held_out, channels: shows }))
     }
 
-    /// Drops effects that don't prove themselves, the weakest first; the proofs of the others.
+    /// Drops effects that don't prove themselves and searches for others in their place; the proofs of those that stay.
     ///
     /// # Errors
     /// See [`LawError`]; `None` if a fit is singular.
@@ -187,24 +187,38 @@ impl<'a, 'b> Judge<'a, 'b> {
         search: &mut Search,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Option<Vec<Proof>>, LawError> {
-        let mut rounds = 0;
+        for _ in 0..RENEWALS {
+            let before = search.chosen.len();
+            let Some(proofs) = self.drop_unproven(search, progress)? else { return Ok(None) };
+            if proofs.len() == before {
+                return Ok(Some(proofs));
+            }
+            if search.improve_validated(progress).is_none() {
+                return Ok(None);
+            }
+        }
+        self.drop_unproven(search, progress)
+    }
+
+    /// Drops effects that don't prove themselves, the weakest first: without it the others may.
+    fn drop_unproven(
+        &self,
+        search: &mut Search,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Option<Vec<Proof>>, LawError> {
         loop {
             let mut proofs = Vec::new();
             for index in 0..search.chosen.len() {
                 let Some(proof) = self.proof(search, index)? else { return Ok(None) };
                 proofs.push(proof);
             }
-            let fails = |proof: &Proof| proof.gain.value < LEAST_HELD_OUT;
-            let weakest = (0..proofs.len())
-                .filter(|&index| fails(&proofs[index]))
-                .min_by(|&a, &b| proofs[a].gain.value.total_cmp(&proofs[b].gain.value));
+            let failing = (0..proofs.len()).filter(|&index| proofs[index].gain.value < LEAST_HELD_OUT);
+            let weakest = failing.min_by(|&a, &b| proofs[a].gain.value.total_cmp(&proofs[b].gain.value));
             let Some(index) = weakest else { return Ok(Some(proofs)) };
             let [low, high] = proofs[index].gain.ci95.map(|share| 100.0 * share);
             progress(&format!("{} does not prove itself: {low:.0} to {high:.0} %", search.in_words(index)));
             search.veto(index);
-            rounds += 1;
-            if rounds <= RENEWALS && search.improve_validated(progress).is_none() || search.settle().is_none()
-            {
+            if search.settle().is_none() {
                 return Ok(None);
             }
         }

@@ -24,12 +24,12 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
-    /// The noise of `samples` on an even grid. Fourth differences leave nothing of a smooth motion; their median does not mind
-    /// a few jumps (Hampel 1974).
-    pub fn of(samples: &[f64]) -> Self {
+    /// The noise of a column that is `samples` on an even grid and was recorded as `raw`, where its rounding is still to be seen. Fourth
+    /// differences leave nothing of a smooth motion; their median does not mind a few jumps (Hampel 1974).
+    pub fn of(samples: &[f64], raw: &[f64]) -> Self {
         let mut fourth: Vec<f64> =
             samples.windows(5).map(|x| (x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]).abs()).collect();
-        let step = rounding(samples);
+        let step = rounding(raw);
         let [low, high] = samples
             .iter()
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
@@ -57,7 +57,7 @@ impl Noises {
     /// The noise of `recording`, of which `channels` are compared with a model.
     pub fn of(recording: &Recording, treatment: &Treatment, channels: &[Channel]) -> Self {
         let whole = |column: &[f64]| treatment.whole_column(recording, column);
-        let positions = recording.q.iter().map(|q| Noise::of(&whole(q))).collect();
+        let positions = recording.q.iter().map(|q| Noise::of(&whole(q), q)).collect();
         let measured = |kind: Kind| match kind {
             Kind::Torque(joint) => recording.tau.as_ref().map(|tau| &tau[joint]),
             Kind::Tool(axis) => recording.tool.as_ref().map(|tool| &tool[axis]),
@@ -66,7 +66,7 @@ impl Noises {
         let of_channel = |channel: &Channel| {
             let Some(column) = measured(channel.kind) else { return Noise { deviation: 0.0, step: 0.0 } };
             let whole = whole(column);
-            let fine = Noise::of(&whole);
+            let fine = Noise::of(&whole, column);
             // A tracker that reads more slowly than it is recorded has noise that neighbours share.
             Noise { deviation: fine.deviation.max(treatment.deviation_above(&whole)), ..fine }
         };
@@ -133,12 +133,13 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let noise = normals(&mut rng, 4000, 0.02);
         let motion = |k: usize| 5.0 * (k as f64 * 0.02).sin();
-        let seen = Noise::of(&noise.iter().enumerate().map(|(k, e)| motion(k) + e).collect::<Vec<_>>());
+        let samples: Vec<f64> = noise.iter().enumerate().map(|(k, e)| motion(k) + e).collect();
+        let seen = Noise::of(&samples, &samples);
         println!("{seen:?} for 0.02");
         assert!((seen.deviation / 0.02 - 1.0).abs() < 0.05 && seen.step == 0.0);
         let rounded: Vec<f64> =
             noise.iter().enumerate().map(|(k, e)| ((motion(k) + e) / 0.01).round() * 0.01).collect();
-        let seen = Noise::of(&rounded);
+        let seen = Noise::of(&rounded, &rounded);
         println!("{seen:?} for steps of 0.01");
         assert!((seen.step / 0.01 - 1.0).abs() < 0.02);
     }

@@ -18,6 +18,8 @@ const ROUNDS: usize = 4;
 const EXCHANGES: usize = 3;
 /// How often the search goes on after the cross-validation has dropped effects.
 const VALIDATIONS: usize = 6;
+/// How many effects in a row may fail the cross-validation before the search stops.
+const PATIENCE: usize = 6;
 /// Least share of the error that an effect takes away where it was not fitted.
 const LEAST_GAIN: f64 = 0.05;
 /// Least share of an effect's square that the effects taken in don't say already: large effects that cancel are no finding.
@@ -117,7 +119,7 @@ impl Search<'_, '_> {
     /// Forward, backward, exchanges, until nothing moves.
     fn improve(&mut self, progress: &mut dyn FnMut(&str)) -> Option<()> {
         for _ in 0..EXCHANGES {
-            while self.chosen.len() < self.most_effects() && self.step(progress)? {}
+            self.grow(progress)?;
             while self.drop_one()? {}
             self.weigh_anew()?;
             progress(&format!("{} effect(s) so far", self.chosen.len()));
@@ -127,6 +129,19 @@ impl Search<'_, '_> {
         }
         while self.drop_one()? {}
         self.settle()
+    }
+
+    /// Takes effects in until none counts, or too many in a row did not stand the cross-validation: what is left then has no name here.
+    fn grow(&mut self, progress: &mut dyn FnMut(&str)) -> Option<()> {
+        let mut in_vain = 0;
+        while self.chosen.len() < self.most_effects() && in_vain < PATIENCE {
+            let before = self.chosen.len();
+            if !self.step(progress)? {
+                break;
+            }
+            in_vain = if self.chosen.len() > before { 0 } else { in_vain + 1 };
+        }
+        Some(())
     }
 
     fn most_effects(&self) -> usize {
@@ -234,14 +249,13 @@ impl Search<'_, '_> {
                 continue;
             }
             let Some(score) = self.system.score(fit, &hypothesis.block) else { continue };
-            if self.system.apart(&fit.active[self.nuisances().len()..], &hypothesis.block) < LEAST_APART {
-                continue;
-            }
             let merit = self.merit(hypothesis, score.gain, weighing);
-            let place = (hypothesis.kind.name, hypothesis.joint);
-            let better = best.get(&place).is_none_or(|winner| merit > winner.merit);
-            if better && hypothesis.is_physical(&score) {
-                best.insert(place, Winner { hypothesis: index, score, merit });
+            let better = best.get(&site).is_none_or(|winner| merit > winner.merit);
+            if better
+                && hypothesis.is_physical(&score)
+                && self.system.apart(&fit.active[self.nuisances().len()..], &hypothesis.block) >= LEAST_APART
+            {
+                best.insert(site, Winner { hypothesis: index, score, merit });
             }
         }
         best

@@ -89,6 +89,10 @@ pub(crate) struct Fit {
     pub eta: DVector<f64>,
     /// What is left: the weighted sum of squares and what the priors pay.
     pub left: f64,
+    /// Normal matrix and right side of the active columns.
+    normal: (DMatrix<f64>, DVector<f64>),
+    /// Weighted square of the target.
+    whole: f64,
 }
 
 impl System {
@@ -172,16 +176,24 @@ impl System {
         let (normal, right) = self.normal(active);
         let bound: Vec<bool> = active.iter().map(|&a| self.precision[a] == 1.0).collect();
         let Bounded { free, factor, eta, fall } = bounded(&normal, &right, &bound)?;
-        let left = self.weighted_square(&self.target) - fall;
-        Some(Fit { active: active.to_vec(), free, factor, eta, left })
+        let whole = self.weighted_square(&self.target);
+        Some(Fit {
+            active: active.to_vec(),
+            free,
+            factor,
+            eta,
+            left: whole - fall,
+            normal: (normal, right),
+            whole,
+        })
     }
 
     /// As [`System::score`], with the nuisances that `fit` holds at their bounds free to come back: what the block would really gain.
     pub fn exact_score(&self, fit: &Fit, block: &Block) -> Option<Score> {
         let (n, p) = (fit.active.len(), block.columns.len());
-        let (base, base_right) = self.normal(&fit.active);
-        let mut normal = base.resize(n + p, n + p, 0.0);
-        let mut right = base_right.resize_vertically(n + p, 0.0);
+        let (base, base_right) = &fit.normal;
+        let mut normal = base.clone().resize(n + p, n + p, 0.0);
+        let mut right = base_right.clone().resize_vertically(n + p, 0.0);
         for &c in &block.shows {
             let weight = self.weights[c];
             for j in 0..p {
@@ -199,7 +211,7 @@ impl System {
         let bound: Vec<bool> =
             (0..n + p).map(|k| fit.active.get(k).is_some_and(|&a| self.precision[a] == 1.0)).collect();
         let solved = bounded(&normal, &right, &bound)?;
-        let gain = fit.left - (self.weighted_square(&self.target) - solved.fall);
+        let gain = fit.left - (fit.whole - solved.fall);
         let beta = solved.eta.rows(n, p).into_owned();
         let shift = solved.eta.rows(0, n) - &fit.eta;
         gain.is_finite().then_some(Score { gain, beta, shift })

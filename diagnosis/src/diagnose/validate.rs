@@ -11,6 +11,8 @@ use nalgebra::{DMatrix, DVector};
 use super::search::Search;
 use super::system::{bounded, dot};
 
+/// From so many recordings on, a part is a recording: another motion is a harder test than another stretch of the same.
+const LEAST_RECORDINGS: usize = 3;
 /// Number of parts, each of which is predicted from the others.
 const PARTS: usize = 5;
 /// Blocks of a recording for each part.
@@ -151,16 +153,27 @@ impl Validation {
     }
 }
 
+/// Whether a part is a recording: there are enough of them, and nothing is fitted to each by itself.
+fn is_by_recording(search: &Search) -> bool {
+    let mut nuisances = search.case.nuisances.iter().flatten();
+    search.case.stages.len() >= LEAST_RECORDINGS && !nuisances.any(|nuisance| nuisance.free)
+}
+
 /// Inner products of the columns `active` by part and channel.
 fn pieces(search: &Search, active: &[usize]) -> Vec<Vec<Piece>> {
     let system = &search.system;
     let n = active.len();
+    let by_recording = is_by_recording(search);
+    let parts = if by_recording { search.case.stages.len() } else { PARTS };
     let piece = |part: usize, channel: usize| {
         let rows = system.target[channel].len();
-        let blocks = PARTS * BLOCKS;
-        let of_part = (0..blocks).filter(|block| block % PARTS == part);
-        let ranges: Vec<Range<usize>> =
-            of_part.map(|block| block * rows / blocks..(block + 1) * rows / blocks).collect();
+        let ranges: Vec<Range<usize>> = if by_recording {
+            (search.case.place(channel).0 == part).then_some(0..rows).into_iter().collect()
+        } else {
+            let blocks = PARTS * BLOCKS;
+            let of_part = (0..blocks).filter(|block| block % PARTS == part);
+            of_part.map(|block| block * rows / blocks..(block + 1) * rows / blocks).collect()
+        };
         let pick = |column: &[f64]| -> Vec<f64> {
             ranges.iter().flat_map(|range| column[range.clone()].iter().copied()).collect()
         };
@@ -179,5 +192,5 @@ fn pieces(search: &Search, active: &[usize]) -> Vec<Vec<Piece>> {
         }
         Piece { gram, right, square: dot(&y, &y) }
     };
-    (0..PARTS).map(|part| (0..system.target.len()).map(|channel| piece(part, channel)).collect()).collect()
+    (0..parts).map(|part| (0..system.target.len()).map(|channel| piece(part, channel)).collect()).collect()
 }

@@ -36,7 +36,7 @@ pub static KIND: Kind = Kind {
     contains: &[],
     needs: &[Need::Torque, Need::LoadRange(0.3)],
     terms: Terms {
-        list: |_, _, shape| vec![Term::new("share", "1", [0.0, 1.0], with(shape, [("share", 1.0)]))],
+        list: |_, _, shape| vec![Term::new("share", "1", [HARD, 1.0], with(shape, [("share", 1.0)]))],
         compose: |_, shape, coefficients| with(shape, [("share", coefficients[0].clamp(0.0, 1.0))]),
     },
     shapes: limits,
@@ -45,6 +45,9 @@ pub static KIND: Kind = Kind {
         Ok(Box::new(ActuatorSaturation { joint: values.joint()?, limit, share }))
     },
 };
+
+/// Least share beyond the limit that a limit of the drive takes away: what gives way softly is another law.
+const HARD: f64 = 0.75;
 
 /// Shares of the greatest load.
 fn limits(place: &Place) -> Vec<Table> {

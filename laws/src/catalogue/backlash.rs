@@ -89,14 +89,17 @@ pub static KIND: Kind = Kind {
 /// Name of a shape's entry: the way on which the flanks give under the friction.
 const YIELD: &str = "yield";
 
+/// A gap wider than this, rad (m), is no play of a gear.
+const WIDEST: f64 = 0.1;
+
 /// Gaps for friction behind them, from 1/200 of the way to a third of it, with rigid and with soft flanks; and the empty shape of gap and
 /// compliance.
 fn shapes(place: &Place) -> Vec<Table> {
     let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };
     let (least, most) = motion.q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
     let way = (most - least).max(0.0);
-    let gaps =
-        std::iter::successors(Some(way / 200.0), |gap| Some(1.4 * gap)).take_while(|gap| 3.0 * gap < way);
+    let gaps = std::iter::successors(Some(way / 200.0), |gap| Some(1.4 * gap))
+        .take_while(|gap| 3.0 * gap < way && *gap < WIDEST);
     let mut shapes = Vec::new();
     if way > 0.0 {
         let soft = |gap: f64| {
@@ -125,7 +128,7 @@ fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let compliance = format!("1/({})", unit("stiffness"));
     let soft = with(shape, [("gap", 0.0), ("stiffness", 1.0 / COMPLIANCE)]);
     vec![
-        Term::new("gap", unit("gap"), [0.0, 1.0], with(shape, [("gap", STEP)])).stepped(STEP),
+        Term::new("gap", unit("gap"), [0.0, WIDEST], with(shape, [("gap", STEP)])).stepped(STEP),
         Term::new("compliance", compliance, [0.0, 1.0], soft).stepped(COMPLIANCE),
     ]
 }

@@ -18,7 +18,7 @@ pub static KIND: Kind = Kind {
     title: "eccentricity of the encoder",
     site: Site::Revolute,
     parameters: &[
-        Parameter::number("amplitude", "greatest error of the reading", "rad", [0.0, 0.5]),
+        Parameter::number("amplitude", "greatest error of the reading", "rad", [0.0, 0.1]),
         Parameter::number("phase", "phase φ of the error at q = 0", "rad", [-7.0, 7.0]).or(0.0),
     ],
     seen: Seen::BOTH,

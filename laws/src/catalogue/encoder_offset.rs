@@ -36,12 +36,14 @@ pub static KIND: Kind = Kind {
     needs: &[Need::TorqueOrPose],
     terms: Terms {
         list: |kind, place, shape| {
+            /// Farther off than this, no encoder's zero is taken for: the arm would not have come up.
+            const MOST: f64 = 0.3;
             /// Small enough to act linearly to 1e-4.
             const STEP: f64 = 1e-4;
             let term = Term::new(
                 "offset",
                 kind.unit("offset", place.joint()),
-                [-3.2, 3.2],
+                [-MOST, MOST],
                 with(shape, [("offset", STEP)]),
             );
             vec![term.stepped(STEP)]

@@ -33,12 +33,15 @@ pub static KIND: Kind = Kind {
     contains: &[],
     needs: &[Need::Torque, Need::Motion, Need::LoadRange(0.3)],
     terms: Terms {
-        list: |_, _, _| vec![Term::new("excess", "1", [-0.9, 9.0], gain(0.5)).stepped(0.5)],
+        list: |_, _, _| vec![Term::new("excess", "1", EXCESS, gain(0.5)).stepped(0.5)],
         compose: |_, _, coefficients| gain(coefficients[0]),
     },
     shapes: one_shape,
     build: |values| Ok(Box::new(TorqueGain { joint: values.joint()?, gain: values.number("gain")? })),
 };
+
+/// A measured torque is half to twice the true one: what is farther off is in another unit.
+const EXCESS: [f64; 2] = [-0.5, 1.0];
 
 /// The parameters for an excess 1/g − 1 of the measured torque over the true one.
 fn gain(excess: f64) -> Table {
