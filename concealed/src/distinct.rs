@@ -115,6 +115,11 @@ pub(crate) fn equivalents(effect: &Effect, arm: &Arm) -> Vec<Equivalent> {
         (Physics::TorqueOffset { .. }, _) => {
             same(&["asymmetric_friction"], joint, "while the joint moves the two are one class")
         }
+        (Physics::JointCoupling { with, sign, .. }, _) if sign.abs() == 1.0 => same(
+            &["joint_coupling"],
+            Some(with.clone()),
+            "the shaft turns with both joints: the law is the same seen from either",
+        ),
         (Physics::Payload { .. }, _) if arm.dof() == 1 => {
             same(&["link_mass"], Some(last), "one axis feels nothing but mass")
         }

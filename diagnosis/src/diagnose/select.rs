@@ -7,7 +7,7 @@ use super::case::Weighing;
 use super::hypothesis::Hypothesis;
 use super::search::{Chosen, Search, TOLD_APART};
 use super::system::{Fit, Score};
-use super::validate::{Validation, is_brief_and_weak};
+use super::validate::{Validation, is_above_the_floor, is_brief_and_weak};
 
 /// Most effects that are named, beside these for each joint.
 const MOST_EFFECTS: usize = 4;
@@ -22,6 +22,8 @@ const VALIDATIONS: usize = 6;
 const PATIENCE: usize = 6;
 /// Least share of the error that an effect takes away where it was not fitted.
 const LEAST_GAIN: f64 = 0.05;
+/// The same where noise could be all that is left.
+const LEAST_IN_NOISE: f64 = 0.25;
 /// Least share of an effect's square that the effects taken in don't say already: large effects that cancel are no finding.
 const LEAST_APART: f64 = 0.05;
 /// Two models whose errors differ by less than this share, summed over the channels, are as good.
@@ -215,7 +217,8 @@ impl Search<'_, '_> {
             self.chosen[last].gain,
             validated.unwrap_or(f64::NAN)
         ));
-        if validated.is_some_and(|gain| gain < LEAST_GAIN) || is_brief_and_weak(self, last)? {
+        let least = if is_above_the_floor(self, last)? { LEAST_GAIN } else { LEAST_IN_NOISE };
+        if validated.is_some_and(|gain| gain < least) || is_brief_and_weak(self, last)? {
             self.bar(last);
             self.weigh_anew()?;
         }

@@ -9,6 +9,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 
 use super::search::Search;
+use super::show::rms;
 use super::system::{bounded, dot};
 
 /// From so many recordings on, a part is a recording: another motion is a harder test than another stretch of the same.
@@ -46,6 +47,16 @@ pub(crate) fn is_brief_and_weak(search: &Search, index: usize) -> Option<bool> {
         }
     }
     Some(acts < BRIEF * all && after > (1.0 - STRONG) * before)
+}
+
+/// A channel that is less than this many times above the noise floor may hold nothing but noise: twins stay below 1.2.
+const ABOVE_FLOOR: f64 = 1.3;
+
+/// Whether there is more than noise to explain in any channel in which the effect number `index` shows. `None` if the fit is singular.
+pub(crate) fn is_above_the_floor(search: &Search, index: usize) -> Option<bool> {
+    let without = search.system.residual(&search.system.fit(&search.active(Some(index)))?);
+    let above = |c: usize| rms(&without[c], &search.case.kept[c]) > ABOVE_FLOOR * search.null.floor[c];
+    Some(search.named(index).channels().any(above))
 }
 
 /// Inner products of one part in one channel.

@@ -47,7 +47,7 @@ pub static KIND: Kind = Kind {
 };
 
 /// Least share beyond the limit that a limit of the drive takes away: what gives way softly is another law.
-const HARD: f64 = 0.75;
+const HARD: f64 = 0.5;
 
 /// Shares of the greatest load.
 fn limits(place: &Place) -> Vec<Table> {

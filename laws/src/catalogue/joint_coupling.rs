@@ -58,11 +58,12 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// The neighbours that move, turning the same way or the other: a shaft that turns with two axes passes through both.
+/// The joint before, if it moves, turning the same way or the other: a shaft that turns with two axes passes through both. With s = ±1 the
+/// law is the same seen from either joint, so that each pair is asked for once, at its outer joint.
 fn partners(place: &Place) -> Vec<Table> {
     let joints = place.scene.arm.joints().iter().enumerate();
     let moving = |joint: usize| place.scene.motion.v[joint].iter().any(|v| v.abs() > 1e-6);
-    let near = |joint: usize| place.joint.is_some_and(|here| here.abs_diff(joint) == 1);
+    let near = |joint: usize| place.joint == Some(joint + 1);
     let others = joints.filter(|(joint, _)| near(*joint) && moving(*joint));
     others
         .flat_map(|(_, joint)| [1.0, -1.0].map(|sign| (joint.name.clone(), sign)))
