@@ -292,7 +292,7 @@ fn bad_command_lines() {
             3,
             &["./two.urdf", "not executable", "chmod +x"],
         ),
-        ("folder", &[], &["--controller", "./"], 3, &["./", "no such executable"]),
+        ("folder", &[], &["--controller", "./"], 3, &["./", "is a folder"]),
     ];
     play(&RUN, &cases);
     play(&[], &[("command", &[], &["fly"], 2, &["'fly'", "--help"])]);

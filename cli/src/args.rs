@@ -1,6 +1,6 @@
 //! What was typed.
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::exit::{Exit, Failure};
 use crate::manual::EXIT_CODES;
@@ -82,7 +82,8 @@ enum Command {
 /// # Errors
 /// What the command could not do, with the exit code.
 pub fn dispatch() -> Result<Exit, Failure> {
-    match Cli::parse().command {
+    let matches = with_negative_numbers(Cli::command()).get_matches();
+    match Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command {
         Command::Run(args) => crate::run::run(&args),
         Command::Compare(args) => crate::compare::compare(&args),
         Command::Swap(args) => crate::swap_command::swap(&args),
@@ -111,4 +112,32 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Plant(args) => crate::plant_command::plant(&args),
         Command::Controller(args) => crate::controller_command::controller(&args),
     }
+}
+
+/// Lets `-1` be a value of every option, so that what is said of it is its range and not that there is no option `-1`.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    command
+        .mut_args(|arg| match arg.get_action().takes_values() {
+            true => arg.allow_negative_numbers(true),
+            false => arg,
+        })
+        .mut_subcommands(with_negative_numbers)
+}
+
+/// A whole number of at least 1.
+///
+/// # Errors
+/// What to give.
+pub fn at_least_one(text: &str) -> Result<usize, String> {
+    let number = text.parse().ok().filter(|&number: &usize| number > 0);
+    number.ok_or_else(|| "give a whole number of at least 1".to_owned())
+}
+
+/// A finite number above 0.
+///
+/// # Errors
+/// What to give.
+pub fn above_zero(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| *number > 0.0 && number.is_finite());
+    number.ok_or_else(|| "give a number above 0".to_owned())
 }

@@ -13,6 +13,7 @@ use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::DeviationStatistics;
 use serde::Serialize;
 
+use crate::args::above_zero;
 use crate::bound::{Bound, sharp_square};
 use crate::cells::{Cell, Part, Row};
 use crate::exit::{Exit, Failure};
@@ -24,10 +25,10 @@ use crate::simulation::on_all_cores;
 #[derive(Args, Debug)]
 pub struct BoundArgs {
     /// Times of a lap, s.
-    #[arg(long, value_delimiter = ',', default_value = "6,12")]
+    #[arg(long, value_delimiter = ',', default_value = "6,12", value_parser = above_zero)]
     period: Vec<f64>,
     /// Clearances, mm.
-    #[arg(long, value_delimiter = ',', default_value = "0.2,0.4,0.6")]
+    #[arg(long, value_delimiter = ',', default_value = "0.2,0.4,0.6", value_parser = above_zero)]
     clearance: Vec<f64>,
     /// How results are printed.
     #[arg(long, default_value = "text")]

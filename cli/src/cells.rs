@@ -18,6 +18,7 @@ use freeplay_plant::{DeviationStatistics, UsedByJoint};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
+use crate::args::above_zero;
 use crate::closed_loop::{ClosedLoop, Plays, task};
 use crate::exit::{Exit, Failure};
 use crate::run::Format;
@@ -57,10 +58,10 @@ pub struct CellsArgs {
     #[arg(long, value_delimiter = ',', default_value = "lissajous,square,square_sharp")]
     path: Vec<String>,
     /// Times of a lap, s.
-    #[arg(long, value_delimiter = ',', default_value = "6,12")]
+    #[arg(long, value_delimiter = ',', default_value = "6,12", value_parser = above_zero)]
     period: Vec<f64>,
     /// Clearances, mm.
-    #[arg(long, value_delimiter = ',', default_value = "0.2,0.4,0.6")]
+    #[arg(long, value_delimiter = ',', default_value = "0.2,0.4,0.6", value_parser = above_zero)]
     clearance: Vec<f64>,
     /// Joints with play where there are two, counted from 1; the first has half of the largest clearance, the second all of it.
     #[arg(long, value_delimiter = ',', default_value = "2+3,2+5,3+5,4+5", value_parser = pair)]
@@ -199,6 +200,11 @@ impl Cell {
 /// A path that is none; runs that fail.
 pub fn cells(args: &CellsArgs) -> Result<Exit, Failure> {
     let (all, options) = (listed(args)?, options(&args.option)?);
+    let shortest = args.period.iter().copied().fold(f64::INFINITY, f64::min);
+    if !(args.after >= 0.0 && args.after < shortest) {
+        let words = format!("--after {}: give 0 s to below the shortest --period, {shortest} s", args.after);
+        return Err(Failure::usage(words));
+    }
     let bar = ProgressBar::new(all.len() as u64);
     if let Ok(style) = ProgressStyle::with_template("cells {bar:30} {pos}/{len} {elapsed}") {
         bar.set_style(style);

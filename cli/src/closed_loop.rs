@@ -145,7 +145,7 @@ pub fn task(
     };
     let file = ArmFile { arm: arm.clone(), effects: plays.iter().map(effect).collect(), ignored: Vec::new() };
     let model = folder.join("model.toml");
-    crate::setup::write(&model, &to_toml(&file))?;
+    crate::files::write(&model, &to_toml(&file))?;
     Ok(Task {
         model: model.display().to_string(),
         gravity: Some((*arm.gravity()).into()),

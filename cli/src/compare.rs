@@ -14,9 +14,10 @@ use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Section, Serie
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
+use crate::files::write;
 use crate::run::Format;
 use crate::say::say;
-use crate::setup::{load_model, write};
+use crate::setup::load_model;
 
 /// Compares a recording with what a model makes of the recorded motion.
 ///
@@ -88,9 +89,7 @@ impl View<'_> {
 
     /// Writes the report and the JSON into `out`; the report's path.
     fn write(&self, out: &Path, residuals: &Residuals, json: &Value) -> Result<PathBuf, Failure> {
-        std::fs::create_dir_all(out).map_err(|error| {
-            Failure::input(format!("cannot create the folder {}: {error}", out.display()))
-        })?;
+        crate::files::make_folder(out)?;
         write(&out.join("compare.json"), &format!("{json:#}\n"))?;
         let path = out.join("report.html");
         write(&path, &self.document(residuals).to_html())?;

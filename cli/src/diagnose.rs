@@ -16,9 +16,10 @@ use serde_json::Value;
 use crate::diagnose_report::{Subject, document};
 use crate::excite::{self, Question};
 use crate::exit::{Exit, Failure};
+use crate::files::{make_folder, write};
 use crate::run::Format;
 use crate::say::say;
-use crate::setup::{load_model, write};
+use crate::setup::load_model;
 
 /// A diagnosis that takes longer tells on the error output what it is doing.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -85,7 +86,7 @@ impl DiagnoseArgs {
             ("--delay-tolerance", self.delay_tolerance),
         ];
         if let Some((name, value)) = given.iter().find(|(_, value)| !(*value > 0.0 && value.is_finite())) {
-            return Err(Failure::usage(format!("{name} {value}: a tolerance is a number above 0")));
+            return Err(Failure::usage(format!("{name} {value}: give a number above 0")));
         }
         let tolerances = Tolerances {
             mass: self.mass_tolerance / 100.0,
@@ -110,6 +111,8 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let file = load_model(&args.model)?;
     let read = |path: &PathBuf| freeplay_recording::read(path, Some(file.arm.dof())).map_err(Failure::input);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
+    // Before what takes minutes.
+    args.out.as_deref().map_or(Ok(()), make_folder)?;
     let begin = Instant::now();
     let mut progress = |what: &str| {
         if begin.elapsed() > PATIENCE {
@@ -190,9 +193,7 @@ impl View<'_> {
 
     /// Writes diagnosis.json, model.toml and report.html into `out`.
     fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
-        std::fs::create_dir_all(out).map_err(|error| {
-            Failure::input(format!("cannot create the folder {}: {error}", out.display()))
-        })?;
+        crate::files::make_folder(out)?;
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
         write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))?;
         let View { args, file, diagnosis, .. } = self;

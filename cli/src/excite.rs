@@ -17,9 +17,10 @@ use serde_json::Value;
 
 use crate::diagnose_report::title;
 use crate::exit::{Exit, Failure};
+use crate::files::{make_folder, read_json, write};
 use crate::run::Format;
 use crate::say::say;
-use crate::setup::{load_model, write};
+use crate::setup::load_model;
 use crate::units::power_of_ten;
 
 /// Rows a second of the path that is written.
@@ -94,7 +95,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
         return Err(Failure::usage(format!("--duration {}: between 2 and 600 s", args.duration)));
     }
     if !(args.reach > 0.0 && args.reach.is_finite()) {
-        return Err(Failure::usage(format!("--reach {}: a number above 0", args.reach)));
+        return Err(Failure::usage(format!("--reach {}: give a number above 0", args.reach)));
     }
     let found = args.diagnosis.as_deref().map(Found::read).transpose()?;
     let model = args.model.clone().or_else(|| found.as_ref().map(|found| found.model.clone()));
@@ -109,6 +110,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
         Some(found) => found.rivals(&file)?,
         None => return Err(Failure::usage("name a diagnosis.json, or two --kinds with their --joint")),
     };
+    args.posture.as_deref().map_or(Ok(()), |posture| within_reach(posture, &file))?;
     let noise = match found.map(|found| found.noise).filter(|noise| !noise.is_empty()) {
         Some(noise) => noise,
         None => usual_noise(&file),
@@ -123,6 +125,8 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
         noise,
     };
     let question = Question { file: &file, rivals, seen: seen.as_ref() };
+    // Before what takes minutes.
+    make_folder(&args.out)?;
     let found = seek(&question, &settings)?;
     let path = write_path(&found, &model, &file, &args.out)?;
     match args.format {
@@ -154,6 +158,18 @@ pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation
     })
 }
 
+/// Whether `posture` is one that the arm can be in; how many values it has is looked at where it is used.
+fn within_reach(posture: &[f64], file: &ArmFile) -> Result<(), Failure> {
+    let mut joints = file.arm.joints().iter().zip(posture);
+    match joints.find(|(joint, q)| !(joint.limits.lower..=joint.limits.upper).contains(*q)) {
+        None => Ok(()),
+        Some((joint, q)) => Err(Failure::usage(format!(
+            "--posture: {} at {q} is beyond its range; give {} to {} rad (m)",
+            joint.name, joint.limits.lower, joint.limits.upper
+        ))),
+    }
+}
+
 /// The two kinds that were named.
 fn named(args: &ExciteArgs, file: &ArmFile) -> Result<Vec<Rival>, Failure> {
     let joint = args.joint.as_deref();
@@ -169,19 +185,22 @@ fn rival(
 ) -> Result<Rival, Failure> {
     let known = freeplay_laws::kind(kind).ok_or_else(|| {
         let all: Vec<&str> = freeplay_laws::CATALOGUE.iter().map(|kind| kind.name).collect();
-        Failure::usage(format!("unknown effect kind {kind:?}; known: {}", all.join(", ")))
+        Failure::usage(format!("unknown effect kind {kind:?}; choose among {}", all.join(", ")))
     })?;
     let whole = known.site == freeplay_laws::Site::Arm;
     let joint = match joint.filter(|_| !whole) {
         None => None,
         Some(name) => Some(file.arm.joint_index(name).ok_or_else(|| {
             let names: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
-            Failure::usage(format!("the arm has no joint {name:?}; it has {}", names.join(", ")))
+            Failure::usage(format!("the arm has no joint {name:?}; choose among {}", names.join(", ")))
         })?),
     };
     if !known.fits(joint.map(|joint| &file.arm.joints()[joint])) {
+        let joints: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
+        let place = joint.map_or("without a joint".to_owned(), |joint| format!("at {}", joints[joint]));
         return Err(Failure::usage(format!(
-            "{kind} can't sit there; name a joint that it fits with --joint"
+            "{kind} can't sit {place}: name with --joint one that it fits; the arm has {}",
+            joints.join(", ")
         )));
     }
     Ok(Rival { kind: known, joint, parameters })
@@ -199,10 +218,11 @@ struct Found {
 impl Found {
     fn read(path: &Path) -> Result<Self, Failure> {
         let wrong = |what: String| Failure::input(format!("{}: {what}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|error| wrong(error.to_string()))?;
-        let json: Value = serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))?;
+        let json: Value = read_json(path, "a diagnosis.json that freeplay diagnose --out left")?;
         let model = json["inputs"]["model"].as_str().ok_or_else(|| {
-            wrong("inputs.model is missing; is this a diagnosis.json of freeplay diagnose?".to_owned())
+            wrong(
+                "inputs.model is missing; give a diagnosis.json that freeplay diagnose --out left".to_owned(),
+            )
         })?;
         let recordings = json["inputs"]["recordings"].as_array().into_iter().flatten();
         let mut noise = BTreeMap::new();
@@ -295,8 +315,7 @@ fn usual_noise(file: &ArmFile) -> BTreeMap<String, ChannelNoise> {
 /// # Errors
 /// A file that can't be written.
 pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -> Result<PathBuf, Failure> {
-    std::fs::create_dir_all(out)
-        .map_err(|error| Failure::input(format!("cannot create the folder {}: {error}", out.display())))?;
+    crate::files::make_folder(out)?;
     let motion = found.motion.trajectory(RATE);
     let mut rows = String::from("t");
     (1..=file.arm.dof()).for_each(|joint| {

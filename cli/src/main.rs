@@ -25,6 +25,7 @@ mod doctor;
 mod excite;
 mod exit;
 mod faults;
+mod files;
 mod hex;
 mod histogram_files;
 mod live;

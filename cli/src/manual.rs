@@ -6,6 +6,7 @@ use clap::Args;
 use clap_complete::Shell;
 
 use crate::exit::{Exit, Failure};
+use crate::files::{make_folder, unwritable};
 use crate::say::say;
 
 /// The exit codes, for `--help`, `freeplay help exit-codes` and the manual.
@@ -57,9 +58,8 @@ pub fn man(args: &ManArgs, command: clap::Command) -> Result<Exit, Failure> {
         say(&String::from_utf8_lossy(&page))?;
         return Ok(Exit::Done);
     };
-    let failed = |error| Failure::input(format!("cannot write the manual to {}: {error}", out.display()));
-    std::fs::create_dir_all(out).map_err(failed)?;
-    clap_mangen::generate_to(command, out).map_err(failed)?;
+    make_folder(out)?;
+    clap_mangen::generate_to(command, out).map_err(|error| unwritable(out, &error))?;
     say(&format!("{}: freeplay.1 and a page for each command; man -l {0}/freeplay.1\n", out.display()))?;
     Ok(Exit::Done)
 }

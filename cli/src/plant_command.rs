@@ -13,11 +13,12 @@ use freeplay_shm::{Address, Offer, PlantLink, realtime};
 
 use crate::columns::RunColumns;
 use crate::exit::{Exit, Failure};
+use crate::files::write;
 use crate::histogram_files::{write_hgrm, write_hlog};
 use crate::live::{Console, Observer};
 use crate::recorder::{QUEUE, Recorder};
 use crate::scenario::{Pacing, RecordingKind, Scenario};
-use crate::setup::{Setup, realtime_request, write};
+use crate::setup::{Setup, realtime_request};
 use crate::summary::{RunFacts, RunSummary};
 use crate::swaps;
 

@@ -9,6 +9,7 @@ use freeplay_recording::{BagOptions, Group, Mapping, Recording};
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
+use crate::files::unreadable;
 use crate::run::Format;
 use crate::say::say;
 
@@ -230,6 +231,12 @@ fn import(args: &ImportArgs) -> Result<Exit, Failure> {
         let mapping = match &args.mapping {
             Some(path) => Mapping::load(path).map_err(Failure::input)?,
             None if String::from_utf8_lossy(&head).contains("state.q[0]") => Mapping::libfranka(),
+            None if head.starts_with(b"t,q1") => {
+                return Err(Failure::input(format!(
+                    "{}: has the columns of a recording already: use it as it is, or freeplay record export turns it into another form",
+                    args.file.display()
+                )));
+            }
             None => {
                 return Err(Failure::input(format!(
                     "{}: neither an MCAP bag nor a libfranka log: say with --mapping FILE what its columns mean",
@@ -245,8 +252,7 @@ fn import(args: &ImportArgs) -> Result<Exit, Failure> {
 /// The first line of `file`, at most some thousand bytes.
 fn head(file: &Path) -> Result<Vec<u8>, Failure> {
     const LONGEST: u64 = 1 << 16;
-    let failed =
-        |error| Failure::input(format!("{}: {error}; check the path and the permissions", file.display()));
+    let failed = |error| unreadable(file, &error);
     let mut line = Vec::new();
     let input = BufReader::new(std::fs::File::open(file).map_err(failed)?);
     input.take(LONGEST).read_until(b'\n', &mut line).map_err(failed)?;

@@ -12,8 +12,7 @@ use crate::reference_runs::Pair;
 /// # Errors
 /// A folder or file that can't be written.
 pub fn write(pairs: &[Pair], substeps: u32, folder: &Path) -> Result<PathBuf, Failure> {
-    std::fs::create_dir_all(folder)
-        .map_err(|error| Failure::input(format!("cannot create the folder {}: {error}", folder.display())))?;
+    crate::files::make_folder(folder)?;
     let passed = pairs.iter().filter(|pair| pair.faults.is_empty()).count();
     let words = format!("{passed} of {} runs agree with the reference within tolerance", pairs.len());
     let document = Document::new("Reference runs of the paper's arm")
@@ -24,7 +23,7 @@ pub fn write(pairs: &[Pair], substeps: u32, folder: &Path) -> Result<PathBuf, Fa
         .section(Section::new("Deviation").with(deviation(pairs)))
         .footer(format!("freeplay {}", env!("CARGO_PKG_VERSION")));
     let path = folder.join("report.html");
-    crate::setup::write(&path, &document.to_html())?;
+    crate::files::write(&path, &document.to_html())?;
     Ok(path)
 }
 

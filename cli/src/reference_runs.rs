@@ -299,7 +299,8 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
     let mut rows = read_reference().map_err(Failure::internal)?;
     rows.retain(|row| row.run.contains(&args.only));
     if rows.is_empty() {
-        return Err(Failure::usage(format!("no reference run has {:?} in its name", args.only)));
+        let words = "give a part of one, such as lissajous or T12; without --only there are all";
+        return Err(Failure::usage(format!("no reference run has {:?} in its name; {words}", args.only)));
     }
     let bar = ProgressBar::new(rows.len() as u64);
     if let Ok(style) = ProgressStyle::with_template("reference runs {bar:30} {pos}/{len} {elapsed}") {

@@ -123,7 +123,7 @@ fn recorded_scenario(
         )));
     };
     let file = folder.join("scenario.toml");
-    crate::setup::write(&file, text)?;
+    crate::files::write(&file, text)?;
     Scenario::load(Some(&file), &[]).map_err(Failure::input)
 }
 

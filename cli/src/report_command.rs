@@ -9,9 +9,9 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use crate::exit::{Exit, Failure};
+use crate::files::{read_json, write};
 use crate::run_report::{Played, contact, deviation, latencies, overview};
 use crate::say::say;
-use crate::setup::write;
 use crate::summary::{RunSummary, SCHEMA};
 
 /// Compares runs.
@@ -70,14 +70,13 @@ fn names(folders: &[PathBuf]) -> Vec<String> {
 impl Left {
     fn read(folder: &Path, name: String) -> Result<Self, Failure> {
         let file = folder.join("summary.json");
-        let text = std::fs::read_to_string(&file).map_err(|error| {
-            Failure::input(format!(
-                "{}: {error}; give the folders that freeplay run --out left",
+        if !file.is_file() {
+            return Err(Failure::input(format!(
+                "{}: there is no such file; give the folders that freeplay run --out left",
                 file.display()
-            ))
-        })?;
-        let summary: Summary = serde_json::from_str(&text)
-            .map_err(|error| Failure::input(format!("{}: {error}", file.display())))?;
+            )));
+        }
+        let summary: Summary = read_json(&file, "a folder that freeplay run --out left")?;
         if summary.schema != SCHEMA {
             return Err(Failure::input(format!(
                 "{}: its schema is {}, this version reads {SCHEMA}",

@@ -16,6 +16,7 @@ use sha2::{Digest, Sha256};
 
 use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
+use crate::files::write;
 use crate::hex::hex;
 use crate::live::{Title, Watch};
 use crate::plant_command::pace_name;
@@ -25,7 +26,7 @@ use crate::processes::{
 use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
 use crate::scenario_place::located;
-use crate::setup::{Setup, write};
+use crate::setup::Setup;
 use crate::summary::{RunSummary, SCHEMA};
 use crate::{run_report, screen, swaps};
 
@@ -125,8 +126,12 @@ impl Contestant {
         let built_in = BUILT_IN.contains(&asked);
         let path = Path::new(asked);
         if !built_in && !path.is_file() {
-            return Err(if asked.contains('/') {
-                Failure::input(format!("controller {asked}: there is no such executable"))
+            return Err(if path.is_dir() && asked.contains('/') {
+                Failure::input(format!("controller {asked}: is a folder; name the executable in it"))
+            } else if asked.contains('/') {
+                Failure::input(format!(
+                    "controller {asked}: there is no such executable; build it, and check the path"
+                ))
             } else {
                 crate::controller_command::unknown(asked)
             });
@@ -257,9 +262,7 @@ impl Files {
     /// # Errors
     /// A folder or a file that can't be made.
     pub fn write(scenario: &Scenario, setup: &Setup, out: &Path) -> Result<Self, Failure> {
-        std::fs::create_dir_all(out).map_err(|error| {
-            Failure::input(format!("cannot create the folder {}: {error}", out.display()))
-        })?;
+        crate::files::make_folder(out)?;
         let out = std::path::absolute(out).map_err(Failure::input)?;
         let files =
             Self { scenario: out.join("scenario.toml"), task: setup.write_task(scenario, &out)?, out };

@@ -68,7 +68,7 @@ pub fn write(
         .section(configuration(scenario, machine)?)
         .footer(format!("freeplay {}", env!("CARGO_PKG_VERSION")));
     let path = out.join("report.html");
-    crate::setup::write(&path, &document.to_html())?;
+    crate::files::write(&path, &document.to_html())?;
     Ok(path)
 }
 
@@ -115,17 +115,22 @@ fn mm(value: &Value) -> f64 {
     value.as_f64().unwrap_or(f64::NAN)
 }
 
+/// A length of `mm` mm as a person reads it, with its unit: what is below 10 µm is said in µm, not as zero.
+fn length(mm: f64) -> (String, &'static str) {
+    if mm.abs() < 0.01 { (format!("{:.2}", 1e3 * mm), "µm") } else { (format!("{mm:.4}"), "mm") }
+}
+
 /// How each ended, and how far its tool was off.
 pub fn overview(played: &[Played]) -> Vec<Block> {
     let verdict = |run: &Played| {
         let summary = run.summary;
         let ok = summary.ending.as_str() == Some("finished");
         let words = if ok {
+            let [(rms, rms_unit), (max, max_unit)] =
+                ["rms_after_start", "max_after_start"].map(|key| length(mm(&summary.deviation_mm[key])));
             format!(
-                "{}: finished; tool deviation {:.4} mm RMS, {:.4} mm at most after the first 0.5 s",
+                "{}: finished; tool deviation {rms} {rms_unit} RMS, {max} {max_unit} at most after the first 0.5 s",
                 run.name(),
-                mm(&summary.deviation_mm["rms_after_start"]),
-                mm(&summary.deviation_mm["max_after_start"]),
             )
         } else {
             format!("{}: did not finish under control: {}", run.name(), summary.ending)
@@ -133,8 +138,8 @@ pub fn overview(played: &[Played]) -> Vec<Block> {
         Block::Verdict(Verdict::passed(ok), words)
     };
     let figure = |run: &Played| {
-        let rms = format!("{:.4}", mm(&run.summary.deviation_mm["rms_after_start"]));
-        Figure::new(run.name(), rms, "mm RMS")
+        let (rms, unit) = length(mm(&run.summary.deviation_mm["rms_after_start"]));
+        Figure::new(run.name(), rms, format!("{unit} RMS"))
     };
     let mut blocks: Vec<Block> = played.iter().map(verdict).collect();
     blocks.push(Block::Figures(played.iter().map(figure).collect()));

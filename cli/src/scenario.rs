@@ -14,6 +14,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::files::how_to_read;
 use crate::swaps::{CompareTable, SwapTable};
 
 /// Who moves the joints.
@@ -196,7 +197,7 @@ impl Default for Scenario {
 #[derive(Debug, Error)]
 pub enum ScenarioError {
     /// The file can't be read.
-    #[error("cannot read the scenario {}: {source}", path.display())]
+    #[error("cannot read the scenario {}: {source}; {}", path.display(), how_to_read(source))]
     Unreadable {
         /// The file.
         path: PathBuf,

@@ -6,6 +6,7 @@ use clap::{Args, Subcommand};
 use toml::{Table, Value};
 
 use crate::exit::{Exit, Failure};
+use crate::files::read_text;
 use crate::run::{Contestant, load};
 use crate::say::say;
 use crate::scenario::Scenario;
@@ -96,7 +97,7 @@ fn check(file: &Path) -> Result<(), Failure> {
 fn show(args: &ShowArgs) -> Result<(), Failure> {
     let scenario = load(args.scenario.as_deref(), &args.set)?;
     let text = match &args.scenario {
-        Some(file) => std::fs::read_to_string(file).map_err(Failure::input)?,
+        Some(file) => read_text(file)?,
         None => String::new(),
     };
     let origin = Origin { file: args.scenario.as_deref(), text: &text, sets: &args.set };

@@ -14,6 +14,7 @@ use freeplay_shm::{MAX_JOINTS, Mode, Pace, RtRequest};
 use nalgebra::Vector3;
 
 use crate::exit::Failure;
+use crate::files::write;
 use crate::scenario::{Drive, Pacing, Scenario};
 
 /// A scenario with its files read and its path planned.
@@ -175,19 +176,4 @@ pub fn realtime_request(scenario: &Scenario, cpu: Option<usize>) -> RtRequest {
         cpu: cpu.filter(|_| wanted),
         lock_memory: wanted && scenario.realtime.lock_memory,
     }
-}
-
-/// Writes a file that only its owner can read.
-///
-/// # Errors
-/// The file and what the system said.
-pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    use std::io::Write;
-    use std::os::unix::fs::OpenOptionsExt;
-    let mut options = std::fs::OpenOptions::new();
-    options.write(true).create(true).truncate(true).mode(0o600);
-    options
-        .open(path)
-        .and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(|error| Failure::input(format!("cannot write {}: {error}", path.display())))
 }

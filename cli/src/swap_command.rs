@@ -15,10 +15,11 @@ use serde_json::{Value, json};
 
 use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
+use crate::files::write;
 use crate::run::{Contestant, Files, Format, default_folder, load, play};
 use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind, Scenario};
-use crate::setup::{Setup, write};
+use crate::setup::Setup;
 use crate::summary::RunSummary;
 use crate::swap_measures::{Alone, Measured, SETTLING, measure, steady_change};
 use crate::swaps;
@@ -82,6 +83,9 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
         return Err(Failure::usage(
             "swapping needs two controllers or more (--controller twice; without it all built-in ones) and a swap",
         ));
+    }
+    for asked in scenario.controllers.iter().chain(&scenario.standby) {
+        Contestant::of(asked)?;
     }
     let out = args.out.clone().unwrap_or_else(default_folder);
     let stop = Arc::new(AtomicBool::new(false));

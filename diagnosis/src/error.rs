@@ -74,7 +74,7 @@ pub enum ResidualError {
         most_hz: f64,
     },
     /// A time to leave out that is no time.
-    #[error("--trim {trim_s}: the time left out at both ends is a number of seconds, 0 or more")]
+    #[error("--trim {trim_s}: give the seconds to leave out at both ends, 0 or more")]
     Trim {
         /// What was asked for, s.
         trim_s: f64,

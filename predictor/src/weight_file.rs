@@ -35,7 +35,7 @@ pub enum WeightFileError {
         source: std::io::Error,
     },
     /// It is not JSON, or a field is missing, unknown or of another type (line and column are given).
-    #[error("{origin}: not a readable weight file: {source}")]
+    #[error("{origin}: not a readable weight file: {source}; give one that freeplay train wrote")]
     Syntax {
         /// The file.
         origin: String,

@@ -82,7 +82,10 @@ fn syntax_error(origin: &str, error: &roxmltree::Error) -> ModelError {
         }
         _ => ModelError::Syntax {
             at,
-            message: format!("not well-formed XML: {}", shortened(&error.to_string())),
+            message: format!(
+                "not well-formed XML: {}; correct it, or export the arm again",
+                shortened(&error.to_string())
+            ),
         },
     }
 }

@@ -8,9 +8,9 @@ use crate::bench::blocks::{Block, ByStage};
 use crate::bench::figures::merged;
 use crate::bench::{Contest, LEAST_CAUSED, MOST_TRANSPORT, MOST_WAKE_UP, Step, Verdicts, cliff_of};
 use crate::exit::Failure;
+use crate::files::write;
 use crate::histogram_files::{write_distribution, write_tagged};
 use crate::scenario::Scenario;
-use crate::setup::write;
 use crate::summary::percentiles;
 
 /// The schema of `bench.json`.

@@ -9,6 +9,7 @@ use freeplay_shm::{Address, RunRoot};
 use hdrhistogram::Histogram;
 
 use crate::exit::Failure;
+use crate::files::make_folder;
 use crate::histogram_files::read_hlog;
 use crate::processes::Running;
 use crate::run::{Contestant, Files, play, play_unseen};
@@ -135,7 +136,7 @@ impl Stand<'_> {
     }
 
     fn make_folder(&self) -> Result<(), Failure> {
-        std::fs::create_dir_all(self.out.join("blocks")).map_err(Failure::input)
+        make_folder(&self.out.join("blocks"))
     }
 
     fn start(

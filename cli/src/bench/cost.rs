@@ -10,10 +10,10 @@ use crate::bench::bench_report::STAGES;
 use crate::bench::blocks::{ByStage, Stand};
 use crate::bench::figures::{QUANTILES, Ratio, merged};
 use crate::exit::{Exit, Failure};
+use crate::files::write;
 use crate::run::Format;
 use crate::say::say;
 use crate::scenario::RecordingKind;
-use crate::setup::write;
 
 /// The schema of `cost.json`.
 const SCHEMA: &str = "freeplay.cost/1";

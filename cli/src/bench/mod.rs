@@ -67,8 +67,8 @@ pub struct BenchArgs {
     #[arg(long, conflicts_with = "load")]
     cost: bool,
     /// Cores of the plant and of the controller; without it the last two that this process may use.
-    #[arg(long, value_name = "P,C", value_delimiter = ',', num_args = 2)]
-    cpus: Vec<usize>,
+    #[arg(long, value_name = "P,C", value_parser = two_cores)]
+    cpus: Option<[usize; 2]>,
     /// Change a key of the scenario, as in --set path.period=12.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
@@ -264,7 +264,7 @@ fn scenario(args: &BenchArgs) -> Result<Scenario, Failure> {
     }
     let faulty = args.load.iter().any(|&us| !us.is_finite() || !(0.0..=1e6).contains(&us));
     if faulty {
-        return Err(Failure::usage("--load takes microseconds from 0 to 1000000"));
+        return Err(Failure::usage("--load: give microseconds from 0 to 1000000"));
     }
     scenario.pace = Pacing::Realtime;
     scenario.recording = RecordingKind::None;
@@ -278,21 +278,41 @@ fn scenario(args: &BenchArgs) -> Result<Scenario, Failure> {
     if !args.load.is_empty() && !scenario.controllers.iter().all(built_in) {
         return Err(Failure::usage("--load loads built-in controllers alone: add the load in your own"));
     }
-    let [plant, controller] = match args.cpus.as_slice() {
-        &[plant, controller] => [Some(plant), Some(controller)],
-        _ => last_cores(),
+    let [plant, controller] = match args.cpus {
+        Some([plant, controller]) => {
+            let all: Vec<usize> = cores().into_iter().rev().collect();
+            if let Some(cpu) = [plant, controller].into_iter().find(|cpu| !all.contains(cpu)) {
+                return Err(Failure::usage(format!(
+                    "--cpus: no core {cpu} for this process; choose among {all:?}"
+                )));
+            }
+            [Some(plant), Some(controller)]
+        }
+        None => last_cores(),
     };
     scenario.realtime.plant_cpu = scenario.realtime.plant_cpu.or(plant);
     scenario.realtime.controller_cpu = scenario.realtime.controller_cpu.or(controller);
     Ok(scenario)
 }
 
+/// Two numbers of cores.
+fn two_cores(text: &str) -> Result<[usize; 2], String> {
+    let both = text
+        .split_once(',')
+        .and_then(|(plant, controller)| Some([plant.parse().ok()?, controller.parse().ok()?]));
+    both.ok_or_else(|| "give two cores, as in 2,3".to_owned())
+}
+
+/// The cores that this process may use, the last first; none where the system does not tell.
+fn cores() -> Vec<usize> {
+    let Ok(allowed) = sched_getaffinity(None) else { return Vec::new() };
+    (0..CpuSet::MAX_CPU).rev().filter(|&cpu| allowed.is_set(cpu)).collect()
+}
+
 /// The last two cores that this process may use: the first have the interrupts. None where there is but one.
 fn last_cores() -> [Option<usize>; 2] {
-    let Ok(allowed) = sched_getaffinity(None) else { return [None; 2] };
-    let mut cores = (0..CpuSet::MAX_CPU).rev().filter(|&cpu| allowed.is_set(cpu));
-    match (cores.next(), cores.next()) {
-        (Some(plant), Some(controller)) => [Some(plant), Some(controller)],
+    match cores().as_slice() {
+        &[plant, controller, ..] => [Some(plant), Some(controller)],
         _ => [None; 2],
     }
 }

@@ -13,6 +13,7 @@ use super::analyst::FILES;
 use super::answer::Answer;
 use super::hash;
 use crate::exit::Failure;
+use crate::files::unreadable;
 use crate::processes::Running;
 use crate::simulation::on_cores;
 
@@ -36,7 +37,7 @@ pub struct SealedFile {
 /// # Errors
 /// A folder without a case; files that can't be read.
 pub fn sealed(folder: &Path) -> Result<Sealed, Failure> {
-    let failed = |error| Failure::input(format!("cannot read {}: {error}", folder.display()));
+    let failed = |error| unreadable(folder, &error);
     let mut cases = Sealed::new();
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
@@ -48,13 +49,16 @@ pub fn sealed(folder: &Path) -> Result<Sealed, Failure> {
     }
     if cases.is_empty() {
         let all = FILES.join(", ");
-        return Err(Failure::input(format!("{}: no folder in it holds a case ({all})", folder.display())));
+        return Err(Failure::input(format!(
+            "{}: no folder in it holds a case; give one whose folders hold {all}",
+            folder.display()
+        )));
     }
     Ok(cases)
 }
 
 fn seal(file: &Path) -> Result<SealedFile, Failure> {
-    let bytes = std::fs::metadata(file).map_err(Failure::input)?.len();
+    let bytes = std::fs::metadata(file).map_err(|error| unreadable(file, &error))?.len();
     Ok(SealedFile { sha256: hash::of_file(file)?, bytes })
 }
 

@@ -7,6 +7,7 @@ use serde_json::{Value, json};
 use super::receipt::{Part, now};
 use super::tally::Score;
 use crate::exit::Failure;
+use crate::files::{make_folder, unwritable};
 
 /// Appends that `part` was sealed: before anybody knows how it will come out, so that no set can be forgotten.
 ///
@@ -39,9 +40,9 @@ pub fn scored(path: &Path, seal: &str, score: &Score) -> Result<(), Failure> {
 
 fn append(path: &Path, line: &Value) -> Result<(), Failure> {
     use std::io::Write;
-    let failed = |error| Failure::input(format!("cannot write {}: {error}", path.display()));
+    let failed = |error| unwritable(path, &error);
     if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(failed)?;
+        make_folder(folder)?;
     }
     let mut file = std::fs::OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
     file.write_all(format!("{line}\n").as_bytes()).map_err(failed)

@@ -32,7 +32,9 @@ use std::time::Duration;
 use clap::Args;
 use serde_json::json;
 
+use crate::args::at_least_one;
 use crate::exit::{Exit, Failure};
+use crate::files::check_target;
 use crate::run::Format;
 use crate::say::say;
 use receipt::Receipt;
@@ -51,7 +53,7 @@ pub struct BlindArgs {
     #[arg(long)]
     seed: Option<u64>,
     /// Number of cases.
-    #[arg(long, value_name = "N", default_value_t = 40, conflicts_with = "full")]
+    #[arg(long, value_name = "N", default_value_t = 40, conflicts_with = "full", value_parser = at_least_one)]
     cases: usize,
     /// The full set: 1080 single effects, 300 negative controls, 152 outside the catalogue, 150 double.
     #[arg(long)]
@@ -75,10 +77,10 @@ pub struct BlindArgs {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Processes at work at a time; without it: one a core.
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
     jobs: Option<usize>,
     /// How long an analyst may take for a case, s; one that takes longer has answered wrongly.
-    #[arg(long, value_name = "S", default_value_t = 120)]
+    #[arg(long, value_name = "S", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..))]
     patience: u64,
     /// A list to which a line is appended when the set is sealed, and one when it is scored.
     #[arg(long, value_name = "FILE")]
@@ -126,6 +128,8 @@ impl BlindArgs {
 /// # Errors
 /// Bad input; a folder that can't be written; a process that can't be started.
 pub fn blind(args: &BlindArgs) -> Result<Exit, Failure> {
+    // Before what takes minutes.
+    args.history.as_deref().map_or(Ok(()), check_target)?;
     if let Some(path) = &args.verify {
         return verify(args, path);
     }
@@ -154,12 +158,11 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
     }
     let score = Score::of(&judged);
     receipt.score = json!(score);
-    std::fs::create_dir_all(folder)
-        .map_err(|error| Failure::input(format!("cannot create the folder {}: {error}", folder.display())))?;
+    crate::files::make_folder(folder)?;
     let path = folder.join("receipt.json");
     receipt.write(&path)?;
     let report = folder.join("report.html");
-    crate::setup::write(&report, &document::document(&receipt, &judged, &score).to_html())?;
+    crate::files::write(&report, &document::document(&receipt, &judged, &score).to_html())?;
     if let (Some(list), [part]) = (&args.history, receipt.parts.as_slice()) {
         let seal = part.stages.iter().find(|stage| stage.name == "seal");
         history::scored(list, seal.map_or("", |stage| stage.chain.as_str()), &score)?;

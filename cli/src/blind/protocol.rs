@@ -14,6 +14,7 @@ use super::generator::{Line, Order, made, without_times};
 use super::receipt::{Draw, Part, Program, Receipt, Record, SCHEMA};
 use super::{BlindArgs, hash, history};
 use crate::exit::Failure;
+use crate::files::{make_folder, read_json, unreadable};
 use crate::hex::hex;
 
 /// Bytes of a salt.
@@ -134,10 +135,9 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
 
 /// Has the sealed cases made, and commits to their truth.
 fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld, Failure> {
-    let cannot = |error| Failure::input(format!("cannot create the folder {}: {error}", folder.display()));
     let cases = folder.join("sealed");
-    std::fs::create_dir_all(&cases).map_err(cannot)?;
-    if std::fs::read_dir(&cases).map_err(cannot)?.next().is_some() {
+    make_folder(&cases)?;
+    if std::fs::read_dir(&cases).map_err(|error| unreadable(&cases, &error))?.next().is_some() {
         let path = cases.display();
         return Err(Failure::input(format!(
             "{path} is not empty: a sealed set is drawn once; choose another --out"
@@ -178,7 +178,7 @@ fn ask(args: &BlindArgs, cases: &Path, mut part: Part) -> Result<Receipt, Failur
     // Beside the sealed cases, where the truth would be if it were anywhere: no analyst may be able to read it.
     let canary = cases.join("canary");
     let secret = hex(&random::<SALT>()?);
-    crate::setup::write(&canary, &secret)?;
+    crate::files::write(&canary, &secret)?;
     let analysts = Analysts { jobs: args.jobs(), patience: args.patience(), canary: Some(canary.clone()) };
     let bar = bar(args.quiet, part.sealed.len(), "analysing");
     let start = Instant::now();
@@ -223,8 +223,7 @@ pub fn answered(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
     part.sealed = sealed(folder)?;
     let path = folder.join("commitments.json");
     if path.is_file() {
-        part.commitments = serde_json::from_value(read(&path)?)
-            .map_err(|error| Failure::input(format!("{}: {error}", path.display())))?;
+        part.commitments = read_json(&path, "the hashes of the truths by case")?;
     }
     part.complete("seal", &json!([part.sealed, part.commitments, part.not_made]));
     ask(args, folder, part)
@@ -237,7 +236,7 @@ pub fn answered(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
 pub fn opened(folder: &Path, truth: &Path) -> Result<Receipt, Failure> {
     let mut receipt = Receipt::read(&folder.join("receipt.json"))?;
     let shown = truth.display();
-    let truths = read(truth)?;
+    let truths: Value = read_json(truth, "the truths by case, as in docs/blind")?;
     let Some(truths) = truths["cases"].as_object() else {
         return Err(Failure::input(format!(
             "{shown}: no table \"cases\" of the truths by the name of the folder"
@@ -257,11 +256,4 @@ pub fn opened(folder: &Path, truth: &Path) -> Result<Receipt, Failure> {
     part.stages.retain(|stage| stage.name != "reveal");
     part.complete("reveal", &truths);
     Ok(receipt)
-}
-
-fn read(path: &Path) -> Result<Value, Failure> {
-    let shown = path.display();
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| Failure::input(format!("cannot read {shown}: {error}")))?;
-    serde_json::from_str(&text).map_err(|error| Failure::input(format!("{shown}: {error}")))
 }

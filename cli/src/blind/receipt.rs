@@ -14,6 +14,7 @@ use super::score::Outcome;
 use super::tally::Judged;
 use super::truth::Truth;
 use crate::exit::Failure;
+use crate::files::read_json;
 
 /// The schema of a [`Receipt`].
 pub const SCHEMA: &str = "freeplay.receipt/1";
@@ -176,10 +177,7 @@ impl Receipt {
     /// A file that can't be read, or is no receipt.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let shown = path.display();
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| Failure::input(format!("cannot read {shown}: {error}")))?;
-        let receipt: Self = serde_json::from_str(&text)
-            .map_err(|error| Failure::input(format!("{shown} is no receipt of `freeplay blind`: {error}")))?;
+        let receipt: Self = read_json(path, "a receipt.json that freeplay blind left")?;
         if receipt.schema == SCHEMA {
             Ok(receipt)
         } else {
@@ -193,7 +191,7 @@ impl Receipt {
     /// A file that can't be written.
     pub fn write(&self, path: &Path) -> Result<(), Failure> {
         let text = serde_json::to_string(self).map_err(Failure::internal)?;
-        crate::setup::write(path, &(text + "\n"))
+        crate::files::write(path, &(text + "\n"))
     }
 
     /// The cases, judged.

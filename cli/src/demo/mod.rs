@@ -17,6 +17,7 @@ use serde_json::Value;
 
 use crate::diagnose_report::{outcome as in_words, title};
 use crate::exit::{Exit, Failure};
+use crate::files::check_target;
 use crate::run::{Format, default_folder};
 use crate::say::say;
 use crate::units::{people, written};
@@ -63,6 +64,7 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
     }
     let cases = chosen(&args.cases)?;
     let out = std::path::absolute(args.out.clone().unwrap_or_else(default_folder)).map_err(Failure::input)?;
+    args.picture.as_deref().map_or(Ok(()), check_target)?;
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     let outcomes = all(&cases, args, &out, &stop)?;
@@ -70,11 +72,11 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
         return Ok(Exit::Interrupted);
     }
     let page = out.join("report.html");
-    crate::setup::write(&page, &page::document(&outcomes, args.period)?.to_html())?;
+    crate::files::write(&page, &page::document(&outcomes, args.period)?.to_html())?;
     if let Some(picture) = &args.picture {
         let drawn = outcomes.iter().find_map(page::picture).and_then(|drawing| drawing.to_svg());
         let drawn = drawn.ok_or_else(|| Failure::input("nothing was found that could be drawn"))?;
-        crate::setup::write(picture, &drawn)?;
+        crate::files::write(picture, &drawn)?;
     }
     match args.format {
         Format::Json => say(&format!("{:#}\n", json(&outcomes)))?,
@@ -91,7 +93,7 @@ fn chosen(names: &[String]) -> Result<Vec<Case>, Failure> {
     let all = cases::all();
     if let Some(unknown) = names.iter().find(|name| all.iter().all(|case| case.name != name.as_str())) {
         let known: Vec<&str> = all.iter().map(|case| case.name).collect();
-        return Err(Failure::usage(format!("--case {unknown}: there are {}", known.join(", "))));
+        return Err(Failure::usage(format!("--case {unknown}: choose among {}", known.join(", "))));
     }
     Ok(all
         .into_iter()

@@ -11,9 +11,10 @@ use freeplay_recording::Recording;
 use super::cases::{Case, Notch};
 use crate::diagnose_report::{Subject, document};
 use crate::exit::{Exit, Failure};
+use crate::files::write;
 use crate::run::{Contestant, Files, play};
 use crate::scenario::{RecordingKind, Scenario};
-use crate::setup::{Setup, write};
+use crate::setup::Setup;
 
 /// The controller that plays every run.
 pub const CONTROLLER: &str = "quasi-static";
@@ -86,8 +87,7 @@ pub fn outcome(
     stop: &AtomicBool,
 ) -> Result<Outcome, Failure> {
     let nominal = paper_arm();
-    std::fs::create_dir_all(out)
-        .map_err(|error| Failure::input(format!("cannot create the folder {}: {error}", out.display())))?;
+    crate::files::make_folder(out)?;
     let (truth, model) = (out.join("truth.toml"), out.join("nominal.toml"));
     write(&truth, &to_toml(&case.truth()))?;
     write(&model, &to_toml(&nominal))?;

@@ -18,10 +18,10 @@ pub use findings::{Finding, Level, Verdict};
 use crate::doctor::facts::Facts;
 use crate::doctor::probe::{Around, Probe};
 use crate::exit::{Exit, Failure};
+use crate::files::write;
 use crate::run::Format;
 use crate::say::say;
 use crate::scenario::RealtimeTable;
-use crate::setup::write;
 
 /// The schema of what it prints as JSON.
 const SCHEMA: &str = "freeplay.doctor/1";
@@ -82,8 +82,10 @@ impl Examination {
         }
         let mut message = format!("this machine is {}", self.verdict.words);
         for finding in self.findings.iter().filter(|finding| finding.level == Level::Fail) {
-            let remedy = finding.remedy.as_deref().unwrap_or_default();
-            let _ = write!(message, "\n  {}: {}: {remedy}", finding.item, finding.found);
+            let _ = write!(message, "\n  {}: {}", finding.item, finding.found);
+            if let Some(remedy) = &finding.remedy {
+                let _ = write!(message, ": {remedy}");
+            }
         }
         Err(Failure { exit: Exit::Unfit, message })
     }

@@ -12,9 +12,9 @@ use crate::exit::Failure;
 use crate::faults::findings::Verdict;
 use crate::faults::kinds::Expected;
 use crate::faults::surroundings::Surrounding;
+use crate::files::write;
 use crate::plant_command::pace_name;
 use crate::scenario::Scenario;
-use crate::setup::write;
 
 /// The schema of `faults.json`.
 const SCHEMA: &str = "freeplay.faults/1";

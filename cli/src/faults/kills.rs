@@ -14,8 +14,8 @@ use serde::Serialize;
 use serde_json::json;
 
 use crate::exit::{Exit, Failure};
+use crate::files::write;
 use crate::say::say;
-use crate::setup::write;
 
 /// Within this time after the start the kill comes, ms: start-up takes most of it.
 const LATEST_MS: f64 = 900.0;

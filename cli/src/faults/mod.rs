@@ -42,10 +42,10 @@ pub struct FaultsArgs {
     #[arg(long, value_enum)]
     kind: Vec<Kind>,
     /// Faults of each kind.
-    #[arg(long, default_value_t = 5)]
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     seeds: u32,
     /// Kill so many runs at random moments, with SIGKILL, instead: the plant, the controller or the run itself.
-    #[arg(long, value_name = "COUNT")]
+    #[arg(long, value_name = "COUNT", conflicts_with_all = ["kind", "seeds"], value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     kills: Option<u32>,
     /// By the wall clock or in lockstep.
     #[arg(long)]
@@ -78,8 +78,7 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     let examined = Contestant::of(&args.controller)?;
     Contestant::of(&args.standby)?;
     let out = args.out.clone().unwrap_or_else(default_folder);
-    std::fs::create_dir_all(&out)
-        .map_err(|error| Failure::input(format!("cannot create the folder {}: {error}", out.display())))?;
+    crate::files::make_folder(&out)?;
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     if let Some(count) = args.kills {
@@ -91,7 +90,7 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
         false => ProgressBar::new(u64::from(args.seeds) * kinds.len() as u64),
     };
     let mut exam = Exam::new(scenario, examined, args.standby.clone(), args.seed, out.clone(), stop)?;
-    let verdicts = exam.examine(&kinds, args.seeds.max(1), &bar);
+    let verdicts = exam.examine(&kinds, args.seeds, &bar);
     bar.finish_and_clear();
     let Some(verdicts) = verdicts? else { return Ok(Exit::Interrupted) };
     let surroundings = match args.kind.is_empty() {

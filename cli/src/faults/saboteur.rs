@@ -23,6 +23,7 @@ use crate::controller_command::ControllerArgs;
 use crate::exit::{Exit, Failure};
 use crate::faults::kinds::{Injection, Kind, Plan};
 use crate::faults::spoil::Spoiler;
+use crate::files::read_json;
 
 /// How long to wait for the plant's welcome and for the controller's hello.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -42,8 +43,7 @@ const JUMP_NS: u64 = 1_000_000_000;
 /// # Errors
 /// A plan that can't be read, a run that can't be joined, a controller that does not come.
 pub fn relay(args: &ControllerArgs, plan: &Path) -> Result<Exit, Failure> {
-    let text = std::fs::read_to_string(plan).map_err(Failure::input)?;
-    let plan: Plan = serde_json::from_str(&text).map_err(Failure::input)?;
+    let plan: Plan = read_json(plan, "the plan that freeplay faults wrote")?;
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     let address = Address::parse(&args.run).map_err(Failure::usage)?;

@@ -8,6 +8,7 @@ use freeplay_shm::RunRoot;
 use serde::Serialize;
 
 use crate::exit::Failure;
+use crate::files::make_folder;
 use crate::processes::{Running, start_controller, start_plant};
 use crate::run::{Contestant, Files};
 use crate::scenario::{RecordingKind, Scenario};
@@ -88,7 +89,7 @@ fn memory_full(controller: &str, size: &str, out: &Path) -> Result<Surrounding, 
     let mount =
         "mount -t tmpfs -o mode=1777,size=$0 tmpfs /dev/shm && : > \"$1/mounted\" && shift && exec \"$@\"";
     let folder = out.join(fault);
-    std::fs::create_dir_all(&folder).map_err(Failure::input)?;
+    make_folder(&folder)?;
     let program = std::env::current_exe().map_err(Failure::internal)?;
     let executable = std::path::absolute(controller).ok().filter(|path| path.is_file());
     let asked = executable.unwrap_or_else(|| controller.into());

@@ -104,12 +104,11 @@ pub struct Reproduction {
 /// A run that can't be simulated, a training that can't be made, a folder that can't be written.
 pub fn reproduce(args: &ReproduceArgs) -> Result<Exit, Failure> {
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join("reproduce"));
-    std::fs::create_dir_all(&folder)
-        .map_err(|error| Failure::input(format!("cannot create the folder {}: {error}", folder.display())))?;
+    crate::files::make_folder(&folder)?;
     let done = find(args)?;
     let numbers = serde_json::to_string_pretty(&numbers(&done)).map_err(Failure::internal)?;
-    crate::setup::write(&folder.join("report.html"), &document::document(&done)?.to_html())?;
-    crate::setup::write(&folder.join("reproduce.json"), &numbers)?;
+    crate::files::write(&folder.join("report.html"), &document::document(&done)?.to_html())?;
+    crate::files::write(&folder.join("reproduce.json"), &numbers)?;
     match args.format {
         Format::Json => say(&format!("{numbers}\n"))?,
         Format::Text => say(&screen::summary(&done.claims, &folder))?,

@@ -17,7 +17,9 @@ use freeplay_predictor::window::{Window, windows};
 use freeplay_predictor::{Arx, Narx, Provenance, Series, Split};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::args::at_least_one;
 use crate::exit::{Exit, Failure};
+use crate::files::{check_target, read_text};
 use crate::run::Format;
 use crate::say::say;
 use crate::train::collect::{Collected, Observer, collect};
@@ -49,7 +51,7 @@ pub struct TrainArgs {
     #[arg(long, default_value_t = 3)]
     horizon: usize,
     /// Units of each hidden layer.
-    #[arg(long, value_delimiter = ',', default_values_t = [10, 10])]
+    #[arg(long, value_delimiter = ',', default_values_t = [10, 10], value_parser = at_least_one)]
     hidden: Vec<usize>,
     /// Most epochs.
     #[arg(long, default_value_t = 40, value_parser = at_least_one)]
@@ -75,18 +77,11 @@ pub struct TrainArgs {
 pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
     let subject = subject(args)?;
     // Before what takes minutes.
-    if let Some(folder) =
-        args.out.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir())
-    {
-        return Err(Failure::input(format!(
-            "--out {}: there is no folder {}",
-            args.out.display(),
-            folder.display()
-        )));
-    }
+    check_target(&args.out)?;
     let fitted = match &args.evaluate {
         Some(file) => {
-            let narx = Narx::load(file).map_err(Failure::input)?;
+            let text = read_text(file)?;
+            let narx = Narx::from_json(&text, &file.display().to_string()).map_err(Failure::input)?;
             freeplay_controller::learned::check(&narx, &subject.arm).map_err(Failure::input)?;
             let others =
                 if args.quick { None } else { Some(others(args, &subject, &training(args, &subject)?)?) };
@@ -109,11 +104,6 @@ pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn at_least_one(text: &str) -> Result<usize, String> {
-    let number = text.parse().ok().filter(|&number: &usize| number > 0);
-    number.ok_or_else(|| "give a whole number of at least 1".to_owned())
-}
-
 /// The table of `fitted` on the runs to be tested on: one step with a tracked tool, and the whole run without one.
 fn test(subject: &Subject, fitted: &Fitted, quick: bool) -> Result<Vec<Figures>, Failure> {
     let folder = tempfile::tempdir().map_err(Failure::internal)?;
@@ -130,7 +120,7 @@ fn subject(args: &TrainArgs) -> Result<Subject, Failure> {
     let joint = arm.joint_index(&args.joint).ok_or_else(|| {
         let names: Vec<&str> = arm.joints().iter().map(|joint| joint.name.as_str()).collect();
         Failure::input(format!(
-            "--joint {}: the arm has no such joint; it has {}",
+            "--joint {}: the arm has no such joint; choose among {}",
             args.joint,
             names.join(", ")
         ))

@@ -129,7 +129,7 @@ pub fn tests(quick: bool, folder: &Path) -> Result<Vec<RunSpec>, Failure> {
         specs.push(named(spec(&TRAINING[6]).path, clearance));
     }
     let file = folder.join("triangle.csv");
-    crate::setup::write(&file, &triangle())?;
+    crate::files::write(&file, &triangle())?;
     for clearance in TESTED {
         let path = PathSpec { kind: PathKind::File, file: Some(file.clone()), ..PathSpec::default() };
         let name =
