@@ -1,4 +1,4 @@
-//! What is worth seeing of a run twenty times a second.
+//! What is worth seeing of a run a few times a second.
 
 use std::collections::BTreeMap;
 

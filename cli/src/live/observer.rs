@@ -9,8 +9,8 @@ use hdrhistogram::{CreationError, Histogram};
 
 use super::{ContactMode, Glance, PlayGlance, StageGlance};
 
-/// Time between two glances.
-const EVERY: Duration = Duration::from_millis(50);
+/// Time between two glances: as many as there are pictures.
+const EVERY: Duration = super::PICTURE;
 /// Ticks for which the trace keeps one point.
 const TRACE_TICKS: u64 = 10;
 /// Ticks from one point of an orbit to the next.

@@ -12,12 +12,10 @@ use ratatui::backend::TestBackend;
 use ratatui::{DefaultTerminal, Terminal};
 use rustix::process::{Pid, Signal, kill_process};
 
-use super::{Action, Dashboard, Glance, Title, draw};
+use super::{Action, Dashboard, Glance, PICTURE, Title, draw};
 use crate::exit::Failure;
 use crate::processes::Running;
 
-/// Time between two pictures.
-const PICTURE: Duration = Duration::from_millis(50);
 /// Time between two lines.
 const LINE: Duration = Duration::from_secs(1);
 
