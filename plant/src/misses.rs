@@ -29,6 +29,8 @@ pub struct Miss {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ended {
     pub tick: u64,
+    /// Slot of the controller in charge, whose answer it was to have.
+    pub in_charge: usize,
     /// Whether its deadline passed without an answer.
     pub missed: bool,
     /// How long after the next tick was due it ended, ns; 0 if before.
@@ -37,17 +39,46 @@ pub(crate) struct Ended {
     pub links: Links,
 }
 
-/// The book; see the module. Allocates when it is made, and then no more.
+/// A thread that is watched.
+#[derive(Debug, Default)]
+struct Watched {
+    /// `None` where the system shows nothing of it.
+    watch: Option<ThreadWatch>,
+    seen: Hardship,
+    /// What it went through since the plant was last in time.
+    hardship: Hardship,
+}
+
+impl Watched {
+    /// One whose past is no matter.
+    fn new(watch: Option<ThreadWatch>) -> Self {
+        let seen = watch.as_ref().map(ThreadWatch::read).unwrap_or_default();
+        Self { watch, seen, hardship: Hardship::default() }
+    }
+
+    /// Adds what it went through since the last look.
+    fn look(&mut self) {
+        let Some(watch) = &self.watch else { return };
+        let (now, seen, sum) = (watch.read(), &self.seen, &mut self.hardship);
+        sum.waited_ns += now.waited_ns.saturating_sub(seen.waited_ns);
+        sum.major_faults += now.major_faults.saturating_sub(seen.major_faults);
+        sum.minor_faults += now.minor_faults.saturating_sub(seen.minor_faults);
+        self.seen = now;
+    }
+}
+
+/// The book; see the module. Allocates when it is made and when a process is replaced, and then no more.
 #[derive(Debug)]
 pub struct Misses {
     period_ns: u64,
-    plant: Option<ThreadWatch>,
-    controller: Option<ThreadWatch>,
+    plant: Watched,
+    /// The controllers' processes by slot: a standby is watched, too, so that its first tick in charge has evidence.
+    controllers: Vec<Watched>,
+    /// Slot of the controller in charge at the last tick.
+    in_charge: usize,
     steal: Option<StealWatch>,
-    seen: [Hardship; 2],
     stolen_seen: u64,
-    /// What the threads went through, and what was stolen, since the plant was last in time.
-    hardship: [Hardship; 2],
+    /// What was stolen since the plant was last in time.
     stolen: u64,
     /// What the links were too long since then.
     backlog: Links,
@@ -62,16 +93,16 @@ pub struct Misses {
 }
 
 impl Misses {
-    /// An empty book for ticks of `period_ns`, on the calling thread and the controller's process `controller`.
-    pub fn new(period_ns: u64, controller: Option<u32>) -> Self {
+    /// An empty book for ticks of `period_ns`, on the calling thread and the controllers' `processes`, by slot.
+    pub fn new(period_ns: u64, processes: &[Option<u32>]) -> Self {
+        let of = |process: &Option<u32>| Watched::new(process.and_then(ThreadWatch::of_process));
         let mut book = Self {
             period_ns,
-            plant: ThreadWatch::of_this_thread(),
-            controller: controller.and_then(ThreadWatch::of_process),
+            plant: Watched::new(ThreadWatch::of_this_thread()),
+            controllers: processes.iter().map(of).collect(),
+            in_charge: 0,
             steal: StealWatch::open(),
-            seen: [Hardship::default(); 2],
             stolen_seen: 0,
-            hardship: [Hardship::default(); 2],
             stolen: 0,
             backlog: Links::default(),
             over_ns: 0,
@@ -80,10 +111,14 @@ impl Misses {
             counts: [0; Cause::ALL.len()],
             last: None,
         };
-        book.look();
         book.look_for_theft();
         book.forget();
         book
+    }
+
+    /// Another process, `process`, sits in `slot` now.
+    pub(crate) fn replace(&mut self, slot: usize, process: u32) {
+        self.controllers[slot] = Watched::new(ThreadWatch::of_process(process));
     }
 
     /// How many deadlines were missed for each cause.
@@ -98,7 +133,8 @@ impl Misses {
 
     /// Notes how a tick went.
     pub(crate) fn end_tick(&mut self, ended: &Ended, stages: &Stages) {
-        let Ended { tick, missed, over_ns, links } = *ended;
+        let Ended { tick, in_charge, missed, over_ns, links } = *ended;
+        self.in_charge = in_charge;
         if (links.wake_up_ns as f64) < LEAST * self.period_ns as f64 {
             self.forget();
         }
@@ -141,13 +177,16 @@ impl Misses {
     }
 
     fn evidence(&self, links: Links, usual: Links, answered: bool) -> Evidence {
-        let [plant, controller] = self.hardship;
         Evidence {
             period_ns: self.period_ns,
             links,
             usual,
-            plant,
-            controller,
+            plant: self.plant.hardship,
+            controller: self
+                .controllers
+                .get(self.in_charge)
+                .map(|watched| watched.hardship)
+                .unwrap_or_default(),
             stolen_ns: self.stolen,
             answered,
         }
@@ -186,7 +225,9 @@ impl Misses {
     }
 
     fn forget(&mut self) {
-        self.hardship = Default::default();
+        for watched in std::iter::once(&mut self.plant).chain(&mut self.controllers) {
+            watched.hardship = Hardship::default();
+        }
         (self.stolen, self.backlog) = Default::default();
     }
 
@@ -214,15 +255,7 @@ impl Misses {
 
     /// Adds what the threads went through since the last look.
     fn look(&mut self) {
-        let watches = [&self.plant, &self.controller];
-        for ((watch, seen), sum) in watches.into_iter().zip(&mut self.seen).zip(&mut self.hardship) {
-            let Some(watch) = watch else { continue };
-            let now = watch.read();
-            sum.waited_ns += now.waited_ns.saturating_sub(seen.waited_ns);
-            sum.major_faults += now.major_faults.saturating_sub(seen.major_faults);
-            sum.minor_faults += now.minor_faults.saturating_sub(seen.minor_faults);
-            *seen = now;
-        }
+        std::iter::once(&mut self.plant).chain(&mut self.controllers).for_each(Watched::look);
     }
 
     fn look_for_theft(&mut self) {
@@ -250,8 +283,9 @@ fn usual(stages: &Stages) -> Links {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 mod tests {
-    use super::{Ended, Misses};
+    use super::{Ended, Misses, Watched};
     use crate::cause::{Cause, Links};
+    use crate::thread_watch::ThreadWatch;
     use crate::{Stage, Stages};
 
     const USUAL: Links = Links {
@@ -280,8 +314,8 @@ mod tests {
 
     /// A book that watches nobody: what the machine does to this test is no matter.
     fn book() -> Misses {
-        let mut book = Misses::new(1_000_000, None);
-        (book.plant, book.steal) = (None, None);
+        let mut book = Misses::new(1_000_000, &[None]);
+        (book.plant, book.steal) = (Watched::default(), None);
         book.forget();
         book
     }
@@ -295,17 +329,42 @@ mod tests {
         let (mut book, stages) = (book(), stages());
         for tick in 5..8 {
             let links = Links { compute_ns: 950_000, ..USUAL };
-            book.end_tick(&Ended { tick, missed: true, over_ns: 0, links }, &stages);
+            book.end_tick(&Ended { tick, in_charge: 0, missed: true, over_ns: 0, links }, &stages);
         }
         assert_eq!(found(&book), []);
         // The answer to tick 5 comes late: the state was long under way. 6 and 7 are passed over.
         book.answered(5, &Links { state_ns: 2_500_000, ..USUAL });
         book.answered(8, &USUAL);
         assert_eq!(found(&book), [5, 6, 7].map(|tick| (tick, Cause::Transport)));
-        book.end_tick(&Ended { tick: 20, missed: true, over_ns: 0, links: USUAL }, &stages);
+        book.end_tick(&Ended { tick: 20, in_charge: 0, missed: true, over_ns: 0, links: USUAL }, &stages);
         book.close();
         assert_eq!(found(&book)[3], (20, Cause::Unknown), "nothing was longer than usual");
         assert_eq!(book.counts().map(|(_, count)| count).sum::<u64>(), 4);
+    }
+
+    /// The one in charge after a swap is asked why its answer is late, not the one before it.
+    #[test]
+    fn the_process_in_charge_is_the_one_that_is_looked_at() {
+        let stages = stages();
+        // Nobody that can be seen is in slot 0, this very thread in slot 1: its page faults show where slot 1 is in charge.
+        let mut book = Misses::new(1_000_000, &[None, None]);
+        (book.plant, book.steal) = (Watched::default(), None);
+        book.controllers[1] = Watched::new(ThreadWatch::of_this_thread());
+        let mut ends = |tick, in_charge| {
+            let fresh = std::hint::black_box(vec![1_u8; 300 * 4096]);
+            assert_eq!(fresh[4096], 1);
+            let links = Links { compute_ns: 2_000_000, ..USUAL };
+            book.end_tick(&Ended { tick, in_charge, missed: true, over_ns: 0, links }, &stages);
+            book.close();
+            book.listed().last().unwrap().evidence.controller
+        };
+        let [first, second, again] = [ends(3, 0), ends(4, 1), ends(5, 0)];
+        println!("slot 0 {first:?}, slot 1 {second:?}, slot 0 again {again:?}");
+        assert!(second.minor_faults > 0);
+        assert_eq!((first.minor_faults, again.minor_faults), (0, 0));
+        // Another process in the seat begins anew.
+        book.replace(1, std::process::id());
+        assert_eq!(book.controllers[1].hardship.minor_faults, 0);
     }
 
     #[test]
@@ -315,7 +374,7 @@ mod tests {
         for tick in 1..8 {
             let over_ns = late + 400_000;
             let links = Links { wake_up_ns: late, step_ns: 1_300_000, ..USUAL };
-            book.end_tick(&Ended { tick, missed: false, over_ns, links }, &stages);
+            book.end_tick(&Ended { tick, in_charge: 0, missed: false, over_ns, links }, &stages);
             late = over_ns;
         }
         let first = found(&book)[0];
@@ -323,7 +382,7 @@ mod tests {
         // In time again, and then woken late at once: that is another matter.
         let mut end = |tick, wake_up_ns, over_ns| {
             let links = Links { wake_up_ns, ..USUAL };
-            book.end_tick(&Ended { tick, missed: false, over_ns, links }, &stages);
+            book.end_tick(&Ended { tick, in_charge: 0, missed: false, over_ns, links }, &stages);
         };
         end(30, 0, 0);
         end(31, 5_000_000, 4_200_000);

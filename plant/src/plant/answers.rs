@@ -149,15 +149,16 @@ impl Plant {
         self.braked.is_none() && self.line_up.slot_mut(in_charge).answer.is_none()
     }
 
-    /// Writes into the book how `tick` went: whether its deadline was `missed`, and the links that are known by now.
-    pub(super) fn note_links(&mut self, tick: u64, missed: bool) {
+    /// Writes into the book how `tick` went with the controller `in_charge`: whether its deadline was `missed`, and the links that are known
+    /// by now.
+    pub(super) fn note_links(&mut self, tick: u64, in_charge: usize, missed: bool) {
         let Some(misses) = &mut self.misses else { return };
         let now = now_ns();
         if missed {
             self.links.compute_ns = now.saturating_sub(self.state.published_ns);
         }
         let over_ns = now.saturating_sub(self.state.scheduled_ns + self.config.period_ns);
-        misses.end_tick(&Ended { tick, missed, over_ns, links: self.links }, &self.stages);
+        misses.end_tick(&Ended { tick, in_charge, missed, over_ns, links: self.links }, &self.stages);
     }
 
     /// The run is over after `played` ticks: what has no answer by now will have none.

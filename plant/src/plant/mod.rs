@@ -59,8 +59,8 @@ pub struct Plant {
     wishes: Wishes,
     spoils_next: bool,
     marks: u32,
-    /// The process of the controller in slot 0.
-    controller: Option<u32>,
+    /// The controllers' processes, by slot.
+    processes: Vec<Option<u32>>,
     /// Real time, tick 0: controllers may still be planning, and no latency counts.
     is_planning: bool,
     /// Real time: which ticks have had their answer.
@@ -129,7 +129,7 @@ impl Plant {
         let schedule = Schedule { start_ns: now_ns(), period_ns: self.config.period_ns };
         if pace == Pace::RealTime {
             self.round_trips = Some(RoundTrips::new(schedule, 1));
-            self.misses = self.config.evidence.then(|| Misses::new(self.config.period_ns, self.controller));
+            self.misses = self.config.evidence.then(|| Misses::new(self.config.period_ns, &self.processes));
         }
         *played = 1;
         while *played < self.config.ticks && !stop.load(Ordering::Relaxed) {

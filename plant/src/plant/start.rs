@@ -70,7 +70,7 @@ impl Plant {
             wishes: Wishes::default(),
             spoils_next: false,
             marks: 0,
-            controller: None,
+            processes: vec![None; config.line_up.controllers],
             is_planning: false,
             round_trips: None,
             published: [0; PUBLISHED],
@@ -98,9 +98,7 @@ impl Plant {
                 match greeting {
                     Greeting::Accepted { slot, name, pid } => {
                         names[slot as usize] = Some(name);
-                        if slot == 0 {
-                            self.controller = Some(pid);
-                        }
+                        self.processes[slot as usize] = Some(pid);
                     }
                     Greeting::Refused { name, verdict, .. } => refused.push(format!("{name}: {verdict:?}")),
                 }
@@ -126,9 +124,12 @@ impl Plant {
             match greeting {
                 Greeting::Refused { name, verdict, .. } => refused.push(format!("{name}: {verdict:?}")),
                 // A process in the place of one that has ended. The only controller of a run is not replaced.
-                Greeting::Accepted { slot, .. } if self.line_up.len() > 1 => {
+                Greeting::Accepted { slot, pid, .. } if self.line_up.len() > 1 => {
                     self.line_up.renew(slot as usize);
                     self.attendance.renew(slot as usize);
+                    if let Some(misses) = &mut self.misses {
+                        misses.replace(slot as usize, pid);
+                    }
                 }
                 Greeting::Accepted { .. } => {}
             }

@@ -53,10 +53,11 @@ impl Plant {
             };
             self.await_answers(tick, scheduled, deadline)?;
         }
-        let missed = self.misses_deadline();
+        // Judging may put another one in charge.
+        let (missed, in_charge) = (self.misses_deadline(), self.line_up.in_charge());
         self.judge(tick, &mut record);
         self.keep(record);
-        self.note_links(tick, missed);
+        self.note_links(tick, in_charge, missed);
         Ok(())
     }
 
