@@ -14,7 +14,7 @@ use tempfile::TempDir;
 const ARM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/arm.urdf");
 
 /// What tells a person what to do next; one of them is in every message.
-const NEXT_STEPS: [&str; 23] = [
+const NEXT_STEPS: [&str; 24] = [
     "check ",
     "name ",
     "give ",
@@ -35,6 +35,7 @@ const NEXT_STEPS: [&str; 23] = [
     "correct it",
     "separate them",
     "use it as it is",
+    "as in ",
     "it must be ",
     "missing field ",
     "between ",
@@ -297,7 +298,7 @@ fn values_and_flags_that_cannot_be() {
         format!("compare --model {ARM} --recording good.csv"),
         format!("diagnose --model {ARM} --recording good.csv"),
     );
-    let cases: [(&str, i32, &str); 52] = [
+    let cases: [(&str, i32, &str); 54] = [
         ("swap --quiet --out out --swaps 0", 2, "and a swap"),
         ("swap --quiet --out out --swaps -1", 2, "-1"),
         ("swap --quiet --out out --per-run 0", 2, "and a swap"),
@@ -349,6 +350,8 @@ fn values_and_flags_that_cannot_be() {
         ("run --quiet --out out --set rate=1e9", 3, "100000"),
         ("run --quiet --out out --set random_swaps=3", 3, "needs a standby"),
         ("record import good.csv --out out.mcap", 3, "use it as it is"),
+        (&format!("run --quiet --out out {ARM}"), 3, "is an arm, not a scenario"),
+        ("run --quiet --out out --set clearance.joint_5=0.0004", 2, "clearance.JOINT.clearance"),
         ("fly", 2, "'fly'"),
     ];
     let mut tried = Tried::new();

@@ -204,6 +204,12 @@ pub enum ScenarioError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// An arm where a scenario was expected.
+    #[error("{0} is an arm, not a scenario: give it as one, as in freeplay run --model {0} --set path.kind=joint_sine", path.display())]
+    Arm {
+        /// The file.
+        path: PathBuf,
+    },
     /// Not TOML, an unknown key or a value of the wrong type; the message shows line and column.
     #[error("scenario {}: {source}", path.display())]
     Syntax {
@@ -257,6 +263,9 @@ impl Scenario {
         let syntax = |source| ScenarioError::Syntax { path: path.to_owned(), source: Box::new(source) };
         let text = std::fs::read_to_string(path)
             .map_err(|source| ScenarioError::Unreadable { path: path.to_owned(), source })?;
+        if text.trim_start().starts_with('<') {
+            return Err(ScenarioError::Arm { path: path.to_owned() });
+        }
         let mut scenario: Self = toml::from_str(&text).map_err(syntax)?;
         let given: toml::Table = toml::from_str(&text).map_err(syntax)?;
         // A file that names its own arm does not inherit the play of the paper's joint 5.

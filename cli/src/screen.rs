@@ -30,7 +30,7 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
         let _ = writeln!(text, "{}", drives(run));
     }
     for run in runs {
-        for note in remarks(run) {
+        for note in remarks(run).into_iter().chain(bounces(scenario, run)) {
             let _ = writeln!(text, "{}: {note}", run.controller);
         }
     }
@@ -46,7 +46,7 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
     }
     let _ = writeln!(
         text,
-        "next        freeplay run --pace realtime   ·   freeplay run --controller ./mine   ·   freeplay compare --model M --recording R"
+        "next        freeplay run --pace realtime   ·   freeplay run --controller ./mine   ·   freeplay faults ./mine   ·   freeplay doctor"
     );
     text
 }
@@ -148,6 +148,26 @@ fn row(run: &RunSummary, joint: Option<&str>) -> Vec<String> {
         us("p99"),
         us("p99.9"),
     ]
+}
+
+/// Share of a run in free flight from which on a journal does not come to rest.
+const BOUNCING: f64 = 0.25;
+
+/// The joints whose journals do not come to rest, and what may be tried: in light arms hard feedback throws them again and again.
+fn bounces(scenario: &Scenario, run: &RunSummary) -> Vec<String> {
+    let joints = run.contact["joints"].as_object().into_iter().flatten();
+    let flies = joints.filter_map(|(name, tally)| Some((name, tally["free"].as_f64()?)));
+    let hard = scenario.controller.gains.natural_frequency;
+    flies
+        .filter(|&(_, share)| share > BOUNCING)
+        .map(|(name, share)| {
+            format!(
+                "the journal of {name} flies for {:.0} % of the run; softer feedback may let it rest: --set controller.gains.natural_frequency={} (now {hard})",
+                100.0 * share,
+                (0.4 * hard).round()
+            )
+        })
+        .collect()
 }
 
 /// The greatest share of the limits that a run used, by quantity, and where.

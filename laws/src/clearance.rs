@@ -13,7 +13,7 @@ use crate::{ContactFriction, FrictionLaw, Material, NormalContact, NormalLaw, he
 
 /// A clearance as it is written in files, every field but `clearance` optional.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, expecting = "a table, as in clearance.JOINT.clearance = 0.0004")]
 pub struct ClearanceTable {
     /// Radial clearance c = R_b − R_j, m, ≥ 0; zero is a perfect joint.
     pub clearance: f64,

@@ -37,7 +37,7 @@ pub enum PathError {
     },
     /// A point of the path is out of reach.
     #[error(
-        "at t = {time:.4} s the tool cannot reach ({x:.4}, {y:.4}, {z:.4}) m: {distance:.6} m and {angle:.6} rad remain; move path.centre, lower path.size, change path.rpy, or give a posture near the path in path.start",
+        "at t = {time:.4} s the tool cannot reach ({x:.4}, {y:.4}, {z:.4}) m: {distance:.6} m and {angle:.6} rad remain; move path.centre, lower path.size, change path.rpy, or give a posture near the path in path.start; path.kind = \"joint_sine\" suits every arm",
         x = position[0], y = position[1], z = position[2]
     )]
     Unreachable {

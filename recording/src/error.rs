@@ -78,7 +78,7 @@ pub enum ReadError {
     },
     /// Columns separated by something else than commas.
     #[error(
-        "{place}: columns are separated by {separator:?}; separate them by \",\" and write decimals with a point: {remedy}"
+        "{place}: columns are separated by {separator:?}; separate them by \",\" and write decimals with a point: {remedy}; or say with a mapping file what they are: freeplay record import"
     )]
     Separator {
         /// The header's line.
