@@ -133,7 +133,8 @@ pub fn overview(played: &[Played]) -> Vec<Block> {
                 run.name(),
             )
         } else {
-            format!("{}: did not finish under control: {}", run.name(), summary.ending)
+            let how = crate::screen::ending(summary).unwrap_or_else(|| summary.ending.to_string());
+            format!("{}: did not finish under control: {how}", run.name())
         };
         Block::Verdict(Verdict::passed(ok), words)
     };

@@ -188,16 +188,20 @@ fn drives(run: &RunSummary) -> String {
     )
 }
 
+/// How a run ended that did not end as planned.
+pub fn ending(run: &RunSummary) -> Option<String> {
+    let of = |how: &str| run.ending.get(how);
+    if let Some(braked) = of("braked") {
+        let reason = braked["reason"].as_str().unwrap_or("?").replace('_', " ");
+        return Some(format!("the brakes closed at tick {}: last command {reason}", braked["tick"]));
+    }
+    of("interrupted").map(|interrupted| format!("interrupted after {} ticks", interrupted["tick"]))
+}
+
 /// What is out of the ordinary in a run, a line each.
 fn remarks(run: &RunSummary) -> Vec<String> {
     let mut remarks = run.notes.clone();
-    if let Some(braked) = run.ending.get("braked") {
-        let reason = braked["reason"].as_str().unwrap_or("?").replace('_', " ");
-        remarks.push(format!("the brakes closed at tick {}: last command {reason}", braked["tick"]));
-    }
-    if let Some(interrupted) = run.ending.get("interrupted") {
-        remarks.push(format!("interrupted after {} ticks", interrupted["tick"]));
-    }
+    remarks.extend(ending(run));
     if let Some(rejected) = run.gate["rejected"].as_object() {
         let counted: Vec<String> = rejected
             .iter()

@@ -15,9 +15,33 @@ use common::every_block;
 const BROWSERS: [&str; 3] = ["chromium", "chromium-browser", "google-chrome"];
 const PATIENCE: Duration = Duration::from_secs(15);
 
-/// Runs in the page under test: writes down how wide the content is beside the window.
-const PROBE: &str = "<script>setTimeout(() => { const root = document.documentElement; \
-    root.dataset.excess = root.scrollWidth - root.clientWidth; }, 500)</script>";
+/// Runs in the page under test: plays the film, points at the first chart, drags across it, and writes down what came of it and how wide the content is beside
+/// the window.
+const PROBE: &str = r#"<script>setTimeout(() => {
+  const note = document.documentElement.dataset, film = document.querySelector("figure.film");
+  const [button, speed, clock] = ["button", "select", "output"].map(tag => film.querySelector(tag)), before = clock.textContent;
+  const chart = document.querySelector(".uplot"), over = chart.querySelector(".u-over"), box = over.getBoundingClientRect();
+  const point = (type, share) => over.dispatchEvent(new MouseEvent(type, {
+    bubbles: true, button: 0, movementX: 1, clientX: box.left + share * box.width, clientY: box.top + box.height / 2,
+  }));
+  note.excess = document.documentElement.scrollWidth - document.documentElement.clientWidth;
+  const legend = chart.querySelector(".u-legend"), values = legend.textContent;
+  const canvas = chart.querySelector("canvas"), picture = canvas.toDataURL();
+  speed.value = "1";
+  button.click();
+  note.button = button.textContent;
+  ["mouseenter", "mousemove"].forEach(type => point(type, 0.5));
+  setTimeout(() => {
+    note.played = clock.textContent !== before;
+    note.hovered = legend.textContent !== values;
+    button.click();
+    note.stopped = button.textContent;
+    point("mousedown", 0.3);
+    point("mousemove", 0.6);
+    point("mouseup", 0.6);
+    setTimeout(() => { note.zoomed = canvas.toDataURL() !== picture; }, 300);
+  }, 1700);
+}, 500)</script>"#;
 
 #[test]
 fn charts_are_drawn_without_complaint() {
@@ -38,6 +62,17 @@ fn charts_are_drawn_without_complaint() {
     assert_eq!(drawn, 2, "the third is folded away until it is opened\n{log}");
     assert!(dom.contains("data-excess=\"0\""), "the page scrolls sideways");
     assert!(!log.contains("CONSOLE"), "{log}");
+    let noted = |name: &str| {
+        let rest = dom.split(&format!("data-{name}=\"")).nth(1).unwrap_or_default();
+        rest.split('"').next().unwrap_or_default().to_owned()
+    };
+    assert_eq!(
+        ["button", "played", "stopped"].map(noted),
+        ["Pause", "true", "Play"],
+        "the film does not play"
+    );
+    assert_eq!(noted("hovered"), "true", "no values where the pointer is");
+    assert_eq!(noted("zoomed"), "true", "dragging does not zoom");
 }
 
 fn browser() -> Option<PathBuf> {
