@@ -255,6 +255,13 @@ impl View<'_> {
                     model.display(),
                     recording.display()
                 );
+                let _ = writeln!(
+                    text,
+                    "        {:1$}   →   freeplay run --model {2} --set path.kind=joint_sine",
+                    "",
+                    model.display().to_string().chars().count(),
+                    model.display()
+                );
                 let _ = writeln!(text, "report  {}", out.join("report.html").display());
             }
             None => text.push_str(
@@ -268,13 +275,14 @@ impl View<'_> {
 fn heading(recording: &Recording) -> String {
     let name =
         recording.origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let joints = recording.joints();
     let mut what = vec!["joint angles"];
     what.extend(recording.tau.is_some().then_some("torque"));
     what.extend(recording.tool.is_some().then_some("tool tracked"));
     what.extend(recording.q_link.iter().any(Option::is_some).then_some("link encoders"));
     format!(
-        "Recording {name}: {} joint(s), {:.0} Hz, {:.1} s: {}.",
-        recording.joints(),
+        "Recording {name}: {joints} joint{}, {:.0} Hz, {:.1} s: {}.",
+        if joints == 1 { "" } else { "s" },
         recording.rate_hz(),
         recording.duration(),
         what.join(", ")
