@@ -37,6 +37,10 @@ const WINDOW: usize = (SPACING - BEFORE) as usize;
 const PER_RUN: u32 = 20;
 /// Seconds that lockstep waits for an answer that does not come.
 const ANSWER_PATIENCE: f64 = 0.15;
+/// How often a lockstep run is played in which somebody sound was late: that says something of a busy machine alone.
+const ATTEMPTS: u32 = 3;
+/// How much longer lockstep waits each time.
+const MORE_PATIENCE: f64 = 4.0;
 /// What a sound difference of two controllers is multiplied by to become the tolerance.
 const MARGIN: f64 = 1.5;
 /// What is added to it, of the joint's range.
@@ -128,7 +132,10 @@ impl Exam {
         for (slot, name) in self.names.clone().iter().enumerate() {
             sound.standby = vec![asked[1 - slot].clone()];
             let contestant = Contestant::of(&asked[slot])?;
-            let Some((summary, recording)) = self.play(&sound, &contestant, name)? else { return Ok(false) };
+            let is_late =
+                |summary: &RunSummary, _: &Recording| Ok(is_late(summary, 0) || is_late(summary, 1));
+            let played = self.play_patiently(&sound, &contestant, name, is_late)?;
+            let Some((summary, recording)) = played else { return Ok(false) };
             self.alone.push(Alone::new(&summary, name, &recording)?);
             if slot == 0 && self.scenario.compare.is_none() {
                 let greatest = summary.line_up["greatest_difference"].as_array().cloned().unwrap_or_default();
@@ -164,15 +171,41 @@ impl Exam {
         write(&file, &serde_json::to_string(&plan).map_err(Failure::internal)?)?;
         let file = std::path::absolute(&file).map_err(Failure::input)?;
         let contestant = self.examined.clone().with_faults(file);
-        let Some((summary, recording)) = self.play(&scenario, &contestant, "examined")? else {
-            return Ok(None);
+        let findings = |recording: &Recording| {
+            let of =
+                |injection: &Injection| Finding::of(*injection, recording, &self.alone, &self.names, WINDOW);
+            injections.iter().map(of).collect::<Result<Vec<_>, _>>()
         };
+        let is_late = |summary: &RunSummary, recording: &Recording| {
+            Ok(is_late(summary, 1)
+                || findings(recording)?.iter().any(|finding| finding.is_late(kind.expected())))
+        };
+        let played = self.play_patiently(&scenario, &contestant, "examined", is_late)?;
+        let Some((summary, recording)) = played else { return Ok(None) };
         let swept = RunRoot::sweep_dead().len();
-        let findings = injections
-            .iter()
-            .map(|injection| Finding::of(*injection, &recording, &self.alone, &self.names, WINDOW));
-        let findings = findings.collect::<Result<Vec<_>, _>>()?;
+        let findings = findings(&recording)?;
         RunFindings::of(findings, &summary, &recording, &self.limits, swept).map(Some)
+    }
+
+    /// Plays `scenario`, in lockstep again with more patience where `is_late` says that somebody sound was late.
+    fn play_patiently(
+        &self,
+        scenario: &Scenario,
+        contestant: &Contestant,
+        folder: &str,
+        is_late: impl Fn(&RunSummary, &Recording) -> Result<bool, Failure>,
+    ) -> Result<Option<(RunSummary, Recording)>, Failure> {
+        let mut scenario = scenario.clone();
+        for _ in 1..ATTEMPTS {
+            let Some((summary, recording)) = self.play(&scenario, contestant, folder)? else {
+                return Ok(None);
+            };
+            match &mut scenario.answer_patience {
+                Some(patience) if is_late(&summary, &recording)? => *patience *= MORE_PATIENCE,
+                _ => return Ok(Some((summary, recording))),
+            }
+        }
+        self.play(&scenario, contestant, folder)
     }
 
     fn play(
@@ -193,6 +226,11 @@ impl Exam {
         let recording = freeplay_recording::read(&files.out.join(name), None).map_err(Failure::input)?;
         Ok(Some((summary, recording)))
     }
+}
+
+/// Whether an answer of the controller in `slot` did not come in time.
+fn is_late(summary: &RunSummary, slot: usize) -> bool {
+    summary.line_up["controllers"][slot]["rejected"]["missing"].as_u64().is_some_and(|count| count > 0)
 }
 
 /// Makes `scenario` last for `count` faults, with laps enough; real time needs none of lockstep's patience.

@@ -101,6 +101,13 @@ impl Finding {
         })
     }
 
+    /// Whether the controller was late for another reason than the fault: it was not in charge when that set in, or lacked an answer where
+    /// none is taken away.
+    pub fn is_late(&self, expected: Expected) -> bool {
+        let loses_none = matches!(expected, Expected::Compared | Expected::Harmless);
+        !self.was_in_charge || (loses_none && self.reason == Some(Rejection::Missing.name()))
+    }
+
     /// What was in force while it lasted.
     fn applied(&self) -> &'static str {
         match (self.braked, self.held, self.detected_after, self.faulty_in_force) {
