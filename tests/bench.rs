@@ -46,7 +46,7 @@ fn every_tick_is_accounted_for_and_every_miss_has_a_line() {
 fn what_cannot_be_measured_is_refused() {
     for (arguments, words) in [
         (&["--ticks", "100", "--pairs", "2"][..], "a hundred ticks"),
-        (&["--load=-1"], "--load takes"),
+        (&["--load=-1"], "--load: give"),
         (&["--load", "5", "--controller", "/bin/true"], "built-in controllers alone"),
     ] {
         let ran = Call::new(fresh_folder(), &[&["bench", "--quiet"], arguments].concat()).run().expect(2);

@@ -1,4 +1,4 @@
-//! A MCAP of ours in the hands of the reference packages, and a bag of theirs in ours: `pip install mcap mcap-ros2-support`, and `PYTHON`
+//! A MCAP of ours in the hands of the reference packages, and a bag of theirs in ours: `pip install mcap mcap-ros2-support`, and `FREEPLAY_PYTHON`
 //! names the interpreter that has them.
 
 use std::fs;
@@ -10,7 +10,7 @@ use freeplay_recording::{BagOptions, Event, Layout, RowWriter, import_bag};
 const ROWS: u32 = 1_000;
 
 fn python() -> Command {
-    Command::new(std::env::var_os("PYTHON").unwrap_or_else(|| "python3".into()))
+    Command::new(std::env::var_os("FREEPLAY_PYTHON").unwrap_or_else(|| "python3".into()))
 }
 
 fn available() -> bool {
@@ -55,7 +55,7 @@ fn check_rows(rows: &[String]) {
 #[test]
 fn the_reference_packages_read_the_same_bits() {
     if !available() {
-        println!("skipped: no Python with mcap and mcap-ros2-support; PYTHON names one");
+        println!("skipped: no Python with mcap and mcap-ros2-support; FREEPLAY_PYTHON names one");
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
@@ -91,7 +91,7 @@ fn the_reference_packages_read_the_same_bits() {
 #[test]
 fn a_bag_of_the_reference_packages_is_imported() {
     if !available() {
-        println!("skipped: no Python with mcap and mcap-ros2-support; PYTHON names one");
+        println!("skipped: no Python with mcap and mcap-ros2-support; FREEPLAY_PYTHON names one");
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
