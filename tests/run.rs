@@ -2,7 +2,9 @@
 
 mod common;
 
-use common::{freeplay, freeplay_in, lockstep};
+use std::fmt::Write as _;
+
+use common::{Call, freeplay, freeplay_in, fresh_folder, lockstep};
 use serde_json::Value;
 
 fn run_of<'a>(summary: &'a Value, controller: &str) -> &'a Value {
@@ -180,4 +182,52 @@ fn replaying_a_recording_gives_the_same_commands_byte_for_byte() {
         let difference: Value = serde_json::from_str(&replayed.stdout()).expect("JSON");
         assert_ne!(difference["identical_ticks"], 400, "another controller commands otherwise");
     }
+}
+
+/// A light arm of four joints, one after the other.
+fn light_arm() -> String {
+    let mut urdf = String::from("<robot name=\"light\"><link name=\"base\"/>");
+    let joints = [
+        ("pan", "0 0 1", 0.12, 3.2),
+        ("lift", "0 1 0", 0.1, 2.4),
+        ("elbow", "0 1 0", 0.3, 1.6),
+        ("wrist", "0 1 0", 0.27, 0.7),
+    ];
+    let mut parent = "base".to_owned();
+    for (name, axis, from, mass) in joints {
+        let _ = write!(
+            urdf,
+            r#"<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{name}_link"/><origin xyz="0 0 {from}"/>
+            <axis xyz="{axis}"/><limit lower="-2.4" upper="2.4" effort="90" velocity="2.5"/></joint>
+            <link name="{name}_link"><inertial><origin xyz="0 0 0.1"/><mass value="{mass}"/>
+            <inertia ixx="0.01" iyy="0.01" izz="0.003" ixy="0" ixz="0" iyz="0"/></inertial></link>"#
+        );
+        parent = format!("{name}_link");
+    }
+    urdf + "</robot>"
+}
+
+#[test]
+fn a_journal_that_does_not_come_to_rest_is_told_with_what_may_be_tried() {
+    let folder = fresh_folder();
+    std::fs::write(folder.path().join("light.urdf"), light_arm()).expect("written");
+    let sets = [
+        "path.kind=joint_sine",
+        "path.start=[0.2,0.4,0.6,0.5]",
+        "clearance.elbow.clearance=0.0004",
+        "controller.gains.natural_frequency=20",
+    ];
+    let fixed =
+        ["run", "--quiet", "--controller", "computed-torque", "--set", "duration=1.2", "--out", "out"];
+    let mut arguments: Vec<&str> = fixed.into_iter().chain(["--model", "light.urdf"]).collect();
+    arguments.extend(sets.iter().flat_map(|set| ["--set", set]));
+    let ran = Call::new(folder, &arguments).run().expect(0);
+    println!("{}", ran.stdout());
+    for words in ["the journal of elbow flies for", "try another controller.gains.natural_frequency (now 20)"]
+    {
+        assert!(ran.stdout().contains(words), "{words}: {}", ran.dump());
+    }
+    // The paper's arm comes to rest.
+    let rested = Call::new(fresh_folder(), &fixed).run().expect(0);
+    assert!(!rested.stdout().contains("flies for"), "{}", rested.dump());
 }

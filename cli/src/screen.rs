@@ -153,18 +153,22 @@ fn row(run: &RunSummary, joint: Option<&str>) -> Vec<String> {
 /// Share of a run in free flight from which on a journal does not come to rest.
 const BOUNCING: f64 = 0.25;
 
-/// The joints whose journals do not come to rest, and what may be tried: in light arms hard feedback throws them again and again.
+/// The joints whose journals do not come to rest, and what may be tried: in light arms feedback may throw them again and again.
 fn bounces(scenario: &Scenario, run: &RunSummary) -> Vec<String> {
+    if (run.ticks as f64) < scenario.rate {
+        // Less than a second is all fall and first bounces.
+        return Vec::new();
+    }
     let joints = run.contact["joints"].as_object().into_iter().flatten();
     let flies = joints.filter_map(|(name, tally)| Some((name, tally["free"].as_f64()?)));
     let hard = scenario.controller.gains.natural_frequency;
     flies
         .filter(|&(_, share)| share > BOUNCING)
         .map(|(name, share)| {
+            let share = 100.0 * share;
             format!(
-                "the journal of {name} flies for {:.0} % of the run; softer feedback may let it rest: --set controller.gains.natural_frequency={} (now {hard})",
-                100.0 * share,
-                (0.4 * hard).round()
+                "the journal of {name} flies for {share:.0} % of the run: the feedback may keep throwing it; try another \
+                 controller.gains.natural_frequency (now {hard}), or another posture (path.start)"
             )
         })
         .collect()
