@@ -121,7 +121,7 @@ typedef struct {
     uint64_t predict_ns; /* How long the prediction took; 0 if there was none. [ns] */
     uint64_t qp_ns; /* How long the quadratic programme took; 0 if there was none. [ns] */
     uint64_t sent_ns; /* When the controller sent this, CLOCK_MONOTONIC. [ns] */
-    uint32_t qp_iterations; /* Iterations of the quadratic programme; 0 if there was none. [1] */
+    uint32_t qp_iterations; /* Iterations of the quadratic programme; 0 if there was none, or no limit binds. [1] */
     uint32_t kind; /* Code of CommandKind: by State.mode. */
     double value[12]; /* Joint torques with kind torque, joint positions with kind position. [N·m (N) or rad (m)] */
     double velocity[12]; /* With kind position; else zero. [rad/s (m/s)] */

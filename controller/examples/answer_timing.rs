@@ -1,4 +1,6 @@
-//! Time of one answer of each built-in controller on the paper's arm, c = 0.6 mm, smooth path, with the joints on the reference.
+//! Time of one answer of each built-in controller on the paper's arm, c = 0.6 mm, on the smooth path and the
+//! sharp square, with the joints on the reference. Of the programme: ticks in which no limit binds (`free`), and those in which Clarabel
+//! iterates.
 //!
 //! `cargo run --release -p freeplay-controller --example answer_timing`
 
@@ -7,7 +9,7 @@ use std::time::Instant;
 
 use freeplay_arm::{EffectTable, Workspace, forward_kinematics, paper_arm, to_toml};
 use freeplay_controller::{Answer, BUILT_IN, RunInfo, Task, TaskMode, built_in};
-use freeplay_path::JointPath;
+use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_shm::{Mode, Pace, State};
 
 const TICKS: u64 = 6000;
@@ -20,15 +22,19 @@ fn main() -> Result<(), Box<dyn Error>> {
     model.effects.push(EffectTable { kind: "joint_clearance".to_owned(), joint, parameters, line: 0 });
     std::fs::write(&file, to_toml(&model))?;
     let task = Task { model: file.display().to_string(), ..Task::default() };
-    let states = states(&task)?;
     println!("{TICKS} answers each, µs");
     println!(
-        "{:<16} {:<8} {:<10} {:>7} {:>7} {:>7} {:>7}",
-        "controller", "mode", "stage", "p50", "p99", "p99.9", "max"
+        "{:<16} {:<8} {:<12} {:>6} {:>7} {:>7} {:>7} {:>7}",
+        "controller", "mode", "stage", "ticks", "p50", "p99", "p99.9", "max"
     );
-    for mode in [TaskMode::Torque, TaskMode::Driven] {
-        for name in BUILT_IN {
-            measure(name, &Task { mode, ..task.clone() }, &states)?;
+    for kind in [PathKind::Lissajous, PathKind::SquareSharp] {
+        let task = Task { path: PathSpec { kind, ..task.path.clone() }, ..task.clone() };
+        let states = states(&task)?;
+        println!("{kind:?}");
+        for mode in [TaskMode::Torque, TaskMode::Driven] {
+            for name in BUILT_IN {
+                measure(name, &Task { mode, ..task.clone() }, &states)?;
+            }
         }
     }
     std::fs::remove_file(&file)?;
@@ -65,7 +71,8 @@ fn measure(name: &str, task: &Task, states: &[State]) -> Result<(), Box<dyn Erro
     let begun = Instant::now();
     controller.start(task, &run)?;
     println!("{name:<16} started in {:.1} ms", 1e3 * begun.elapsed().as_secs_f64());
-    let mut stages = [("answer", Vec::new()), ("  predict", Vec::new()), ("  programme", Vec::new())];
+    let mut stages =
+        ["answer", "  predict", "  programme", "  - free", "  - iterated"].map(|name| (name, Vec::new()));
     for state in states {
         let mut answer = Answer::BLANK;
         let begun = Instant::now();
@@ -74,14 +81,17 @@ fn measure(name: &str, task: &Task, states: &[State]) -> Result<(), Box<dyn Erro
         for ((_, times), took) in stages.iter_mut().zip([took, answer.predict_ns, answer.qp_ns]) {
             times.push(took);
         }
+        let kind = if answer.qp_iterations == 0 { 3 } else { 4 };
+        stages[kind].1.push(answer.qp_ns);
     }
-    for (stage, mut times) in stages {
+    for (stage, mut times) in stages.into_iter().filter(|(_, times)| !times.is_empty()) {
         times.sort_unstable();
         let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize] as f64 / 1e3;
         if at(1.0) > 0.0 {
             println!(
-                "{name:<16} {:<8} {stage:<10} {:>7.1} {:>7.1} {:>7.1} {:>7.1}",
+                "{name:<16} {:<8} {stage:<12} {:>6} {:>7.1} {:>7.1} {:>7.1} {:>7.1}",
                 format!("{:?}", task.mode).to_lowercase(),
+                times.len(),
                 at(0.5),
                 at(0.99),
                 at(0.999),

@@ -9,14 +9,17 @@
 //! with J the Jacobian of the tool (linear rows J_p, angular rows J_w), r the deviation to be taken out (linear m, angular rad, base
 //! frame), q_d, v_d, a_d the desired motion at the instant of Δq and T the period of the ticks. Each of the three limits is an
 //! interval for Δq, so that a joint has one interval, their intersection: two rows of the programme. Inside, everything is in mm and
-//! mrad. With no limit active the minimiser is that of damped least squares.
+//! mrad.
+//!
+//! The minimiser of the cost alone is that of damped least squares. Where it keeps every interval it is the minimiser of the programme too
+//! (stationary, feasible, all multipliers zero), and nothing is iterated: [`CompensationStatus::Free`]. Else Clarabel solves.
 //!
 //! A desired motion that leaves no room would forbid the correction even to come to rest: the room is never less than
 //! [`LEAST_SHARE`] of the limit. Towards a position limit the correction is no faster than it can brake with that share. Where the intervals do not meet or the programme fails, the correction is held, braking within the
 //! acceleration limit, and the report names the cause.
 
 use freeplay_arm::{Arm, Limits};
-use nalgebra::{DMatrix, Vector6};
+use nalgebra::{Cholesky, DMatrix, DVector, Vector6};
 use serde::{Deserialize, Serialize};
 
 use crate::qp::{Qp, QpError, QpStatus};
@@ -27,6 +30,8 @@ pub const LARGEST_CORRECTION: f64 = 0.1;
 pub const LEAST_SHARE: f64 = 0.01;
 /// From SI to the units of the programme: mm and mrad.
 const MILLI: f64 = 1e3;
+/// Largest entry of P x + q, relative to 1 + ‖q‖, at which x counts as a minimiser of the cost: Clarabel's own tolerance is 1e-8.
+const STATIONARY: f64 = 1e-9;
 
 /// The weights of the cost, in mm and mrad.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -74,12 +79,21 @@ pub struct Motion<'a> {
 /// How one compensation ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CompensationStatus {
-    /// The programme was solved; the correction is its minimiser.
+    /// No limit binds: the correction is the minimiser of the cost alone, which keeps all limits. Nothing was iterated.
+    Free,
+    /// The programme was solved by iteration; the correction is its minimiser.
     Solved,
     /// The limits of this joint (index) cannot all be kept; the correction is held, braking.
     LimitsConflict(usize),
     /// The programme ended in this way; the correction is held, braking.
     Failed(QpStatus),
+}
+
+impl CompensationStatus {
+    /// Whether the correction is the minimiser of the programme.
+    pub fn is_minimiser(self) -> bool {
+        matches!(self, CompensationStatus::Free | CompensationStatus::Solved)
+    }
 }
 
 /// One compensation: how it ended, and the solver's effort.
@@ -106,6 +120,9 @@ pub struct Compensator {
     cost: DMatrix<f64>,
     linear: Vec<f64>,
     bounds: Vec<f64>,
+    /// Room for the factor of P, and the minimiser of the cost alone.
+    factor: DMatrix<f64>,
+    free: DVector<f64>,
 }
 
 impl Compensator {
@@ -133,6 +150,8 @@ impl Compensator {
             weighted: DMatrix::zeros(6, n),
             cost: DMatrix::zeros(n, n),
             linear: vec![0.0; n],
+            factor: DMatrix::zeros(n, n),
+            free: DVector::zeros(n),
             bounds: vec![0.0; 2 * n],
         })
     }
@@ -161,16 +180,17 @@ impl Compensator {
             return CompensationReport { status: CompensationStatus::LimitsConflict(joint), iterations: 0 };
         }
         self.fill_cost(jacobian, deviation);
+        if self.is_free() {
+            accept(&mut self.last, &mut self.before, self.free.as_slice());
+            return CompensationReport { status: CompensationStatus::Free, iterations: 0 };
+        }
         let report = self.qp.solve(&self.cost, &self.linear, &self.bounds);
         let iterations = report.iterations;
         if !report.status.is_usable() {
             self.hold_braking();
             return CompensationReport { status: CompensationStatus::Failed(report.status), iterations };
         }
-        self.before.copy_from_slice(&self.last);
-        for (last, solved) in self.last.iter_mut().zip(self.qp.solution()) {
-            *last = solved / MILLI;
-        }
+        accept(&mut self.last, &mut self.before, self.qp.solution());
         CompensationReport { status: CompensationStatus::Solved, iterations }
     }
 
@@ -188,6 +208,32 @@ impl Compensator {
             self.cost[(j, j)] += self.change;
             self.linear[j] = MILLI * (weighted.dot(deviation) - self.change * self.last[j]);
         }
+    }
+
+    /// Whether the minimiser of the cost alone, now in `free`, keeps all bounds: then it is that of the programme. Not if anything is
+    /// not a number, which is the solver's to name.
+    fn is_free(&mut self) -> bool {
+        let n = self.limits.len();
+        for column in 0..n {
+            for row in column..n {
+                self.factor[(row, column)] = self.cost[(column, row)];
+            }
+            self.free[column] = -self.linear[column];
+        }
+        let Some(factor) = Cholesky::new(std::mem::replace(&mut self.factor, DMatrix::zeros(0, 0))) else {
+            // The factorisation took the matrix with it. P is positive definite unless the Jacobian is not finite.
+            self.factor = DMatrix::zeros(n, n);
+            return false;
+        };
+        factor.solve_mut(&mut self.free);
+        self.factor = factor.unpack_dirty();
+        let largest = self.linear.iter().fold(0.0_f64, |most, q| most.max(q.abs()));
+        (0..n).all(|i| {
+            let upper = |row: usize, column: usize| self.cost[(row.min(column), row.max(column))];
+            let slope = (0..n).map(|j| upper(i, j) * self.free[j]).sum::<f64>() + self.linear[i];
+            let kept = self.free[i] <= self.bounds[i] && -self.free[i] <= self.bounds[n + i];
+            kept && slope.abs() <= STATIONARY * (1.0 + largest)
+        })
     }
 
     /// Writes each joint's interval into the bounds; the index of the first joint whose interval is empty, if any.
@@ -237,6 +283,12 @@ impl Compensator {
             self.last[joint] += rate.signum() * (rate.abs() - braking).max(0.0);
         }
     }
+}
+
+/// Moves on to the correction `found`, mrad (mm).
+fn accept(last: &mut [f64], before: &mut [f64], found: &[f64]) {
+    before.copy_from_slice(last);
+    last.iter_mut().zip(found).for_each(|(last, found)| *last = found / MILLI);
 }
 
 /// The longest step of one tick towards a limit at `distance` after which steps that shrink by `braking` each still end before it: the

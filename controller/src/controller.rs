@@ -70,7 +70,7 @@ pub struct Answer {
     pub predict_ns: u64,
     /// How long the quadratic programme took, ns.
     pub qp_ns: u64,
-    /// Iterations of the quadratic programme.
+    /// Iterations of the quadratic programme; 0 where no limit binds.
     pub qp_iterations: u32,
 }
 

@@ -329,7 +329,7 @@ impl Tracking {
         answer.qp_ns += now_ns() - predicted;
         answer.qp_iterations += report.iterations;
         match report.status {
-            CompensationStatus::Solved => {}
+            CompensationStatus::Free | CompensationStatus::Solved => {}
             CompensationStatus::Failed(QpStatus::IterationLimit) => {
                 answer.status = CommandStatus::QpLimit;
             }

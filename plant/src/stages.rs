@@ -22,6 +22,8 @@ pub enum Stage {
     Predict,
     /// The controller's quadratic program.
     Qp,
+    /// The same of the ticks in which it was iterated, because a limit binds, alone.
+    QpIterated,
     /// Controller has the state → controller sends the command.
     Compute,
     /// Controller sends → plant has the command.
@@ -37,13 +39,14 @@ pub enum Stage {
 
 impl Stage {
     /// All stages in the order of the tick.
-    pub const ALL: [Stage; 11] = [
+    pub const ALL: [Stage; 12] = [
         Self::WakeUp,
         Self::Woken,
         Self::PlantStep,
         Self::StateTransport,
         Self::Predict,
         Self::Qp,
+        Self::QpIterated,
         Self::Compute,
         Self::CommandTransport,
         Self::RoundTrip,
@@ -60,6 +63,7 @@ impl Stage {
             Self::StateTransport => "state_transport",
             Self::Predict => "predict",
             Self::Qp => "qp",
+            Self::QpIterated => "qp_iterated",
             Self::Compute => "compute",
             Self::CommandTransport => "command_transport",
             Self::RoundTrip => "round_trip",

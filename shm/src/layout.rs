@@ -158,7 +158,7 @@ fn command() -> Layout {
         predict_ns: "", "", "ns", "How long the prediction took; 0 if there was none.";
         qp_ns: "", "", "ns", "How long the quadratic programme took; 0 if there was none.";
         sent_ns: "", "", "ns", "When the controller sent this, CLOCK_MONOTONIC.";
-        qp_iterations: "", "", "1", "Iterations of the quadratic programme; 0 if there was none.";
+        qp_iterations: "", "", "1", "Iterations of the quadratic programme; 0 if there was none, or no limit binds.";
         kind: "", "", "", "Code of CommandKind: by State.mode.";
         value: "τ or q", "joint", "N·m (N) or rad (m)", "Joint torques with kind torque, joint positions with kind position.";
         velocity: "q̇", "joint", "rad/s (m/s)", "With kind position; else zero.";

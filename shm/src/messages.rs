@@ -236,7 +236,7 @@ pub struct Command {
     pub qp_ns: u64,
     /// When the controller sent this, `CLOCK_MONOTONIC`, ns.
     pub sent_ns: u64,
-    /// Iterations of the quadratic program; 0 if there was none.
+    /// Iterations of the quadratic program; 0 if there was none, or no limit binds.
     pub qp_iterations: u32,
     /// Code of the [`CommandKind`].
     pub kind: u32,

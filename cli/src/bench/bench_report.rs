@@ -20,12 +20,13 @@ pub const CLOCK: &str = "bare clock loop";
 /// Name of the bare transport.
 pub const EXCHANGE: &str = "bare iceoryx2";
 /// The stages in the order of the tick, with what they are called.
-pub const STAGES: [(&str, &str); 10] = [
+pub const STAGES: [(&str, &str); 11] = [
     ("wake_up_uncorrected", "wake-up, of ticks waited for"),
     ("wake_up", "lateness, of all ticks"),
     ("state_transport", "publish → receive"),
     ("predict", "prediction"),
     ("qp", "quadratic programme"),
+    ("qp_iterated", "… where a limit binds"),
     ("compute", "controller compute"),
     ("command_transport", "command → receive"),
     ("plant_step", "plant step"),

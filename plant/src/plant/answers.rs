@@ -125,6 +125,9 @@ impl Plant {
         }
         if command.qp_ns > 0 {
             stages.record(Stage::Qp, command.qp_ns);
+            if command.qp_iterations > 0 {
+                stages.record(Stage::QpIterated, command.qp_ns);
+            }
             stages.record_iterations(command.qp_iterations);
         }
         let links = Links {
