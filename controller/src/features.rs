@@ -71,7 +71,8 @@ pub const LONGEST_HORIZON: usize = 16;
 /// Rows of memory: the horizon, and the ticks before.
 const ROWS: usize = 32;
 
-type Pair = [f64; 2];
+/// Along the two slides, or along the load and across it.
+pub type Pair = [f64; 2];
 
 /// What is known of one tick.
 #[derive(Clone, Copy, Debug, Default)]
@@ -116,6 +117,7 @@ pub struct Features {
     excess: Pair,
     loads: Vec<Pair>,
     regressors: [f64; REGRESSORS.len()],
+    scale: f64,
     motion: [Vec<f64>; 3],
 }
 
@@ -151,6 +153,7 @@ impl Features {
             excess: [0.0; 2],
             loads: vec![[0.0; 2]; horizon],
             regressors: [0.0; REGRESSORS.len()],
+            scale: 0.0,
             motion: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
         })
     }
@@ -181,6 +184,11 @@ impl Features {
         self.settle(target);
         let came_due = self.advance(state)?;
         self.gather(state.tick, came_due)
+    }
+
+    /// What the network looks at at the last state, and the unit σ of its answer, m.
+    pub fn outlines(&self) -> (&[f64; REGRESSORS.len()], f64) {
+        (&self.regressors, self.scale)
     }
 
     /// Notes what the network says of the last state: the error at k + h in units of σ.
@@ -298,7 +306,7 @@ impl Features {
         let span = self.horizon as f64 * self.period;
         let (c, square) = (self.clearance, span * span / self.clearance);
         let errors = [0, 1, 2].map(|age| self.past(tick, age).error);
-        let scale = self.scale(tick, difference(forecast, journal));
+        let scale = self.scale_at(tick, difference(forecast, journal));
         let in_scale = |pair: Pair| pair.map(|value| bounded(value / scale));
         let pairs = [
             in_scale(errors[0]),
@@ -322,6 +330,7 @@ impl Features {
         for (slot, value) in self.regressors.iter_mut().zip(values.chain([(scale / c).log10()])) {
             *slot = value;
         }
+        self.scale = scale;
         self.rows[slot(tick + self.horizon as u64)].forecast = Some((forecast, scale));
         let finite = self.regressors.iter().all(|value| value.is_finite());
         finite.then_some(Outlines { regressors: &self.regressors, scale, came_due })
@@ -332,7 +341,7 @@ impl Features {
     }
 
     /// σ, m: the root mean square of the latest errors, and a share of the movement to come.
-    fn scale(&self, tick: u64, movement: Pair) -> f64 {
+    fn scale_at(&self, tick: u64, movement: Pair) -> f64 {
         let squares = (0..SCALE_TICKS as u64).map(|age| {
             let [n, t] = self.past(tick, age).error;
             n * n + t * t

@@ -13,9 +13,9 @@ pub const KNOCK: f64 = 0.05;
 /// Share of the natural frequency that is left of the feedback after a knock.
 pub const SOFTEST: f64 = 0.5;
 /// Time for which it is so, and time in which it comes back to the whole, s.
-const HELD: f64 = 0.02;
+const HELD: f64 = 0.015;
 /// See above.
-const RECOVERY: f64 = 0.05;
+const RECOVERY: f64 = 0.03;
 
 /// How long ago the last knock was.
 #[derive(Clone, Copy, Debug, PartialEq)]

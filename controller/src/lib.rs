@@ -55,6 +55,7 @@ pub mod pin_force;
 pub mod preview;
 pub mod qp;
 pub mod quasi_static;
+pub mod repeating;
 pub mod rollout;
 pub mod serve;
 pub mod sparse_programme;

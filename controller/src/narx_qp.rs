@@ -8,7 +8,7 @@
 use std::path::Path;
 
 use freeplay_laws::ArmWithPlay;
-use freeplay_path::JointPath;
+use freeplay_path::{JointPath, PathSpec};
 use freeplay_predictor::Narx;
 use freeplay_shm::State;
 use nalgebra::Vector3;
@@ -19,7 +19,7 @@ use crate::controller::{Answer, Controller, ControllerError, RunInfo};
 use crate::features::Features;
 use crate::learned::{self, Learned};
 use crate::model::Model;
-use crate::passage::PassageOptions;
+use crate::passage::{PassageOptions, Unplanned};
 use crate::task::{Task, TaskError};
 use crate::tool_residual::{LONGEST_DELAY, ToolResidual};
 use crate::tracking::{Tracking, TrackingOptions};
@@ -132,6 +132,13 @@ impl Controller for NarxQp {
         let tracking = options.tracking()?;
         let model = Model::load(task, run)?;
         let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
+        let tracking = Tracking::new(task, &model, path.clone(), run.ticks, &tracking)?;
+        for Unplanned { first, fault, .. } in tracking.unplanned() {
+            let at = *first as f64 * task.period();
+            eprintln!(
+                "narx-qp: no passage through the corner at {at:.3} s, only the quasi-static correction: {fault}"
+            );
+        }
         let reach: f64 = model.clearances.iter().map(|(_, clearance)| clearance.clearance).sum();
         self.ready = Some(Ready {
             learned: learn(task, &options, &model, &path)?,
@@ -139,7 +146,7 @@ impl Controller for NarxQp {
             largest: LARGEST_FAST * reach,
             period: task.period(),
             fast: [Vector3::zeros(); 2],
-            tracking: Tracking::new(task, &model, path, run.ticks, &tracking)?,
+            tracking,
             residual: ToolResidual::new(&model.arm, reach, task.period(), options.tracker_delay),
             lead: task.mode.lead(),
             tick: None,
@@ -166,7 +173,15 @@ fn learn(
     let arm = ArmWithPlay::new(&model.arm, &model.clearances)?;
     let horizon = network.as_ref().map_or(HORIZON, |narx| narx.layout().horizon);
     let features = Features::new(model, &arm, path.clone(), task.mode, task.period(), horizon);
-    Ok(features.map(|features| Learned::new(features, network, task.period())))
+    let lap = lap(&task.path, task.rate);
+    Ok(features.map(|features| Learned::new(features, network, task.period(), lap)))
+}
+
+/// Ticks of a lap of `path` at `rate`, 1/s, if it is run several times and a lap is a whole number of ticks.
+pub fn lap(path: &PathSpec, rate: f64) -> Option<u64> {
+    let ticks = path.period * rate;
+    let whole = ticks.is_finite() && (ticks - ticks.round()).abs() < 1e-6;
+    (path.laps > 1 && whole).then(|| ticks.round() as u64)
 }
 
 /// The network of `file`, or the one that comes with the project for `model`; says so where there is none.

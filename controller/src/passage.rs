@@ -177,6 +177,13 @@ impl Passages {
         (tick <= corner.last).then_some(&corner.fault)
     }
 
+    /// Whether a corner through which no passage could be planned begins at the tick `tick`. Where the quasi-static correction is the
+    /// better way through, none is lacking.
+    pub fn lacks_one_from(&self, tick: u64) -> bool {
+        let corner = self.unplanned.binary_search_by_key(&tick, |corner| corner.first);
+        corner.is_ok_and(|at| !matches!(self.unplanned[at].fault, PassageFault::NoGain { .. }))
+    }
+
     /// The passages.
     pub fn planned(&self) -> &[Passage] {
         &self.planned

@@ -3,7 +3,8 @@
 //! The unknowns are the corrections of the joints and the angles at which the journals lie in their bearings, at every tick of the
 //! passage. They are found by Gauss–Newton steps, each a sparse quadratic programme (see [`crate::passage_programme`]), from the
 //! quasi-static correction. The law of contact, that the bearing pushes along its normal and rubs along its tangent, enters as a
-//! square whose weight grows tenfold from step to step; a step that does not lower the cost is halved. Before a passage is handed out, it
+//! square whose weight grows tenfold from step to step; a step that does not lower the cost is halved. Where the steps lead to nothing that
+//! physics allows, they are taken again from other starts. Before a passage is handed out, it
 //! must do better in a rollout of the model than the quasi-static correction ([`Attempt`]).
 
 use std::collections::BTreeSet;
@@ -24,6 +25,8 @@ use crate::trial::Attempt;
 const CONTACT: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
 /// Most steps of the planning.
 const STEPS: usize = 12;
+/// Further starts where no passage comes of the first, rad: turns of the journals' angles in the middle of the corner.
+const OTHER_STARTS: [f64; 2] = [0.3, -0.3];
 /// Halvings of a step that does not lower the cost.
 const HALVINGS: i32 = 4;
 /// Largest turn of an angle in one step, rad.
@@ -86,20 +89,41 @@ impl PassagePlanner {
     ) -> Result<Passage, PassageFault> {
         assert!(reference.len() >= 8 && reference.len() == journals.len(), "a corner has more ticks");
         let frames: Vec<Frame> = reference.iter().map(|q| self.frame(q)).collect();
-        let mut course = self.quasi_static(reference, journals, &frames);
+        let course = self.quasi_static(reference, journals, &frames);
+        let first_try = self.plan_from(first, &course, self.options.detour, journals, &frames);
+        if matches!(first_try, Ok(_) | Err(PassageFault::NoPush { .. })) {
+            return first_try;
+        }
+        let mut others = OTHER_STARTS.into_iter();
+        let other = others.find_map(|turn| {
+            let detour = self.options.detour + turn;
+            self.plan_from(first, &course, detour, journals, &frames).ok()
+        });
+        other.map_or(first_try, Ok)
+    }
+
+    /// As [`Self::plan`], from the quasi-static `course` with its angles turned by up to `detour`, rad.
+    fn plan_from(
+        &mut self,
+        first: u64,
+        course: &Course,
+        detour: f64,
+        journals: &[Vec<f64>],
+        frames: &[Frame],
+    ) -> Result<Passage, PassageFault> {
         let plain = course.corrections.clone();
         let with_play = self.pin.arm().clone();
-        let rest = self.resting_forces(&course)?;
+        let rest = self.resting_forces(course)?;
         let mut corner = Corner {
             arm: &with_play,
             limits: &self.limits,
-            frames: &frames,
+            frames,
             weights: self.tool_weights(),
             rest: &rest,
             options: self.options,
             emphasis: vec![1.0; frames.len()],
         };
-        course = course.detoured(self.options.detour);
+        let mut course = course.clone().detoured(detour);
         let (mut watched, mut unexplained) = (BTreeSet::new(), f64::INFINITY);
         for step in 0..STEPS {
             let weight = CONTACT[step.min(CONTACT.len() - 1)];
@@ -123,7 +147,7 @@ impl PassagePlanner {
         let remaining = |corrections: &[Vec<f64>], journals: &[Vec<f64>]| {
             Attempt { reference: &course.reference, corrections, journals }.remaining(
                 &with_play,
-                &frames,
+                frames,
                 self.period,
             )
         };

@@ -5,8 +5,8 @@
 //! with feedback, with the motion of the journals and the friction of their contacts fed forward. A torque is held for a tick: it is
 //! computed for the middle of the tick and for the mean acceleration from its start to its end. Where the reference in the state
 //! is not that of the own path, the deviation is predicted from that reference alone, without a look ahead. With the option
-//! `passages`, corners are passed as planned before the run ([`crate::passage`]); one that could not be planned is passed without, and
-//! its answers have the status `QpFailed`.
+//! `passages`, corners are passed as planned before the run ([`crate::passage`]); one that could not be planned is passed without, which
+//! is said at the start, and the answer at its first tick has the status `QpFailed`.
 
 use freeplay_arm::Arm;
 use freeplay_laws::{ArmWithPlay, DriveFriction};
@@ -27,7 +27,7 @@ use crate::known_effects::KnownEffects;
 use crate::look_ahead::{LookAhead, drive_frictions};
 use crate::model::Model;
 use crate::outlook::{JointMotion, Outlook};
-use crate::passage::{PassageOptions, Passages};
+use crate::passage::{PassageOptions, Passages, Unplanned};
 use crate::qp::QpStatus;
 use crate::task::{Gains, Task, TaskError, TaskMode};
 
@@ -244,6 +244,11 @@ impl Tracking {
         is_finite.then_some(())
     }
 
+    /// The corners of the path through which no passage could be planned.
+    pub fn unplanned(&self) -> &[Unplanned] {
+        self.passages.unplanned()
+    }
+
     /// The corrected motion at the instant of the last answer.
     pub fn target(&self) -> Motion<'_> {
         self.target.as_motion()
@@ -312,7 +317,7 @@ impl Tracking {
             None if own && self.smooth => self.journals.push(journals),
             None => self.journals.rest(journals),
         }
-        if own && self.passages.fault(ahead).is_some() {
+        if own && self.passages.lacks_one_from(ahead) {
             answer.status = CommandStatus::QpFailed;
         }
         let planned = self.planned.as_motion();

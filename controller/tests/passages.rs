@@ -135,6 +135,18 @@ fn a_corner_that_comes_again_is_planned_once() {
 }
 
 #[test]
+fn a_corner_that_cannot_be_planned_from_the_first_start_is_planned_from_another() {
+    let passages = passages(PathKind::SquareSharp, 6.0, &[(3, 3e-4), (4, 6e-4)], 5900, 6000);
+    println!(
+        "from {:?}; without: {:?}",
+        passages.planned().first().map(Passage::first),
+        passages.unplanned()
+    );
+    assert!(passages.planned().len() == 1 && passages.unplanned().is_empty());
+    assert!(!passages.lacks_one_from(passages.planned()[0].first()));
+}
+
+#[test]
 fn without_weight_there_is_no_side_and_the_fault_is_named() {
     let arm = paper_arm().arm.with_gravity(nalgebra::Vector3::zeros());
     let play = ArmWithPlay::new(&arm, &[(4, Clearance::new(&ClearanceTable::new(6e-4)).unwrap())]).unwrap();
@@ -149,7 +161,9 @@ fn without_weight_there_is_no_side_and_the_fault_is_named() {
     let passages = search.passages(&mut outlook, 1300, 1700);
     println!("{:?}", passages.unplanned());
     assert!(passages.planned().is_empty() && !passages.unplanned().is_empty());
-    assert!(passages.fault(passages.unplanned()[0].first).is_some() && passages.fault(0).is_none());
+    let first = passages.unplanned()[0].first;
+    assert!(passages.fault(first).is_some() && passages.fault(0).is_none());
+    assert!(passages.lacks_one_from(first) && !passages.lacks_one_from(first + 1), "it is counted once");
 }
 
 #[test]

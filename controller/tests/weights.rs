@@ -57,8 +57,8 @@ fn weights_that_fit_are_taken_and_others_are_refused_by_name() {
     };
     let hash = identity(&paper_arm().arm);
     refused(&hash, "0123456789abcdef", &["trained on arm", "0123456789abcdef", "train for this arm"]);
-    refused("\"error_n_0\"", "\"torque\"", &["input channels", "torque"]);
-    refused("\"horizon\": 3", "\"horizon\": 99", &["layout", "99"]);
+    refused("\"error_n_0\"", "\"torque\"", &["input channels", "channel 1 of 26 is `torque`, not `error_n_0`", "train with"]);
+    refused("\"horizon\": 3", "\"horizon\": 99", &["predict 99 ahead", "train with this program"]);
     refused("\"version\": 1", "\"version\": 2", &["version 2", "train again"]);
     refused("\"weights\": [0,", "\"weights\": [null,", &["w.json", "weight 0 is not a finite number"]);
     refused("\"weights\": [0,", "\"weights\": [", &["w.json", "weights"]);
@@ -67,7 +67,8 @@ fn weights_that_fit_are_taken_and_others_are_refused_by_name() {
     task.options.insert("weights".to_owned(), "/nowhere/w.json".into());
     let run =
         RunInfo { joints: 6, mode: Mode::Torque, pace: Pace::Lockstep, period_ns: 1_000_000, ticks: 10 };
-    assert!(NarxQp::default().start(&task, &run).unwrap_err().to_string().contains("/nowhere/w.json"));
+    let said = NarxQp::default().start(&task, &run).unwrap_err().to_string();
+    assert!(said.contains("/nowhere/w.json") && said.contains("train to make the file"), "{said}");
 }
 
 #[test]

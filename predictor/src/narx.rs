@@ -31,6 +31,9 @@ pub struct Provenance {
     /// Seed of the start weights.
     #[serde(default)]
     pub seed: u64,
+    /// Whether it did better than what it corrects on runs that had no part in the training; not if nobody tried.
+    #[serde(default)]
+    pub proved: bool,
 }
 
 /// A trained model; made by [`crate::train`] or read from a file.
@@ -130,6 +133,13 @@ impl Narx {
     #[must_use]
     pub fn provenance(&self) -> &Provenance {
         &self.provenance
+    }
+
+    /// This model, with a note of whether it did better than what it corrects on runs that had no part in the training.
+    #[must_use]
+    pub fn with_proof(mut self, proved: bool) -> Self {
+        self.provenance.proved = proved;
+        self
     }
 
     /// This model if its pieces fit together.

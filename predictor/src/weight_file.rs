@@ -27,7 +27,7 @@ pub const VERSION: u64 = 1;
 #[derive(Debug, thiserror::Error)]
 pub enum WeightFileError {
     /// The file cannot be read or written.
-    #[error("{origin}: {source}")]
+    #[error("{origin}: {source}: check the path and its permissions, or train to make the file")]
     Io {
         /// The file.
         origin: String,
@@ -69,7 +69,7 @@ pub enum WeightFileError {
         index: usize,
     },
     /// Layer sizes and weights don't fit.
-    #[error("{origin}: {source}")]
+    #[error("{origin}: {source}: train again or restore the file")]
     Network {
         /// The file.
         origin: String,
@@ -77,7 +77,7 @@ pub enum WeightFileError {
         source: NetworkError,
     },
     /// Layout, channels, scaling and network don't fit.
-    #[error("{origin}: {source}")]
+    #[error("{origin}: {source}: train again or restore the file")]
     Model {
         /// The file.
         origin: String,
@@ -107,7 +107,10 @@ pub enum MismatchError {
         command: String,
     },
     /// It has other channels.
-    #[error("the weights' {kind} channels are {found:?}, but the controller has {expected:?}, in this order")]
+    #[error(
+        "the weights have other {kind} channels than the controller: {}: train with this program",
+        first_difference(expected, found)
+    )]
     OtherChannels {
         /// `input` or `output`.
         kind: &'static str,
@@ -117,13 +120,34 @@ pub enum MismatchError {
         found: Vec<String>,
     },
     /// It looks at other samples.
-    #[error("the weights' layout is {found:?}, but {expected:?} is wanted")]
+    #[error(
+        "the weights look at {}, the controller at {}: train with this program",
+        in_words(found),
+        in_words(expected)
+    )]
     OtherLayout {
         /// Layout wanted.
         expected: Box<Layout>,
         /// Layout of the weights.
         found: Box<Layout>,
     },
+}
+
+/// The first place where two lists of channels differ.
+fn first_difference(expected: &[String], found: &[String]) -> String {
+    let differs = |at: &usize| expected.get(*at) != found.get(*at);
+    let at = (0..expected.len().max(found.len())).find(differs).unwrap_or_default();
+    let name = |list: &[String]| list.get(at).map_or_else(|| "none".to_owned(), |name| format!("`{name}`"));
+    format!("channel {} of {} is {}, not {}", at + 1, found.len(), name(found), name(expected))
+}
+
+/// A layout for a person.
+fn in_words(layout: &Layout) -> String {
+    let Layout { input_lags, output_lags, horizon, input_at_target } = layout;
+    let ahead = if *input_at_target { " and the inputs of the predicted sample" } else { "" };
+    format!(
+        "inputs {input_lags:?} and outputs {output_lags:?} samples ago{ahead}, to predict {horizon} ahead"
+    )
 }
 
 #[derive(Deserialize)]

@@ -5,11 +5,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use freeplay_arm::forward_kinematics;
 use freeplay_controller::features::{Features, REGRESSORS};
+use freeplay_controller::learned::Learned;
+use freeplay_controller::narx_qp::lap;
 use freeplay_controller::{Model, QuasiStatic, TaskMode};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::JointPath;
 use freeplay_plant::DeviationStatistics;
-use freeplay_predictor::{Narx, Predictor};
+use freeplay_predictor::Narx;
 use freeplay_shm::{Joints, State};
 use indicatif::ProgressBar;
 use nalgebra::Vector3;
@@ -37,6 +39,8 @@ pub struct Row {
     pub directions: [Vector3<f64>; 2],
     /// Where the twin with the network, fed with what the network said before, expects it there, m; as the twin without a network.
     pub piloted: [f64; 2],
+    /// Where narx-qp expects it there, m.
+    pub product: [f64; 2],
     /// Whether the journal flies.
     pub free: bool,
     /// What the paper's network looks at: the torques of the joints, N·m (N), and the tool's reference, base frame, m.
@@ -81,7 +85,8 @@ pub struct Observer<'a> {
     pub horizon: usize,
     /// Whether the tool is seen.
     pub tracked: bool,
-    /// The network that says, tick by tick, how wrong the twin's forecast will be; without a tracked tool the twin believes it.
+    /// The network that says, tick by tick, how wrong the twin's forecast will be; without a tracked tool the twin believes it. narx-qp
+    /// corrects its forecast by it as far as it is trusted.
     pub network: Option<&'a Narx>,
 }
 
@@ -130,7 +135,7 @@ fn one(subject: &Subject, spec: &RunSpec, observer: Observer<'_>) -> Result<Coll
     };
     let play = ArmWithPlay::new(&model.arm, &model.clearances).map_err(|error| fault(&error))?;
     let path = JointPath::plan(&model.arm, &spec.path, RATE).map_err(|error| fault(&error))?;
-    let mut features = Features::new(&model, &play, path, TaskMode::Torque, 1.0 / RATE, horizon)
+    let features = Features::new(&model, &play, path, TaskMode::Torque, 1.0 / RATE, horizon)
         .ok_or_else(|| Failure::usage(format!("--horizon {horizon}: give 1 to 16 ticks")))?;
     let folder = tempfile::tempdir().map_err(Failure::internal)?;
     let plays = [(subject.joint, spec.clearance)];
@@ -138,7 +143,8 @@ fn one(subject: &Subject, spec: &RunSpec, observer: Observer<'_>) -> Result<Coll
     let mut collected =
         Collected { spec: spec.clone(), joints: subject.arm.dof(), first: 0, rows: Vec::new() };
     let mut truth = Truth::new(&model, &play);
-    let mut network = network.cloned().map(Predictor::new);
+    let lap = lap(&spec.path, RATE);
+    let mut learned = Learned::new(features, network.cloned(), 1.0 / RATE, lap);
     let run = ClosedLoop {
         arm: &subject.arm,
         plays: &plays,
@@ -155,19 +161,17 @@ fn one(subject: &Subject, spec: &RunSpec, observer: Observer<'_>) -> Result<Coll
         if !tracked {
             state.flags &= !State::FLAG_TOOL_TRACKED;
         }
-        let seen = features.push(&state).map(|outlines| (*outlines.regressors, outlines.scale));
-        match seen {
+        match learned.push(&state) {
             None => collected.rows.clear(),
-            Some((regressors, scale)) => {
+            Some(_) => {
                 if collected.rows.is_empty() {
                     collected.first = state.tick;
                 }
-                let error =
-                    network.as_mut().and_then(|network| said(network, &regressors)).unwrap_or_default();
-                features.predicted(&error, scale);
+                let (correction, product) = (learned.said(), learned.forecast());
+                let features = learned.features();
+                let (&regressors, scale) = features.outlines();
                 let rests = features.rests();
                 let beyond = features.forecast();
-                let correction = features.along_slides(error.map(|error| error * scale));
                 let forecast = [rests[1][0] + beyond[0], rests[1][1] + beyond[1]];
                 let path = truth.tool(&tick.state.reference.q);
                 let tool = Vector3::from_column_slice(&tick.state.tool[..3]);
@@ -181,6 +185,7 @@ fn one(subject: &Subject, spec: &RunSpec, observer: Observer<'_>) -> Result<Coll
                     rests,
                     forecast,
                     piloted: [forecast[0] + correction[0], forecast[1] + correction[1]],
+                    product,
                     normal: features.along_slides([1.0, 0.0]),
                     directions: features.directions(),
                     free,
@@ -190,12 +195,6 @@ fn one(subject: &Subject, spec: &RunSpec, observer: Observer<'_>) -> Result<Coll
     })
     .map_err(|error| Failure { exit: error.exit, ..fault(&error) })?;
     Ok(collected)
-}
-
-/// What `network` says for `regressors`, in units of σ; nothing until it has all that it looks at.
-fn said(network: &mut Predictor, regressors: &[f64]) -> Option<[f64; 2]> {
-    let said = network.push(regressors, None).ok().flatten()?;
-    Some([said[0], said[1]])
 }
 
 /// Where the journal truly is, from an ideally tracked tool.

@@ -1,6 +1,7 @@
 //! `freeplay train`: the network of `narx-qp` from simulated runs, and how much better it predicts than what needs no network.
 
 pub mod collect;
+mod proof;
 pub mod scenarios;
 pub mod score;
 pub mod series;
@@ -80,9 +81,9 @@ pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
     check_target(&args.out)?;
     let fitted = match &args.evaluate {
         Some(file) => {
-            let text = read_text(file)?;
-            let narx = Narx::from_json(&text, &file.display().to_string()).map_err(Failure::input)?;
-            freeplay_controller::learned::check(&narx, &subject.arm).map_err(Failure::input)?;
+            let narx = Narx::load(file).map_err(Failure::input)?;
+            freeplay_controller::learned::check(&narx, &subject.arm)
+                .map_err(|error| Failure::input(format!("{}: {error}", file.display())))?;
             let others =
                 if args.quick { None } else { Some(others(args, &subject, &training(args, &subject)?)?) };
             Fitted { twin: narx, others }
@@ -108,7 +109,7 @@ pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
 fn test(subject: &Subject, fitted: &Fitted, quick: bool) -> Result<Vec<Figures>, Failure> {
     let folder = tempfile::tempdir().map_err(Failure::internal)?;
     let (specs, horizon) = (scenarios::tests(quick, folder.path())?, fitted.twin.layout().horizon);
-    let seeing = Observer { horizon, tracked: true, network: None };
+    let seeing = Observer { horizon, tracked: true, network: Some(&fitted.twin) };
     let mut figures = table::score(fitted, &gather(subject, &specs, seeing)?)?;
     let blind = Observer { horizon, tracked: false, network: Some(&fitted.twin) };
     figures.extend(table::free_run(&gather(subject, &specs, blind)?, horizon));
@@ -180,6 +181,14 @@ fn training(args: &TrainArgs, subject: &Subject) -> Result<Training, Failure> {
 fn learn(args: &TrainArgs, subject: &Subject) -> Result<Fitted, Failure> {
     let training = training(args, subject)?;
     let twin = fit_view(View::Twin, &training, args, subject)?;
+    let twin = proof::tried(
+        twin,
+        &gather(
+            subject,
+            &scenarios::proof(),
+            Observer { horizon: args.horizon, tracked: true, network: None },
+        )?,
+    )?;
     Ok(Fitted { twin, others: Some(others(args, subject, &training)?) })
 }
 
@@ -222,6 +231,7 @@ fn fit_view(view: View, training: &Training, args: &TrainArgs, subject: &Subject
         command: command(args, &hidden),
         scenarios: training.names.clone(),
         seed: args.seed,
+        proved: false,
     };
     let recipe = Recipe {
         layout,

@@ -60,6 +60,14 @@ const VALIDATION: [Line; 2] = [
     Line(PathKind::Lissajous, [0.95, -0.05, 0.90], 0.13, 7.0, None, 0.45),
 ];
 
+/// Runs on which the network has to prove better than the twin alone before narx-qp believes it.
+const PROOF: [Line; 4] = [
+    Line(SHARP, [0.92, 0.03, 0.93], 0.11, 5.0, None, 0.18),
+    Line(SHARP, [0.97, -0.04, 0.97], 0.12, 7.0, None, 0.45),
+    Line(SOFT, [0.93, 0.02, 0.95], 0.12, 6.0, Some(0.02), 0.55),
+    Line(PathKind::Lissajous, [0.97, 0.03, 0.92], 0.11, 6.0, None, 0.25),
+];
+
 /// Clearances tested on, mm.
 const TESTED: [f64; 3] = [0.2, 0.4, 0.6];
 
@@ -105,6 +113,11 @@ pub fn training() -> Vec<RunSpec> {
 /// The runs that stop the training.
 pub fn validation() -> Vec<RunSpec> {
     VALIDATION.iter().map(spec).collect()
+}
+
+/// The runs on which the network proves itself, or not.
+pub fn proof() -> Vec<RunSpec> {
+    PROOF.iter().map(spec).collect()
 }
 
 /// The runs that are tested on: the default paths (the sharp one twice around, so that there is a previous lap), a trained path with the
