@@ -15,7 +15,7 @@ fn the_shipped_weights_predict_a_sharp_path_they_have_not_seen() {
     let around: Vec<&Value> = rows.iter().filter(|row| row["part"] == "detachment").collect();
     assert!(!around.is_empty(), "a sharp path makes the journal leave its bearing");
     for row in around {
-        let network = row["network"].as_f64().expect("a number");
+        let [network, product] = ["network", "product"].map(|name| row[name].as_f64().expect("a number"));
         let baselines = row["baselines"].as_array().expect("baselines").iter();
         let best = baselines.map(|one| one[1].as_f64().expect("a number")).fold(f64::INFINITY, f64::min);
         let skill = 1.0 - (network / best).powi(2);
@@ -28,5 +28,10 @@ fn the_shipped_weights_predict_a_sharp_path_they_have_not_seen() {
         );
         assert!(best > 1e-6, "there is something to predict");
         assert!(skill > 0.5, "the bar around detachments");
+        let twin = row["twin"].as_f64().expect("a number");
+        assert!(
+            product <= twin && product < 0.7 * best,
+            "narx-qp forecasts no worse than its twin: {product}"
+        );
     }
 }

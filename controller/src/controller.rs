@@ -125,8 +125,13 @@ pub enum ControllerError {
     #[error(transparent)]
     Weights(#[from] freeplay_predictor::weight_file::WeightFileError),
     /// The weights are for something else.
-    #[error(transparent)]
-    OtherWeights(#[from] freeplay_predictor::weight_file::MismatchError),
+    #[error("{file}: {source}")]
+    OtherWeights {
+        /// The weight file.
+        file: String,
+        /// What they are for.
+        source: freeplay_predictor::weight_file::MismatchError,
+    },
     /// The model has another number of joints than the plant's arm.
     #[error(
         "the model {model} has {found} joints, the plant's arm has {expected}: give the controller a model of the same joints"

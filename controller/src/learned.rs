@@ -29,15 +29,16 @@ const PENDING: usize = LONGEST_HORIZON + 1;
 /// The weights that come with the project for `arm` with play at `joint`, if there are any.
 pub fn shipped(arm: &Arm, joint: &str) -> Option<Narx> {
     let read = |text: &&str| Narx::from_json(text, "the weights that come with narx-qp").ok();
-    SHIPPED.iter().filter_map(read).find(|narx| check(narx, arm).is_ok() && narx.provenance().joint == joint)
+    SHIPPED.iter().filter_map(read).find(|narx| check(narx, arm, Some(joint)).is_ok())
 }
 
-/// Whether `narx` is for `arm` and looks at what the controller makes of a state.
+/// Whether `narx` is for `arm`, with play at `joint` if that is one, and looks at what the controller makes of a state.
 ///
 /// # Errors
-/// Another arm, other channels or another layout.
-pub fn check(narx: &Narx, arm: &Arm) -> Result<(), MismatchError> {
+/// Another arm or joint, other channels or another layout.
+pub fn check(narx: &Narx, arm: &Arm, joint: Option<&str>) -> Result<(), MismatchError> {
     narx.check_arm(arm.name(), &identity(arm))?;
+    joint.map_or(Ok(()), |joint| narx.check_joint(joint))?;
     narx.check_channels(&REGRESSORS, &OUTPUTS)?;
     let horizon = narx.layout().horizon.clamp(1, LONGEST_HORIZON);
     narx.check_layout(&Layout { input_lags: vec![0], output_lags: vec![], horizon, input_at_target: false })

@@ -186,15 +186,24 @@ pub fn lap(path: &PathSpec, rate: f64) -> Option<u64> {
 
 /// The network of `file`, or the one that comes with the project for `model`; says so where there is none.
 fn network(file: Option<&str>, model: &Model) -> Result<Option<Narx>, ControllerError> {
-    if let Some(file) = file {
-        let narx = Narx::load(Path::new(file))?;
-        learned::check(&narx, &model.arm)?;
-        return Ok(Some(narx));
-    }
-    let found = match model.clearances.as_slice() {
-        [(joint, _)] => learned::shipped(&model.arm, &model.arm.joints()[*joint].name),
+    let alone = match model.clearances.as_slice() {
+        [(joint, _)] => Some(model.arm.joints()[*joint].name.as_str()),
         _ => None,
     };
+    if let Some(file) = file {
+        let narx = Narx::load(Path::new(file))?;
+        let other = |source| ControllerError::OtherWeights { file: file.to_owned(), source };
+        learned::check(&narx, &model.arm, alone).map_err(other)?;
+        if alone.is_none() {
+            let found = model.clearances.len();
+            eprintln!(
+                "narx-qp: {file} is not used: a network forecasts for one joint with play, the model has {found}"
+            );
+            return Ok(None);
+        }
+        return Ok(Some(narx));
+    }
+    let found = alone.and_then(|joint| learned::shipped(&model.arm, joint));
     if found.is_none() {
         let joints: Vec<&str> =
             model.clearances.iter().map(|(joint, _)| model.arm.joints()[*joint].name.as_str()).collect();

@@ -7,7 +7,9 @@ use std::fmt::Write as _;
 use freeplay_arm::paper_arm;
 use freeplay_controller::features::{OUTPUTS, REGRESSORS};
 use freeplay_controller::identity::identity;
+use freeplay_controller::learned::check;
 use freeplay_controller::{Controller, NarxQp, RunInfo, Task};
+use freeplay_predictor::Narx;
 use freeplay_shm::{Mode, Pace};
 
 /// A weight file for the paper's arm, of a linear network that says nothing.
@@ -57,12 +59,23 @@ fn weights_that_fit_are_taken_and_others_are_refused_by_name() {
     };
     let hash = identity(&paper_arm().arm);
     refused(&hash, "0123456789abcdef", &["trained on arm", "0123456789abcdef", "train for this arm"]);
-    refused("\"error_n_0\"", "\"torque\"", &["input channels", "channel 1 of 26 is `torque`, not `error_n_0`", "train with"]);
+    refused(
+        "\"error_n_0\"",
+        "\"torque\"",
+        &["input channels", "channel 1 of 26 is `torque`, not `error_n_0`", "train with"],
+    );
     refused("\"horizon\": 3", "\"horizon\": 99", &["predict 99 ahead", "train with this program"]);
     refused("\"version\": 1", "\"version\": 2", &["version 2", "train again"]);
     refused("\"weights\": [0,", "\"weights\": [null,", &["w.json", "weight 0 is not a finite number"]);
     refused("\"weights\": [0,", "\"weights\": [", &["w.json", "weights"]);
     assert!(start("").unwrap_err().contains("w.json"));
+    let elsewhere = good.replacen("\"by hand\"", "\"by hand\", \"joint\": \"joint_3\"", 1);
+    let narx = Narx::from_json(&elsewhere, "w.json").unwrap();
+    let said = |joint: &str| check(&narx, &paper_arm().arm, Some(joint)).map_err(|error| error.to_string());
+    assert_eq!(said("joint_3"), Ok(()));
+    assert!(
+        said("joint_5").unwrap_err().contains("play in `joint_3`, not in `joint_5`: train for this joint")
+    );
     let mut task = Task::default();
     task.options.insert("weights".to_owned(), "/nowhere/w.json".into());
     let run =

@@ -106,6 +106,18 @@ pub enum MismatchError {
         /// Command that made the weights.
         command: String,
     },
+    /// It was trained on play in another joint.
+    #[error(
+        "the weights were trained on play in `{trained}`, not in `{wanted}`: train for this joint; they were made by: {command}"
+    )]
+    OtherJoint {
+        /// Joint of the weights.
+        trained: String,
+        /// Joint wanted.
+        wanted: String,
+        /// Command that made the weights.
+        command: String,
+    },
     /// It has other channels.
     #[error(
         "the weights have other {kind} channels than the controller: {}: train with this program",
@@ -267,6 +279,19 @@ impl Narx {
             wanted_hash: hash.to_owned(),
             command,
         })
+    }
+
+    /// Whether the model was trained on play in this joint, if it says in which.
+    ///
+    /// # Errors
+    /// When it was trained on another one.
+    pub fn check_joint(&self, joint: &str) -> Result<(), MismatchError> {
+        let Provenance { joint: trained, command, .. } = &self.provenance;
+        if trained.is_empty() || trained == joint {
+            return Ok(());
+        }
+        let (trained, command) = (trained.clone(), command.clone());
+        Err(MismatchError::OtherJoint { trained, wanted: joint.to_owned(), command })
     }
 
     /// Whether the model has exactly these channels, in this order.

@@ -82,7 +82,7 @@ pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
     let fitted = match &args.evaluate {
         Some(file) => {
             let narx = Narx::load(file).map_err(Failure::input)?;
-            freeplay_controller::learned::check(&narx, &subject.arm)
+            freeplay_controller::learned::check(&narx, &subject.arm, Some(&args.joint))
                 .map_err(|error| Failure::input(format!("{}: {error}", file.display())))?;
             let others =
                 if args.quick { None } else { Some(others(args, &subject, &training(args, &subject)?)?) };
