@@ -133,7 +133,7 @@ pub fn friction(runs: &Runs) -> Drawing {
             let (t, x) = part(run, &run.trace.deviation[0], 0.5, 1.5);
             chart = chart.series(Series::line(name, &t, &x).like(like));
         }
-        if !chart.series.is_empty() {
+        if chart.series.len() == laws.len() {
             drawing = drawing.panel(chart);
         }
     }
