@@ -130,7 +130,7 @@ pub enum ControllerError {
         /// The weight file.
         file: String,
         /// What they are for.
-        source: freeplay_predictor::weight_file::MismatchError,
+        source: Box<freeplay_predictor::weight_file::MismatchError>,
     },
     /// The model has another number of joints than the plant's arm.
     #[error(

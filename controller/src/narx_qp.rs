@@ -192,7 +192,8 @@ fn network(file: Option<&str>, model: &Model) -> Result<Option<Narx>, Controller
     };
     if let Some(file) = file {
         let narx = Narx::load(Path::new(file))?;
-        let other = |source| ControllerError::OtherWeights { file: file.to_owned(), source };
+        let other =
+            |source| ControllerError::OtherWeights { file: file.to_owned(), source: Box::new(source) };
         learned::check(&narx, &model.arm, alone).map_err(other)?;
         if alone.is_none() {
             let found = model.clearances.len();
