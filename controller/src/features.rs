@@ -340,14 +340,16 @@ impl Features {
         tick.checked_sub(age).map_or_else(Row::default, |tick| self.rows[slot(tick)])
     }
 
-    /// σ, m: the root mean square of the latest errors, and a share of the movement to come.
+    /// σ, m: the root mean square of the latest errors, and a share of the movement to come. At most c: no journal is farther off, but a
+    /// network that believes itself without a tracked tool may say so, and more with every tick.
     fn scale_at(&self, tick: u64, movement: Pair) -> f64 {
         let squares = (0..SCALE_TICKS as u64).map(|age| {
             let [n, t] = self.past(tick, age).error;
             n * n + t * t
         });
         let recent = (squares.sum::<f64>() / SCALE_TICKS as f64).sqrt();
-        recent + SCALE_OF_MOVEMENT * movement[0].hypot(movement[1]) + LEAST_SCALE * self.clearance
+        let scale = recent + SCALE_OF_MOVEMENT * movement[0].hypot(movement[1]);
+        (scale + LEAST_SCALE * self.clearance).min(self.clearance)
     }
 
     /// Directions of the two slides in the base frame with the joints on the reference h ticks after the last state.
