@@ -14,7 +14,7 @@ fn file() -> Value {
         "format": "freeplay.narx", "version": 1,
         "provenance": {
             "arm": "paper", "arm_hash": "abc123", "joint": "joint_5", "command": "freeplay train",
-            "scenarios": ["lissajous, T = 6 s"], "seed": 7
+            "scenarios": ["lissajous, T = 6 s"], "seed": 7, "proved": true
         },
         "inputs": ["tau1", "tau2"], "outputs": ["dx"],
         "layout": { "input_lags": [0], "output_lags": [0, 1], "horizon": 3, "input_at_target": false },
@@ -183,6 +183,8 @@ fn weights_for_something_else_are_refused() {
         ["paper", "abc123", "other", "def456", "freeplay train"].iter().all(|w| message.contains(w)),
         "{message}"
     );
+    assert_eq!(narx.check_joint("joint_5"), Ok(()));
+    assert!(matches!(narx.check_joint("joint_3"), Err(MismatchError::OtherJoint { .. })));
     assert_eq!(narx.check_channels(&["tau1", "tau2"], &["dx"]), Ok(()));
     let swapped = narx.check_channels(&["tau2", "tau1"], &["dx"]);
     assert!(matches!(swapped, Err(MismatchError::OtherChannels { kind: "input", .. })));
@@ -191,5 +193,5 @@ fn weights_for_something_else_are_refused() {
     assert_eq!(narx.check_layout(&same), Ok(()));
     let later = Layout { horizon: 4, ..same };
     let message = narx.check_layout(&later).unwrap_err().to_string();
-    assert!(message.contains("horizon: 3") && message.contains("horizon: 4"), "{message}");
+    assert!(message.contains("predict 3 ahead") && message.contains("predict 4 ahead"), "{message}");
 }
