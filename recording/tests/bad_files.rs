@@ -120,15 +120,15 @@ const CELLS: [(&str, &str); 18] = [
 const SEPARATORS: [(&str, &str); 3] = [
     (
         "t;q1\n0,5;1,5\n",
-        "run.csv:1: columns are separated by ';'; separate them by \",\" and write decimals with a point: sed 's/,/./g; s/;/,/g' run.csv > comma.csv",
+        "run.csv:1: columns are separated by ';'; separate them by \",\" and write decimals with a point: sed 's/,/./g; s/;/,/g' run.csv > comma.csv; or say with a mapping file what they are: freeplay record import",
     ),
     (
         "t\tq1\n0\t1\n",
-        "run.csv:1: columns are separated by '\\t'; separate them by \",\" and write decimals with a point: tr ',\\t' '.,' < run.csv > comma.csv",
+        "run.csv:1: columns are separated by '\\t'; separate them by \",\" and write decimals with a point: tr ',\\t' '.,' < run.csv > comma.csv; or say with a mapping file what they are: freeplay record import",
     ),
     (
         "t q1\n0 1\n",
-        "run.csv:1: columns are separated by ' '; separate them by \",\" and write decimals with a point: sed 's/,/./g; s/  */,/g' run.csv > comma.csv",
+        "run.csv:1: columns are separated by ' '; separate them by \",\" and write decimals with a point: sed 's/,/./g; s/  */,/g' run.csv > comma.csv; or say with a mapping file what they are: freeplay record import",
     ),
 ];
 

@@ -20,7 +20,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::args::at_least_one;
 use crate::exit::{Exit, Failure};
-use crate::files::{check_target, read_text};
+use crate::files::check_target;
 use crate::run::Format;
 use crate::say::say;
 use crate::train::collect::{Collected, Observer, collect};
