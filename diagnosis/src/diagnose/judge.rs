@@ -13,8 +13,6 @@ const LEAST_GAIN: f64 = 0.05;
 const RENEWALS: usize = 4;
 /// The same for one effect beside the others, which the cross-validation has passed.
 const LEAST_HELD_OUT: f64 = 0.08;
-/// Below this gain, the interval of the gain has to be above zero.
-const UNDOUBTED: f64 = 0.3;
 /// The most by which a finding may make the error of a channel greater on held-out data, as a factor.
 const MOST_BENT: f64 = 1.5;
 /// Share of an effect's own weight that a channel must carry to count as one in which it shows.
@@ -214,10 +212,7 @@ impl<'a, 'b> Judge<'a, 'b> {
                 let Some(proof) = self.proof(search, index)? else { return Ok(None) };
                 proofs.push(proof);
             }
-            let fails = |Gain { value, ci95: [low, _] }: Gain| {
-                value < LEAST_HELD_OUT || value < UNDOUBTED && low <= 0.0
-            };
-            let failing = (0..proofs.len()).filter(|&index| fails(proofs[index].gain));
+            let failing = (0..proofs.len()).filter(|&index| proofs[index].gain.value < LEAST_HELD_OUT);
             let weakest = failing.min_by(|&a, &b| proofs[a].gain.value.total_cmp(&proofs[b].gain.value));
             let Some(index) = weakest else { return Ok(Some(proofs)) };
             let [low, high] = proofs[index].gain.ci95.map(|share| 100.0 * share);
