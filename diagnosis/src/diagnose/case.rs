@@ -163,15 +163,13 @@ impl<'a> Case<'a> {
 
     /// What nothing explains in each channel: what the unnamed correction leaves of `residual`.
     pub fn weigh(&self, residual: &[Vec<f64>]) -> Weighing {
-        let mut weighing = Weighing { deviation: Vec::new(), effective: Vec::new(), misfit: Vec::new() };
+        let nothing = vec![0.0; residual.len()];
+        let mut weighing = Weighing { deviation: Vec::new(), effective: Vec::new(), misfit: nothing };
         for ((residual, universal), kept) in residual.iter().zip(&self.universal).zip(&self.kept) {
-            let unnamed = universal.explained(residual);
-            let rest: Vec<f64> = residual.iter().zip(&unnamed).map(|(r, e)| r - e).collect();
+            let rest: Vec<f64> =
+                residual.iter().zip(universal.explained(residual)).map(|(r, e)| r - e).collect();
             let effective = effective_samples(&rest);
             let rows: f64 = kept.iter().sum();
-            let factor: f64 = std::env::var("LEFTOVER").ok().and_then(|x| x.parse().ok()).unwrap_or(0.0);
-            let alike = unnamed.len() as f64 / effective_samples(&unnamed).max(1.0);
-            weighing.misfit.push(factor * alike * unnamed.iter().map(|x| x * x).sum::<f64>() / rows.max(1.0));
             let square: f64 = rest.iter().map(|x| x * x).sum();
             // The correction has taken part of the noise with it.
             let taken = (universal.size() as f64 / effective.max(1.0)).min(0.5);

@@ -125,9 +125,7 @@ impl<'a, 'b> Search<'a, 'b> {
                 said.iter_mut().zip(part).for_each(|(said, x)| *said += eta * x);
             }
         }
-        for ((misfit, said), rows) in weighing.misfit.iter_mut().zip(&said).zip(&self.rows) {
-            *misfit += law_error(said, *rows);
-        }
+        weighing.misfit = said.iter().zip(&self.rows).map(|(said, rows)| law_error(said, *rows)).collect();
         weighing
     }
 
