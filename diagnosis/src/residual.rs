@@ -3,7 +3,9 @@
 use std::ops::Range;
 
 use freeplay_arm::{Arm, JointKind};
-use freeplay_laws::{Placed, Prediction, Trajectory, predict, rigid_torques, tool_positions, torque_unit};
+use freeplay_laws::{
+    Change, Columns, Placed, Prediction, Trajectory, predict, rigid_torques, tool_positions, torque_unit,
+};
 use freeplay_recording::{Group, Recording};
 
 use crate::error::ResidualError;
@@ -104,7 +106,7 @@ pub(crate) fn residuals_along(
 /// faster than the low-pass lets through. On all grid points.
 pub(crate) struct Sharpening {
     /// By how much the arm's torque and tool, treated, differ from those of the treated motion.
-    pub more: Prediction,
+    pub more: Change,
     /// What the low-pass takes from the arm's torques, `[joint][point]`.
     pub unresolved: Vec<Vec<f64>>,
 }
@@ -113,16 +115,17 @@ impl Sharpening {
     /// For `arm` along `recording`, whose treated motion is `whole`.
     pub fn of(arm: &Arm, recording: &Recording, treatment: &Treatment, whole: &Trajectory) -> Self {
         let fine = treatment.fine_motion(recording);
-        let mut more = Prediction::blank(arm.dof(), whole.len());
         let torques = rigid_torques(arm, &fine, None);
         let low: Vec<Vec<f64>> = torques.iter().map(|torque| treatment.low_pass(torque)).collect();
-        for ((more, low), smooth) in more.torque.iter_mut().zip(&low).zip(rigid_torques(arm, whole, None)) {
-            *more = difference(low, &smooth);
-        }
+        let torque =
+            low.iter().zip(rigid_torques(arm, whole, None)).map(|(low, smooth)| difference(low, &smooth));
         let tools = tool_positions(arm, &fine.q).into_iter().zip(tool_positions(arm, &whole.q));
-        for (more, (fine, smooth)) in more.tool.iter_mut().zip(tools) {
-            *more = difference(&treatment.low_pass(&fine), &smooth);
-        }
+        let tool = tools.map(|(fine, smooth)| difference(&treatment.low_pass(&fine), &smooth));
+        let more = Change {
+            torque: torque.collect::<Vec<_>>().into(),
+            tool: tool.collect::<Vec<_>>().into(),
+            link: Columns::zero(arm.dof(), whole.len()),
+        };
         let unresolved = torques.iter().zip(&low).map(|(torque, low)| difference(torque, low)).collect();
         Self { more, unresolved }
     }

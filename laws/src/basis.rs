@@ -7,10 +7,11 @@
 use freeplay_arm::EffectTable;
 use toml::{Table, Value};
 
+use crate::columns::Change;
 use crate::kind::Kind;
 use crate::parameter::{Parameter, Range, Role};
 use crate::predict::Baseline;
-use crate::scene::{Prediction, Scene};
+use crate::scene::Scene;
 use crate::{LawError, Placed};
 
 /// A place at which an effect may sit, in a scene.
@@ -167,12 +168,12 @@ impl Kind {
         baseline: &Baseline,
         joint: Option<usize>,
         shape: &Table,
-    ) -> Result<Vec<(Term, Prediction)>, LawError> {
+    ) -> Result<Vec<(Term, Change)>, LawError> {
         let place = Place { scene: baseline.scene(), joint };
         let column = |term: Term| {
             let mut column = baseline.change(&self.place(&place, term.plus.clone())?)?;
             if let Some(minus) = &term.minus {
-                column.subtract(&baseline.change(&self.place(&place, minus.clone())?)?);
+                column.add(&baseline.change(&self.place(&place, minus.clone())?)?, -1.0);
             }
             column.scale(term.weight);
             Ok((term, column))

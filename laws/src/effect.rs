@@ -6,6 +6,7 @@ use freeplay_arm::{Arm, Joint};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::LawError;
+use crate::columns::Columns;
 use crate::injection::Injection;
 use crate::scene::{Prediction, Scene};
 
@@ -25,13 +26,13 @@ pub trait Effect: Debug + Send + Sync {
 
     /// Adds to `shift`, `[joint][point]`, how far each link is from where the motor-side encoder has it, rad (m). The link's velocity and
     /// acceleration follow, unless the kind is rough.
-    fn shift(&self, _scene: &Scene, _shift: &mut [Vec<f64>]) {}
+    fn shift(&self, _scene: &Scene, _shift: &mut Columns) {}
 
     /// Adds to `torque`, `[joint][point]`, what the drives have to spend beyond the rigid arm, N·m (N).
-    fn torque(&self, _scene: &Scene, _torque: &mut [Vec<f64>]) {}
+    fn torque(&self, _scene: &Scene, _torque: &mut Columns) {}
 
     /// Adds to `tool`, `[axis][point]`, how far the tool is from where the shifted joints put it, base frame, m.
-    fn displace(&self, _scene: &Scene, _tool: &mut [Vec<f64>; 3]) {}
+    fn displace(&self, _scene: &Scene, _tool: &mut Columns) {}
 
     /// Whether [`Effect::measure`] does anything.
     fn measures(&self) -> bool {

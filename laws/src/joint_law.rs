@@ -3,6 +3,7 @@
 use std::fmt::Debug;
 
 use crate::DriveFriction;
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::scene::Scene;
@@ -38,7 +39,7 @@ pub struct AtJoint<L> {
 }
 
 impl<L: JointLaw> Effect for AtJoint<L> {
-    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let (motion, load) = (scene.motion, &scene.load[self.joint]);
         let (q, v) = (&motion.q[self.joint], &motion.v[self.joint]);
         for (point, torque) in torque[self.joint].iter_mut().enumerate() {

@@ -19,7 +19,7 @@
 //! - [`Values`]: the values of one `[[effect]]` table, checked against its kind.
 //! - [`Effect`]: the law with its values; [`Placed`] at a joint or on the whole arm; [`Effects`]: all of an arm file.
 //! - [`Trajectory`] and [`Scene`]: the motion that effects see; [`Prediction`]: what a recording of it would show; made by [`predict`],
-//!   or by a [`Baseline`], which also says what one more effect would change.
+//!   or by a [`Baseline`], which also says what one more effect would [`Change`], in [`Columns`].
 //! - [`Injection`]: what effects put into a plant: [`DriveLaw`], [`Transmission`], [`ToolForce`], [`SensorLaw`].
 
 mod basis;
@@ -27,6 +27,7 @@ mod bearing;
 mod bearing_load;
 pub mod catalogue;
 mod clearance;
+mod columns;
 mod contact;
 mod drive_friction;
 mod effect;
@@ -51,6 +52,7 @@ pub use bearing::{Approach, BearingContact, Journal, bearing_contact};
 pub use bearing_load::BearingLoad;
 pub use catalogue::{CATALOGUE, kind};
 pub use clearance::{Clearance, ClearanceTable};
+pub use columns::{Change, Columns};
 pub use contact::{Material, NormalContact, NormalLaw, hertz_stiffness};
 pub use drive_friction::DriveFriction;
 pub use effect::{ArmParts, Effect};

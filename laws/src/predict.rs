@@ -5,6 +5,7 @@ use std::fmt::Debug;
 
 use freeplay_arm::Arm;
 
+use crate::columns::{Change, Columns};
 use crate::effect::{ArmParts, Effect};
 use crate::scene::{
     Prediction, Scene, Trajectory, rigid_torques, rotor_torques, tool_positions, tool_sensitivity,
@@ -84,7 +85,7 @@ impl<'a> Baseline<'a> {
             let shifts = if placed.kind.rough { &mut shift } else { &mut smooth };
             say(placed, low_pass, shifts, |effect, shift| effect.shift(&scene, shift));
             say(placed, low_pass, &mut torque, |effect, torque| effect.torque(&scene, torque));
-            say(placed, low_pass, &mut tool, |effect, tool| displace(effect, &scene, tool));
+            say(placed, low_pass, &mut tool, |effect, tool| effect.displace(&scene, tool));
         }
         let mut total = link_torques(&scene, &smooth, &shift);
         add(&mut total, &rotor_torques(arm_now, motion));
@@ -128,44 +129,39 @@ impl<'a> Baseline<'a> {
     ///
     /// # Errors
     /// [`LawError::Changed`] if it leaves no possible arm.
-    pub fn change(&self, placed: &Placed) -> Result<Prediction, LawError> {
+    pub fn change(&self, placed: &Placed) -> Result<Change, LawError> {
         let mut parts = ArmParts::of(&self.scene.arm);
         placed.effect.arm(&mut parts)?;
         if !parts.are_of(&self.scene.arm) {
             let effects: Vec<&Placed> = self.effects.iter().copied().chain([placed]).collect();
-            let mut change =
-                Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass)?.measured;
-            change.subtract(&self.measured);
-            return Ok(change);
+            let changed = Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass)?.measured;
+            return Ok(Change::between(&self.measured, changed));
         }
         let change = self.plain_change(placed);
         let effects = self.effects.iter().copied().chain([placed]);
         if !effects.clone().any(|placed| placed.effect.measures()) {
             return Ok(change);
         }
-        let mut plain = self.plain.clone();
-        plain.add(&change);
-        effects.for_each(|placed| placed.effect.measure(&self.scene, &mut plain));
-        plain.subtract(&self.measured);
-        Ok(plain)
+        let mut changed = self.plain.clone();
+        changed.add(&change);
+        effects.for_each(|placed| placed.effect.measure(&self.scene, &mut changed));
+        Ok(Change::between(&self.measured, changed))
     }
 
     /// What an effect that leaves the arm as it is changes before the sensors.
-    fn plain_change(&self, placed: &Placed) -> Prediction {
+    fn plain_change(&self, placed: &Placed) -> Change {
         let (scene, points) = (&self.scene, self.scene.motion.len());
-        let mut change = Prediction::blank(scene.arm.dof(), points);
+        let mut change = Change::none(scene.arm.dof(), points);
         let effect = placed.effect.as_ref();
         effect.shift(scene, &mut change.link);
         effect.torque(scene, &mut change.torque);
         effect.displace(scene, &mut change.tool);
         if placed.kind.rough {
-            let said = change.columns_mut().filter(|column| column.iter().any(|&x| x != 0.0));
-            said.for_each(|column| *column = (self.low_pass)(column));
-        }
-        for (joint, shift) in change.link.iter().enumerate() {
-            if shift.iter().all(|&shift| shift == 0.0) {
-                continue;
+            for columns in change.parts_mut() {
+                columns.change_written(|column| *column = (self.low_pass)(column));
             }
+        }
+        for (joint, shift) in change.link.all_written() {
             let sensitivity =
                 self.tool_sensitivity.get_or_init(|| tool_sensitivity(&scene.arm, &self.plain.link));
             add_products(&mut change.tool, &sensitivity[joint], shift);
@@ -176,10 +172,12 @@ impl<'a> Baseline<'a> {
                 add_products(&mut change.torque, &sensitivity[joint], shift);
             }
         }
-        if !placed.kind.rough && change.link.iter().flatten().any(|&shift| shift != 0.0) {
-            let none = vec![vec![0.0; points]; scene.arm.dof()];
-            add(&mut change.torque, &link_torques(scene, &change.link, &none));
-            subtract(&mut change.torque, &scene.load);
+        if !placed.kind.rough && change.link.all_written().next().is_some() {
+            let mut shift = vec![vec![0.0; points]; scene.arm.dof()];
+            change.link.all_written().for_each(|(joint, column)| shift[joint].copy_from_slice(column));
+            let mut torque = link_torques(scene, &shift, &vec![vec![0.0; points]; scene.arm.dof()]);
+            subtract(&mut torque, &scene.load);
+            change.torque.add(&Columns::from(torque), 1.0);
         }
         change
     }
@@ -204,22 +202,15 @@ fn say(
     placed: &Placed,
     low_pass: &LowPassed,
     channels: &mut [Vec<f64>],
-    speak: impl Fn(&dyn Effect, &mut [Vec<f64>]),
+    speak: impl Fn(&dyn Effect, &mut Columns),
 ) {
-    let mut said: Vec<Vec<f64>> = channels.iter().map(|channel| vec![0.0; channel.len()]).collect();
+    let mut said = Columns::zero(channels.len(), channels.first().map_or(0, Vec::len));
     speak(placed.effect.as_ref(), &mut said);
-    for (channel, said) in channels.iter_mut().zip(said) {
-        if said.iter().all(|&x| x == 0.0) {
-            continue;
-        }
-        let said = if placed.kind.rough { low_pass(&said) } else { said };
-        channel.iter_mut().zip(said).for_each(|(channel, said)| *channel += said);
+    if placed.kind.rough {
+        said.change_written(|column| *column = low_pass(column));
     }
-}
-
-fn displace(effect: &dyn Effect, scene: &Scene, tool: &mut [Vec<f64>]) {
-    if let Ok(tool) = tool.try_into() {
-        effect.displace(scene, tool);
+    for (index, said) in said.all_written() {
+        channels[index].iter_mut().zip(said).for_each(|(channel, said)| *channel += said);
     }
 }
 
@@ -235,9 +226,9 @@ fn subtract(channels: &mut [Vec<f64>], others: &[Vec<f64>]) {
     }
 }
 
-fn add_products(channels: &mut [Vec<f64>], sensitivity: &[Vec<f64>], shift: &[f64]) {
-    for (channel, sensitivity) in channels.iter_mut().zip(sensitivity) {
-        for ((channel, sensitivity), shift) in channel.iter_mut().zip(sensitivity).zip(shift) {
+fn add_products(channels: &mut Columns, sensitivity: &[Vec<f64>], shift: &[f64]) {
+    for (index, sensitivity) in sensitivity.iter().enumerate() {
+        for ((channel, sensitivity), shift) in channels[index].iter_mut().zip(sensitivity).zip(shift) {
             *channel += sensitivity * shift;
         }
     }

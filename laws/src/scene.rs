@@ -6,6 +6,8 @@ use std::ops::Range;
 use freeplay_arm::{Arm, JointKind, Workspace, forward_kinematics, jacobian, rnea};
 use nalgebra::DMatrix;
 
+use crate::columns::Change;
+
 /// A motion of all joints over time, as the motor-side encoders read it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trajectory {
@@ -130,10 +132,17 @@ impl Prediction {
         self.torque.iter().chain(&self.friction).chain(&self.link).chain(&self.tool)
     }
 
-    /// Adds `other`, point by point.
-    pub fn add(&mut self, other: &Prediction) {
-        for (column, other) in self.columns_mut().zip(other.columns()) {
-            column.iter_mut().zip(other).for_each(|(x, other)| *x += other);
+    /// Adds `change`, point by point.
+    pub fn add(&mut self, change: &Change) {
+        let parts = [
+            (&mut self.torque[..], &change.torque),
+            (&mut self.tool, &change.tool),
+            (&mut self.link, &change.link),
+        ];
+        for (columns, change) in parts {
+            for (index, change) in change.all_written() {
+                columns[index].iter_mut().zip(change).for_each(|(x, change)| *x += change);
+            }
         }
     }
 

@@ -5,8 +5,8 @@ mod common;
 
 use freeplay_arm::{Arm, EffectTable, parse_toml, to_toml};
 use freeplay_laws::{
-    Absent, Baseline, CATALOGUE, DriveState, Kind, Place, Placed, Prediction, Range, Readings, Role, Scene,
-    Site, Trajectory,
+    Absent, Baseline, CATALOGUE, Change, Columns, DriveState, Kind, Place, Placed, Prediction, Range,
+    Readings, Role, Scene, Site, Trajectory,
 };
 use toml::{Table, Value};
 
@@ -38,9 +38,10 @@ fn coefficients(kind: &'static Kind, baseline: &Baseline, shape: &Table) -> Vec<
     }
     let columns = kind.columns(baseline, site(kind), shape).unwrap();
     let torque = greatest(baseline.prediction().torque.iter().flatten());
-    let size = |(index, (term, column)): (usize, &(freeplay_laws::Term, Prediction))| {
-        let torque_effect = greatest(column.torque.iter().flatten()) / torque;
-        let tool_effect = greatest(column.tool.iter().chain(&column.link).flatten());
+    let size = |(index, (term, column)): (usize, &(freeplay_laws::Term, Change))| {
+        let of = |columns: &Columns| greatest(columns.all_written().flat_map(|(_, column)| column));
+        let torque_effect = of(&column.torque) / torque;
+        let tool_effect = of(&column.tool).max(of(&column.link));
         let share = (0.003 / torque_effect).min(3e-4 / tool_effect);
         let sign = if index % 2 == 1 && term.least < 0.0 { -1.0 } else { 1.0 };
         (sign * share / columns.len() as f64).clamp(term.least, term.most)
@@ -48,14 +49,10 @@ fn coefficients(kind: &'static Kind, baseline: &Baseline, shape: &Table) -> Vec<
     columns.iter().enumerate().map(size).collect()
 }
 
-fn sum(columns: &[(freeplay_laws::Term, Prediction)], coefficients: &[f64], like: &Prediction) -> Prediction {
-    let mut sum = like.clone();
+fn sum(columns: &[(freeplay_laws::Term, Change)], coefficients: &[f64]) -> Change {
+    let mut sum = columns[0].1.clone();
     sum.scale(0.0);
-    for ((_, column), coefficient) in columns.iter().zip(coefficients) {
-        let mut part = column.clone();
-        part.scale(*coefficient);
-        sum.add(&part);
-    }
+    columns.iter().zip(coefficients).for_each(|((_, column), coefficient)| sum.add(column, *coefficient));
     sum
 }
 
@@ -185,7 +182,8 @@ fn predictions_are_sums_of_the_terms() {
         for (low, high) in [(0.5, 1.0), (1.0, 2.0)] {
             let mut increment = shown(high);
             increment.subtract(&shown(low));
-            let off = difference(&increment, &sum(&columns, &scaled(high - low), &increment));
+            let off =
+                difference(&increment, &common::whole(&arm, &motion, &sum(&columns, &scaled(high - low))));
             let size = greatest(increment.columns().flatten());
             println!(
                 "{}, {low} to {high}: off by {off:.1e} of the change {size:.1e}, margin 2e-2",
@@ -206,7 +204,7 @@ fn the_short_cut_of_a_column_agrees_with_two_predictions() {
     let baseline = Baseline::new(&arm, &[], &motion, &raw).unwrap();
     for kind in CATALOGUE {
         let effect = placed(&arm, kind.name, site(kind), typical(kind, &arm, &motion));
-        let short = baseline.change(&effect).unwrap();
+        let short = common::whole(&arm, &motion, &baseline.change(&effect).unwrap());
         let full = common::added(&arm, &[effect], &motion);
         let off = difference(&short, &full);
         println!("{}: off by {off:.1e} of the effect, margin 1e-2", kind.name);

@@ -142,9 +142,11 @@ fn effect(arm: &Arm, motion: &Trajectory, rng: &mut ChaCha8Rng) -> EffectTable {
         let beta: Vec<f64> = columns
             .iter()
             .map(|(_, column)| {
-                let torques = column.torque.iter().zip(&baseline.prediction().torque);
-                let torque = torques.map(|(c, t)| rms(c) / spread(t).max(1e-9)).fold(0.0, f64::max);
-                let tool = column.tool.iter().map(|c| rms(c) / 1e-3).fold(0.0, f64::max);
+                let of_torque = |(joint, c): (usize, &[f64])| {
+                    rms(c) / spread(&baseline.prediction().torque[joint]).max(1e-9)
+                };
+                let torque = column.torque.all_written().map(of_torque).fold(0.0, f64::max);
+                let tool = column.tool.all_written().map(|(_, c)| rms(c) / 1e-3).fold(0.0, f64::max);
                 let sign = if rng.random_range(0.0..1.0) < 0.5 { -1.0 } else { 1.0 };
                 sign * size / torque.max(tool).max(1e-12)
             })

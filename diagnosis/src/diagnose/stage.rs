@@ -2,7 +2,7 @@
 
 use freeplay_arm::Arm;
 use freeplay_laws::{
-    Baseline, Kind as EffectKind, LawError, Placed, Prediction, Recorded, Trajectory, rigid_torques,
+    Baseline, Change, Kind as EffectKind, LawError, Placed, Prediction, Recorded, Trajectory, rigid_torques,
     tool_positions,
 };
 use freeplay_recording::Recording;
@@ -80,11 +80,10 @@ impl<'a> Stage<'a> {
         let smooth = Baseline::new(arm, effects, &ground.motion, &*ground.as_it_is)?;
         let rough = Baseline::new(arm, effects, &ground.whole, &*ground.treated)?;
         let mut channels = ground.channels.clone();
+        let mut sharp = rough.prediction().clone();
+        sharp.add(&ground.sharpening.more);
         for channel in &mut channels {
-            let model = column_of(rough.prediction(), channel.kind).iter();
-            let sharp =
-                model.zip(column_of(&ground.sharpening.more, channel.kind)).map(|(model, more)| model + more);
-            channel.model = ground.treatment.keep(&sharp.collect::<Vec<_>>());
+            channel.model = ground.treatment.keep(column_of(&sharp, channel.kind));
         }
         let now = &smooth.scene().arm;
         let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
@@ -158,12 +157,14 @@ impl<'a> Stage<'a> {
         Ok(self.answer_of(placed.kind, &self.baseline(placed.kind).change(placed)?))
     }
 
-    fn answer_of(&self, kind: &EffectKind, change: &Prediction) -> Answer {
+    fn answer_of(&self, kind: &EffectKind, change: &Change) -> Answer {
         self.by_channel(|channel| {
-            let column = column_of(change, channel);
-            if column.iter().all(|&x| x == 0.0) {
-                return None;
-            }
+            let column = match channel {
+                Kind::Torque(joint) => change.torque.written(joint),
+                Kind::Tool(axis) => change.tool.written(axis),
+                Kind::Link(joint) => change.link.written(joint),
+            };
+            let column = column.filter(|column| column.iter().any(|&x| x != 0.0))?;
             Some(if kind.rough { self.ground.treatment.keep(column) } else { column.to_vec() })
         })
     }

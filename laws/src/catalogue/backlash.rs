@@ -18,6 +18,7 @@ use nalgebra::DMatrix;
 use toml::{Table, Value};
 
 use crate::basis::{Place, Term, Terms, with};
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
 use crate::kind::{Kind, Seen, Site};
@@ -253,7 +254,7 @@ fn of_friction(friction: [f64; 2], share: f64) -> f64 {
 }
 
 impl Effect for Backlash {
-    fn shift(&self, scene: &Scene, shift: &mut [Vec<f64>]) {
+    fn shift(&self, scene: &Scene, shift: &mut Columns) {
         let held = self.slides().then(|| self.crossings(scene));
         for (point, (shift, load)) in shift[self.joint].iter_mut().zip(&scene.load[self.joint]).enumerate() {
             let side = if *load == 0.0 { 0.0 } else { load.signum() };
@@ -263,7 +264,7 @@ impl Effect for Backlash {
         }
     }
 
-    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
         if !self.slides() {
             return;
         }

@@ -4,6 +4,7 @@
 //! Source: Mancini 1998; Hagiwara et al. 1992, IEEE Trans. Instrum. Meas. 41:40: one period in one turn of the disc.
 //! The terms are a cos φ and a sin φ, linear for small a.
 
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::harmonic::TERMS;
 use crate::injection::{Injection, Readings, SensorLaw};
@@ -56,7 +57,7 @@ impl EncoderEccentricity {
 }
 
 impl Effect for EncoderEccentricity {
-    fn shift(&self, scene: &Scene, shift: &mut [Vec<f64>]) {
+    fn shift(&self, scene: &Scene, shift: &mut Columns) {
         for (shift, reading) in shift[self.joint].iter_mut().zip(&scene.motion.q[self.joint]) {
             *shift += self.position(*reading) - reading;
         }

@@ -4,6 +4,7 @@
 //! Source: Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration, §2.
 
 use crate::basis::{Term, Terms, with};
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Seen, Site, one_shape};
@@ -61,7 +62,7 @@ struct EncoderOffset {
 }
 
 impl Effect for EncoderOffset {
-    fn shift(&self, _scene: &Scene, shift: &mut [Vec<f64>]) {
+    fn shift(&self, _scene: &Scene, shift: &mut Columns) {
         shift[self.joint].iter_mut().for_each(|shift| *shift -= self.offset);
     }
 

@@ -7,6 +7,7 @@ use nalgebra::Vector3;
 use toml::{Table, Value};
 
 use crate::basis::{Place, Term, Terms, with};
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, ToolForce};
 use crate::kind::{Kind, Seen, Site};
@@ -81,12 +82,12 @@ fn windows(place: &Place) -> Vec<Table> {
 struct ExternalForce(ToolForce);
 
 impl Effect for ExternalForce {
-    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let ToolForce { force, start, end } = self.0;
         let acts = |t: f64| t >= start && t < end;
-        for (torque, sensitivity) in torque.iter_mut().zip(scene.tool_sensitivity()) {
+        for (joint, sensitivity) in scene.tool_sensitivity().iter().enumerate() {
             let [x, y, z] = sensitivity;
-            for (point, torque) in torque.iter_mut().enumerate() {
+            for (point, torque) in torque[joint].iter_mut().enumerate() {
                 if acts(scene.motion.t[point]) {
                     *torque -= Vector3::new(x[point], y[point], z[point]).dot(&force);
                 }

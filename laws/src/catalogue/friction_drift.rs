@@ -8,6 +8,7 @@ use toml::Table;
 
 use crate::DriveFriction;
 use crate::basis::{Place, Terms, with};
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::kind::{Kind, Seen, Site};
@@ -85,7 +86,7 @@ impl FrictionDrift {
 }
 
 impl Effect for FrictionDrift {
-    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let points = scene.motion.t.iter().zip(&scene.motion.v[self.joint]);
         for (torque, (t, v)) in torque[self.joint].iter_mut().zip(points) {
             *torque += self.excess(*t) * self.friction.resisting(*v);

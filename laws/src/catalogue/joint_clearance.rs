@@ -8,6 +8,7 @@
 
 use crate::basis::{Term, Terms, with};
 use crate::bearing_load::BearingLoad;
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::Injection;
 use crate::kind::{Kind, Seen, Site, one_shape};
@@ -98,7 +99,7 @@ struct JointClearance {
 }
 
 impl Effect for JointClearance {
-    fn displace(&self, scene: &Scene, tool: &mut [Vec<f64>; 3]) {
+    fn displace(&self, scene: &Scene, tool: &mut Columns) {
         let mut last = Rest::default();
         follow(scene, self.joint, self.clearance, tool, |at| {
             let before = if at.begins { Rest::default() } else { last };
@@ -130,7 +131,7 @@ pub(super) fn follow(
     scene: &Scene,
     joint: usize,
     clearance: Clearance,
-    tool: &mut [Vec<f64>; 3],
+    tool: &mut Columns,
     mut displacement: impl FnMut(AtPoint) -> [f64; 2],
 ) {
     let Ok(mut bearing) = BearingLoad::new(&scene.arm, joint, clearance) else { return };
@@ -142,7 +143,7 @@ pub(super) fn follow(
             let (force, turning) = (bearing.force(), bearing.turning());
             let moved = displacement(AtPoint { begins: point == stretch.start, step, force, turning });
             let moved = bearing.moved(moved);
-            tool.iter_mut().zip(moved.iter()).for_each(|(tool, moved)| tool[point] += moved);
+            moved.iter().enumerate().for_each(|(axis, moved)| tool[axis][point] += moved);
         }
     }
 }

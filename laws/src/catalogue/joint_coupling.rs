@@ -11,6 +11,7 @@ use toml::{Table, Value};
 
 use crate::DriveFriction;
 use crate::basis::{Place, Terms, with};
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::kind::{Kind, Seen, Site};
@@ -85,7 +86,7 @@ struct JointCoupling {
 }
 
 impl Effect for JointCoupling {
-    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let [own, other] = self.joints;
         let motion = scene.motion;
         let load = |point: usize| {

@@ -6,6 +6,7 @@
 //! motion at once, and the link's acceleration that; damping and resonance are left to the plant.
 
 use crate::basis::{Term, Terms, with};
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, Transmission};
 use crate::kind::{Kind, Seen, Site, one_shape};
@@ -72,7 +73,7 @@ struct JointElasticity {
 }
 
 impl Effect for JointElasticity {
-    fn shift(&self, scene: &Scene, shift: &mut [Vec<f64>]) {
+    fn shift(&self, scene: &Scene, shift: &mut Columns) {
         for (shift, load) in shift[self.joint].iter_mut().zip(&scene.load[self.joint]) {
             *shift -= load / self.stiffness;
         }

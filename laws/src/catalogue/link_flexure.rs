@@ -11,6 +11,7 @@ use freeplay_arm::{Arm, Workspace, joint_reaction, rnea};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::basis::{Term, Terms, with};
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Seen, Site, one_shape};
@@ -129,12 +130,12 @@ impl LinkFlexure {
 }
 
 impl Effect for LinkFlexure {
-    fn displace(&self, scene: &Scene, tool: &mut [Vec<f64>; 3]) {
+    fn displace(&self, scene: &Scene, tool: &mut Columns) {
         let mut now = Instant::new(&scene.arm);
         for point in 0..scene.motion.len() {
             scene.motion.at(point, &mut now.q, &mut now.v, &mut now.a);
             let sag = self.sag(&scene.arm, &mut now);
-            tool.iter_mut().zip(sag.iter()).for_each(|(tool, sag)| tool[point] += sag);
+            sag.iter().enumerate().for_each(|(axis, sag)| tool[axis][point] += sag);
         }
     }
 

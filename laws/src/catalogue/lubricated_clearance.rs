@@ -13,6 +13,7 @@ use toml::Table;
 use super::joint_clearance::follow;
 use crate::basis::{Place, Term, Terms, with};
 use crate::bearing_load::BearingLoad;
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Seen, Site};
@@ -102,7 +103,7 @@ struct LubricatedClearance {
 }
 
 impl Effect for LubricatedClearance {
-    fn displace(&self, scene: &Scene, tool: &mut [Vec<f64>; 3]) {
+    fn displace(&self, scene: &Scene, tool: &mut Columns) {
         let mut offset = [0.0; 2];
         follow(scene, self.joint, self.dry, tool, |at| {
             let (from, time) = if at.begins { ([0.0; 2], BEFORE) } else { (offset, at.step) };

@@ -11,6 +11,7 @@ use toml::Table;
 
 use crate::DriveFriction;
 use crate::basis::{Place, Term, Terms, with};
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::kind::{Kind, Seen, Site};
@@ -144,7 +145,7 @@ struct Presliding {
 }
 
 impl Effect for Presliding {
-    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let (q, v) = (&scene.motion.q[self.joint], &scene.motion.v[self.joint]);
         for stretch in &scene.motion.stretches {
             let mut bristles = self.bristles;

@@ -5,6 +5,7 @@
 //! Source: Siciliano, Sciavicco, Villani & Oriolo 2009, Robotics, §7.2.1 (with the remark on high ratios).
 
 use crate::basis::Terms;
+use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::Injection;
 use crate::kind::{Kind, Seen, Site, one_shape};
@@ -49,7 +50,7 @@ struct RotorInertia {
 }
 
 impl Effect for RotorInertia {
-    fn torque(&self, scene: &Scene, torque: &mut [Vec<f64>]) {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
         for (torque, a) in torque[self.joint].iter_mut().zip(&scene.motion.a[self.joint]) {
             *torque += self.inertia * a;
         }

@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable, Inertia, Joint, JointFriction, JointKind, Limits, paper_arm};
-use freeplay_laws::{Placed, Prediction, Trajectory, predict};
+use freeplay_laws::{Change, Placed, Prediction, Trajectory, predict};
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use toml::Table;
 
@@ -92,6 +92,13 @@ pub fn effect(arm: &Arm, kind: &str, joint: Option<usize>, text: &str) -> Placed
 pub fn placed(arm: &Arm, kind: &str, joint: Option<usize>, parameters: Table) -> Placed {
     let joint = joint.map(|joint| arm.joints()[joint].name.clone());
     Placed::new(&EffectTable { kind: kind.into(), joint, parameters, line: 1 }, arm).unwrap()
+}
+
+/// `change` with every column at its length.
+pub fn whole(arm: &Arm, motion: &Trajectory, change: &Change) -> Prediction {
+    let mut whole = Prediction::blank(arm.dof(), motion.len());
+    whole.add(change);
+    whole
 }
 
 /// What `effects` add to the prediction of `arm` alone.
