@@ -274,7 +274,10 @@ impl Context<'_> {
             Physics::LoadDependentFriction { coefficient: x } => *x = x.min(0.4),
             Physics::FrictionDrift { amount: x, .. } => *x = x.min(4.0),
             Physics::LinkMass { scale: x } => *x = x.clamp(0.4, 2.5),
-            Physics::TorqueGain { gain: x } => *x = x.clamp(0.4, 2.0),
+            Physics::TorqueGain { gain: x } => *x = x.clamp(0.55, 1.8),
+            // Beyond this an encoder is broken, not off.
+            Physics::EncoderOffset { offset: x } => *x = x.clamp(-0.25, 0.25),
+            Physics::EncoderEccentricity { amplitude: x, .. } => *x = x.min(0.08),
             Physics::TimeDelay { delay: x, .. } => *x = x.min(0.019),
             Physics::SensorLowpass { cutoff: x } => *x = x.clamp(1.0, 80.0),
             Physics::LoadDrop { mass: x, .. } | Physics::SloshingLoad { mass: x, .. } => {

@@ -54,6 +54,11 @@ impl Hypothesis {
         self.kind.name == other.kind.name && self.joint == other.joint
     }
 
+    /// Whether `other` is a special case of it, at the same place.
+    pub fn contains(&self, other: &Hypothesis) -> bool {
+        self.joint == other.joint && self.kind.contains.iter().any(|(kind, _)| *kind == other.kind.name)
+    }
+
     /// Whether the coefficients of `score` are physical.
     pub fn is_physical(&self, score: &Score) -> bool {
         self.is_possible(score.beta.as_slice())

@@ -26,7 +26,7 @@ impl Conclusion<'_, '_, '_> {
             for other in &search.hypotheses {
                 let taken = search.chosen.iter().any(|c| search.hypotheses[c.hypothesis].same_effect(other));
                 let refuted = search.vetoed.contains(&(other.kind.name, other.joint));
-                if taken || refuted || is_nested(named, other) {
+                if taken || refuted || named.contains(other) || other.contains(named) {
                     continue;
                 }
                 let Some(score) = search.system.score(&fit, &other.block) else { continue };
@@ -76,13 +76,6 @@ impl Conclusion<'_, '_, '_> {
         all.truncate(sure.max(ALTERNATIVES));
         all
     }
-}
-
-/// Two kinds at one place of which one contains the other are tested nested, not as alternatives.
-fn is_nested(a: &Hypothesis, b: &Hypothesis) -> bool {
-    let contains =
-        |a: &Hypothesis, b: &Hypothesis| a.kind.contains.iter().any(|(kind, _)| *kind == b.kind.name);
-    a.joint == b.joint && (contains(a, b) || contains(b, a))
 }
 
 /// What separates two kinds, by the catalogue.

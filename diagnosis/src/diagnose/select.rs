@@ -14,6 +14,8 @@ const MOST_EFFECTS: usize = 4;
 const MOST_A_JOINT: usize = 4;
 /// How often weights and winner are brought into agreement.
 const ROUNDS: usize = 4;
+/// How many of those that don't count get a second look.
+const LOOKS: usize = 5;
 /// How often every effect is put to the test of an exchange.
 const EXCHANGES: usize = 3;
 /// How often the search goes on after the cross-validation has dropped effects.
@@ -185,25 +187,11 @@ impl Search<'_, '_> {
     /// Takes the strongest effect in if it counts; whether it did. `None` if a fit is singular.
     fn step(&mut self, progress: &mut dyn FnMut(&str)) -> Option<bool> {
         let weights = self.system.weights.clone();
-        let mut last = None;
-        let mut won = None;
-        for _ in 0..ROUNDS {
-            let fit = self.system.fit(&self.active(None))?;
-            let weighing = self.weighing(&self.system.residual(&fit), &fit);
-            let Some(winner) = self.winner(&fit, &weighing) else { break };
-            let with =
-                self.system.residual_with(&fit, &self.hypotheses[winner.hypothesis].block, &winner.score);
-            self.reweigh(&with, &fit);
-            let same = last == Some(winner.hypothesis);
-            last = Some(winner.hypothesis);
-            won = Some(winner);
-            if same {
-                break;
-            }
-        }
-        let counts =
-            |winner: &Winner| winner.score.gain >= self.threshold(&self.hypotheses[winner.hypothesis]);
-        let Some(winner) = won.filter(counts) else {
+        let won = match self.agreed()? {
+            Some(winner) => Some(winner),
+            None => self.second_look()?,
+        };
+        let Some(winner) = won else {
             self.system.weights = weights;
             return Some(false);
         };
@@ -223,6 +211,50 @@ impl Search<'_, '_> {
             self.weigh_anew()?;
         }
         Some(true)
+    }
+
+    /// The strongest effect that counts, the channels weighed by what it leaves itself; `None` inside if there is none.
+    fn agreed(&mut self) -> Option<Option<Winner>> {
+        let mut last = None;
+        let mut won = None;
+        for _ in 0..ROUNDS {
+            let fit = self.system.fit(&self.active(None))?;
+            let weighing = self.weighing(&self.system.residual(&fit), &fit);
+            let Some(winner) = self.winner(&fit, &weighing) else { break };
+            self.reweigh_with(&fit, &winner);
+            let same = last == Some(winner.hypothesis);
+            last = Some(winner.hypothesis);
+            won = Some(winner);
+            if same {
+                break;
+            }
+        }
+        Some(won.filter(|winner| winner.score.gain >= self.threshold(&self.hypotheses[winner.hypothesis])))
+    }
+
+    /// The same where what is missing is itself taken for noise, since even the unnamed correction leaves it: the channels weighed first
+    /// by what the strongest of those that don't count leave, as if it were known.
+    fn second_look(&mut self) -> Option<Option<Winner>> {
+        let weights = self.system.weights.clone();
+        let fit = self.system.fit(&self.active(None))?;
+        let weighing = self.weighing(&self.system.residual(&fit), &fit);
+        let mut strongest: Vec<Winner> = self.by_place(&fit, &weighing, None).into_values().collect();
+        strongest.sort_by(|a, b| b.score.gain.total_cmp(&a.score.gain));
+        for first in strongest.into_iter().take(LOOKS) {
+            self.reweigh_with(&fit, &first);
+            if let Some(winner) = self.agreed()? {
+                return Some(Some(winner));
+            }
+            self.system.weights.clone_from(&weights);
+        }
+        Some(None)
+    }
+
+    /// Weighs the channels by what `winner` leaves beside `fit`.
+    fn reweigh_with(&mut self, fit: &Fit, winner: &Winner) {
+        let block = &self.hypotheses[winner.hypothesis].block;
+        let left = self.system.residual_with(fit, block, &winner.score);
+        self.reweigh(&left, fit);
     }
 
     /// Drops the effect number `index`, which did not prove itself on held-out data, for good; what could not stand beside it may.
@@ -299,6 +331,13 @@ impl Search<'_, '_> {
             let all = self.system.fit(&self.active(None))?;
             let weighing = self.weighing(&self.system.residual(&all), &all);
             let merit = self.merit(self.named(index), fit.left - all.left, &weighing);
+            if let Some(winner) = self.contained(index, &fit, &all, &weighing) {
+                let was = self.in_words(index);
+                self.chosen[index] = self.admit(winner.hypothesis);
+                progress(&format!("{was} is no better than {}", self.in_words(index)));
+                moved = true;
+                continue;
+            }
             let (plain, size) = (plainness(self.named(index)), self.named(index).size());
             let mut rivals: Vec<Winner> = self
                 .by_place(&fit, &weighing, Some(index))
@@ -306,6 +345,10 @@ impl Search<'_, '_> {
                 .filter(|winner| winner.merit > merit - TOLD_APART)
                 .filter(|winner| self.hypotheses[winner.hypothesis].size() <= size + 1)
                 .filter_map(|winner| self.exact(&fit, &weighing, winner))
+                .filter(|winner| {
+                    let rival = &self.hypotheses[winner.hypothesis];
+                    !rival.contains(self.named(index)) || self.leaves_less(rival, (&fit, winner), &all)
+                })
                 .map(|mut winner| {
                     // What it explains beside the named effect is no reason to put it in that one's place.
                     let block = &self.hypotheses[winner.hypothesis].block;
@@ -334,6 +377,37 @@ impl Search<'_, '_> {
             moved = true;
         }
         Some(moved)
+    }
+
+    /// The law that the effect number `index` contains as a special case, if it does as well in its place. `fit` has all effects but
+    /// that one in, `all` that too.
+    fn contained(&self, index: usize, fit: &Fit, all: &Fit, weighing: &Weighing) -> Option<Winner> {
+        let named = self.named(index);
+        let places = self.by_place(fit, weighing, Some(index)).into_values();
+        places
+            .filter(|winner| named.contains(&self.hypotheses[winner.hypothesis]))
+            .filter_map(|winner| self.exact(fit, weighing, winner))
+            .filter(|winner| winner.score.gain > self.threshold(&self.hypotheses[winner.hypothesis]))
+            .find(|plain| {
+                let block = &self.hypotheses[plain.hypothesis].block;
+                let left = self.system.residual_with(fit, block, &plain.score);
+                !self.is_worth_more(named, &self.system.residual(all), &left)
+            })
+    }
+
+    /// Whether `rival` in the place of an effect of `all` leaves so much less that its further numbers are worth it.
+    fn leaves_less(&self, rival: &Hypothesis, (fit, winner): (&Fit, &Winner), all: &Fit) -> bool {
+        let rich = self.system.residual_with(fit, &rival.block, &winner.score);
+        self.is_worth_more(rival, &rich, &self.system.residual(all))
+    }
+
+    /// Whether the law `rich` leaves so much less, `with` in place of `without`, of the channels in which it shows that it is worth its
+    /// further numbers: no machine follows the plainer law to the last digit.
+    fn is_worth_more(&self, rich: &Hypothesis, with: &[Vec<f64>], without: &[Vec<f64>]) -> bool {
+        let square = |rows: &[Vec<f64>]| -> f64 {
+            rich.channels().map(|c| self.system.weights[c] * rows[c].iter().map(|x| x * x).sum::<f64>()).sum()
+        };
+        square(with) < (1.0 - LEAST_GAIN).powi(2) * square(without)
     }
 
     /// Drops what is not physical beside the others, or else the weakest effect if the others made it idle; whether one was dropped.
