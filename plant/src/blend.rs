@@ -5,17 +5,26 @@
 //! (A torque brings neither with it: there both are zero. To start with the rate at which it has lately changed makes the command
 //! smoother still, but carries an arm that is already under way further off: up to a fifth was measured.) The first command of the new controller thus
 //! continues the old one's, and the arm is led from one target to the other instead of being let go.
+//!
+//! A difference of torques may be that of a few ticks: at a corner one controller pushes where another does not yet. Kept for the length of
+//! the blend it would push the arm away. While the old controller goes on answering, no more of it is therefore left than the two still
+//! differ by; after a failure nobody can tell, and the blend is short.
 
 use freeplay_shm::{Command, Joints, MAX_JOINTS, Mode};
 
 use crate::motion::quintic;
+
+/// Longest blend of torques after a failure, s: the time constant of a feedback of 50 rad/s.
+const AFTER_FAILURE: f64 = 0.02;
 
 /// The difference between two controllers on its way to zero.
 #[derive(Clone, Debug)]
 pub struct Blend {
     mode: Mode,
     period: f64,
+    /// Ticks of a blend, and of the one that goes on.
     ticks: u32,
+    length: u32,
     /// The difference at the start of each joint, with its first and second derivative.
     from: [[f64; 3]; MAX_JOINTS],
     start: u64,
@@ -25,7 +34,7 @@ pub struct Blend {
 impl Blend {
     /// A blend over `ticks` ticks of `period` s; 0 for none: commands change hands as they are.
     pub fn new(mode: Mode, period: f64, ticks: u32) -> Self {
-        Self { mode, period, ticks, from: [[0.0; 3]; MAX_JOINTS], start: 0, active: false }
+        Self { mode, period, ticks, length: ticks, from: [[0.0; 3]; MAX_JOINTS], start: 0, active: false }
     }
 
     /// Begins at `tick`: `was` and `says` are what was in force, and what the new controller said, for the same instant.
@@ -37,7 +46,25 @@ impl Blend {
                 from[2] = was.acceleration[joint] - says.acceleration[joint];
             }
         }
-        (self.start, self.active) = (tick, self.ticks > 0);
+        (self.start, self.length, self.active) = (tick, self.ticks, self.ticks > 0);
+    }
+
+    /// Shortens it: the old controller has failed.
+    pub fn hurry(&mut self) {
+        if self.mode == Mode::Torque {
+            self.length = self.ticks.min((AFTER_FAILURE / self.period).round() as u32);
+            self.active &= self.length > 0;
+        }
+    }
+
+    /// Leaves no more of a difference of torques than there is between what the `old` and the `new` controller say to this tick.
+    pub fn shrink(&mut self, old: &Command, new: &Command) {
+        if self.mode == Mode::Torque {
+            for (joint, [from, ..]) in self.from.iter_mut().enumerate() {
+                let apart = old.value[joint] - new.value[joint];
+                *from = from.clamp(apart.min(0.0), apart.max(0.0));
+            }
+        }
     }
 
     /// Limits the difference that it starts from to `most`, by joint; what is cut comes without derivatives.
@@ -56,7 +83,7 @@ impl Blend {
 
     /// Whether a difference is still there at `tick`.
     pub fn holds(&self, tick: u64) -> bool {
-        self.active && tick < self.start + u64::from(self.ticks)
+        self.active && tick < self.start + u64::from(self.length)
     }
 
     /// Adds what is left of the difference at `tick` to `command`. Without one, the command stays as it is to the bit.
@@ -64,7 +91,7 @@ impl Blend {
         if !self.holds(tick) {
             return;
         }
-        let span = f64::from(self.ticks);
+        let span = f64::from(self.length);
         let share = (tick - self.start) as f64 / span;
         for joint in 0..command.joints as usize {
             let [value, rate, curvature] = quintic(span * self.period, share, self.from[joint], [0.0; 3]);
@@ -104,6 +131,28 @@ mod tests {
         assert!(course.windows(2).all(|pair| pair[1] <= pair[0]), "it never turns back");
         // The steepest slope of the quintic from 1 to 0 is 15/8 of its mean slope.
         assert!((largest / (4.0 * 1.875 / 100.0) - 1.0).abs() < 1e-3, "{largest}");
+    }
+
+    #[test]
+    fn of_a_torque_no_more_is_left_than_the_two_still_differ_by() {
+        let mut blend = Blend::new(Mode::Torque, 1e-3, 100);
+        let left = |blend: &Blend, tick| {
+            let mut new = command(0.0);
+            blend.add(tick, &mut new);
+            new.value[0]
+        };
+        blend.begin(0, &command(9.0), &command(1.0));
+        assert_eq!(left(&blend, 0), 8.0);
+        // What they differ by falls to 2, rises to 5 and turns its sign.
+        blend.shrink(&command(3.0), &command(1.0));
+        assert_eq!(left(&blend, 0), 2.0);
+        blend.shrink(&command(6.0), &command(1.0));
+        assert_eq!(left(&blend, 0), 2.0);
+        blend.shrink(&command(0.0), &command(1.0));
+        assert_eq!(left(&blend, 0), 0.0);
+        blend.begin(0, &command(9.0), &command(1.0));
+        blend.hurry();
+        assert!(blend.holds(19) && !blend.holds(20), "after a failure it is short");
     }
 
     #[test]

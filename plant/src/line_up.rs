@@ -11,7 +11,7 @@
 //!
 //! Either way the [`Blend`] makes the new commands continue the old ones. After a planned swap they continue what the old
 //! controller says for the next instant; after a failure, whose command is not to be trusted, what was in force moved on as
-//! the new one moved on.
+//! the new one moved on, and for a short time.
 
 use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS, Mode};
 use serde::Serialize;
@@ -118,6 +118,8 @@ pub struct LineUp {
     /// What was asked for while the run goes on; it comes before what is planned.
     asked: Option<PlannedSwap>,
     blend: Blend,
+    /// The slot whose commands the blend started from, while nothing else is in it.
+    blends_from: Option<usize>,
     hand_over_change: Option<Joints>,
     comparison: Option<Comparison>,
     witnesses: Witnesses,
@@ -142,6 +144,7 @@ impl LineUp {
             next_planned: 0,
             asked: None,
             blend: Blend::new(mode, period, spec.blend),
+            blends_from: None,
             hand_over_change: spec.hand_over_change.filter(|_| mode == Mode::Torque),
             comparison: spec.comparison,
             witnesses: Witnesses::new(spec.comparison, spec.controllers.clamp(1, MAX_SLOTS)),
@@ -342,9 +345,14 @@ impl LineUp {
             // For the instant before; without an answer to that, the command stays what it was for this tick.
             _ => self.in_force.zip(new.gate.before_last().copied().or(new.answer)),
         };
+        let is_first = !self.blend.holds(tick);
+        self.blends_from = Some(from).filter(|_| cause == Cause::Planned && is_first);
         match continued {
             Some((was, says)) => self.blend.begin(tick, &was, &says),
             None => self.blend.end(),
+        }
+        if cause != Cause::Planned {
+            self.blend.hurry();
         }
         if let (Cause::Failed(Rejection::Disagrees), Some(comparison)) = (cause, &self.comparison) {
             // What is in force is already wrong: no more of it lives on than two sound controllers may differ by.
@@ -371,6 +379,10 @@ impl LineUp {
     ) {
         let blends = self.blend.holds(tick);
         if let (true, Some(before)) = (blends, before) {
+            let old = self.blends_from.map(|slot| &self.slots[slot]);
+            if let Some(Slot { rejection: None, answer: Some(old), .. }) = old {
+                self.blend.shrink(old, &command);
+            }
             self.blend.add(tick, &mut command);
             self.slots[self.in_charge].gate.limits().clamp(&mut command, before);
         }
