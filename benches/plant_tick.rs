@@ -8,7 +8,7 @@ use crossbeam::queue::ArrayQueue;
 use freeplay_arm::paper_arm;
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::{JointPath, PathSpec};
-use freeplay_plant::{Applied, Input, MAX_PLAYS, PlayRecord, System, TickRecord};
+use freeplay_plant::{Applied, Input, MAX_PLAYS, NO_DIFFERENCES, PlayRecord, System, TickRecord};
 use freeplay_shm::{Command, State};
 
 fn main() {
@@ -54,6 +54,7 @@ fn main() {
         link: state.q,
         peak_base_force: 0.0,
         plays: [PlayRecord::default(); MAX_PLAYS],
+        differences: NO_DIFFERENCES,
         marks: 0,
     };
     let queue = Arc::new(ArrayQueue::new(4096));

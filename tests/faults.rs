@@ -469,7 +469,13 @@ fn what_is_left_when_all_processes_are_killed_at_once_is_swept_by_the_next_run()
 
 /// The exam of `quasi-static` with one fault of each of `kinds`; the slowest detection of each, in ticks.
 fn examined(kinds: &[&str]) -> (Ran, Vec<Value>) {
-    let mut arguments = vec!["faults", "quasi-static", "--seeds", "1", "--out", "out", "--quiet"];
+    examined_with(kinds, &["--seeds", "1"])
+}
+
+/// The same with more `arguments`.
+fn examined_with(kinds: &[&str], more: &[&str]) -> (Ran, Vec<Value>) {
+    let mut arguments = vec!["faults", "quasi-static", "--out", "out", "--quiet"];
+    arguments.extend(more);
     kinds.iter().for_each(|kind| arguments.extend(["--kind", kind]));
     let ran = Call::new(fresh_folder(), &arguments).run().expect(0);
     let text = std::fs::read_to_string(ran.out().join("faults.json")).expect("written");
@@ -493,6 +499,25 @@ fn the_exam_of_a_controller_has_a_verdict_on_wrong_messages() {
     let read = |name: &str| std::fs::read_to_string(ran.out().join(name)).expect("written");
     assert!(read("faults.xml").contains("tests=\"4\" failures=\"0\""), "{}", read("faults.xml"));
     assert!(read("faults.html").contains("every kind of fault was met as it should be"));
+}
+
+/// At a corner sound controllers differ by a fifth of a joint's range: what is held against the whole motion tells nothing of a gain.
+#[test]
+fn wrong_commands_are_told_on_a_path_with_sharp_corners() {
+    let sharp = ["--seeds", "6", "--set", "path.kind=square_sharp"];
+    let (ran, slowest) = examined_with(&["ok", "drift", "gain"], &sharp);
+    assert_eq!(slowest[0], Value::Null, "a sound controller is no alarm");
+    assert!(slowest[1..].iter().all(|ticks| ticks.as_u64().is_some_and(|ticks| ticks <= 40)), "{slowest:?}");
+    let sound = ran.recording("sound/quasi-static/quasi-static.mcap");
+    let difference = sound.column("difference_1_2").expect("what the standby said beside it");
+    let greatest =
+        |ticks: std::ops::Range<usize>| difference[ticks].iter().fold(0.0, |most: f64, d| most.max(d.abs()));
+    println!(
+        "joint 2 differs by {:.0} N*m at the corner, {:.0} between",
+        greatest(1400..1600),
+        greatest(800..1300)
+    );
+    assert!(greatest(1400..1600) > 10.0 * greatest(800..1300), "no corner: this tests nothing");
 }
 
 #[test]

@@ -3,9 +3,9 @@
 //! The contract's columns come first; after them everything that is needed to replay a controller bit for bit, and
 //! the truth that the controller did not see.
 
-use freeplay_plant::{Applied, TickRecord};
+use freeplay_plant::{Applied, TickRecord, Usual};
 use freeplay_recording::{ColumnError, Group, Layout, Recording};
-use freeplay_shm::{Joints, MAX_JOINTS, Mode, State};
+use freeplay_shm::{Joints, MAX_JOINTS, MAX_SLOTS, Mode, State};
 
 /// Joint arrays of State and Command beyond the contract's columns: name, and where to find them.
 type JointColumn = (&'static str, fn(&TickRecord) -> &Joints);
@@ -67,6 +67,7 @@ pub struct RunColumns {
     joints: usize,
     tracked: bool,
     links: bool,
+    standbys: usize,
     period: f64,
     plays: Vec<String>,
 }
@@ -74,12 +75,17 @@ pub struct RunColumns {
 impl RunColumns {
     /// Columns for `joints` joints, of which those named in `plays` have play; `tracked` if the tool is measured.
     pub fn new(joints: usize, plays: Vec<String>, tracked: bool, period: f64) -> Self {
-        Self { joints, tracked, links: false, period, plays }
+        Self { joints, tracked, links: false, standbys: 0, period, plays }
     }
 
     /// With the links' positions, if `links`: where a transmission parts a link from its motor.
     pub fn with_links(self, links: bool) -> Self {
         Self { links, ..self }
+    }
+
+    /// With what each of so many standbys said less what the first controller said.
+    pub fn with_standbys(self, standbys: usize) -> Self {
+        Self { standbys, ..self }
     }
 
     /// The layout of the recording.
@@ -92,7 +98,9 @@ impl RunColumns {
         let tick = TICK_COLUMNS.iter().map(|(name, _)| (*name).to_owned());
         let plays =
             self.plays.iter().flat_map(|play| PLAY_COLUMNS.iter().map(move |name| play_column(play, name)));
-        let others: Vec<String> = tick.chain(joint).chain(plays).collect();
+        let standbys = (1..=self.standbys)
+            .flat_map(|slot| (1..=self.joints).map(move |joint| difference_column(slot, joint)));
+        let others: Vec<String> = tick.chain(joint).chain(plays).chain(standbys).collect();
         let others: Vec<&str> = others.iter().map(String::as_str).collect();
         let groups = [Group::Position, Group::Velocity, Group::Torque, Group::Reference, Group::Link];
         let groups = if self.links { &groups[..] } else { &groups[..4] };
@@ -120,12 +128,33 @@ impl RunColumns {
         for play in &record.plays[..self.plays.len()] {
             row.extend([play.offset[0], play.offset[1], play.peak_normal_force, play.episode]);
         }
+        for difference in &record.differences[..self.standbys] {
+            row.extend_from_slice(&difference[..self.joints]);
+        }
     }
 }
 
 /// Name of a bearing's column.
 pub fn play_column(joint: &str, quantity: &str) -> String {
     format!("{joint}_{quantity}")
+}
+
+/// Name of the column with what the controller in `slot` said of `joint`, counted from 1, less what that in slot 0 said.
+fn difference_column(slot: usize, joint: usize) -> String {
+    format!("difference_{slot}_{joint}")
+}
+
+/// What the controllers of a recorded run differed by; `None` if it had no standby.
+pub fn usual(recording: &Recording) -> Option<Usual> {
+    let of_slot = |slot: usize| {
+        let columns: Option<Vec<&[f64]>> =
+            (1..=recording.joints()).map(|joint| recording.column(&difference_column(slot, joint))).collect();
+        let columns = columns?;
+        let at = |tick: usize| std::array::from_fn(|joint| columns.get(joint).map_or(0.0, |all| all[tick]));
+        Some((0..recording.len()).map(at).collect::<Vec<Joints>>())
+    };
+    let courses: Vec<Vec<Joints>> = (1..MAX_SLOTS).map_while(of_slot).collect();
+    (!courses.is_empty()).then(|| Usual::new(courses))
 }
 
 /// The State of row `index` of a recorded run, as it was published but for its wall-clock times; `None` if columns

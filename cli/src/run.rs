@@ -312,6 +312,9 @@ fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
         *model = std::path::absolute(&*model).map_err(Failure::input)?.display().to_string();
     }
     scenario.path.file = scenario.path.file.map(std::path::absolute).transpose().map_err(Failure::input)?;
+    if let Some(sound) = scenario.compare.as_mut().and_then(|compare| compare.sound.as_mut()) {
+        *sound = std::path::absolute(&*sound).map_err(Failure::input)?;
+    }
     Ok(scenario)
 }
 

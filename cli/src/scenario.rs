@@ -276,6 +276,9 @@ impl Scenario {
         scenario.model = beside(folder, &scenario.model);
         scenario.controller.model = scenario.controller.model.map(|model| beside(folder, &model));
         scenario.path.file = scenario.path.file.map(|file| folder.join(file));
+        if let Some(sound) = scenario.compare.as_mut().and_then(|compare| compare.sound.as_mut()) {
+            *sound = folder.join(&*sound);
+        }
         Ok((scenario, given))
     }
 

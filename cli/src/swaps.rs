@@ -1,14 +1,16 @@
 //! Which controller is to be in charge when: from the names and times of a scenario to slots and ticks.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use freeplay_plant::{Comparison, LineUpSpec, PlannedSwap};
+use freeplay_plant::{Comparison, LineUpSpec, PlannedSwap, Usual};
 use freeplay_shm::MAX_JOINTS;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::columns;
 use crate::exit::Failure;
 use crate::scenario::Scenario;
 
@@ -29,8 +31,12 @@ pub struct SwapTable {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CompareTable {
-    /// Greatest difference of each joint's command between controllers that agree, N·m or rad.
+    /// Greatest difference of each joint's command between controllers that agree, N·m or rad; with `sound`: beyond what is usual.
     pub tolerance: Vec<f64>,
+    /// A recording of a sound run of the same motion with the same controllers in the same order: what they differed by there within two
+    /// ticks is usual. Without it, the tolerance holds for the whole motion.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sound: Option<PathBuf>,
     /// Ticks in a row for which they disagree before the one in charge is not believed.
     #[serde(default = "CompareTable::default_ticks")]
     pub ticks: u32,
@@ -41,11 +47,30 @@ impl CompareTable {
         2
     }
 
-    fn comparison(&self) -> Comparison {
+    /// The comparison of `controllers` controllers.
+    fn comparison(&self, controllers: usize) -> Result<Comparison, Failure> {
+        if let Some(bad) = self.tolerance.iter().find(|value| value.is_nan() || **value < 0.0) {
+            return Err(Failure::input(format!(
+                "scenario: compare.tolerance = {bad} is out of range; it must be at least 0"
+            )));
+        }
         let mut tolerance = [f64::INFINITY; MAX_JOINTS];
         tolerance.iter_mut().zip(&self.tolerance).for_each(|(to, from)| *to = *from);
-        Comparison { tolerance, ticks: self.ticks }
+        let usual = self.sound.as_deref().map(|file| usual_of(file, controllers)).transpose()?;
+        Ok(Comparison { tolerance, ticks: self.ticks, usual: usual.map(Arc::new) })
     }
+}
+
+/// What the `controllers` controllers of the sound run recorded in `file` differed by.
+fn usual_of(file: &Path, controllers: usize) -> Result<Usual, Failure> {
+    let recording = freeplay_recording::read(file, None).map_err(Failure::input)?;
+    columns::usual(&recording).filter(|usual| usual.slots() == controllers).ok_or_else(|| {
+        Failure::input(format!(
+            "scenario: compare.sound = {}: it is no recording of a run of {controllers} controllers; give one that `freeplay run` made with \
+             the same controllers and standbys, in the same order",
+            file.display()
+        ))
+    })
 }
 
 /// The names of a run's controllers by slot, the one that begins first; of several with one name, the second is `name#2`.
@@ -106,16 +131,7 @@ pub fn line_up(
         swaps.extend(random(scenario.seed, scenario.random_swaps, names.len(), ticks, apart));
     }
     swaps.sort_by_key(|swap| swap.tick);
-    if let Some(bad) = scenario
-        .compare
-        .iter()
-        .flat_map(|compare| &compare.tolerance)
-        .find(|value| value.is_nan() || **value < 0.0)
-    {
-        return Err(Failure::input(format!(
-            "scenario: compare.tolerance = {bad} is out of range; it must be at least 0"
-        )));
-    }
+    let comparison = scenario.compare.as_ref().map(|compare| compare.comparison(names.len())).transpose()?;
     if let Some(bad) = scenario.swap_change.iter().flatten().find(|value| value.is_nan() || **value < 0.0) {
         return Err(Failure::input(format!(
             "scenario: swap_change = {bad} is out of range; it must be at least 0"
@@ -126,13 +142,7 @@ pub fn line_up(
         most.iter_mut().zip(given).for_each(|(to, from)| *to = *from);
         most
     });
-    Ok(LineUpSpec {
-        controllers: names.len(),
-        swaps,
-        blend,
-        hand_over_change,
-        comparison: scenario.compare.as_ref().map(CompareTable::comparison),
-    })
+    Ok(LineUpSpec { controllers: names.len(), swaps, blend, hand_over_change, comparison })
 }
 
 /// `count` swaps at random ticks at least `apart` apart, each to another than the one before.

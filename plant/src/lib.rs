@@ -7,7 +7,7 @@
 //! - [`Sensors`]: what the machine says of itself.
 //! - [`Gate`]: what may pass from a controller to the joints, and what is applied instead.
 //! - [`LineUp`]: the controllers of a run, one in charge, the others warm; [`Swap`] is a change of who is in charge, [`Blend`] takes
-//!   the jump out of it.
+//!   the jump out of it; [`Usual`] is what sound controllers differ by.
 //! - [`TickRecord`]: all that is worth keeping of one tick; it leaves the loop through a queue.
 //! - [`Stages`]: how long each stage of the loop took.
 //! - [`Wishes`]: what a person asks of the loop while it runs.
@@ -37,6 +37,7 @@ mod system;
 mod thread_watch;
 mod tick_record;
 mod tool_forces;
+mod usual;
 mod wish;
 mod witnesses;
 
@@ -56,6 +57,7 @@ pub use rotor::ROTOR_SHARE;
 pub use sensors::{Channel, Sensors, SensorsSpec};
 pub use stages::{Stage, Stages};
 pub use system::{Input, MAX_CONTACT_STEP, System, SystemError, TickPeaks};
-pub use tick_record::{MAX_PLAYS, PlayRecord, TickRecord};
+pub use tick_record::{MAX_PLAYS, NO_DIFFERENCES, PlayRecord, TickRecord};
+pub use usual::Usual;
 pub use wish::{Wish, Wishes};
 pub use witnesses::Comparison;

@@ -146,8 +146,8 @@ impl LineUp {
             blend: Blend::new(mode, period, spec.blend),
             blends_from: None,
             hand_over_change: spec.hand_over_change.filter(|_| mode == Mode::Torque),
-            comparison: spec.comparison,
-            witnesses: Witnesses::new(spec.comparison, spec.controllers.clamp(1, MAX_SLOTS)),
+            comparison: spec.comparison.clone(),
+            witnesses: Witnesses::new(spec.comparison.clone(), spec.controllers.clamp(1, MAX_SLOTS)),
             in_force: None,
             rejected: [0; Rejection::ALL.len()],
             swaps: Vec::with_capacity(spec.swaps.len() + MOST_FAIL_OVERS),
@@ -215,6 +215,22 @@ impl LineUp {
     /// Greatest difference between the one in charge and a standby, by joint, N·m or rad; after the start.
     pub fn greatest_difference(&self) -> &Joints {
         self.witnesses.greatest()
+    }
+
+    /// What each slot from 1 on says to this tick less what slot 0 says, by joint, N·m or rad; NaN where one of them has no answer that
+    /// passes, or there is no such slot.
+    pub fn differences(&self) -> [Joints; MAX_SLOTS - 1] {
+        let said = |slot: usize| match self.slots.get(slot)? {
+            Slot { rejection: None | Some(Rejection::Disagrees), answer, .. } => answer.as_ref(),
+            _ => None,
+        };
+        let first = said(0);
+        std::array::from_fn(|standby| match (first, said(standby + 1)) {
+            (Some(first), Some(other)) => {
+                std::array::from_fn(|joint| other.value[joint] - first.value[joint])
+            }
+            _ => [f64::NAN; MAX_JOINTS],
+        })
     }
 
     pub(crate) fn slot_mut(&mut self, slot: usize) -> &mut Slot {
@@ -356,7 +372,7 @@ impl LineUp {
         }
         if let (Cause::Failed(Rejection::Disagrees), Some(comparison)) = (cause, &self.comparison) {
             // What is in force is already wrong: no more of it lives on than two sound controllers may differ by.
-            self.blend.limit(&comparison.tolerance);
+            self.blend.limit(&comparison.most(tick, [from, to]));
         }
         let held = if cause == Cause::Planned { 0 } else { tick - asked };
         let none = [0.0; MAX_JOINTS];

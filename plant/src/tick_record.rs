@@ -1,12 +1,15 @@
 //! All that is worth keeping of one tick; it leaves the loop through a queue.
 
-use freeplay_shm::{Command, Joints, State};
+use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS, State};
 use sha2::{Digest, Sha256};
 
 use crate::{Applied, Rejection};
 
 /// Most joints with play that a record can hold.
 pub const MAX_PLAYS: usize = freeplay_shm::MAX_JOINTS;
+
+/// What no standby said.
+pub const NO_DIFFERENCES: [Joints; MAX_SLOTS - 1] = [[f64::NAN; MAX_JOINTS]; MAX_SLOTS - 1];
 
 /// One joint's bearing at a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,6 +43,8 @@ pub struct TickRecord {
     pub peak_base_force: f64,
     /// The bearings, in the order of the arm's plays.
     pub plays: [PlayRecord; MAX_PLAYS],
+    /// What each slot from 1 on said less what slot 0 said, see [`crate::LineUp::differences`].
+    pub differences: [Joints; MAX_SLOTS - 1],
     /// Marks that were set so far, see [`crate::Wish::Mark`].
     pub marks: u32,
 }

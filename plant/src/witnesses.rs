@@ -6,21 +6,58 @@
 //! believed any more. One standby alone is believed against the one in charge; with two or more the majority decides, and a
 //! standby that is in the minority is no witness until it has agreed for a while.
 //!
-//! Different controllers differ when all is well: one corrects what another does not see. The tolerance is therefore set from
-//! the greatest difference of a sound run, which [`Witnesses::greatest`] gives.
+//! Different controllers differ when all is well: one corrects what another does not see. What a sound run differed by at the same ticks
+//! is therefore no disagreement: the tolerance is what they may be beyond [`Usual`]. Without it, it has to hold the greatest difference of
+//! the whole motion, which [`Witnesses::greatest`] gives.
+
+use std::sync::Arc;
 
 use freeplay_shm::{Command, Joints, MAX_JOINTS};
+
+use crate::Usual;
 
 /// Ticks of agreement after which somebody who was not believed is believed again.
 pub(crate) const PROBATION: u32 = 100;
 
+/// Share of what a sound difference varies by around a tick that it may vary by beyond that.
+const LATITUDE: f64 = 0.5;
+
 /// When controllers disagree.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Comparison {
-    /// Greatest difference of each joint's value between two controllers that agree, N·m or rad.
+    /// Greatest difference of each joint's value between two controllers that agree, beyond what is usual, N·m or rad.
     pub tolerance: Joints,
     /// Ticks in a row, ≥ 1.
     pub ticks: u32,
+    /// What is usual; absent: nothing. Where it tells nothing of a tick, whatever is said agrees.
+    pub usual: Option<Arc<Usual>>,
+}
+
+impl Comparison {
+    /// Least and greatest difference of `joint` from slot `one` to slot `other` at `tick` with which they agree.
+    fn span(&self, tick: u64, [one, other]: [usize; 2], joint: usize) -> Option<[f64; 2]> {
+        let tolerance = self.tolerance[joint];
+        let Some(usual) = &self.usual else { return Some([-tolerance, tolerance]) };
+        let [least, most] = usual.span(tick, [one, other], joint)?;
+        let room = tolerance + LATITUDE * (most - least);
+        Some([least - room, most + room])
+    }
+
+    /// Whether the commands of two slots agree.
+    fn agree(&self, slots: [usize; 2], one: &Command, other: &Command) -> bool {
+        (0..one.joints as usize).all(|joint| {
+            let difference = one.value[joint] - other.value[joint];
+            self.span(one.tick, slots, joint).is_none_or(|[least, most]| (least..=most).contains(&difference))
+        })
+    }
+
+    /// The most that the values of two slots that agree at `tick` are apart, by joint; infinite where that is not known.
+    pub(crate) fn most(&self, tick: u64, slots: [usize; 2]) -> Joints {
+        std::array::from_fn(|joint| {
+            let span = self.span(tick, slots, joint);
+            span.map_or(f64::INFINITY, |[least, most]| most.max(-least))
+        })
+    }
 }
 
 /// What is known of who agrees with whom.
@@ -65,7 +102,7 @@ impl Witnesses {
         let (mut heard, mut against) = (0, 0);
         for slot in (0..self.agreed.len()).filter(|&slot| slot != in_charge) {
             let Some(other) = said(slot) else { continue };
-            let agrees = self.compare(claim, other);
+            let agrees = self.compare([in_charge, slot], claim, other);
             if self.agreed[slot] >= PROBATION {
                 heard += 1;
                 against += usize::from(!agrees);
@@ -73,22 +110,23 @@ impl Witnesses {
                 self.agreed[slot] = if agrees { self.agreed[slot] + 1 } else { 0 };
             }
         }
-        let Some(Comparison { tolerance, ticks }) = self.comparison else { return false };
+        let Some(comparison) = self.comparison.clone() else { return false };
         let contradicted = 2 * against > heard;
         for slot in (0..self.agreed.len()).filter(|&slot| slot != in_charge && heard > 1) {
-            let is_alone = !contradicted && said(slot).is_some_and(|other| !within(claim, other, &tolerance));
-            self.count(slot, is_alone, ticks);
+            let differs = |other| !comparison.agree([in_charge, slot], claim, other);
+            let is_alone = !contradicted && said(slot).is_some_and(differs);
+            self.count(slot, is_alone, comparison.ticks);
         }
-        self.count(in_charge, contradicted, ticks)
+        self.count(in_charge, contradicted, comparison.ticks)
     }
 
     /// Notes how far two commands are apart; whether they agree.
-    fn compare(&mut self, one: &Command, other: &Command) -> bool {
+    fn compare(&mut self, slots: [usize; 2], one: &Command, other: &Command) -> bool {
         for joint in 0..one.joints as usize {
             let difference = (one.value[joint] - other.value[joint]).abs();
             self.greatest[joint] = self.greatest[joint].max(difference);
         }
-        self.comparison.is_none_or(|comparison| within(one, other, &comparison.tolerance))
+        self.comparison.as_ref().is_none_or(|comparison| comparison.agree(slots, one, other))
     }
 
     /// Counts the ticks for which `slot` `is_alone`; whether it has been for too long.
@@ -102,18 +140,17 @@ impl Witnesses {
     }
 }
 
-fn within(one: &Command, other: &Command, tolerance: &Joints) -> bool {
-    (0..one.joints as usize).all(|joint| (one.value[joint] - other.value[joint]).abs() <= tolerance[joint])
-}
-
 #[cfg(test)]
 mod tests {
     use super::{Comparison, PROBATION, Witnesses};
+    use std::sync::Arc;
+
+    use crate::Usual;
     use freeplay_shm::{Command, MAX_JOINTS, State};
 
     /// The tick of a hundred at which the one in charge, slot 0, is no longer believed, if slot `i` says `say(i, tick)`.
     fn contradicted(slots: usize, say: impl Fn(usize, u32) -> f64) -> (Option<u32>, Witnesses) {
-        let comparison = Comparison { tolerance: [1.0; MAX_JOINTS], ticks: 2 };
+        let comparison = Comparison { tolerance: [1.0; MAX_JOINTS], ticks: 2, usual: None };
         let mut witnesses = Witnesses::new(Some(comparison), slots);
         let at = (0..100).find(|&tick| {
             let said: Vec<Command> = (0..slots)
@@ -126,6 +163,35 @@ mod tests {
             witnesses.contradict(0, |slot| said.get(slot))
         });
         (at, witnesses)
+    }
+
+    #[test]
+    fn what_a_sound_run_differed_by_is_no_disagreement_and_what_it_did_not_is() {
+        // A corner: for ten ticks they are 20 apart, else 3.
+        let course = |tick: usize| if (50..60).contains(&tick) { 20.0 } else { 3.0 };
+        let usual = Usual::new(vec![(0..100).map(|tick| [course(tick); MAX_JOINTS]).collect()]);
+        let comparison = Comparison { tolerance: [1.0; MAX_JOINTS], ticks: 2, usual: Some(Arc::new(usual)) };
+        let found = |wrong: f64, from: usize| {
+            let mut witnesses = Witnesses::new(Some(comparison.clone()), 2);
+            (0..100).find(|&tick| {
+                let said = [if tick >= from { wrong } else { 0.0 }, course(tick)];
+                let said = said.map(|value| {
+                    let mut command = Command::answer_to(&State { tick: tick as u64, ..State::new(1, 2) }, 0);
+                    command.value[..2].copy_from_slice(&[value, 0.0]);
+                    command
+                });
+                let mut said = said;
+                // The second joint is as it was in the sound run.
+                said[1].value[1] = course(tick);
+                witnesses.contradict(0, |slot| said.get(slot))
+            })
+        };
+        assert_eq!(found(0.0, 0), None, "a sound run is no alarm");
+        assert_eq!(found(1.5, 20), Some(21), "a little between corners is told");
+        assert_eq!(found(-2.0, 52), Some(53), "and within one");
+        // Where the sound run has ended nothing is judged.
+        assert_eq!(comparison.most(200, [0, 1])[0], f64::INFINITY);
+        assert_eq!(comparison.most(10, [0, 1])[0], 4.0);
     }
 
     #[test]

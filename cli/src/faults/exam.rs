@@ -41,10 +41,8 @@ const ANSWER_PATIENCE: f64 = 0.15;
 const ATTEMPTS: u32 = 3;
 /// How much longer lockstep waits each time.
 const MORE_PATIENCE: f64 = 4.0;
-/// What a sound difference of two controllers is multiplied by to become the tolerance.
-const MARGIN: f64 = 1.5;
-/// What is added to it, of the joint's range.
-const LEAST_TOLERANCE: f64 = 0.005;
+/// How far two controllers may differ beyond what they differ by in the sound run, of the joint's range.
+const TOLERANCE: f64 = 0.002;
 
 /// The exam of one controller.
 pub struct Exam {
@@ -134,15 +132,15 @@ impl Exam {
             let contestant = Contestant::of(&asked[slot])?;
             let is_late =
                 |summary: &RunSummary, _: &Recording| Ok(is_late(summary, 0) || is_late(summary, 1));
-            let played = self.play_patiently(&sound, &contestant, name, is_late)?;
+            let folder = format!("sound/{name}");
+            let played = self.play_patiently(&sound, &contestant, &folder, is_late)?;
             let Some((summary, recording)) = played else { return Ok(false) };
             self.alone.push(Alone::new(&summary, name, &recording)?);
             if slot == 0 && self.scenario.compare.is_none() {
-                let greatest = summary.line_up["greatest_difference"].as_array().cloned().unwrap_or_default();
-                let tolerance = greatest.iter().zip(&self.limits).map(|(most, [lower, upper])| {
-                    MARGIN * most.as_f64().unwrap_or(0.0) + LEAST_TOLERANCE * (upper - lower)
-                });
-                self.scenario.compare = Some(CompareTable { tolerance: tolerance.collect(), ticks: 2 });
+                let tolerance = self.limits.iter().map(|[lower, upper]| TOLERANCE * (upper - lower));
+                let file = summary.recording.as_ref().map(|file| self.out.join(&folder).join(file));
+                self.scenario.compare =
+                    Some(CompareTable { tolerance: tolerance.collect(), sound: file, ticks: 2 });
             }
         }
         Ok(true)

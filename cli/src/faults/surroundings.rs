@@ -47,6 +47,7 @@ pub fn examine(scenario: &Scenario, examined: &Contestant, out: &Path) -> Result
 fn plant_killed(scenario: &Scenario, examined: &Contestant, out: &Path) -> Result<Surrounding, Failure> {
     let scenario = Scenario {
         standby: Vec::new(),
+        compare: None,
         swap: Vec::new(),
         duration: Some(60.0),
         recording: RecordingKind::Mcap,

@@ -8,7 +8,9 @@ use freeplay_shm::{Joints, MAX_JOINTS, Mode, Pace, Schedule, State, now_ns, slee
 
 use crate::cause::Links;
 use crate::plant::{PUBLISHED, Plant, PlantError};
-use crate::{Applied, DeviationStatistics, Input, Motion, PlayRecord, Stage, TickRecord, Wish};
+use crate::{
+    Applied, DeviationStatistics, Input, Motion, NO_DIFFERENCES, PlayRecord, Stage, TickRecord, Wish,
+};
 
 /// How long the plant spins before the schedule's time, ns.
 const SPIN_NS: u64 = 200_000;
@@ -138,6 +140,7 @@ impl Plant {
             link,
             peak_base_force: self.system.take_peaks().base_force,
             plays: self.plays(),
+            differences: NO_DIFFERENCES,
             marks: self.marks,
         }
     }
@@ -218,6 +221,7 @@ impl Plant {
         let verdict = self.line_up.judge(tick, settled);
         let applied = verdict.applied;
         (record.command, record.rejection) = (verdict.answer, verdict.rejection);
+        record.differences = self.line_up.differences();
         self.applied = applied;
         if let (Applied::Brake, Some(reason)) = (applied, verdict.rejection) {
             self.braked = Some((tick, reason));
