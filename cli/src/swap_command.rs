@@ -28,6 +28,8 @@ use crate::swaps;
 const SCHEMA: &str = "freeplay.swap/1";
 /// What a deviation may be over that without swap.
 const MOST_DEVIATION: f64 = 1.05;
+/// Deviations below this, a tenth of a micrometre, are not judged, mm: where two controllers leave some nanometres, twice as many are no harm.
+const LEAST_DEVIATION_MM: f64 = 1e-4;
 /// What a jump may be over the greatest steady change.
 const MOST_JUMP: f64 = 1.0;
 
@@ -205,6 +207,11 @@ fn rename(summary: &mut RunSummary, from: &[String], to: &[String]) {
     }
 }
 
+/// The deviation over that without swap where it is large enough to be judged; else 0.
+fn judged_ratio(swap: &Measured) -> f64 {
+    if swap.deviation_peak_mm > LEAST_DEVIATION_MM { swap.deviation_ratio } else { 0.0 }
+}
+
 /// What is asked of all swaps together.
 #[derive(Debug, Serialize)]
 struct Verdicts {
@@ -240,9 +247,12 @@ impl Verdicts {
             held_ticks: swaps.iter().map(|swap| swap.held_ticks).sum(),
             greatest_jump: most(&|swap| swap.jump),
             greatest_blend_change: most(&|swap| swap.blend_change),
-            greatest_deviation_ratio: most(&|swap| swap.deviation_ratio),
-            above_deviation_limit: swaps.iter().filter(|swap| swap.deviation_ratio > MOST_DEVIATION).count(),
-            limits: json!({ "gap_ticks": 0, "held_ticks": 0, "jump": MOST_JUMP, "deviation_ratio": MOST_DEVIATION }),
+            greatest_deviation_ratio: most(&judged_ratio),
+            above_deviation_limit: swaps.iter().filter(|swap| judged_ratio(swap) > MOST_DEVIATION).count(),
+            limits: json!({
+                "gap_ticks": 0, "held_ticks": 0, "jump": MOST_JUMP, "deviation_ratio": MOST_DEVIATION,
+                "least_deviation_mm": LEAST_DEVIATION_MM,
+            }),
         }
     }
 
@@ -313,8 +323,10 @@ fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
     text += &line(
         verdicts.above_deviation_limit == 0,
         format!(
-            "deviation: {:.3} of that without swap at most, limit {MOST_DEVIATION}; above it: {}",
-            verdicts.greatest_deviation_ratio, verdicts.above_deviation_limit
+            "deviation: {:.3} of that without swap at most, limit {MOST_DEVIATION}; above it: {}; peaks below {} µm are not judged",
+            verdicts.greatest_deviation_ratio,
+            verdicts.above_deviation_limit,
+            LEAST_DEVIATION_MM * 1e3
         ),
     );
     if verdicts.stalled > 0 {
