@@ -28,8 +28,8 @@ const FONT: f64 = 1.24;
 const LETTERS: f64 = 12.5;
 /// Room left of a panel for numbers and label, and below it, CSS pixels.
 const MARGIN: (i32, i32) = (66, 44);
-/// Room above and to the right of a panel, CSS pixels.
-const EDGE: i32 = 10;
+/// Room above a panel, and to its right for half of the last number below it, CSS pixels.
+const EDGE: (i32, i32) = (10, 18);
 /// Most points of a line, and of a cloud.
 const MOST: (usize, usize) = (2_000, 700);
 
@@ -112,7 +112,8 @@ pub(crate) fn panel(
 /// Width and height in units. With equal axes the space between the axes is a square.
 fn size(panel: &Chart, width: u32) -> (i32, i32) {
     let wide = width as i32;
-    let high = if panel.equal_axes { wide - MARGIN.0 - EDGE + MARGIN.1 + EDGE } else { panel.height as i32 };
+    let high =
+        if panel.equal_axes { wide - MARGIN.0 - EDGE.1 + MARGIN.1 + EDGE.0 } else { panel.height as i32 };
     (wide * UNITS, high * UNITS)
 }
 
@@ -184,8 +185,8 @@ fn draw(
     colours: &Colours<'_>,
 ) -> Result<(), Failure> {
     let mut sheet = ChartBuilder::on(root)
-        .margin_top(EDGE * UNITS)
-        .margin_right(EDGE * UNITS)
+        .margin_top(EDGE.0 * UNITS)
+        .margin_right(EDGE.1 * UNITS)
         .x_label_area_size(MARGIN.1 * UNITS)
         .y_label_area_size(MARGIN.0 * UNITS)
         .build_cartesian_2d(x.clone(), y.clone())?;

@@ -54,7 +54,7 @@ pub fn orbit(title: &str, caption: &str, orbit: &Orbit, clearance: f64) -> Drawi
     .equal_axes()
     .series(rim);
     let mut distance = Chart::trace("its distance from the middle", time(), Axis::new("eccentricity", "mm"))
-        .height(398)
+        .height(390)
         .in_view(0.0)
         .mark(Mark::Level { y: clearance, label: "clearance".into() });
     for mode in ContactMode::ALL {

@@ -78,7 +78,7 @@ fn tiles(figures: &[Figure]) -> Markup {
         dl.figures {
             @for figure in figures {
                 div {
-                    dt { (figure.label) @if let Some(verdict) = figure.verdict { " " (badge(verdict)) } }
+                    dt { (inline(&figure.label)) @if let Some(verdict) = figure.verdict { " " (badge(verdict)) } }
                     dd.value { (figure.value) @if !figure.unit.is_empty() { " " span.unit { (figure.unit) } } }
                     @if !figure.note.is_empty() { dd.note { (inline(&figure.note)) } }
                 }
