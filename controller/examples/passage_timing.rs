@@ -12,7 +12,8 @@ use freeplay_arm::{Arm, Workspace, jacobian, paper_arm};
 use freeplay_controller::acceleration_programme::Wanted;
 use freeplay_controller::outlook::Outlook;
 use freeplay_controller::{
-    AccelerationProgramme, ContactGuard, CornerSearch, Correction, Motion, Passage, PassageOptions, Weights,
+    AccelerationProgramme, CompensationStatus, ContactGuard, CornerSearch, Correction, Motion, Passage,
+    PassageOptions, Weights,
 };
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::{JointPath, PathKind, PathSpec};
@@ -44,13 +45,23 @@ fn main() -> Result<(), Box<dyn Error>> {
     let passage = planned.ok_or("the corner could not be planned")?;
     print(&format!("before the run: one corner, {} ticks", passage.ticks()), plans);
     let mut follow = Vec::new();
-    let mut single = Vec::new();
+    let (mut single, mut bound) = (Vec::new(), Vec::new());
     for _ in 0..LAPS {
         follow.extend(followed(&arm, &path, &passage, &weights)?);
-        single.extend(guarded(&arm, &play, &path, &passage)?);
+        for (time, status) in guarded(&arm, &play, &path, &passage)? {
+            single.push(time);
+            if status != CompensationStatus::Free {
+                bound.push(time);
+            }
+        }
     }
     print("in a tick: to follow the passage", follow);
     print("in a tick: accelerations with contact rows", single);
+    if bound.is_empty() {
+        println!("no row binds");
+    } else {
+        print(&format!("those of them in which a row binds, {} a lap", bound.len() / LAPS), bound);
+    }
     Ok(())
 }
 
@@ -95,13 +106,13 @@ fn followed(
         .collect())
 }
 
-/// Times of the programme at the level of accelerations on the same ticks.
+/// Times of the programme at the level of accelerations on the same ticks, and how each was solved.
 fn guarded(
     arm: &Arm,
     play: &ArmWithPlay,
     path: &JointPath,
     passage: &Passage,
-) -> Result<Vec<std::time::Duration>, Box<dyn Error>> {
+) -> Result<Vec<(std::time::Duration, CompensationStatus)>, Box<dyn Error>> {
     let mut programme = AccelerationProgramme::new(arm, play, PERIOD, ContactGuard::default())?;
     let (mut workspace, mut tool) = (Workspace::new(arm), DMatrix::zeros(6, 6));
     let ticks = passage.first()..passage.first() + passage.ticks() as u64;
@@ -118,8 +129,8 @@ fn guarded(
             let joints = Motion { q: &q, v: &v, a: &a };
             let wanted = Wanted { jacobian: &tool, tool: &wanted, joints: &a };
             let begun = Instant::now();
-            programme.solve(joints, journals, &normal, &[0.0; 6], &wanted);
-            begun.elapsed()
+            let report = programme.solve(joints, journals, &normal, &[0.0; 6], &wanted);
+            (begun.elapsed(), report.status)
         })
         .collect())
 }

@@ -19,9 +19,10 @@
 //! acceleration limit, and the report names the cause.
 
 use freeplay_arm::{Arm, Limits};
-use nalgebra::{Cholesky, DMatrix, DVector, Vector6};
+use nalgebra::{DMatrix, Vector6};
 use serde::{Deserialize, Serialize};
 
+use crate::free_minimiser::FreeMinimiser;
 use crate::qp::{Qp, QpError, QpStatus};
 
 /// Largest correction of a joint, rad or m: more is not a correction.
@@ -30,8 +31,6 @@ pub const LARGEST_CORRECTION: f64 = 0.1;
 pub const LEAST_SHARE: f64 = 0.01;
 /// From SI to the units of the programme: mm and mrad.
 const MILLI: f64 = 1e3;
-/// Largest entry of P x + q, relative to 1 + ‖q‖, at which x counts as a minimiser of the cost: Clarabel's own tolerance is 1e-8.
-const STATIONARY: f64 = 1e-9;
 
 /// The weights of the cost, in mm and mrad.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -120,9 +119,7 @@ pub struct Compensator {
     cost: DMatrix<f64>,
     linear: Vec<f64>,
     bounds: Vec<f64>,
-    /// Room for the factor of P, and the minimiser of the cost alone.
-    factor: DMatrix<f64>,
-    free: DVector<f64>,
+    free: FreeMinimiser,
 }
 
 impl Compensator {
@@ -150,8 +147,7 @@ impl Compensator {
             weighted: DMatrix::zeros(6, n),
             cost: DMatrix::zeros(n, n),
             linear: vec![0.0; n],
-            factor: DMatrix::zeros(n, n),
-            free: DVector::zeros(n),
+            free: FreeMinimiser::new(n),
             bounds: vec![0.0; 2 * n],
         })
     }
@@ -180,8 +176,11 @@ impl Compensator {
             return CompensationReport { status: CompensationStatus::LimitsConflict(joint), iterations: 0 };
         }
         self.fill_cost(jacobian, deviation);
-        if self.is_free() {
-            accept(&mut self.last, &mut self.before, self.free.as_slice());
+        let n = self.limits.len();
+        let bounds = &self.bounds;
+        let kept = |free: &&[f64]| (0..n).all(|i| free[i] <= bounds[i] && -free[i] <= bounds[n + i]);
+        if let Some(free) = self.free.find(&self.cost, &self.linear).filter(kept) {
+            accept(&mut self.last, &mut self.before, free);
             return CompensationReport { status: CompensationStatus::Free, iterations: 0 };
         }
         let report = self.qp.solve(&self.cost, &self.linear, &self.bounds);
@@ -208,32 +207,6 @@ impl Compensator {
             self.cost[(j, j)] += self.change;
             self.linear[j] = MILLI * (weighted.dot(deviation) - self.change * self.last[j]);
         }
-    }
-
-    /// Whether the minimiser of the cost alone, now in `free`, keeps all bounds: then it is that of the programme. Not if anything is
-    /// not a number, which is the solver's to name.
-    fn is_free(&mut self) -> bool {
-        let n = self.limits.len();
-        for column in 0..n {
-            for row in column..n {
-                self.factor[(row, column)] = self.cost[(column, row)];
-            }
-            self.free[column] = -self.linear[column];
-        }
-        let Some(factor) = Cholesky::new(std::mem::replace(&mut self.factor, DMatrix::zeros(0, 0))) else {
-            // The factorisation took the matrix with it. P is positive definite unless the Jacobian is not finite.
-            self.factor = DMatrix::zeros(n, n);
-            return false;
-        };
-        factor.solve_mut(&mut self.free);
-        self.factor = factor.unpack_dirty();
-        let largest = self.linear.iter().fold(0.0_f64, |most, q| most.max(q.abs()));
-        (0..n).all(|i| {
-            let upper = |row: usize, column: usize| self.cost[(row.min(column), row.max(column))];
-            let slope = (0..n).map(|j| upper(i, j) * self.free[j]).sum::<f64>() + self.linear[i];
-            let kept = self.free[i] <= self.bounds[i] && -self.free[i] <= self.bounds[n + i];
-            kept && slope.abs() <= STATIONARY * (1.0 + largest)
-        })
     }
 
     /// Writes each joint's interval into the bounds; the index of the first joint whose interval is empty, if any.

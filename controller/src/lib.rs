@@ -15,7 +15,8 @@
 //! - [`Knocks`]: landings of journals, seen in the encoders; after one the feedback is softer.
 //! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`freeplay_laws::Rest`].
 //! - [`Outlook`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
-//! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`].
+//! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`], where
+//!   the [`FreeMinimiser`] of its cost breaks a limit.
 //! - [`CornerSearch`]: finds where the path turns too sharply for the journals, and has a [`PassagePlanner`] plan a [`Passage`] through
 //!   each corner before the run; together they are the [`Passages`].
 //! - [`Rollout`]: a small simulation of the model that says where the journals go.
@@ -37,6 +38,7 @@ pub mod correction;
 pub mod course;
 pub mod deviation;
 pub mod features;
+pub mod free_minimiser;
 pub mod identity;
 pub mod journal_twin;
 pub mod knocks;
@@ -73,6 +75,7 @@ pub use controller::{Answer, Controller, ControllerError, RunInfo};
 pub use corners::CornerSearch;
 pub use correction::Correction;
 pub use deviation::QuasiStatic;
+pub use free_minimiser::FreeMinimiser;
 pub use knocks::Knocks;
 pub use look_ahead::{JointState, LookAhead};
 pub use model::Model;
