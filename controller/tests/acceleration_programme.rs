@@ -84,9 +84,9 @@ fn without_active_rows_it_is_damped_least_squares() {
         worst = worst.max((DVector::from_row_slice(programme.accelerations()) - expected).amax());
     }
     println!(
-        "seed {SEED}: largest error {worst:.1e} rad/s² (limit 1e-9), Clarabel's solution {apart:.1e} apart (limit 1e-5)"
+        "seed {SEED}: largest error {worst:.1e} rad/s² (limit 1e-9), Clarabel's solution {apart:.1e} apart (limit 1e-4)"
     );
-    assert!(worst < 1e-9 && apart > 0.0 && apart < 1e-5);
+    assert!(worst < 1e-9 && apart > 0.0 && apart < 1e-4);
 }
 
 #[test]
