@@ -7,7 +7,7 @@ use freeplay_arm::{Joint, JointKind};
 use crate::basis::{Place, Term, Terms};
 use crate::effect::Effect;
 use crate::needs::Need;
-use crate::parameter::{Parameter, Range};
+use crate::parameter::{Parameter, Range, Role};
 use crate::{LawError, Values};
 
 /// Where an effect can sit.
@@ -51,7 +51,8 @@ pub struct Kind {
     pub parameters: &'static [Parameter],
     /// Where it shows.
     pub seen: Seen,
-    /// Whether its law jumps with the motion: what it predicts goes through the low-pass that the measurement went through.
+    /// Whether its law jumps with the motion, or looks back in it: it is evaluated on every point of the recording's grid, and what it
+    /// predicts before the sensors goes through the low-pass that the measurement went through.
     pub rough: bool,
     /// The law, in one line with its symbols.
     pub equation: &'static str,
@@ -118,6 +119,12 @@ impl Kind {
             (Site::Revolute, Some(joint)) => joint.kind == JointKind::Revolute,
             _ => false,
         }
+    }
+
+    /// Whether the number `name` of a shape has values between those that [`Kind::shapes`] lists.
+    pub fn refines(&self, name: &str) -> bool {
+        let is_choice = |range: &Range| matches!(range, Range::Number { role: Role::Choice, .. });
+        !self.parameters.iter().any(|parameter| parameter.name == name && is_choice(&parameter.range))
     }
 
     /// The terms of the effect at `place` with `shape`, one of [`Kind::shapes`].

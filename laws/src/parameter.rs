@@ -64,6 +64,8 @@ pub enum Role {
     Linear,
     /// It shapes the effect; searched on a grid and refined.
     Shape,
+    /// It shapes the effect by one of a few values, between which there is nothing.
+    Choice,
     /// The measured motion hardly depends on it (a contact's stiffness); given by the material, not identified.
     Given,
 }
@@ -128,6 +130,11 @@ impl Parameter {
     /// The same with [`Role::Shape`].
     pub const fn shape(self) -> Parameter {
         self.role(Role::Shape)
+    }
+
+    /// The same with [`Role::Choice`].
+    pub const fn choice(self) -> Parameter {
+        self.role(Role::Choice)
     }
 
     /// The same with [`Role::Given`].

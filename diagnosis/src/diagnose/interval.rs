@@ -20,6 +20,7 @@ pub(crate) fn draws(case: &Case, system: &System, fit: &Fit, seed: u64) -> Optio
     let (n, free) = (fit.active.len(), &fit.free);
     let mut held = fit.eta.clone();
     free.iter().for_each(|&k| held[k] = 0.0);
+    let precisions = system.precisions(&fit.active);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut drawn = DMatrix::zeros(DRAWS, n);
     for row in 0..DRAWS {
@@ -29,10 +30,12 @@ pub(crate) fn draws(case: &Case, system: &System, fit: &Fit, seed: u64) -> Optio
             normal += gram;
             right += target;
         }
-        for (i, &a) in fit.active.iter().enumerate() {
-            normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-9) + system.precision[a] + f64::MIN_POSITIVE;
-            // Another machine of the same tolerances: without this, what the data leave to the prior would seem sure.
-            right[i] += system.precision[a].sqrt() * normal_number(&mut rng);
+        for (i, (&a, &precision)) in fit.active.iter().zip(&precisions).enumerate() {
+            normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-9) + precision + f64::MIN_POSITIVE;
+            // Another machine of the same tolerances: without this, what the data leave to the prior would seem sure. One that has gone
+            // over into an effect is still that machine's.
+            let machine = normal_number(&mut rng) / system.precision[a].max(f64::MIN_POSITIVE).sqrt();
+            right[i] += if system.precision[a] > 0.0 { precision * machine } else { 0.0 };
         }
         right -= &normal * &held;
         let part = DMatrix::from_fn(free.len(), free.len(), |i, j| normal[(free[i], free[j])]);

@@ -4,7 +4,7 @@ use super::hypothesis::hypothesis;
 use super::search::Search;
 
 /// Factors by which the numbers of a shape are moved.
-const REFINEMENTS: [f64; 4] = [1.2, 1.08, 1.03, 1.01];
+const REFINEMENTS: [f64; 6] = [1.2, 1.08, 1.03, 1.01, 1.004, 1.0015];
 /// Most moves by one factor: from one shape of the grid to the next, not to another law's.
 const MOST_MOVES: usize = 4;
 
@@ -38,7 +38,7 @@ impl Search<'_, '_> {
             .shape
             .iter()
             .filter_map(|(name, value)| Some((name.clone(), value.as_float()?)))
-            .filter(|(_, value)| *value != 0.0)
+            .filter(|(name, value)| *value != 0.0 && kind.refines(name))
             .collect();
         for (name, value) in numbers {
             let now = self.system.score(&fit, &self.hypotheses[at].block).map_or(0.0, |score| score.gain);

@@ -70,6 +70,8 @@ pub(crate) struct System {
     pub target: Vec<Vec<f64>>,
     /// Weight of each channel.
     pub weights: Vec<f64>,
+    /// For each base column, the nuisances that say the same: they stay at zero while it takes part.
+    replaces: Vec<Vec<usize>>,
     products: Rc<ByChannel>,
     with_target: Vec<DVector<f64>>,
 }
@@ -77,6 +79,11 @@ pub(crate) struct System {
 /// A nuisance with a prior goes no farther than this many of its standard deviations: 1.7 are the tolerance, the rest is for
 /// tolerances that are not meant to the last digit.
 const BOUND: f64 = 2.0;
+
+/// Share of a nuisance's square that an effect has to say to be the same.
+const SAME: f64 = 0.99;
+/// Precision of a nuisance that has gone over into an effect.
+pub(crate) const NONE: f64 = 1e15;
 
 /// The base fitted under the present weights, for some of its columns.
 pub(crate) struct Fit {
@@ -102,6 +109,7 @@ impl System {
         let products: ByChannel = (0..channels).map(|c| gram(&base, &base, c)).collect();
         let with_target = (0..channels).map(|c| against(&base, &target, c)).collect();
         Self {
+            replaces: vec![Vec::new(); base.len()],
             base: Rc::new(base),
             precision,
             weights: vec![1.0; channels],
@@ -150,7 +158,34 @@ impl System {
         }
         Rc::make_mut(&mut self.base).extend(block.columns.iter().cloned());
         self.precision.extend(std::iter::repeat_n(0.0, new));
-        (old..old + new).collect()
+        let columns: Vec<usize> = (old..old + new).collect();
+        self.replaces.resize(old, Vec::new());
+        self.replaces.push(self.said_by(&columns));
+        self.replaces.resize(old + new, Vec::new());
+        columns
+    }
+
+    /// The nuisances of which the one column of `columns` says nearly all: what has a name is no tolerance any more, and the prior of the
+    /// one must not keep a part of the other.
+    fn said_by(&self, columns: &[usize]) -> Vec<usize> {
+        let &[column] = columns else { return Vec::new() };
+        let product = |i: usize, j: usize| -> f64 {
+            self.weights
+                .iter()
+                .zip(self.products.iter())
+                .map(|(weight, product)| weight * product[(i, j)])
+                .sum()
+        };
+        let own = product(column, column);
+        let is_said =
+            |&nuisance: &usize| product(column, nuisance).powi(2) > SAME * own * product(nuisance, nuisance);
+        (0..column).filter(|&k| self.precision[k] == 1.0).filter(is_said).collect()
+    }
+
+    /// Precision of each of the base columns `active` while these take part.
+    pub fn precisions(&self, active: &[usize]) -> Vec<f64> {
+        let replaced = |a: &usize| active.iter().any(|&other| self.replaces[other].contains(a));
+        active.iter().map(|a| if replaced(a) { NONE } else { self.precision[*a] }).collect()
     }
 
     /// Brings the inner products of `block` up to the columns admitted since.
@@ -229,8 +264,8 @@ impl System {
                 }
             }
         }
-        for (i, &a) in active.iter().enumerate() {
-            normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-11) + self.precision[a] + f64::MIN_POSITIVE;
+        for (i, precision) in self.precisions(active).into_iter().enumerate() {
+            normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-11) + precision + f64::MIN_POSITIVE;
         }
         (normal, right)
     }

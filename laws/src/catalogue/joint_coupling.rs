@@ -31,7 +31,7 @@ pub static KIND: Kind = Kind {
         Parameter::number("coulomb", "Coulomb friction of the shaft", "N*m", [0.0, 1e6]).or(0.0),
         Parameter::number("sign", "turns of the shaft for one of the other joint", "1", [-1e3, 1e3])
             .or(1.0)
-            .shape(),
+            .choice(),
     ],
     seen: Seen::TORQUE,
     rough: true,

@@ -32,7 +32,7 @@ pub static KIND: Kind = Kind {
         Parameter { name: "channel", meaning: "which channels are late", range: Range::Word(CHANNELS) },
     ],
     seen: Seen::BOTH,
-    rough: false,
+    rough: true,
     equation: "y_recorded(t) = y(t − d)",
     source: "Ljung 1999, §10.1",
     signature: "the residual follows the derivative of the channel; its phase grows with the frequency",
