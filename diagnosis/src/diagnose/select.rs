@@ -418,8 +418,12 @@ impl Search<'_, '_> {
         let weakest =
             |among: &mut dyn Iterator<Item = usize>| among.min_by(|&a, &b| margin(a).total_cmp(&margin(b)));
         let unphysical = |index: &usize| !self.named(*index).is_possible(&self.coefficients(&fit, *index));
-        let dropped = weakest(&mut (0..self.chosen.len()).filter(unphysical))
-            .or_else(|| weakest(&mut (0..self.chosen.len()).filter(|&index| margin(index) < 0.0)));
+        if let Some(index) = weakest(&mut (0..self.chosen.len()).filter(unphysical)) {
+            // It would come back as strong, and go again.
+            self.bar(index);
+            return Some(true);
+        }
+        let dropped = weakest(&mut (0..self.chosen.len()).filter(|&index| margin(index) < 0.0));
         if let Some(index) = dropped {
             self.chosen.remove(index);
         }

@@ -84,6 +84,9 @@ fn number(shape: &Table, name: &str) -> f64 {
     shape.get(name).and_then(toml::Value::as_float).unwrap_or(0.0)
 }
 
+/// Greatest share of the friction that the arm file names: a machine has a few per cent more or less of it than its file says.
+const MOST_SHARE: f64 = 1.1;
+
 /// The share of the nominal friction, where there is any, and the extra friction; both with the same displacement.
 fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let unit = kind.unit("coulomb", place.joint());
@@ -92,7 +95,7 @@ fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
         if number(shape, NOMINAL) > 0.0 { extra(0.0, 1.0) } else { compose(kind, shape, &[1.0]) }
     });
     if number(shape, NOMINAL) > 0.0 {
-        vec![Term::new("share", "1", [0.0, 1.0], extra(1.0, 0.0)), coulomb]
+        vec![Term::new("share", "1", [0.0, MOST_SHARE], extra(1.0, 0.0)), coulomb]
     } else {
         vec![coulomb]
     }
@@ -104,6 +107,9 @@ fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
         [share, coulomb] if nominal > 0.0 => (*share, *coulomb),
         _ => (0.0, coefficients.first().copied().unwrap_or(0.0)),
     };
+    // What is beyond the friction that the arm file names is extra friction.
+    let beyond = (share - 1.0).max(0.0);
+    let (share, coulomb) = (share - beyond, coulomb + beyond * nominal);
     let level = share * nominal + coulomb;
     let stiffness = (level / number(shape, DISPLACEMENT)).clamp(1e-6, 1e12);
     with(&Table::new(), [("stiffness", stiffness), ("share", share), ("coulomb", coulomb)])
