@@ -17,11 +17,6 @@ impl Columns {
         Columns { points, columns: vec![Vec::new(); count] }
     }
 
-    /// Number of columns.
-    pub fn count(&self) -> usize {
-        self.columns.len()
-    }
-
     /// The column `index`, if anything was written to it.
     pub fn written(&self, index: usize) -> Option<&[f64]> {
         self.columns.get(index).map(Vec::as_slice).filter(|column| !column.is_empty())
@@ -37,8 +32,8 @@ impl Columns {
     }
 
     /// Makes `change` of each column that was written to.
-    pub fn change_written(&mut self, mut change: impl FnMut(&mut Vec<f64>)) {
-        self.columns.iter_mut().filter(|column| !column.is_empty()).for_each(&mut change);
+    pub fn change_written(&mut self, change: impl FnMut(&mut Vec<f64>)) {
+        self.columns.iter_mut().filter(|column| !column.is_empty()).for_each(change);
     }
 
     /// Adds `factor` times `other`, of the same shape.

@@ -152,11 +152,6 @@ impl Prediction {
             column.iter_mut().zip(other).for_each(|(x, other)| *x -= other);
         }
     }
-
-    /// Multiplies every number by `factor`.
-    pub fn scale(&mut self, factor: f64) {
-        self.columns_mut().flatten().for_each(|x| *x *= factor);
-    }
 }
 
 /// Torque of the rigid arm along `motion`, with the links `shift` away from where the encoders have them, `[joint][point]`, N·m (N).

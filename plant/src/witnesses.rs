@@ -12,7 +12,7 @@
 
 use std::sync::Arc;
 
-use freeplay_shm::{Command, Joints, MAX_JOINTS};
+use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS};
 
 use crate::Usual;
 
@@ -100,9 +100,11 @@ impl Witnesses {
     ) -> bool {
         let Some(claim) = said(in_charge) else { return false };
         let (mut heard, mut against) = (0, 0);
+        let mut differs = [false; MAX_SLOTS];
         for slot in (0..self.agreed.len()).filter(|&slot| slot != in_charge) {
             let Some(other) = said(slot) else { continue };
             let agrees = self.compare([in_charge, slot], claim, other);
+            differs[slot] = !agrees;
             if self.agreed[slot] >= PROBATION {
                 heard += 1;
                 against += usize::from(!agrees);
@@ -110,14 +112,12 @@ impl Witnesses {
                 self.agreed[slot] = if agrees { self.agreed[slot] + 1 } else { 0 };
             }
         }
-        let Some(comparison) = self.comparison.clone() else { return false };
+        let Some(ticks) = self.comparison.as_ref().map(|comparison| comparison.ticks) else { return false };
         let contradicted = 2 * against > heard;
         for slot in (0..self.agreed.len()).filter(|&slot| slot != in_charge && heard > 1) {
-            let differs = |other| !comparison.agree([in_charge, slot], claim, other);
-            let is_alone = !contradicted && said(slot).is_some_and(differs);
-            self.count(slot, is_alone, comparison.ticks);
+            self.count(slot, !contradicted && differs[slot], ticks);
         }
-        self.count(in_charge, contradicted, comparison.ticks)
+        self.count(in_charge, contradicted, ticks)
     }
 
     /// Notes how far two commands are apart; whether they agree.

@@ -36,6 +36,7 @@ const ALIKE: f64 = 0.05;
 const USUAL: [&str; 3] = ["coulomb_friction", "viscous_friction", "torque_offset"];
 
 /// The strongest hypothesis of a step.
+#[derive(Clone)]
 pub(super) struct Winner {
     /// Which hypothesis.
     pub hypothesis: usize,
@@ -188,8 +189,8 @@ impl Search<'_, '_> {
     fn step(&mut self, progress: &mut dyn FnMut(&str)) -> Option<bool> {
         let weights = self.system.weights.clone();
         let won = match self.agreed()? {
-            Some(winner) => Some(winner),
             None => self.second_look()?,
+            agreed => agreed,
         };
         let Some(winner) = won else {
             self.system.weights = weights;
@@ -252,9 +253,13 @@ impl Search<'_, '_> {
 
     /// Weighs the channels by what `winner` leaves beside `fit`.
     fn reweigh_with(&mut self, fit: &Fit, winner: &Winner) {
-        let block = &self.hypotheses[winner.hypothesis].block;
-        let left = self.system.residual_with(fit, block, &winner.score);
+        let left = self.left_by(fit, winner);
         self.reweigh(&left, fit);
+    }
+
+    /// What `winner` leaves beside `fit`.
+    fn left_by(&self, fit: &Fit, winner: &Winner) -> Vec<Vec<f64>> {
+        self.system.residual_with(fit, &self.hypotheses[winner.hypothesis].block, &winner.score)
     }
 
     /// Drops the effect number `index`, which did not prove itself on held-out data, for good; what could not stand beside it may.
@@ -329,25 +334,30 @@ impl Search<'_, '_> {
         for index in 0..self.chosen.len() {
             let fit = self.system.fit(&self.active(Some(index)))?;
             let all = self.system.fit(&self.active(None))?;
-            let weighing = self.weighing(&self.system.residual(&all), &all);
+            let left = self.system.residual(&all);
+            let weighing = self.weighing(&left, &all);
             let merit = self.merit(self.named(index), fit.left - all.left, &weighing);
-            if let Some(winner) = self.contained(index, &fit, &all, &weighing) {
+            let places = self.by_place(&fit, &weighing, Some(index));
+            let inside =
+                places.values().filter(|w| self.named(index).contains(&self.hypotheses[w.hypothesis]));
+            let inside = inside.cloned().filter_map(|winner| self.exact(&fit, &weighing, winner));
+            if let Some(plain) = self.as_good(index, &left, &fit, inside) {
                 let was = self.in_words(index);
-                self.chosen[index] = self.admit(winner.hypothesis);
+                self.chosen[index] = self.admit(plain);
                 progress(&format!("{was} is no better than {}", self.in_words(index)));
                 moved = true;
                 continue;
             }
             let (plain, size) = (plainness(self.named(index)), self.named(index).size());
-            let mut rivals: Vec<Winner> = self
-                .by_place(&fit, &weighing, Some(index))
+            let mut rivals: Vec<Winner> = places
                 .into_values()
                 .filter(|winner| winner.merit > merit - TOLD_APART)
                 .filter(|winner| self.hypotheses[winner.hypothesis].size() <= size + 1)
                 .filter_map(|winner| self.exact(&fit, &weighing, winner))
                 .filter(|winner| {
                     let rival = &self.hypotheses[winner.hypothesis];
-                    !rival.contains(self.named(index)) || self.leaves_less(rival, (&fit, winner), &all)
+                    !rival.contains(self.named(index))
+                        || self.is_worth_more(rival, &self.left_by(&fit, winner), &left)
                 })
                 .map(|mut winner| {
                     // What it explains beside the named effect is no reason to put it in that one's place.
@@ -379,26 +389,19 @@ impl Search<'_, '_> {
         Some(moved)
     }
 
-    /// The law that the effect number `index` contains as a special case, if it does as well in its place. `fit` has all effects but
-    /// that one in, `all` that too.
-    fn contained(&self, index: usize, fit: &Fit, all: &Fit, weighing: &Weighing) -> Option<Winner> {
-        let named = self.named(index);
-        let places = self.by_place(fit, weighing, Some(index)).into_values();
-        places
-            .filter(|winner| named.contains(&self.hypotheses[winner.hypothesis]))
-            .filter_map(|winner| self.exact(fit, weighing, winner))
-            .filter(|winner| winner.score.gain > self.threshold(&self.hypotheses[winner.hypothesis]))
-            .find(|plain| {
-                let block = &self.hypotheses[plain.hypothesis].block;
-                let left = self.system.residual_with(fit, block, &plain.score);
-                !self.is_worth_more(named, &self.system.residual(all), &left)
-            })
-    }
-
-    /// Whether `rival` in the place of an effect of `all` leaves so much less that its further numbers are worth it.
-    fn leaves_less(&self, rival: &Hypothesis, (fit, winner): (&Fit, &Winner), all: &Fit) -> bool {
-        let rich = self.system.residual_with(fit, &rival.block, &winner.score);
-        self.is_worth_more(rival, &rich, &self.system.residual(all))
+    /// The hypothesis among the special cases `inside` of the effect number `index` that does as well in its place. `left` is what all
+    /// effects leave, `fit` has all but that one in.
+    fn as_good(
+        &self,
+        index: usize,
+        left: &[Vec<f64>],
+        fit: &Fit,
+        inside: impl Iterator<Item = Winner>,
+    ) -> Option<usize> {
+        inside
+            .filter(|plain| plain.score.gain > self.threshold(&self.hypotheses[plain.hypothesis]))
+            .find(|plain| !self.is_worth_more(self.named(index), left, &self.left_by(fit, plain)))
+            .map(|plain| plain.hypothesis)
     }
 
     /// Whether the law `rich` leaves so much less, `with` in place of `without`, of the channels in which it shows that it is worth its

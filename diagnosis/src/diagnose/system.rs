@@ -70,8 +70,8 @@ pub(crate) struct System {
     pub target: Vec<Vec<f64>>,
     /// Weight of each channel.
     pub weights: Vec<f64>,
-    /// For each base column, the nuisances that say the same: they stay at zero while it takes part.
-    replaces: Vec<Vec<usize>>,
+    /// Base columns of effects, each with a nuisance that says the same: it stays at zero while the effect takes part.
+    replaces: Vec<(usize, usize)>,
     products: Rc<ByChannel>,
     with_target: Vec<DVector<f64>>,
 }
@@ -83,7 +83,7 @@ const BOUND: f64 = 2.0;
 /// Share of a nuisance's square that an effect has to say to be the same.
 const SAME: f64 = 0.99;
 /// Precision of a nuisance that has gone over into an effect.
-pub(crate) const NONE: f64 = 1e15;
+const NONE: f64 = 1e15;
 
 /// The base fitted under the present weights, for some of its columns.
 pub(crate) struct Fit {
@@ -109,7 +109,7 @@ impl System {
         let products: ByChannel = (0..channels).map(|c| gram(&base, &base, c)).collect();
         let with_target = (0..channels).map(|c| against(&base, &target, c)).collect();
         Self {
-            replaces: vec![Vec::new(); base.len()],
+            replaces: Vec::new(),
             base: Rc::new(base),
             precision,
             weights: vec![1.0; channels],
@@ -159,16 +159,15 @@ impl System {
         Rc::make_mut(&mut self.base).extend(block.columns.iter().cloned());
         self.precision.extend(std::iter::repeat_n(0.0, new));
         let columns: Vec<usize> = (old..old + new).collect();
-        self.replaces.resize(old, Vec::new());
-        self.replaces.push(self.said_by(&columns));
-        self.replaces.resize(old + new, Vec::new());
+        if let &[column] = columns.as_slice() {
+            self.replaces.extend(self.said_by(column).into_iter().map(|nuisance| (column, nuisance)));
+        }
         columns
     }
 
-    /// The nuisances of which the one column of `columns` says nearly all: what has a name is no tolerance any more, and the prior of the
+    /// The nuisances of which the base column `column` says nearly all: what has a name is no tolerance any more, and the prior of the
     /// one must not keep a part of the other.
-    fn said_by(&self, columns: &[usize]) -> Vec<usize> {
-        let &[column] = columns else { return Vec::new() };
+    fn said_by(&self, column: usize) -> Vec<usize> {
         let product = |i: usize, j: usize| -> f64 {
             self.weights
                 .iter()
@@ -184,7 +183,9 @@ impl System {
 
     /// Precision of each of the base columns `active` while these take part.
     pub fn precisions(&self, active: &[usize]) -> Vec<f64> {
-        let replaced = |a: &usize| active.iter().any(|&other| self.replaces[other].contains(a));
+        let replaced = |a: &usize| {
+            self.replaces.iter().any(|(column, nuisance)| nuisance == a && active.contains(column))
+        };
         active.iter().map(|a| if replaced(a) { NONE } else { self.precision[*a] }).collect()
     }
 
