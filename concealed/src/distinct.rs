@@ -123,6 +123,12 @@ pub(crate) fn equivalents(effect: &Effect, arm: &Arm) -> Vec<Equivalent> {
         (Physics::Payload { .. }, _) if arm.dof() == 1 => {
             same(&["link_mass"], Some(last), "one axis feels nothing but mass")
         }
+        (Physics::EncoderOffset { .. }, Some(0)) if slides_along_its_way(arm) => {
+            same(&["link_length"], Some(first), "a slide that starts further on is a longer link")
+        }
+        (Physics::LinkLength { .. }, Some(0)) if slides_along_its_way(arm) => {
+            same(&["encoder_offset"], Some(first), "a slide that starts further on is a longer link")
+        }
         (Physics::LinkMass { .. }, Some(0)) if turns_upright(arm) => same(
             &["rotor_inertia"],
             Some(first),
@@ -143,6 +149,13 @@ fn turns_upright(arm: &Arm) -> bool {
     let joint = &arm.joints()[0];
     let axis = joint.placement.rotation * joint.axis.into_inner();
     joint.kind == JointKind::Revolute && axis.cross(arm.gravity()).norm() < 1e-6 * arm.gravity().norm()
+}
+
+/// Whether the first joint slides in the direction of the next one (of the tool).
+fn slides_along_its_way(arm: &Arm) -> bool {
+    let joint = &arm.joints()[0];
+    let way = arm.joints().get(1).map_or(arm.tool(), |next| &next.placement).translation.vector;
+    joint.kind == JointKind::Prismatic && joint.axis.cross(&way).norm() < 1e-6 * way.norm()
 }
 
 #[cfg(test)]

@@ -8,7 +8,7 @@ use freeplay_recording::Recording;
 use crate::error::ResidualError;
 use crate::filter::{LowPass, derivatives};
 use crate::grid::{Grid, Stretch};
-use crate::statistics::MEDIAN_OF_NORMAL;
+use crate::statistics::Quantile;
 
 /// The default cutoff: this share of the sampling rate, within these bounds, Hz.
 const CUTOFF_SHARE: f64 = 0.03;
@@ -235,8 +235,8 @@ impl Treatment {
 
     /// Standard deviation of white noise that has in the octave above the cutoff what `column`, on all grid points, has there.
     ///
-    /// By the median of its size (Hampel 1974), which does not mind a few jumps.
-    pub fn deviation_above(&self, column: &[f64]) -> f64 {
+    /// By a `quantile` of its size: what jumps now and then is no noise (Hampel 1974).
+    pub(crate) fn deviation_above(&self, column: &[f64], quantile: Quantile) -> f64 {
         let (rate_hz, cutoff_hz) = (self.rate_hz(), self.filter.cutoff_hz());
         let Ok(wider) = LowPass::new(rate_hz, (2.0 * cutoff_hz).min(MOST_FINE * rate_hz)) else { return 0.0 };
         let mut band = Vec::with_capacity(column.len());
@@ -250,12 +250,12 @@ impl Treatment {
                     .map(|(wide, narrow)| (wide - narrow).abs()),
             );
         }
-        let middle = band.len() / 2;
+        let place = (quantile.below * band.len() as f64) as usize;
         if band.is_empty() {
             return 0.0;
         }
-        let median = *band.select_nth_unstable_by(middle, f64::total_cmp).1;
-        median / MEDIAN_OF_NORMAL / share_between(&self.filter, &wider, rate_hz).sqrt()
+        let size = *band.select_nth_unstable_by(place, f64::total_cmp).1;
+        size / quantile.of_normal / share_between(&self.filter, &wider, rate_hz).sqrt()
     }
 
     /// The kept points of one column of the points of [`Treatment::whole_motion`].

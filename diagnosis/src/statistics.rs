@@ -3,6 +3,22 @@
 /// Median of |x| over the standard deviation of a normal x.
 pub(crate) const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
 
+/// A quantile of |x|.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Quantile {
+    /// The share of all |x| that is below it.
+    pub below: f64,
+    /// It over the standard deviation of a normal x.
+    pub of_normal: f64,
+}
+
+impl Quantile {
+    /// The median.
+    pub const MEDIAN: Self = Self { below: 0.5, of_normal: MEDIAN_OF_NORMAL };
+    /// The lower quartile.
+    pub const LOWER_QUARTILE: Self = Self { below: 0.25, of_normal: 0.318_639_363_964_375_1 };
+}
+
 /// Mean, spread and size of a signal; zeros for an empty one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Moments {

@@ -3,14 +3,14 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::answer::{Answer, Estimate, Named};
+use super::answer::{Answer, Estimate, Named, Rival};
 use super::truth::{Concealed, Sort, Truth};
 
 /// How an answer compares with the truth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
-    /// All of it and nothing else; for physics outside the catalogue: that it is unknown.
+    /// All of it and nothing else, or one of several that are all the same as it; for physics outside the catalogue: that it is unknown.
     Right,
     /// Of several effects at least one, and none that is not there.
     Partly,
@@ -79,8 +79,17 @@ fn named(truth: &Truth, answer: &Answer) -> Outcome {
     }
 }
 
-/// One of several: refused where the truth is among them, partly right where that is so of some of it.
+/// One of several: right where each of them is the truth by another name, refused where the truth is among them, partly right where
+/// that is so of some of it.
 fn one_of(truth: &Truth, answer: &Answer) -> Outcome {
+    let is_true = |rival: &Rival| {
+        let named = Named { kind: rival.kind.clone(), joint: rival.joint.clone(), ..Named::default() };
+        said(truth, &[named]).1 == 0
+    };
+    let mut class = answer.rivals.iter().filter(|rival| rival.indistinguishable).peekable();
+    if class.peek().is_some() && class.all(is_true) && named(truth, answer) == Outcome::Right {
+        return Outcome::Right;
+    }
     let among = truth.effects.iter().filter(|concealed| concealed.is_among(answer)).count();
     let (found, idle) = said(truth, &answer.effects);
     match (among == truth.effects.len(), answer.effects.len() <= truth.effects.len()) {
@@ -230,6 +239,15 @@ mod tests {
         unsure.rivals =
             vec![Rival { kind, joint: Some("elbow".into()), indistinguishable: true, log_odds_against: 1.0 }];
         assert_eq!(outcome(&asymmetric, &unsure), Outcome::Refused);
+        // Where each of the class is the truth by another name, not to tell them apart is right.
+        let constant = truth(json!([{
+            "kind": "torque_offset", "joint": "elbow",
+            "equivalents": [{ "kinds": ["asymmetric_friction"], "joint": "elbow" }]
+        }]));
+        unsure.effects = named("one_of", &[offset]).effects;
+        assert_eq!(outcome(&constant, &unsure), Outcome::Right);
+        unsure.rivals[0].kind = "coulomb_friction".to_owned();
+        assert_eq!(outcome(&constant, &unsure), Outcome::Refused);
     }
 
     /// A gain is judged by its distance from one, a phase round the circle, a word not at all.

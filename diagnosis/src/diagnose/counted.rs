@@ -12,6 +12,10 @@ const STANDING: f64 = 2e-3;
 /// The low-pass with the cutoff f_c rounds the corner of a speed where a joint starts to stick or to slip: by about this times the
 /// acceleration over f_c. A slower joint may as well stick, with any dry friction up to its own.
 const ROUNDED: f64 = 0.05;
+/// A joint whose position changes by less than this many standard deviations of its encoder's noise from one sample to the next may stick…
+const UNMOVED: f64 = 4.5;
+/// …unless the low-pass makes its speed more than this many times what it may make of a corner.
+const LONGEST: f64 = 4.0;
 
 /// How much each row of the channel number `channel` of `stage` counts, 0 to 1: of a torque, nothing while its joint stands; the less, the
 /// more the dry friction that the model knows is undecided, where the joint sticks or turns; and the less, the faster the model's torque
@@ -25,8 +29,19 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
     let slow = STANDING * v.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
     let reach = (rate_hz / cutoff_hz / 2.0) as usize;
     let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
-    let blurred = (ROUNDED * Moments::of(a).rms / cutoff_hz).max(slow);
-    let undecided: Vec<f64> = v.iter().map(|v| if v.abs() < blurred { dry } else { 0.0 }).collect();
+    // Where it turns, and not on the whole: a joint that goes straight to and fro turns in a small part of its time.
+    let usual = Moments::of(a).rms;
+    let blurred = |here: &f64| (ROUNDED * usual.max(*here) / cutoff_hz).max(slow);
+    let sticks = sticking(stage, joint);
+    let undecided: Vec<f64> = v
+        .iter()
+        .zip(&envelope(a, reach))
+        .zip(sticks)
+        .map(|((v, here), sticks)| {
+            let most = if sticks { LONGEST * blurred(here) } else { blurred(here) };
+            if v.abs() < most { dry } else { 0.0 }
+        })
+        .collect();
     // A sample says of a jump between two of them no more than that. By half the time between samples it is early or late, times
     // the slope of the low-pass's answer, which is twice the cutoff times twice what the low-pass takes from the jump.
     let unresolved = &stage.ground.sharpening.unresolved[joint];
@@ -43,6 +58,15 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
         .collect();
     // A joint that never moves still carries its load: all that is not friction shows there.
     if Moments::of(&rows).mean < 0.1 { vec![1.0; points] } else { rows }
+}
+
+/// Where the encoder of `joint` sees no motion from one sample to the next.
+fn sticking(stage: &Stage, joint: usize) -> Vec<bool> {
+    let ground = stage.ground;
+    let read = ground.treatment.whole_column(ground.recording, &ground.recording.q[joint]);
+    let least = UNMOVED * ground.noises.positions[joint].deviation;
+    let still = |k: usize, other: usize| read.get(other).is_some_and(|x| (x - read[k]).abs() < least);
+    (0..read.len()).map(|k| still(k, k + 1) || still(k, k.wrapping_sub(1))).collect()
 }
 
 /// 1 within `reach` points of where the speed `v` stays below `slow` for longer than that, else 0.

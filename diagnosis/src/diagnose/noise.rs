@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::motion::Treatment;
 use crate::residual::{Channel, Kind};
-use crate::statistics::MEDIAN_OF_NORMAL;
+use crate::statistics::{MEDIAN_OF_NORMAL, Quantile};
 
 /// Sum of the squares of 1, −4, 6, −4, 1.
 const FOURTH_DIFFERENCE: f64 = 70.0;
@@ -54,8 +54,13 @@ pub(crate) struct Noises {
 }
 
 impl Noises {
-    /// The noise of `recording`, of which `channels` are compared with a model.
-    pub fn of(recording: &Recording, treatment: &Treatment, channels: &[Channel]) -> Self {
+    /// The noise of `recording`, of which `channels` are compared with a model; `sharp` is what the model's torques have above the low-pass.
+    pub fn of(
+        recording: &Recording,
+        treatment: &Treatment,
+        channels: &[Channel],
+        sharp: &[Vec<f64>],
+    ) -> Self {
         let whole = |column: &[f64]| treatment.whole_column(recording, column);
         let positions = recording.q.iter().map(|q| Noise::of(&whole(q), q)).collect();
         let measured = |kind: Kind| match kind {
@@ -67,8 +72,18 @@ impl Noises {
             let Some(column) = measured(channel.kind) else { return Noise { deviation: 0.0, step: 0.0 } };
             let whole = whole(column);
             let fine = Noise::of(&whole, column);
-            // A tracker that reads more slowly than it is recorded has noise that neighbours share.
-            Noise { deviation: fine.deviation.max(treatment.deviation_above(&whole)), ..fine }
+            // A tracker that reads more slowly than it is recorded has noise that neighbours share. Torque jumps where it should, and in
+            // some motions half of the time.
+            let above = match channel.kind {
+                Kind::Torque(joint) => {
+                    let beside: Vec<f64> =
+                        whole.iter().zip(&sharp[joint]).map(|(x, sharp)| x - sharp).collect();
+                    let above = |column| treatment.deviation_above(column, Quantile::LOWER_QUARTILE);
+                    above(&whole).min(above(&beside))
+                }
+                Kind::Tool(_) | Kind::Link(_) => treatment.deviation_above(&whole, Quantile::MEDIAN),
+            };
+            Noise { deviation: fine.deviation.max(above), ..fine }
         };
         Self { positions, channels: channels.iter().map(of_channel).collect() }
     }

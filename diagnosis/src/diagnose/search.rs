@@ -136,12 +136,6 @@ impl<'a, 'b> Search<'a, 'b> {
         weighing
     }
 
-    /// Weights and gains under what was taken in.
-    pub fn settle(&mut self) -> Option<()> {
-        self.weigh_anew()?;
-        self.update_gains()
-    }
-
     /// Weights under what was taken in.
     pub fn weigh_anew(&mut self) -> Option<()> {
         for _ in 0..2 {

@@ -416,21 +416,46 @@ impl Search<'_, '_> {
     /// Drops what is not physical beside the others, or else the weakest effect if the others made it idle; whether one was dropped.
     fn drop_one(&mut self) -> Option<bool> {
         self.update_gains()?;
-        let fit = self.system.fit(&self.active(None))?;
-        let margin = |index: usize| self.chosen[index].gain - self.threshold(self.named(index));
-        let weakest =
-            |among: &mut dyn Iterator<Item = usize>| among.min_by(|&a, &b| margin(a).total_cmp(&margin(b)));
-        let unphysical = |index: &usize| !self.named(*index).is_possible(&self.coefficients(&fit, *index));
-        if let Some(index) = weakest(&mut (0..self.chosen.len()).filter(unphysical)) {
-            // It would come back as strong, and go again.
-            self.bar(index);
+        if self.drop_unphysical()? {
             return Some(true);
         }
-        let dropped = weakest(&mut (0..self.chosen.len()).filter(|&index| margin(index) < 0.0));
+        let dropped = self.weakest(|index| self.margin(index) < 0.0);
         if let Some(index) = dropped {
             self.chosen.remove(index);
         }
         Some(dropped.is_some())
+    }
+
+    /// Drops the weakest effect that is not physical beside the others, and bars it: it would come back as strong, and go again.
+    fn drop_unphysical(&mut self) -> Option<bool> {
+        let fit = self.system.fit(&self.active(None))?;
+        let dropped = self.weakest(|index| !self.named(index).is_possible(&self.coefficients(&fit, index)));
+        if let Some(index) = dropped {
+            self.bar(index);
+        }
+        Some(dropped.is_some())
+    }
+
+    /// By how much the effect number `index` explains more than counts.
+    fn margin(&self, index: usize) -> f64 {
+        self.chosen[index].gain - self.threshold(self.named(index))
+    }
+
+    /// The effect that explains least of those that are `such`.
+    fn weakest(&self, such: impl Fn(usize) -> bool) -> Option<usize> {
+        let among = (0..self.chosen.len()).filter(|&index| such(index));
+        among.min_by(|&a, &b| self.margin(a).total_cmp(&self.margin(b)))
+    }
+
+    /// Weights and gains under what was taken in, less what is not physical under these.
+    pub fn settle(&mut self) -> Option<()> {
+        self.weigh_anew()?;
+        self.update_gains()?;
+        while self.drop_unphysical()? {
+            self.weigh_anew()?;
+            self.update_gains()?;
+        }
+        Some(())
     }
 }
 

@@ -49,7 +49,7 @@ impl<'a> Ground<'a> {
         let (motion, whole) = (treatment.motion(recording), treatment.whole_motion(recording));
         let sharpening = Sharpening::of(arm, recording, &treatment, &whole);
         let channels = residuals_along(arm, &[], recording, &treatment, &whole, &sharpening)?.channels;
-        let noises = Noises::of(recording, &treatment, &channels);
+        let noises = Noises::of(recording, &treatment, &channels, &sharpening.unresolved);
         let own = treatment.clone();
         let treated = Box::new(move |column: &[f64]| own.low_pass(column));
         let as_it_is = Box::new(|column: &[f64]| column.to_vec());

@@ -67,7 +67,11 @@ pub static KIND: Kind = Kind {
         ("coulomb_friction", "flips with the velocity at once, not after a way"),
         ("presliding_friction", "builds up over the way without a force-free part"),
     ],
-    contains: &[("joint_elasticity", "gap = 0"), ("coulomb_friction", "gap = 0, with friction behind it")],
+    contains: &[
+        ("joint_elasticity", "gap = 0"),
+        ("coulomb_friction", "gap = 0, with friction behind it"),
+        ("asymmetric_friction", "gap = 0, with friction behind it that differs by direction"),
+    ],
     needs: &[Need::TorqueOrPose, Need::Motion, Need::Reversals(1)],
     terms: Terms { list: terms, compose },
     shapes,
