@@ -17,6 +17,10 @@ impl Store for File {
     }
 }
 
+/// Bytes that are handed to the system at a time. A call that takes in more keeps its core for longer: 100 kB for 0.15 to 2.5 ms on a kernel
+/// that does not preempt itself, in which a loop on that core misses its tick.
+const PIECE: usize = 4096;
+
 /// A store that ends at a block's end whatever happens: when a block cannot be written whole, the part
 /// that was written is taken back, and no later block is accepted.
 pub(crate) struct Output {
@@ -50,7 +54,8 @@ impl Output {
         if self.failed {
             return Err(io::Error::other("an earlier block could not be written"));
         }
-        match self.store.write_all(bytes).and_then(|()| self.store.flush()) {
+        let written = bytes.chunks(PIECE).try_for_each(|piece| self.store.write_all(piece));
+        match written.and_then(|()| self.store.flush()) {
             Ok(()) => {
                 self.kept += bytes.len() as u64;
                 Ok(())

@@ -109,20 +109,21 @@ pub(crate) fn dispatch(mut input: impl Read, source: &Source) -> Result<Recordin
     if source.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap")) {
         return Err(ReadError::NotMcap { file: file() });
     }
-    if let Some(what) = known_binary(&head) {
+    if let Some(what) = known_format(&head) {
         return Err(ReadError::NotText { file: file(), what });
     }
     csv_reader::read(Cursor::new(head).chain(input), source)
 }
 
 /// Formats that are handed over by mistake.
-fn known_binary(head: &[u8]) -> Option<&'static str> {
+fn known_format(head: &[u8]) -> Option<&'static str> {
     match head {
         [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => Some("UTF-16 text"),
         [b'P', b'K', 3, 4, ..] => Some("a ZIP archive or a spreadsheet: export it as CSV"),
         [0x1f, 0x8b, ..] => Some("compressed by gzip: gunzip it first"),
         [0x28, 0xb5, 0x2f, 0xfd, ..] => Some("compressed by zstd: unzstd it first"),
         [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => Some("a ROS 1 bag: `mcap convert` it"),
+        [b'<', b'?' | b'!' | b'a'..=b'z', ..] => Some("XML, such as the model of a robot"),
         _ => None,
     }
 }

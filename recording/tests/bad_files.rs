@@ -156,12 +156,13 @@ fn another_number_of_joints_is_an_error() {
 #[test]
 fn bytes_that_are_no_text_are_told_apart() {
     let utf16: Vec<u8> = "\u{feff}t,q1\n0,0\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
-    let cases: [(&[u8], &str); 7] = [
+    let cases: [(&[u8], &str); 8] = [
         (&utf16, "UTF-16 text"),
         (b"PK\x03\x04\x14\0\0\0", "a ZIP archive or a spreadsheet"),
         (b"\x1f\x8b\x08\0", "compressed by gzip"),
         (b"\x28\xb5\x2f\xfd", "compressed by zstd"),
         (b"#ROSBAG V2.0\n", "a ROS 1 bag"),
+        (b"<?xml version=\"1.0\"?>\n<robot>\n", "XML, such as the model of a robot"),
         (b"\x7fELF\x02\x01\x01\0\0\0\n\0\0", "its first line holds zero bytes"),
         (b"t,q1,temp\xe9rature\n0,0,0\n", "its first line is no UTF-8 text"),
     ];

@@ -1,5 +1,8 @@
 //! What a residual may depend on: the quantities of the motion that residuals are looked at over.
 
+use freeplay_arm::JointKind;
+use freeplay_laws::torque_unit;
+
 use super::stage::Stage;
 use super::universal::way_since_reversal;
 use crate::residual::Kind;
@@ -46,22 +49,33 @@ pub(crate) fn of_joint(stage: &Stage, joint: usize) -> Vec<Variable> {
     let v = &motion.v[joint];
     let way = way_since_reversal(&stage.whole().q[joint], &stage.whole().v[joint]);
     let new = |quantity, unit, values| variable(stage, joint, quantity, unit, values);
+    let kind = stage.arm().joints()[joint].kind;
+    let [position, speed, acceleration] = units(kind);
     vec![
         new("direction", "1", v.iter().map(|v| v.signum()).collect()),
         velocity(stage, joint),
-        new("speed", "rad/s", v.iter().map(|v| v.abs()).collect()),
-        new("position", "rad", motion.q[joint].clone()),
-        new("acceleration", "rad/s²", motion.a[joint].clone()),
-        new("load", "N*m", stage.load()[joint].clone()),
+        new("speed", speed, v.iter().map(|v| v.abs()).collect()),
+        new("position", position, motion.q[joint].clone()),
+        new("acceleration", acceleration, motion.a[joint].clone()),
+        new("load", torque_unit(kind), stage.load()[joint].clone()),
         Variable {
             name: format!("way of {} since its last reversal", stage.arm().joints()[joint].name),
-            ..new("way", "rad", stage.ground.treatment.keep(&way))
+            ..new("way", position, stage.ground.treatment.keep(&way))
         },
     ]
 }
 
 fn velocity(stage: &Stage, joint: usize) -> Variable {
-    variable(stage, joint, "velocity", "rad/s", stage.motion().v[joint].clone())
+    let [_, unit, _] = units(stage.arm().joints()[joint].kind);
+    variable(stage, joint, "velocity", unit, stage.motion().v[joint].clone())
+}
+
+/// Units of position, velocity and acceleration of a joint.
+fn units(kind: JointKind) -> [&'static str; 3] {
+    match kind {
+        JointKind::Revolute => ["rad", "rad/s", "rad/s²"],
+        JointKind::Prismatic => ["m", "m/s", "m/s²"],
+    }
 }
 
 fn variable(
