@@ -151,7 +151,7 @@ impl Conclusion<'_, '_, '_> {
             let columns = at..at + hypothesis.size();
             at = columns.end;
             let beta: Vec<f64> = columns.clone().map(|k| fit.eta[k]).collect();
-            let table = hypothesis.compose(&hypothesis.shape, &beta);
+            let table = hypothesis.table(self.arm(), &beta);
             let spread: Vec<Vec<f64>> = columns
                 .clone()
                 .map(|k| {
@@ -160,24 +160,18 @@ impl Conclusion<'_, '_, '_> {
                     widened(&column, fit.eta[k], covariance[(k, k)].sqrt())
                 })
                 .collect();
-            let parameters = parameters(search, index, &table, &spread, self.settings.seed);
-            let joint = self.joint_name(hypothesis.joint);
-            let statement = words::statement(hypothesis.kind, joint.as_deref(), parameters.iter());
-            tables.push(EffectTable {
-                kind: hypothesis.kind.name.to_owned(),
-                joint: joint.clone(),
-                parameters: table,
-                line: 0,
-            });
+            let parameters = parameters(search, index, &table.parameters, &spread, self.settings.seed);
+            let statement = words::statement(hypothesis.kind, table.joint.as_deref(), parameters.iter());
             effects.push(Effect {
                 kind: hypothesis.kind.name,
-                joint,
+                joint: table.joint.clone(),
                 parameters,
                 equation: hypothesis.kind.equation,
                 source: hypothesis.kind.source,
                 evidence: self.why(hypothesis, chosen.gain, proof),
                 statement,
             });
+            tables.push(table);
         }
         (tables, effects)
     }

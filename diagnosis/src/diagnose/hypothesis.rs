@@ -1,6 +1,7 @@
 //! Everything that might be missing: each kind of effect at each place in each shape, as a block of columns.
 
-use freeplay_laws::{CATALOGUE, Kind as EffectKind, LawError, Place, Recorded, Site, Term};
+use freeplay_arm::{Arm, EffectTable};
+use freeplay_laws::{CATALOGUE, Kind as EffectKind, LawError, Place, Placed, Recorded, Site, Term};
 use toml::Table;
 
 use super::case::Case;
@@ -39,6 +40,16 @@ impl Hypothesis {
         self.kind.compose(shape, &all)
     }
 
+    /// The table of an arm file that switches it on with these coefficients of the terms shown.
+    pub fn table(&self, arm: &Arm, coefficients: &[f64]) -> EffectTable {
+        EffectTable {
+            kind: self.kind.name.to_owned(),
+            joint: self.joint.map(|joint| arm.joints()[joint].name.clone()),
+            parameters: self.compose(&self.shape, coefficients),
+            line: 0,
+        }
+    }
+
     /// The columns of its terms on the rows of `case`, another one than it was made for.
     ///
     /// # Errors
@@ -65,8 +76,13 @@ impl Hypothesis {
     }
 
     /// Whether these coefficients are physical.
-    pub fn is_possible(&self, beta: &[f64]) -> bool {
+    fn is_possible(&self, beta: &[f64]) -> bool {
         self.terms.iter().zip(beta).all(|(term, beta)| *beta >= term.least && *beta <= term.most)
+    }
+
+    /// Whether these coefficients are physical and an arm file of `arm` can say them.
+    pub fn can_be_said(&self, arm: &Arm, beta: &[f64]) -> bool {
+        self.is_possible(beta) && Placed::new(&self.table(arm, beta), arm).is_ok()
     }
 
     /// Channels in which it shows.
@@ -77,7 +93,7 @@ impl Hypothesis {
 }
 
 /// Where `kind` can sit on an arm.
-pub(crate) fn places(kind: &EffectKind, arm: &freeplay_arm::Arm) -> Vec<Option<usize>> {
+pub(crate) fn places(kind: &EffectKind, arm: &Arm) -> Vec<Option<usize>> {
     match kind.site {
         Site::Arm => vec![None],
         Site::Joint | Site::Revolute => {

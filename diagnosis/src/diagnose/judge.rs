@@ -3,7 +3,7 @@
 use freeplay_laws::LawError;
 
 use super::case::Case;
-use super::search::Search;
+use super::search::{Search, Standing};
 use super::show::{Coefficients, Gain, HeldOut, gain, held_out};
 use super::system::{Column, Fit, System, subtract};
 
@@ -178,7 +178,8 @@ impl<'a, 'b> Judge<'a, 'b> {
         Ok(Some(Proof { gain: if held_out { on_held } else { on_fit }, held_out, channels: shows }))
     }
 
-    /// Drops effects that don't prove themselves and searches for others in their place; the proofs of those that stay.
+    /// Drops effects that don't prove themselves and searches for others in their place, a few times; `search` then stands where all that
+    /// is left had proved itself and the held-out error was least. The proofs of that.
     ///
     /// # Errors
     /// See [`LawError`]; `None` if a fit is singular.
@@ -187,17 +188,39 @@ impl<'a, 'b> Judge<'a, 'b> {
         search: &mut Search,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Option<Vec<Proof>>, LawError> {
-        for _ in 0..RENEWALS {
+        let mut best: Option<(f64, Standing, Vec<Proof>)> = None;
+        for renewal in 0..=RENEWALS {
             let before = search.chosen.len();
             let Some(proofs) = self.drop_unproven(search, progress)? else { return Ok(None) };
-            if proofs.len() == before {
-                return Ok(Some(proofs));
+            let Some(size) = self.size(search)? else { return Ok(None) };
+            let is_final = proofs.len() == before || renewal == RENEWALS;
+            if best.as_ref().is_none_or(|(least, ..)| size < *least) {
+                best = Some((size, search.standing(), proofs));
+            }
+            if is_final {
+                break;
             }
             if search.improve_validated(progress).is_none() {
                 return Ok(None);
             }
         }
-        self.drop_unproven(search, progress)
+        Ok(best.map(|(_, standing, proofs)| {
+            search.go_back(standing);
+            proofs
+        }))
+    }
+
+    /// How large the held-out errors of what `search` has chosen are: the mean logarithm of those above the noise floor.
+    fn size(&self, search: &Search) -> Result<Option<f64>, LawError> {
+        let Some(errors) = self.errors(search, None)? else { return Ok(None) };
+        let over: Vec<f64> = self
+            .held
+            .rms(&errors.tuned_after)
+            .iter()
+            .zip(&search.null.floor)
+            .map(|(rms, floor)| (rms / floor.max(f64::MIN_POSITIVE)).max(1.0).ln())
+            .collect();
+        Ok(Some(over.iter().sum::<f64>() / over.len().max(1) as f64))
     }
 
     /// Drops effects that don't prove themselves, the weakest first: without it the others may.

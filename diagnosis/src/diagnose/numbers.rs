@@ -25,9 +25,9 @@ fn shape_deviations(search: &Search, index: usize) -> BTreeMap<String, f64> {
         let mut shape = named.shape.clone();
         shape.insert(name.to_owned(), Value::Float(value));
         let other = hypothesis(search.case, &search.system, named.kind, named.joint, shape).ok()??;
-        search.system.score(&fit, &other.block).map(|score| score.gain)
+        search.system.exact_score(&fit, &other.block).map(|score| score.gain)
     };
-    let best = search.system.score(&fit, &named.block).map_or(0.0, |score| score.gain);
+    let best = search.system.exact_score(&fit, &named.block).map_or(0.0, |score| score.gain);
     let deviation = |(name, value): (&String, &Value)| {
         let value = value.as_float().filter(|value| *value != 0.0)?;
         // The gain falls by (step/deviation)².

@@ -41,11 +41,13 @@ impl Search<'_, '_> {
             .filter(|(name, value)| *value != 0.0 && kind.refines(name))
             .collect();
         for (name, value) in numbers {
-            let now = self.system.score(&fit, &self.hypotheses[at].block).map_or(0.0, |score| score.gain);
+            // Tolerances that had taken over what they can of the effect have to be free to give it back.
+            let now =
+                self.system.exact_score(&fit, &self.hypotheses[at].block).map_or(0.0, |score| score.gain);
             let mut shape = self.hypotheses[at].shape.clone();
             shape.insert(name, toml::Value::Float(value * factor));
             let Ok(Some(other)) = hypothesis(self.case, &self.system, kind, joint, shape) else { continue };
-            let Some(score) = self.system.score(&fit, &other.block) else { continue };
+            let Some(score) = self.system.exact_score(&fit, &other.block) else { continue };
             if score.gain <= now * (1.0 + 1e-4) || !other.is_physical(&score) {
                 continue;
             }

@@ -25,6 +25,9 @@ pub(crate) struct Null {
     pub gains: BTreeMap<&'static str, f64>,
 }
 
+/// A kind and its joint.
+type Site = (&'static str, Option<usize>);
+
 /// An effect that was taken in.
 #[derive(Clone, Debug)]
 pub(crate) struct Chosen {
@@ -34,6 +37,14 @@ pub(crate) struct Chosen {
     pub columns: Vec<usize>,
     /// What it explains beside the others: twice the log of the likelihood ratio.
     pub gain: f64,
+}
+
+/// Where a search stands, to go back to.
+pub(crate) struct Standing {
+    chosen: Vec<Chosen>,
+    weights: Vec<f64>,
+    barred: Vec<Site>,
+    vetoed: Vec<Site>,
 }
 
 /// The search.
@@ -51,9 +62,9 @@ pub(crate) struct Search<'a, 'b> {
     /// Columns of every hypothesis that was ever taken in.
     pub(super) admitted: BTreeMap<usize, Vec<usize>>,
     /// Kinds and places that did not stand the cross-validation.
-    pub(super) barred: Vec<(&'static str, Option<usize>)>,
+    pub(super) barred: Vec<Site>,
     /// Kinds and places that did not prove themselves on held-out data.
-    pub(super) vetoed: Vec<(&'static str, Option<usize>)>,
+    pub(super) vetoed: Vec<Site>,
     /// Number of nuisances.
     nuisances: usize,
     rows: Vec<f64>,
@@ -65,6 +76,22 @@ impl<'a, 'b> Search<'a, 'b> {
         let (nuisances, rows) = (system.base.len(), case.rows());
         let (chosen, admitted, barred, vetoed) = (Vec::new(), BTreeMap::new(), Vec::new(), Vec::new());
         Self { case, system, hypotheses, null, chosen, admitted, barred, vetoed, nuisances, rows }
+    }
+
+    /// Where it stands.
+    pub fn standing(&self) -> Standing {
+        Standing {
+            chosen: self.chosen.clone(),
+            weights: self.system.weights.clone(),
+            barred: self.barred.clone(),
+            vetoed: self.vetoed.clone(),
+        }
+    }
+
+    /// Goes back to where it stood.
+    pub fn go_back(&mut self, to: Standing) {
+        (self.chosen, self.system.weights, self.barred, self.vetoed) =
+            (to.chosen, to.weights, to.barred, to.vetoed);
     }
 
     /// Base columns of the nuisances and of all that was taken in, without the effect number `left_out`.
@@ -89,7 +116,7 @@ impl<'a, 'b> Search<'a, 'b> {
         others.any(|index| self.named(index).same_effect(hypothesis))
     }
 
-    /// Coefficients of the effect number `index` in `fit`, which has all effects in.
+    /// Coefficients of the effect number `index` in `fit`, which has it in.
     pub fn coefficients(&self, fit: &Fit, index: usize) -> Vec<f64> {
         let place = |column: &usize| fit.active.iter().position(|a| a == column);
         self.chosen[index].columns.iter().filter_map(place).map(|k| fit.eta[k]).collect()

@@ -426,14 +426,23 @@ impl Search<'_, '_> {
         Some(dropped.is_some())
     }
 
-    /// Drops the weakest effect that is not physical beside the others, and bars it: it would come back as strong, and go again.
+    /// Where an effect is not physical beside the others, drops the weakest of those without which it is, itself among them, and bars it:
+    /// it would come back as strong, and do the same again.
     fn drop_unphysical(&mut self) -> Option<bool> {
         let fit = self.system.fit(&self.active(None))?;
-        let dropped = self.weakest(|index| !self.named(index).is_possible(&self.coefficients(&fit, index)));
-        if let Some(index) = dropped {
-            self.bar(index);
-        }
-        Some(dropped.is_some())
+        let Some(victim) = self.weakest(|index| !self.is_sayable(&fit, index)) else { return Some(false) };
+        let restores = |index: usize| {
+            let without = || self.system.fit(&self.active(Some(index)));
+            index == victim || without().is_some_and(|fit| self.is_sayable(&fit, victim))
+        };
+        let dropped = self.weakest(restores).unwrap_or(victim);
+        self.bar(dropped);
+        Some(true)
+    }
+
+    /// Whether the effect number `index` is physical in `fit`, and an arm file can say it.
+    fn is_sayable(&self, fit: &Fit, index: usize) -> bool {
+        self.named(index).can_be_said(self.case.stages[0].arm(), &self.coefficients(fit, index))
     }
 
     /// By how much the effect number `index` explains more than counts.
