@@ -115,13 +115,15 @@ pub struct Load {
     pub place: Vector3<f64>,
 }
 
-/// The paper's arm names no friction and limits far beyond what the motors of such an arm give; a data sheet does.
+/// The paper's arm names no friction, no rotors and limits far beyond what the motors of such an arm give; a data sheet does.
 fn paper_with_friction() -> Arm {
     let file = paper_arm();
     let friction = [(25.0, 32.0), (30.0, 38.0), (16.0, 22.0), (2.5, 5.0), (1.6, 3.4), (0.8, 1.9)];
+    let rotors = [15.0, 14.0, 2.3, 0.009, 0.0045, 0.0008];
     let mut joints = file.arm.joints().to_vec();
-    for (joint, (viscous, coulomb)) in joints.iter_mut().zip(friction) {
+    for ((joint, (viscous, coulomb)), rotor) in joints.iter_mut().zip(friction).zip(rotors) {
         joint.friction = JointFriction { viscous, coulomb };
+        joint.rotor_inertia = rotor;
         joint.limits.acceleration = joint.limits.acceleration.min(25.0);
     }
     Arm::new(file.arm.name(), joints, *file.arm.tool(), *file.arm.gravity()).unwrap_or(file.arm)

@@ -5,7 +5,8 @@
 
 use std::f64::consts::TAU;
 
-use freeplay_arm::{Arm, JointKind};
+use freeplay_arm::{Arm, Joint, JointKind};
+use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::calibrate::{Floor, Residual};
@@ -129,6 +130,13 @@ pub(crate) fn equivalents(effect: &Effect, arm: &Arm) -> Vec<Equivalent> {
         (Physics::LinkLength { .. }, Some(0)) if slides_along_its_way(arm) => {
             same(&["encoder_offset"], Some(first), "a slide that starts further on is a longer link")
         }
+        (Physics::LinkLength { .. }, Some(joint)) => as_long(arm, joint)
+            .map(|other| Equivalent {
+                kinds: vec!["link_length"],
+                joint: Some(arm.joints()[other].name.clone()),
+                why: "a joint that turns about the way does not part what is before it from what is behind",
+            })
+            .collect(),
         (Physics::LinkMass { .. }, Some(0)) if turns_upright(arm) => same(
             &["rotor_inertia"],
             Some(first),
@@ -151,6 +159,33 @@ fn turns_upright(arm: &Arm) -> bool {
     joint.kind == JointKind::Revolute && axis.cross(arm.gravity()).norm() < 1e-6 * arm.gravity().norm()
 }
 
+/// The other links that may be longer in the same direction in place of the link that `joint` moves: those that are parted from it only
+/// by joints that turn about that direction, or slide.
+fn as_long(arm: &Arm, joint: usize) -> impl Iterator<Item = usize> {
+    let joints = arm.joints();
+    let way = joints.get(joint + 1).map_or(arm.tool(), |next| &next.placement).translation.vector;
+    let keeps = |joint: &Joint, way: &Vector3<f64>| {
+        joint.kind == JointKind::Prismatic || joint.axis.cross(way).norm() < 1e-6 * way.norm()
+    };
+    let (mut others, mut here) = (Vec::new(), way);
+    for other in (1..=joint).rev() {
+        if !keeps(&joints[other], &here) {
+            break;
+        }
+        here = joints[other].placement.rotation * here;
+        others.push(other - 1);
+    }
+    let mut here = way;
+    for (other, next) in joints.iter().enumerate().skip(joint + 1) {
+        here = next.placement.rotation.inverse() * here;
+        if !keeps(next, &here) {
+            break;
+        }
+        others.push(other);
+    }
+    others.into_iter()
+}
+
 /// Whether the first joint slides in the direction of the next one (of the tool).
 fn slides_along_its_way(arm: &Arm) -> bool {
     let joint = &arm.joints()[0];
@@ -160,7 +195,8 @@ fn slides_along_its_way(arm: &Arm) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::{is_crossed, varied};
+    use super::{as_long, is_crossed, varied};
+    use crate::Machine;
 
     #[test]
     fn a_gap_has_to_be_crossed() {
@@ -170,6 +206,17 @@ mod tests {
         assert!(is_crossed(&wave(0.0), 1e-3));
         assert!(!is_crossed(&wave(0.5e-3), 1e-3));
         assert!(!is_crossed(&[0.0; 100], 1e-3));
+    }
+
+    /// The forearm of the seven-axis arm turns about its own length; the upper arm's length is nobody else's.
+    #[test]
+    fn a_length_is_the_same_across_a_joint_that_turns_about_it() {
+        let arm = Machine::Seven.data_sheet().expect("a data sheet");
+        let of = |joint| as_long(&arm, joint).collect::<Vec<_>>();
+        println!("{:?}", (0..arm.dof()).map(of).collect::<Vec<_>>());
+        assert_eq!((of(3), of(4)), (vec![4], vec![3]));
+        let arm = Machine::Two.data_sheet().expect("a data sheet");
+        assert!((0..2).all(|joint| as_long(&arm, joint).next().is_none()));
     }
 
     #[test]

@@ -17,7 +17,7 @@ use crate::felt::Felt;
 use crate::physics::{Effect, Physics};
 use crate::tolerances::Tolerances;
 
-/// Share of a joint's inertia that is on the motor's side of its transmission.
+/// Share of a joint's inertia that is on the motor's side of its transmission where the data sheet names no rotor.
 const ROTOR_SHARE: f64 = 0.4;
 /// The fastest oscillation turns by this in one short step, rad; 2 would be the limit of stability.
 const PHASE_PER_STEP: f64 = 0.3;
@@ -71,7 +71,7 @@ impl Plan {
             link,
         };
         for effect in effects {
-            plan.transmission(effect, &felt);
+            plan.transmission(effect, &arm, &felt);
         }
         for effect in effects {
             plan.at_drive(effect);
@@ -84,9 +84,10 @@ impl Plan {
     }
 
     /// Gives a joint its transmission.
-    fn transmission(&mut self, effect: &Effect, felt: &[f64]) {
+    fn transmission(&mut self, effect: &Effect, arm: &Arm, felt: &[f64]) {
         let Some(joint) = effect.joint else { return };
-        let rotor = ROTOR_SHARE * felt[joint];
+        let named = arm.joints()[joint].rotor_inertia;
+        let rotor = if named > 0.0 { named } else { ROTOR_SHARE * felt[joint] };
         let (gap, stiffness, damping) = match effect.physics {
             // Damping in s/rad: an impact at 0.1 rad/s loses a tenth to a half of its speed.
             Physics::Backlash { gap, stiffness } => (gap, stiffness, 3.0),
@@ -226,7 +227,7 @@ impl Plan {
     fn short_steps(&self, poses: &[Vec<f64>], felt: &[f64]) -> usize {
         let mut fastest = 0.0_f64;
         for t in &self.transmissions {
-            let link = (1.0 - ROTOR_SHARE) * felt[t.joint];
+            let link = felt[t.joint] - t.rotor;
             fastest = fastest.max((t.stiffness * (1.0 / t.rotor + 1.0 / link)).sqrt());
         }
         for (joint, felt) in felt.iter().enumerate() {

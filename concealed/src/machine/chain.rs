@@ -46,6 +46,10 @@ impl Chain {
     }
 }
 
+/// Where along a link it bends, as shares of its length: the points of Gauss's rule of two. Hinges there, each of half the beam's L/EI, give
+/// under a force and a moment at the end what a uniform beam does, since that is an integral of squares.
+const GAUSS: [f64; 2] = [0.211_324_865_405_187_1, 0.788_675_134_594_812_9];
+
 /// A joint without inertia.
 fn bare(name: String, kind: JointKind, axis: Vector3<f64>, placement: Isometry3<f64>) -> Joint {
     let axis = Unit::new_normalize(axis);
@@ -158,8 +162,7 @@ fn insert_slides(chain: &mut Chain, effect: &Effect, joint: usize) -> Result<(),
     Ok(())
 }
 
-/// A link that bends, as two hinges a third of the way along it: for a force at the far end, deflection F/k and slope 3δ/2L are
-/// those of a cantilever (pseudo-rigid body; Howell 2001 places the hinge of a *large* deflection elsewhere).
+/// A link that bends, as hinges about both axes across it at the two places of [`GAUSS`].
 fn insert_hinges(chain: &mut Chain, effect: &Effect, joint: usize, stiffness: f64) -> Result<(), PlanError> {
     let at = chain.place(joint);
     let why = "no link of some length with a joint beyond it moves with it";
@@ -167,19 +170,29 @@ fn insert_hinges(chain: &mut Chain, effect: &Effect, joint: usize, stiffness: f6
     let next = &mut chain.links.get_mut(at + 1).ok_or_else(seat)?.0;
     let way = next.placement.translation.vector;
     let direction = way.try_normalize(0.02).ok_or_else(seat)?;
-    next.placement.translation.vector = way * (2.0 / 3.0);
-    let lever = 2.0 / 3.0 * way.norm();
-    let turning = stiffness * lever * lever;
+    let [near, far] = GAUSS;
+    next.placement.translation.vector = way * (1.0 - far);
+    let own = std::mem::replace(&mut chain.links[at].0.inertia, Inertia::zero());
+    // k = 3EI/L³, and each of the hinges has half of L/EI.
+    let turning = 2.0 / 3.0 * stiffness * way.norm_squared();
     // A twentieth of critical for a mass of 5 kg at the end.
-    let damping = 0.1 * lever * lever * (stiffness * 5.0).sqrt();
-    let role = Role::Spring { stiffness: turning, damping };
+    let damping = 0.1 * turning * (5.0 / stiffness).sqrt();
     let first = across(&direction);
-    let root = Isometry3::from_parts(Translation3::from(way / 3.0), UnitQuaternion::identity());
-    let hinge = |name: &str, axis, placement| {
-        bare(format!("bend {name} {joint}"), JointKind::Revolute, axis, placement)
+    let second = direction.cross(&first);
+    let hinge = |name: &str, axis, along: f64| {
+        let root = Isometry3::from_parts(Translation3::from(way * along), UnitQuaternion::identity());
+        let joint = bare(format!("bend {name} {joint}"), JointKind::Revolute, axis, root);
+        (joint, Role::Spring { stiffness: turning, damping })
     };
-    chain.links.insert(at + 1, (hinge("2", direction.cross(&first), Isometry3::identity()), role));
-    chain.links.insert(at + 1, (hinge("1", first, root), role));
+    let mut hinges = [
+        hinge("1", first, near),
+        hinge("2", second, 0.0),
+        hinge("3", first, far - near),
+        hinge("4", second, 0.0),
+    ];
+    // What the link weighs is between the two places at which it bends.
+    hinges[1].0.inertia = Inertia { com: own.com - way * near, ..own };
+    chain.links.splice(at + 1..at + 1, hinges);
     Ok(())
 }
 
