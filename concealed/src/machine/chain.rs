@@ -238,3 +238,54 @@ fn across(axis: &Vector3<f64>) -> Vector3<f64> {
     let helper = if axis.x.abs() < 0.7 { Vector3::x() } else { Vector3::z() };
     axis.cross(&helper).normalize()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Role, chain_of};
+    use crate::Machine;
+    use crate::physics::{Effect, Physics};
+
+    /// Deflection and slope of the link's end under a force and under a moment are those of a uniform cantilever with k = 3EI/L³, about both
+    /// axes across it: 1/k, 3/2kL and 3/kL² (Timoshenko 1955, §39).
+    #[test]
+    fn a_link_bends_as_a_cantilever() {
+        let (arm, load) = Machine::Two.loaded(1.0).expect("an arm");
+        let stiffness = 4e4;
+        let effect = Effect { joint: Some(0), physics: Physics::LinkFlexure { stiffness } };
+        let poses = [Machine::Two.home().to_vec()];
+        let chain = chain_of(&arm, &load, &[effect], &poses).expect("a chain");
+        let length = arm.joints()[1].placement.translation.vector.norm();
+        let end = chain.place(1);
+        let to_end = |from: usize| -> f64 {
+            chain.links[from + 1..=end]
+                .iter()
+                .map(|(joint, _)| joint.placement.translation.vector.norm())
+                .sum()
+        };
+        let hinges: Vec<(f64, f64, nalgebra::Vector3<f64>)> = (0..end)
+            .filter_map(|place| match chain.links[place].1 {
+                Role::Spring { stiffness, .. } => {
+                    Some((to_end(place), stiffness, chain.links[place].0.axis.into_inner()))
+                }
+                _ => None,
+            })
+            .collect();
+        assert_eq!(hinges.len(), 4);
+        for axis in [hinges[0].2, hinges[1].2] {
+            let sum = |power: i32| -> f64 {
+                let about = hinges.iter().filter(|(_, _, other)| other.cross(&axis).norm() < 1e-12);
+                about.map(|(lever, turning, _)| lever.powi(power) / turning).sum()
+            };
+            let exact = [1.0 / stiffness, 1.5 / (stiffness * length), 3.0 / (stiffness * length * length)];
+            for (power, exact) in [2, 1, 0].into_iter().zip(exact) {
+                println!("lever to the {power}: off by {:.1e}", sum(power) / exact - 1.0);
+                assert!((sum(power) / exact - 1.0).abs() < 1e-12);
+            }
+        }
+        // Nothing of the mass is lost, and the arm is as long as it was.
+        let mass = |links: &mut dyn Iterator<Item = f64>| links.sum::<f64>();
+        let before = mass(&mut arm.joints().iter().map(|joint| joint.inertia.mass));
+        let after = mass(&mut chain.links.iter().map(|(joint, _)| joint.inertia.mass));
+        assert!((after / before - 1.0).abs() < 1e-12 && (to_end(0) / length - 1.0).abs() < 1e-12);
+    }
+}
