@@ -59,11 +59,19 @@ fn charts_are_drawn_without_complaint() {
     let path = folder.path().join("report.html");
     let page = every_block("a name </script> as long as names of controllers and joints tend to be");
     std::fs::write(&path, page.to_html() + PROBE).unwrap();
-    let Some((dom, log)) = visit(&browser, &path, folder.path()) else {
+    let charts = |dom: &str| dom.matches("class=\"u-wrap\"").count();
+    let mut seen = visit(&browser, &path, folder.path());
+    // On a busy machine a browser may hand the page over before it has drawn a frame.
+    for _ in 0..2 {
+        if seen.as_ref().is_some_and(|(dom, _)| charts(dom) == 0) {
+            seen = visit(&browser, &path, folder.path());
+        }
+    }
+    let Some((dom, log)) = seen else {
         println!("skipped: {} did not answer in {PATIENCE:?}", browser.display());
         return;
     };
-    let drawn = dom.matches("class=\"u-wrap\"").count();
+    let drawn = charts(&dom);
     println!("{drawn} charts drawn by {}", browser.display());
     assert_eq!(drawn, 2, "the third is folded away until it is opened\n{log}");
     assert!(dom.contains("data-excess=\"0\""), "the page scrolls sideways");
