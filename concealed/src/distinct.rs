@@ -1,7 +1,8 @@
 //! Whether a recording can tell an effect from a simpler one at all, and which effects are the same thing by other names.
 //!
 //! A gap that is never crossed is an offset; a joint that is always bent the same way is one too; a journal that always rests on one
-//! side is a longer link. Such cases would be no question but a riddle: they are made anew with another motion or machine.
+//! side is a longer link; friction that is high at low speed shows nowhere if the speed is passed at once. Such cases would be no
+//! question but a riddle: they are made anew with another motion or machine.
 
 use std::f64::consts::TAU;
 
@@ -17,6 +18,12 @@ use crate::physics::{Effect, Physics};
 const EACH_SIDE: f64 = 0.08;
 /// Least number of crossings of a gap.
 const CROSSINGS: usize = 3;
+/// Most crossings in a second: a gear that clatters faster than any motion turns round is a servo that has lost its damping.
+const CLATTER: f64 = 5.0;
+/// Least share of the time that a joint moves slowly enough for a bump at low speed.
+const SLOW: f64 = 0.04;
+/// Rows of a trace from one look at a gap or a speed to the next.
+const LOOK: usize = 8;
 /// Least deviation of a deflection from its mean, as a share of its root mean square.
 const VARIED: f64 = 0.3;
 /// Least range of a joint in periods of what depends on its position.
@@ -44,16 +51,15 @@ pub(crate) fn is_distinct(
     floor: &Floor,
 ) -> bool {
     let Some(joint) = effect.joint else { return true };
-    let springs = matches!(
-        effect.physics,
-        Physics::JointElasticity { .. } | Physics::LinkFlexure { .. } | Physics::Backlash { .. }
-    );
+    // A gap knocks each time that it is crossed: that is no shaking yet.
+    let springs = matches!(effect.physics, Physics::JointElasticity { .. } | Physics::LinkFlexure { .. });
     if springs && with.shakes(floor) {
         return false;
     }
     let range = RANGE * floor.way[joint];
     match effect.physics {
-        Physics::Backlash { gap, .. } => is_crossed(&leads(trace, joint), gap),
+        Physics::Backlash { gap, .. } => is_crossed(&leads(trace, joint), gap, LOOK as f64 * trace.step),
+        Physics::StribeckFriction { velocity, .. } => moves_slowly(trace, joint, velocity),
         Physics::JointElasticity { .. } => {
             varied(leads(trace, joint).into_iter().map(|lead| [lead, 0.0, 0.0]))
         }
@@ -81,16 +87,27 @@ pub(crate) fn can_be_distinct(kind: &str, joint: usize, floor: &Floor) -> bool {
 
 /// How far the motor leads its link, rad, along a trace.
 fn leads(trace: &Trace, joint: usize) -> Vec<f64> {
-    (0..trace.len()).step_by(8).map(|row| trace.motor(row)[joint] - trace.link(row)[joint]).collect()
+    (0..trace.len()).step_by(LOOK).map(|row| trace.motor(row)[joint] - trace.link(row)[joint]).collect()
 }
 
-fn is_crossed(leads: &[f64], gap: f64) -> bool {
+/// Whether a gap is crossed to and fro, and no servo clatters in it; `leads` are `step` s apart.
+fn is_crossed(leads: &[f64], gap: f64, step: f64) -> bool {
     let side = |lead: &f64| i8::from(*lead > 0.4 * gap) - i8::from(*lead < -0.4 * gap);
     let sides: Vec<i8> = leads.iter().map(side).filter(|side| *side != 0).collect();
     let share =
         |wanted: i8| sides.iter().filter(|s| **s == wanted).count() as f64 / leads.len().max(1) as f64;
     let crossings = sides.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    share(1) >= EACH_SIDE && share(-1) >= EACH_SIDE && crossings >= CROSSINGS
+    let most = CLATTER * step * leads.len() as f64;
+    share(1) >= EACH_SIDE && share(-1) >= EACH_SIDE && crossings >= CROSSINGS && crossings as f64 <= most
+}
+
+/// Whether the motor of `joint` moves at less than twice `velocity`, without standing, for more than an instant at each turn.
+fn moves_slowly(trace: &Trace, joint: usize, velocity: f64) -> bool {
+    let step = LOOK as f64 * trace.step;
+    let places: Vec<f64> = (0..trace.len()).step_by(LOOK).map(|row| trace.motor(row)[joint]).collect();
+    let speeds = places.windows(2).map(|pair| (pair[1] - pair[0]).abs() / step);
+    let slow = speeds.filter(|speed| (0.02 * velocity..2.0 * velocity).contains(speed)).count();
+    slow as f64 >= SLOW * places.len() as f64
 }
 
 fn varied(shifts: impl Iterator<Item = [f64; 3]>) -> bool {
@@ -203,9 +220,10 @@ mod tests {
         let wave = |offset: f64| {
             (0..1000).map(|k| 0.6e-3 * (f64::from(k) * 0.05).sin() + offset).collect::<Vec<_>>()
         };
-        assert!(is_crossed(&wave(0.0), 1e-3));
-        assert!(!is_crossed(&wave(0.5e-3), 1e-3));
-        assert!(!is_crossed(&[0.0; 100], 1e-3));
+        assert!(is_crossed(&wave(0.0), 1e-3, 0.01));
+        assert!(!is_crossed(&wave(0.0), 1e-3, 0.001), "a gear that clatters");
+        assert!(!is_crossed(&wave(0.5e-3), 1e-3, 0.01));
+        assert!(!is_crossed(&[0.0; 100], 1e-3, 0.01));
     }
 
     /// The forearm of the seven-axis arm turns about its own length; the upper arm's length is nobody else's.

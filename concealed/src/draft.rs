@@ -258,6 +258,8 @@ impl Context<'_> {
         let dry = seat.map_or(0.0, |joint| self.arm.joints()[joint].friction.coulomb);
         match &mut bounded {
             Physics::CoulombFriction { coulomb: x } => *x = x.max(-0.9 * dry),
+            // Friction at standstill is one to three times that at speed (Armstrong-Hélouvry et al. 1994); with more a machine leaps.
+            Physics::StribeckFriction { extra: x, .. } => *x = x.min(2.0 * dry),
             // Friction can't be less than none.
             Physics::PositionDependentFriction { amplitude: x, .. } => *x = x.min(0.95 * dry),
             Physics::JointClearance { clearance: x, .. }

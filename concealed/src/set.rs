@@ -1,5 +1,6 @@
 //! A set of cases: how many of which sort, drawn from one seed.
 
+use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -10,8 +11,8 @@ use crate::kinds::{CATALOGUE, OUTSIDE, seats};
 use crate::random::{pick, stream};
 use crate::sensors::Noise;
 
-/// Machines that are tried where one can't show an effect as strongly as asked for.
-const MACHINES: usize = 8;
+/// How often all machines are tried where none shows an effect as strongly as asked for.
+const ROUNDS: usize = 3;
 
 /// How many cases of each sort.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -95,7 +96,7 @@ pub fn draw_set(quota: &Quota, seed: u64) -> Result<Vec<Case>, GenerateError> {
     let mut singles = Deck::new(&CATALOGUE, &mut rng);
     let mut add = |effects: Vec<Demand>, noise, hollow, rng: &mut ChaCha8Rng| {
         let machine = pick(rng, &machines(&effects)?);
-        let seed = rand::RngExt::random(rng);
+        let seed = rng.random();
         cases.push(Case { machine, effects, family: None, noise, hollow, seed });
         Ok::<_, GenerateError>(())
     };
@@ -149,29 +150,30 @@ fn machines(effects: &[Demand]) -> Result<Vec<Machine>, GenerateError> {
     }
 }
 
-/// Makes `case`; where its machine can't show the effects as asked for, another does.
+/// Makes `case`; where its machine can't show the effects as asked for, another does, and where none can, all try again with other
+/// motions, loads and tolerances.
 ///
 /// # Errors
 /// As [`generate`], for the last machine that was tried.
 pub fn make_case(case: &Case) -> Result<Made, GenerateError> {
     let mut rng = stream(case.seed, "other machines");
-    let mut left = machines(&case.effects)?;
-    left.retain(|machine| *machine != case.machine);
-    left.shuffle(&mut rng);
+    let mut order = machines(&case.effects)?;
+    order.retain(|machine| *machine != case.machine);
+    order.shuffle(&mut rng);
+    order.insert(0, case.machine);
     let mut case = case.clone();
-    let mut made = generate(&case);
-    for machine in left.into_iter().take(MACHINES) {
-        match made {
-            Err(
-                GenerateError::TooWeak { .. } | GenerateError::Riddle { .. } | GenerateError::NoPlace { .. },
-            ) => {
-                case.machine = machine;
-                made = generate(&case);
+    let mut failure = None;
+    for _ in 0..ROUNDS {
+        for &machine in &order {
+            case.machine = machine;
+            match generate(&case) {
+                Err(error) if !matches!(error, GenerateError::Model(_)) => failure = Some(error),
+                done => return done,
             }
-            done => return done,
         }
+        case.seed = rng.random();
     }
-    made
+    failure.map_or_else(|| generate(&case), Err)
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use crate::physics::{Effect, Physics};
 /// Length of motion on which a first size is found, s.
 const TRIAL: f64 = 8.0;
 /// Runs of the whole motion spent on the size of an effect.
-const TRIALS: usize = 3;
+const TRIALS: usize = 5;
 /// How near the signal-to-floor ratio has to come to what is wanted for the search to end, natural logarithm.
 const NEAR: f64 = 0.15;
 /// The same for what is taken when the runs are spent.
@@ -59,13 +59,14 @@ impl Sizing<'_> {
         let guess = context.guess(kind, seat, rng).ok_or_else(no_place)?;
         let mut physics = context.bounded(guess, seat);
         let mut best: Option<(f64, Found)> = None;
+        let mut power = Power::default();
         if !depends_on_time(kind) && bench.duration > TRIAL {
             let found = self.strength(&physics, seat, TRIAL)?;
             let ratio = found.strength.signal_to_floor;
             if !found.distinct && (ratio / target).ln().abs() < UNSURE {
                 return Err(riddle());
             }
-            physics = context.bounded(rescaled(&physics, target / ratio), seat);
+            physics = context.bounded(physics.scaled(power.factor(target / ratio)), seat);
         }
         for _ in 0..TRIALS {
             let found = self.strength(&physics, seat, bench.duration)?;
@@ -74,7 +75,7 @@ impl Sizing<'_> {
             if !found.distinct && miss < UNSURE {
                 return Err(riddle());
             }
-            let next = context.bounded(rescaled(&physics, target / ratio), seat);
+            let next = context.bounded(physics.scaled(power.factor(target / ratio)), seat);
             if best.as_ref().is_none_or(|(least, _)| miss < *least) {
                 best = Some((miss, found));
             }
@@ -103,7 +104,23 @@ impl Sizing<'_> {
     }
 }
 
-/// `physics` with a trace about `factor` times as large, within reason.
-fn rescaled(physics: &Physics, factor: f64) -> Physics {
-    physics.scaled(factor.clamp(0.15, 6.0))
+/// How a trace grows with the size of its effect: about as a power of it, taken from the last two sizes.
+#[derive(Default)]
+struct Power {
+    /// What was lacking, and the factor that was to bring it, both as logarithms.
+    last: Option<[f64; 2]>,
+}
+
+impl Power {
+    /// The factor of the size that brings `lack` times the trace, within reason.
+    fn factor(&mut self, lack: f64) -> f64 {
+        let lack = lack.max(f64::MIN_POSITIVE).ln();
+        let power = match self.last {
+            Some([before, step]) if step != 0.0 => ((before - lack) / step).clamp(0.5, 6.0),
+            _ => 1.0,
+        };
+        let step = (lack / power).clamp(0.15_f64.ln(), 6.0_f64.ln());
+        self.last = Some([lack, step]);
+        step.exp()
+    }
 }
