@@ -3,10 +3,9 @@
 use freeplay_arm::{Arm, ArmFile, EffectTable};
 use thiserror::Error;
 
-use crate::catalogue::{CATALOGUE, kind};
 use crate::effect::Effect;
 use crate::injection::{Injection, Transmission};
-use crate::kind::Kind;
+use crate::kind::{Kind, kind, kinds};
 use crate::predict::changed;
 use crate::{Clearance, Values};
 
@@ -138,7 +137,7 @@ impl Placed {
             return Err(LawError::UnknownKind {
                 kind: table.kind.clone(),
                 line: table.line,
-                known: CATALOGUE.iter().map(|kind| kind.name).collect::<Vec<_>>().join(", "),
+                known: kinds().map(|kind| kind.name).collect::<Vec<_>>().join(", "),
             });
         };
         let values = Values::of(kind, table, arm)?;

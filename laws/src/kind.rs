@@ -5,6 +5,8 @@ use std::fmt::Debug;
 use freeplay_arm::{Joint, JointKind};
 
 use crate::basis::{Place, Term, Terms};
+use crate::beyond::BEYOND_CATALOGUE;
+use crate::catalogue::CATALOGUE;
 use crate::effect::Effect;
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range, Role};
@@ -80,12 +82,27 @@ impl Debug for Kind {
     }
 }
 
+/// Every kind, those of the catalogue first.
+pub fn kinds() -> impl Iterator<Item = &'static Kind> {
+    CATALOGUE.iter().chain(BEYOND_CATALOGUE).copied()
+}
+
+/// The kind called `name`, in the catalogue or beyond it.
+pub fn kind(name: &str) -> Option<&'static Kind> {
+    kinds().find(|kind| kind.name == name)
+}
+
 /// The shapes of an effect that has one only.
 pub fn one_shape(_: &Place) -> Vec<toml::Table> {
     vec![toml::Table::new()]
 }
 
 impl Kind {
+    /// Whether the catalogue has it; else it is a law that the catalogue is compared with.
+    pub fn is_catalogued(&self) -> bool {
+        CATALOGUE.iter().any(|kind| kind.name == self.name)
+    }
+
     /// The parameter called `name`.
     pub fn parameter(&self, name: &str) -> Option<&'static Parameter> {
         self.parameters.iter().find(|parameter| parameter.name == name)

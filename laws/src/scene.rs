@@ -3,10 +3,12 @@
 use std::cell::OnceCell;
 use std::ops::Range;
 
-use freeplay_arm::{Arm, JointKind, Workspace, forward_kinematics, jacobian, rnea};
-use nalgebra::DMatrix;
+use freeplay_arm::{Arm, Inertia, JointKind, Workspace, forward_kinematics, jacobian, rnea};
+use nalgebra::{DMatrix, Isometry3};
 
+use crate::LawError;
 use crate::columns::Change;
+use crate::effect::ArmParts;
 
 /// A motion of all joints over time, as the motor-side encoders read it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -80,6 +82,7 @@ pub struct Scene<'a> {
     /// transmissions. It is the model's, never the measured one, which holds what is to be explained.
     pub load: Vec<Vec<f64>>,
     tool_sensitivity: OnceCell<Vec<[Vec<f64>; 3]>>,
+    carrying: OnceCell<Vec<Vec<f64>>>,
 }
 
 impl<'a> Scene<'a> {
@@ -89,7 +92,7 @@ impl<'a> Scene<'a> {
         for (load, torque) in load.iter_mut().zip(rotor_torques(&arm, motion)) {
             load.iter_mut().zip(torque).for_each(|(load, torque)| *load -= torque);
         }
-        Scene { arm, motion, load, tool_sensitivity: OnceCell::new() }
+        Scene { arm, motion, load, tool_sensitivity: OnceCell::new(), carrying: OnceCell::new() }
     }
 }
 
@@ -98,6 +101,34 @@ impl Scene<'_> {
     pub fn tool_sensitivity(&self) -> &[[Vec<f64>; 3]] {
         self.tool_sensitivity.get_or_init(|| tool_sensitivity(&self.arm, &self.motion.q))
     }
+
+    /// What 1 kg at the tool's origin adds to the torques, weight and inertia, `[joint][point]`, N·m/kg (N/kg); worked out once.
+    ///
+    /// # Errors
+    /// As [`loaded`].
+    pub fn carrying(&self) -> Result<&[Vec<f64>], LawError> {
+        if let Some(carrying) = self.carrying.get() {
+            return Ok(carrying);
+        }
+        let mut with = rigid_torques(&loaded(&self.arm, 1.0)?, self.motion, None);
+        for (with, without) in with.iter_mut().zip(rigid_torques(&self.arm, self.motion, None)) {
+            with.iter_mut().zip(without).for_each(|(with, without)| *with -= without);
+        }
+        Ok(self.carrying.get_or_init(|| with))
+    }
+}
+
+/// `arm` with a point of `mass`, kg, at its tool's origin.
+///
+/// # Errors
+/// [`LawError::Changed`]: no such arm can exist.
+pub(crate) fn loaded(arm: &Arm, mass: f64) -> Result<Arm, LawError> {
+    let mut parts = ArmParts::of(arm);
+    let point = Inertia { mass, com: parts.tool.translation.vector, ..Inertia::zero() };
+    if let Some(last) = parts.joints.last_mut() {
+        last.inertia = last.inertia.joined_with(&point, &Isometry3::identity());
+    }
+    parts.into_arm(arm.name())
 }
 
 /// What a model says in place of each measured channel.

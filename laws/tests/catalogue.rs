@@ -5,8 +5,8 @@ mod common;
 
 use freeplay_arm::{Arm, EffectTable, parse_toml, to_toml};
 use freeplay_laws::{
-    Absent, Baseline, CATALOGUE, Change, Columns, DriveState, Kind, Place, Placed, Prediction, Range,
-    Readings, Role, Scene, Site, Trajectory,
+    Absent, Baseline, Change, Columns, DriveState, Kind, Place, Placed, Prediction, Range, Readings, Role,
+    Scene, Site, Trajectory, kinds,
 };
 use toml::{Table, Value};
 
@@ -83,12 +83,12 @@ fn typical(kind: &'static Kind, arm: &Arm, motion: &Trajectory) -> Table {
 
 #[test]
 fn every_entry_is_complete_and_names_only_what_exists() {
-    for kind in CATALOGUE {
+    for kind in kinds() {
         for text in [kind.name, kind.title, kind.equation, kind.source, kind.signature] {
             assert!(!text.trim().is_empty(), "{} has an empty text", kind.name);
         }
         assert_eq!(
-            CATALOGUE.iter().filter(|other| other.name == kind.name).count(),
+            kinds().filter(|other| other.name == kind.name).count(),
             1,
             "{} is there twice",
             kind.name
@@ -100,7 +100,7 @@ fn every_entry_is_complete_and_names_only_what_exists() {
         );
         for (other, _) in kind.contains.iter().chain(kind.confounders) {
             assert!(
-                CATALOGUE.iter().any(|kind| kind.name == *other),
+                kinds().any(|kind| kind.name == *other),
                 "{} names {other}, which is not there",
                 kind.name
             );
@@ -117,7 +117,7 @@ fn every_entry_is_complete_and_names_only_what_exists() {
 #[test]
 fn effects_survive_an_arm_file() {
     let (arm, motion) = (arm(), motion(6, 50.0, 12.0));
-    for kind in CATALOGUE {
+    for kind in kinds() {
         let parameters = typical(kind, &arm, &motion);
         let joint = site(kind).map(|joint| arm.joints()[joint].name.clone());
         let table = EffectTable { kind: kind.name.into(), joint, parameters, line: 0 };
@@ -138,7 +138,7 @@ fn effects_survive_an_arm_file() {
 #[test]
 fn numbers_out_of_range_and_missing_ones_are_refused() {
     let (arm, motion) = (arm(), motion(6, 50.0, 12.0));
-    for kind in CATALOGUE {
+    for kind in kinds() {
         let good = typical(kind, &arm, &motion);
         let joint = site(kind).map(|joint| arm.joints()[joint].name.clone());
         let refused = |parameters: Table, name: &str| {
@@ -169,7 +169,7 @@ fn numbers_out_of_range_and_missing_ones_are_refused() {
 fn predictions_are_sums_of_the_terms() {
     let (arm, motion) = (arm(), motion(6, 50.0, 12.0));
     let baseline = Baseline::new(&arm, &[], &motion, &raw).unwrap();
-    for kind in CATALOGUE {
+    for kind in kinds() {
         let place = Place { scene: baseline.scene(), joint: site(kind) };
         let shape = shape(kind, &place);
         let columns = kind.columns(&baseline, place.joint, &shape).unwrap();
@@ -202,7 +202,7 @@ fn predictions_are_sums_of_the_terms() {
 fn the_short_cut_of_a_column_agrees_with_two_predictions() {
     let (arm, motion) = (arm(), motion(6, 50.0, 12.0));
     let baseline = Baseline::new(&arm, &[], &motion, &raw).unwrap();
-    for kind in CATALOGUE {
+    for kind in kinds() {
         let effect = placed(&arm, kind.name, site(kind), typical(kind, &arm, &motion));
         let short = common::whole(&arm, &motion, &baseline.change(&effect).unwrap());
         let full = common::added(&arm, &[effect], &motion);
@@ -234,7 +234,7 @@ fn bounds_know_the_nominal_friction() {
 fn drives_and_sensors_of_the_plant_say_the_same() {
     let (arm, motion) = (arm(), motion(6, 200.0, 8.0));
     let mut tried = 0;
-    for kind in CATALOGUE {
+    for kind in kinds() {
         let effect = placed(&arm, kind.name, site(kind), typical(kind, &arm, &motion));
         let mut injection = freeplay_laws::Injection::default();
         effect.effect.inject(&mut injection);
@@ -298,7 +298,7 @@ fn sensors_read_what_is_predicted() {
 /// A role tells what a diagnosis does; every kind can be found by a coefficient.
 #[test]
 fn every_kind_has_a_coefficient() {
-    for kind in CATALOGUE {
+    for kind in kinds() {
         let linear = kind.parameters.iter().any(|parameter| {
             matches!(
                 parameter.range,

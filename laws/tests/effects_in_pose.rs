@@ -116,6 +116,23 @@ fn a_link_bends_as_a_cantilever() {
     close("last link, load at its end", shown.tool[2][0], -3.0 * G / k, 1e-12);
 }
 
+/// Out on x, the weight tips the mount about y by c M, and the tool goes down by its distance times that; straight up, by nothing, but a push
+/// of the accelerated link tips it back.
+#[test]
+fn a_mount_gives_with_the_overturning_moment() {
+    let arm = one_link(Revolute, MASS);
+    let mount = || effect(&arm, "mount_compliance", None, "compliance_x = 7e-5\ncompliance_y = 2e-5");
+    let shown = added(&arm, &[mount()], &samples(&[0.0], &[0.0]));
+    close("down", shown.tool[2][0], -2e-5 * MASS * G * 0.5, 1e-15);
+    close("across", shown.tool[1][0], 0.0, 1e-15);
+    let mut upright = samples(&[-FRAC_PI_2], &[0.0]);
+    upright.a[0] = vec![4.0];
+    let shown = added(&arm, &[mount()], &upright);
+    // The link's inertia about the axis is m/4 + 0.1; the mount turns the other way, the tool 1 m up with it.
+    close("back", shown.tool[0][0], -2e-5 * (MASS * 0.25 + 0.1) * 4.0, 1e-15);
+    close("upright", shown.tool[2][0], 0.0, 1e-15);
+}
+
 /// Several clearances at once: each journal rests under the force of its own bearing, and the arm with all of them moves by Σ J d.
 #[test]
 fn several_clearances_add() {
@@ -228,6 +245,7 @@ fn late_and_filtered_sensors_of_the_plant_say_the_same() {
         ("time_delay", None, "delay = 0.0045\nchannel = \"tool\"", 1e-5),
         ("sensor_lowpass", Some(1), "cutoff = 20.0", 1e-9),
         ("link_flexure", Some(1), "stiffness = 1e6", 2e-5),
+        ("mount_compliance", None, "compliance_x = 1e-6\ncompliance_y = 1e-6", 2e-5),
     ] {
         let placed = effect(&arm, kind, joint, text);
         let mut injection = Injection::default();

@@ -6,7 +6,7 @@ mod common;
 use std::f64::consts::{E, FRAC_PI_2, PI};
 
 use freeplay_arm::JointKind::Revolute;
-use freeplay_laws::{DriveState, Injection, Trajectory};
+use freeplay_laws::{DriveState, Injection, Site, Trajectory};
 
 use common::{added, arm, close, effect, motion, one_link, samples};
 
@@ -16,7 +16,7 @@ const G: f64 = 9.81;
 /// The torque that `kind` with `text` adds to one link at each of these positions and velocities.
 fn torque(kind: &str, text: &str, q: &[f64], v: &[f64]) -> Vec<f64> {
     let arm = one_link(Revolute, MASS);
-    let joint = (kind != "payload" && kind != "base_tilt" && kind != "external_force").then_some(0);
+    let joint = (freeplay_laws::kind(kind).unwrap().site != Site::Arm).then_some(0);
     added(&arm, &[effect(&arm, kind, joint, text)], &samples(q, v)).torque[0].clone()
 }
 
@@ -146,6 +146,18 @@ fn a_force_on_the_tool_is_held_through_the_jacobian() {
     let text = "force = [0.0, 0.0, -10.0]\nstart = 1.0\nend = 3.0";
     let shown = torque("external_force", text, &[0.0, 0.0, 1.0, 1.0], &[0.0; 4]);
     each_close("force", &shown, &[0.0, -10.0, -10.0 * 1.0_f64.cos(), 0.0], 1e-12);
+}
+
+/// 1.5 kg that are lost at the tool, 1 m out, are 1.5 g cos q less to hold, and 1.5 kg·m² less to speed up.
+#[test]
+fn a_lost_load_is_missing_from_then_on() {
+    let shown = torque("load_change", "mass = -1.5\ntime = 2.0", &[0.3, 0.3, 0.0, 1.0], &[0.0; 4]);
+    each_close("lost", &shown, &[0.0, 0.0, 1.5 * G, 1.5 * G * 1.0_f64.cos()], 1e-12);
+    let arm = one_link(Revolute, MASS);
+    let mut pushed = samples(&[FRAC_PI_2; 2], &[0.0; 2]);
+    pushed.a[0] = vec![3.0; 2];
+    let effect = effect(&arm, "load_change", None, "mass = -1.5\ntime = 1.0");
+    each_close("inertia", &added(&arm, &[effect], &pushed).torque[0], &[0.0, -1.5 * 3.0], 1e-12);
 }
 
 /// X on the joint and s X on the other, nothing elsewhere; the friction never gives power.

@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::Path;
 
-use freeplay_laws::CATALOGUE;
+use freeplay_laws::kinds;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
@@ -44,9 +44,9 @@ pub fn of_program() -> Result<String, Failure> {
     of_file(&std::env::current_exe().map_err(Failure::internal)?)
 }
 
-/// What the catalogue says of its effects: names, places, parameters with units, laws, sources.
+/// What is said of the effects of the catalogue and beyond it: names, places, parameters with units, laws, sources.
 pub fn catalogue() -> Value {
-    let kinds = CATALOGUE.iter().map(|kind| {
+    let kinds = kinds().map(|kind| {
         let parameters: Vec<Value> = kind
             .parameters
             .iter()

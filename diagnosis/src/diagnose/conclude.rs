@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use freeplay_arm::{ArmFile, EffectTable};
-use freeplay_laws::LawError;
+use freeplay_laws::{LawError, kind};
 use nalgebra::DMatrix;
 
 use super::engine::DiagnoseSettings;
@@ -18,7 +18,7 @@ use super::report::{
     Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Rmse, Tuned,
     Untestable, Verdict,
 };
-use super::search::Search;
+use super::search::{Chosen, Search};
 use super::show::HeldOut;
 use super::words;
 use crate::residual::Kind;
@@ -341,7 +341,8 @@ impl Conclusion<'_, '_, '_> {
         alternatives: &[Alternative],
         location: &[Location],
     ) -> Verdict {
-        if excess.is_unnamed() {
+        let has_a_name = |chosen: &Chosen| self.search.hypotheses[chosen.hypothesis].kind.is_catalogued();
+        if excess.is_unnamed() || !self.search.chosen.iter().all(has_a_name) {
             return Verdict::Unknown;
         }
         if self.proofs.is_empty() {
@@ -381,9 +382,13 @@ fn word(diagnosis: &mut Diagnosis) {
             format!("One of: {}; or {}. Their effect is the same in this motion.", statements.join(". "), rivals.join(", or "))
         }
         Verdict::Unknown => {
-            "Something is missing from the model that no effect of the catalogue says well enough; it is located, and an unnamed \
-             correction says how much it is."
-                .to_owned()
+            let beyond = |effect: &&Effect| kind(effect.kind).is_some_and(|kind| !kind.is_catalogued());
+            let like: Vec<&str> = diagnosis.effects.iter().filter(beyond).map(|effect| effect.statement.as_str()).collect();
+            let looks = if like.is_empty() { String::new() } else { format!(" It looks like {}.", like.join(", and ")) };
+            format!(
+                "Something is missing from the model that no effect of the catalogue says well enough; it is located, and an unnamed \
+                 correction says how much it is.{looks}"
+            )
         }
         Verdict::InsufficientData => diagnosis.statement.clone(),
     };

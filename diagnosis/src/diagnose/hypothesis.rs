@@ -1,7 +1,7 @@
-//! Everything that might be missing: each kind of effect at each place in each shape, as a block of columns.
+//! Everything that might be missing: each kind of effect, of the catalogue and beyond it, at each place in each shape, as a block of columns.
 
 use freeplay_arm::{Arm, EffectTable};
-use freeplay_laws::{CATALOGUE, Kind as EffectKind, LawError, Place, Placed, Recorded, Site, Term};
+use freeplay_laws::{Kind as EffectKind, LawError, Place, Placed, Recorded, Site, Term, kinds};
 use toml::Table;
 
 use super::case::Case;
@@ -106,7 +106,7 @@ pub(crate) fn places(kind: &EffectKind, arm: &Arm) -> Vec<Option<usize>> {
 pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<Untestable>) {
     let (mut all, mut untestable) = (Vec::new(), Vec::new());
     let arm = case.stages[0].arm();
-    for kind in CATALOGUE {
+    for kind in kinds() {
         for joint in places(kind, arm) {
             let because = |lacks: &dyn Fn(&Place, &Recorded) -> Option<String>| {
                 let stages = case.stages.iter();

@@ -26,7 +26,9 @@ impl Conclusion<'_, '_, '_> {
             for other in &search.hypotheses {
                 let taken = search.chosen.iter().any(|c| search.hypotheses[c.hypothesis].same_effect(other));
                 let refuted = search.vetoed.contains(&(other.kind.name, other.joint));
-                if taken || refuted || named.contains(other) || other.contains(named) {
+                // What has a name keeps it beside what has none, unless that explains more.
+                let nameless = !other.kind.is_catalogued();
+                if taken || refuted || nameless || named.contains(other) || other.contains(named) {
                     continue;
                 }
                 let Some(score) = search.system.score(&fit, &other.block) else { continue };

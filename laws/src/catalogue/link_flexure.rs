@@ -7,17 +7,14 @@
 //! Source: Timoshenko 1955, Strength of Materials I, §39 (Euler–Bernoulli). The term is 1/k. Departure: twisting and the effect of the
 //! bending on the torques are left out; the plant adds the static sag to what the tracker reads.
 
-use freeplay_arm::{Arm, Workspace, joint_reaction, rnea};
+use freeplay_arm::{Arm, Workspace, joint_reaction};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::basis::{Term, Terms, with};
-use crate::columns::Columns;
-use crate::effect::Effect;
-use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::scene::Scene;
+use crate::sag::{SagLaw, Sagging};
 
 /// Links shorter than this do not bend, m.
 const SHORTEST: f64 = 1e-3;
@@ -60,45 +57,20 @@ pub static KIND: Kind = Kind {
     shapes: one_shape,
     build: |values| {
         let stiffness = values.number("stiffness")?;
-        Ok(Box::new(LinkFlexure { joint: values.joint()?, stiffness, arm: values.arm().clone() }))
+        let law = LinkFlexure { joint: values.joint()?, stiffness };
+        Ok(Box::new(Sagging { law, arm: values.arm().clone() }))
     },
 };
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 struct LinkFlexure {
     joint: usize,
     stiffness: f64,
-    arm: Arm,
 }
 
-/// The arm at one instant, in vectors of one number a joint.
-#[derive(Clone, Debug)]
-struct Instant {
-    workspace: Workspace,
-    q: Vec<f64>,
-    v: Vec<f64>,
-    a: Vec<f64>,
-    tau: Vec<f64>,
-}
-
-impl Instant {
-    fn new(arm: &Arm) -> Instant {
-        let none = vec![0.0; arm.dof()];
-        Instant {
-            workspace: Workspace::new(arm),
-            q: none.clone(),
-            v: none.clone(),
-            a: none.clone(),
-            tau: none,
-        }
-    }
-}
-
-impl LinkFlexure {
-    /// How far the tool is off at the `now` of `arm`, base frame, m.
-    fn sag(&self, arm: &Arm, now: &mut Instant) -> Vector3<f64> {
-        rnea(arm, &mut now.workspace, &now.q, &now.v, &now.a, &mut now.tau);
-        let (ws, last) = (&now.workspace, arm.dof() - 1);
+impl SagLaw for LinkFlexure {
+    fn sag(&self, arm: &Arm, ws: &Workspace) -> Vector3<f64> {
+        let last = arm.dof() - 1;
         let here = ws.link_pose(self.joint);
         let tool = (ws.link_pose(last) * arm.tool()).translation.vector;
         let next = (self.joint < last).then(|| ws.link_pose(self.joint + 1));
@@ -126,50 +98,5 @@ impl LinkFlexure {
         let slope = along.cross(&(force + own * (share * share))) * (1.5 / (k * length))
             + moment * (3.0 / (k * length * length));
         deflection + slope.cross(&(tool - end))
-    }
-}
-
-impl Effect for LinkFlexure {
-    fn displace(&self, scene: &Scene, tool: &mut Columns) {
-        let mut now = Instant::new(&scene.arm);
-        for point in 0..scene.motion.len() {
-            scene.motion.at(point, &mut now.q, &mut now.v, &mut now.a);
-            let sag = self.sag(&scene.arm, &mut now);
-            sag.iter().enumerate().for_each(|(axis, sag)| tool[axis][point] += sag);
-        }
-    }
-
-    fn inject(&self, injection: &mut Injection) {
-        injection.sensors.push(Box::new(Sag {
-            of: self.clone(),
-            now: Instant::new(&self.arm),
-            begun: false,
-        }));
-    }
-}
-
-/// The sag as the tracker of a plant sees it.
-#[derive(Clone, Debug)]
-struct Sag {
-    of: LinkFlexure,
-    now: Instant,
-    begun: bool,
-}
-
-impl SensorLaw for Sag {
-    fn read(&mut self, readings: &mut Readings) {
-        let now = &mut self.now;
-        for (joint, v) in readings.v.iter().enumerate() {
-            now.a[joint] = if self.begun { (v - now.v[joint]) / readings.period } else { 0.0 };
-        }
-        now.q.copy_from_slice(readings.q);
-        now.v.copy_from_slice(readings.v);
-        self.begun = true;
-        let sag = self.of.sag(&self.of.arm, now);
-        readings.tool.iter_mut().zip(sag.iter()).for_each(|(tool, sag)| *tool += sag);
-    }
-
-    fn restart(&mut self) {
-        self.begun = false;
     }
 }

@@ -66,8 +66,3 @@ pub static CATALOGUE: &[&Kind] = &[
     &time_delay::KIND,
     &sensor_lowpass::KIND,
 ];
-
-/// The kind called `name`.
-pub fn kind(name: &str) -> Option<&'static Kind> {
-    CATALOGUE.iter().copied().find(|kind| kind.name == name)
-}

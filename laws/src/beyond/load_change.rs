@@ -1,0 +1,117 @@
+//! A load that is dropped, or taken up, on the way.
+//!
+//! Law: from a time t₀ \[s\] on a point of mass m \[kg\] at the tool's origin joins the last link, with its weight and inertia on all joints
+//! before it; a load that is lost is a negative one. Term: m. Shape: t₀.
+//! Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9 (the torque is linear in m). Departure: the load's centre
+//! is taken to be at the tool, and it comes and goes without a blow.
+
+use freeplay_arm::{Arm, Workspace, rnea};
+use toml::Table;
+
+use crate::basis::{Place, Term, Terms, with};
+use crate::columns::Columns;
+use crate::effect::Effect;
+use crate::injection::{DriveLaw, DriveState, Injection};
+use crate::kind::{Kind, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::scene::{Scene, loaded};
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "load_change",
+    title: "a load that is lost or taken up",
+    site: Site::Arm,
+    parameters: &[
+        Parameter::number("mass", "mass that joins at the tool; negative: that is lost", "kg", [-1e4, 1e4]),
+        Parameter::number("time", "when", "s", [-1e12, 1e12]).shape(),
+    ],
+    seen: Seen::TORQUE,
+    rough: true,
+    equation: "m at the tool for t ≥ t₀: gravity and inertia on all joints before it",
+    source: "Khalil & Dombre 2002, §9",
+    signature: "from a time on, gravity and inertia of one body are off on all joints",
+    confounders: &[
+        ("external_force", "keeps its direction, whatever the tool does, and ends"),
+        ("payload", "is there from the beginning"),
+        ("friction_drift", "sets in slowly and turns with the velocity"),
+    ],
+    contains: &[],
+    needs: &[Need::Torque],
+    terms: Terms { list: terms, compose: |_, shape, coefficients| with(shape, [("mass", coefficients[0])]) },
+    shapes: times,
+    build: |values| {
+        let (mass, time, arm) = (values.number("mass")?, values.number("time")?, values.arm());
+        // The torque is linear in the mass: one that can exist stands for a loss, too.
+        Ok(Box::new(LoadChange { mass, time, arms: [arm.clone(), loaded(arm, 1.0)?] }))
+    },
+};
+
+fn terms(_: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
+    let carried = place.scene.arm.joints().last().map_or(0.0, |joint| joint.inertia.mass);
+    vec![Term::new("mass", "kg", [-carried, 1e4], with(shape, [("mass", 1.0)]))]
+}
+
+/// Every sixteenth of the recording, its ends aside.
+fn times(place: &Place) -> Vec<Table> {
+    const PARTS: u32 = 16;
+    let t = &place.scene.motion.t;
+    let (Some(first), Some(last)) = (t.first(), t.last()) else { return Vec::new() };
+    let time = |part: u32| first + (last - first) * f64::from(part) / f64::from(PARTS);
+    (1..PARTS).map(|part| with(&Table::new(), [("time", time(part))])).collect()
+}
+
+#[derive(Clone, Debug)]
+struct LoadChange {
+    mass: f64,
+    time: f64,
+    /// Without it, and with 1 kg.
+    arms: [Arm; 2],
+}
+
+impl Effect for LoadChange {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
+        let Ok(carrying) = scene.carrying() else { return };
+        for (joint, carrying) in carrying.iter().enumerate() {
+            for ((torque, carrying), t) in torque[joint].iter_mut().zip(carrying).zip(&scene.motion.t) {
+                *torque += if *t >= self.time { self.mass * carrying } else { 0.0 };
+            }
+        }
+    }
+
+    fn inject(&self, injection: &mut Injection) {
+        let side = |arm: &Arm| Side { workspace: Workspace::new(arm), torque: vec![0.0; arm.dof()] };
+        injection
+            .drives
+            .push(Box::new(Carried { sides: [0, 1].map(|k| side(&self.arms[k])), of: self.clone() }));
+    }
+}
+
+/// An arm's torques at an instant.
+#[derive(Clone, Debug)]
+struct Side {
+    workspace: Workspace,
+    torque: Vec<f64>,
+}
+
+/// The load as the drives feel it.
+#[derive(Clone, Debug)]
+struct Carried {
+    of: LoadChange,
+    sides: [Side; 2],
+}
+
+impl DriveLaw for Carried {
+    fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
+        if now.t < self.of.time {
+            return;
+        }
+        for (side, arm) in self.sides.iter_mut().zip(&self.of.arms) {
+            rnea(arm, &mut side.workspace, now.q, now.v, now.a, &mut side.torque);
+        }
+        let [without, with] = &self.sides;
+        for (torque, (without, with)) in torque.iter_mut().zip(without.torque.iter().zip(&with.torque)) {
+            *torque -= self.of.mass * (with - without);
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! A mount that gives: the whole arm rocks with its base.
+//!
+//! Law: the base turns about its x and y axes by θ = (c_x M_x, c_y M_y) \[rad\], M \[N·m\] being the moment of the arm's weight and inertia
+//! forces about the origin of the base frame and c \[rad/(N·m)\] the compliances; the tool moves by θ × p, p \[m\] being its place. The
+//! terms are the compliances. Departure: the mount follows the load at once, so that its own swinging is left out, and so is what the
+//! tilt changes of the torques.
+//! Source: Abele, Weigold & Rothenbücher 2007, CIRP Annals 56(1):387 (compliance of industrial robots, base included).
+
+use freeplay_arm::{Arm, Workspace, joint_reaction};
+use nalgebra::Vector3;
+
+use crate::basis::Terms;
+use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+use crate::sag::{SagLaw, Sagging};
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "mount_compliance",
+    title: "a mount that gives",
+    site: Site::Arm,
+    parameters: &[
+        Parameter::number(
+            "compliance_x",
+            "angle over moment about the base's x axis",
+            "rad/(N*m)",
+            [0.0, 1.0],
+        ),
+        Parameter::number(
+            "compliance_y",
+            "angle over moment about the base's y axis",
+            "rad/(N*m)",
+            [0.0, 1.0],
+        ),
+    ],
+    seen: Seen::POSE,
+    rough: false,
+    equation: "θ = c M, and the tool moves by θ × p",
+    source: "Abele, Weigold & Rothenbücher 2007",
+    signature: "the tool moves with the overturning moment of the whole arm, by its place in the base frame",
+    confounders: &[
+        ("link_flexure", "bends the first link by what hangs on its end alone"),
+        ("joint_elasticity", "turns about one joint, and shows on its link encoder"),
+        ("base_tilt", "does not change with the pose"),
+    ],
+    contains: &[],
+    needs: &[Need::Tool],
+    terms: Terms::PLAIN,
+    shapes: one_shape,
+    build: |values| {
+        let compliance = [values.number("compliance_x")?, values.number("compliance_y")?];
+        Ok(Box::new(Sagging { law: Mount { compliance }, arm: values.arm().clone() }))
+    },
+};
+
+#[derive(Clone, Copy, Debug)]
+struct Mount {
+    compliance: [f64; 2],
+}
+
+impl SagLaw for Mount {
+    fn sag(&self, arm: &Arm, ws: &Workspace) -> Vector3<f64> {
+        let first = ws.link_pose(0);
+        let (force, moment) = joint_reaction(ws, 0);
+        // What carries the arm is pressed the other way.
+        let (force, moment) = (-(first.rotation * force), -(first.rotation * moment));
+        let about_base = moment + first.translation.vector.cross(&force);
+        let turn = Vector3::new(self.compliance[0] * about_base.x, self.compliance[1] * about_base.y, 0.0);
+        let tool = (ws.link_pose(arm.dof() - 1) * arm.tool()).translation.vector;
+        turn.cross(&tool)
+    }
+}
