@@ -148,6 +148,7 @@ pub(crate) fn equivalents(effect: &Effect, arm: &Arm) -> Vec<Equivalent> {
             same(&["encoder_offset"], Some(first), "a slide that starts further on is a longer link")
         }
         (Physics::LinkLength { .. }, Some(joint)) => as_long(arm, joint)
+            .into_iter()
             .map(|other| Equivalent {
                 kinds: vec!["link_length"],
                 joint: Some(arm.joints()[other].name.clone()),
@@ -173,18 +174,17 @@ pub(crate) fn equivalents(effect: &Effect, arm: &Arm) -> Vec<Equivalent> {
 fn turns_upright(arm: &Arm) -> bool {
     let joint = &arm.joints()[0];
     let axis = joint.placement.rotation * joint.axis.into_inner();
-    joint.kind == JointKind::Revolute && axis.cross(arm.gravity()).norm() < 1e-6 * arm.gravity().norm()
+    joint.kind == JointKind::Revolute && is_along(&axis, arm.gravity())
 }
 
 /// The other links that may be longer in the same direction in place of the link that `joint` moves: those that are parted from it only
 /// by joints that turn about that direction, or slide.
-fn as_long(arm: &Arm, joint: usize) -> impl Iterator<Item = usize> {
+fn as_long(arm: &Arm, joint: usize) -> Vec<usize> {
     let joints = arm.joints();
-    let way = joints.get(joint + 1).map_or(arm.tool(), |next| &next.placement).translation.vector;
     let keeps = |joint: &Joint, way: &Vector3<f64>| {
-        joint.kind == JointKind::Prismatic || joint.axis.cross(way).norm() < 1e-6 * way.norm()
+        joint.kind == JointKind::Prismatic || is_along(joint.axis.as_ref(), way)
     };
-    let (mut others, mut here) = (Vec::new(), way);
+    let (mut others, mut here) = (Vec::new(), way(arm, joint));
     for other in (1..=joint).rev() {
         if !keeps(&joints[other], &here) {
             break;
@@ -192,7 +192,7 @@ fn as_long(arm: &Arm, joint: usize) -> impl Iterator<Item = usize> {
         here = joints[other].placement.rotation * here;
         others.push(other - 1);
     }
-    let mut here = way;
+    let mut here = way(arm, joint);
     for (other, next) in joints.iter().enumerate().skip(joint + 1) {
         here = next.placement.rotation.inverse() * here;
         if !keeps(next, &here) {
@@ -200,14 +200,23 @@ fn as_long(arm: &Arm, joint: usize) -> impl Iterator<Item = usize> {
         }
         others.push(other);
     }
-    others.into_iter()
+    others
+}
+
+/// From `joint` to the next one, from the last to the tool, in the frame of its link, m.
+fn way(arm: &Arm, joint: usize) -> Vector3<f64> {
+    arm.joints().get(joint + 1).map_or(arm.tool(), |next| &next.placement).translation.vector
+}
+
+/// Whether `axis` has the direction of `way`, or the opposite one.
+fn is_along(axis: &Vector3<f64>, way: &Vector3<f64>) -> bool {
+    axis.cross(way).norm() < 1e-6 * way.norm()
 }
 
 /// Whether the first joint slides in the direction of the next one (of the tool).
 fn slides_along_its_way(arm: &Arm) -> bool {
     let joint = &arm.joints()[0];
-    let way = arm.joints().get(1).map_or(arm.tool(), |next| &next.placement).translation.vector;
-    joint.kind == JointKind::Prismatic && joint.axis.cross(&way).norm() < 1e-6 * way.norm()
+    joint.kind == JointKind::Prismatic && is_along(joint.axis.as_ref(), &way(arm, 0))
 }
 
 #[cfg(test)]
@@ -230,11 +239,11 @@ mod tests {
     #[test]
     fn a_length_is_the_same_across_a_joint_that_turns_about_it() {
         let arm = Machine::Seven.data_sheet().expect("a data sheet");
-        let of = |joint| as_long(&arm, joint).collect::<Vec<_>>();
+        let of = |joint| as_long(&arm, joint);
         println!("{:?}", (0..arm.dof()).map(of).collect::<Vec<_>>());
         assert_eq!((of(3), of(4)), (vec![4], vec![3]));
         let arm = Machine::Two.data_sheet().expect("a data sheet");
-        assert!((0..2).all(|joint| as_long(&arm, joint).next().is_none()));
+        assert!((0..2).all(|joint| as_long(&arm, joint).is_empty()));
     }
 
     #[test]

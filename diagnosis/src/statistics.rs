@@ -1,8 +1,5 @@
 //! Moments of a signal.
 
-/// Median of |x| over the standard deviation of a normal x.
-pub(crate) const MEDIAN_OF_NORMAL: f64 = 0.674_489_750_196_081_7;
-
 /// A quantile of |x|.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Quantile {
@@ -14,7 +11,7 @@ pub(crate) struct Quantile {
 
 impl Quantile {
     /// The median.
-    pub const MEDIAN: Self = Self { below: 0.5, of_normal: MEDIAN_OF_NORMAL };
+    pub const MEDIAN: Self = Self { below: 0.5, of_normal: 0.674_489_750_196_081_7 };
     /// The lower quartile.
     pub const LOWER_QUARTILE: Self = Self { below: 0.25, of_normal: 0.318_639_363_964_375_1 };
 }

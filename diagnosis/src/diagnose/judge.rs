@@ -192,12 +192,15 @@ impl<'a, 'b> Judge<'a, 'b> {
         for renewal in 0..=RENEWALS {
             let before = search.chosen.len();
             let Some(proofs) = self.drop_unproven(search, progress)? else { return Ok(None) };
+            let is_last = proofs.len() == before || renewal == RENEWALS;
+            if is_last && best.is_none() {
+                return Ok(Some(proofs));
+            }
             let Some(size) = self.size(search)? else { return Ok(None) };
-            let is_final = proofs.len() == before || renewal == RENEWALS;
             if best.as_ref().is_none_or(|(least, ..)| size < *least) {
                 best = Some((size, search.standing(), proofs));
             }
-            if is_final {
+            if is_last {
                 break;
             }
             if search.improve_validated(progress).is_none() {

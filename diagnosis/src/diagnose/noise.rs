@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::motion::Treatment;
 use crate::residual::{Channel, Kind};
-use crate::statistics::{MEDIAN_OF_NORMAL, Quantile};
+use crate::statistics::Quantile;
 
 /// Sum of the squares of 1, −4, 6, −4, 1.
 const FOURTH_DIFFERENCE: f64 = 70.0;
@@ -39,7 +39,7 @@ impl Noise {
         }
         let middle = fourth.len() / 2;
         let median = *fourth.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let seen = median / MEDIAN_OF_NORMAL / FOURTH_DIFFERENCE.sqrt();
+        let seen = median / Quantile::MEDIAN.of_normal / FOURTH_DIFFERENCE.sqrt();
         Self { deviation: seen.max(least), step }
     }
 }
