@@ -39,6 +39,7 @@ mod injection;
 mod joint_law;
 mod kind;
 mod lubrication;
+mod manual;
 mod needs;
 mod parameter;
 mod play;
@@ -65,6 +66,7 @@ pub use injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw, ToolFo
 pub use joint_law::{AtJoint, Instant, JointLaw};
 pub use kind::{Kind, Seen, Site, kind, kinds};
 pub use lubrication::Film;
+pub use manual::manual;
 pub use needs::{Need, Recorded};
 pub use parameter::{Absent, Parameter, Range, Role};
 pub use play::{ArmWithPlay, Play};

@@ -1,0 +1,91 @@
+//! The kinds of effects as text for people: `docs/effects.md`.
+
+use crate::beyond::BEYOND_CATALOGUE;
+use crate::catalogue::CATALOGUE;
+use crate::kind::{Kind, Site};
+use crate::parameter::{Absent, Parameter, Range, Role};
+
+/// What makes it.
+const MADE_BY: &str = "cargo run -p freeplay-laws --example effects";
+
+/// `docs/effects.md`.
+pub fn manual() -> String {
+    let mut text = format!(
+        "<!-- Made by `{MADE_BY}` from the laws themselves. -->\n\n\
+         # Effects\n\n\
+         Physics that a rigid arm leaves out. An arm file switches an effect on with a table:\n\n\
+         ```toml\n[[effect]]\nkind = \"coulomb_friction\"\njoint = \"joint_3\"\ncoulomb = 40.0\n```\n\n\
+         An effect of the whole arm has no `joint`. Units are SI; where two are given, the second is that of a sliding joint. The plant acts by it, `compare` predicts \
+         with it, controllers that are given the file correct for it, and `diagnose` finds it in a recording and writes such a table.\n"
+    );
+    for kind in CATALOGUE {
+        describe(&mut text, kind);
+    }
+    text.push_str(
+        "\n# Beyond the catalogue\n\n\
+         Laws that a diagnosis compares the catalogue with, so that it does not call them by the name of what they look like. What one of them explains best \
+         is `unknown`; the report says what it looks like, and the arm file holds it.\n",
+    );
+    for kind in BEYOND_CATALOGUE {
+        describe(&mut text, kind);
+    }
+    text
+}
+
+fn describe(text: &mut String, kind: &Kind) {
+    let site = match kind.site {
+        Site::Arm => "the arm as a whole",
+        Site::Joint => "any joint",
+        Site::Revolute => "any joint that turns",
+    };
+    let seen = match (kind.seen.torque, kind.seen.pose) {
+        (true, true) => "torques, tool and link encoders",
+        (true, false) => "torques",
+        _ => "tool and link encoders",
+    };
+    let Kind { name, title, equation, source, signature, .. } = kind;
+    let mut line = |words: String| text.extend([words.as_str(), "\n"]);
+    line(format!("\n## `{name}`: {title}\n"));
+    line(format!("`{equation}` ({source}).\n"));
+    line(format!("Sits at {site}; shows in {seen}: {signature}.\n"));
+    line("| parameter | is | unit | range | without it |\n| --- | --- | --- | --- | --- |".to_owned());
+    kind.parameters.iter().for_each(|parameter| line(row(parameter)));
+    if !kind.confounders.is_empty() {
+        line("\nLooks like:\n".to_owned());
+        kind.confounders.iter().for_each(|(other, how)| line(format!("- `{other}`, which {how}")));
+    }
+}
+
+fn row(parameter: &Parameter) -> String {
+    let Parameter { name, meaning, range } = parameter;
+    let [unit, values, absent] = match range {
+        Range::Number { unit, prismatic_unit, least, most, absent, role } => {
+            let unit =
+                if unit == prismatic_unit { format!("{unit}") } else { format!("{unit}, {prismatic_unit}") };
+            let given = if *role == Role::Given { "; taken as given, not identified" } else { "" };
+            let absent = match absent {
+                Absent::Refused => "refused".to_owned(),
+                Absent::Is(value) => value.to_string(),
+                Absent::Means(words) => (*words).to_owned(),
+            };
+            [unit, format!("{} to {}{given}", figure(*least), figure(*most)), absent]
+        }
+        Range::Vector { unit, default, .. } => {
+            let absent = default.map_or("refused".to_owned(), |default| format!("{default:?}"));
+            [(*unit).to_owned(), "three numbers".to_owned(), absent]
+        }
+        Range::OtherJoint => [String::new(), "the name of another joint".to_owned(), "refused".to_owned()],
+        Range::Word(words) => {
+            let listed: Vec<String> = words.iter().map(|word| format!("`{word}`")).collect();
+            let first = listed.first().cloned().unwrap_or_default();
+            [String::new(), listed.join(", "), first]
+        }
+        Range::Table => [String::new(), "a table".to_owned(), "its defaults".to_owned()],
+    };
+    format!("| `{name}` | {meaning} | {unit} | {values} | {absent} |")
+}
+
+/// A number as people write it.
+fn figure(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e5).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
+}
