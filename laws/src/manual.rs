@@ -61,7 +61,7 @@ fn row(parameter: &Parameter) -> String {
     let [unit, values, absent] = match range {
         Range::Number { unit, prismatic_unit, least, most, absent, role } => {
             let unit =
-                if unit == prismatic_unit { format!("{unit}") } else { format!("{unit}, {prismatic_unit}") };
+                if unit == prismatic_unit { (*unit).to_owned() } else { format!("{unit}, {prismatic_unit}") };
             let given = if *role == Role::Given { "; taken as given, not identified" } else { "" };
             let absent = match absent {
                 Absent::Refused => "refused".to_owned(),
