@@ -105,7 +105,7 @@ impl Scene<'_> {
     /// What 1 kg at the tool's origin adds to the torques, weight and inertia, `[joint][point]`, N·m/kg (N/kg); worked out once.
     ///
     /// # Errors
-    /// As [`loaded`].
+    /// [`LawError::Changed`]: no arm can carry it there.
     pub fn carrying(&self) -> Result<&[Vec<f64>], LawError> {
         if let Some(carrying) = self.carrying.get() {
             return Ok(carrying);
