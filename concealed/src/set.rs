@@ -29,7 +29,7 @@ pub struct Quota {
 
 impl Quota {
     /// What a full proof takes.
-    pub const FULL: Quota = Quota { single: 1080, negative: 300, unknown: 152, double: 150 };
+    pub const FULL: Quota = Quota { single: 1080, negative: 300, unknown: 152, double: 156 };
 
     /// About `cases` cases in the shares of a small proof: of ten, five with one effect, two with none, two outside the catalogue, one
     /// with two.

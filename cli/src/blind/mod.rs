@@ -55,7 +55,7 @@ pub struct BlindArgs {
     /// Number of cases.
     #[arg(long, value_name = "N", default_value_t = 40, conflicts_with = "full", value_parser = at_least_one)]
     cases: usize,
-    /// The full set: 1080 single effects, 300 negative controls, 152 outside the catalogue, 150 double.
+    /// The full set: 1080 single effects, 300 negative controls, 152 outside the catalogue, 156 double.
     #[arg(long)]
     full: bool,
     /// Only every N-th case, from the I-th on, so that N machines can share a set: give all the same --seed. Merge with --merge.
