@@ -26,7 +26,7 @@ mod basis;
 mod bearing;
 mod bearing_load;
 pub mod beyond;
-mod catalogue;
+pub mod catalogue;
 mod clearance;
 mod columns;
 mod contact;
