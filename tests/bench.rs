@@ -43,6 +43,27 @@ fn every_tick_is_accounted_for_and_every_miss_has_a_line() {
 }
 
 #[test]
+fn looking_on_is_set_against_not_looking() {
+    let polite = ["--set", "realtime.priority=0", "--set", "realtime.lock_memory=false"];
+    let size = ["--cost", "--ticks", "300", "--pairs", "3", "--controller", "computed-torque"];
+    let arguments = [&["bench", "--quiet", "--out", "out"][..], &polite[..], &size[..]].concat();
+    let ran = Call::new(fresh_folder(), &arguments).run();
+    assert!(matches!(ran.code(), 0 | 1), "{}", ran.dump());
+    let text = std::fs::read_to_string(ran.out().join("cost.json")).expect("a result");
+    let cost: Value = serde_json::from_str(&text).expect("JSON");
+    let costs = cost["costs"].as_array().expect("costs");
+    for looking in ["control", "recorded", "watched"] {
+        let step = costs.iter().find(|cost| cost["looking"] == looking && cost["stage"] == "plant_step");
+        let p99 = &step.expect("a row")["ratios"][1];
+        let [least, median, greatest] =
+            [&p99["bounds"][0], &p99["median"], &p99["bounds"][1]].map(Value::as_f64);
+        println!("{looking}: plant step, p99 over plain {median:?} ({least:?} … {greatest:?})");
+        assert!(least > Some(0.0) && least <= median && median <= greatest, "{p99:#}");
+    }
+    assert_eq!(ran.code() == 1, cost["verdict"] == "fails", "{}", cost["verdict"]);
+}
+
+#[test]
 fn what_cannot_be_measured_is_refused() {
     for (arguments, words) in [
         (&["--ticks", "100", "--pairs", "2"][..], "a hundred ticks"),

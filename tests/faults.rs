@@ -298,9 +298,10 @@ fn in_real_time_late_and_dead_controllers_are_counted() {
         assert!(rejected > HOLD, "{fault}: {rejected} rejected");
         if fault == "late@50" {
             assert!(count(&run["deadlines"]["missed"]) > HOLD);
-            // On a machine that is busy with other things it may not have come to answer at all.
+            // On a machine that is busy with other things it may not have come to answer at all, or the run may have ended before the fault.
             let starved = run["deadlines"]["by_evidence"]["scheduler"].as_u64().unwrap_or(0);
-            assert!(count(&run["deadlines"]["late"]) >= 1 || starved > HOLD);
+            let before = count(&run["ticks"]) < 50 + HOLD;
+            assert!(count(&run["deadlines"]["late"]) >= 1 || starved > HOLD || before);
         }
         assert_safe(&recording(&ran), false);
     }

@@ -109,6 +109,16 @@ fn writing_a_controller_in_python() {
 }
 
 #[test]
+fn ten_minutes() {
+    assert_eq!(play("tour.md"), 9);
+}
+
+#[test]
+fn what_the_paper_leaves_open() {
+    assert_eq!(play("paper.md"), 2);
+}
+
+#[test]
 fn bringing_an_arm() {
     assert_eq!(play("own-arm.md"), 5);
 }

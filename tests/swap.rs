@@ -185,3 +185,23 @@ fn a_standby_that_does_not_come_is_told() {
         .expect(5);
     assert!(ran.stderr().contains("for the slots [1]"), "{}", ran.dump());
 }
+
+#[test]
+fn an_interrupted_campaign_tells_what_there_was() {
+    let team = ["--controller", "computed-torque", "--controller", "quasi-static"];
+    let size = ["--swaps", "100000", "--per-run", "4", "--set", "duration=0.8", "--set", "swap_blend=0.02"];
+    let arguments = [&["swap", "--quiet", "--out", "out", "--pace", "lockstep"][..], &team, &size].concat();
+    let run = Call::new(fresh_folder(), &arguments).start();
+    let scenario = run.out().join("swapped/scenario.toml");
+    run.until("the third run", || {
+        std::fs::read_to_string(&scenario).ok().filter(|text| text.contains("seed = 3")).map(drop)
+    });
+    run.signal("INT");
+    let ran = run.wait().expect(130);
+    let text = std::fs::read_to_string(ran.out().join("swap.json")).expect("a result");
+    let result: Value = serde_json::from_str(&text).expect("JSON");
+    let count = result["swaps"].as_array().expect("swaps").len();
+    println!("{count} swaps of {}", result["verdicts"]["asked"]);
+    assert!((8..100_000).contains(&count) && ran.stdout().contains("swaps in"), "{}", ran.dump());
+    assert_eq!(ran.left_in_shared_memory(), Vec::<std::path::PathBuf>::new());
+}

@@ -48,7 +48,7 @@ impl Compared {
     fn of(period: f64, clearance: f64) -> Result<Self, Failure> {
         let path = PathSpec { kind: PathKind::SquareSharp, period, ..PathSpec::default() };
         let bound = sharp_square(period, clearance)?;
-        let reached = Cell::plain(Part::Tracked, path, clearance).row(toml::Table::new())?;
+        let reached = Cell::plain(Part::Tracked, path, clearance).row(Default::default())?;
         let closed = |from: f64, to: f64, least: f64| (from - to) / (from - least);
         let (from, to) = (&reached.quasi_static, &reached.narx_qp);
         Ok(Self {

@@ -72,6 +72,9 @@ pub struct CellsArgs {
     /// An option of narx-qp, as in --option passages=false.
     #[arg(long, value_name = "KEY=VALUE")]
     option: Vec<String>,
+    /// An option of quasi-static, as in --quasi-static-option horizon=0.02.
+    #[arg(long, value_name = "KEY=VALUE")]
+    quasi_static_option: Vec<String>,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -177,16 +180,15 @@ impl Cell {
         })
     }
 
-    /// Runs it under all three controllers, `narx-qp` with `options`.
+    /// Runs it under all three controllers, `quasi-static` and `narx-qp` with their options.
     ///
     /// # Errors
     /// A run that fails.
-    pub fn row(self, options: toml::Table) -> Result<Row, Failure> {
-        let none = |controller| self.reach(controller, toml::Table::new());
+    pub fn row(self, [quasi_static, narx_qp]: [toml::Table; 2]) -> Result<Row, Failure> {
         Ok(Row {
-            none: none(COMPUTED_TORQUE)?,
-            quasi_static: none(QUASI_STATIC)?,
-            narx_qp: self.reach(NARX_QP, options)?,
+            none: self.reach(COMPUTED_TORQUE, toml::Table::new())?,
+            quasi_static: self.reach(QUASI_STATIC, quasi_static)?,
+            narx_qp: self.reach(NARX_QP, narx_qp)?,
             path: self.path.kind.name(),
             period: self.path.period,
             cell: self,
@@ -199,7 +201,9 @@ impl Cell {
 /// # Errors
 /// A path that is none; runs that fail.
 pub fn cells(args: &CellsArgs) -> Result<Exit, Failure> {
-    let (all, options) = (listed(args)?, options(&args.option)?);
+    let all = listed(args)?;
+    let options =
+        [options("--quasi-static-option", &args.quasi_static_option)?, options("--option", &args.option)?];
     let shortest = args.period.iter().copied().fold(f64::INFINITY, f64::min);
     if !(args.after >= 0.0 && args.after < shortest) {
         let words = format!("--after {}: give 0 s to below the shortest --period, {shortest} s", args.after);
@@ -263,9 +267,9 @@ fn pair(text: &str) -> Result<(usize, usize), String> {
     pair.filter(known).ok_or_else(|| "give two joints of the arm, as in 3+5, the lower one first".to_owned())
 }
 
-/// Lines of TOML, one for each KEY=VALUE, as a table.
-fn options(lines: &[String]) -> Result<toml::Table, Failure> {
-    lines.join("\n").parse().map_err(|error| Failure::usage(format!("--option: {error}")))
+/// Lines of TOML, one for each KEY=VALUE of `flag`, as a table.
+fn options(flag: &str, lines: &[String]) -> Result<toml::Table, Failure> {
+    lines.join("\n").parse().map_err(|error| Failure::usage(format!("{flag}: {error}")))
 }
 
 fn kind(name: &str) -> Result<PathKind, Failure> {

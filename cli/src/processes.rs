@@ -1,5 +1,6 @@
 //! The processes of one run: how they are started, looked after and ended.
 
+use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -219,6 +220,8 @@ pub fn exit(ended: &Ended, contestant: &Contestant) -> Result<Exit, Failure> {
             Ok(if refused { Exit::Input } else { Exit::Peer })
         }
         Some(130) => Ok(Exit::Interrupted),
+        // It was asked to end before it could listen.
+        None if ended.plant.signal() == Some(Signal::TERM.as_raw()) => Ok(Exit::Interrupted),
         _ => Err(Failure::internal(format!("the plant failed: {}", said(ended.plant)))),
     }
 }

@@ -96,7 +96,10 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     let bar = if args.quiet { ProgressBar::hidden() } else { ProgressBar::new(u64::from(args.swaps)) };
     let ended = stage.play_all(args.swaps, args.per_run, &bar);
     bar.finish_and_clear();
-    let Some(played) = ended? else { return Ok(Exit::Interrupted) };
+    let played = ended?;
+    if played.swaps.is_empty() {
+        return Ok(Exit::Interrupted);
+    }
     let verdicts = Verdicts::of(&played.swaps, args.swaps);
     let text = json!({
         "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"), "scenario": stage.scenario,
@@ -108,7 +111,11 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
         Format::Json => say(&format!("{text}\n"))?,
         Format::Text => say(&in_words(&played, &verdicts, &stage.out))?,
     }
-    Ok(if verdicts.all_hold() { Exit::Done } else { Exit::Verdict })
+    Ok(match (played.swaps.len() < args.swaps as usize, verdicts.all_hold()) {
+        (true, _) => Exit::Interrupted,
+        (false, true) => Exit::Done,
+        (false, false) => Exit::Verdict,
+    })
 }
 
 /// What all runs share.
@@ -126,8 +133,9 @@ struct Played {
 }
 
 impl Stage {
-    /// Plays until there were `count` swaps; `None` if interrupted.
-    fn play_all(&self, count: u32, per_run: u32, bar: &ProgressBar) -> Result<Option<Played>, Failure> {
+    /// Plays until there were `count` swaps; fewer if interrupted.
+    fn play_all(&self, count: u32, per_run: u32, bar: &ProgressBar) -> Result<Played, Failure> {
+        let mut played = Played { runs: 0, swaps: Vec::new() };
         let mut alone = Vec::new();
         let asked = &self.scenario.controllers;
         let (first, standby) = asked.split_first().ok_or_else(|| Failure::usage("no controller"))?;
@@ -135,15 +143,14 @@ impl Stage {
             bar.set_message(format!("{name} alone"));
             let folder = self.out.join("alone").join(&name);
             let Some((summary, recording)) = self.play(&self.scenario, asked, &folder)? else {
-                return Ok(None);
+                return Ok(played);
             };
             alone.push(Alone::new(&summary, &name, &recording)?);
         }
-        let mut played = Played { runs: 0, swaps: Vec::new() };
         while (played.swaps.len() as u32) < count {
             let left = count - played.swaps.len() as u32;
             let Some(swaps) = self.play_swaps(played.runs, left.min(per_run), &alone)? else {
-                return Ok(None);
+                return Ok(played);
             };
             if swaps.is_empty() {
                 return Err(Failure::internal("no swap took place"));
@@ -152,7 +159,7 @@ impl Stage {
             played.swaps.extend(swaps);
             bar.set_position(played.swaps.len() as u64);
         }
-        Ok(Some(played))
+        Ok(played)
     }
 
     /// One run with `count` swaps; each run begins with the next controller.

@@ -162,18 +162,20 @@ pub fn make_case(case: &Case) -> Result<Made, GenerateError> {
     order.shuffle(&mut rng);
     order.insert(0, case.machine);
     let mut case = case.clone();
-    let mut failure = None;
-    for _ in 0..ROUNDS {
-        for &machine in &order {
-            case.machine = machine;
-            match generate(&case) {
-                Err(error) if !matches!(error, GenerateError::Model(_)) => failure = Some(error),
-                done => return done,
+    let mut made = generate(&case);
+    for trial in 1..ROUNDS * order.len() {
+        match made {
+            Err(error) if !matches!(error, GenerateError::Model(_)) => {
+                if trial % order.len() == 0 {
+                    case.seed = rng.random();
+                }
+                case.machine = order[trial % order.len()];
+                made = generate(&case);
             }
+            done => return done,
         }
-        case.seed = rng.random();
     }
-    failure.map_or_else(|| generate(&case), Err)
+    made
 }
 
 #[cfg(test)]

@@ -24,13 +24,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::free_minimiser::FreeMinimiser;
 use crate::qp::{Qp, QpError, QpStatus};
+use crate::room::Room;
 
 /// Largest correction of a joint, rad or m: more is not a correction.
 pub const LARGEST_CORRECTION: f64 = 0.1;
 /// Share of the speed and acceleration limits that the correction may always use.
 pub const LEAST_SHARE: f64 = 0.01;
 /// From SI to the units of the programme: mm and mrad.
-const MILLI: f64 = 1e3;
+pub(crate) const MILLI: f64 = 1e3;
 
 /// The weights of the cost, in mm and mrad.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,20 +43,32 @@ pub struct Weights {
     pub orientation: f64,
     /// ρ, 1/mrad² (1/mm²): weight of the change of the correction from tick to tick; > 0, so that the minimiser is unique.
     pub change: f64,
+    /// α, mm²/(rad/s²)²: weight of the acceleration of the correction in a horizon ([`crate::horizon`]); the programme of one tick
+    /// has none.
+    pub acceleration: f64,
 }
 
 impl Default for Weights {
     fn default() -> Weights {
-        Weights { position: [1.0; 3], orientation: 0.01, change: 1e-5 }
+        Weights { position: [1.0; 3], orientation: 0.01, change: 1e-5, acceleration: 1e-5 }
     }
 }
 
 impl Weights {
+    /// W, with ε for the angular rows, of an arm of `joints` joints.
+    pub(crate) fn of_rows(&self, joints: usize) -> Vector6<f64> {
+        let [x, y, z] = self.position;
+        let orientation = if joints < 6 { 0.0 } else { self.orientation };
+        Vector6::new(x, y, z, orientation, orientation, orientation)
+    }
+
     /// What is wrong with the weights, if anything.
     pub fn fault(&self) -> Option<&'static str> {
         let fine = |weight: f64| weight.is_finite() && weight >= 0.0;
-        if !(self.position.into_iter().all(fine) && fine(self.orientation)) {
-            Some("weights.position and weights.orientation must be finite and not negative")
+        if !(self.position.into_iter().all(fine) && fine(self.orientation) && fine(self.acceleration)) {
+            Some(
+                "weights.position, weights.orientation and weights.acceleration must be finite and not negative",
+            )
         } else if !(self.change.is_finite() && self.change > 0.0) {
             Some("weights.change must be finite and above zero")
         } else {
@@ -134,13 +147,11 @@ impl Compensator {
             (true, true) => 1.0,
             (true, false) => -1.0,
         });
-        let [x, y, z] = weights.position;
-        let orientation = if n < 6 { 0.0 } else { weights.orientation };
         Ok(Compensator {
             qp: Qp::new(&rows)?,
             limits: arm.joints().iter().map(|joint| joint.limits).collect(),
             period,
-            row_weights: Vector6::new(x, y, z, orientation, orientation, orientation),
+            row_weights: weights.of_rows(n),
             change: weights.change,
             last: vec![0.0; n],
             before: vec![0.0; n],
@@ -155,6 +166,17 @@ impl Compensator {
     /// The newest correction Δq, rad (m).
     pub fn correction(&self) -> &[f64] {
         &self.last
+    }
+
+    /// The corrections of the last tick and of the one before, rad (m).
+    pub(crate) fn past(&self) -> [&[f64]; 2] {
+        [&self.last, &self.before]
+    }
+
+    /// Moves on by one tick to the correction `found`, rad (m), which keeps the limits.
+    pub(crate) fn accept(&mut self, found: &[f64]) {
+        self.before.copy_from_slice(&self.last);
+        self.last.copy_from_slice(found);
     }
 
     /// Sets the correction to `at`, at rest.
@@ -195,15 +217,8 @@ impl Compensator {
 
     /// P = JᵀWJ + ρ, q = JᵀW r − ρ Δq₋₁, with ε in the angular rows of W.
     fn fill_cost(&mut self, jacobian: &DMatrix<f64>, deviation: &Vector6<f64>) {
-        for (mut weighted, column) in self.weighted.column_iter_mut().zip(jacobian.column_iter()) {
-            for row in 0..6 {
-                weighted[row] = self.row_weights[row] * column[row];
-            }
-        }
+        weigh(&self.row_weights, jacobian, &mut self.weighted, &mut self.cost);
         for (j, weighted) in self.weighted.column_iter().enumerate() {
-            for (i, column) in jacobian.column_iter().enumerate().take(j + 1) {
-                self.cost[(i, j)] = column.dot(&weighted);
-            }
             self.cost[(j, j)] += self.change;
             self.linear[j] = MILLI * (weighted.dot(deviation) - self.change * self.last[j]);
         }
@@ -213,7 +228,12 @@ impl Compensator {
     fn fill_bounds(&mut self, desired: Motion<'_>) -> Option<usize> {
         let n = self.limits.len();
         for joint in 0..n {
-            let (lower, upper) = self.interval(joint, desired);
+            let room = Room::of(
+                &self.limits[joint],
+                [desired.q, desired.v, desired.a].map(|all| all[joint]),
+                self.period,
+            );
+            let (lower, upper) = room.interval(self.last[joint], self.before[joint]);
             // A desired motion that is not a number makes limits that are not: a conflict too.
             if lower.is_nan() || upper.is_nan() || lower > upper {
                 return Some(joint);
@@ -222,29 +242,6 @@ impl Compensator {
             self.bounds[n + joint] = -MILLI * lower;
         }
         None
-    }
-
-    /// What position, speed and acceleration limits leave for the correction of `joint`, rad (m).
-    fn interval(&self, joint: usize, desired: Motion<'_>) -> (f64, f64) {
-        let limits = &self.limits[joint];
-        let (last, before) = (self.last[joint], self.before[joint]);
-        let speed_room = room(limits.velocity, desired.v[joint]) * self.period;
-        let per_tick = self.period * self.period;
-        let up = (limits.acceleration - desired.a[joint]).max(LEAST_SHARE * limits.acceleration) * per_tick;
-        let down = (limits.acceleration + desired.a[joint]).max(LEAST_SHARE * limits.acceleration) * per_tick;
-        let coasting = 2.0 * last - before;
-        let q = desired.q[joint];
-        // Clamped, not min/max: a position that is not a number must stay one.
-        let lower = (limits.lower - q).clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION);
-        let upper = (limits.upper - q).clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION);
-        if lower.is_nan() || upper.is_nan() || speed_room.is_nan() || desired.a[joint].is_nan() {
-            return (f64::NAN, f64::NAN);
-        }
-        let braking = LEAST_SHARE * limits.acceleration * self.period * self.period;
-        (
-            (last - speed_room.min(longest_step(last - lower, braking))).max(coasting - down),
-            (last + speed_room.min(longest_step(upper - last, braking))).min(coasting + up),
-        )
     }
 
     /// Lets the correction come to rest as fast as the acceleration limits allow, without a desired motion.
@@ -258,26 +255,27 @@ impl Compensator {
     }
 }
 
+/// Writes W J and the upper triangle of JᵀWJ, with the weights W of the `rows` of J.
+pub(crate) fn weigh(
+    rows: &Vector6<f64>,
+    jacobian: &DMatrix<f64>,
+    weighted: &mut DMatrix<f64>,
+    cost: &mut DMatrix<f64>,
+) {
+    for (mut weighted, column) in weighted.column_iter_mut().zip(jacobian.column_iter()) {
+        for row in 0..6 {
+            weighted[row] = rows[row] * column[row];
+        }
+    }
+    for (j, weighted) in weighted.column_iter().enumerate() {
+        for (i, column) in jacobian.column_iter().enumerate().take(j + 1) {
+            cost[(i, j)] = column.dot(&weighted);
+        }
+    }
+}
+
 /// Moves on to the correction `found`, mrad (mm).
 fn accept(last: &mut [f64], before: &mut [f64], found: &[f64]) {
     before.copy_from_slice(last);
     last.iter_mut().zip(found).for_each(|(last, found)| *last = found / MILLI);
-}
-
-/// The longest step of one tick towards a limit at `distance` after which steps that shrink by `braking` each still end before it: the
-/// s with `s²/(2 braking) + s/2 = distance`. Beyond the limit, the step back to it.
-fn longest_step(distance: f64, braking: f64) -> f64 {
-    if distance <= 0.0 || braking.is_infinite() {
-        distance
-    } else {
-        (0.25 * braking * braking + 2.0 * distance * braking).sqrt() - 0.5 * braking
-    }
-}
-
-/// What a motion of `desired` leaves of a limit, at least [`LEAST_SHARE`] of it.
-fn room(limit: f64, desired: f64) -> f64 {
-    if desired.is_nan() {
-        return f64::NAN;
-    }
-    (limit - desired.abs()).max(LEAST_SHARE * limit)
 }

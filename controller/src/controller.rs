@@ -6,6 +6,7 @@ use freeplay_path::PathError;
 use freeplay_shm::{CommandStatus, Joints, MAX_JOINTS, Mode, Pace, State};
 use thiserror::Error;
 
+use crate::horizon::HorizonError;
 use crate::qp::QpError;
 use crate::task::{Task, TaskError};
 
@@ -121,6 +122,9 @@ pub enum ControllerError {
     /// The compensation programme cannot be set up.
     #[error(transparent)]
     Qp(#[from] QpError),
+    /// The compensation's horizon cannot be set up.
+    #[error(transparent)]
+    Horizon(#[from] HorizonError),
     /// The file with a network's weights cannot be used.
     #[error(transparent)]
     Weights(#[from] freeplay_predictor::weight_file::WeightFileError),

@@ -3,8 +3,10 @@
 use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian};
 use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 
+use crate::attainable::attainable;
 use crate::centred::Centred;
-use crate::compensation::{CompensationReport, Compensator, Motion, Weights};
+use crate::compensation::{CompensationReport, CompensationStatus, Compensator, Motion, Weights};
+use crate::horizon::{Horizon, HorizonReport, HorizonStatus};
 use crate::qp::QpError;
 
 /// A correction at the start that is larger than this, rad (m), is not taken for one.
@@ -104,6 +106,45 @@ impl Correction {
         self.move_on(arm, desired, deviation)
     }
 
+    /// As [`Self::advance`], with `horizon` instead of the programme of one tick: it knows the ticks from that of `desired` on, and
+    /// `beyond`, base frame, m, is added to each of its deviations.
+    ///
+    /// # Errors
+    /// The report of a horizon that ended without a minimiser. Nothing has moved on then.
+    pub fn look_ahead(
+        &mut self,
+        arm: &Arm,
+        desired: Motion<'_>,
+        horizon: &mut Horizon,
+        beyond: &Vector3<f64>,
+    ) -> Result<CompensationReport, HorizonReport> {
+        jacobian(arm, &mut self.workspace, desired.q, &mut self.jacobian);
+        let more = self.bend(arm, desired.q) + beyond;
+        let more = attainable(&self.jacobian, more);
+        horizon.aim(|k, jacobian, deviation| {
+            let share = quintic((self.age + 1 + k as u64) as f64 * self.period / self.blend);
+            let mut target = *deviation;
+            let mut position = target.fixed_rows_mut::<3>(0);
+            position += more;
+            target *= share;
+            if share < 1.0 {
+                target.gemv(share - 1.0, jacobian, &self.start, 1.0);
+            }
+            target
+        });
+        let [last, before] = self.compensator.past();
+        let HorizonReport { status, iterations } = horizon.solve(last, before);
+        let status = match status {
+            HorizonStatus::Free => CompensationStatus::Free,
+            HorizonStatus::Solved => CompensationStatus::Solved,
+            _ => return Err(HorizonReport { status, iterations }),
+        };
+        self.age += 1;
+        self.compensator.accept(horizon.correction());
+        self.course.push(self.compensator.correction());
+        Ok(CompensationReport { status, iterations })
+    }
+
     /// One tick of the blend and the compensation of `deviation` with the Jacobian at `desired`.
     fn move_on(&mut self, arm: &Arm, desired: Motion<'_>, deviation: Vector6<f64>) -> CompensationReport {
         let bend = self.bend(arm, desired.q);
@@ -116,6 +157,8 @@ impl Correction {
         }
         let mut position = target.fixed_rows_mut::<3>(0);
         position += bend * share;
+        let asked = attainable(&self.jacobian, position.clone_owned());
+        position.copy_from(&asked);
         let report = self.compensator.advance(desired, &self.jacobian, &target);
         self.course.push(self.compensator.correction());
         report

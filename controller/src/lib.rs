@@ -17,6 +17,8 @@
 //! - [`Outlook`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
 //! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`], where
 //!   the [`FreeMinimiser`] of its cost breaks a limit.
+//! - [`Horizon`]: the same programme over several ticks at once, which sees corners coming; of the path ahead it is told by a
+//!   [`Foresight`], and where limits bind it is solved by a [`DualActiveSet`].
 //! - [`CornerSearch`]: finds where the path turns too sharply for the journals, and has a [`PassagePlanner`] plan a [`Passage`] through
 //!   each corner before the run; together they are the [`Passages`].
 //! - [`Rollout`]: a small simulation of the model that says where the journals go.
@@ -28,6 +30,7 @@
 
 pub mod acceleration_programme;
 mod answer_loop;
+pub mod attainable;
 pub mod built_in;
 pub mod centred;
 pub mod compensation;
@@ -37,8 +40,11 @@ pub mod corners;
 pub mod correction;
 pub mod course;
 pub mod deviation;
+pub mod dual_active_set;
 pub mod features;
+pub mod foresight;
 pub mod free_minimiser;
+pub mod horizon;
 pub mod identity;
 pub mod journal_twin;
 pub mod knocks;
@@ -59,6 +65,7 @@ pub mod qp;
 pub mod quasi_static;
 pub mod repeating;
 pub mod rollout;
+pub mod room;
 pub mod serve;
 pub mod sparse_programme;
 pub mod task;
@@ -75,7 +82,10 @@ pub use controller::{Answer, Controller, ControllerError, RunInfo};
 pub use corners::CornerSearch;
 pub use correction::Correction;
 pub use deviation::QuasiStatic;
+pub use dual_active_set::DualActiveSet;
+pub use foresight::Foresight;
 pub use free_minimiser::FreeMinimiser;
+pub use horizon::{Horizon, HorizonError, HorizonReport, HorizonStatus};
 pub use knocks::Knocks;
 pub use look_ahead::{JointState, LookAhead};
 pub use model::Model;

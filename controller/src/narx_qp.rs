@@ -41,6 +41,8 @@ pub struct NarxQpOptions {
     pub blend: f64,
     /// Span of the moving average over the predicted journals, s.
     pub average: f64,
+    /// Span of the horizon over which corrections are planned, s; 0 for none. See [`TrackingOptions::horizon`].
+    pub horizon: f64,
     /// Weights of the compensation's cost.
     pub cost: Weights,
     /// Whether passages through the corners of the path are planned before the run; see [`crate::passage`].
@@ -54,17 +56,18 @@ pub struct NarxQpOptions {
     /// Share of what the forecast says beyond the residual that is corrected, 0 to 1. None by default: a bearing that is moved after
     /// its swinging journal feeds the swinging, as measured on the soft square.
     pub fast: f64,
-    /// Whether, with play in more than one joint, the feedback is softer for a while after a journal has landed; see
+    /// Whether the feedback is softer for a while after a journal has landed, with play in one joint only where it goes on bouncing; see
     /// [`crate::knocks`].
     pub soft_landing: bool,
 }
 
 impl Default for NarxQpOptions {
     fn default() -> NarxQpOptions {
-        let TrackingOptions { blend, average, weights, .. } = TrackingOptions::default();
+        let TrackingOptions { blend, average, weights, horizon, .. } = TrackingOptions::default();
         NarxQpOptions {
             blend,
             average,
+            horizon,
             cost: weights,
             passages: true,
             passage: PassageOptions::default(),
@@ -77,7 +80,7 @@ impl Default for NarxQpOptions {
 }
 
 impl NarxQpOptions {
-    fn tracking(&self) -> Result<TrackingOptions, TaskError> {
+    fn tracking(&self, period: f64) -> Result<TrackingOptions, TaskError> {
         if self.tracker_delay > LONGEST_DELAY {
             let fault = "tracker_delay must be 0 to 50 ticks";
             return Err(TaskError::OptionValue { controller: NARX_QP.to_owned(), fault });
@@ -89,12 +92,13 @@ impl NarxQpOptions {
         let tracking = TrackingOptions {
             blend: self.blend,
             average: self.average,
+            horizon: self.horizon,
             weights: self.cost,
             passages: self.passages,
             passage: self.passage,
             soft_landing: self.soft_landing,
         };
-        tracking.check(NARX_QP)?;
+        tracking.check(NARX_QP, period)?;
         Ok(tracking)
     }
 }
@@ -129,7 +133,7 @@ impl Controller for NarxQp {
 
     fn start(&mut self, task: &Task, run: &RunInfo) -> Result<(), ControllerError> {
         let options: NarxQpOptions = task.options(NARX_QP)?;
-        let tracking = options.tracking()?;
+        let tracking = options.tracking(task.period())?;
         let model = Model::load(task, run)?;
         let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
         let tracking = Tracking::new(task, &model, path.clone(), run.ticks, &tracking)?;

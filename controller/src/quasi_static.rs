@@ -27,7 +27,7 @@ impl Controller for QuasiStaticControl {
 
     fn start(&mut self, task: &Task, run: &RunInfo) -> Result<(), ControllerError> {
         let options: TrackingOptions = task.options(QUASI_STATIC)?;
-        options.check(QUASI_STATIC)?;
+        options.check(QUASI_STATIC, task.period())?;
         let model = Model::load(task, run)?;
         let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
         self.tracking = Some(Tracking::new(task, &model, path, run.ticks, &options)?);

@@ -22,6 +22,8 @@ use crate::controller::{Answer, ControllerError};
 use crate::corners::CornerSearch;
 use crate::correction::Correction;
 use crate::deviation::QuasiStatic;
+use crate::foresight::Foresight;
+use crate::horizon::{HorizonReport, HorizonStatus, MOST_TICKS};
 use crate::knocks::Knocks;
 use crate::known_effects::KnownEffects;
 use crate::look_ahead::{LookAhead, drive_frictions};
@@ -46,13 +48,17 @@ pub struct TrackingOptions {
     pub blend: f64,
     /// Span of the moving average over the predicted journals, s: 0 for none, else at least [`SHORTEST_AVERAGE`].
     pub average: f64,
+    /// Span of the horizon over which corrections are planned, s: 0 for none, each tick by itself; else 1 to
+    /// [`MOST_TICKS`] ticks. With one, the journals are not averaged for what is taken out of the
+    /// deviation (`weights.acceleration` keeps the corrections smooth), only for what is fed forward; see [`crate::horizon`].
+    pub horizon: f64,
     /// Weights of the compensation.
     pub weights: Weights,
     /// Whether passages through the corners of the path are planned before the run; see [`crate::passage`].
     pub passages: bool,
     /// What they are judged by.
     pub passage: PassageOptions,
-    /// Whether, with play in more than one joint, the feedback is softer for a while after a journal has landed; see
+    /// Whether the feedback is softer for a while after a journal has landed, with play in one joint only where it goes on bouncing; see
     /// [`crate::knocks`].
     pub soft_landing: bool,
 }
@@ -62,6 +68,7 @@ impl Default for TrackingOptions {
         TrackingOptions {
             blend: 0.3,
             average: 0.021,
+            horizon: 0.0,
             weights: Weights::default(),
             passages: false,
             passage: PassageOptions::default(),
@@ -71,16 +78,23 @@ impl Default for TrackingOptions {
 }
 
 impl TrackingOptions {
-    /// Whether the options of the controller `controller` are in their ranges.
+    /// Ticks of the horizon at ticks of `period` seconds; 0 for none.
+    fn ticks_ahead(&self, period: f64) -> usize {
+        (self.horizon / period).round() as usize
+    }
+
+    /// Whether the options of the controller `controller` are in their ranges, at ticks of `period` seconds.
     ///
     /// # Errors
     /// [`TaskError::OptionValue`] names the first that is not.
-    pub fn check(&self, controller: &str) -> Result<(), TaskError> {
+    pub fn check(&self, controller: &str, period: f64) -> Result<(), TaskError> {
         let within = |value: f64, least: f64, most: f64| value >= least && value <= most;
         let fault = if !within(self.blend, 1e-3, 60.0) {
             Some("blend must be 0.001 to 60 s")
         } else if self.average != 0.0 && !within(self.average, SHORTEST_AVERAGE, 1.0) {
             Some("average must be 0, or 0.01 to 1 s")
+        } else if self.horizon != 0.0 && !within((self.horizon / period).round(), 1.0, MOST_TICKS as f64) {
+            Some("horizon must be 0 s, or 1 to 60 ticks")
         } else {
             self.weights.fault()
         };
@@ -116,6 +130,8 @@ pub struct Tracking {
     /// Landings, where the feedback is softer after one.
     knocks: Option<Knocks>,
     outlook: Outlook,
+    /// What the horizon sees, if there is one.
+    foresight: Option<Foresight>,
     /// Predicts for the instant of the answer and feeds forward.
     predictor: QuasiStatic,
     correction: Correction,
@@ -158,6 +174,11 @@ impl Tracking {
         let with_play = ArmWithPlay::new(&model.arm, &model.clearances)?;
         let known = KnownEffects::along(&model.arm, &model.effects, &path, period)?;
         let half = ((options.average / period - 1.0) / 2.0).round().max(0.0) as usize;
+        let ticks_ahead = options.ticks_ahead(period);
+        let foresight = (ticks_ahead > 0).then(|| {
+            Foresight::new(path.clone(), &model.arm, &with_play, period, &options.weights, ticks_ahead)
+        });
+        let mut foresight = foresight.transpose()?;
         let mut outlook = Outlook::new(path, &with_play, period, half);
         let search = CornerSearch {
             arm: &model.arm,
@@ -173,6 +194,10 @@ impl Tracking {
         };
         // All that the first answer, to tick 0, needs but the newest value.
         outlook.at(task.mode.lead() + AHEAD - 1);
+        let mut predictor = QuasiStatic::new(&with_play, period);
+        if let Some(foresight) = &mut foresight {
+            foresight.seen_from(task.mode.lead() + AHEAD - 1, &model.arm, &passages, &mut predictor);
+        }
         Ok(Tracking {
             mode: task.mode,
             gains: task.gains,
@@ -181,10 +206,11 @@ impl Tracking {
             friction: drive_frictions(&model.arm),
             known,
             look_ahead: LookAhead::new(&model.arm, period),
-            // A journal that bounces alone comes to rest by itself, and corners are passed better with the whole of the feedback.
-            knocks: (options.soft_landing && model.clearances.len() > 1).then(|| Knocks::new(period)),
+            knocks: (options.soft_landing && !model.clearances.is_empty())
+                .then(|| Knocks::new(period, model.clearances.len())),
             outlook,
-            predictor: QuasiStatic::new(&with_play, period),
+            foresight,
+            predictor,
             correction: Correction::new(&model.arm, period, options.blend, &options.weights)?,
             journals: Centred::new(2 * model.clearances.len(), period),
             tick: None,
@@ -325,10 +351,26 @@ impl Tracking {
         let [_, before] = self.learned;
         let learned = beyond(&Plan { tick: ahead, motion: planned, deviation: physics });
         self.learned = [before, learned];
+        let foresight = self.foresight.as_mut().filter(|_| own);
+        let horizon = foresight
+            .map(|foresight| foresight.seen_from(ahead, &self.arm, &self.passages, &mut self.predictor));
         let predicted = now_ns();
-        let report = match passage {
-            Some(step) => self.correction.follow(&self.arm, planned, step.corrections, &learned),
-            None => self.correction.advance(&self.arm, planned, &(physics + learned)),
+        let deviation = physics + learned;
+        let report = match (passage, horizon) {
+            (Some(step), _) => self.correction.follow(&self.arm, planned, step.corrections, &learned),
+            (None, None) => self.correction.advance(&self.arm, planned, &deviation),
+            (None, Some(horizon)) => {
+                let found = self.correction.look_ahead(&self.arm, planned, horizon, &learned);
+                found.unwrap_or_else(|HorizonReport { status, iterations }| {
+                    // What is left undone has its name, and the programme of one tick does what it can.
+                    answer.status = match status {
+                        HorizonStatus::IterationLimit => CommandStatus::QpLimit,
+                        _ => CommandStatus::QpFailed,
+                    };
+                    answer.qp_iterations += iterations;
+                    self.correction.advance(&self.arm, planned, &deviation)
+                })
+            }
         };
         answer.predict_ns += predicted - begun;
         answer.qp_ns += now_ns() - predicted;

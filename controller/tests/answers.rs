@@ -90,6 +90,47 @@ fn answering_allocates_nothing_but_what_clarabel_takes() {
 }
 
 #[test]
+fn with_a_horizon_answers_are_the_same_again_and_allocate_nothing() {
+    for mode in [TaskMode::Torque, TaskMode::Driven] {
+        let (mut task, _folder) = task(mode);
+        for name in ["quasi-static", "narx-qp"] {
+            task.options = toml::Table::new();
+            let without = recorded(name, &task, 60);
+            task.options = toml::Table::from_iter([("horizon".to_owned(), toml::Value::from(0.02))]);
+            let outcome = recorded(name, &task, 60);
+            let mut again = started(name, &task);
+            let mut differ = 0;
+            for (index, (state, expected)) in outcome.states.iter().zip(&outcome.answers).enumerate() {
+                let mut answer = Answer::BLANK;
+                let count = allocation_counter::measure(|| again.answer(state, &mut answer)).count_total;
+                assert_eq!(answer.status, CommandStatus::Ok);
+                assert_eq!(
+                    bits(&answer),
+                    bits(expected),
+                    "{name}, {mode:?}: answer {index} differs when replayed"
+                );
+                assert_eq!(count, 0, "{name}, {mode:?}: answer {index} allocates");
+                differ += usize::from(bits(&answer) != bits(&without.answers[index]));
+            }
+            println!("{name}, {mode:?}: {differ} of 60 answers differ from those without a horizon");
+            assert!(differ > 50, "a horizon that changes nothing is none");
+        }
+    }
+}
+
+#[test]
+fn a_horizon_out_of_range_is_refused() {
+    let (mut task, _folder) = task(TaskMode::Torque);
+    for horizon in [-0.01, 0.0004, 0.0606, f64::NAN, f64::INFINITY] {
+        task.options = toml::Table::from_iter([("horizon".to_owned(), toml::Value::from(horizon))]);
+        for name in ["quasi-static", "narx-qp"] {
+            let refused = built_in(name).unwrap().start(&task, &run_info(&task, 6)).unwrap_err().to_string();
+            assert!(refused.contains("horizon must be 0 s, or 1 to 60 ticks"), "{horizon}: {refused}");
+        }
+    }
+}
+
+#[test]
 fn nonsense_gets_no_answer_and_is_forgotten() {
     for mode in [TaskMode::Torque, TaskMode::Driven] {
         let (task, _folder) = task(mode);

@@ -60,7 +60,8 @@ fn damped_least_squares(
 #[test]
 fn without_limits_it_is_damped_least_squares_for_one_to_eight_joints() {
     let mut random = ChaCha8Rng::seed_from_u64(SEED);
-    let weights = Weights { position: [1.0, 2.0, 0.5], orientation: 0.02, change: 1e-2 };
+    let weights =
+        Weights { position: [1.0, 2.0, 0.5], orientation: 0.02, change: 1e-2, ..Weights::default() };
     let (mut worst, mut least): (f64, f64) = (0.0, f64::INFINITY);
     for n in 1..=8 {
         let arm = chain(n, Limits::NONE);

@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use freeplay_arm::{Arm, Workspace, rnea};
+use freeplay_arm::{Arm, Workspace, joint_reaction, rnea};
 use nalgebra::Vector3;
 
 use crate::columns::Columns;
@@ -14,6 +14,13 @@ use crate::scene::Scene;
 pub(crate) trait SagLaw: Debug + Copy + Send + Sync + 'static {
     /// How far the tool is off, base frame, m; `ws` holds the poses and reactions of `arm` at the instant.
     fn sag(&self, arm: &Arm, ws: &Workspace) -> Vector3<f64>;
+}
+
+/// Force and moment about its origin with which the link of `joint` and all beyond it press on what carries them, base frame, N and N·m.
+pub(crate) fn pressure(ws: &Workspace, joint: usize) -> (Vector3<f64>, Vector3<f64>) {
+    let rotation = ws.link_pose(joint).rotation;
+    let (force, moment) = joint_reaction(ws, joint);
+    (-(rotation * force), -(rotation * moment))
 }
 
 /// A [`SagLaw`] as an effect. The plant adds the sag to what the tracker reads.

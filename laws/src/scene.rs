@@ -110,8 +110,8 @@ impl Scene<'_> {
         if let Some(carrying) = self.carrying.get() {
             return Ok(carrying);
         }
-        let mut with = rigid_torques(&loaded(&self.arm, 1.0)?, self.motion, None);
-        for (with, without) in with.iter_mut().zip(rigid_torques(&self.arm, self.motion, None)) {
+        let mut with = Scene::new(loaded(&self.arm, 1.0)?, self.motion).load;
+        for (with, without) in with.iter_mut().zip(&self.load) {
             with.iter_mut().zip(without).for_each(|(with, without)| *with -= without);
         }
         Ok(self.carrying.get_or_init(|| with))

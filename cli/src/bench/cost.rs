@@ -1,14 +1,17 @@
 //! What looking on costs the loop: blocks that are neither recorded nor watched, more of the same as a control, blocks that are recorded and
 //! blocks that are watched take turns, and their stages are set against those of the first.
 
+use std::collections::BTreeMap;
+
 use comfy_table::{CellAlignment, Table, presets};
+use hdrhistogram::Histogram;
 use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::json;
 
 use crate::bench::bench_report::STAGES;
 use crate::bench::blocks::{ByStage, Stand};
-use crate::bench::figures::{QUANTILES, Ratio, merged};
+use crate::bench::figures::{QUANTILES, Ratio, add};
 use crate::exit::{Exit, Failure};
 use crate::files::write;
 use crate::run::Format;
@@ -19,6 +22,35 @@ use crate::scenario::RecordingKind;
 const SCHEMA: &str = "freeplay.cost/1";
 /// What the p99 of a stage may be of the same without recording or live view.
 const MOST: f64 = 1.05;
+
+/// What the blocks of one kind left: their histograms added up, and of each block the quantiles alone, since histograms are large.
+#[derive(Default)]
+struct Measured {
+    all: ByStage,
+    each: Vec<BTreeMap<String, [f64; QUANTILES.len()]>>,
+}
+
+impl Measured {
+    fn push(&mut self, block: &ByStage) {
+        add(&mut self.all, block);
+        self.each
+            .push(block.iter().map(|(stage, histogram)| (stage.clone(), quantiles(histogram))).collect());
+    }
+
+    /// The quantile number `which` of `stage` over all blocks, ns.
+    fn at(&self, stage: &str, which: usize) -> Option<f64> {
+        self.all.get(stage).map(|histogram| quantiles(histogram)[which])
+    }
+
+    /// The same of each block.
+    fn each_at(&self, stage: &str, which: usize) -> impl Iterator<Item = Option<f64>> {
+        self.each.iter().map(move |block| block.get(stage).map(|quantiles| quantiles[which]))
+    }
+}
+
+fn quantiles(histogram: &Histogram<u64>) -> [f64; QUANTILES.len()] {
+    QUANTILES.map(|(_, quantile)| histogram.value_at_quantile(quantile) as f64)
+}
 
 /// Ways to look on.
 const KINDS: usize = 4;
@@ -57,8 +89,38 @@ struct Cost {
     looking: Looking,
     /// At p50, p99 and p99.9.
     ratios: [Option<Ratio>; 3],
-    /// Whether p99 is within its limit, the median of the blocks. Of the control: whether it says that this machine is quiet enough to tell.
-    holds: bool,
+    /// Whether p99 is within its limit.
+    verdict: Told,
+}
+
+/// What the blocks tell of a limit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Told {
+    /// Their median is within it at 95 %.
+    Holds,
+    /// The limit lies between the bounds of their median: more blocks or a quieter machine could tell.
+    Open,
+    /// Their median is beyond it at 95 %.
+    Fails,
+}
+
+impl Told {
+    fn of(ratio: Option<Ratio>) -> Self {
+        match ratio {
+            Some(ratio) if ratio.bounds[0] > MOST => Self::Fails,
+            Some(ratio) if ratio.bounds[1] > MOST => Self::Open,
+            Some(_) | None => Self::Holds,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Holds => "holds",
+            Self::Open => "open",
+            Self::Fails => "FAILS",
+        }
+    }
 }
 
 /// Measures on `stand` with its first controller in `pairs` blocks of each kind, and says.
@@ -68,7 +130,7 @@ struct Cost {
 pub fn cost(stand: &Stand, pairs: usize, format: Format, quiet: bool) -> Result<Exit, Failure> {
     let contestant = stand.contestants.first().ok_or_else(|| Failure::usage("no controller"))?;
     let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(pairs as u64) };
-    let mut blocks: [Vec<ByStage>; KINDS] = Default::default();
+    let mut measured: [Measured; KINDS] = Default::default();
     for number in 0..pairs {
         let mut order = Looking::ALL;
         order.rotate_left(number % Looking::ALL.len());
@@ -82,81 +144,78 @@ pub fn cost(stand: &Stand, pairs: usize, format: Format, quiet: bool) -> Result<
                 Looking::Plain | Looking::Control | Looking::Recorded => stand.full(contestant, &scenario)?,
             };
             let Some((_, stages)) = played else { return Ok(Exit::Interrupted) };
-            blocks[looking as usize].push(stages);
+            measured[looking as usize].push(&stages);
         }
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let costs = costs(&blocks);
-    let holds = costs.iter().all(|cost| cost.holds || cost.looking == Looking::Control);
+    let costs = costs(&measured);
+    let told = |word: Told| costs.iter().any(|cost| cost.looking != Looking::Control && cost.verdict == word);
+    let verdict = [Told::Fails, Told::Open].into_iter().find(|&word| told(word)).unwrap_or(Told::Holds);
     let text = json!({
         "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"), "scenario": stand.scenario,
-        "controller": contestant.asked(), "blocks": pairs, "limit_p99": MOST, "holds": holds, "costs": costs,
+        "controller": contestant.asked(), "blocks": pairs, "limit_p99": MOST, "verdict": verdict, "costs": costs,
     });
     let text = serde_json::to_string_pretty(&text).map_err(Failure::internal)?;
     write(&stand.out.join("cost.json"), &text)?;
     match format {
         Format::Json => say(&format!("{text}\n"))?,
-        Format::Text => say(&in_words(&costs, holds, pairs, contestant.asked()))?,
+        Format::Text => say(&in_words(&costs, verdict, pairs, contestant.asked()))?,
     }
-    Ok(if holds { Exit::Done } else { Exit::Verdict })
+    Ok(if verdict == Told::Fails { Exit::Verdict } else { Exit::Done })
 }
 
-fn costs(blocks: &[Vec<ByStage>; KINDS]) -> Vec<Cost> {
-    let sums = Looking::ALL.map(|looking| merged(blocks[looking as usize].iter()));
-    let plain = Looking::Plain as usize;
+fn costs(measured: &[Measured; KINDS]) -> Vec<Cost> {
+    let plain = &measured[Looking::Plain as usize];
     let mut costs = Vec::new();
     for looking in [Looking::Control, Looking::Recorded, Looking::Watched] {
+        let with = &measured[looking as usize];
         for (stage, _) in STAGES {
-            let ratios = QUANTILES.map(|(_, quantile)| {
-                let at = |stages: &ByStage| Some(stages.get(stage)?.value_at_quantile(quantile) as f64);
-                let each = blocks[looking as usize].iter().zip(&blocks[plain]);
-                Ratio::of(
-                    (at(&sums[looking as usize]), at(&sums[plain])),
-                    each.map(|(with, without)| (at(with), at(without))),
-                )
+            let ratios = [0, 1, 2].map(|which| {
+                let each = with.each_at(stage, which).zip(plain.each_at(stage, which));
+                Ratio::of((with.at(stage, which), plain.at(stage, which)), each)
             });
             if ratios.iter().any(Option::is_some) {
-                let least = if looking == Looking::Control { 1.0 / MOST } else { 0.0 };
-                let holds = ratios[1].is_none_or(|ratio| (least..=MOST).contains(&ratio.median));
-                costs.push(Cost { stage, looking, ratios, holds });
+                costs.push(Cost { stage, looking, ratios, verdict: Told::of(ratios[1]) });
             }
         }
     }
     costs
 }
 
-fn in_words(costs: &[Cost], holds: bool, pairs: usize, controller: &str) -> String {
+fn in_words(costs: &[Cost], verdict: Told, pairs: usize, controller: &str) -> String {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
-    table.set_header(["stage", "over plain", "p50", "p99", "p99.9", ""]);
+    table.set_header(["stage", "over plain", "p50", "p99", "p99, 95 % of the median", "p99.9", ""]);
     for cost in costs {
         let title =
             STAGES.iter().find(|(name, _)| *name == cost.stage).map_or(cost.stage, |(_, title)| title);
-        let [p50, p99, p999] = cost.ratios.map(|ratio| {
-            ratio.map_or_else(|| "–".to_owned(), |ratio| format!("{:.3} [{:.3}]", ratio.all, ratio.median))
-        });
-        let word = match (cost.holds, cost.looking) {
-            (true, _) => "",
-            (false, Looking::Control) => "noise",
-            (false, _) => "FAILS",
-        };
-        table.add_row([title.to_owned(), cost.looking.name().to_owned(), p50, p99, p999, word.to_owned()]);
+        let [p50, p99, p999] = cost
+            .ratios
+            .map(|ratio| ratio.map_or_else(|| "–".to_owned(), |ratio| format!("{:.3}", ratio.median)));
+        let bounds = cost.ratios[1]
+            .map_or_else(String::new, |Ratio { bounds: [least, greatest], .. }| {
+                format!("{least:.3} … {greatest:.3}")
+            });
+        let word = if cost.looking == Looking::Control { "" } else { cost.verdict.name() };
+        let looking = cost.looking.name().to_owned();
+        table.add_row([title.to_owned(), looking, p50, p99, bounds, p999, word.to_owned()]);
     }
-    for column in 2..5 {
+    for column in 2..6 {
         if let Some(column) = table.column_mut(column) {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    let word = if holds { "holds  " } else { "FAILS  " };
-    let noise = match costs.iter().all(|cost| cost.holds || cost.looking != Looking::Control) {
-        true => "",
-        false => {
-            "\nnote    blocks of the same kind differ by more than that: nothing finer can be told here; quieter machine, more --ticks"
+    let remark = match verdict {
+        Told::Holds => "",
+        Told::Open => {
+            ": open where the bounds hold the limit; a quieter machine, more --pairs and --ticks would tell"
         }
+        Told::Fails => ": where it fails, so do the bounds of the median",
     };
     format!(
-        "{controller}, {pairs} blocks of each kind in turn; all blocks together, and the median of the blocks' own in brackets\n\n{table}\n\n\
-         {word} recording and the live view: p99 of each stage, median of the blocks, at most {MOST} of that without{noise}\n"
+        "{controller}, {pairs} blocks of each kind in turn; medians of the blocks' ratios\n\n{table}\n\n\
+         {:<7} recording and the live view: p99 of each stage at most {MOST} of that without{remark}\n",
+        verdict.name()
     )
 }

@@ -15,6 +15,8 @@ pub struct Ratio {
     pub all: f64,
     /// Median of the blocks' own.
     pub median: f64,
+    /// Where that median lies at 95 %: order statistics of the blocks, so that no shape of their spread is supposed.
+    pub bounds: [f64; 2],
     /// Least of the blocks'.
     pub least: f64,
     /// Greatest of the blocks'.
@@ -64,16 +66,19 @@ pub fn caught_up(stages: &ByStage) -> u64 {
 /// All histograms of `parts` added up, stage by stage.
 pub fn merged<'a>(parts: impl Iterator<Item = &'a ByStage>) -> ByStage {
     let mut sum = ByStage::new();
-    for part in parts {
-        for (stage, histogram) in part {
-            match sum.get_mut(stage) {
-                // They all have the same bounds.
-                Some(total) => drop(total.add(histogram)),
-                None => drop(sum.insert(stage.clone(), histogram.clone())),
-            }
+    parts.for_each(|part| add(&mut sum, part));
+    sum
+}
+
+/// Adds the histograms of `part` to those of `sum`, stage by stage.
+pub fn add(sum: &mut ByStage, part: &ByStage) {
+    for (stage, histogram) in part {
+        match sum.get_mut(stage) {
+            // They all have the same bounds.
+            Some(total) => drop(total.add(histogram)),
+            None => drop(sum.insert(stage.clone(), histogram.clone())),
         }
     }
-    sum
 }
 
 /// The ratio of the controller number `which` to its yardstick at each of [`QUANTILES`].
@@ -102,10 +107,20 @@ impl Ratio {
         Some(Self {
             all: ratio(all)?,
             median: *each.get(each.len() / 2)?,
+            bounds: median_bounds(&each)?,
             least: *each.first()?,
             greatest: *each.last()?,
         })
     }
+}
+
+/// The bounds of the median of what `sorted` was drawn from, at 95 % (sign test, normal approximation of the binomial).
+fn median_bounds(sorted: &[f64]) -> Option<[f64; 2]> {
+    let count = sorted.len() as f64;
+    let reach = 0.98 * count.sqrt();
+    let least = (0.5 * count - reach).floor().max(0.0) as usize;
+    let greatest = (0.5 * count + reach).ceil().min(count - 1.0) as usize;
+    Some([*sorted.get(least)?, *sorted.get(greatest)?])
 }
 
 /// Points of a percentile curve, (quantile, µs), as far as the number of values carries.
@@ -120,7 +135,7 @@ pub fn curve(histogram: &Histogram<u64>) -> (Vec<f64>, Vec<f64>) {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 mod tests {
-    use super::{ByStage, Compared, caught_up, curve, merged};
+    use super::{ByStage, Compared, caught_up, curve, median_bounds, merged};
     use hdrhistogram::Histogram;
 
     fn stages(of: &[(&str, u64)]) -> ByStage {
@@ -147,6 +162,16 @@ mod tests {
         let sum = merged(parts.iter());
         assert_eq!((sum["wake_up"].len(), sum["compute"].len()), (200, 100));
         assert_eq!([0.5, 0.99].map(|quantile| sum["wake_up"].value_at_quantile(quantile)), [10, 1000]);
+    }
+
+    #[test]
+    fn the_bounds_of_a_median_are_those_of_the_sign_test() {
+        let hundred: Vec<f64> = (1..=100).map(f64::from).collect();
+        // Conover (1999), section 3.2: the 40th and the 61st of a hundred values hold the median at 95 %; the rounding here is outwards.
+        let [least, greatest] = median_bounds(&hundred).unwrap();
+        assert!((40.0..=41.0).contains(&least) && (60.0..=61.0).contains(&greatest), "{least} {greatest}");
+        assert_eq!(median_bounds(&hundred[..3]), Some([1.0, 3.0]));
+        assert_eq!(median_bounds(&[]), None);
     }
 
     #[test]

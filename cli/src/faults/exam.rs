@@ -92,7 +92,7 @@ impl Exam {
         &self.scenario
     }
 
-    /// Injects `seeds` faults of each of `kinds`; `None` if interrupted.
+    /// Injects `seeds` faults of each of `kinds`; what there was until then if interrupted.
     ///
     /// # Errors
     /// A run that fails otherwise than by the fault.
@@ -101,25 +101,30 @@ impl Exam {
         kinds: &[Kind],
         seeds: u32,
         bar: &ProgressBar,
-    ) -> Result<Option<Vec<Verdict>>, Failure> {
-        if !self.measure_sound_runs(seeds.min(PER_RUN))? {
-            return Ok(None);
-        }
+    ) -> Result<Vec<Verdict>, Failure> {
         let mut verdicts = Vec::new();
+        if !self.measure_sound_runs(seeds.min(PER_RUN))? {
+            return Ok(verdicts);
+        }
         for &kind in kinds {
             let per_run = if kind.ends_the_process() { 1 } else { PER_RUN };
             let mut verdict = Verdict::new(kind);
             let mut done = 0;
             while done < seeds {
                 let count = per_run.min(seeds - done);
-                let Some(found) = self.inject(kind, done, count)? else { return Ok(None) };
+                let Some(found) = self.inject(kind, done, count)? else {
+                    if done > 0 {
+                        verdicts.push(verdict.with_pace(self.scenario.pace));
+                    }
+                    return Ok(verdicts);
+                };
                 verdict.add(found);
                 done += count;
                 bar.inc(u64::from(count));
             }
             verdicts.push(verdict.with_pace(self.scenario.pace));
         }
-        Ok(Some(verdicts))
+        Ok(verdicts)
     }
 
     /// Plays each controller without faults, to know the deviation, and how far the two differ; `false` if interrupted.

@@ -15,7 +15,7 @@ mod surroundings;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
 use indicatif::ProgressBar;
@@ -89,11 +89,15 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
         true => ProgressBar::hidden(),
         false => ProgressBar::new(u64::from(args.seeds) * kinds.len() as u64),
     };
-    let mut exam = Exam::new(scenario, examined, args.standby.clone(), args.seed, out.clone(), stop)?;
+    let mut exam =
+        Exam::new(scenario, examined, args.standby.clone(), args.seed, out.clone(), Arc::clone(&stop))?;
     let verdicts = exam.examine(&kinds, args.seeds, &bar);
     bar.finish_and_clear();
-    let Some(verdicts) = verdicts? else { return Ok(Exit::Interrupted) };
-    let surroundings = match args.kind.is_empty() {
+    let (verdicts, interrupted) = (verdicts?, stop.load(Ordering::Relaxed));
+    if verdicts.is_empty() {
+        return Ok(Exit::Interrupted);
+    }
+    let surroundings = match args.kind.is_empty() && !interrupted {
         true => surroundings::examine(exam.scenario(), exam.examined(), &out)?,
         false => Vec::new(),
     };
@@ -109,5 +113,9 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
         Format::Json => say(&format!("{}\n", report.json()?))?,
         Format::Text => say(&report.in_words(&out))?,
     }
-    Ok(if report.holds() { Exit::Done } else { Exit::Verdict })
+    Ok(match (interrupted, report.holds()) {
+        (true, _) => Exit::Interrupted,
+        (false, true) => Exit::Done,
+        (false, false) => Exit::Verdict,
+    })
 }

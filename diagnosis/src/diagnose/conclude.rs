@@ -382,12 +382,10 @@ fn word(diagnosis: &mut Diagnosis) {
             format!("One of: {}; or {}. Their effect is the same in this motion.", statements.join(". "), rivals.join(", or "))
         }
         Verdict::Unknown => {
-            let beyond = |effect: &&Effect| kind(effect.kind).is_some_and(|kind| !kind.is_catalogued());
-            let like: Vec<&str> = diagnosis.effects.iter().filter(beyond).map(|effect| effect.statement.as_str()).collect();
-            let looks = if like.is_empty() { String::new() } else { format!(" It looks like {}.", like.join(", and ")) };
             format!(
                 "Something is missing from the model that no effect of the catalogue says well enough; it is located, and an unnamed \
-                 correction says how much it is.{looks}"
+                 correction says how much it is.{}",
+                looks_like(&diagnosis.effects)
             )
         }
         Verdict::InsufficientData => diagnosis.statement.clone(),
@@ -397,4 +395,12 @@ fn word(diagnosis: &mut Diagnosis) {
         diagnosis.next = undecided.map(|a| format!("to separate them: {}", a.what_would_separate)).collect();
         diagnosis.next.dedup();
     }
+}
+
+/// A sentence on those of `effects` that the catalogue does not have; empty without any.
+fn looks_like(effects: &[Effect]) -> String {
+    let nameless =
+        effects.iter().filter(|effect| kind(effect.kind).is_some_and(|kind| !kind.is_catalogued()));
+    let like: Vec<&str> = nameless.map(|effect| effect.statement.as_str()).collect();
+    if like.is_empty() { String::new() } else { format!(" It looks like {}.", like.join(", and ")) }
 }

@@ -11,6 +11,12 @@ const MOST_NUMBERS: usize = 300_000;
 const WINDOWS: usize = 8;
 /// Share of a single recording that the fit rests on.
 const FITTED: f64 = 0.7;
+/// Share of the greatest span of a joint within which all of them rest.
+const REST: f64 = 0.01;
+/// Time between two looks at a joint that may rest, s.
+const LOOK_S: f64 = 0.1;
+/// Rest that is left where it is, s.
+const SHORT_REST_S: f64 = 2.0;
 /// Samples between fit and held-out data belong to neither: s.
 const GUARD_S: f64 = 0.2;
 
@@ -27,13 +33,14 @@ pub(crate) struct Parts {
 }
 
 impl Parts {
-    /// Parts `recordings`: the last of several is held out, else the last 30 % of the only one.
+    /// Parts `recordings`: the last of several is held out, else the last 30 % of the only one; long rest at the ends of
+    /// a recording belongs to neither.
     pub fn of(recordings: &[Recording]) -> Self {
         let joints = recordings.first().map_or(1, |recording| recording.joints().max(1));
         let most = MOST_SAMPLES.max(MOST_NUMBERS / joints);
         let (mut notes, share) = (Vec::new(), most / recordings.len().max(1));
         let mut all: Vec<Recording> =
-            recordings.iter().map(|whole| thinned(whole, share, &mut notes)).collect();
+            recordings.iter().map(|whole| thinned(&moving(whole, &mut notes), share, &mut notes)).collect();
         if all.len() > 1 {
             let held: Vec<Recording> = all.pop().into_iter().collect();
             let name = held.first().map_or_else(String::new, file_name);
@@ -53,6 +60,53 @@ impl Parts {
             notes,
         }
     }
+}
+
+/// `recording` without long rest at its ends, where every joint stays within [`REST`] of where it is at that end: dry friction may hold any part
+/// of a torque then, and a creeping joint tells nothing of a moving one.
+fn moving(recording: &Recording, notes: &mut Vec<String>) -> Recording {
+    let last = recording.len().saturating_sub(1);
+    let span = |q: &Vec<f64>| {
+        let (least, most) = q.iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
+        most - least
+    };
+    let near = REST * recording.q.iter().map(span).fold(0.0, f64::max);
+    let leaves = |q: &Vec<f64>| q.iter().position(|at| (at - q[0]).abs() > near);
+    let comes = |q: &Vec<f64>| q.iter().rposition(|at| (at - q[last]).abs() > near);
+    let first = recording.q.iter().filter_map(leaves).min();
+    let end = recording.q.iter().filter_map(comes).max();
+    let (Some(first), Some(end)) = (first, end) else { return recording.clone() };
+    let t = &recording.t;
+    let quiet = |range: Range<usize>| {
+        let long = t[range.end] - t[range.start];
+        let rests = long > SHORT_REST_S && recording.q.iter().all(|q| way(t, q, range.clone()) <= 2.0 * near);
+        if rests { long } else { 0.0 }
+    };
+    let rest = [quiet(0..first), quiet(end..last)];
+    if first >= end || rest == [0.0; 2] {
+        return recording.clone();
+    }
+    let from = t.partition_point(|at| *at < t[0] + rest[0] - GUARD_S);
+    let to = t.partition_point(|at| *at <= t[last] - rest[1] + GUARD_S);
+    notes.push(format!(
+        "{}: the arm rests for the first {:.1} s and the last {:.1} s; that is left out",
+        file_name(recording),
+        t[from] - t[0],
+        t[last] - t[to - 1]
+    ));
+    rows(recording, std::slice::from_ref(&(from..to)))
+}
+
+/// The way that `q` goes within `range`, seen every [`LOOK_S`]: small motions to and fro are no rest, and noise is no way.
+fn way(t: &[f64], q: &[f64], range: Range<usize>) -> f64 {
+    let (mut way, mut seen) = (0.0, range.start);
+    for k in range {
+        if t[k] - t[seen] >= LOOK_S {
+            way += (q[k] - q[seen]).abs();
+            seen = k;
+        }
+    }
+    way
 }
 
 /// `recording`, or windows of it spread evenly if it is too long.
@@ -117,6 +171,38 @@ mod tests {
         let (fitted, held) = (&parts.fitted[0], &parts.held[0]);
         assert_eq!((fitted.len(), held.len()), (7000, 2800));
         assert!(held.t[0] - fitted.t[fitted.len() - 1] > 0.2);
+    }
+
+    /// Two seconds of motion between 2.5 s of rest and five and a half: the end of the motion is held out.
+    #[test]
+    fn rest_is_no_test_of_a_fit() {
+        let t: Vec<f64> = (0..10_000).map(|k| f64::from(k) * 0.001).collect();
+        let q =
+            t.iter().map(|t| 0.5 - 0.5 * ((t - 2.5).clamp(0.0, 2.0) * std::f64::consts::PI).cos()).collect();
+        let still = vec![0.3; t.len()];
+        let columns = vec![("t".into(), t), ("q1".into(), q), ("q2".into(), still)];
+        let parts = Parts::of(&[Recording::new(Path::new("made.csv"), columns).expect("a recording")]);
+        let (fitted, held) = (&parts.fitted[0].t, &parts.held[0].t);
+        println!(
+            "fit {:?} to {:?} s, held out {:?} to {:?} s",
+            fitted[0],
+            fitted.last(),
+            held[0],
+            held.last()
+        );
+        assert!(fitted[0] > 2.2 && fitted[0] < 2.5 && fitted.last() > Some(&3.7), "2.5 s + 0.7 · 2 s, about");
+        assert!(held[0] < 4.3 && held.last() > Some(&4.5) && held.last() < Some(&4.8));
+        assert_eq!(parts.notes.len(), 1, "{:?}", parts.notes);
+    }
+
+    #[test]
+    fn small_motions_are_no_rest() {
+        let t: Vec<f64> = (0..10_000).map(|k| f64::from(k) * 0.001).collect();
+        let q =
+            t.iter().map(|t| if *t < 5.0 { t.sin() } else { 5f64.sin() + 4e-3 * (6.0 * (t - 5.0)).sin() });
+        let columns = vec![("q1".into(), q.collect()), ("t".into(), t)];
+        let parts = Parts::of(&[Recording::new(Path::new("made.csv"), columns).expect("a recording")]);
+        assert_eq!((parts.held[0].t.last(), parts.notes.len()), (Some(&9.999), 0));
     }
 
     #[test]

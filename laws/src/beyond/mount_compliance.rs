@@ -6,14 +6,14 @@
 //! tilt changes of the torques.
 //! Source: Abele, Weigold & Rothenbücher 2007, CIRP Annals 56(1):387 (compliance of industrial robots, base included).
 
-use freeplay_arm::{Arm, Workspace, joint_reaction};
+use freeplay_arm::{Arm, Workspace};
 use nalgebra::Vector3;
 
 use crate::basis::Terms;
 use crate::kind::{Kind, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::sag::{SagLaw, Sagging};
+use crate::sag::{SagLaw, Sagging, pressure};
 
 /// The entry.
 pub static KIND: Kind = Kind {
@@ -61,11 +61,8 @@ struct Mount {
 
 impl SagLaw for Mount {
     fn sag(&self, arm: &Arm, ws: &Workspace) -> Vector3<f64> {
-        let first = ws.link_pose(0);
-        let (force, moment) = joint_reaction(ws, 0);
-        // What carries the arm is pressed the other way.
-        let (force, moment) = (-(first.rotation * force), -(first.rotation * moment));
-        let about_base = moment + first.translation.vector.cross(&force);
+        let (force, moment) = pressure(ws, 0);
+        let about_base = moment + ws.link_pose(0).translation.vector.cross(&force);
         let turn = Vector3::new(self.compliance[0] * about_base.x, self.compliance[1] * about_base.y, 0.0);
         let tool = (ws.link_pose(arm.dof() - 1) * arm.tool()).translation.vector;
         turn.cross(&tool)

@@ -7,14 +7,14 @@
 //! Source: Timoshenko 1955, Strength of Materials I, §39 (Euler–Bernoulli). The term is 1/k. Departure: twisting and the effect of the
 //! bending on the torques are left out; the plant adds the static sag to what the tracker reads.
 
-use freeplay_arm::{Arm, Workspace, joint_reaction};
-use nalgebra::{Isometry3, Vector3};
+use freeplay_arm::{Arm, Workspace};
+use nalgebra::Vector3;
 
 use crate::basis::{Term, Terms, with};
 use crate::kind::{Kind, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
-use crate::sag::{SagLaw, Sagging};
+use crate::sag::{SagLaw, Sagging, pressure};
 
 /// Links shorter than this do not bend, m.
 const SHORTEST: f64 = 1e-3;
@@ -82,14 +82,9 @@ impl SagLaw for LinkFlexure {
         }
         let along = way / length;
         let across = |x: Vector3<f64>| x - along * along.dot(&x);
-        let reaction = |pose: Isometry3<f64>, joint| {
-            let (force, moment) = joint_reaction(ws, joint);
-            (pose.rotation * force, pose.rotation * moment)
-        };
-        // What the link hands on pulls at its end the other way.
-        let (force, moment) = next.map_or_else(Default::default, |next| reaction(next, self.joint + 1));
-        let (force, moment) = (across(-force), across(-moment));
-        let own = across(-reaction(here, self.joint).0) - force;
+        let (force, moment) = next.map_or_else(Default::default, |_| pressure(ws, self.joint + 1));
+        let (force, moment) = (across(force), across(moment));
+        let own = across(pressure(ws, self.joint).0) - force;
         let centre = here.rotation * arm.joints()[self.joint].inertia.com;
         let share = (centre.dot(&along) / length).clamp(0.0, 1.0);
         let k = self.stiffness;

@@ -1,0 +1,95 @@
+//! What of a deviation of the tool the joints can take out with motions in proportion to it.
+//!
+//! Where an arm is stretched, or two of its axes are in line, hardly any motion of the joints moves the tool along one direction: the
+//! Jacobian has a singular value σ near zero there, with the direction u of the tool. To take a deviation d out along u exactly takes joints
+//! that move by d/σ, without bound. Below σ₀ = [`LEAST_SHARE`] of the largest singular value only the part
+//!
+//! `f = σ²/(σ² + λ²)`, `λ² = σ₀² (1 − (σ/σ₀)²)`
+//!
+//! of it is asked for, which is the solution of least squares damped by λ in that direction alone (Nakamura & Hanafusa 1986, J. Dyn. Syst. Meas.
+//! Control 108:163; Maciejewski & Klein 1988, J. Robot. Syst. 5:527). The joints then move by at most d/(2 σ₀), the
+//! part goes over to the whole without a step, and everywhere else the deviation is what it was.
+
+use nalgebra::{DMatrix, Matrix3, Vector3};
+
+/// σ₀ over the largest singular value.
+pub const LEAST_SHARE: f64 = 0.05;
+
+/// The part of `deviation`, m, that joints with the tool's `jacobian` (6×n, linear rows first) take out; base frame.
+pub fn attainable(jacobian: &DMatrix<f64>, deviation: Vector3<f64>) -> Vector3<f64> {
+    // Column by column: a transposed view of as many columns as there are joints would be allocated.
+    let squares = jacobian.column_iter().fold(Matrix3::zeros(), |squares: Matrix3<f64>, column| {
+        let linear = column.fixed_rows::<3>(0);
+        squares + linear * linear.transpose()
+    });
+    let eigen = squares.symmetric_eigen();
+    let least = LEAST_SHARE * LEAST_SHARE * eigen.eigenvalues.max();
+    let mut attainable = deviation;
+    for (square, direction) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        let square = square.max(0.0);
+        if square < least {
+            let damping = least - square;
+            attainable -= direction * (damping / (square + damping) * direction.dot(&deviation));
+        }
+    }
+    attainable
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{LEAST_SHARE, attainable};
+    use nalgebra::{DMatrix, Matrix3, Vector3, dmatrix};
+
+    /// Two links of 1 m in the x–y plane, bent by `elbow`, and a lift along z: along x it is stretched at 0.
+    fn arm(elbow: f64) -> DMatrix<f64> {
+        let (s, c) = elbow.sin_cos();
+        let mut jacobian = DMatrix::zeros(6, 3);
+        jacobian.view_mut((0, 0), (3, 3)).copy_from(&dmatrix![-s, -s, 0.0; 1.0 + c, c, 0.0; 0.0, 0.0, 1.0]);
+        jacobian
+    }
+
+    #[test]
+    fn a_bent_arm_takes_all_of_it_out() {
+        let deviation = Vector3::new(1e-4, -2e-4, 3e-4);
+        assert_eq!(attainable(&arm(1.0), deviation), deviation);
+    }
+
+    /// Least squares damped in the weak direction alone, by the singular value decomposition.
+    #[test]
+    fn where_it_is_stretched_it_is_damped_least_squares() {
+        let deviation = Vector3::new(5e-4, 2e-4, -1e-4);
+        for elbow in [0.0, 1e-3, 0.02, 0.05, 0.1] {
+            let jacobian = arm(elbow);
+            let linear: Matrix3<f64> = jacobian.fixed_view::<3, 3>(0, 0).into();
+            let svd = linear.svd(true, true);
+            let least = LEAST_SHARE * svd.singular_values.max();
+            let (u, v_t) = (svd.u.expect("left"), svd.v_t.expect("right"));
+            let mut damped = Vector3::zeros();
+            for i in 0..3 {
+                let sigma = svd.singular_values[i];
+                let lambda = (least * least - sigma * sigma).max(0.0);
+                let gain = if sigma == 0.0 { 0.0 } else { sigma / (sigma * sigma + lambda) };
+                damped += v_t.row(i).transpose() * (gain * u.column(i).dot(&deviation));
+            }
+            let (asked, most) = (attainable(&jacobian, deviation), deviation.norm() / (2.0 * least));
+            let off = (linear * damped - asked).norm() / deviation.norm();
+            println!(
+                "elbow {elbow}: off by {off:.1e}, margin 1e-9; joints move by {:.2e}, at most {most:.2e}",
+                damped.norm()
+            );
+            assert!(off < 1e-9 && damped.norm() <= most + deviation.norm());
+        }
+        assert!((attainable(&arm(0.02), deviation) - deviation).norm() > 0.1 * deviation.norm());
+    }
+
+    #[test]
+    fn what_no_joint_can_move_is_left_out() {
+        let mut planar = arm(1.0);
+        planar.fixed_rows_mut::<1>(2).fill(0.0);
+        assert_eq!(attainable(&planar, Vector3::new(1e-4, 1e-4, 5e-4)).z, 0.0);
+        assert_eq!(
+            attainable(&DMatrix::zeros(6, 2), Vector3::new(1.0, 2.0, 3.0)),
+            Vector3::new(1.0, 2.0, 3.0)
+        );
+    }
+}

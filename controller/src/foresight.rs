@@ -1,0 +1,76 @@
+//! What a [`Horizon`] has to know of the ticks ahead: the motion on the controller's own path, the Jacobian there, and the deviation as
+//! physics predicts it, not smoothed.
+
+use freeplay_arm::{Arm, Workspace, jacobian};
+use freeplay_laws::ArmWithPlay;
+use freeplay_path::JointPath;
+use nalgebra::{DMatrix, DVector, Vector6};
+
+use crate::attainable::attainable;
+use crate::compensation::Weights;
+use crate::deviation::QuasiStatic;
+use crate::horizon::{Horizon, HorizonError};
+use crate::outlook::{JointMotion, Outlook};
+use crate::passage::Passages;
+
+/// A horizon that moves along the path.
+pub struct Foresight {
+    horizon: Horizon,
+    outlook: Outlook,
+    workspace: Workspace,
+    motion: JointMotion,
+    jacobian: DMatrix<f64>,
+    planned: DVector<f64>,
+}
+
+impl Foresight {
+    /// On `path`, for `arm` with the play of `with_play`, over `ticks` ticks of `period` seconds.
+    ///
+    /// # Errors
+    /// See [`HorizonError`].
+    pub fn new(
+        path: JointPath,
+        arm: &Arm,
+        with_play: &ArmWithPlay,
+        period: f64,
+        weights: &Weights,
+        ticks: usize,
+    ) -> Result<Foresight, HorizonError> {
+        let n = arm.dof();
+        Ok(Foresight {
+            horizon: Horizon::new(arm, period, weights, ticks)?,
+            outlook: Outlook::new(path, with_play, period, 0),
+            workspace: Workspace::new(arm),
+            motion: JointMotion::new(n),
+            jacobian: DMatrix::zeros(6, n),
+            planned: DVector::zeros(n),
+        })
+    }
+
+    /// The horizon from the tick `first` on; `predictor` says what the journals move the tool by. In a passage it aims at what the
+    /// passage has planned. One tick is new if the last call was for the tick before, else all are.
+    pub fn seen_from(
+        &mut self,
+        first: u64,
+        arm: &Arm,
+        passages: &Passages,
+        predictor: &mut QuasiStatic,
+    ) -> &mut Horizon {
+        for tick in self.horizon.missing(first) {
+            self.motion.copy(self.outlook.on_path(tick));
+            let motion = self.motion.as_motion();
+            jacobian(arm, &mut self.workspace, motion.q, &mut self.jacobian);
+            let mut deviation = Vector6::zeros();
+            let journals = self.outlook.at(tick);
+            if let Some(step) = passages.at(tick) {
+                self.planned.copy_from_slice(step.corrections);
+                deviation.gemv(-1.0, &self.jacobian, &self.planned, 0.0);
+            } else {
+                let moved = predictor.deviation_with(motion.q, journals);
+                deviation.fixed_rows_mut::<3>(0).copy_from(&attainable(&self.jacobian, moved));
+            }
+            self.horizon.push(tick, motion, &self.jacobian, &deviation);
+        }
+        &mut self.horizon
+    }
+}

@@ -1,0 +1,361 @@
+//! The compensation of several ticks at once: which corrections Δq₁ … Δq_N of the joints take the deviations out that are predicted
+//! for the ticks to come, without wild accelerations.
+//!
+//! `min Σₖ ½‖Jₖ Δqₖ + rₖ‖²_W + ρ/2 ‖Δqₖ − Δqₖ₋₁‖² + α/2 ‖(Δqₖ − 2Δqₖ₋₁ + Δqₖ₋₂)/T²‖²` subject, for every joint and every k, to the
+//! limits of [`Room`]: position, speed and acceleration. Only Δq₁ is used; the rest is the plan that shows where it leads.
+//! With N = 1 and α = 0 it is the programme of one tick ([`crate::compensation`]).
+//!
+//! Without limits, and for a Jacobian that does not change, Δq is −J⁺r through the filter 1/(1 + α′ω⁴) that shifts no phase
+//! (Whittaker 1923, "On a new method of graduation", Proc. Edinburgh Math. Soc. 41): what it needs of the future is in r₁ … r_N. P is banded:
+//! blocks of a tick are coupled with those of the next two. It is factored once a tick; where its minimiser keeps all
+//! rows, that is all ([`HorizonStatus::Free`]). Else the rows that it breaks are taken in by [`DualActiveSet`], with the same factor.
+//!
+//! Inside, everything is in mm and mrad.
+
+use std::ops::Range;
+
+use clarabel::algebra::CscMatrix;
+use clarabel::qdldl::{QDLDLError, QDLDLFactorisation, QDLDLSettings};
+use freeplay_arm::{Arm, Limits};
+use nalgebra::{DMatrix, Vector6};
+use thiserror::Error;
+
+use crate::compensation::{MILLI, Motion, Weights, weigh};
+use crate::dual_active_set::{Active, ActiveSetFault, DualActiveSet, Row};
+use crate::room::Room;
+
+/// Most ticks of a horizon.
+pub const MOST_TICKS: usize = 60;
+/// Most rows that bind at once: as many as a tick has time for.
+const MOST_ROWS: usize = 60;
+/// Most changes of the rows that bind.
+const MOST_CHANGES: u32 = 100;
+
+/// Why a horizon cannot be set up.
+#[derive(Debug, Error)]
+pub enum HorizonError {
+    /// It is empty or too long.
+    #[error("a horizon of {0} ticks: give 1 to {MOST_TICKS}")]
+    Ticks(usize),
+    /// The factorisation refused the places of P's entries.
+    #[error("the factorisation refused the horizon: {0}")]
+    Refused(#[from] QDLDLError),
+}
+
+/// How a solve ended; every end has its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HorizonStatus {
+    /// No limit binds at any tick: the plan is the minimiser of the cost alone.
+    Free,
+    /// Limits bind; the plan is the minimiser that keeps them.
+    Solved,
+    /// The limits of this joint (index) cannot all be kept at the first tick.
+    LimitsConflict(usize),
+    /// No plan keeps all limits.
+    Infeasible,
+    /// More limits bind than a tick has time for.
+    IterationLimit,
+    /// P is not positive definite, or not a number.
+    NumericalFailure,
+    /// A deviation or a limit is not a number.
+    BadData,
+}
+
+impl HorizonStatus {
+    /// Whether [`Horizon::plan`] is the minimiser of the programme.
+    pub fn is_minimiser(self) -> bool {
+        matches!(self, HorizonStatus::Free | HorizonStatus::Solved)
+    }
+}
+
+impl From<ActiveSetFault> for HorizonStatus {
+    fn from(fault: ActiveSetFault) -> HorizonStatus {
+        match fault {
+            ActiveSetFault::Infeasible => HorizonStatus::Infeasible,
+            ActiveSetFault::Limit => HorizonStatus::IterationLimit,
+            ActiveSetFault::NotFinite => HorizonStatus::BadData,
+        }
+    }
+}
+
+/// One solve: how it ended, and how often the rows that bind changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HorizonReport {
+    /// How it ended.
+    pub status: HorizonStatus,
+    /// Changes of the rows that bind; 0 where none does.
+    pub iterations: u32,
+}
+
+/// What is known of one tick ahead.
+struct Instant {
+    jacobian: DMatrix<f64>,
+    /// W J and JᵀWJ.
+    weighted: DMatrix<f64>,
+    cost: DMatrix<f64>,
+    /// As predicted, and r, what is to be taken out of it; m and rad.
+    deviation: Vector6<f64>,
+    target: Vector6<f64>,
+    rooms: Vec<Room>,
+}
+
+impl Instant {
+    fn new(n: usize) -> Instant {
+        Instant {
+            jacobian: DMatrix::zeros(6, n),
+            weighted: DMatrix::zeros(6, n),
+            cost: DMatrix::zeros(n, n),
+            deviation: Vector6::zeros(),
+            target: Vector6::zeros(),
+            rooms: vec![Room::NONE; n],
+        }
+    }
+}
+
+/// The programme of one arm over a fixed number of ticks.
+pub struct Horizon {
+    limits: Vec<Limits>,
+    period: f64,
+    row_weights: Vector6<f64>,
+    /// ρ, and α/T⁴ in 1/mrad².
+    change: f64,
+    bend: f64,
+    /// The ticks ahead: the first is that of Δq₁.
+    instants: Vec<Instant>,
+    /// Tick of the last of them, if all are known.
+    newest: Option<u64>,
+    factor: QDLDLFactorisation<f64>,
+    /// The upper triangle of P, in the order of [`pattern`], and the indices of its entries.
+    packed: Vec<f64>,
+    places: Vec<usize>,
+    rows: Vec<Row>,
+    active_set: DualActiveSet,
+    /// Δq₁ … Δq_N.
+    plan: Vec<f64>,
+}
+
+impl Horizon {
+    /// For `arm` with its limits, `ticks` ticks of `period` seconds.
+    ///
+    /// # Errors
+    /// See [`HorizonError`].
+    pub fn new(arm: &Arm, period: f64, weights: &Weights, ticks: usize) -> Result<Horizon, HorizonError> {
+        if !(1..=MOST_TICKS).contains(&ticks) {
+            return Err(HorizonError::Ticks(ticks));
+        }
+        let n = arm.dof();
+        let (starts, row_of) = pattern(n, ticks);
+        let entries = row_of.len();
+        let matrix = CscMatrix::new(n * ticks, n * ticks, starts, row_of, vec![1.0; entries]);
+        // In the order of time P is banded and stays so.
+        let settings = QDLDLSettings {
+            perm: Some((0..n * ticks).collect()),
+            logical: true,
+            regularize_enable: false,
+            ..QDLDLSettings::default()
+        };
+        Ok(Horizon {
+            limits: arm.joints().iter().map(|joint| joint.limits).collect(),
+            period,
+            row_weights: weights.of_rows(n),
+            change: weights.change,
+            bend: weights.acceleration / (MILLI * period * period).powi(2),
+            instants: (0..ticks).map(|_| Instant::new(n)).collect(),
+            newest: None,
+            factor: QDLDLFactorisation::new(&matrix, Some(settings))?,
+            packed: vec![0.0; entries],
+            places: (0..entries).collect(),
+            rows: rows(n, ticks),
+            active_set: DualActiveSet::new(n * ticks, MOST_ROWS, MOST_CHANGES),
+            plan: vec![0.0; n * ticks],
+        })
+    }
+
+    /// The ticks that have to be pushed, in order, for Δq₁ to be the correction at the tick `first`: one, if the last was for the tick
+    /// before.
+    pub fn missing(&self, first: u64) -> Range<u64> {
+        let end = first.saturating_add(self.instants.len() as u64);
+        match self.newest {
+            Some(newest) if newest >= first && newest < end => newest + 1..end,
+            _ => first..end,
+        }
+    }
+
+    /// What is known of `tick`, one after the last: the `desired` motion, the Jacobian of the tool there (6×n) and the predicted deviation
+    /// (linear m, angular rad, base frame).
+    pub fn push(
+        &mut self,
+        tick: u64,
+        desired: Motion<'_>,
+        jacobian: &DMatrix<f64>,
+        deviation: &Vector6<f64>,
+    ) {
+        self.instants.rotate_left(1);
+        let Some(instant) = self.instants.last_mut() else { return };
+        instant.jacobian.copy_from(jacobian);
+        (instant.deviation, instant.target) = (*deviation, *deviation);
+        weigh(&self.row_weights, jacobian, &mut instant.weighted, &mut instant.cost);
+        for (joint, (room, limits)) in instant.rooms.iter_mut().zip(&self.limits).enumerate() {
+            *room = Room::of(limits, [desired.q, desired.v, desired.a].map(|all| all[joint]), self.period);
+        }
+        self.newest = Some(tick);
+    }
+
+    /// Sets what is to be taken out at each tick: r as `target` says, from the index of the tick (0 that of Δq₁), its Jacobian and its
+    /// predicted deviation. Without this, it is that deviation.
+    pub fn aim(&mut self, mut target: impl FnMut(usize, &DMatrix<f64>, &Vector6<f64>) -> Vector6<f64>) {
+        for (k, instant) in self.instants.iter_mut().enumerate() {
+            instant.target = target(k, &instant.jacobian, &instant.deviation);
+        }
+    }
+
+    /// The correction Δq₁ of the last solve, rad (m).
+    pub fn correction(&self) -> &[f64] {
+        &self.plan[..self.limits.len()]
+    }
+
+    /// Δq₁ … Δq_N, one after the other, rad (m), if the status was that of a minimiser.
+    pub fn plan(&self) -> &[f64] {
+        &self.plan
+    }
+
+    /// The limits that bind, with their multipliers; places in the order of [`Self::plan`], values in mrad (mm).
+    pub fn active(&self) -> impl Iterator<Item = (&Row, &Active)> {
+        self.active_set.active().iter().map(|active| (&self.rows[active.row], active))
+    }
+
+    /// Solves for the corrections of the last tick, Δq₀ = `last`, and of the one before, Δq₋₁ = `before`, rad (m).
+    pub fn solve(&mut self, last: &[f64], before: &[f64]) -> HorizonReport {
+        self.active_set.clear();
+        let ended = self.minimise(last, before);
+        self.plan.iter_mut().for_each(|correction| *correction /= MILLI);
+        let iterations = self.active_set.changes();
+        let status = match ended {
+            Err(status) => status,
+            Ok(()) if iterations == 0 => HorizonStatus::Free,
+            Ok(()) => HorizonStatus::Solved,
+        };
+        HorizonReport { status, iterations }
+    }
+
+    fn minimise(&mut self, last: &[f64], before: &[f64]) -> Result<(), HorizonStatus> {
+        self.fill_rows(last, before)?;
+        self.fill_cost();
+        self.fill_linear(last, before);
+        self.factor.update_values(&self.places, &self.packed);
+        self.factor.refactor().map_err(|_| HorizonStatus::NumericalFailure)?;
+        if self.factor.positive_inertia() < self.plan.len() {
+            return Err(HorizonStatus::NumericalFailure);
+        }
+        let factor = &mut self.factor;
+        factor.solve(&mut self.plan);
+        Ok(self.active_set.minimise(&self.rows, |vector| factor.solve(vector), &mut self.plan)?)
+    }
+
+    /// The upper triangle of P in the order of [`pattern`].
+    fn fill_cost(&mut self) {
+        let (n, ticks) = (self.limits.len(), self.instants.len());
+        let mut packed = self.packed.iter_mut();
+        let mut put = |value: f64| packed.next().into_iter().for_each(|slot| *slot = value);
+        for (k, instant) in self.instants.iter().enumerate() {
+            // How often the bends and changes of this tick and the next two are counted.
+            let after = (ticks - 1 - k).min(2) as f64;
+            let (next, second) = (after.min(1.0), (after - 1.0).max(0.0));
+            for j in 0..n {
+                if k > 1 {
+                    put(self.bend);
+                }
+                if k > 0 {
+                    put(-2.0 * self.bend * (1.0 + next) - self.change);
+                }
+                for i in 0..j {
+                    put(instant.cost[(i, j)]);
+                }
+                let own = self.bend * (1.0 + 4.0 * next + second) + self.change * (1.0 + next);
+                put(instant.cost[(j, j)] + own);
+            }
+        }
+    }
+
+    /// −q, in the place of the plan.
+    fn fill_linear(&mut self, last: &[f64], before: &[f64]) {
+        let (n, ticks) = (self.limits.len(), self.instants.len());
+        for (k, instant) in self.instants.iter().enumerate() {
+            for (j, weighted) in instant.weighted.column_iter().enumerate() {
+                self.plan[k * n + j] = -MILLI * weighted.dot(&instant.target);
+            }
+        }
+        for j in 0..n {
+            let (last, before) = (MILLI * last[j], MILLI * before[j]);
+            self.plan[j] += self.change * last + self.bend * (2.0 * last - before);
+            if ticks > 1 {
+                self.plan[j] += 2.0 * self.bend * last;
+                self.plan[n + j] -= self.bend * last;
+            }
+        }
+    }
+
+    /// The bounds of the rows, in the order of [`rows`].
+    fn fill_rows(&mut self, last: &[f64], before: &[f64]) -> Result<(), HorizonStatus> {
+        let mut rows = self.rows.iter_mut();
+        let mut next = |bounds: [f64; 2]| {
+            rows.next()
+                .into_iter()
+                .for_each(|row| [row.lower, row.upper] = bounds.map(|bound| MILLI * bound));
+        };
+        for (k, instant) in self.instants.iter().enumerate() {
+            for (joint, room) in instant.rooms.iter().enumerate() {
+                if k == 0 {
+                    let (lower, upper) = room.interval(last[joint], before[joint]);
+                    if lower.is_nan() || upper.is_nan() || lower > upper {
+                        return Err(HorizonStatus::LimitsConflict(joint));
+                    }
+                    next([lower, upper]);
+                    continue;
+                }
+                let known = if k == 1 { last[joint] } else { 0.0 };
+                next(room.place);
+                next([-room.change, room.change]);
+                next(room.bend.map(|bend| bend - known));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The places of P's upper triangle as compressed columns: of each variable the same joint two ticks and a tick before, and the joints
+/// of the same tick.
+fn pattern(n: usize, ticks: usize) -> (Vec<usize>, Vec<usize>) {
+    let (mut starts, mut row_of) = (vec![0], Vec::new());
+    for k in 0..ticks {
+        for j in 0..n {
+            if k >= 2 {
+                row_of.push((k - 2) * n + j);
+            }
+            if k >= 1 {
+                row_of.push((k - 1) * n + j);
+            }
+            row_of.extend(k * n..=k * n + j);
+            starts.push(row_of.len());
+        }
+    }
+    (starts, row_of)
+}
+
+/// The rows without their bounds: for the first tick one interval a joint, for the others position, change and bend.
+fn rows(n: usize, ticks: usize) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for k in 0..ticks {
+        for j in 0..n {
+            let at = |back: usize| k.saturating_sub(back) * n + j;
+            let places = [at(0), at(1), at(2)];
+            let mut row = |factors: [f64; 3]| rows.push(Row { places, factors, lower: 0.0, upper: 0.0 });
+            row([1.0, 0.0, 0.0]);
+            if k > 0 {
+                row([1.0, -1.0, 0.0]);
+                row([1.0, -2.0, if k > 1 { 1.0 } else { 0.0 }]);
+            }
+        }
+    }
+    rows
+}

@@ -1,0 +1,75 @@
+//! What the limits of a joint leave for its correction, with the desired motion of one instant taken off.
+//!
+//! With q_d, v_d, a_d the desired motion, Δq the correction there and Δq₋₁, Δq₋₂ those of the two ticks before:
+//!
+//! - position: `q_min ≤ q_d + Δq ≤ q_max`,
+//! - speed: `|Δq − Δq₋₁| ≤ (v_max − |v_d|) T`,
+//! - acceleration: `|a_d + (Δq − 2Δq₋₁ + Δq₋₂)/T²| ≤ a_max`.
+//!
+//! A desired motion that leaves no room would forbid the correction even to come to rest: the room is never less than
+//! [`LEAST_SHARE`] of the limit.
+
+use freeplay_arm::Limits;
+
+use crate::compensation::{LARGEST_CORRECTION, LEAST_SHARE};
+
+/// The room of one joint at one instant, rad (m).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Room {
+    /// Least and largest correction.
+    pub place: [f64; 2],
+    /// Largest change of the correction in a tick.
+    pub change: f64,
+    /// Least and largest change of that change from tick to tick.
+    pub bend: [f64; 2],
+    /// Change of that change with which the correction can always brake.
+    pub braking: f64,
+}
+
+impl Room {
+    /// No limits known yet.
+    pub const NONE: Room = Room { place: [0.0; 2], change: 0.0, bend: [0.0; 2], braking: 0.0 };
+
+    /// What `limits` leave where the desired position, velocity and acceleration are `[q, v, a]`, in ticks of `period` seconds. Numbers
+    /// that are none make a room that is none.
+    pub fn of(limits: &Limits, [q, v, a]: [f64; 3], period: f64) -> Room {
+        let least = LEAST_SHARE * limits.acceleration;
+        // Not max: a number that is none must stay one.
+        let at_least = |least: f64, value: f64| if value < least { least } else { value };
+        let square = period * period;
+        let clamped = |limit: f64| (limit - q).clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION);
+        Room {
+            place: [clamped(limits.lower), clamped(limits.upper)],
+            change: at_least(LEAST_SHARE * limits.velocity, limits.velocity - v.abs()) * period,
+            bend: [
+                -at_least(least, limits.acceleration + a) * square,
+                at_least(least, limits.acceleration - a) * square,
+            ],
+            braking: least * square,
+        }
+    }
+
+    /// The correction of the first instant after those of the last two, `last` and `before`: all limits as one interval. Towards a limit
+    /// of the position it is no faster than it can brake with [`LEAST_SHARE`] of the acceleration.
+    pub fn interval(&self, last: f64, before: f64) -> (f64, f64) {
+        let [lower, upper] = self.place;
+        let coasting = 2.0 * last - before;
+        let numbers = [lower, upper, self.change, self.bend[0], self.bend[1]];
+        if numbers.into_iter().any(f64::is_nan) {
+            return (f64::NAN, f64::NAN);
+        }
+        let down = self.change.min(longest_step(last - lower, self.braking));
+        let up = self.change.min(longest_step(upper - last, self.braking));
+        ((last - down).max(coasting + self.bend[0]), (last + up).min(coasting + self.bend[1]))
+    }
+}
+
+/// The longest step of one tick towards a limit at `distance` after which steps that shrink by `braking` each still end before it: the
+/// s with `s²/(2 braking) + s/2 = distance`. Beyond the limit, the step back to it.
+fn longest_step(distance: f64, braking: f64) -> f64 {
+    if distance <= 0.0 || braking.is_infinite() {
+        distance
+    } else {
+        (0.25 * braking * braking + 2.0 * distance * braking).sqrt() - 0.5 * braking
+    }
+}
