@@ -73,16 +73,22 @@ fn answering_allocates_nothing_but_what_clarabel_takes() {
         {
             let outcome = recorded(name, &task, 60);
             let mut controller = started(name, &task);
-            let mut most = 0;
+            let (mut most, mut free) = (0, 0);
             for (index, state) in outcome.states.iter().enumerate() {
                 let mut answer = Answer::BLANK;
                 let count = allocation_counter::measure(|| controller.answer(state, &mut answer)).count_total;
                 // Clarabel's table of timers grows in its first solve.
                 if index > 0 {
                     most = most.max(count);
+                    free += u32::from(answer.qp_iterations == 0);
+                    assert!(
+                        count == 0 || answer.qp_iterations > 0,
+                        "{name}, {mode:?}: {count} allocations without Clarabel"
+                    );
                 }
                 assert_eq!(answer.status, CommandStatus::Ok);
             }
+            assert!(free > 0, "{name}, {mode:?}: a limit binds at every tick");
             println!("{name}, {mode:?}: at most {most} allocations an answer, {allowed} allowed");
             assert!(most <= allowed, "{name}, {mode:?}: {most} allocations, Clarabel takes {allowed}");
         }

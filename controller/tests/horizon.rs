@@ -2,12 +2,15 @@
 
 #![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 
-use freeplay_arm::{Arm, Inertia, Joint, JointFriction, JointKind, Limits, Workspace, jacobian, paper_arm};
+mod chain;
+
+use chain::chain;
+use freeplay_arm::{Arm, Limits, Workspace, jacobian, paper_arm};
 use freeplay_controller::compensation::{CompensationStatus, Compensator, LEAST_SHARE, Motion, Weights};
 use freeplay_controller::horizon::MOST_TICKS;
 use freeplay_controller::sparse_programme::{Row, SparseProgramme};
 use freeplay_controller::{Correction, Horizon, HorizonError, HorizonStatus};
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Unit, Vector3, Vector6};
+use nalgebra::{DMatrix, DVector, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -15,27 +18,6 @@ const SEED: u64 = 2310;
 const PERIOD: f64 = 1e-3;
 const LIMITS: Limits =
     Limits { lower: -1.0, upper: 1.0, velocity: 0.5, acceleration: 4.0, effort: f64::INFINITY };
-
-/// A chain of `n` joints about axes in turn, links of 0.3 m, all with the same limits.
-fn chain(n: usize, limits: Limits) -> Arm {
-    let joints = (0..n)
-        .map(|i| Joint {
-            name: format!("joint_{i}"),
-            kind: JointKind::Revolute,
-            axis: Unit::new_normalize(Vector3::ith(i % 3, 1.0)),
-            placement: Isometry3::translation(0.1, 0.05, 0.3),
-            limits,
-            friction: JointFriction { viscous: 0.0, coulomb: 0.0 },
-            rotor_inertia: 0.0,
-            inertia: Inertia {
-                mass: 1.0,
-                com: Vector3::new(0.05, 0.0, 0.1),
-                about_com: Matrix3::identity() * 0.01,
-            },
-        })
-        .collect();
-    Arm::new("chain", joints, Isometry3::translation(0.1, 0.0, 0.2), Vector3::new(0.0, 0.0, -9.81)).unwrap()
-}
 
 /// What is known of one tick ahead.
 #[derive(Clone)]

@@ -40,7 +40,7 @@ impl Parts {
         let most = MOST_SAMPLES.max(MOST_NUMBERS / joints);
         let (mut notes, share) = (Vec::new(), most / recordings.len().max(1));
         let mut all: Vec<Recording> =
-            recordings.iter().map(|whole| thinned(&moving(whole, &mut notes), share, &mut notes)).collect();
+            recordings.iter().map(|whole| thinned(whole, moving(whole, &mut notes), share, &mut notes)).collect();
         if all.len() > 1 {
             let held: Vec<Recording> = all.pop().into_iter().collect();
             let name = held.first().map_or_else(String::new, file_name);
@@ -62,10 +62,10 @@ impl Parts {
     }
 }
 
-/// `recording` without long rest at its ends, where every joint stays within [`REST`] of where it is at that end: dry friction may hold any part
+/// The rows of `recording` without long rest at its ends, where every joint stays within [`REST`] of where it is at that end: dry friction may hold any part
 /// of a torque then, and a creeping joint tells nothing of a moving one.
-fn moving(recording: &Recording, notes: &mut Vec<String>) -> Recording {
-    let last = recording.len().saturating_sub(1);
+fn moving(recording: &Recording, notes: &mut Vec<String>) -> Range<usize> {
+    let (whole, last) = (0..recording.len(), recording.len().saturating_sub(1));
     let span = |q: &Vec<f64>| {
         let (least, most) = q.iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
         most - least
@@ -75,7 +75,7 @@ fn moving(recording: &Recording, notes: &mut Vec<String>) -> Recording {
     let comes = |q: &Vec<f64>| q.iter().rposition(|at| (at - q[last]).abs() > near);
     let first = recording.q.iter().filter_map(leaves).min();
     let end = recording.q.iter().filter_map(comes).max();
-    let (Some(first), Some(end)) = (first, end) else { return recording.clone() };
+    let (Some(first), Some(end)) = (first, end) else { return whole };
     let t = &recording.t;
     let quiet = |range: Range<usize>| {
         let long = t[range.end] - t[range.start];
@@ -84,7 +84,7 @@ fn moving(recording: &Recording, notes: &mut Vec<String>) -> Recording {
     };
     let rest = [quiet(0..first), quiet(end..last)];
     if first >= end || rest == [0.0; 2] {
-        return recording.clone();
+        return whole;
     }
     let from = t.partition_point(|at| *at < t[0] + rest[0] - GUARD_S);
     let to = t.partition_point(|at| *at <= t[last] - rest[1] + GUARD_S);
@@ -94,7 +94,7 @@ fn moving(recording: &Recording, notes: &mut Vec<String>) -> Recording {
         t[from] - t[0],
         t[last] - t[to - 1]
     ));
-    rows(recording, std::slice::from_ref(&(from..to)))
+    from..to
 }
 
 /// The way that `q` goes within `range`, seen every [`LOOK_S`]: small motions to and fro are no rest, and noise is no way.
@@ -109,14 +109,19 @@ fn way(t: &[f64], q: &[f64], range: Range<usize>) -> f64 {
     way
 }
 
-/// `recording`, or windows of it spread evenly if it is too long.
-fn thinned(recording: &Recording, most: usize, notes: &mut Vec<String>) -> Recording {
-    let (all, long) = (recording.len(), most / WINDOWS);
+/// The rows `moving` of `recording`, or windows of them spread evenly if they are too many.
+fn thinned(
+    recording: &Recording,
+    moving: Range<usize>,
+    most: usize,
+    notes: &mut Vec<String>,
+) -> Recording {
+    let (all, long) = (moving.len(), most / WINDOWS);
     if all <= most || long == 0 {
-        return recording.clone();
+        return rows(recording, std::slice::from_ref(&moving));
     }
     let window = |k: usize| {
-        let begin = k * (all - long) / (WINDOWS - 1);
+        let begin = moving.start + k * (all - long) / (WINDOWS - 1);
         begin..begin + long
     };
     let windows: Vec<Range<usize>> = (0..WINDOWS).map(window).collect();
