@@ -5,7 +5,7 @@
 mod chain;
 
 use chain::chain;
-use freeplay_arm::{Arm, Limits, Workspace, forward_kinematics, jacobian, paper_arm};
+use freeplay_arm::{Arm, Joint, Limits, Workspace, forward_kinematics, jacobian, paper_arm};
 use freeplay_controller::compensation::{
     CompensationStatus, Compensator, LARGEST_CORRECTION, LEAST_SHARE, Motion, Weights,
 };

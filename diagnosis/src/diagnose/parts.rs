@@ -39,8 +39,10 @@ impl Parts {
         let joints = recordings.first().map_or(1, |recording| recording.joints().max(1));
         let most = MOST_SAMPLES.max(MOST_NUMBERS / joints);
         let (mut notes, share) = (Vec::new(), most / recordings.len().max(1));
-        let mut all: Vec<Recording> =
-            recordings.iter().map(|whole| thinned(whole, moving(whole, &mut notes), share, &mut notes)).collect();
+        let mut all: Vec<Recording> = recordings
+            .iter()
+            .map(|whole| thinned(whole, moving(whole, &mut notes), share, &mut notes))
+            .collect();
         if all.len() > 1 {
             let held: Vec<Recording> = all.pop().into_iter().collect();
             let name = held.first().map_or_else(String::new, file_name);
@@ -110,12 +112,7 @@ fn way(t: &[f64], q: &[f64], range: Range<usize>) -> f64 {
 }
 
 /// The rows `moving` of `recording`, or windows of them spread evenly if they are too many.
-fn thinned(
-    recording: &Recording,
-    moving: Range<usize>,
-    most: usize,
-    notes: &mut Vec<String>,
-) -> Recording {
+fn thinned(recording: &Recording, moving: Range<usize>, most: usize, notes: &mut Vec<String>) -> Recording {
     let (all, long) = (moving.len(), most / WINDOWS);
     if all <= most || long == 0 {
         return rows(recording, std::slice::from_ref(&moving));
