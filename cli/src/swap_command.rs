@@ -30,6 +30,8 @@ const SCHEMA: &str = "freeplay.swap/1";
 const MOST_DEVIATION: f64 = 1.05;
 /// Deviations below this, a tenth of a micrometre, are not judged, mm: where two controllers leave some nanometres, twice as many are no harm.
 const LEAST_DEVIATION_MM: f64 = 1e-4;
+/// Least time to wait in lockstep for an answer, s: a swap is judged by its ticks, whatever else the machine has to do.
+const LEAST_PATIENCE_S: f64 = 120.0;
 /// What a jump may be over the greatest steady change.
 const MOST_JUMP: f64 = 1.0;
 
@@ -77,6 +79,9 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     let mut scenario = load(args.scenario.as_deref(), &sets)?;
     scenario.pace = args.pace.unwrap_or(scenario.pace);
     scenario.recording = RecordingKind::Mcap;
+    if scenario.pace == Pacing::Lockstep {
+        scenario.patience = scenario.patience.max(LEAST_PATIENCE_S);
+    }
     scenario.controllers = match args.controller.as_slice() {
         [] => BUILT_IN.iter().map(|name| (*name).to_owned()).collect(),
         given => given.to_vec(),
