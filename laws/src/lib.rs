@@ -33,6 +33,7 @@ mod contact;
 mod drive_friction;
 mod effect;
 mod effects;
+mod flight;
 mod friction;
 mod harmonic;
 mod injection;

@@ -3,7 +3,7 @@
 use std::cell::OnceCell;
 use std::ops::Range;
 
-use freeplay_arm::{Arm, Inertia, JointKind, Workspace, forward_kinematics, jacobian, rnea};
+use freeplay_arm::{Arm, Inertia, JointKind, Workspace, crba, forward_kinematics, jacobian, rnea};
 use nalgebra::{DMatrix, Isometry3};
 
 use crate::LawError;
@@ -83,6 +83,7 @@ pub struct Scene<'a> {
     pub load: Vec<Vec<f64>>,
     tool_sensitivity: OnceCell<Vec<[Vec<f64>; 3]>>,
     carrying: OnceCell<Vec<Vec<f64>>>,
+    inertia: OnceCell<Vec<Vec<f64>>>,
 }
 
 impl<'a> Scene<'a> {
@@ -92,7 +93,8 @@ impl<'a> Scene<'a> {
         for (load, torque) in load.iter_mut().zip(rotor_torques(&arm, motion)) {
             load.iter_mut().zip(torque).for_each(|(load, torque)| *load -= torque);
         }
-        Scene { arm, motion, load, tool_sensitivity: OnceCell::new(), carrying: OnceCell::new() }
+        let (tool_sensitivity, carrying, inertia) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
+        Scene { arm, motion, load, tool_sensitivity, carrying, inertia }
     }
 }
 
@@ -100,6 +102,11 @@ impl Scene<'_> {
     /// How the tool moves with each joint along the motion, `[joint][axis][point]`, m/rad (m/m); worked out once.
     pub fn tool_sensitivity(&self) -> &[[Vec<f64>; 3]] {
         self.tool_sensitivity.get_or_init(|| tool_sensitivity(&self.arm, &self.motion.q))
+    }
+
+    /// Inertia that each joint moves beyond its rotor along the motion, `[joint][point]`, kg·m² (kg); worked out once.
+    pub fn inertia(&self) -> &[Vec<f64>] {
+        self.inertia.get_or_init(|| inertia(&self.arm, &self.motion.q))
     }
 
     /// What 1 kg at the tool's origin adds to the torques, weight and inertia, `[joint][point]`, N·m/kg (N/kg); worked out once.
@@ -208,6 +215,22 @@ pub fn rigid_torques(arm: &Arm, motion: &Trajectory, shift: Option<&[Vec<f64>]>)
 pub fn rotor_torques(arm: &Arm, motion: &Trajectory) -> Vec<Vec<f64>> {
     let joints = arm.joints().iter().zip(&motion.a);
     joints.map(|(joint, a)| a.iter().map(|a| joint.rotor_inertia * a).collect()).collect()
+}
+
+/// Inertia that each joint moves beyond its rotor at each point of the joint positions `q`, `[joint][point]`, kg·m² (kg): the diagonal of the
+/// mass matrix without rotors.
+fn inertia(arm: &Arm, q: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let (dof, points) = (arm.dof(), q.first().map_or(0, Vec::len));
+    let (mut ws, mut mass) = (Workspace::new(arm), DMatrix::zeros(dof, dof));
+    let (mut here, mut inertia) = (vec![0.0; dof], vec![Vec::with_capacity(points); dof]);
+    for point in 0..points {
+        here.iter_mut().zip(q).for_each(|(here, q)| *here = q[point]);
+        crba(arm, &mut ws, &here, &mut mass);
+        for (joint, inertia) in inertia.iter_mut().enumerate() {
+            inertia.push(mass[(joint, joint)] - arm.joints()[joint].rotor_inertia);
+        }
+    }
+    inertia
 }
 
 /// Tool position at each point of the joint positions `q`, `[axis][point]`, m.

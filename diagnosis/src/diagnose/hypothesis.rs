@@ -80,9 +80,9 @@ impl Hypothesis {
         self.terms.iter().zip(beta).all(|(term, beta)| *beta >= term.least && *beta <= term.most)
     }
 
-    /// Whether these coefficients are physical and an arm file of `arm` can say them.
-    pub fn can_be_said(&self, arm: &Arm, beta: &[f64]) -> bool {
-        self.is_possible(beta) && Placed::new(&self.table(arm, beta), arm).is_ok()
+    /// The effect with these coefficients on `arm`; `None` if they are not physical or an arm file cannot say them.
+    pub fn placed(&self, arm: &Arm, beta: &[f64]) -> Option<Placed> {
+        if self.is_possible(beta) { Placed::new(&self.table(arm, beta), arm).ok() } else { None }
     }
 
     /// Channels in which it shows.

@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use freeplay_laws::{Placed, changed};
+
 use super::case::Weighing;
 use super::hypothesis::Hypothesis;
 use super::search::{Chosen, Search, TOLD_APART};
@@ -440,9 +442,13 @@ impl Search<'_, '_> {
         Some(true)
     }
 
-    /// Whether the effect number `index` is physical in `fit`, and an arm file can say it.
+    /// Whether the effect number `index` is physical in `fit`, an arm file can say it, and an arm can have it beside those before it.
     fn is_sayable(&self, fit: &Fit, index: usize) -> bool {
-        self.named(index).can_be_said(self.case.stages[0].arm(), &self.coefficients(fit, index))
+        let arm = self.case.stages[0].arm();
+        let placed = |index: usize| self.named(index).placed(arm, &self.coefficients(fit, index));
+        let Some(one) = placed(index) else { return false };
+        let before: Vec<Placed> = (0..index).filter_map(placed).collect();
+        changed(arm, before.iter().chain([&one])).is_ok() || changed(arm, &before).is_err()
     }
 
     /// By how much the effect number `index` explains more than counts.

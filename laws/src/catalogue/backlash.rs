@@ -1,15 +1,17 @@
 //! Backlash: the gap between the flanks of a gear.
 //!
 //! Law: motor and link move against each other by the whole gap j \[rad\]; where the flanks touch, the stiffness k \[N·m/rad\] carries the
-//! transmitted torque τ_L \[N·m\]. In a recording the link rests on the flank that the load presses it to,
-//! q_link = q − τ_L/k − (j/2) sign(τ_L), with τ_L from the *model*; a file without stiffness means rigid flanks. Terms: j, 1/k.
+//! transmitted torque τ_L \[N·m\]. In a recording the link rests on the flank that the load presses it to, and flies to the other when the
+//! load turns round: q_link = q − τ_L/k − p, with τ_L from the *model* and −j/2 ≤ p ≤ j/2 from [`Flight`], which says what torque is
+//! missing meanwhile, too; a file without stiffness means rigid flanks. Flanks that bounce, as in a fast shaking, may leave nothing of
+//! that course: `course = "rest"` has the link go over at once. Terms, at rest or for the flight through a given gap: j, 1/k.
 //!
 //! Friction F \[N·m\] *behind* the gap holds the link while the motor crosses it: the drive then spends F p, where p is 0 while the
 //! motor has moved less than j since the reversal, then grows over the way F/k on which the flanks give, and is ±1 from there on
 //! (Prandtl 1928; with rigid flanks it jumps). That holds where F is greater than the load behind it; the link lags by the crossing.
 //! It may differ by direction: F₊ and F₋ with their mean F. Terms for a given gap and way F/k: F₊, F₋.
 //! Source: Nordin & Gutman 2002, Automatica 38:1633 (dead zone); Tao & Kokotović 1996, Adaptive Control of Systems with Actuator and
-//! Sensor Nonlinearities, §2.3 (play). Departure: inertia and the impact of the flanks are left to the plant.
+//! Sensor Nonlinearities, §2.3 (play). Departure: how flanks bounce is left to the plant.
 
 use std::f64::consts::TAU;
 
@@ -20,10 +22,11 @@ use toml::{Table, Value};
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
+use crate::flight::Flight;
 use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
 use crate::kind::{Kind, Seen, Site};
 use crate::needs::Need;
-use crate::parameter::Parameter;
+use crate::parameter::{Parameter, Range};
 use crate::scene::Scene;
 
 /// Frequency at which a link swings on flanks that are as good as rigid in the plant, Hz: above all that an arm follows, and slow
@@ -55,12 +58,17 @@ pub static KIND: Kind = Kind {
         Parameter::number("friction_negative", "the same for negative velocity", "N*m", [0.0, 1e6])
             .prismatic("N")
             .or_else("that for positive velocity"),
+        Parameter {
+            name: COURSE,
+            meaning: "how the link of a recording goes from flank to flank without friction behind the gap; in the plant it flies",
+            range: Range::Word(&["flight", "rest"]),
+        },
     ],
     seen: Seen::BOTH,
     rough: true,
-    equation: "q_link = q − τ_L/k − (j/2) sign(τ_L); friction behind the gap: τ = F p, p = 0 while the motor crosses it",
+    equation: "q_link = q − τ_L/k − p, p = (j/2) sign(τ_L) at rest, M p'' = τ_L between the flanks; friction behind the gap: τ = F p, p = 0 while the motor crosses it",
     source: "Nordin & Gutman 2002; Tao & Kokotović 1996, §2.3",
-    signature: "the link steps by the gap where the transmitted torque changes its sign; torque is missing after each reversal",
+    signature: "the link goes over by the gap where the transmitted torque changes its sign; torque is missing meanwhile, or after each reversal",
     confounders: &[
         ("joint_elasticity", "is proportional to the load and contained in this: test the gap nested"),
         ("joint_clearance", "moves across the axis, in two dimensions"),
@@ -83,6 +91,7 @@ pub static KIND: Kind = Kind {
             compliance: stiffness.map_or(0.0, |stiffness| 1.0 / stiffness),
             plant_stiffness: stiffness.unwrap_or_else(|| rigid(values.arm(), joint)),
             damping: values.number("damping")?,
+            flies: values.word(COURSE)? == "flight",
             friction: [
                 values.optional("friction_negative")?.unwrap_or(values.number("friction")?),
                 values.number("friction")?,
@@ -94,11 +103,19 @@ pub static KIND: Kind = Kind {
 /// Name of a shape's entry: the way on which the flanks give under the friction.
 const YIELD: &str = "yield";
 
+/// The parameter that says how a link goes from flank to flank.
+const COURSE: &str = "course";
+/// Name of another shape's entry: the gap through which the link flies.
+const FLIGHT: &str = "flight";
+
 /// A gap wider than this, rad (m), is no play of a gear.
 const WIDEST: f64 = 0.1;
+/// The narrowest gap that is searched for, rad (m), and the factor from one to the next.
+const NARROWEST: f64 = 2e-5;
+const WIDER: f64 = 2.0;
 
-/// Gaps for friction behind them, from 1/200 of the way to a third of it, with rigid and with soft flanks; and the empty shape of gap and
-/// compliance.
+/// Gaps for friction behind them, from 1/200 of the way to a third of it, with rigid and with soft flanks; gaps that a link flies
+/// through; and one that it rests on either side of.
 fn shapes(place: &Place) -> Vec<Table> {
     let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };
     let (least, most) = motion.q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
@@ -112,7 +129,10 @@ fn shapes(place: &Place) -> Vec<Table> {
         };
         shapes.extend(gaps.flat_map(soft));
     }
-    shapes.push(Table::new());
+    let flights =
+        std::iter::successors(Some(NARROWEST), |gap| Some(WIDER * gap)).take_while(|gap| *gap < WIDEST);
+    shapes.extend(flights.map(|gap| with(&Table::new(), [(FLIGHT, gap)])));
+    shapes.push(Table::from_iter([(COURSE.to_owned(), Value::from("rest"))]));
     shapes
 }
 
@@ -131,9 +151,13 @@ fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     /// Small enough for angles to act linearly.
     const STEP: f64 = 1e-5;
     let compliance = format!("1/({})", unit("stiffness"));
-    let soft = with(shape, [("gap", 0.0), ("stiffness", 1.0 / COMPLIANCE)]);
+    let soft = with(&Table::new(), [("gap", 0.0), ("stiffness", 1.0 / COMPLIANCE)]);
+    let flight = shape.get(FLIGHT).and_then(Value::as_float);
+    // A flight through another gap takes another course.
+    let range = flight.map_or([0.0, WIDEST], |gap| [gap / WIDER, gap * WIDER]);
+    let gap = flight.unwrap_or(STEP);
     vec![
-        Term::new("gap", unit("gap"), [0.0, WIDEST], with(shape, [("gap", STEP)])).stepped(STEP),
+        Term::new("gap", unit("gap"), range, gap_of(shape, gap)).stepped(gap),
         Term::new("compliance", compliance, [0.0, 1.0], soft).stepped(COMPLIANCE),
     ]
 }
@@ -145,11 +169,17 @@ fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
     if shape.contains_key("gap") {
         return sliding(shape, coefficients[0], coefficients[1]);
     }
-    let mut table = with(shape, [("gap", coefficients[0])]);
+    let mut table = gap_of(shape, coefficients[0]);
     if coefficients[1] > 1e-12 {
         table.insert("stiffness".to_owned(), Value::Float(1.0 / coefficients[1]));
     }
     table
+}
+
+/// A gap without friction behind it, with the course of `shape`.
+fn gap_of(shape: &Table, gap: f64) -> Table {
+    let course = shape.get_key_value(COURSE).map(|(name, course)| (name.clone(), course.clone()));
+    with(&Table::from_iter(course), [("gap", gap)])
 }
 
 /// Friction behind the gap of `shape`, with the flanks as stiff as the way on which they give says.
@@ -171,6 +201,8 @@ struct Backlash {
     gap: f64,
     compliance: f64,
     damping: f64,
+    /// Whether the link takes its time from flank to flank.
+    flies: bool,
     /// Friction behind the gap for negative and for positive velocity.
     friction: [f64; 2],
     /// Stiffness in the plant, N·m/rad.
@@ -198,6 +230,26 @@ impl Backlash {
     /// Whether there is friction behind the gap.
     fn slides(&self) -> bool {
         self.friction.iter().any(|friction| *friction > 0.0)
+    }
+
+    /// Tells `tell` of each point of the motion: its number, how the motor leads the link there, and the mean torque beyond the load since
+    /// the point before.
+    fn fly(&self, scene: &Scene, mut tell: impl FnMut(usize, &Flight, f64)) {
+        if self.gap == 0.0 {
+            return;
+        }
+        let (loads, inertia) = (&scene.load[self.joint], &scene.inertia()[self.joint]);
+        for stretch in &scene.motion.stretches {
+            let step = scene.motion.step(stretch);
+            let mut flight = Flight::resting(self.gap, loads[stretch.start]);
+            for point in stretch.clone() {
+                let extra = match point > stretch.start {
+                    true => flight.advance([loads[point - 1], loads[point]], inertia[point], step),
+                    false => 0.0,
+                };
+                tell(point, &flight, extra);
+            }
+        }
     }
 
     /// Where the motor stands in the gap at each point, if friction holds the link in between.
@@ -259,17 +311,27 @@ fn of_friction(friction: [f64; 2], share: f64) -> f64 {
 
 impl Effect for Backlash {
     fn shift(&self, scene: &Scene, shift: &mut Columns) {
-        let held = self.slides().then(|| self.crossings(scene));
-        for (point, (shift, load)) in shift[self.joint].iter_mut().zip(&scene.load[self.joint]).enumerate() {
-            let side = if *load == 0.0 { 0.0 } else { load.signum() };
-            // Held by friction, the way on which the flanks give is part of where the motor stands.
-            let place = held.as_ref().map_or(0.5 * self.gap * side, |held| held[point]);
+        let loads = &scene.load[self.joint];
+        let mut places = vec![0.0; loads.len()];
+        if self.slides() {
+            // The way on which the flanks give is part of where the motor stands.
+            places = self.crossings(scene);
+        } else if self.flies {
+            self.fly(scene, |point, flight, _| places[point] = flight.place());
+        } else {
+            places = loads.iter().map(|&load| Flight::resting(self.gap, load).place()).collect();
+        }
+        for ((shift, load), place) in shift[self.joint].iter_mut().zip(loads).zip(places) {
             *shift -= self.compliance * load + place;
         }
     }
 
     fn torque(&self, scene: &Scene, torque: &mut Columns) {
         if !self.slides() {
+            let torque = &mut torque[self.joint];
+            if self.flies {
+                self.fly(scene, |point, _, extra| torque[point] += extra);
+            }
             return;
         }
         let play = self.play();
