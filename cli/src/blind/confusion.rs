@@ -31,6 +31,8 @@ pub struct Mistake {
     pub counts: usize,
     /// How often it explains the most of all kinds at all places.
     pub leads: usize,
+    /// How often the answer holds its name nevertheless, but is not content with it.
+    pub held: usize,
     /// What explains the most where that is something else, the commonest.
     pub leading: Option<String>,
     /// Machine and joint where it happens, with how often, the commonest first.
@@ -119,6 +121,7 @@ impl Mistake {
             signal_to_floor: Median::new(ratios).map_or(f64::NAN, |median| median.value),
             counts: cases.iter().filter(|case| oracle(case)).count(),
             leads: cases.iter().filter(leads).count(),
+            held: cases.iter().filter(|case| truth(case).is_among(&case.answer)).count(),
             leading: leading.map(|(kind, _)| kind),
             places: counted(cases.iter().map(|case| {
                 let joint = truth(&case).joint;
@@ -138,6 +141,9 @@ impl Mistake {
                 format!(", the most in {}; else mostly {leading} does", self.leads)
             }
         };
+        if self.said == "unknown" && self.held > 0 {
+            words += &format!(", rightly guessed in {} but more is left over than noise", self.held);
+        }
         // Whom it was taken for, or, without a name, what explains more.
         let by_name =
             self.said.split([' ', ',']).find_map(|word| Some((word, separates(&self.concealed, word)?)));
