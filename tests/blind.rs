@@ -222,3 +222,50 @@ fn an_analyst_that_fails_has_answered_wrongly() {
     assert_eq!(receipt["cases"]["broken"]["outcome"], "failed");
     assert_eq!(receipt["score"]["goals"][0]["reached"], 100.0, "a false alarm");
 }
+
+/// A sweep of one kind on the machine with one axis: one case at each severity, on that machine and at that joint, and a control.
+#[test]
+fn a_matrix_covers_its_places() {
+    let arguments = [
+        "blind",
+        "--matrix",
+        "--kind",
+        "coulomb_friction",
+        "--machine",
+        "linear_axis",
+        "--negative",
+        "1",
+        "--seed",
+        "6",
+        "--out",
+        "out",
+        "--quiet",
+    ];
+    let ran = call(fresh_folder(), &arguments);
+    ran.check(0);
+    let receipt = read(&ran.path("out/receipt.json"));
+    let cases = receipt["cases"].as_object().expect("cases");
+    let effects = cases.values().filter_map(|case| case["truth"]["effects"].get(0));
+    let severities: std::collections::BTreeSet<_> = effects
+        .map(|effect| {
+            assert_eq!(
+                (effect["kind"].as_str(), effect["joint"].as_str()),
+                (Some("coulomb_friction"), Some("carriage"))
+            );
+            effect["severity"].as_str().expect("a severity")
+        })
+        .collect();
+    println!("{}", ran.stdout());
+    assert_eq!((cases.len(), severities.len()), (4, 3), "{}", receipt["parts"][0]["not_made"]);
+    assert!(cases.values().all(|case| case["truth"]["machine"] == "linear_axis"));
+    assert_eq!(receipt["score"]["confusion"]["coulomb_friction"]["coulomb_friction"], 3);
+    assert!(std::fs::read_to_string(ran.path("out/report.html")).expect("a report").contains("linear_axis"));
+    let verified = call(ran.folder, &["blind", "--verify", "out/receipt.json"]);
+    verified.check(0);
+    let nowhere = call(
+        verified.folder,
+        &["blind", "--matrix", "--kind", "joint_coupling", "--machine", "linear_axis", "--out", "other"],
+    );
+    nowhere.check(2);
+    assert!(nowhere.stderr().contains("has no place"), "{}", nowhere.stderr());
+}

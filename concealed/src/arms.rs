@@ -4,9 +4,11 @@ use std::path::Path;
 
 use freeplay_arm::{Arm, Inertia, JointFriction, ModelError, paper_arm, parse_toml};
 use nalgebra::{Isometry3, Matrix3, Vector3};
+use serde::{Deserialize, Serialize};
 
 /// A machine by its data sheet.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Machine {
     /// One inclined linear axis.
     Slide,
@@ -35,6 +37,12 @@ impl Machine {
         Machine::Seven,
         Machine::Paper,
     ];
+
+    /// Its name on the data sheet.
+    pub fn name(self) -> &'static str {
+        ["linear_axis", "two_axis", "three_axis", "bench_six", "cell_six", "seven_axis", "erkaya2018"]
+            [self as usize]
+    }
 
     /// The arm of the data sheet, nominal friction and limits included.
     ///
@@ -127,4 +135,16 @@ fn paper_with_friction() -> Arm {
         joint.limits.acceleration = joint.limits.acceleration.min(25.0);
     }
     Arm::new(file.arm.name(), joints, *file.arm.tool(), *file.arm.gravity()).unwrap_or(file.arm)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Machine;
+
+    #[test]
+    fn a_machine_is_called_as_its_data_sheet_says() {
+        for machine in Machine::ALL {
+            assert_eq!(machine.name(), machine.data_sheet().expect("a data sheet").name());
+        }
+    }
 }

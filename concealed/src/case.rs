@@ -254,13 +254,15 @@ impl Bench {
         floor: &Floor,
         rng: &mut ChaCha8Rng,
     ) -> Result<Seat, GenerateError> {
-        let free: Vec<Seat> = seats(&demand.kind, &self.sheet)
-            .into_iter()
-            .filter(|seat| demand.joint.is_none() || *seat == demand.joint)
+        let mut places = seats(&demand.kind, &self.sheet);
+        places.retain(|seat| demand.joint.is_none() || *seat == demand.joint);
+        let free: Vec<Seat> = places
+            .iter()
+            .copied()
             .filter(|seat| seat.is_none() || taken.iter().all(|other| other.effect.joint != *seat))
             .filter(|seat| seat.is_none_or(|joint| can_be_distinct(&demand.kind, joint, floor)))
             .collect();
-        if free.is_empty() && !seats(&demand.kind, &self.sheet).is_empty() && demand.joint.is_none() {
+        if free.is_empty() && !places.is_empty() {
             return Err(GenerateError::Riddle { kind: demand.kind.clone(), machine: self.machine });
         }
         if free.is_empty() {

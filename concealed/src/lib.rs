@@ -3,7 +3,7 @@
 //! The generator shares no law and no integrator with its judge: it may name `arm` and `recording` alone. The nouns, in the
 //! order in which data passes through them:
 //!
-//! - [`Quota`]: how many cases of which sort; [`draw_set`] draws them from a seed.
+//! - [`Quota`]: how many cases of which sort; [`draw_set`] draws them from a seed. [`Matrix`]: every kind at every [`Place`] instead.
 //! - [`Case`]: what is asked for: a [`Machine`] (an arm by its data sheet), [`Demand`]s (which physics is left out of the data
 //!   sheet, how strong), a [`Noise`] level and a seed.
 //! - [`Physics`]: one effect, of the catalogue or outside it, with its parameters.
@@ -12,7 +12,7 @@
 //! - [`Plan`]: the machine as it is: arm, drives, transmissions, bearings, springs.
 //! - [`Trace`]: what it did, by the servo controller and the time stepping of [`Plan::run`].
 //! - [`Chain`]: the sensors: what of it is written down.
-//! - [`Made`]: the data sheet, two recordings and the [`Truth`]; from [`make_case`] or [`generate`].
+//! - [`Made`]: the data sheet, two recordings and the [`Truth`]; from [`make_case`], [`make_here`] or [`generate`].
 
 mod arms;
 mod calibrate;
@@ -22,6 +22,7 @@ mod draft;
 mod felt;
 mod kinds;
 mod machine;
+mod matrix;
 mod motion;
 mod physics;
 mod random;
@@ -39,11 +40,12 @@ pub use case::{Case, Demand, GenerateError, Made, Severity, generate};
 pub use distinct::Equivalent;
 pub use kinds::{CATALOGUE, OUTSIDE, Seat, seats};
 pub use machine::{Plan, PlanError, Trace};
+pub use matrix::{Matrix, Place};
 pub use motion::{Family, Motion};
 pub use physics::{Effect, Physics};
 pub use sensors::{Chain, Noise, Samples};
 pub use servo::Servo;
-pub use set::{Quota, draw_set, make_case};
+pub use set::{Quota, draw_set, make_case, make_here};
 pub use tolerances::Tolerances;
 pub use truth::{Truth, TruthEffect};
 pub use write::{WriteCaseError, write_case, write_sealed};

@@ -161,6 +161,19 @@ pub fn make_case(case: &Case) -> Result<Made, GenerateError> {
     order.retain(|machine| *machine != case.machine);
     order.shuffle(&mut rng);
     order.insert(0, case.machine);
+    make_on(&order, case, &mut rng)
+}
+
+/// Makes `case` on its machine and no other, at the joints that it asks for.
+///
+/// # Errors
+/// As [`generate`], for the last of all motions, loads and tolerances that were tried.
+pub fn make_here(case: &Case) -> Result<Made, GenerateError> {
+    make_on(&[case.machine], case, &mut stream(case.seed, "other benches"))
+}
+
+/// Makes `case` on the first of the machines `order` that can, [`ROUNDS`] times anew.
+fn make_on(order: &[Machine], case: &Case, rng: &mut ChaCha8Rng) -> Result<Made, GenerateError> {
     let mut case = case.clone();
     let mut made = generate(&case);
     for trial in 1..ROUNDS * order.len() {

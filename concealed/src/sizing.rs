@@ -114,7 +114,8 @@ struct Power {
 impl Power {
     /// The factor of the size that brings `lack` times the trace, within reason.
     fn factor(&mut self, lack: f64) -> f64 {
-        let lack = lack.max(f64::MIN_POSITIVE).ln();
+        // Without any trace it is infinite.
+        let lack = lack.max(f64::MIN_POSITIVE).ln().min(f64::MAX.ln());
         let power = match self.last {
             Some([before, step]) if step != 0.0 => ((before - lack) / step).clamp(0.5, 6.0),
             _ => 1.0,

@@ -70,7 +70,7 @@ fn permuted(singles: &[&Judged]) -> (f64, f64) {
 }
 
 /// Whether the concealed kind at its joint, or what is the same by another name, explains more than the least that counts.
-fn oracle(case: &Judged) -> bool {
+pub fn oracle(case: &Judged) -> bool {
     let concealed = &case.truth.effects[0];
     let others = concealed.equivalents.iter().flat_map(|e| e.kinds.iter().map(move |kind| (kind, &e.joint)));
     let wanted: Vec<_> = std::iter::once((&concealed.kind, &concealed.joint)).chain(others).collect();

@@ -1,14 +1,11 @@
 //! The report of a blind proof.
 
-use std::collections::BTreeSet;
-
 use freeplay_report::text::{Digits, number};
-use freeplay_report::{
-    Axis, Block, Cell, Chart, Column, Document, Drawing, Figure, Section, Series, Table, Verdict,
-};
+use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Figure, Section, Series, Table, Verdict};
 
 use super::interval::Share;
 use super::leak::Leak;
+use super::matrix;
 use super::receipt::Receipt;
 use super::score::Outcome;
 use super::screen::{is_failure, said};
@@ -28,7 +25,8 @@ pub fn document(receipt: &Receipt, judged: &[Judged], score: &Score) -> Document
         .overview(figures(score))
         .overview(goals(&score.goals))
         .section(outcomes(score))
-        .section(confusion(score))
+        .section(matrix::confusion(score))
+        .section(matrix::places(receipt, judged, score))
         .section(success(score))
         .section(calibration(score))
         .section(controls(score))
@@ -49,7 +47,7 @@ fn percent(share: &Share) -> String {
     number(100.0 * share.value(), Digits::Fixed(1))
 }
 
-fn count(of: usize) -> Cell {
+pub fn count(of: usize) -> Cell {
     Cell::from(of as u64)
 }
 
@@ -114,65 +112,6 @@ fn outcomes(score: &Score) -> Section {
         "refused: something is missing, without a name, or one of several with the truth among them".into(),
         "missed: that nothing is missing, or that the recordings can't tell; failed: a crash, or no answer in time".into(),
     ]))
-}
-
-/// The matrix as dots: what was concealed upwards, what was named across.
-fn confusion(score: &Score) -> Section {
-    let concealed: Vec<&String> = score.confusion.keys().collect();
-    let mut said: BTreeSet<&String> = score.confusion.values().flat_map(|row| row.keys()).collect();
-    said.extend(&concealed);
-    let (verdicts, kinds): (Vec<&String>, Vec<&String>) =
-        said.into_iter().partition(|said| said.starts_with('('));
-    let columns: Vec<&String> = kinds.into_iter().chain(verdicts).collect();
-    let mut drawn: [(Vec<f64>, Vec<f64>); 3] = Default::default();
-    let mut table = Table::new("What was said for what was concealed, one effect")
-        .column(Column::text("concealed"))
-        .column(Column::number("of", "").fixed(0))
-        .column(Column::number("right", "%").fixed(0))
-        .column(Column::text("said instead").wrapping());
-    for (row, kind) in concealed.iter().enumerate() {
-        let counts = &score.confusion[*kind];
-        let all: usize = counts.values().sum();
-        let right = counts.get(*kind).copied().unwrap_or(0);
-        let others: Vec<String> = counts
-            .iter()
-            .filter(|(said, _)| said != kind)
-            .map(|(said, times)| format!("{times} {said}"))
-            .collect();
-        let share = 100.0 * right as f64 / all as f64;
-        table = table.row([(*kind).as_str().into(), count(all), share.into(), others.join(", ").into()]);
-        for (said, dots) in counts {
-            let Some(column) = columns.iter().position(|other| *other == said) else { continue };
-            let class = if said == *kind { 0 } else { 1 + usize::from(said.starts_with('(')) };
-            // A square of dots for each cell, one a case.
-            let side = (*dots as f64).sqrt().ceil();
-            for dot in 0..*dots {
-                let (x, y) = (
-                    (dot as f64 % side + 0.5) / side - 0.5,
-                    ((dot as f64 / side).floor() + 0.5) / side - 0.5,
-                );
-                drawn[class].0.push((column + 1) as f64 + 0.8 * x);
-                drawn[class].1.push((row + 1) as f64 + 0.8 * y);
-            }
-        }
-    }
-    let mut chart =
-        Chart::plane("", Axis::new("said, by number", ""), Axis::new("concealed, by number", "")).height(560);
-    for (name, (x, y)) in ["right", "another name", "no name"].into_iter().zip(&drawn) {
-        if !x.is_empty() {
-            chart = chart.series(Series::points(name, x, y));
-        }
-    }
-    let numbers: Vec<String> =
-        columns.iter().enumerate().map(|(k, name)| format!("{} {name}", k + 1)).collect();
-    let rows: Vec<String> =
-        concealed.iter().enumerate().map(|(k, name)| format!("{} {name}", k + 1)).collect();
-    let caption = format!("One dot a case. Across: {}. Upwards: {}.", numbers.join(", "), rows.join(", "));
-    let section = Section::new("Confusion").with(table);
-    if concealed.is_empty() {
-        return section;
-    }
-    section.with(Drawing::new("Confusion matrix").caption(caption).panel(chart))
 }
 
 fn success(score: &Score) -> Section {

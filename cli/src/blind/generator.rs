@@ -5,13 +5,16 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use clap::Args;
-use freeplay_concealed::{Quota, draw_set, make_case, write_sealed};
+use freeplay_concealed::{
+    Case, GenerateError, Made, Matrix, Quota, draw_set, make_case, make_here, write_sealed,
+};
 use indicatif::ProgressBar;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::truth::at;
 use crate::exit::{Exit, Failure};
 use crate::process::end_with_parent;
 use crate::processes::Running;
@@ -33,12 +36,47 @@ pub struct Order {
     pub seed: u64,
     /// How many cases of which sort, over all shards.
     pub quota: Quota,
+    /// What is swept instead of drawn at random.
+    pub matrix: Option<Matrix>,
     /// Which part of the cases: every `shard[1]`-th, from the `shard[0]`-th on, counted from 1.
     pub shard: [usize; 2],
     /// Where the cases are written.
     pub folder: PathBuf,
     /// Cases made at a time.
     pub jobs: usize,
+}
+
+impl Order {
+    /// The cases of all shards.
+    fn cases(&self) -> Result<Vec<Case>, GenerateError> {
+        match &self.matrix {
+            Some(matrix) => matrix.draw(self.seed),
+            None => draw_set(&self.quota, self.seed),
+        }
+    }
+
+    /// Makes `case`: a place of a matrix is that place, anything else may go to another machine.
+    fn make(&self, case: &Case) -> Result<Made, GenerateError> {
+        if self.matrix.is_some() && !case.hollow { make_here(case) } else { make_case(case) }
+    }
+
+    /// What `case` asks for, in words: its kinds, or the [`place`] of a matrix.
+    fn asked(&self, case: &Case) -> String {
+        let words = case.effects.iter().map(|effect| {
+            if self.matrix.is_none() || case.hollow {
+                return effect.kind.clone();
+            }
+            let arm = case.machine.data_sheet().ok();
+            let joint = effect.joint.and_then(|joint| Some(arm?.joints().get(joint)?.name.clone()));
+            place(&effect.kind, joint.as_deref(), case.machine.name(), effect.severity.name())
+        });
+        words.collect::<Vec<_>>().join(" + ")
+    }
+}
+
+/// A place of a matrix in words.
+pub fn place(kind: &str, joint: Option<&str>, machine: &str, severity: &str) -> String {
+    format!("{} on {machine}, {severity}", at(kind, joint))
 }
 
 /// A case that was made, or not.
@@ -69,22 +107,19 @@ pub fn generate(args: &GenerateArgs) -> Result<Exit, Failure> {
     let mut text = String::new();
     std::io::stdin().read_to_string(&mut text).map_err(Failure::input)?;
     let order: Order = serde_json::from_str(&text).map_err(Failure::input)?;
-    let cases = draw_set(&order.quota, order.seed).map_err(Failure::internal)?;
+    let cases = order.cases().map_err(Failure::internal)?;
     let names = names(order.seed, cases.len());
     let [shard, shards] = order.shard;
     let mine: Vec<usize> = (0..cases.len()).filter(|index| index % shards == shard - 1).collect();
     on_cores(order.jobs, mine.len(), |at| {
         let index = mine[at];
-        let line = match make_case(&cases[index]) {
+        let line = match order.make(&cases[index]) {
             Ok(made) => {
                 write_sealed(&order.folder.join(&names[index]), &made).map_err(Failure::input)?;
                 let truth = serde_json::to_value(&made.truth).map_err(Failure::internal)?;
                 Line::Made { name: names[index].clone(), truth }
             }
-            Err(error) => {
-                let kinds: Vec<&str> = cases[index].effects.iter().map(|e| e.kind.as_str()).collect();
-                Line::NotMade { asked: kinds.join(" + "), why: error.to_string() }
-            }
+            Err(error) => Line::NotMade { asked: order.asked(&cases[index]), why: error.to_string() },
         };
         say(&(serde_json::to_string(&line).map_err(Failure::internal)? + "\n"))
     })?;

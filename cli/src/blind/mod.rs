@@ -3,13 +3,14 @@
 //! Freeze, seed, generate, seal, analyse once, commit to the answers, reveal, score. Generator and analysts are processes of their
 //! own; the truth is in the memory of their parent alone until the answers are committed to.
 //!
-//! Modules in the order of the protocol: `hash` (what is frozen), `generator`, `analysis` (who is asked), `analyst`, `sandbox` and
-//! `answer` (who answers, where and what), `truth`, `score`, `interval`, `tally`, `controls` and `leak` (what it is worth),
-//! `receipt`, `verify` and `history` (what stays), `screen` and `document` (what a person sees).
+//! Modules in the order of the protocol: `hash` (what is frozen), `sweep` (what is asked for), `generator`, `analysis` (who is asked), `analyst`, `sandbox` and
+//! `answer` (who answers, where and what), `truth`, `score`, `interval`, `tally`, `confusion`, `controls` and `leak` (what it is worth),
+//! `receipt`, `verify` and `history` (what stays), `screen`, `document` and `matrix` (what a person sees).
 
 mod analysis;
 mod analyst;
 mod answer;
+mod confusion;
 mod controls;
 mod document;
 mod generator;
@@ -17,11 +18,13 @@ mod hash;
 mod history;
 mod interval;
 mod leak;
+mod matrix;
 mod protocol;
 mod receipt;
 mod sandbox;
 mod score;
 mod screen;
+mod sweep;
 mod tally;
 mod truth;
 mod verify;
@@ -38,6 +41,7 @@ use crate::files::check_target;
 use crate::run::Format;
 use crate::say::say;
 use receipt::Receipt;
+use sweep::Sweep;
 use tally::Score;
 
 pub use analyst::{AnalystArgs, analyst};
@@ -53,25 +57,27 @@ pub struct BlindArgs {
     #[arg(long)]
     seed: Option<u64>,
     /// Number of cases.
-    #[arg(long, value_name = "N", default_value_t = 40, conflicts_with = "full", value_parser = at_least_one)]
+    #[arg(long, value_name = "N", default_value_t = 40, conflicts_with_all = ["full", "matrix"], value_parser = at_least_one)]
     cases: usize,
     /// The full set: 1080 single effects, 300 negative controls, 152 outside the catalogue, 156 double.
     #[arg(long)]
     full: bool,
+    #[command(flatten)]
+    sweep: Sweep,
     /// Only every N-th case, from the I-th on, so that N machines can share a set: give all the same --seed. Merge with --merge.
     #[arg(long, value_name = "I/N", value_parser = shard, default_value = "1/1")]
     shard: Shard,
     /// Merge the receipts in these folders into one score and report.
-    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["full", "seed"])]
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["full", "matrix", "seed"])]
     merge: Vec<PathBuf>,
     /// Answer for a folder that someone else sealed: DIR/NAME/{model.toml,recording.csv,second.csv}. Writes DIR/receipt.json.
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["full", "seed", "merge"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["full", "matrix", "seed", "merge"])]
     analyse: Option<PathBuf>,
     /// Score the answers of --analyse DIR by TRUTH, a JSON file. Writes DIR/receipt.json and DIR/report.html.
-    #[arg(long, value_names = ["DIR", "TRUTH"], num_args = 2, conflicts_with_all = ["full", "seed", "merge", "analyse"])]
+    #[arg(long, value_names = ["DIR", "TRUTH"], num_args = 2, conflicts_with_all = ["full", "matrix", "seed", "merge", "analyse"])]
     score: Vec<PathBuf>,
     /// Compute every hash of a receipt anew.
-    #[arg(long, value_name = "RECEIPT", conflicts_with_all = ["full", "seed", "merge", "analyse", "score"])]
+    #[arg(long, value_name = "RECEIPT", conflicts_with_all = ["full", "matrix", "seed", "merge", "analyse", "score"])]
     verify: Option<PathBuf>,
     /// Folder for the sealed recordings, receipt.json and report.html; must be empty. Without it: out/blind-TIME.
     #[arg(long, value_name = "DIR")]

@@ -98,9 +98,14 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
         None => u64::from_le_bytes(random()?),
     };
     let seed_from = if args.seed.is_some() { "--seed" } else { "the operating system, after the freeze" };
-    let quota = if args.full { Quota::FULL } else { Quota::small(args.cases) };
+    let matrix = args.sweep.matrix()?;
+    let quota = match &matrix {
+        Some(matrix) => matrix.quota().map_err(Failure::internal)?,
+        None if args.full => Quota::FULL,
+        None => Quota::small(args.cases),
+    };
     let shard = [args.shard.0, args.shard.1];
-    part.draw = Some(Draw { seed, seed_from: seed_from.to_owned(), quota, shard });
+    part.draw = Some(Draw { seed, seed_from: seed_from.to_owned(), quota, shard, matrix });
     part.complete("seed", &json!(part.draw));
     tell(args, "seed", &format!("{seed}, from {seed_from}"));
     let withheld = generate(args, folder, &mut part)?;
@@ -147,6 +152,7 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
     let order = Order {
         seed: draw.seed,
         quota: draw.quota,
+        matrix: draw.matrix.clone(),
         shard: draw.shard,
         folder: cases.clone(),
         jobs: args.jobs(),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use freeplay_concealed::Quota;
+use freeplay_concealed::{Matrix, Quota};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -91,6 +91,9 @@ pub struct Draw {
     pub quota: Quota,
     /// Which shard, and of how many.
     pub shard: [usize; 2],
+    /// What is swept, where kinds and places were not drawn at random.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub matrix: Option<Matrix>,
 }
 
 /// A case.

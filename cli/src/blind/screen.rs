@@ -5,14 +5,17 @@ use std::path::Path;
 
 use freeplay_report::text::{Digits, number};
 
+use super::confusion::Mistake;
 use super::leak::Leak;
 use super::receipt::Receipt;
 use super::score::Outcome;
-use super::tally::{Goal, Judged, Score};
+use super::tally::{Bin, Goal, Judged, Score};
 use super::truth::{Sort, at};
 
 /// Most failures that are told in the terminal.
 const FAILURES: usize = 12;
+/// Confusions that are told in the terminal.
+const CONFUSIONS: usize = 8;
 
 /// The score.
 pub fn summary(receipt: &Receipt, judged: &[Judged], score: &Score, path: &Path, report: &Path) -> String {
@@ -54,11 +57,17 @@ pub fn summary(receipt: &Receipt, judged: &[Judged], score: &Score, path: &Path,
                 if leak.is_tight() { "" } else { ": A LEAK" }
             );
         }
-        part.not_made.iter().for_each(|what| {
+        part.not_made.iter().take(FAILURES).for_each(|what| {
             let _ = writeln!(text, "not made: {what}");
         });
+        if part.not_made.len() > FAILURES {
+            let _ = writeln!(text, "not made: {} in all, see the report", part.not_made.len());
+        }
     }
     let failures: Vec<&Judged> = judged.iter().filter(|case| is_failure(case)).collect();
+    if failures.len() > FAILURES {
+        text += &digest(score);
+    }
     for case in failures.iter().take(FAILURES) {
         let _ = writeln!(text, "{} {}: {}", case.outcome.name(), case.name, story(case));
     }
@@ -67,6 +76,22 @@ pub fn summary(receipt: &Receipt, judged: &[Judged], score: &Score, path: &Path,
     }
     let _ = writeln!(text, "report  {}", report.display());
     let _ = writeln!(text, "receipt {0}    verify: freeplay blind --verify {0}", path.display());
+    text
+}
+
+/// Of many failures: the commonest confusions, and success machine by machine.
+fn digest(score: &Score) -> String {
+    let mut mistakes: Vec<_> = score.mistakes.iter().collect();
+    mistakes.sort_by_key(|mistake| std::cmp::Reverse(mistake.times));
+    let words = |mistake: &&Mistake| format!("{} {} → {}", mistake.times, mistake.concealed, mistake.said);
+    let commonest: Vec<String> = mistakes.iter().take(CONFUSIONS).map(words).collect();
+    let mut text = format!("one effect, taken for something else: {}\n", commonest.join("; "));
+    for (machine, joints) in &score.by_joint {
+        let sum = |of: fn(&Bin) -> usize| joints.values().map(of).sum::<usize>();
+        let (right, detected, all) = (sum(|b| b.right.count), sum(|b| b.detected.count), sum(|b| b.right.of));
+        let share = 100.0 * right as f64 / detected.max(1) as f64;
+        let _ = writeln!(text, "{machine:24} {right} right of {detected} detected ({share:.0} %) of {all}");
+    }
     text
 }
 

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::answer::{Answer, Errors};
+use super::confusion::{self, Confusion, Mistake};
 use super::controls::Controls;
 use super::interval::{Median, Share};
 use super::score::{Hit, Outcome, hits, outcome};
@@ -16,6 +17,8 @@ const RATIOS: [f64; 8] = [0.0, 1.6, 2.0, 2.5, 3.5, 5.0, 9.0, f64::INFINITY];
 const CONFIDENCES: [f64; 6] = [0.0, 0.8, 0.95, 0.99, 0.999, 1.0 + f64::EPSILON];
 /// A channel whose error is no larger than this many times the floor has nothing to close.
 const NOTHING_TO_CLOSE: f64 = 1.05;
+/// What the place of an effect of the arm as a whole is called.
+pub const WHOLE: &str = "whole arm";
 /// What a recording is said to be, s: the goal of the time is for one of 16 s.
 const RECORDING: f64 = 16.0;
 
@@ -146,8 +149,12 @@ pub struct Score {
     pub by_severity: BTreeMap<String, Bin>,
     /// One named effect: success against confidence.
     pub calibration: Vec<Bin>,
-    /// One effect: what was named for what was concealed, by kind.
-    pub confusion: BTreeMap<String, BTreeMap<String, usize>>,
+    /// One effect: success by machine and joint; [`WHOLE`] for what sits on no joint.
+    pub by_joint: BTreeMap<String, BTreeMap<String, Bin>>,
+    /// One effect: what was named for what was concealed, by kind; in brackets what is no other kind.
+    pub confusion: Confusion,
+    /// One effect: what was taken for what, by kind, the commonest first.
+    pub mistakes: Vec<Mistake>,
     /// What chance, re-tuning, a black box and an oracle reach.
     pub controls: Controls,
 }
@@ -173,7 +180,9 @@ impl Score {
             by_strength: bins(&singles, &RATIOS, |case| Some(strength(case))),
             by_severity,
             calibration: bins(&singles, &CONFIDENCES, sure),
-            confusion: confusion(&singles),
+            by_joint: by_joint(&singles),
+            confusion: confusion::matrix(&singles),
+            mistakes: confusion::mistakes(&singles),
             controls: Controls::of(cases),
         }
     }
@@ -209,20 +218,17 @@ fn bin<'a>(cases: impl Iterator<Item = &'a Judged>, of: impl Fn(&Judged) -> f64)
     })
 }
 
-/// What was named, or the verdict where nothing was.
-fn confusion(singles: &[&Judged]) -> BTreeMap<String, BTreeMap<String, usize>> {
-    let mut table: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
+/// Success by machine and joint.
+fn by_joint(singles: &[&Judged]) -> BTreeMap<String, BTreeMap<String, Bin>> {
+    let mut groups: BTreeMap<(&str, &str), Vec<&Judged>> = BTreeMap::new();
     for case in singles {
-        let concealed = &case.truth.effects[0];
-        let said = match (case.outcome, case.answer.effects.iter().find(|e| e.kind != concealed.kind)) {
-            (Outcome::Right, _) => concealed.kind.clone(),
-            (Outcome::Refused, _) => "(refused)".to_owned(),
-            (Outcome::Missed, _) => "(nothing)".to_owned(),
-            (Outcome::Failed, _) => "(failed)".to_owned(),
-            (_, Some(other)) => other.kind.clone(),
-            (_, None) => "(other joint)".to_owned(),
-        };
-        *table.entry(concealed.kind.clone()).or_default().entry(said).or_default() += 1;
+        let joint = case.truth.effects[0].joint.as_deref().unwrap_or(WHOLE);
+        groups.entry((&case.truth.machine, joint)).or_default().push(case);
+    }
+    let mut table: BTreeMap<String, BTreeMap<String, Bin>> = BTreeMap::new();
+    for ((machine, joint), cases) in groups {
+        let bin = bin(cases.into_iter(), strength).map(|bin| (joint.to_owned(), bin));
+        table.entry(machine.to_owned()).or_default().extend(bin);
     }
     table
 }

@@ -55,7 +55,7 @@ impl Plan {
             after,
             motor: link.clone(),
             tool_link: link[arm.dof() - 1],
-            tool: *arm.tool(),
+            tool: chain.tool,
             drives: arm.joints().iter().map(nominal_drive).collect(),
             encoders: tolerances.zero.iter().map(|&zero| Encoder { zero, ..Encoder::default() }).collect(),
             bristles: vec![None; arm.dof()],

@@ -191,6 +191,17 @@ fn without_effects_the_recording_is_the_data_sheet() {
     }
 }
 
+/// The tracker sees a last link that is longer as it sees any other: the tool is further out.
+#[test]
+fn a_longer_last_link_moves_the_tool() {
+    let arm = Machine::Three.data_sheet().expect("a data sheet");
+    let effect = Effect { joint: Some(2), physics: Physics::LinkLength { offset: 0.01 } };
+    let longer = plan(&arm, &[effect], Machine::Three.home());
+    let grown = longer.tool.translation.vector.norm() - arm.tool().translation.vector.norm();
+    println!("{grown} m longer, asked for 0.01 m");
+    assert!((grown - 0.01).abs() < 1e-12);
+}
+
 /// Under a steady load the journal rests at the clearance along the load, and the tool shows it.
 #[test]
 fn a_journal_rests_at_the_clearance() {

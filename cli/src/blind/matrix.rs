@@ -1,0 +1,223 @@
+//! The parts of the report about what is taken for what, and where.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use freeplay_concealed::{Matrix, Severity, seats};
+use freeplay_report::{Axis, Block, Cell, Chart, Column, Drawing, Section, Series, Table};
+
+use super::confusion::Mistake;
+use super::document::count;
+use super::generator::place;
+use super::interval::Share;
+use super::receipt::Receipt;
+use super::score::Outcome;
+use super::tally::{Bin, Judged, Score, WHOLE, of_sort};
+use super::truth::Sort;
+
+/// Places that are told of a confusion.
+const PLACES: usize = 4;
+
+/// The matrix as dots: what was concealed upwards, what was named across.
+pub fn confusion(score: &Score) -> Section {
+    let concealed: Vec<&String> = score.confusion.keys().collect();
+    let mut said: BTreeSet<&String> = score.confusion.values().flat_map(|row| row.keys()).collect();
+    said.extend(&concealed);
+    let (verdicts, kinds): (Vec<&String>, Vec<&String>) =
+        said.into_iter().partition(|said| said.starts_with('('));
+    let columns: Vec<&String> = kinds.into_iter().chain(verdicts).collect();
+    let mut drawn: [(Vec<f64>, Vec<f64>); 3] = Default::default();
+    let mut table = Table::new("What was said for what was concealed, one effect")
+        .column(Column::text("concealed"))
+        .column(Column::number("of", "").fixed(0))
+        .column(Column::number("right", "%").fixed(0))
+        .column(Column::text("said instead; in brackets what names no other kind").wrapping());
+    for (row, kind) in concealed.iter().enumerate() {
+        let counts = &score.confusion[*kind];
+        let all: usize = counts.values().sum();
+        let right = counts.get(*kind).copied().unwrap_or(0);
+        let others: Vec<String> = counts
+            .iter()
+            .filter(|(said, _)| said != kind)
+            .map(|(said, times)| format!("{times} {said}"))
+            .collect();
+        let share = 100.0 * right as f64 / all as f64;
+        table = table.row([(*kind).as_str().into(), count(all), share.into(), others.join(", ").into()]);
+        for (said, dots) in counts {
+            let Some(column) = columns.iter().position(|other| *other == said) else { continue };
+            let class = if said == *kind { 0 } else { 1 + usize::from(said.starts_with('(')) };
+            // A square of dots for each cell, one a case.
+            let side = (*dots as f64).sqrt().ceil();
+            for dot in 0..*dots {
+                let (x, y) = (
+                    (dot as f64 % side + 0.5) / side - 0.5,
+                    ((dot as f64 / side).floor() + 0.5) / side - 0.5,
+                );
+                drawn[class].0.push((column + 1) as f64 + 0.8 * x);
+                drawn[class].1.push((row + 1) as f64 + 0.8 * y);
+            }
+        }
+    }
+    let mut chart =
+        Chart::plane("", Axis::new("said, by number", ""), Axis::new("concealed, by number", "")).height(560);
+    for (name, (x, y)) in ["right", "another name", "no name"].into_iter().zip(&drawn) {
+        if !x.is_empty() {
+            chart = chart.series(Series::points(name, x, y));
+        }
+    }
+    let numbers: Vec<String> =
+        columns.iter().enumerate().map(|(k, name)| format!("{} {name}", k + 1)).collect();
+    let rows: Vec<String> =
+        concealed.iter().enumerate().map(|(k, name)| format!("{} {name}", k + 1)).collect();
+    let caption = format!("One dot a case. Across: {}. Upwards: {}.", numbers.join(", "), rows.join(", "));
+    let section = Section::new("Confusion").with(table).with(mistakes(&score.mistakes));
+    if concealed.is_empty() {
+        return section;
+    }
+    section.with(Drawing::new("Confusion matrix").caption(caption).panel(chart))
+}
+
+/// Every confusion with what is known of why.
+fn mistakes(mistakes: &[Mistake]) -> Table {
+    let mut table = Table::new("What was taken for what, and why")
+        .column(Column::text("concealed"))
+        .column(Column::text("said").wrapping())
+        .column(Column::number("times", "").fixed(0));
+    for severity in Severity::ALL {
+        table = table.column(Column::number(severity.name(), "").fixed(0).group("of which"));
+    }
+    table = table
+        .column(Column::number("signal", "floors").fixed(1))
+        .column(Column::text("where").wrapping())
+        .column(Column::text("why").wrapping());
+    for mistake in mistakes {
+        let mut places: Vec<String> =
+            mistake.places.iter().take(PLACES).map(|(place, times)| format!("{times} {place}")).collect();
+        if mistake.places.len() > PLACES {
+            places.push(format!("{} other places", mistake.places.len() - PLACES));
+        }
+        let words = [mistake.concealed.as_str().into(), mistake.said.as_str().into(), count(mistake.times)];
+        let rest = [mistake.signal_to_floor.into(), places.join(", ").into(), mistake.why().into()];
+        table = table.row(words.into_iter().chain(mistake.severities.map(count)).chain(rest));
+    }
+    table.note(
+        "Signal: median of the signal-to-floor ratios. Explains more than counts: the concealed kind at its joint, by itself, against the \
+         least that counts; where it does not, the recording is too weak for it, and where it does but something else explains more, the \
+         two are alike there. What separates the two is what the catalogue says.",
+    )
+}
+
+/// Success by machine and joint, and each place of a matrix.
+pub fn places(receipt: &Receipt, judged: &[Judged], score: &Score) -> Section {
+    let mut table = Table::new("Success by machine and joint, one effect")
+        .column(Column::text("machine"))
+        .column(Column::text("joint"))
+        .column(Column::number("of", "").fixed(0))
+        .column(Column::number("detected", "%").fixed(0))
+        .column(Column::number("right", "%").fixed(0))
+        .column(Column::number("right of detected", "%").fixed(0))
+        .column(Column::number("from", "%").fixed(0).group("95 % interval"))
+        .column(Column::number("to", "%").fixed(0).group("95 % interval"));
+    for (machine, joints) in &score.by_joint {
+        for (joint, bin) in joints {
+            table = table.row(place_row(machine, joint, bin));
+        }
+    }
+    let mut section = Section::new("Places").with(table);
+    let mut shown = BTreeSet::new();
+    for matrix in receipt.parts.iter().filter_map(|part| part.draw.as_ref()?.matrix.as_ref()) {
+        // Shards sweep the same matrix.
+        if shown.insert(format!("{matrix:?}")) {
+            section = grids(section, matrix, receipt, judged);
+        }
+    }
+    section
+}
+
+fn place_row(machine: &str, joint: &str, bin: &Bin) -> [Cell; 8] {
+    let of_detected = Share::new(bin.right.count, bin.detected.count);
+    let percent = |x: f64| Cell::from(100.0 * x);
+    let [low, high] = of_detected.ci95.map(percent);
+    [
+        machine.into(),
+        joint.into(),
+        count(bin.right.of),
+        percent(bin.detected.value()),
+        percent(bin.right.value()),
+        percent(of_detected.value()),
+        low,
+        high,
+    ]
+}
+
+/// One table a machine: kinds downwards, joints across, three letters a place.
+fn grids(section: Section, matrix: &Matrix, receipt: &Receipt, judged: &[Judged]) -> Section {
+    let letters = letters(receipt, judged);
+    let missing = letters.values().filter(|letter| **letter == NOT_MADE).count();
+    let all = matrix.quota().map_or(0, |quota| quota.single);
+    let mut section = section
+        .with(Block::Heading("Every place of the matrix".to_owned()))
+        .with(format!(
+            "{all} cases of one effect were asked for: every kind at every joint that it can sit on, slight, clear and strong in this order. \
+             {missing} of them could not be made, for no strength makes the effect visible there or parts it from a simpler one; each \
+             stands under \"Protocol\" with its reason."
+        ))
+        .with(Block::List(vec![
+            "r right, x right and something more, o one of several with the truth among them, u unknown, m missed, w wrong, f no answer"
+                .to_owned(),
+            format!("{NOT_MADE} could not be made, · not in these shards, blank: the kind has no place there"),
+        ]));
+    for machine in &matrix.machines {
+        let Ok(arm) = machine.data_sheet() else { continue };
+        let joints = arm.joints().iter().map(|joint| joint.name.as_str());
+        let mut table = Table::new(machine.name()).column(Column::text("concealed"));
+        table = joints.chain([WHOLE]).fold(table, |table, joint| table.column(Column::text(joint)));
+        for kind in &matrix.kinds {
+            let held = seats(kind, &arm);
+            let cell = |seat: Option<usize>| {
+                if !held.contains(&seat) {
+                    return Cell::from("");
+                }
+                let joint = seat.map(|joint| arm.joints()[joint].name.as_str());
+                let letter = |s: Severity| letters.get(&place(kind, joint, machine.name(), s.name()));
+                let word = Severity::ALL.map(|s| letter(s).copied().unwrap_or('·'));
+                Cell::from(word.iter().collect::<String>().as_str())
+            };
+            let seats = (0..arm.dof()).map(Some).chain([None]);
+            table = table.row(std::iter::once(Cell::from(kind.as_str())).chain(seats.map(cell)));
+        }
+        section = section.with(table);
+    }
+    section
+}
+
+/// The sign of a place that could not be made.
+const NOT_MADE: char = '–';
+
+/// How each place of a matrix came out.
+fn letters(receipt: &Receipt, judged: &[Judged]) -> BTreeMap<String, char> {
+    let mut letters = BTreeMap::new();
+    for case in of_sort(judged, Sort::Single) {
+        let effect = &case.truth.effects[0];
+        let place = place(&effect.kind, effect.joint.as_deref(), &case.truth.machine, &effect.severity);
+        letters.insert(place, letter(case));
+    }
+    for part in receipt.parts.iter().filter(|part| part.draw.as_ref().is_some_and(|d| d.matrix.is_some())) {
+        let asked = part.not_made.iter().filter_map(|what| what.split_once(": "));
+        // A control that could not be made names no place.
+        let places = asked.map(|(place, _)| place).filter(|place| place.contains(" on "));
+        letters.extend(places.map(|place| (place.to_owned(), NOT_MADE)));
+    }
+    letters
+}
+
+fn letter(case: &Judged) -> char {
+    match (case.outcome, case.answer.verdict.as_str()) {
+        (Outcome::Right, _) => 'r',
+        (Outcome::Extra, _) => 'x',
+        (Outcome::Refused, "one_of") => 'o',
+        (Outcome::Refused, _) => 'u',
+        (Outcome::Missed, _) => 'm',
+        (Outcome::Wrong | Outcome::Partly, _) => 'w',
+        (Outcome::Failed, _) => 'f',
+    }
+}
