@@ -59,7 +59,7 @@ fn column(case: &Judged) -> String {
         (Outcome::Failed, ..) => "(failed)".to_owned(),
         (Outcome::Extra, ..) => "(and more)".to_owned(),
         (_, "unknown", _) => "(unknown)".to_owned(),
-        (Outcome::Refused, ..) => "(one of, with it)".to_owned(),
+        (_, "one_of", _) if concealed.is_among(&case.answer) => "(one of, with it)".to_owned(),
         (_, "one_of", _) => "(one of others)".to_owned(),
         (_, _, Some(other)) => other.kind.clone(),
         (_, _, None) => "(other joint)".to_owned(),
@@ -94,7 +94,7 @@ fn said(case: &Judged) -> String {
             class.dedup();
             // Of one kind alone: which joint is the question.
             let joints = if class.len() == 1 { ", of several joints" } else { "" };
-            let without = if case.outcome == Outcome::Refused { "" } else { ", all of them wrong" };
+            let without = if concealed.is_among(&case.answer) { "" } else { ", all of them wrong" };
             format!("one of {}{joints}{without}", class.join(", "))
         }
         _ if case.answer.effects.iter().all(|effect| effect.kind == concealed.kind) => {
