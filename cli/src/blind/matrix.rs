@@ -81,23 +81,27 @@ fn mistakes(mistakes: &[Mistake]) -> Table {
     let mut table = Table::new("What was taken for what, and why")
         .column(Column::text("concealed"))
         .column(Column::text("said").wrapping())
-        .column(Column::number("times", "").fixed(0));
-    for severity in Severity::ALL {
-        table = table.column(Column::number(severity.name(), "").fixed(0).group("of which"));
-    }
-    table = table
+        .column(Column::text("times").wrapping())
         .column(Column::number("signal", "floors").fixed(1))
-        .column(Column::text("where").wrapping())
-        .column(Column::text("why").wrapping());
+        .column(Column::text("why").wrapping())
+        .column(Column::text("where").wrapping());
     for mistake in mistakes {
         let mut places: Vec<String> =
             mistake.places.iter().take(PLACES).map(|(place, times)| format!("{times} {place}")).collect();
         if mistake.places.len() > PLACES {
             places.push(format!("{} other places", mistake.places.len() - PLACES));
         }
-        let words = [mistake.concealed.as_str().into(), mistake.said.as_str().into(), count(mistake.times)];
-        let rest = [mistake.signal_to_floor.into(), places.join(", ").into(), mistake.why().into()];
-        table = table.row(words.into_iter().chain(mistake.severities.map(count)).chain(rest));
+        let severities = Severity::ALL.iter().zip(mistake.severities).filter(|(_, times)| *times > 0);
+        let times: Vec<String> =
+            severities.map(|(severity, times)| format!("{times} {}", severity.name())).collect();
+        table = table.row([
+            mistake.concealed.as_str().into(),
+            mistake.said.as_str().into(),
+            times.join(", ").into(),
+            mistake.signal_to_floor.into(),
+            mistake.why().into(),
+            places.join(", ").into(),
+        ]);
     }
     table.note(
         "Signal: median of the signal-to-floor ratios. Explains more than counts: the concealed kind at its joint, by itself, against the \
