@@ -9,8 +9,8 @@ use crate::address::Address;
 use crate::error::{LinkError, folder_fault};
 
 /// How often to look for a seat that is taken, a millisecond apart: who merely looks at it, and a process that has just been
-/// started by one that sits, hold it for a moment.
-const LOOKS: u32 = 20;
+/// started by one that sits, hold it for a moment, which on a busy machine may last until they get the processor again.
+const LOOKS: u32 = 500;
 
 /// The system's list of all locks.
 const LOCKS: &str = "/proc/locks";

@@ -81,10 +81,9 @@ fn mistakes(mistakes: &[Mistake]) -> Table {
     let mut table = Table::new("What was taken for what, and why")
         .column(Column::text("concealed"))
         .column(Column::text("said").wrapping())
-        .column(Column::text("times").wrapping())
+        .column(Column::text("times"))
         .column(Column::number("signal", "floors").fixed(1))
-        .column(Column::text("why").wrapping())
-        .column(Column::text("where").wrapping());
+        .column(Column::text("where, and why").wrapping());
     for mistake in mistakes {
         let mut places: Vec<String> =
             mistake.places.iter().take(PLACES).map(|(place, times)| format!("{times} {place}")).collect();
@@ -99,8 +98,7 @@ fn mistakes(mistakes: &[Mistake]) -> Table {
             mistake.said.as_str().into(),
             times.join(", ").into(),
             mistake.signal_to_floor.into(),
-            mistake.why().into(),
-            places.join(", ").into(),
+            format!("{}: {}", places.join(", "), mistake.why()).into(),
         ]);
     }
     table.note(
