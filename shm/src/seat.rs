@@ -8,8 +8,10 @@ use std::time::Duration;
 use crate::address::Address;
 use crate::error::{LinkError, folder_fault};
 
-/// How often to look for a seat that is taken, a millisecond apart: who merely looks at it, and a process that has just been
-/// started by one that sits, hold it for a moment, which on a busy machine may last until they get the processor again.
+/// How often to look for a seat, a millisecond apart, while somebody else sits there: a process that has just been started by one that sits
+/// holds it for a moment, too.
+const LOOKS_AT_TAKEN: u32 = 20;
+/// And in all: who merely looks at it holds it until it gets the processor again, which on a busy machine lasts.
 const LOOKS: u32 = 500;
 
 /// The system's list of all locks.
@@ -43,10 +45,11 @@ impl Seat {
 
     /// Takes the seat until this is dropped, or returns `false` if another process has it.
     pub(crate) fn take(&self) -> Result<bool, LinkError> {
+        let mut taken = 0;
         for _ in 0..LOOKS {
             match self.file.try_lock() {
                 Ok(()) => return Ok(true),
-                Err(TryLockError::WouldBlock) => sleep(Duration::from_millis(1)),
+                Err(TryLockError::WouldBlock) => taken += u32::from(self.is_taken()),
                 Err(TryLockError::Error(source)) => {
                     return Err(LinkError::Folder {
                         doing: "lock a file of",
@@ -55,6 +58,10 @@ impl Seat {
                     });
                 }
             }
+            if taken >= LOOKS_AT_TAKEN {
+                break;
+            }
+            sleep(Duration::from_millis(1));
         }
         Ok(false)
     }
