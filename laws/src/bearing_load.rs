@@ -49,6 +49,21 @@ impl BearingLoad {
         self.slides.map(|slide| self.tau[slide])
     }
 
+    /// Adds to `torques`, one for each joint, `weight` times what the drives have to spend with the journal at `displacement`, m along the
+    /// two slides, N·m (N); after [`BearingLoad::force`].
+    pub fn add_torques(&mut self, displacement: [f64; 2], weight: f64, torques: &mut [f64]) {
+        let put = |spread: &mut [f64], at: [f64; 2]| {
+            self.slides.iter().zip(at).for_each(|(&slide, d)| spread[slide] = d);
+        };
+        let [q, v, a] = &mut self.spread;
+        put(q, displacement);
+        rnea(self.play.arm(), &mut self.workspace, q, v, a, &mut self.tau);
+        put(q, [0.0; 2]);
+        for (joint, torque) in torques.iter_mut().enumerate() {
+            *torque += weight * self.tau[self.play.joint(joint)];
+        }
+    }
+
     /// Speed of the joint, rad/s.
     pub fn turning(&self) -> f64 {
         self.motion[1][self.joint]

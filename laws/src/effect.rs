@@ -6,7 +6,7 @@ use freeplay_arm::{Arm, Joint};
 use nalgebra::{Isometry3, Vector3};
 
 use crate::LawError;
-use crate::columns::Columns;
+use crate::columns::{Change, Columns};
 use crate::injection::Injection;
 use crate::scene::{Prediction, Scene};
 
@@ -33,6 +33,13 @@ pub trait Effect: Debug + Send + Sync {
 
     /// Adds to `tool`, `[axis][point]`, how far the tool is from where the shifted joints put it, base frame, m.
     fn displace(&self, _scene: &Scene, _tool: &mut Columns) {}
+
+    /// The three before in one: an effect that takes one course through the motion follows it once.
+    fn apply(&self, scene: &Scene, change: &mut Change) {
+        self.shift(scene, &mut change.link);
+        self.torque(scene, &mut change.torque);
+        self.displace(scene, &mut change.tool);
+    }
 
     /// Whether [`Effect::measure`] does anything.
     fn measures(&self) -> bool {

@@ -24,6 +24,7 @@
 
 mod basis;
 mod bearing;
+mod bearing_course;
 mod bearing_load;
 pub mod beyond;
 pub mod catalogue;
@@ -38,6 +39,7 @@ mod friction;
 mod harmonic;
 mod injection;
 mod joint_law;
+mod journal_flight;
 mod kind;
 mod lubrication;
 mod manual;

@@ -152,10 +152,7 @@ impl<'a> Baseline<'a> {
     fn plain_change(&self, placed: &Placed) -> Change {
         let (scene, points) = (&self.scene, self.scene.motion.len());
         let mut change = Change::none(scene.arm.dof(), points);
-        let effect = placed.effect.as_ref();
-        effect.shift(scene, &mut change.link);
-        effect.torque(scene, &mut change.torque);
-        effect.displace(scene, &mut change.tool);
+        placed.effect.apply(scene, &mut change);
         if placed.kind.rough {
             for columns in change.parts_mut() {
                 columns.change_written(|column| *column = (self.low_pass)(column));

@@ -7,6 +7,7 @@ use freeplay_arm::{Arm, Inertia, JointKind, Workspace, crba, forward_kinematics,
 use nalgebra::{DMatrix, Isometry3};
 
 use crate::LawError;
+use crate::bearing_course::BearingCourse;
 use crate::columns::Change;
 use crate::effect::ArmParts;
 
@@ -84,6 +85,7 @@ pub struct Scene<'a> {
     tool_sensitivity: OnceCell<Vec<[Vec<f64>; 3]>>,
     carrying: OnceCell<Vec<Vec<f64>>>,
     inertia: OnceCell<Vec<Vec<f64>>>,
+    bearings: Vec<OnceCell<Option<BearingCourse>>>,
 }
 
 impl<'a> Scene<'a> {
@@ -94,7 +96,8 @@ impl<'a> Scene<'a> {
             load.iter_mut().zip(torque).for_each(|(load, torque)| *load -= torque);
         }
         let (tool_sensitivity, carrying, inertia) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        Scene { arm, motion, load, tool_sensitivity, carrying, inertia }
+        let bearings = vec![OnceCell::new(); arm.dof()];
+        Scene { arm, motion, load, tool_sensitivity, carrying, inertia, bearings }
     }
 }
 
@@ -107,6 +110,11 @@ impl Scene<'_> {
     /// Inertia that each joint moves beyond its rotor along the motion, `[joint][point]`, kg·m² (kg); worked out once.
     pub fn inertia(&self) -> &[Vec<f64>] {
         self.inertia.get_or_init(|| inertia(&self.arm, &self.motion.q))
+    }
+
+    /// What the bearing of `joint` carries along the motion, if there can be play in it; worked out once.
+    pub(crate) fn bearing(&self, joint: usize) -> Option<&BearingCourse> {
+        self.bearings[joint].get_or_init(|| BearingCourse::new(&self.arm, joint, self.motion)).as_ref()
     }
 
     /// What 1 kg at the tool's origin adds to the torques, weight and inertia, `[joint][point]`, N·m/kg (N/kg); worked out once.

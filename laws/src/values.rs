@@ -149,12 +149,13 @@ impl Values {
         found.ok_or_else(|| self.unreadable(format!("`{name}` must be one of {}", words.join(", "))))
     }
 
-    /// All parameters as a table of the effect's own.
+    /// All parameters as a table of the effect's own, but for the one called `name`.
     ///
     /// # Errors
     /// [`LawError::Unreadable`] for unknown or missing parameters.
-    pub fn table<T: DeserializeOwned>(&self) -> Result<T, LawError> {
-        let table = self.table.parameters.clone();
+    pub fn table_but<T: DeserializeOwned>(&self, name: &str) -> Result<T, LawError> {
+        let mut table = self.table.parameters.clone();
+        table.remove(name);
         table.try_into().map_err(|error: toml::de::Error| self.unreadable(error.message().to_owned()))
     }
 

@@ -182,6 +182,29 @@ fn several_clearances_add() {
     assert!(worst < 1e-9);
 }
 
+/// Two links out on x swing about the first joint: the second journal gives outwards to the centripetal force and downwards to the weight, and
+/// the first drive carries the weight on a lever that much longer.
+#[test]
+fn a_journal_that_gives_lengthens_the_lever_of_its_load() {
+    let (arm, c, speed) = (two_links(), 4e-4, 3.0);
+    let mut still = samples(&[0.0], &[speed]);
+    for column in [&mut still.q, &mut still.v, &mut still.a] {
+        column.push(vec![0.0]);
+    }
+    let table = ClearanceTable { friction: 0.0, ..ClearanceTable::new(c) };
+    let law = Clearance::new(&table).unwrap();
+    let (outwards, weight) = (3.0 * 2.0 * speed * speed, 3.0 * G);
+    let force = f64::hypot(outwards, weight);
+    let reach = (c + law.normal.static_penetration(force)) * outwards / force;
+    for course in ["rest", "flight"] {
+        let text = format!("clearance = {c:?}\nfriction = 0.0\ncourse = \"{course}\"");
+        let shown = added(&arm, &[effect(&arm, "joint_clearance", Some(1), &text)], &still);
+        close("outwards", shown.tool[0][0], reach, 1e-12);
+        close("torque below", shown.torque[0][0], -weight * reach, 1e-9);
+        close("own torque", shown.torque[1][0], 0.0, 1e-9);
+    }
+}
+
 /// A tick's rest with friction in the prediction is the controller's law: the offset stays c + δ long, turned by atan μ at most.
 #[test]
 fn a_clearance_is_as_long_as_its_play() {

@@ -20,7 +20,7 @@ use nalgebra::DMatrix;
 use toml::{Table, Value};
 
 use crate::basis::{Place, Term, Terms, with};
-use crate::columns::Columns;
+use crate::columns::{Change, Columns};
 use crate::effect::Effect;
 use crate::flight::Flight;
 use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
@@ -340,6 +340,22 @@ impl Effect for Backlash {
         for ((torque, place), v) in torque[self.joint].iter_mut().zip(places).zip(v) {
             *torque += of_friction(self.friction, play.flank(place, *v));
         }
+    }
+
+    fn apply(&self, scene: &Scene, change: &mut Change) {
+        if self.slides() || !self.flies {
+            self.shift(scene, &mut change.link);
+            return self.torque(scene, &mut change.torque);
+        }
+        let (shift, torque) = (&mut change.link[self.joint], &mut change.torque[self.joint]);
+        shift
+            .iter_mut()
+            .zip(&scene.load[self.joint])
+            .for_each(|(shift, load)| *shift -= self.compliance * load);
+        self.fly(scene, |point, flight, extra| {
+            shift[point] -= flight.place();
+            torque[point] += extra;
+        });
     }
 
     fn inject(&self, injection: &mut Injection) {

@@ -2,16 +2,21 @@
 //!
 //! Law: contact by Lankarani & Nikravesh in the plane across the axis, see [`Clearance`]. In a recording the journal rests where
 //! the force b that the bearing carries presses it, turned by its friction, see [`crate::settle`]: about d = (c + (|b|/K)^(2/3)) n with n
-//! along −b, and the tool is off by J d. Journals are microns against the arm, so that those of several joints add. Impacts and free
-//! flight, and the friction's moment on the drive (μ R_j |b|, some mN·m), are left to the plant.
+//! along −b, the tool is off by J d, and the drives carry an arm that is off by d. Journals are microns against the arm, so that those of several joints add. Where the force turns
+//! round, as it does across vertical axes, a journal takes its time to the other side: `course = "flight"` follows it there, see
+//! [`JournalFlight`]. Bounces, what they ask of the drives, and the friction's moment on them (μ R_j |b|, some mN·m) are left to the plant.
+//! Terms, at rest or for the flight through a given clearance: c.
 //! Source: Erkaya 2018, Eqs. 1–7; Flores et al. 2006, Mech. Mach. Theory 41:247.
 
-use crate::basis::{Term, Terms, with};
-use crate::bearing_load::BearingLoad;
-use crate::columns::Columns;
+use toml::{Table, Value};
+
+use crate::basis::{Place, Term, Terms, with};
+use crate::bearing_course::BearingCourse;
+use crate::columns::{Change, Columns};
 use crate::effect::Effect;
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::journal_flight::JournalFlight;
+use crate::kind::{Kind, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::Scene;
@@ -60,9 +65,14 @@ pub static KIND: Kind = Kind {
             meaning: "how the friction depends on the sliding speed",
             range: Range::Word(&["corrected", "ambrosio", "threlfall", "printed"]),
         },
+        Parameter {
+            name: COURSE,
+            meaning: "how a recording's journal goes where the force turns round: at once, or in flight; in the plant it flies and bounces",
+            range: Range::Word(&["rest", "flight"]),
+        },
         Parameter { name: "material", meaning: "Young's modulus and Poisson's ratio", range: Range::Table },
     ],
-    seen: Seen::POSE,
+    seen: Seen::BOTH,
     rough: false,
     equation: "d = (c + (|b|/K)^(2/3)) n, n along the pin force −b across the axis; the tool moves by J d",
     source: "Erkaya 2018, Eqs. 1–7; Lankarani & Nikravesh 1990",
@@ -79,32 +89,100 @@ pub static KIND: Kind = Kind {
         list: |_, _, shape| {
             /// Clearances at which the penetration, some µm that grow with the cube root of c, is nearly the same and cancels.
             const STEP: f64 = 2e-4;
+            if let Some(clearance) = shape.get(FLIGHT).and_then(Value::as_float) {
+                // A flight through another clearance takes another course.
+                let range = [clearance / WIDER, clearance * WIDER];
+                return vec![Term::new("clearance", "m", range, flying(clearance)).stepped(clearance)];
+            }
             let at = |clearance| with(shape, [("clearance", clearance)]);
-            vec![Term::new("clearance", "m", [0.0, 0.01], at(2.0 * STEP)).less(at(STEP)).stepped(STEP)]
+            vec![Term::new("clearance", "m", [0.0, WIDEST], at(2.0 * STEP)).less(at(STEP)).stepped(STEP)]
         },
-        compose: |_, shape, coefficients| with(shape, [("clearance", coefficients[0])]),
+        compose: |_, shape, coefficients| {
+            if shape.contains_key(FLIGHT) {
+                return flying(coefficients[0]);
+            }
+            with(shape, [("clearance", coefficients[0])])
+        },
     },
-    shapes: one_shape,
+    shapes,
     build: |values| {
-        let table: ClearanceTable = values.table()?;
+        let table: ClearanceTable = values.table_but(COURSE)?;
         let clearance = Clearance::new(&table).map_err(|error| error.at(values.line()))?;
-        Ok(Box::new(JointClearance { joint: values.joint()?, clearance }))
+        let flies = values.word(COURSE)? == "flight";
+        Ok(Box::new(JointClearance { joint: values.joint()?, clearance, flies }))
     },
 };
+
+/// The parameter that says how a journal goes where the force turns round.
+const COURSE: &str = "course";
+/// Name of a shape's entry: the clearance through which the journal flies.
+const FLIGHT: &str = "flight";
+/// The widest clearance that is searched for, m.
+const WIDEST: f64 = 0.01;
+/// The narrowest through which a flight is searched for, m, and the factor from one to the next.
+const NARROWEST: f64 = 5e-5;
+const WIDER: f64 = 2.0;
+
+/// A journal at rest, and journals that fly through their clearances.
+fn shapes(_: &Place) -> Vec<Table> {
+    let clearances = std::iter::successors(Some(NARROWEST), |c| Some(WIDER * c)).take_while(|c| *c < WIDEST);
+    let flights = clearances.map(|clearance| with(&Table::new(), [(FLIGHT, clearance)]));
+    std::iter::once(Table::new()).chain(flights).collect()
+}
+
+/// A journal that flies through `clearance`, m.
+fn flying(clearance: f64) -> Table {
+    let course = Table::from_iter([(COURSE.to_owned(), Value::from("flight"))]);
+    with(&course, [("clearance", clearance)])
+}
 
 #[derive(Clone, Copy, Debug)]
 struct JointClearance {
     joint: usize,
     clearance: Clearance,
+    /// Whether the journal takes its time where the force turns round.
+    flies: bool,
+}
+
+impl JointClearance {
+    /// Tells `tell` where the journal is at each point, m along the two slides.
+    fn go(&self, scene: &Scene, mut tell: impl FnMut(&BearingCourse, usize, [f64; 2])) {
+        if !self.flies {
+            let mut last = Rest::default();
+            return follow(scene, self.joint, |bearing, at| {
+                let before = if at.begins { Rest::default() } else { last };
+                last = settle(&self.clearance, at.force, at.turning, &before, at.step);
+                tell(bearing, at.point, last.displacement);
+            });
+        }
+        let mut last: Option<(JournalFlight, [f64; 2])> = None;
+        follow(scene, self.joint, |bearing, at| {
+            let flight = match last {
+                Some((mut flight, from)) if !at.begins => {
+                    flight.advance([from, at.force], at.turning, at.step);
+                    flight
+                }
+                _ => JournalFlight::resting(self.clearance, bearing.mass, at.force),
+            };
+            last = Some((flight, at.force));
+            tell(bearing, at.point, flight.place());
+        });
+    }
 }
 
 impl Effect for JointClearance {
+    fn torque(&self, scene: &Scene, torque: &mut Columns) {
+        self.go(scene, |bearing, point, place| bearing.burden(point, place, torque));
+    }
+
     fn displace(&self, scene: &Scene, tool: &mut Columns) {
-        let mut last = Rest::default();
-        follow(scene, self.joint, self.clearance, tool, |at| {
-            let before = if at.begins { Rest::default() } else { last };
-            last = settle(&self.clearance, at.force, at.turning, &before, at.step);
-            last.displacement
+        self.go(scene, |bearing, point, place| bearing.carry(point, place, tool));
+    }
+
+    fn apply(&self, scene: &Scene, change: &mut Change) {
+        self.go(scene, |bearing, point, place| {
+            bearing.burden(point, place, &mut change.torque);
+            bearing.carry(point, place, &mut change.tool);
         });
     }
 
@@ -116,6 +194,8 @@ impl Effect for JointClearance {
 /// What a journal feels at one point of a motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct AtPoint {
+    /// The point.
+    pub point: usize,
     /// Whether a stretch begins here.
     pub begins: bool,
     /// Time since the point before, s.
@@ -126,24 +206,14 @@ pub(super) struct AtPoint {
     pub turning: f64,
 }
 
-/// Moves the `tool` by what `displacement` says of the journal of `joint` at each point of the motion, along the two slides, m.
-pub(super) fn follow(
-    scene: &Scene,
-    joint: usize,
-    clearance: Clearance,
-    tool: &mut Columns,
-    mut displacement: impl FnMut(AtPoint) -> [f64; 2],
-) {
-    let Ok(mut bearing) = BearingLoad::new(&scene.arm, joint, clearance) else { return };
+/// Tells `tell` what the journal of `joint` feels at each point of the motion.
+pub(super) fn follow(scene: &Scene, joint: usize, mut tell: impl FnMut(&BearingCourse, AtPoint)) {
+    let Some(bearing) = scene.bearing(joint) else { return };
     for stretch in &scene.motion.stretches {
         let step = scene.motion.step(stretch);
         for point in stretch.clone() {
-            let [q, v, a] = &mut bearing.motion;
-            scene.motion.at(point, q, v, a);
-            let (force, turning) = (bearing.force(), bearing.turning());
-            let moved = displacement(AtPoint { begins: point == stretch.start, step, force, turning });
-            let moved = bearing.moved(moved);
-            moved.iter().enumerate().for_each(|(axis, moved)| tool[axis][point] += moved);
+            let (force, turning) = (bearing.force[point], scene.motion.v[joint][point]);
+            tell(bearing, AtPoint { point, begins: point == stretch.start, step, force, turning });
         }
     }
 }

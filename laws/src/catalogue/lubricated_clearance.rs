@@ -105,10 +105,10 @@ struct LubricatedClearance {
 impl Effect for LubricatedClearance {
     fn displace(&self, scene: &Scene, tool: &mut Columns) {
         let mut offset = [0.0; 2];
-        follow(scene, self.joint, self.dry, tool, |at| {
+        follow(scene, self.joint, |bearing, at| {
             let (from, time) = if at.begins { ([0.0; 2], BEFORE) } else { (offset, at.step) };
             offset = self.film.carried(from, at.force, at.turning, time);
-            offset
+            bearing.carry(at.point, offset, tool);
         });
     }
 
