@@ -23,8 +23,12 @@ fn shape(kind: &Kind, place: &Place) -> Table {
     let shapes = (kind.shapes)(place);
     assert!(!shapes.is_empty(), "{} has no shape to search on a rich motion", kind.name);
     // The last of backlash's is the one of gap and stiffness, that of a payload the one with all ten terms.
-    let last = ["backlash", "payload"].contains(&kind.name);
-    let index = if last { shapes.len() - 1 } else { (shapes.len() - 1) / 2 };
+    // The first of radial play is a journal at rest: a flight through another clearance takes another course.
+    let index = match kind.name {
+        "backlash" | "payload" => shapes.len() - 1,
+        "joint_clearance" => 0,
+        _ => (shapes.len() - 1) / 2,
+    };
     shapes[index].clone()
 }
 

@@ -186,7 +186,11 @@ fn several_clearances_add() {
 /// the first drive carries the weight on a lever that much longer.
 #[test]
 fn a_journal_that_gives_lengthens_the_lever_of_its_load() {
-    let (arm, c, speed) = (two_links(), 4e-4, 3.0);
+    let (slim, c, speed) = (two_links(), 4e-4, 3.0);
+    // A point of mass turns about its journal without inertia: such a play moves nothing.
+    let mut joints = slim.joints().to_vec();
+    joints[1].inertia.about_com = Matrix3::identity() * 0.1;
+    let arm = Arm::new("two", joints, *slim.tool(), *slim.gravity()).unwrap();
     let mut still = samples(&[0.0], &[speed]);
     for column in [&mut still.q, &mut still.v, &mut still.a] {
         column.push(vec![0.0]);
@@ -195,13 +199,15 @@ fn a_journal_that_gives_lengthens_the_lever_of_its_load() {
     let law = Clearance::new(&table).unwrap();
     let (outwards, weight) = (3.0 * 2.0 * speed * speed, 3.0 * G);
     let force = f64::hypot(outwards, weight);
-    let reach = (c + law.normal.static_penetration(force)) * outwards / force;
+    let length = c + law.normal.static_penetration(force);
+    let (reach, drop) = (length * outwards / force, length * weight / force);
     for course in ["rest", "flight"] {
         let text = format!("clearance = {c:?}\nfriction = 0.0\ncourse = \"{course}\"");
         let shown = added(&arm, &[effect(&arm, "joint_clearance", Some(1), &text)], &still);
         close("outwards", shown.tool[0][0], reach, 1e-12);
         close("torque below", shown.torque[0][0], -weight * reach, 1e-9);
-        close("own torque", shown.torque[1][0], 0.0, 1e-9);
+        // The second link circles below the first axis, and its mass, 1 m out, is drawn up.
+        close("own torque", shown.torque[1][0], -3.0 * speed * speed * drop, 1e-9);
     }
 }
 

@@ -182,8 +182,8 @@ fn elsewhere(kind: &str) -> Option<&'static str> {
     })
 }
 
-/// The kinds whose flanks hit each other, which shows in the torque and is not predicted: told by the pose alone.
-const HITTING: [&str; 1] = ["backlash"];
+/// The kinds whose flanks or journals hit, which shows in the torque and is not predicted: told by the pose alone.
+const HITTING: [&str; 2] = ["backlash", "joint_clearance"];
 
 fn effects(kind: &Kind, parameters: &str, arm: &Arm, joint: usize) -> Effects {
     let joint = (kind.site != Site::Arm).then(|| arm.joints()[joint].name.clone());
