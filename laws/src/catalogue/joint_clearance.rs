@@ -2,9 +2,10 @@
 //!
 //! Law: contact by Lankarani & Nikravesh in the plane across the axis, see [`Clearance`]. In a recording the journal rests where
 //! the force b that the bearing carries presses it, turned by its friction, see [`crate::settle`]: about d = (c + (|b|/K)^(2/3)) n with n
-//! along −b, the tool is off by J d, and the drives carry an arm that is off by d. Journals are microns against the arm, so that those of several joints add. Where the force turns
-//! round, as it does across vertical axes, a journal takes its time to the other side: `course = "flight"` follows it there, see
-//! [`JournalFlight`]. Bounces, what they ask of the drives, and the friction's moment on them (μ R_j |b|, some mN·m) are left to the plant.
+//! along −b, the tool is off by J d, and the drives carry an arm that is off by d. Journals are microns against the arm, so that those of
+//! several joints add. Where the force turns round, as it does across vertical axes, a journal takes its time to the other side:
+//! `course = "flight"` follows it there, see [`JournalFlight`]. Bounces, what they ask of the drives, and the friction's moment on them
+//! (μ R_j |b|, some mN·m) are left to the plant.
 //! Terms, at rest or for the flight through a given clearance: c.
 //! Source: Erkaya 2018, Eqs. 1–7; Flores et al. 2006, Mech. Mach. Theory 41:247.
 
@@ -91,7 +92,7 @@ pub static KIND: Kind = Kind {
             const STEP: f64 = 2e-4;
             if let Some(clearance) = shape.get(FLIGHT).and_then(Value::as_float) {
                 // A flight through another clearance takes another course.
-                let range = [clearance / WIDER, clearance * WIDER];
+                let range = [clearance / WIDER, (clearance * WIDER).min(WIDEST)];
                 return vec![Term::new("clearance", "m", range, flying(clearance)).stepped(clearance)];
             }
             let at = |clearance| with(shape, [("clearance", clearance)]);
