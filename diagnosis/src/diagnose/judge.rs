@@ -196,7 +196,7 @@ impl<'a, 'b> Judge<'a, 'b> {
             if is_last && best.is_none() {
                 return Ok(Some(proofs));
             }
-            let Some(size) = self.size(search)? else { return Ok(None) };
+            let Some(size) = self.size(search, None)? else { return Ok(None) };
             if best.as_ref().is_none_or(|(least, ..)| size < *least) {
                 best = Some((size, search.standing(), proofs));
             }
@@ -213,9 +213,10 @@ impl<'a, 'b> Judge<'a, 'b> {
         }))
     }
 
-    /// How large the held-out errors of what `search` has chosen are: the mean logarithm of those above the noise floor.
-    fn size(&self, search: &Search) -> Result<Option<f64>, LawError> {
-        let Some(errors) = self.errors(search, None)? else { return Ok(None) };
+    /// How large the held-out errors of what `search` has chosen are, but for the effect number `left_out`: the mean logarithm of those
+    /// above the noise floor.
+    fn size(&self, search: &Search, left_out: Option<usize>) -> Result<Option<f64>, LawError> {
+        let Some(errors) = self.errors(search, left_out)? else { return Ok(None) };
         let over: Vec<f64> = self
             .held
             .rms(&errors.tuned_after)
@@ -226,7 +227,8 @@ impl<'a, 'b> Judge<'a, 'b> {
         Ok(Some(over.iter().sum::<f64>() / over.len().max(1) as f64))
     }
 
-    /// Drops effects that don't prove themselves, the weakest first: without it the others may.
+    /// Drops effects that don't prove themselves, one after another, since without it the others may: each time the one without which
+    /// the held-out errors are least. What brings least itself may only suffer from another.
     fn drop_unproven(
         &self,
         search: &mut Search,
@@ -238,9 +240,14 @@ impl<'a, 'b> Judge<'a, 'b> {
                 let Some(proof) = self.proof(search, index)? else { return Ok(None) };
                 proofs.push(proof);
             }
-            let failing = (0..proofs.len()).filter(|&index| proofs[index].gain.value < LEAST_HELD_OUT);
-            let weakest = failing.min_by(|&a, &b| proofs[a].gain.value.total_cmp(&proofs[b].gain.value));
-            let Some(index) = weakest else { return Ok(Some(proofs)) };
+            let mut worst: Option<(f64, usize)> = None;
+            for index in (0..proofs.len()).filter(|&index| proofs[index].gain.value < LEAST_HELD_OUT) {
+                let Some(without) = self.size(search, Some(index))? else { return Ok(None) };
+                if worst.is_none_or(|(least, _)| without < least) {
+                    worst = Some((without, index));
+                }
+            }
+            let Some((_, index)) = worst else { return Ok(Some(proofs)) };
             let [low, high] = proofs[index].gain.ci95.map(|share| 100.0 * share);
             progress(&format!("{} does not prove itself: {low:.0} to {high:.0} %", search.in_words(index)));
             search.veto(index);
