@@ -34,8 +34,8 @@ const UNTESTABLE: usize = 6;
 
 /// Locates where a recording and a model differ, names the physics left out, models it and shows the fit improve, or says why not.
 ///
-/// The fit rests on the first 70 % of a recording and is judged on the rest; with several recordings, on all but the last. Verdicts:
-/// nothing_missing, named, one_of, unknown, insufficient_data; all of them end with exit code 0.
+/// What is missing is sought in the first 70 % of a recording and judged on the rest, and on each other part by a fit that has not seen
+/// it; its numbers rest on all of it. With several recordings, on all but the last, which judges. Verdicts: nothing_missing, named, one_of, unknown, insufficient_data; all of them end with exit code 0.
 #[derive(Args, Debug)]
 pub struct DiagnoseArgs {
     /// The model: an arm file (URDF or TOML), or "paper".
@@ -47,7 +47,7 @@ pub struct DiagnoseArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing.
+    /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing, tuned inside its tolerances.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Seed of the twins and of all intervals.

@@ -3,8 +3,8 @@
 mod common;
 
 use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind};
-use freeplay_diagnosis::{DiagnoseError, DiagnoseSettings, Diagnosis, Verdict, diagnose};
-use freeplay_laws::ArmParts;
+use freeplay_diagnosis::{DiagnoseError, DiagnoseSettings, Diagnosis, Settings, Verdict, compare, diagnose};
+use freeplay_laws::{ArmParts, Effects};
 use freeplay_recording::Recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -90,6 +90,30 @@ fn coulomb_friction_is_named_at_its_joint_with_its_size() {
     println!("held out: {:.4} before, {:.4} after", fit.before["tau2"].rmse, fit.after["tau2"].rmse);
     assert!(fit.held_out && fit.after["tau2"].rmse < 0.2 * fit.before["tau2"].rmse);
     assert_eq!(diagnosis.model.effects.len(), 1);
+}
+
+/// Masses up to 2 % off leave more than the noise; the model of the diagnosis has them where the fit has them.
+#[test]
+fn the_model_of_a_diagnosis_is_tuned_inside_its_tolerances() {
+    let (model, machine) = (two_joints(), inside(&two_joints(), 11));
+    let more =
+        |joint: usize, v: f64| nominal_friction(joint, v) + if joint == 1 { 0.8 * v.signum() } else { 0.0 };
+    let diagnosis = diagnosed(&model, &[recording(measured(&machine, 20.0, more, 11))]);
+    let later = recording(measured(&machine, 12.0, more, 12));
+    let error = |file: &ArmFile| {
+        let effects = Effects::of(file).expect("effects").placed;
+        let (compared, _) = compare(&file.arm, &effects, &later, &Settings::default()).expect("a comparison");
+        let of = |name: &str| compared.channels.iter().find(|c| c.name == name).expect("a torque").rmse;
+        ["tau1", "tau2"].map(of)
+    };
+    let untuned = ArmFile { arm: model.clone(), ..diagnosis.model.clone() };
+    let (tuned, untuned) = (error(&diagnosis.model), error(&untuned));
+    println!("another recording, N*m: {tuned:.4?} tuned, {untuned:.4?} with the effect alone");
+    assert!(tuned[0] < 0.7 * untuned[0] && tuned[1] < untuned[1]);
+    for (tuned, given) in diagnosis.model.arm.joints().iter().zip(model.joints()) {
+        let share = tuned.inertia.mass / given.inertia.mass - 1.0;
+        assert!(share.abs() < 0.03, "{}: {:.1} % off", tuned.name, 100.0 * share);
+    }
 }
 
 #[test]

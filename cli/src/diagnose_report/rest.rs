@@ -87,7 +87,7 @@ pub fn model(subject: &Subject) -> Option<Section> {
         section.with("Nothing is added to the model: `model.toml` is the model as given.")
     } else {
         section
-            .with("`model.toml` is the model as given with these effects; `compare`, `run` and the controllers read it as it is.")
+            .with("`model.toml` is the model with these effects, its masses, lengths and friction tuned inside their tolerances; `compare`, `run` and the controllers read it as it is.")
             .with(Block::Code(effects.trim_end().to_owned()))
     };
     if let Some(recording) = subject.recordings.last() {

@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{ArmFile, EffectTable};
-use freeplay_laws::{LawError, kind};
+use freeplay_arm::{Arm, ArmFile, EffectTable};
+use freeplay_laws::{ArmParts, LawError, kind};
 use nalgebra::DMatrix;
 
 use super::engine::DiagnoseSettings;
 use super::excess::Excess;
 use super::hypothesis::Hypothesis;
 use super::interval::draws;
-use super::judge::{Judge, Proof};
+use super::judge::Judge;
 use super::locate::{Map, correct, maps};
 use super::numbers::{parameters, widened};
 use super::passage::{noise, passages};
@@ -20,6 +20,7 @@ use super::report::{
 };
 use super::search::{Chosen, Search};
 use super::show::HeldOut;
+use super::trial::Proof;
 use super::words;
 use crate::residual::Kind;
 
@@ -36,12 +37,14 @@ pub(crate) struct Conclusion<'c, 'a, 'b> {
     pub file: &'c ArmFile,
     pub settings: &'c DiagnoseSettings,
     pub search: &'c Search<'a, 'b>,
+    /// The same effects on all that was recorded where that is more than the fit rests on: their numbers are these.
+    pub whole: Option<&'c Search<'a, 'b>>,
     pub judge: &'c Judge<'a, 'b>,
     pub proofs: &'c [Proof],
     pub data: &'c str,
 }
 
-impl Conclusion<'_, '_, '_> {
+impl<'a, 'b> Conclusion<'_, 'a, 'b> {
     /// The diagnosis of recordings that can't tell, because of `lack`.
     pub fn insufficient(
         file: &ArmFile,
@@ -80,7 +83,7 @@ impl Conclusion<'_, '_, '_> {
         quality: Vec<String>,
         untestable: Vec<Untestable>,
     ) -> Result<Option<Diagnosis>, LawError> {
-        let Some(errors) = self.judge.errors(self.search, None)? else { return Ok(None) };
+        let Some(errors) = self.judge.errors(self.search)? else { return Ok(None) };
         let Some(black_box) = self.judge.black_box(self.search, &errors) else { return Ok(None) };
         let (Some(maps), Some(drawn)) = (self.maps(), self.drawn()) else { return Ok(None) };
         let (tables, effects) = self.effects(&drawn);
@@ -95,6 +98,9 @@ impl Conclusion<'_, '_, '_> {
         let verdict = self.verdict(&errors, &channels, &fit, &excess, &alternatives, &location);
         let mut model = self.file.clone();
         if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) {
+            if !tables.is_empty() {
+                model.arm = self.tuned_arm().unwrap_or(model.arm);
+            }
             model.effects.extend(tables);
         }
         let mut diagnosis = Diagnosis {
@@ -121,7 +127,7 @@ impl Conclusion<'_, '_, '_> {
         Ok(Some(diagnosis))
     }
 
-    fn arm(&self) -> &freeplay_arm::Arm {
+    fn arm(&self) -> &Arm {
         &self.file.arm
     }
 
@@ -129,25 +135,40 @@ impl Conclusion<'_, '_, '_> {
         joint.map(|joint| self.arm().joints()[joint].name.clone())
     }
 
+    /// What the numbers rest on.
+    fn numbers(&self) -> &Search<'a, 'b> {
+        self.whole.unwrap_or(self.search)
+    }
+
+    /// The arm of the file, its masses, lengths and frictions where the fit has them inside their tolerances.
+    fn tuned_arm(&self) -> Option<Arm> {
+        let search = self.numbers();
+        let fit = search.system.fit(&search.active(None))?;
+        let mut parts = ArmParts::of(self.arm());
+        let bound = search.case.nuisances[0].iter().filter(|nuisance| !nuisance.free);
+        let eta = fit.eta.iter().zip(&search.system.precision).filter(|(_, precision)| **precision > 1e-6);
+        for (nuisance, (deviations, _)) in bound.zip(eta) {
+            nuisance.of.change(&mut parts, &self.settings.tolerances, *deviations);
+        }
+        parts.into_arm(self.arm().name()).ok()
+    }
+
     /// Draws of all active coefficients, nuisances first, then the effects in the order in which they were chosen.
     fn drawn(&self) -> Option<DMatrix<f64>> {
-        draws(
-            self.search.case,
-            &self.search.system,
-            &self.search.system.fit(&self.search.active(None))?,
-            self.settings.seed,
-        )
+        let search = self.numbers();
+        let fit = search.system.fit(&search.active(None))?;
+        draws(search.case, &search.system, &fit, self.settings.seed)
     }
 
     /// The named effects, as tables for an arm file and as findings.
     fn effects(&self, drawn: &DMatrix<f64>) -> (Vec<EffectTable>, Vec<Effect>) {
-        let search = self.search;
+        let search = self.numbers();
         let Some(fit) = search.system.fit(&search.active(None)) else { return (Vec::new(), Vec::new()) };
         let covariance = search.system.covariance(&fit);
         let mut at = search.nuisances().len();
         let (mut tables, mut effects) = (Vec::new(), Vec::new());
-        for (index, (chosen, proof)) in search.chosen.iter().zip(self.proofs).enumerate() {
-            let hypothesis = &search.hypotheses[chosen.hypothesis];
+        for (index, (chosen, proof)) in self.search.chosen.iter().zip(self.proofs).enumerate() {
+            let hypothesis = search.named(index);
             let columns = at..at + hypothesis.size();
             at = columns.end;
             let beta: Vec<f64> = columns.clone().map(|k| fit.eta[k]).collect();

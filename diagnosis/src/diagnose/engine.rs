@@ -9,7 +9,7 @@ use super::case::Case;
 use super::conclude::Conclusion;
 use super::floor::null;
 use super::hypothesis::hypotheses;
-use super::judge::Judge;
+use super::judge::{Judge, Turn};
 use super::parts::Parts;
 use super::quality;
 use super::report::Diagnosis;
@@ -111,10 +111,29 @@ pub fn diagnose(
     let mut search = Search::new(&fitted, system, hypotheses, null);
     search.run(progress).ok_or(DiagnoseError::Singular)?;
     progress("judging on held-out data");
-    let judge = Judge::new(&held, settings.seed);
+    // Without a finding nothing is to be judged, and a part in which the arm stands can't.
+    let parted = if search.chosen.is_empty() { &[] } else { parts.turns.as_slice() };
+    let of_turns: Vec<_> = parted.iter().filter_map(|turn| grounds(turn).ok()).collect();
+    let of_whole = grounds(parts.whole.as_slice()).ok().filter(|grounds| !grounds.is_empty());
+    let case = |grounds| -> Result<Case, LawError> {
+        Ok(Case::new(stages_of(&file.arm, &known, grounds)?, &settings.tolerances))
+    };
+    let turns = of_turns.iter().map(|turn| Ok(Turn { fitted: case(&turn[..1])?, held: case(&turn[1..])? }));
+    let turns = turns.collect::<Result<Vec<_>, LawError>>()?;
+    let judge = Judge::new(&held, &turns, settings.seed);
     let proofs = judge.sift(&mut search, progress)?.ok_or(DiagnoseError::Singular)?;
-    let conclusion =
-        Conclusion { file, settings, search: &search, judge: &judge, proofs: &proofs, data: &parts.how };
+    let whole = of_whole.as_deref().map(case).transpose()?;
+    let whole = whole.as_ref().map(|case| search.laid_on(case, &case.system(case.target()))).transpose()?;
+    let whole = whole.filter(Search::is_possible);
+    let conclusion = Conclusion {
+        file,
+        settings,
+        search: &search,
+        whole: whole.as_ref(),
+        judge: &judge,
+        proofs: &proofs,
+        data: &parts.how,
+    };
     conclusion.diagnosis(notes, untestable)?.ok_or(DiagnoseError::Singular)
 }
 

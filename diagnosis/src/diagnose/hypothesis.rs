@@ -60,6 +60,20 @@ impl Hypothesis {
         Ok(self.shown.iter().map(|&place| std::mem::take(&mut all[place])).collect())
     }
 
+    /// The same effect on the rows of `case`, whose system is `system`.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn laid_on(&self, case: &Case, system: &System) -> Result<Hypothesis, LawError> {
+        Ok(Self {
+            shape: self.shape.clone(),
+            terms: self.terms.clone(),
+            shown: self.shown.clone(),
+            block: system.block(self.columns_on(case)?),
+            ..*self
+        })
+    }
+
     /// The same effect at the same place.
     pub fn same_effect(&self, other: &Hypothesis) -> bool {
         self.kind.name == other.kind.name && self.joint == other.joint

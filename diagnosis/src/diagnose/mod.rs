@@ -11,7 +11,7 @@
 //! - `noise`, `twins` and `floor`: what is found in nothing.
 //! - `search`, `select` and `refine`: which effects explain what the model leaves, and in which shape;
 //!   `validate`: whether they do so where they were not fitted.
-//! - `show` and `judge`: what they are worth on held-out data.
+//! - `show`, `trial` and `judge`: what they are worth on held-out data.
 //! - `excess`: whether more is left than noise explains.
 //! - `variables` and `passage`: what pictures are drawn from.
 //! - `interval`, `numbers`, `rivals`, `locate`, `words`, `conclude`, `report`: what is said.
@@ -43,6 +43,7 @@ mod show;
 mod stage;
 mod system;
 mod tolerance;
+mod trial;
 mod twins;
 mod universal;
 mod validate;

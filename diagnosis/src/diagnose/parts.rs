@@ -11,6 +11,8 @@ const MOST_NUMBERS: usize = 300_000;
 const WINDOWS: usize = 8;
 /// Share of a single recording that the fit rests on.
 const FITTED: f64 = 0.7;
+/// Parts of that which are held out in turn, too.
+const TURNS: usize = 2;
 /// Share of the greatest span of a joint within which all of them rest.
 const REST: f64 = 0.01;
 /// Time between two looks at a joint that may rest, s.
@@ -26,6 +28,10 @@ pub(crate) struct Parts {
     pub fitted: Vec<Recording>,
     /// What takes no part in it.
     pub held: Vec<Recording>,
+    /// Other partings of the only recording: what is fitted and what is held out.
+    pub turns: Vec<[Recording; 2]>,
+    /// All of the only recording.
+    pub whole: Option<Recording>,
     /// How they were parted, in words.
     pub how: String,
     /// What was left out, one sentence each.
@@ -46,22 +52,42 @@ impl Parts {
         if all.len() > 1 {
             let held: Vec<Recording> = all.pop().into_iter().collect();
             let name = held.first().map_or_else(String::new, file_name);
-            return Self { fitted: all, held, how: format!("recording {name}, not used for the fit"), notes };
+            let how = format!("recording {name}, not used for the fit");
+            return Self { fitted: all, held, turns: Vec::new(), whole: None, how, notes };
         }
         let Some(only) = all.pop() else {
-            return Self { fitted: Vec::new(), held: Vec::new(), how: String::new(), notes };
+            let (fitted, held, turns) = (Vec::new(), Vec::new(), Vec::new());
+            return Self { fitted, held, turns, whole: None, how: String::new(), notes };
         };
         let (begin, end) = (only.t[0], only.t[only.len() - 1]);
-        let parting = begin + FITTED * (end - begin);
-        let before = only.t.partition_point(|t| *t < parting);
-        let after = only.t.partition_point(|t| *t < parting + GUARD_S);
+        let at = |share: f64| begin + share * (end - begin);
+        let turn = |turn: usize| FITTED / TURNS as f64 * turn as f64;
+        let [fitted, held] = parted(&only, at(FITTED)..end);
         Self {
-            fitted: vec![rows(&only, std::slice::from_ref(&(0..before)))],
-            held: vec![rows(&only, std::slice::from_ref(&(after..only.len())))],
-            how: "the last 30 %, not used for the fit".to_owned(),
+            fitted: vec![fitted],
+            held: vec![held],
+            turns: (0..TURNS).map(|k| parted(&only, at(turn(k))..at(turn(k + 1)))).collect(),
+            how: "the last 30 %, not used to find what is missing".to_owned(),
+            whole: Some(only),
             notes,
         }
     }
+}
+
+/// `recording` without the times `held`, and what is within these but for a guard towards its neighbours.
+fn parted(recording: &Recording, held: Range<f64>) -> [Recording; 2] {
+    let t = &recording.t;
+    let at = |time: f64| t.partition_point(|t| *t < time);
+    let (first, last) = (t[0], t[t.len() - 1]);
+    let (before, from) =
+        if held.start > first { (0..at(held.start), at(held.start + GUARD_S)) } else { (0..0, 0) };
+    let (after, to) = if held.end < last {
+        (at(held.end)..t.len(), at(held.end - GUARD_S))
+    } else {
+        (t.len()..t.len(), t.len())
+    };
+    let around: Vec<Range<usize>> = [before, after].into_iter().filter(|range| !range.is_empty()).collect();
+    [rows(recording, &around), rows(recording, std::slice::from_ref(&(from..to.max(from))))]
 }
 
 /// The rows of `recording` without long rest at its ends, where every joint stays within [`REST`] of where it is at that end: dry friction may hold any part
@@ -173,6 +199,30 @@ mod tests {
         let (fitted, held) = (&parts.fitted[0], &parts.held[0]);
         assert_eq!((fitted.len(), held.len()), (7000, 2800));
         assert!(held.t[0] - fitted.t[fitted.len() - 1] > 0.2);
+    }
+
+    /// Each sample is held out once but for the guards; what is fitted meanwhile keeps away from it.
+    #[test]
+    fn every_part_of_one_recording_is_held_out_in_turn() {
+        let whole = recording(10_000);
+        let parts = Parts::of(std::slice::from_ref(&whole));
+        let partings = parts.turns.iter().map(|[fitted, held]| (fitted, held));
+        let all: Vec<_> = partings.chain([(&parts.fitted[0], &parts.held[0])]).collect();
+        let mut held_out = 0;
+        for (fitted, held) in &all {
+            let (from, to) = (held.t[0], held.t[held.len() - 1]);
+            let near = fitted.t.iter().map(|t| (from - t).max(t - to)).fold(f64::INFINITY, f64::min);
+            println!(
+                "{} fitted, {} held out from {from:.3} to {to:.3} s, {near:.3} s apart",
+                fitted.len(),
+                held.len()
+            );
+            assert!(near > 0.19 && fitted.len() + held.len() >= whole.len() - 402);
+            held_out += held.len();
+        }
+        assert_eq!(all.len(), 3);
+        assert!(held_out <= whole.len() && held_out >= whole.len() - 804, "{held_out}");
+        assert_eq!(parts.whole.map(|all| all.len()), Some(whole.len()));
     }
 
     /// Two seconds of motion between 2.5 s of rest and five and a half: the end of the motion is held out.

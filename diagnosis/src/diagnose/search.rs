@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use freeplay_laws::LawError;
+
 use super::case::{Case, Weighing};
 use super::hypothesis::Hypothesis;
 use super::system::{Fit, System};
@@ -40,6 +42,7 @@ pub(crate) struct Chosen {
 }
 
 /// Where a search stands, to go back to.
+#[derive(Clone)]
 pub(crate) struct Standing {
     chosen: Vec<Chosen>,
     weights: Vec<f64>,
@@ -92,6 +95,25 @@ impl<'a, 'b> Search<'a, 'b> {
     pub fn go_back(&mut self, to: Standing) {
         (self.chosen, self.system.weights, self.barred, self.vetoed) =
             (to.chosen, to.weights, to.barred, to.vetoed);
+    }
+
+    /// The same effects with the same weights, laid on `case`, whose nuisances are `base`: another stretch of the same recording.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn laid_on<'c>(&self, case: &'c Case<'a>, base: &System) -> Result<Search<'a, 'c>, LawError> {
+        let mut system = base.clone();
+        system.weights.clone_from(&self.system.weights);
+        let hypotheses =
+            self.chosen.iter().map(|chosen| self.hypotheses[chosen.hypothesis].laid_on(case, &system));
+        let hypotheses = hypotheses.collect::<Result<Vec<_>, _>>()?;
+        let mut laid = Search::new(case, system, hypotheses, self.null.clone());
+        for (index, here) in self.chosen.iter().enumerate() {
+            let there = laid.admit(index);
+            laid.system.replace_as(&self.system, &here.columns, &there.columns);
+            laid.chosen.push(there);
+        }
+        Ok(laid)
     }
 
     /// Base columns of the nuisances and of all that was taken in, without the effect number `left_out`.

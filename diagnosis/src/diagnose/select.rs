@@ -442,6 +442,12 @@ impl Search<'_, '_> {
         Some(true)
     }
 
+    /// Whether an arm can have all that was taken in.
+    pub fn is_possible(&self) -> bool {
+        let fit = self.system.fit(&self.active(None));
+        fit.is_some_and(|fit| (0..self.chosen.len()).all(|index| self.is_sayable(&fit, index)))
+    }
+
     /// Whether the effect number `index` is physical in `fit`, an arm file can say it, and an arm can have it beside those before it.
     fn is_sayable(&self, fit: &Fit, index: usize) -> bool {
         let arm = self.case.stages[0].arm();

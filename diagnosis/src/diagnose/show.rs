@@ -41,7 +41,7 @@ pub(crate) struct Coefficients<'c> {
     /// Of the nuisances beside the effects.
     pub tuned: &'c [f64],
     /// Of the effects' columns.
-    pub effects: &'c [(Column, f64)],
+    pub effects: &'c [(&'c Column, f64)],
 }
 
 /// The errors of `held` under what was fitted elsewhere. `free` are the base columns that no prior binds.
@@ -88,30 +88,45 @@ pub(crate) fn rms(rows: &[f64], kept: &[f64]) -> f64 {
     (rows.iter().map(|x| x * x).sum::<f64>() / count.max(1.0)).sqrt()
 }
 
-/// 1 − |after|/|before| over `channels`, each weighed, with the interval of a bootstrap of blocks.
-pub(crate) fn gain(
-    case: &Case,
-    channels: &[usize],
-    weights: &[f64],
-    before: &[Vec<f64>],
-    after: &[Vec<f64>],
-    seed: u64,
-) -> Gain {
-    let mut blocks: Vec<[f64; 2]> = Vec::new();
-    for &channel in channels {
-        let (stage, _) = case.place(channel);
-        let motion = case.stages[stage].motion();
-        for stretch in &motion.stretches {
-            let long = ((BLOCK_S / motion.step(stretch).max(1e-12)) as usize).max(1);
-            for (b, a) in before[channel][stretch.clone()]
-                .chunks(long)
-                .zip(after[channel][stretch.clone()].chunks(long))
-            {
-                let square = |x: &[f64]| weights[channel] * x.iter().map(|x| x * x).sum::<f64>();
-                blocks.push([square(b), square(a)]);
+/// Errors of the same rows before and after something.
+pub(crate) struct Compared<'c, 'a> {
+    /// The recordings.
+    pub case: &'c Case<'a>,
+    /// Channels that count.
+    pub channels: Vec<usize>,
+    /// Weights of all channels.
+    pub weights: Vec<f64>,
+    /// Errors before.
+    pub before: &'c [Vec<f64>],
+    /// Errors after.
+    pub after: &'c [Vec<f64>],
+}
+
+impl Compared<'_, '_> {
+    /// Weighed squares before and after, block by block.
+    fn blocks(&self) -> Vec<[f64; 2]> {
+        let mut blocks = Vec::new();
+        for &channel in &self.channels {
+            let (stage, _) = self.case.place(channel);
+            let motion = self.case.stages[stage].motion();
+            for stretch in &motion.stretches {
+                let long = ((BLOCK_S / motion.step(stretch).max(1e-12)) as usize).max(1);
+                for (b, a) in self.before[channel][stretch.clone()]
+                    .chunks(long)
+                    .zip(self.after[channel][stretch.clone()].chunks(long))
+                {
+                    let square = |x: &[f64]| self.weights[channel] * x.iter().map(|x| x * x).sum::<f64>();
+                    blocks.push([square(b), square(a)]);
+                }
             }
         }
+        blocks
     }
+}
+
+/// 1 − |after|/|before| over all of `compared`, with the interval of a bootstrap of blocks.
+pub(crate) fn gain(compared: &[Compared], seed: u64) -> Gain {
+    let blocks: Vec<[f64; 2]> = compared.iter().flat_map(Compared::blocks).collect();
     let share = |sums: [f64; 2]| if sums[0] > 0.0 { 1.0 - (sums[1] / sums[0]).sqrt() } else { 0.0 };
     let sum = |pick: &mut dyn Iterator<Item = usize>| {
         pick.fold([0.0, 0.0], |sum, k| [sum[0] + blocks[k][0], sum[1] + blocks[k][1]])

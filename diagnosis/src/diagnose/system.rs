@@ -165,6 +165,15 @@ impl System {
         columns
     }
 
+    /// Lets the base columns `ours` replace the nuisances that their like `theirs` replace in `other`, and no others.
+    pub fn replace_as(&mut self, other: &System, theirs: &[usize], ours: &[usize]) {
+        self.replaces.retain(|(column, _)| !ours.contains(column));
+        for (column, like) in ours.iter().zip(theirs) {
+            let same = other.replaces.iter().filter(|(column, _)| column == like);
+            self.replaces.extend(same.map(|(_, nuisance)| (*column, *nuisance)));
+        }
+    }
+
     /// The nuisances of which the base column `column` says nearly all: what has a name is no tolerance any more, and the prior of the
     /// one must not keep a part of the other.
     fn said_by(&self, column: usize) -> Vec<usize> {

@@ -44,10 +44,50 @@ pub(crate) struct Nuisance {
     pub answer: Answer,
     /// Whether it has no prior at all: the zero of a link encoder.
     pub free: bool,
+    /// What of the machine it is.
+    pub of: Of,
+}
+
+/// What of a machine is uncertain. Joints by number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Of {
+    /// Mass of a link.
+    Mass(usize),
+    /// Inertia of a link about its centre of mass.
+    Inertia(usize),
+    /// Length between a joint and the one before.
+    Length(usize),
+    /// Length of the tool.
+    Tool,
+    /// Viscous friction that the model names.
+    Viscous(usize),
+    /// Coulomb friction that the model names.
+    Coulomb(usize),
+    /// Zero of an encoder.
+    Zero,
+    /// What belongs to the measurement.
+    Measurement,
+}
+
+impl Of {
     /// Whether it changes the rigid arm.
-    pub arm: bool,
-    /// Whether it shifts the links.
-    pub shifts: bool,
+    pub fn is_rigid(self) -> bool {
+        matches!(self, Self::Mass(_) | Self::Inertia(_) | Self::Length(_) | Self::Tool)
+    }
+
+    /// Changes `parts` by so many standard `deviations` of it; what an arm file does not say leaves them as they are.
+    pub fn change(self, parts: &mut ArmParts, tolerances: &Tolerances, deviations: f64) {
+        let by = |tolerance: f64| EVEN * tolerance * deviations;
+        match self {
+            Self::Mass(joint) => parts.joints[joint].inertia.mass *= 1.0 + by(tolerances.mass),
+            Self::Inertia(joint) => parts.joints[joint].inertia.about_com *= 1.0 + by(tolerances.inertia),
+            Self::Length(joint) => lengthen(&mut parts.joints[joint].placement, by(tolerances.length)),
+            Self::Tool => lengthen(&mut parts.tool, by(tolerances.length)),
+            Self::Viscous(joint) => parts.joints[joint].friction.viscous *= 1.0 + by(tolerances.friction),
+            Self::Coulomb(joint) => parts.joints[joint].friction.coulomb *= 1.0 + by(tolerances.friction),
+            Self::Zero | Self::Measurement => {}
+        }
+    }
 }
 
 /// All nuisances of `stage`, the same in number and order for every recording of an arm.
@@ -64,29 +104,23 @@ pub(crate) fn nuisances(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance>
 fn of_links(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let nominal = stage.arm();
     let mut all = Vec::new();
-    let mut vary = |name: String, change: &dyn Fn(&mut ArmParts)| {
+    let mut vary = |name: String, of: Of| {
         let mut parts = ArmParts::of(nominal);
-        change(&mut parts);
+        of.change(&mut parts, tolerances, 1.0);
         if let Ok(arm) = parts.into_arm(nominal.name()) {
             let answer = stage.rigid_answer(&arm, None);
             if answer.iter().any(Option::is_some) {
-                all.push(Nuisance { name, answer, free: false, arm: true, shifts: false });
+                all.push(Nuisance { name, answer, free: false, of });
             }
         }
     };
     for (index, joint) in nominal.joints().iter().enumerate() {
         let name = &joint.name;
-        vary(format!("mass of link {name}"), &|parts| {
-            parts.joints[index].inertia.mass *= 1.0 + EVEN * tolerances.mass;
-        });
-        vary(format!("inertia of link {name}"), &|parts| {
-            parts.joints[index].inertia.about_com *= 1.0 + EVEN * tolerances.inertia;
-        });
-        vary(format!("length before {name}"), &|parts| {
-            lengthen(&mut parts.joints[index].placement, EVEN * tolerances.length);
-        });
+        vary(format!("mass of link {name}"), Of::Mass(index));
+        vary(format!("inertia of link {name}"), Of::Inertia(index));
+        vary(format!("length before {name}"), Of::Length(index));
     }
-    vary("length of the tool".to_owned(), &|parts| lengthen(&mut parts.tool, EVEN * tolerances.length));
+    vary("length of the tool".to_owned(), Of::Tool);
     all
 }
 
@@ -106,22 +140,24 @@ fn of_friction(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         if nominal.viscous > 0.0 {
             let column: Vec<f64> =
                 stage.motion().v[index].iter().map(|v| scale * nominal.viscous * v).collect();
-            all.push(on_torque(stage, index, format!("viscous friction of {}", joint.name), &column));
+            let name = format!("viscous friction of {}", joint.name);
+            all.push(on_torque(stage, index, name, &column, Of::Viscous(index)));
         }
         if nominal.coulomb > 0.0 {
             let jump = DriveFriction { viscous: 0.0, ..nominal };
             let column: Vec<f64> =
                 stage.whole().v[index].iter().map(|v| scale * jump.resisting(*v)).collect();
             let column = stage.treated(&column);
-            all.push(on_torque(stage, index, format!("Coulomb friction of {}", joint.name), &column));
+            let name = format!("Coulomb friction of {}", joint.name);
+            all.push(on_torque(stage, index, name, &column, Of::Coulomb(index)));
         }
     }
     all
 }
 
-fn on_torque(stage: &Stage, index: usize, name: String, column: &[f64]) -> Nuisance {
+fn on_torque(stage: &Stage, index: usize, name: String, column: &[f64], of: Of) -> Nuisance {
     let answer = stage.by_channel(|kind| (kind == Kind::Torque(index)).then(|| column.to_vec()));
-    Nuisance { name, answer, free: false, arm: false, shifts: false }
+    Nuisance { name, answer, free: false, of }
 }
 
 /// Zeros of the encoders.
@@ -134,7 +170,7 @@ fn of_zeros(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
             shift[index].fill(EVEN * tolerances.zero);
             let name = format!("encoder zero of {}", joint.name);
             let answer = stage.rigid_answer(stage.arm(), Some(&shift));
-            Nuisance { name, answer, free: false, arm: false, shifts: true }
+            Nuisance { name, answer, free: false, of: Of::Zero }
         })
         .collect()
 }
@@ -149,7 +185,7 @@ fn of_delays(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
                 rate.iter().map(|rate| -seconds * rate).collect()
             })
         });
-        Nuisance { name: name.to_owned(), answer: answer.collect(), free: false, arm: false, shifts: false }
+        Nuisance { name: name.to_owned(), answer: answer.collect(), free: false, of: Of::Measurement }
     };
     let delay = EVEN * tolerances.delay;
     vec![
@@ -186,7 +222,7 @@ fn of_tracker(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
                 Kind::Tool(axis) => Some(moved.iter().map(|moved| moved[axis]).collect()),
                 _ => None,
             });
-            all.push(Nuisance { name: name.to_owned(), answer, free: false, arm: false, shifts: false });
+            all.push(Nuisance { name: name.to_owned(), answer, free: false, of: Of::Measurement });
         };
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             let mut way = Vector3::zeros();
@@ -205,8 +241,7 @@ fn of_tracker(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
                 name: format!("zero of {}", channel.name),
                 answer,
                 free: true,
-                arm: false,
-                shifts: false,
+                of: Of::Measurement,
             });
         }
     }

@@ -11,7 +11,7 @@ use super::case::Case;
 use super::noise::{Noise, normal, normals};
 use super::stage::Stage;
 use super::system::subtract;
-use super::tolerance::Tolerances;
+use super::tolerance::{Of, Tolerances};
 use crate::filter::derivatives;
 use crate::residual::Kind;
 
@@ -26,7 +26,7 @@ pub(crate) fn twin(case: &Case, tolerances: &Tolerances, seed: u64) -> Vec<Vec<f
     for (stage, nuisances) in case.stages.iter().zip(&case.nuisances) {
         let mut left = drawn.left(stage, &mut rng);
         for (nuisance, amount) in nuisances.iter().zip(&linear) {
-            if !nuisance.arm && !nuisance.shifts {
+            if !nuisance.of.is_rigid() && nuisance.of != Of::Zero {
                 subtract(&mut left, &nuisance.answer, -amount);
             }
         }

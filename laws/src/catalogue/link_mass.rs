@@ -33,7 +33,8 @@ pub static KIND: Kind = Kind {
     needs: &[Need::Torque],
     terms: Terms {
         list: |_, _, shape| {
-            vec![Term::new("excess", "1", [-1.0, 1e3], with(shape, [("scale", 1.5)])).stepped(0.5)]
+            // A link of three times its mass, or a third of it, is another link.
+            vec![Term::new("excess", "1", [-2.0 / 3.0, 2.0], with(shape, [("scale", 1.5)])).stepped(0.5)]
         },
         compose: |_, shape, coefficients| with(shape, [("scale", 1.0 + coefficients[0])]),
     },

@@ -1,0 +1,216 @@
+//! What a search has chosen, laid on held-out recordings: how far off the model is there, with and without each effect.
+
+use freeplay_laws::LawError;
+
+use super::case::Case;
+use super::search::Search;
+use super::show::{Coefficients, Compared, Gain, HeldOut, gain, held_out};
+use super::system::{Column, System};
+
+/// Least share of the error that a finding takes away where it shows.
+const LEAST_GAIN: f64 = 0.05;
+/// The most by which a finding may make the error of a channel greater on held-out data, as a factor.
+const MOST_BENT: f64 = 1.5;
+/// Share of an effect's own weight that a channel must carry to count as one in which it shows.
+const SHOWS: f64 = 0.1;
+/// What acts to this share in one held-out part alone can't be judged by fits that have not seen that part: a push, a drift that is over.
+const LOCAL: f64 = 0.7;
+/// Share of what is left, in squares, that an effect has to say of held-out data to act there.
+const ACTS: f64 = 0.1;
+
+/// How an effect does on held-out data.
+#[derive(Clone, Debug)]
+pub(crate) struct Proof {
+    /// Share of the error that it takes away.
+    pub gain: Gain,
+    /// Whether held-out data could show it; else the data of the fit.
+    pub held_out: bool,
+    /// Channels within a stage in which it shows.
+    pub channels: Vec<usize>,
+}
+
+/// What `search` has chosen on the recordings `held`.
+pub(crate) struct Trial<'t, 'a, 'b> {
+    search: &'t Search<'a, 'b>,
+    held: &'t Case<'a>,
+    /// The nuisances of `held`.
+    system: &'t System,
+    /// Columns of each effect there.
+    laid: Vec<Vec<Column>>,
+    /// Errors with all effects.
+    errors: HeldOut,
+}
+
+impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
+    /// A trial of `search` on `held`, whose nuisances are in `system`.
+    ///
+    /// # Errors
+    /// See [`LawError`]; `None` if a fit is singular.
+    pub fn new(
+        search: &'t Search<'a, 'b>,
+        held: &'t Case<'a>,
+        system: &'t System,
+    ) -> Result<Option<Self>, LawError> {
+        let chosen = search.chosen.iter();
+        let laid: Vec<Vec<Column>> = chosen
+            .map(|chosen| search.hypotheses[chosen.hypothesis].columns_on(held))
+            .collect::<Result<_, _>>()?;
+        let errors = errors(search, held, system, &laid, None);
+        Ok(errors.map(|errors| Self { search, held, system, laid, errors }))
+    }
+
+    /// Errors with all effects.
+    pub fn into_errors(self) -> HeldOut {
+        self.errors
+    }
+
+    /// How large the errors are without the effect number `left_out`: the mean logarithm of those above the noise floor.
+    pub fn size(&self, left_out: Option<usize>) -> Option<f64> {
+        let without = left_out.map(|_| errors(self.search, self.held, self.system, &self.laid, left_out));
+        let rows = match &without {
+            Some(errors) => &errors.as_ref()?.tuned_after,
+            None => &self.errors.tuned_after,
+        };
+        let left = self.held.rms(rows);
+        let over: Vec<f64> = left
+            .iter()
+            .zip(&self.search.null.floor)
+            .map(|(rms, floor)| (rms / floor.max(f64::MIN_POSITIVE)).max(1.0).ln())
+            .collect();
+        Some(over.iter().sum::<f64>() / over.len().max(1) as f64)
+    }
+
+    /// Weights of the held-out channels: those of the same channel in the first recording of the fit, sample by sample.
+    fn weights(&self) -> Vec<f64> {
+        (0..self.held.kept.len()).map(|c| self.search.system.weights[c % self.held.per_stage()]).collect()
+    }
+
+    /// Channels of the held-out recordings that are in `channels` (numbers within a stage).
+    fn over(&self, channels: &[usize]) -> Vec<usize> {
+        (0..self.held.kept.len()).filter(|c| channels.contains(&(c % self.held.per_stage()))).collect()
+    }
+
+    /// Weighed square of what the effect number `index` says with the coefficients `beta`.
+    fn said(&self, index: usize, beta: &[f64]) -> f64 {
+        squares(&self.laid[index], beta, &self.weights()).iter().sum()
+    }
+}
+
+/// The errors of `search` on `held`, but for the effect number `left_out`; `None` if a fit is singular.
+fn errors(
+    search: &Search,
+    held: &Case,
+    system: &System,
+    laid: &[Vec<Column>],
+    left_out: Option<usize>,
+) -> Option<HeldOut> {
+    let fit = search.system.fit(&search.active(left_out))?;
+    let bare = search.system.fit(&search.nuisances())?;
+    let nuisances = bare.eta.len();
+    let columns = laid.iter().enumerate().filter(|(index, _)| Some(*index) != left_out);
+    let effects: Vec<(&Column, f64)> =
+        columns.flat_map(|(_, columns)| columns).zip(fit.eta.iter().skip(nuisances).copied()).collect();
+    let (retuned, tuned) =
+        (bound(search, system, bare.eta.as_slice()), bound(search, system, &fit.eta.as_slice()[..nuisances]));
+    let coefficients = Coefficients { retuned: &retuned, tuned: &tuned, effects: &effects };
+    Some(held_out(held, system, &coefficients, &free(system)))
+}
+
+/// The coefficients of nuisances with a prior, in the order of the held-out `system`, in which free ones may be other in number.
+fn bound(search: &Search, system: &System, eta: &[f64]) -> Vec<f64> {
+    let (ours, theirs) = (free(system), free(&search.system));
+    let mut bound = eta.iter().enumerate().filter(|(index, _)| !theirs.contains(index)).map(|(_, eta)| *eta);
+    (0..system.base.len())
+        .map(|index| if ours.contains(&index) { 0.0 } else { bound.next().unwrap_or(0.0) })
+        .collect()
+}
+
+/// Base columns of a fresh system that no prior binds.
+fn free(system: &System) -> Vec<usize> {
+    (0..system.base.len())
+        .filter(|&index| system.precision[index] > 0.0 && system.precision[index] < 1e-6)
+        .collect()
+}
+
+/// Weighed squares of Σ βᵢ columnᵢ by channel.
+fn squares(columns: &[Column], beta: &[f64], weights: &[f64]) -> Vec<f64> {
+    let square = |c: usize| {
+        let rows = columns.iter().zip(beta).fold(Vec::new(), |mut sum: Vec<f64>, (column, beta)| {
+            if let Some(part) = &column[c] {
+                sum.resize(part.len(), 0.0);
+                sum.iter_mut().zip(part).for_each(|(sum, x)| *sum += beta * x);
+            }
+            sum
+        });
+        weights[c] * rows.iter().map(|x| x * x).sum::<f64>()
+    };
+    (0..weights.len()).map(square).collect()
+}
+
+/// What naming the effect number `index` brings beside the others in `trials` of the same effects: the first is that of the fit, the others
+/// have held out other parts of the same recording. `None` if a fit is singular.
+pub(crate) fn proof(trials: &[Trial], index: usize, seed: u64) -> Option<Proof> {
+    let main = trials.first()?;
+    let search = main.search;
+    let fit = search.system.fit(&search.active(None))?;
+    let beta = search.coefficients(&fit, index);
+    let per_stage = main.held.per_stage();
+    let fitted = squares(&search.named(index).block.columns, &beta, &search.system.weights);
+    let by_channel: Vec<f64> =
+        (0..per_stage).map(|c| fitted.iter().skip(c).step_by(per_stage).sum()).collect();
+    let strongest = by_channel.iter().copied().fold(0.0, f64::max);
+    let shows: Vec<usize> = (0..per_stage).filter(|&c| by_channel[c] > SHOWS * strongest).collect();
+    let said: Vec<f64> = trials.iter().map(|trial| trial.said(index, &beta)).collect();
+    let is_local = said.iter().any(|part| *part > LOCAL * said.iter().sum::<f64>());
+    let trials = if is_local { &trials[..1] } else { trials };
+    let without: Vec<HeldOut> = trials
+        .iter()
+        .map(|trial| errors(trial.search, trial.held, trial.system, &trial.laid, Some(index)))
+        .collect::<Option<_>>()?;
+    let over = |channels: &[usize]| -> Gain {
+        let compared: Vec<Compared> = trials
+            .iter()
+            .zip(&without)
+            .map(|(trial, without)| Compared {
+                case: trial.held,
+                channels: trial.over(channels),
+                weights: trial.weights(),
+                before: &without.tuned_after,
+                after: &trial.errors.tuned_after,
+            })
+            .collect();
+        gain(&compared, seed)
+    };
+    // What doubles the error of any channel there bends what the others say, whatever it does elsewhere.
+    let square = |rms: Vec<f64>| -> Vec<f64> { rms.iter().map(|rms| rms * rms).collect() };
+    let sum = |all: Vec<Vec<f64>>| -> Vec<f64> {
+        (0..per_stage).map(|c| all.iter().map(|of_trial| of_trial[c]).sum::<f64>().sqrt()).collect()
+    };
+    let with = sum(trials.iter().map(|trial| square(trial.held.rms(&trial.errors.tuned_after))).collect());
+    let bare = sum(trials
+        .iter()
+        .zip(&without)
+        .map(|(trial, rows)| square(trial.held.rms(&rows.tuned_after)))
+        .collect());
+    if let Some(bent) = (0..per_stage).find(|&c| with[c] > MOST_BENT * bare[c]) {
+        return Some(Proof { gain: over(&[bent]), held_out: true, channels: shows });
+    }
+    let on_held = over(&shows);
+    let left: f64 = trials
+        .iter()
+        .flat_map(|trial| trial.over(&shows).into_iter().map(move |c| (trial, c)))
+        .map(|(trial, c)| trial.weights()[c] * trial.errors.tuned_after[c].iter().map(|x| x * x).sum::<f64>())
+        .sum();
+    if said[..trials.len()].iter().sum::<f64>() > ACTS * left {
+        return Some(Proof { gain: on_held, held_out: true, channels: shows });
+    }
+    // It does not act on the held-out data: a push, a drift that is over.
+    let bare = search.system.fit(&search.active(Some(index)))?;
+    let (before, after) = (search.system.residual(&bare), search.system.residual(&fit));
+    let channels = (0..search.case.kept.len()).filter(|c| shows.contains(&(c % per_stage))).collect();
+    let weights = search.system.weights.clone();
+    let of_fit = Compared { case: search.case, channels, weights, before: &before, after: &after };
+    let on_fit = gain(&[of_fit], seed);
+    let held_out = on_fit.value < LEAST_GAIN;
+    Some(Proof { gain: if held_out { on_held } else { on_fit }, held_out, channels: shows })
+}
