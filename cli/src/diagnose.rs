@@ -35,7 +35,8 @@ const UNTESTABLE: usize = 6;
 /// Locates where a recording and a model differ, names the physics left out, models it and shows the fit improve, or says why not.
 ///
 /// What is missing is sought in the first 70 % of a recording and judged on the rest, and on each other part by a fit that has not seen
-/// it; its numbers rest on all of it. With several recordings, on all but the last, which judges. Verdicts: nothing_missing, named, one_of, unknown, insufficient_data; all of them end with exit code 0.
+/// it; its numbers rest on all of it. With several recordings, on all but the last, which judges. Verdicts:
+/// nothing_missing, named, one_of, unknown, insufficient_data; all of them end with exit code 0.
 #[derive(Args, Debug)]
 pub struct DiagnoseArgs {
     /// The model: an arm file (URDF or TOML), or "paper".

@@ -109,6 +109,7 @@ fn deadlines(plant: &Plant) -> Value {
         let counts: serde_json::Map<String, Value> =
             counts.map(|(cause, count)| (cause.name().to_owned(), json!(count))).collect();
         (value["by_evidence"], value["first"]) = (json!(counts), json!(misses.listed()));
+        value["stalls"] = json!(misses.stalls());
     }
     value
 }

@@ -116,7 +116,7 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
         Format::Json => say(&format!("{text}\n"))?,
         Format::Text => say(&in_words(&played, &verdicts, &stage.out))?,
     }
-    Ok(match (played.swaps.len() < args.swaps as usize, verdicts.all_hold()) {
+    Ok(match (played.planned() < args.swaps as usize, verdicts.all_hold()) {
         (true, _) => Exit::Interrupted,
         (false, true) => Exit::Done,
         (false, false) => Exit::Verdict,
@@ -137,6 +137,13 @@ struct Played {
     swaps: Vec<Measured>,
 }
 
+impl Played {
+    /// Swaps that were asked for.
+    fn planned(&self) -> usize {
+        self.swaps.iter().filter(|swap| swap.is_planned()).count()
+    }
+}
+
 impl Stage {
     /// Plays until there were `count` swaps; fewer if interrupted.
     fn play_all(&self, count: u32, per_run: u32, bar: &ProgressBar) -> Result<Played, Failure> {
@@ -152,17 +159,17 @@ impl Stage {
             };
             alone.push(Alone::new(&summary, &name, &recording)?);
         }
-        while (played.swaps.len() as u32) < count {
-            let left = count - played.swaps.len() as u32;
+        while (played.planned() as u32) < count {
+            let left = count - played.planned() as u32;
             let Some(swaps) = self.play_swaps(played.runs, left.min(per_run), &alone)? else {
                 return Ok(played);
             };
-            if swaps.is_empty() {
+            if !swaps.iter().any(Measured::is_planned) {
                 return Err(Failure::internal("no swap took place"));
             }
             played.runs += 1;
             played.swaps.extend(swaps);
-            bar.set_position(played.swaps.len() as u64);
+            bar.set_position(played.planned() as u64);
         }
         Ok(played)
     }
@@ -230,11 +237,15 @@ struct Verdicts {
     swaps: usize,
     asked: u32,
     with_contact_event: usize,
-    /// Swaps that fell on a stall of the machine; the figures below are of the others.
-    stalled: usize,
-    /// Ticks held in these.
-    held_ticks_of_stalled: u64,
+    /// Changes that nobody asked for: an answer lacked or did not pass.
+    fail_overs: usize,
+    /// Greatest gap of these.
+    greatest_gap_of_fail_overs: u64,
+    /// Swaps that did not fall on a stall of the machine: of these is the gap.
+    met: usize,
     greatest_gap_ticks: u64,
+    /// Swaps without a stall of the machine until they had settled: of these are the figures below.
+    undisturbed: usize,
     missed_ticks: u64,
     held_ticks: u64,
     greatest_jump: f64,
@@ -246,15 +257,21 @@ struct Verdicts {
 
 impl Verdicts {
     fn of(all: &[Measured], asked: u32) -> Self {
-        let (stalled, swaps): (Vec<&Measured>, Vec<&Measured>) = all.iter().partition(|swap| swap.stalls > 0);
+        let (planned, fail_overs): (Vec<&Measured>, Vec<&Measured>) =
+            all.iter().partition(|swap| swap.is_planned());
+        let gap = |swaps: &[&Measured]| swaps.iter().map(|swap| swap.gap_ticks).max().unwrap_or(0);
+        let met: Vec<&Measured> = planned.iter().copied().filter(|swap| swap.stalls_in_gap == 0).collect();
+        let swaps: Vec<&Measured> = planned.iter().copied().filter(|swap| swap.stalls == 0).collect();
         let most = |of: &dyn Fn(&Measured) -> f64| swaps.iter().map(|swap| of(swap)).fold(0.0, f64::max);
         Self {
-            swaps: all.len(),
+            swaps: planned.len(),
             asked,
-            with_contact_event: all.iter().filter(|swap| swap.contact_event).count(),
-            stalled: stalled.len(),
-            held_ticks_of_stalled: stalled.iter().map(|swap| swap.held_ticks).sum(),
-            greatest_gap_ticks: swaps.iter().map(|swap| swap.gap_ticks).max().unwrap_or(0),
+            with_contact_event: planned.iter().filter(|swap| swap.contact_event).count(),
+            fail_overs: fail_overs.len(),
+            greatest_gap_of_fail_overs: gap(&fail_overs),
+            met: met.len(),
+            greatest_gap_ticks: gap(&met),
+            undisturbed: swaps.len(),
             missed_ticks: swaps.iter().map(|swap| swap.missed_ticks).sum(),
             held_ticks: swaps.iter().map(|swap| swap.held_ticks).sum(),
             greatest_jump: most(&|swap| swap.jump),
@@ -268,18 +285,45 @@ impl Verdicts {
         }
     }
 
+    /// Each verdict in words; without a swap to judge it by, none holds.
+    fn lines(&self) -> [(bool, String); 4] {
+        let is_undisturbed = self.undisturbed > 0;
+        [
+            (
+                self.met > 0 && self.greatest_gap_ticks == 0,
+                format!("gap: {} ticks at most in {} swaps", self.greatest_gap_ticks, self.met),
+            ),
+            (
+                is_undisturbed && self.held_ticks == 0,
+                format!(
+                    "held commands: {}; missed ticks: {}; in {} swaps",
+                    self.held_ticks, self.missed_ticks, self.undisturbed
+                ),
+            ),
+            (
+                is_undisturbed && self.greatest_jump <= MOST_JUMP,
+                format!("jump: {:.3} of the greatest steady change, limit {MOST_JUMP}", self.greatest_jump),
+            ),
+            (
+                is_undisturbed && self.above_deviation_limit == 0,
+                format!(
+                    "deviation: {:.3} of that without swap at most, limit {MOST_DEVIATION}; above it: {}; peaks below {} µm are not judged",
+                    self.greatest_deviation_ratio,
+                    self.above_deviation_limit,
+                    LEAST_DEVIATION_MM * 1e3
+                ),
+            ),
+        ]
+    }
+
     fn all_hold(&self) -> bool {
-        self.stalled < self.swaps
-            && self.greatest_gap_ticks == 0
-            && self.held_ticks == 0
-            && self.greatest_jump <= MOST_JUMP
-            && self.above_deviation_limit == 0
+        self.lines().iter().all(|(holds, _)| *holds)
     }
 }
 
 fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
     let mut pairs: BTreeMap<(&str, &str), Vec<&Measured>> = BTreeMap::new();
-    for swap in played.swaps.iter().filter(|swap| swap.stalls == 0) {
+    for swap in played.swaps.iter().filter(|swap| swap.is_planned() && swap.stalls == 0) {
         pairs.entry((&swap.from, &swap.to)).or_default().push(swap);
     }
     let mut table = Table::new();
@@ -314,37 +358,25 @@ fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
             column.set_cell_alignment(CellAlignment::Right);
         }
     }
-    let line =
-        |holds: bool, words: String| format!("{} {words}\n", if holds { "holds  " } else { "FAILS  " });
     let mut text = format!(
         "{} swaps in {} runs, {} of them with a contact event until they had settled; greatest values of each pair\n\n{table}\n\n",
         verdicts.swaps, played.runs, verdicts.with_contact_event
     );
-    text += &line(
-        verdicts.greatest_gap_ticks == 0,
-        format!("gap: {} ticks at most", verdicts.greatest_gap_ticks),
-    );
-    text += &line(
-        verdicts.held_ticks == 0,
-        format!("held commands: {}; missed ticks: {}", verdicts.held_ticks, verdicts.missed_ticks),
-    );
-    text += &line(
-        verdicts.greatest_jump <= MOST_JUMP,
-        format!("jump: {:.3} of the greatest steady change, limit {MOST_JUMP}", verdicts.greatest_jump),
-    );
-    text += &line(
-        verdicts.above_deviation_limit == 0,
-        format!(
-            "deviation: {:.3} of that without swap at most, limit {MOST_DEVIATION}; above it: {}; peaks below {} µm are not judged",
-            verdicts.greatest_deviation_ratio,
-            verdicts.above_deviation_limit,
-            LEAST_DEVIATION_MM * 1e3
-        ),
-    );
-    if verdicts.stalled > 0 {
+    for (holds, words) in verdicts.lines() {
+        text += &format!("{} {words}\n", if holds { "holds  " } else { "FAILS  " });
+    }
+    if verdicts.undisturbed < verdicts.swaps {
         text += &format!(
-            "{} of {} swaps fell on a stall of the machine, with {} ticks held, and are counted apart\n",
-            verdicts.stalled, verdicts.swaps, verdicts.held_ticks_of_stalled
+            "{} of {} swaps fell on a stall of the machine, another {} had one before they had settled; what is said above is of the others\n",
+            verdicts.swaps - verdicts.met,
+            verdicts.swaps,
+            verdicts.met - verdicts.undisturbed
+        );
+    }
+    if verdicts.fail_overs > 0 {
+        text += &format!(
+            "{} changes that nobody asked for, as an answer lacked or did not pass: {} ticks until somebody was in charge at most\n",
+            verdicts.fail_overs, verdicts.greatest_gap_of_fail_overs
         );
     }
     text + &format!("\nall swaps   {}\n", out.join("swap.json").display())

@@ -11,6 +11,8 @@ use crate::summary::RunSummary;
 
 /// Code of a held command in the column `in_force`.
 const HELD: f64 = 2.0;
+/// Ticks before a swap or a fault in which a stall of the machine still has a part in what comes of it.
+pub const AROUND: u64 = 2;
 /// Ticks after the blend during which the arm settles.
 pub const SETTLING: usize = 200;
 
@@ -55,9 +57,11 @@ pub struct Measured {
     pub deviation_peak_mm: f64,
     /// Over the greatest in the same ticks of the runs without swap of who had been in charge.
     pub deviation_ratio: f64,
-    /// Deadlines missed, as long before the planned tick as an arm settles and until it had settled, for causes that are the machine's: no core, a page that was not there, a
-    /// clock that woke late, time taken by the host. Such a swap says more of the machine than of the swap.
+    /// Stalls of the machine (see [`freeplay_plant::MissCause::is_the_machines`]) from as long before the planned tick as an arm settles until
+    /// it had settled. Such a swap says more of the machine than of what a swap costs.
     pub stalls: u64,
+    /// Of these, in the ticks from [`AROUND`] before the planned one to the swap: such a swap says nothing of its gap either.
+    pub stalls_in_gap: u64,
     /// Whether the journals came into contact or lost it in these ticks.
     pub contact_event: bool,
 }
@@ -119,8 +123,8 @@ struct Run<'a> {
     in_charge: Vec<usize>,
     in_force: &'a [f64],
     rejected: &'a [f64],
-    /// Ticks whose deadline the machine missed.
-    stalled: Vec<u64>,
+    /// First and last tick of each stall of the machine.
+    stalls: Vec<[u64; 2]>,
     /// Time in contact of each joint with play at each tick, s.
     contact: Vec<&'a [f64]>,
     /// The run alone of the controller of each slot.
@@ -149,7 +153,7 @@ pub fn measure(
         in_charge: column("in_charge")?.iter().map(|&slot| slot as usize).collect(),
         in_force: column("in_force")?,
         rejected: column("rejected")?,
-        stalled: stalled(summary),
+        stalls: stalls(summary),
         contact: summary.contact["joints"]
             .as_object()
             .into_iter()
@@ -166,14 +170,22 @@ pub fn measure(
     Ok(swaps.iter().map(|swap| run.measure(swap, names, seed)).collect())
 }
 
-/// The ticks whose deadline was missed for a cause that is the machine's.
-fn stalled(summary: &RunSummary) -> Vec<u64> {
-    let misses = summary.deadlines["first"].as_array().into_iter().flatten();
-    let by_machine = misses.filter(|miss| {
-        let cause = miss["cause"].as_str().unwrap_or_default();
-        ["scheduler", "page_fault", "machine", "clock"].contains(&cause)
-    });
-    by_machine.filter_map(|miss| miss["tick"].as_u64()).collect()
+/// First and last tick of each row of deadlines that the machine missed.
+pub fn stalls(summary: &RunSummary) -> Vec<[u64; 2]> {
+    let spans = summary.deadlines["stalls"].as_array().into_iter().flatten();
+    spans.filter_map(|span| Some([span[0].as_u64()?, span[1].as_u64()?])).collect()
+}
+
+/// How many of `stalls` reach into `ticks`.
+pub fn stalls_in(stalls: &[[u64; 2]], ticks: Range<u64>) -> u64 {
+    stalls.iter().filter(|[first, last]| *first < ticks.end && *last >= ticks.start).count() as u64
+}
+
+impl Measured {
+    /// Whether it was asked for; else a controller's answer lacked or did not pass.
+    pub fn is_planned(&self) -> bool {
+        self.cause == "planned"
+    }
 }
 
 impl Run<'_> {
@@ -181,6 +193,7 @@ impl Run<'_> {
         let text = |key: &str| swap[key].as_str().unwrap_or("?").to_owned();
         let count = |key: &str| swap[key].as_u64().unwrap_or(0);
         let tick = count("tick");
+        let planned = tick.saturating_sub(count("gap_ticks"));
         let (from, to) = (text("from"), text("to"));
         let slots = [&from, &to].map(|name| names.iter().position(|other| other == name).unwrap_or(0));
         let begin = tick as usize + 1;
@@ -199,11 +212,8 @@ impl Run<'_> {
             held_ticks: count("held_ticks") + ticks_with(self.in_force, &|code| code == HELD),
             jump: self.of_usual(&numbers(&swap["jump"]), slots, &ticks),
             blend_change: self.of_usual(&numbers(&swap["greatest_change"]), slots, &ticks),
-            stalls: {
-                let before = count("gap_ticks") + self.window as u64;
-                let watched = tick.saturating_sub(before)..ticks.end as u64;
-                self.stalled.iter().filter(|&tick| watched.contains(tick)).count() as u64
-            },
+            stalls: stalls_in(&self.stalls, planned.saturating_sub(self.window as u64)..ticks.end as u64),
+            stalls_in_gap: stalls_in(&self.stalls, planned.saturating_sub(AROUND)..tick + 1),
             deviation_peak_mm: peak * 1e3,
             deviation_ratio: if without > 0.0 { peak / without } else { f64::NAN },
             contact_event: self

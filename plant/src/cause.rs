@@ -64,6 +64,11 @@ impl Cause {
         Self::Unknown,
     ];
 
+    /// Whether it is the machine's, and none of the loop's own: no core, a page that was not there, time taken by the host, a clock that woke late.
+    pub fn is_the_machines(self) -> bool {
+        matches!(self, Self::Scheduler | Self::PageFault | Self::Machine | Self::Clock)
+    }
+
     /// The name in results.
     pub fn name(self) -> &'static str {
         match self {

@@ -9,6 +9,8 @@ use crate::{Stage, Stages};
 
 /// Misses that are kept one by one; more are counted by cause.
 pub const MOST_LISTED: usize = 1024;
+/// Stalls of the machine whose ticks are kept.
+const MOST_STALLS: usize = 16_384;
 /// Misses in a row whose answers may still come.
 const MOST_OPEN: usize = 64;
 /// Ticks between two looks at the time stolen, which take longer than the others.
@@ -87,6 +89,8 @@ pub struct Misses {
     /// Misses whose answer may still come.
     open: Vec<Miss>,
     listed: Vec<Miss>,
+    /// First and last tick of each row of misses whose cause is the machine's.
+    stalls: Vec<[u64; 2]>,
     counts: [u64; Cause::ALL.len()],
     /// The last miss with its cause: one that follows without an answer shares it.
     last: Option<(u64, Cause)>,
@@ -108,6 +112,7 @@ impl Misses {
             over_ns: 0,
             open: Vec::with_capacity(MOST_OPEN),
             listed: Vec::with_capacity(MOST_LISTED),
+            stalls: Vec::with_capacity(MOST_STALLS),
             counts: [0; Cause::ALL.len()],
             last: None,
         };
@@ -129,6 +134,11 @@ impl Misses {
     /// The first misses, one by one.
     pub fn listed(&self) -> &[Miss] {
         &self.listed
+    }
+
+    /// First and last tick of each row of misses whose cause is the machine's; the first some thousand.
+    pub fn stalls(&self) -> &[[u64; 2]] {
+        &self.stalls
     }
 
     /// Notes how a tick went.
@@ -248,8 +258,21 @@ impl Misses {
     fn enter(&mut self, miss: Miss) {
         self.last = Some((miss.tick, miss.cause));
         self.counts[miss.cause as usize] += 1;
+        if miss.cause.is_the_machines() {
+            self.note_stall(miss.tick);
+        }
         if self.listed.len() < MOST_LISTED {
             self.listed.push(miss);
+        }
+    }
+
+    /// Ticks are entered in their order, but one whose answer came after all may be entered after one at which the plant itself was late.
+    fn note_stall(&mut self, tick: u64) {
+        let has_room = self.stalls.len() < MOST_STALLS;
+        match self.stalls.last_mut() {
+            Some([first, last]) if (*first..=*last + 1).contains(&tick) => *last = tick.max(*last),
+            _ if has_room => self.stalls.push([tick; 2]),
+            _ => {}
         }
     }
 

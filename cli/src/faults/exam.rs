@@ -18,7 +18,7 @@ use crate::run::{Contestant, Files, play};
 use crate::scenario::{Drive, Pacing, Scenario};
 use crate::setup::Setup;
 use crate::summary::RunSummary;
-use crate::swap_measures::Alone;
+use crate::swap_measures::{Alone, stalls};
 use crate::swaps::{CompareTable, SwapTable, names};
 
 /// First tick of a fault: the arm has settled.
@@ -174,19 +174,21 @@ impl Exam {
         write(&file, &serde_json::to_string(&plan).map_err(Failure::internal)?)?;
         let file = std::path::absolute(&file).map_err(Failure::input)?;
         let contestant = self.examined.clone().with_faults(file);
-        let findings = |recording: &Recording| {
-            let of =
-                |injection: &Injection| Finding::of(*injection, recording, &self.alone, &self.names, WINDOW);
+        let findings = |summary: &RunSummary, recording: &Recording| {
+            let stalls = stalls(summary);
+            let of = |injection: &Injection| {
+                Finding::of(*injection, recording, &stalls, &self.alone, &self.names, WINDOW)
+            };
             injections.iter().map(of).collect::<Result<Vec<_>, _>>()
         };
         let is_late = |summary: &RunSummary, recording: &Recording| {
             Ok(is_late(summary, 1)
-                || findings(recording)?.iter().any(|finding| finding.is_late(kind.expected())))
+                || findings(summary, recording)?.iter().any(|finding| finding.is_late(kind.expected())))
         };
         let played = self.play_patiently(&scenario, &contestant, "examined", is_late)?;
         let Some((summary, recording)) = played else { return Ok(None) };
         let swept = RunRoot::sweep_dead().len();
-        let findings = findings(&recording)?;
+        let findings = findings(&summary, &recording)?;
         RunFindings::of(findings, &summary, &recording, &self.limits, swept).map(Some)
     }
 

@@ -51,6 +51,15 @@ fn expected(verdict: &Verdict) -> String {
     }
 }
 
+/// How many of the faults that could be judged were detected, and how many fell on a stall.
+fn detected(verdict: &Verdict) -> String {
+    let judged = format!("{} of {}", verdict.detected, verdict.judged);
+    match verdict.stalled {
+        0 => judged,
+        stalled => format!("{judged} (+{stalled})"),
+    }
+}
+
 /// After how many of the faults that were detected the standby was in force, at once and soon.
 fn taken_over(verdict: &Verdict) -> String {
     match verdict.detected {
@@ -124,7 +133,7 @@ impl<'a> Report<'a> {
                 verdict.kind.name().to_owned(),
                 verdict.count.to_string(),
                 verdict.in_contact.to_string(),
-                format!("{} of {}", verdict.detected, verdict.in_charge),
+                detected(verdict),
                 slowest(verdict),
                 taken_over(verdict),
                 counted(&verdict.reasons),
@@ -150,6 +159,7 @@ impl<'a> Report<'a> {
             "The exam of {} beside {}, {}: what goes wrong, and what comes of it\n\n{table}\n\n{surroundings}\n\
              values in force beyond a limit or not finite: {}\n\
              ticks at which the plant woke up late: {}; ticks missing in recordings: {}\n\
+             faults that fell on a stall of the machine, counted apart (+): {}\n\
              runs left behind by killed processes, swept by the next: {}\n\nreport   {}\nall      {}, faults.xml (JUnit)\n",
             self.examined,
             self.standby,
@@ -157,6 +167,7 @@ impl<'a> Report<'a> {
             sum(&|verdict| verdict.bad_applied),
             sum(&|verdict| verdict.plant_late),
             sum(&|verdict| verdict.unrecorded),
+            sum(&|verdict| verdict.stalled as u64),
             sum(&|verdict| verdict.swept as u64),
             out.join("faults.html").display(),
             out.join("faults.json").display(),
@@ -178,9 +189,9 @@ impl<'a> Report<'a> {
                 continue;
             }
             let words = format!(
-                "{} of {} faults not met as they should be ({}); values in force beyond a limit: {}",
+                "{} of {} faults that could be judged not met as they should be ({}); values in force beyond a limit: {}",
                 verdict.not_as_expected,
-                verdict.count,
+                verdict.judged,
                 expected(verdict),
                 verdict.bad_applied
             );
@@ -212,7 +223,7 @@ impl<'a> Report<'a> {
             .column(Column::text("expected"))
             .column(Column::number("faults", ""))
             .column(Column::number("in contact", ""))
-            .column(Column::number("detected", ""))
+            .column(Column::text("detected"))
             .column(Column::text("slowest, ticks"))
             .column(Column::text("standby in force at once, soon"))
             .column(Column::text("as"))
@@ -228,7 +239,7 @@ impl<'a> Report<'a> {
                 expected(verdict).into(),
                 (verdict.count as u64).into(),
                 (verdict.in_contact as u64).into(),
-                (verdict.detected as u64).into(),
+                detected(verdict).into(),
                 slowest(verdict).into(),
                 taken_over(verdict).into(),
                 counted(&verdict.reasons).into(),
@@ -240,7 +251,8 @@ impl<'a> Report<'a> {
             ]);
         }
         let table = table.note(
-            "Ticks are counted from the first faulty answer to the tick in which something else was in force: 1 is at once. \
+            "Detected are so many of those that could be judged: the controller was in charge and the machine missed no deadline around the fault; \
+             in parentheses the faults that fell on such a stall and are counted apart. Ticks are counted from the first faulty answer to the tick in which something else was in force: 1 is at once. \
              The standby is in force at once if its answer to the tick that lacked one was, soon if one of the next two was. \
              The deviation is the tool's greatest until the next fault, beside the greatest of either controller alone in the same ticks.",
         );

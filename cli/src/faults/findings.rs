@@ -10,7 +10,7 @@ use crate::exit::Failure;
 use crate::faults::kinds::{Expected, Injection, Kind, LENGTH};
 use crate::scenario::Pacing;
 use crate::summary::RunSummary;
-use crate::swap_measures::{Alone, deviation};
+use crate::swap_measures::{AROUND, Alone, deviation, stalls_in};
 
 /// What a deviation may be over that without a fault where a fault is to do no harm.
 const HARMLESS: f64 = 1.05;
@@ -23,7 +23,7 @@ const BRAKED: f64 = 3.0;
 pub struct Finding {
     /// The fault.
     pub injection: Injection,
-    /// Whether the controller was in charge when it set in; else there was nothing to find.
+    /// Whether the controller was in charge when it set in, and no brakes were closed; else there was nothing to find.
     pub was_in_charge: bool,
     /// Whether a journal was in contact when it set in.
     pub in_contact: bool,
@@ -43,6 +43,8 @@ pub struct Finding {
     pub next_in_charge: String,
     /// Whether the controller was in charge again before the next fault.
     pub back: bool,
+    /// Stalls of the machine around the fault, until the standby was in force. Such a fault says more of the machine than of who was examined.
+    pub stalls: u64,
     /// Greatest deviation of the tool until then, mm.
     pub deviation_peak_mm: f64,
     /// Over the greatest of the two controllers alone in the same ticks.
@@ -54,13 +56,15 @@ fn column<'a>(recording: &'a Recording, name: &str) -> Result<&'a [f64], Failure
 }
 
 impl Finding {
-    /// Of `injection`, from the recording of its run: the `window` ticks from it on, beside the controllers `alone`.
+    /// Of `injection`, from the recording of its run: the `window` ticks from it on, beside the controllers `alone`. In `stalls` are
+    /// the first and the last tick of each stall of the machine.
     ///
     /// # Errors
     /// A recording that lacks what a run records.
     pub fn of(
         injection: Injection,
         recording: &Recording,
+        stalls: &[[u64; 2]],
         alone: &[Alone],
         names: &[String],
         window: usize,
@@ -81,9 +85,10 @@ impl Finding {
         let held = |code| in_force[begin..end].iter().filter(|&&what| what == code).count() as u64;
         let next = refused.and_then(|tick| in_charge.get(tick + 1)).map_or(0, |&slot| slot as usize);
         let name = |slot: usize| names.get(slot).cloned().unwrap_or_default();
+        let over = refused.map_or(begin, |tick| tick + taken_over.unwrap_or(0)) as u64;
         Ok(Self {
             injection,
-            was_in_charge: in_charge.get(begin).is_some_and(|&slot| slot == 0.0),
+            was_in_charge: in_charge.get(begin).is_some_and(|&slot| slot == 0.0) && in_force[begin] != BRAKED,
             in_contact: recording.others.iter().any(|(name, values)| {
                 name.ends_with("_contact_time") && values[begin.min(values.len() - 1)] > 0.0
             }),
@@ -96,6 +101,7 @@ impl Finding {
             braked: held(BRAKED) > 0,
             next_in_charge: name(next),
             back: end > 0 && in_charge.get(end).is_some_and(|&slot| slot == 0.0),
+            stalls: stalls_in(stalls, injection.tick.saturating_sub(AROUND)..over + AROUND + 1),
             deviation_peak_mm: peak * 1e3,
             deviation_ratio: if without > 0.0 { peak / without } else { f64::NAN },
         })
@@ -122,7 +128,6 @@ impl Finding {
     /// Whether this is what should come of it.
     fn holds(&self, expected: Expected) -> bool {
         match expected {
-            _ if !self.was_in_charge => true,
             Expected::Detected { ticks } => self.detected_after.is_some_and(|after| after <= ticks),
             Expected::Compared => self.detected_after.is_some() || self.deviation_ratio <= HARMLESS,
             Expected::Harmless => self.detected_after.is_none() && self.deviation_ratio <= HARMLESS,
@@ -186,8 +191,11 @@ pub struct Verdict {
     pub count: usize,
     /// Of these, while a journal was in contact.
     pub in_contact: usize,
-    /// Of these, while the controller was in charge.
-    pub in_charge: usize,
+    /// Of these, while the controller was in charge and no stall of the machine had a part in it: the figures from here on are of these, as far
+    /// as they say how a fault was met.
+    pub judged: usize,
+    /// Faults that fell on a stall of the machine.
+    pub stalled: usize,
     /// Of these, detected.
     pub detected: usize,
     /// Faults after which the standby's answer to the very tick that lacked one was in force.
@@ -232,7 +240,8 @@ impl Verdict {
             holds: true,
             count: 0,
             in_contact: 0,
-            in_charge: 0,
+            judged: 0,
+            stalled: 0,
             detected: 0,
             taken_over_at_once: 0,
             taken_over_soon: 0,
@@ -262,14 +271,16 @@ impl Verdict {
         for finding in run.findings {
             self.count += 1;
             self.in_contact += usize::from(finding.in_contact);
-            if finding.was_in_charge {
-                self.in_charge += 1;
+            let is_stalled = finding.was_in_charge && finding.stalls > 0;
+            self.stalled += usize::from(is_stalled);
+            if finding.was_in_charge && !is_stalled {
+                self.judged += 1;
                 self.detected += usize::from(finding.detected_after.is_some());
                 self.taken_over_at_once += usize::from(finding.taken_over_after == Some(0));
                 self.taken_over_soon += usize::from(matches!(finding.taken_over_after, Some(1 | 2)));
                 self.slowest = self.slowest.max(finding.detected_after);
+                self.not_as_expected += usize::from(!finding.holds(self.kind.expected()));
             }
-            self.not_as_expected += usize::from(!finding.holds(self.kind.expected()));
             *self.applied.entry(finding.applied()).or_default() += 1;
             if let Some(reason) = finding.reason {
                 *self.reasons.entry(reason).or_default() += 1;
@@ -283,10 +294,11 @@ impl Verdict {
         }
     }
 
-    /// Closes it. In real time the machine, too, makes answers late: a sound controller is then allowed to be relieved.
+    /// Closes it: where no fault could be judged, nothing is shown. In real time the machine, too, makes answers late: a sound controller
+    /// is then allowed to be relieved.
     pub fn with_pace(mut self, pace: Pacing) -> Self {
         let tolerated = pace == Pacing::Realtime && self.kind.expected() == Expected::Harmless;
-        self.holds = self.bad_applied == 0 && (self.not_as_expected == 0 || tolerated);
+        self.holds = self.bad_applied == 0 && self.judged > 0 && (self.not_as_expected == 0 || tolerated);
         self
     }
 }

@@ -234,7 +234,7 @@ impl Saboteur {
     fn pass_state(&mut self, mut state: State) -> Result<(), Failure> {
         let injection = self.injection_at(state.tick);
         if let Some(injection) = injection.filter(|injection| injection.tick == state.tick) {
-            self.prepare_signal(injection);
+            self.prepare_signal(injection, state.scheduled_ns);
         }
         if self.stopped && injection.is_none() {
             self.stopped = false;
@@ -251,8 +251,9 @@ impl Saboteur {
         self.inner.publish(&state).map_err(Failure::internal)
     }
 
-    /// Where a process is to be killed or stopped: in lockstep now, in real time at any moment of the tick.
-    fn prepare_signal(&mut self, injection: Injection) {
+    /// Where a process is to be killed or stopped: in lockstep now, in real time at any moment of the tick, which was due at `due_ns`; so it
+    /// never gets the state of the next.
+    fn prepare_signal(&mut self, injection: Injection, due_ns: u64) {
         if !matches!(injection.kind, Kind::Crash | Kind::Hang | Kind::LoanLost) {
             return;
         }
@@ -260,7 +261,7 @@ impl Saboteur {
             Pace::Lockstep => self.strike(injection.kind),
             Pace::RealTime => {
                 let moment = ChaCha8Rng::seed_from_u64(injection.seed).random_range(0..self.period_ns);
-                self.signal = Some((injection.kind, now_ns() + moment));
+                self.signal = Some((injection.kind, due_ns + moment));
             }
         }
     }
