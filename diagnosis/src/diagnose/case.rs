@@ -69,6 +69,16 @@ impl<'a> Case<'a> {
         self.stages.first().map_or(0, |stage| stage.channels.len())
     }
 
+    /// Weights of the channels here: those of the same channel in the first recording of the fit, whose weights are `fitted`, sample by sample.
+    pub fn weights_as(&self, fitted: &[f64]) -> Vec<f64> {
+        (0..self.kept.len()).map(|c| fitted[c % self.per_stage()]).collect()
+    }
+
+    /// Of all recordings, the channels that are `of_stage` within a stage.
+    pub fn all_of(&self, of_stage: &[usize]) -> Vec<usize> {
+        (0..self.kept.len()).filter(|c| of_stage.contains(&(c % self.per_stage()))).collect()
+    }
+
     /// Which stage and which of its channels the channel number `channel` is.
     pub fn place(&self, channel: usize) -> (usize, usize) {
         (channel / self.per_stage(), channel % self.per_stage())

@@ -112,9 +112,9 @@ pub fn diagnose(
     search.run(progress).ok_or(DiagnoseError::Singular)?;
     progress("judging on held-out data");
     // Without a finding nothing is to be judged, and a part in which the arm stands can't.
-    let parted = if search.chosen.is_empty() { &[] } else { parts.turns.as_slice() };
+    let is_found = !search.chosen.is_empty();
+    let parted = if is_found { parts.turns.as_slice() } else { &[] };
     let of_turns: Vec<_> = parted.iter().filter_map(|turn| grounds(turn).ok()).collect();
-    let of_whole = grounds(parts.whole.as_slice()).ok().filter(|grounds| !grounds.is_empty());
     let case = |grounds| -> Result<Case, LawError> {
         Ok(Case::new(stages_of(&file.arm, &known, grounds)?, &settings.tolerances))
     };
@@ -122,6 +122,7 @@ pub fn diagnose(
     let turns = turns.collect::<Result<Vec<_>, LawError>>()?;
     let judge = Judge::new(&held, &turns, settings.seed);
     let proofs = judge.sift(&mut search, progress)?.ok_or(DiagnoseError::Singular)?;
+    let of_whole = grounds(parts.whole.as_slice()).ok().filter(|grounds| is_found && !grounds.is_empty());
     let whole = of_whole.as_deref().map(case).transpose()?;
     let whole = whole.as_ref().map(|case| search.laid_on(case, &case.system(case.target()))).transpose()?;
     let whole = whole.filter(Search::is_possible);

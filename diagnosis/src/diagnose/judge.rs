@@ -7,7 +7,7 @@ use freeplay_laws::LawError;
 use super::case::Case;
 use super::search::{Search, Standing};
 use super::show::{Compared, Gain, HeldOut, gain};
-use super::system::{System, subtract};
+use super::system::{System, less, subtract};
 use super::trial::{Proof, Trial, proof};
 
 /// How often the search goes on after effects did not prove themselves.
@@ -32,6 +32,30 @@ enum Order {
     LeastMissedFirst,
 }
 
+/// What proved itself.
+struct Sifted {
+    /// How large the held-out errors are with it.
+    size: f64,
+    standing: Standing,
+    proofs: Vec<Proof>,
+}
+
+impl Sifted {
+    /// That of both which leaves less; `other` if they are alike.
+    fn or_smaller(self, other: Option<Self>) -> Self {
+        match other {
+            Some(other) if self.size >= other.size => other,
+            _ => self,
+        }
+    }
+
+    /// Puts `search` there; the proofs.
+    fn restore(self, search: &mut Search) -> Vec<Proof> {
+        search.go_back(self.standing);
+        self.proofs
+    }
+}
+
 /// The judge: the held-out recordings as systems of their own.
 pub(crate) struct Judge<'a, 'b> {
     /// The held-out recordings.
@@ -49,11 +73,6 @@ impl<'a, 'b> Judge<'a, 'b> {
         let system = |case: &Case| case.system(case.target());
         let turns = turns.iter().map(|turn| (turn, [&turn.fitted, &turn.held].map(system))).collect();
         Self { system: system(held), held, turns, seed }
-    }
-
-    /// Weights of the held-out channels: those of the same channel in the first recording of the fit, sample by sample.
-    fn weights(&self, search: &Search) -> Vec<f64> {
-        (0..self.held.kept.len()).map(|c| search.system.weights[c % self.held.per_stage()]).collect()
     }
 
     /// The held-out errors of what `search` has chosen.
@@ -81,18 +100,12 @@ impl<'a, 'b> Judge<'a, 'b> {
         search: &mut Search<'a, 'b>,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Option<Vec<Proof>>, LawError> {
-        let mut best: Option<(f64, Standing, Vec<Proof>)> = None;
+        let mut best: Option<Sifted> = None;
         for renewal in 0..=RENEWALS {
             let before = search.chosen.len();
-            let Some(proofs) = self.drop_unproven(search, progress)? else { return Ok(None) };
-            let is_last = proofs.len() == before || renewal == RENEWALS;
-            if is_last && best.is_none() {
-                return Ok(Some(proofs));
-            }
-            let Some(size) = self.tried(search, |trials| size(trials, None))? else { return Ok(None) };
-            if best.as_ref().is_none_or(|(least, ..)| size < *least) {
-                best = Some((size, search.standing(), proofs));
-            }
+            let Some(sifted) = self.drop_unproven(search, progress)? else { return Ok(None) };
+            let is_last = sifted.proofs.len() == before || renewal == RENEWALS;
+            best = Some(sifted.or_smaller(best));
             if is_last {
                 break;
             }
@@ -100,10 +113,7 @@ impl<'a, 'b> Judge<'a, 'b> {
                 return Ok(None);
             }
         }
-        Ok(best.map(|(_, standing, proofs)| {
-            search.go_back(standing);
-            proofs
-        }))
+        Ok(best.map(|best| best.restore(search)))
     }
 
     /// What `ask` says of the trials of what `search` has chosen, that of the fit first.
@@ -125,26 +135,25 @@ impl<'a, 'b> Judge<'a, 'b> {
         Ok(ask(&trials))
     }
 
-    /// Drops effects that don't prove themselves, in that of two orders which leaves the smaller errors; the proofs of those that stay.
+    /// Drops effects that don't prove themselves, in that of two orders which leaves the smaller errors.
     fn drop_unproven(
         &self,
         search: &mut Search<'a, 'b>,
         progress: &mut dyn FnMut(&str),
-    ) -> Result<Option<Vec<Proof>>, LawError> {
+    ) -> Result<Option<Sifted>, LawError> {
         let all = search.standing();
-        let mut best: Option<(f64, Standing, Vec<Proof>)> = None;
-        for order in [Order::WeakestFirst, Order::LeastMissedFirst] {
-            search.go_back(all.clone());
-            let Some(proofs) = self.drop_in(order, search, progress)? else { return Ok(None) };
-            let Some(size) = self.tried(search, |trials| size(trials, None))? else { return Ok(None) };
-            if best.as_ref().is_none_or(|(least, ..)| size < *least) {
-                best = Some((size, search.standing(), proofs));
-            }
+        let Some(weakest_first) = self.drop_in(Order::WeakestFirst, search, progress)? else {
+            return Ok(None);
+        };
+        if weakest_first.proofs.len() == all.len() {
+            return Ok(Some(weakest_first));
         }
-        Ok(best.map(|(_, standing, proofs)| {
-            search.go_back(standing);
-            proofs
-        }))
+        search.go_back(all);
+        let least_missed_first = self.drop_in(Order::LeastMissedFirst, search, progress)?;
+        let Some(least_missed_first) = least_missed_first else { return Ok(None) };
+        let smaller = least_missed_first.or_smaller(Some(weakest_first));
+        search.go_back(smaller.standing.clone());
+        Ok(Some(smaller))
     }
 
     /// Drops effects that don't prove themselves, one after another: without it the others may.
@@ -153,7 +162,7 @@ impl<'a, 'b> Judge<'a, 'b> {
         order: Order,
         search: &mut Search<'a, 'b>,
         progress: &mut dyn FnMut(&str),
-    ) -> Result<Option<Vec<Proof>>, LawError> {
+    ) -> Result<Option<Sifted>, LawError> {
         loop {
             let judged = self.tried(search, |trials| {
                 let chosen = 0..search.chosen.len();
@@ -169,10 +178,12 @@ impl<'a, 'b> Judge<'a, 'b> {
                         dropped = Some((worth, index));
                     }
                 }
-                Some((proofs, dropped))
+                Some((proofs, dropped, size(trials, None)?))
             })?;
-            let Some((proofs, dropped)) = judged else { return Ok(None) };
-            let Some((_, index)) = dropped else { return Ok(Some(proofs)) };
+            let Some((proofs, dropped, size)) = judged else { return Ok(None) };
+            let Some((_, index)) = dropped else {
+                return Ok(Some(Sifted { size, standing: search.standing(), proofs }));
+            };
             let [low, high] = proofs[index].gain.ci95.map(|share| 100.0 * share);
             progress(&format!("{} does not prove itself: {low:.0} to {high:.0} %", search.in_words(index)));
             search.veto(index);
@@ -184,12 +195,8 @@ impl<'a, 'b> Judge<'a, 'b> {
 
     /// Gain over all `channels` (numbers within a stage) of `after` against `before`.
     pub fn gain(&self, search: &Search, channels: &[usize], before: &[Vec<f64>], after: &[Vec<f64>]) -> Gain {
-        let per_stage = self.held.per_stage();
-        let channels = (0..self.held.kept.len()).filter(|c| channels.contains(&(c % per_stage))).collect();
-        gain(
-            &[Compared { case: self.held, channels, weights: self.weights(search), before, after }],
-            self.seed,
-        )
+        let (channels, weights) = (self.held.all_of(channels), self.held.weights_as(&search.system.weights));
+        gain(&[Compared { case: self.held, channels, weights, before, after }], self.seed)
     }
 
     /// What an unnamed correction takes away of what is left after naming, on held-out data: share of the error.
@@ -218,17 +225,11 @@ impl<'a, 'b> Judge<'a, 'b> {
         let all: Vec<usize> = (0..self.system.base.len()).collect();
         let tuned = |target: &[Vec<f64>]| {
             let mut system = self.system.with_other_target(target);
-            system.weights = self.weights(search);
+            system.weights = self.held.weights_as(&search.system.weights);
             Some(system.residual(&system.fit(&all)?))
         };
         Ok(tuned(&without).zip(tuned(&with)).map(|(without, with)| [without, with]))
     }
-}
-
-/// `rows` less what is `said` of them.
-fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let pairs = rows.iter().zip(said);
-    pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
 }
 
 /// Mean of the sizes of `trials` without the effect number `left_out`.

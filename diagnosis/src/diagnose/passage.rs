@@ -10,7 +10,7 @@ use super::judge::Judge;
 use super::parts::file_name;
 use super::search::Search;
 use super::show::HeldOut;
-use super::system::Column;
+use super::system::{Column, less, sum_of};
 use super::variables::{Variable, of_joint, time};
 
 /// One recording of the fit, or of the held-out data, as it was worked on.
@@ -82,8 +82,11 @@ pub(crate) fn passages(
         let hypothesis = &search.hypotheses[chosen.hypothesis];
         let beta = &fit.eta.as_slice()[at..at + hypothesis.size()];
         at += hypothesis.size();
-        of_fit.push(law(&hypothesis.block.columns, beta));
-        of_held.push(law(&hypothesis.columns_on(judge.held)?, beta));
+        let law = |columns: &[Column], case: &Case| {
+            sum_of(columns.iter().zip(beta.iter().copied()), case.kept.len())
+        };
+        of_fit.push(law(&hypothesis.block.columns, search.case));
+        of_held.push(law(&hypothesis.columns_on(judge.held)?, judge.held));
     }
     let fitted = Rows {
         before: search.case.target(),
@@ -124,20 +127,6 @@ pub(crate) fn noise(search: &Search) -> BTreeMap<String, ChannelNoise> {
     channels.map(of).collect()
 }
 
-/// Σ βᵢ columnᵢ by channel; empty where all are zero.
-fn law(columns: &[Column], beta: &[f64]) -> Vec<Vec<f64>> {
-    let channels = columns.first().map_or(0, Vec::len);
-    let mut said = vec![Vec::new(); channels];
-    for (column, beta) in columns.iter().zip(beta) {
-        for (said, part) in said.iter_mut().zip(column) {
-            let Some(part) = part else { continue };
-            said.resize(part.len(), 0.0);
-            said.iter_mut().zip(part).for_each(|(said, x)| *said += beta * x);
-        }
-    }
-    said
-}
-
 /// `rows` by recording and channel.
 fn cut(case: &Case, rows: &Rows, held_out: bool) -> Vec<Passage> {
     let per_stage = case.per_stage();
@@ -170,9 +159,4 @@ fn cut(case: &Case, rows: &Rows, held_out: bool) -> Vec<Passage> {
         }
     };
     case.stages.iter().enumerate().map(of_stage).collect()
-}
-
-fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let pairs = rows.iter().zip(said);
-    pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
 }

@@ -7,7 +7,7 @@ use freeplay_laws::LawError;
 
 use super::case::{Case, Weighing};
 use super::hypothesis::Hypothesis;
-use super::system::{Fit, System};
+use super::system::{Fit, System, sum_of};
 
 /// Chance that a perfect recording makes any hypothesis as strong as the threshold.
 const ALARM: f64 = 1e-4;
@@ -71,6 +71,13 @@ pub(crate) struct Search<'a, 'b> {
     /// Number of nuisances.
     nuisances: usize,
     rows: Vec<f64>,
+}
+
+impl Standing {
+    /// Number of effects that were taken in.
+    pub fn len(&self) -> usize {
+        self.chosen.len()
+    }
 }
 
 impl<'a, 'b> Search<'a, 'b> {
@@ -166,14 +173,8 @@ impl<'a, 'b> Search<'a, 'b> {
     /// of the laws that were taken in.
     pub fn weighing(&self, residual: &[Vec<f64>], fit: &Fit) -> Weighing {
         let mut weighing = self.case.weigh(residual);
-        let mut said = vec![Vec::new(); residual.len()];
-        for (column, eta) in fit.active.iter().zip(fit.eta.iter()).filter(|(a, _)| **a >= self.nuisances) {
-            for (said, part) in said.iter_mut().zip(&self.system.base[*column]) {
-                let Some(part) = part else { continue };
-                said.resize(part.len(), 0.0);
-                said.iter_mut().zip(part).for_each(|(said, x)| *said += eta * x);
-            }
-        }
+        let effects = fit.active.iter().zip(&fit.eta).filter(|(column, _)| **column >= self.nuisances);
+        let said = sum_of(effects.map(|(column, eta)| (&self.system.base[*column], *eta)), residual.len());
         weighing.misfit = said.iter().zip(&self.rows).map(|(said, rows)| law_error(said, *rows)).collect();
         weighing
     }

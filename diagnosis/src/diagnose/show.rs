@@ -13,7 +13,7 @@ const BLOCK_S: f64 = 0.5;
 const DRAWS: usize = 400;
 
 /// Errors on held-out data, by channel: measured minus model at every point.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct HeldOut {
     /// The model as given.
     pub before: Vec<Vec<f64>>,

@@ -5,7 +5,7 @@ use freeplay_laws::LawError;
 use super::case::Case;
 use super::search::Search;
 use super::show::{Coefficients, Compared, Gain, HeldOut, gain, held_out};
-use super::system::{Column, System};
+use super::system::{Column, System, sum_of};
 
 /// Least share of the error that a finding takes away where it shows.
 const LEAST_GAIN: f64 = 0.05;
@@ -37,6 +37,8 @@ pub(crate) struct Trial<'t, 'a, 'b> {
     system: &'t System,
     /// Columns of each effect there.
     laid: Vec<Vec<Column>>,
+    /// Coefficients of the nuisances fitted alone.
+    bare: Vec<f64>,
     /// Errors with all effects.
     errors: HeldOut,
 }
@@ -55,8 +57,11 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         let laid: Vec<Vec<Column>> = chosen
             .map(|chosen| search.hypotheses[chosen.hypothesis].columns_on(held))
             .collect::<Result<_, _>>()?;
-        let errors = errors(search, held, system, &laid, None);
-        Ok(errors.map(|errors| Self { search, held, system, laid, errors }))
+        let Some(bare) = search.system.fit(&search.nuisances()) else { return Ok(None) };
+        let bare = bare.eta.as_slice().to_vec();
+        let none = HeldOut::default();
+        let trial = Self { search, held, system, laid, bare, errors: none };
+        Ok(trial.errors_without(None).map(|errors| Self { errors, ..trial }))
     }
 
     /// Errors with all effects.
@@ -66,12 +71,8 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
 
     /// How large the errors are without the effect number `left_out`: the mean logarithm of those above the noise floor.
     pub fn size(&self, left_out: Option<usize>) -> Option<f64> {
-        let without = left_out.map(|_| errors(self.search, self.held, self.system, &self.laid, left_out));
-        let rows = match &without {
-            Some(errors) => &errors.as_ref()?.tuned_after,
-            None => &self.errors.tuned_after,
-        };
-        let left = self.held.rms(rows);
+        let without = if left_out.is_some() { Some(self.errors_without(left_out)?) } else { None };
+        let left = self.held.rms(&without.as_ref().unwrap_or(&self.errors).tuned_after);
         let over: Vec<f64> = left
             .iter()
             .zip(&self.search.null.floor)
@@ -80,40 +81,27 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         Some(over.iter().sum::<f64>() / over.len().max(1) as f64)
     }
 
-    /// Weights of the held-out channels: those of the same channel in the first recording of the fit, sample by sample.
+    /// Weights of the held-out channels.
     fn weights(&self) -> Vec<f64> {
-        (0..self.held.kept.len()).map(|c| self.search.system.weights[c % self.held.per_stage()]).collect()
+        self.held.weights_as(&self.search.system.weights)
     }
 
-    /// Channels of the held-out recordings that are in `channels` (numbers within a stage).
-    fn over(&self, channels: &[usize]) -> Vec<usize> {
-        (0..self.held.kept.len()).filter(|c| channels.contains(&(c % self.held.per_stage()))).collect()
+    /// Errors without the effect number `left_out`; `None` if a fit is singular.
+    fn errors_without(&self, left_out: Option<usize>) -> Option<HeldOut> {
+        let fit = self.search.system.fit(&self.search.active(left_out))?;
+        let (nuisances, effects) = fit.eta.as_slice().split_at(self.bare.len());
+        let columns = self.laid.iter().enumerate().filter(|(index, _)| Some(*index) != left_out);
+        let effects: Vec<(&Column, f64)> =
+            columns.flat_map(|(_, columns)| columns).zip(effects.iter().copied()).collect();
+        let [retuned, tuned] = [&self.bare, nuisances].map(|eta| bound(self.search, self.system, eta));
+        let coefficients = Coefficients { retuned: &retuned, tuned: &tuned, effects: &effects };
+        Some(held_out(self.held, self.system, &coefficients, &free(self.system)))
     }
 
     /// Weighed square of what the effect number `index` says with the coefficients `beta`.
     fn said(&self, index: usize, beta: &[f64]) -> f64 {
         squares(&self.laid[index], beta, &self.weights()).iter().sum()
     }
-}
-
-/// The errors of `search` on `held`, but for the effect number `left_out`; `None` if a fit is singular.
-fn errors(
-    search: &Search,
-    held: &Case,
-    system: &System,
-    laid: &[Vec<Column>],
-    left_out: Option<usize>,
-) -> Option<HeldOut> {
-    let fit = search.system.fit(&search.active(left_out))?;
-    let bare = search.system.fit(&search.nuisances())?;
-    let nuisances = bare.eta.len();
-    let columns = laid.iter().enumerate().filter(|(index, _)| Some(*index) != left_out);
-    let effects: Vec<(&Column, f64)> =
-        columns.flat_map(|(_, columns)| columns).zip(fit.eta.iter().skip(nuisances).copied()).collect();
-    let (retuned, tuned) =
-        (bound(search, system, bare.eta.as_slice()), bound(search, system, &fit.eta.as_slice()[..nuisances]));
-    let coefficients = Coefficients { retuned: &retuned, tuned: &tuned, effects: &effects };
-    Some(held_out(held, system, &coefficients, &free(system)))
 }
 
 /// The coefficients of nuisances with a prior, in the order of the held-out `system`, in which free ones may be other in number.
@@ -134,17 +122,8 @@ fn free(system: &System) -> Vec<usize> {
 
 /// Weighed squares of Σ βᵢ columnᵢ by channel.
 fn squares(columns: &[Column], beta: &[f64], weights: &[f64]) -> Vec<f64> {
-    let square = |c: usize| {
-        let rows = columns.iter().zip(beta).fold(Vec::new(), |mut sum: Vec<f64>, (column, beta)| {
-            if let Some(part) = &column[c] {
-                sum.resize(part.len(), 0.0);
-                sum.iter_mut().zip(part).for_each(|(sum, x)| *sum += beta * x);
-            }
-            sum
-        });
-        weights[c] * rows.iter().map(|x| x * x).sum::<f64>()
-    };
-    (0..weights.len()).map(square).collect()
+    let said = sum_of(columns.iter().zip(beta.iter().copied()), weights.len());
+    said.iter().zip(weights).map(|(rows, weight)| weight * rows.iter().map(|x| x * x).sum::<f64>()).collect()
 }
 
 /// What naming the effect number `index` brings beside the others in `trials` of the same effects: the first is that of the fit, the others
@@ -163,17 +142,15 @@ pub(crate) fn proof(trials: &[Trial], index: usize, seed: u64) -> Option<Proof> 
     let said: Vec<f64> = trials.iter().map(|trial| trial.said(index, &beta)).collect();
     let is_local = said.iter().any(|part| *part > LOCAL * said.iter().sum::<f64>());
     let trials = if is_local { &trials[..1] } else { trials };
-    let without: Vec<HeldOut> = trials
-        .iter()
-        .map(|trial| errors(trial.search, trial.held, trial.system, &trial.laid, Some(index)))
-        .collect::<Option<_>>()?;
+    let without: Vec<HeldOut> =
+        trials.iter().map(|trial| trial.errors_without(Some(index))).collect::<Option<_>>()?;
     let over = |channels: &[usize]| -> Gain {
         let compared: Vec<Compared> = trials
             .iter()
             .zip(&without)
             .map(|(trial, without)| Compared {
                 case: trial.held,
-                channels: trial.over(channels),
+                channels: trial.held.all_of(channels),
                 weights: trial.weights(),
                 before: &without.tuned_after,
                 after: &trial.errors.tuned_after,
@@ -198,7 +175,7 @@ pub(crate) fn proof(trials: &[Trial], index: usize, seed: u64) -> Option<Proof> 
     let on_held = over(&shows);
     let left: f64 = trials
         .iter()
-        .flat_map(|trial| trial.over(&shows).into_iter().map(move |c| (trial, c)))
+        .flat_map(|trial| trial.held.all_of(&shows).into_iter().map(move |c| (trial, c)))
         .map(|(trial, c)| trial.weights()[c] * trial.errors.tuned_after[c].iter().map(|x| x * x).sum::<f64>())
         .sum();
     if said[..trials.len()].iter().sum::<f64>() > ACTS * left {
@@ -207,7 +184,7 @@ pub(crate) fn proof(trials: &[Trial], index: usize, seed: u64) -> Option<Proof> 
     // It does not act on the held-out data: a push, a drift that is over.
     let bare = search.system.fit(&search.active(Some(index)))?;
     let (before, after) = (search.system.residual(&bare), search.system.residual(&fit));
-    let channels = (0..search.case.kept.len()).filter(|c| shows.contains(&(c % per_stage))).collect();
+    let channels = search.case.all_of(&shows);
     let weights = search.system.weights.clone();
     let of_fit = Compared { case: search.case, channels, weights, before: &before, after: &after };
     let on_fit = gain(&[of_fit], seed);
