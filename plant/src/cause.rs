@@ -122,6 +122,13 @@ pub struct Links {
     pub command_ns: u64,
 }
 
+impl Links {
+    /// Those that need no answer to be known.
+    pub(crate) fn of_the_plant(&self) -> Self {
+        Self { wake_up_ns: self.wake_up_ns, step_ns: self.step_ns, ..Self::default() }
+    }
+}
+
 /// All that is known of a missed deadline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Evidence {

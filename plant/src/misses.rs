@@ -35,9 +35,13 @@ pub(crate) struct Ended {
     pub in_charge: usize,
     /// Whether its deadline passed without an answer.
     pub missed: bool,
+    /// Slot of the standby that was to take over at this tick and has not answered it.
+    pub awaited: Option<usize>,
+    /// Time since its state was published, ns: what is known of an answer that lacks.
+    pub unanswered_ns: u64,
     /// How long after the next tick was due it ended, ns; 0 if before.
     pub over_ns: u64,
-    /// Its links as far as they are known; of one without an answer the controller's is the time since publication.
+    /// Its links as far as they are known.
     pub links: Links,
 }
 
@@ -69,6 +73,16 @@ impl Watched {
     }
 }
 
+/// A miss whose answer may still come.
+#[derive(Debug)]
+struct Open {
+    /// Slot of the controller that was to answer.
+    slot: usize,
+    /// Whether it was in charge; else a swap waited for it, and no deadline was missed.
+    was_in_charge: bool,
+    miss: Miss,
+}
+
 /// The book; see the module. Allocates when it is made and when a process is replaced, and then no more.
 #[derive(Debug)]
 pub struct Misses {
@@ -86,14 +100,13 @@ pub struct Misses {
     backlog: Links,
     /// How late the next tick is because this one ended late, ns.
     over_ns: u64,
-    /// Misses whose answer may still come.
-    open: Vec<Miss>,
+    open: Vec<Open>,
     listed: Vec<Miss>,
     /// First and last tick of each row of misses whose cause is the machine's.
     stalls: Vec<[u64; 2]>,
     counts: [u64; Cause::ALL.len()],
-    /// The last miss with its cause: one that follows without an answer shares it.
-    last: Option<(u64, Cause)>,
+    /// Slot, tick and cause of the last miss: one of the same slot that follows without an answer shares it.
+    last: Option<(usize, u64, Cause)>,
 }
 
 impl Misses {
@@ -131,72 +144,73 @@ impl Misses {
         Cause::ALL.into_iter().zip(self.counts)
     }
 
-    /// The first misses, one by one.
+    /// The first misses, one by one; in the order of their ticks once the book is closed.
     pub fn listed(&self) -> &[Miss] {
         &self.listed
     }
 
-    /// First and last tick of each row of misses whose cause is the machine's; the first some thousand.
+    /// First and last tick of each row of misses whose cause is the machine's; the first some thousand. Also those of a standby that a swap
+    /// waited for.
     pub fn stalls(&self) -> &[[u64; 2]] {
         &self.stalls
     }
 
     /// Notes how a tick went.
     pub(crate) fn end_tick(&mut self, ended: &Ended, stages: &Stages) {
-        let Ended { tick, in_charge, missed, over_ns, links } = *ended;
+        let Ended { tick, in_charge, missed, awaited, unanswered_ns, over_ns, links } = *ended;
+        let unanswered = Links { compute_ns: unanswered_ns, ..links.of_the_plant() };
         self.in_charge = in_charge;
         if (links.wake_up_ns as f64) < LEAST * self.period_ns as f64 {
             self.forget();
         }
         let is_late = links.wake_up_ns > self.period_ns;
         self.look();
-        if missed || is_late || tick.is_multiple_of(STEAL_TICKS) {
+        if missed || awaited.is_some() || is_late || tick.is_multiple_of(STEAL_TICKS) {
             self.look_for_theft();
         }
         let usual = usual(stages);
-        self.add_to_backlog(&links, &usual);
+        self.add_to_backlog(if missed { &unanswered } else { &links }, &usual);
         self.over_ns = over_ns;
         if is_late {
             self.note_lateness(tick, &usual);
         }
-        if missed {
+        let lacks = [missed.then_some((in_charge, true)), awaited.map(|slot| (slot, false))];
+        for (slot, was_in_charge) in lacks.into_iter().flatten() {
             if self.open.len() == MOST_OPEN {
-                self.close_one(None);
+                self.close_one(0, None);
             }
-            let evidence = self.evidence(links, usual, false);
-            self.open.push(Miss { tick, cause: Cause::Unknown, evidence });
+            let evidence = self.evidence(slot, unanswered, usual, false);
+            let miss = Miss { tick, cause: Cause::Unknown, evidence };
+            self.open.push(Open { slot, was_in_charge, miss });
         }
     }
 
-    /// An answer to `tick` of the controller in charge came; with it its `links` are known. The misses before it are closed, its own with
+    /// An answer to `tick` of the controller in `slot` came; with it its `links` are known. The misses before it are closed, its own with
     /// what it tells.
-    pub(crate) fn answered(&mut self, tick: u64, links: &Links) {
-        while let Some(first) = self.open.first().copied() {
-            if first.tick > tick {
-                return;
-            }
-            self.close_one((first.tick == tick).then_some(links));
+    pub(crate) fn answered(&mut self, slot: usize, tick: u64, links: &Links) {
+        while let Some(at) = self.open.iter().position(|open| open.slot == slot && open.miss.tick <= tick) {
+            let is_its = self.open[at].miss.tick == tick;
+            self.close_one(at, is_its.then_some(links));
         }
     }
 
     /// No more answers will come.
     pub(crate) fn close(&mut self) {
         while !self.open.is_empty() {
-            self.close_one(None);
+            self.close_one(0, None);
         }
+        self.listed.sort_by_key(|miss| miss.tick);
+        self.stalls.sort_unstable();
     }
 
-    fn evidence(&self, links: Links, usual: Links, answered: bool) -> Evidence {
+    /// What is known of a miss of the controller in `slot`.
+    fn evidence(&self, slot: usize, links: Links, usual: Links, answered: bool) -> Evidence {
         Evidence {
             period_ns: self.period_ns,
             links,
             usual,
             plant: self.plant.hardship,
-            controller: self
-                .controllers
-                .get(self.in_charge)
-                .map(|watched| watched.hardship)
-                .unwrap_or_default(),
+            controller: self.controllers.get(slot).map(|watched| watched.hardship).unwrap_or_default(),
             stolen_ns: self.stolen,
             answered,
         }
@@ -214,8 +228,9 @@ impl Misses {
             qp_iterations: usual.qp_iterations.saturating_add(excess.qp_iterations),
             command_ns: usual.command_ns + excess.command_ns,
         };
-        let evidence = self.evidence(links, *usual, true);
-        self.enter(Miss { tick, cause: cause(&evidence), evidence });
+        let evidence = self.evidence(self.in_charge, links, *usual, true);
+        let miss = Miss { tick, cause: cause(&evidence), evidence };
+        self.enter(&Open { slot: self.in_charge, was_in_charge: true, miss });
     }
 
     /// Adds what `links` were too long. Of waking late, what the end of the tick before does not explain.
@@ -241,32 +256,41 @@ impl Misses {
         (self.stolen, self.backlog) = Default::default();
     }
 
-    /// Closes the oldest open miss, with the links of its answer if one came after all.
-    fn close_one(&mut self, answer: Option<&Links>) {
-        let mut miss = self.open.remove(0);
+    /// Closes the open miss `at`, with the links of its answer if one came after all.
+    fn close_one(&mut self, at: usize, answer: Option<&Links>) {
+        let mut open = self.open.remove(at);
+        let miss = &mut open.miss;
         if let Some(answer) = answer {
             let Links { wake_up_ns, step_ns, .. } = miss.evidence.links;
-            (miss.evidence.links, miss.evidence.answered) = (Links { wake_up_ns, step_ns, ..*answer }, true);
+            miss.evidence.links = Links { wake_up_ns, step_ns, ..*answer };
+            miss.evidence.answered = true;
         }
         miss.cause = match self.last {
-            Some((before, same)) if answer.is_none() && before + 1 == miss.tick => same,
+            Some((slot, before, same))
+                if answer.is_none() && slot == open.slot && before + 1 == miss.tick =>
+            {
+                same
+            }
             _ => cause(&miss.evidence),
         };
-        self.enter(miss);
+        self.enter(&open);
     }
 
-    fn enter(&mut self, miss: Miss) {
-        self.last = Some((miss.tick, miss.cause));
-        self.counts[miss.cause as usize] += 1;
+    fn enter(&mut self, Open { slot, was_in_charge, miss }: &Open) {
+        self.last = Some((*slot, miss.tick, miss.cause));
         if miss.cause.is_the_machines() {
             self.note_stall(miss.tick);
         }
+        if !was_in_charge {
+            return;
+        }
+        self.counts[miss.cause as usize] += 1;
         if self.listed.len() < MOST_LISTED {
-            self.listed.push(miss);
+            self.listed.push(*miss);
         }
     }
 
-    /// Ticks are entered in their order, but one whose answer came after all may be entered after one at which the plant itself was late.
+    /// A tick whose answer came after all may be entered after later ones.
     fn note_stall(&mut self, tick: u64) {
         let has_room = self.stalls.len() < MOST_STALLS;
         match self.stalls.last_mut() {
@@ -347,22 +371,53 @@ mod tests {
         book.listed().iter().map(|miss| (miss.tick, miss.cause)).collect()
     }
 
+    /// How a tick ends that nobody answers.
+    fn unanswered(tick: u64, in_charge: usize, unanswered_ns: u64) -> Ended {
+        Ended { tick, in_charge, missed: true, awaited: None, unanswered_ns, over_ns: 0, links: USUAL }
+    }
+
     #[test]
     fn a_late_answer_tells_why_and_those_that_were_passed_over_share_its_cause() {
         let (mut book, stages) = (book(), stages());
         for tick in 5..8 {
-            let links = Links { compute_ns: 950_000, ..USUAL };
-            book.end_tick(&Ended { tick, in_charge: 0, missed: true, over_ns: 0, links }, &stages);
+            book.end_tick(&unanswered(tick, 0, 950_000), &stages);
         }
         assert_eq!(found(&book), []);
         // The answer to tick 5 comes late: the state was long under way. 6 and 7 are passed over.
-        book.answered(5, &Links { state_ns: 2_500_000, ..USUAL });
-        book.answered(8, &USUAL);
+        book.answered(0, 5, &Links { state_ns: 2_500_000, ..USUAL });
+        book.answered(0, 8, &USUAL);
         assert_eq!(found(&book), [5, 6, 7].map(|tick| (tick, Cause::Transport)));
-        book.end_tick(&Ended { tick: 20, in_charge: 0, missed: true, over_ns: 0, links: USUAL }, &stages);
+        book.end_tick(&unanswered(20, 0, USUAL.compute_ns), &stages);
         book.close();
         assert_eq!(found(&book)[3], (20, Cause::Unknown), "nothing was longer than usual");
         assert_eq!(book.counts().map(|(_, count)| count).sum::<u64>(), 4);
+    }
+
+    /// The one that failed is no longer in charge as its answer comes; the answers of the other say nothing of its miss.
+    #[test]
+    fn the_late_answer_of_one_that_was_relieved_tells_why_it_was() {
+        let (mut book, stages) = (book(), stages());
+        book.end_tick(&unanswered(5, 0, 950_000), &stages);
+        book.answered(1, 6, &USUAL);
+        assert_eq!(found(&book), []);
+        book.answered(0, 5, &Links { state_ns: 2_500_000, ..USUAL });
+        assert_eq!(found(&book), [(5, Cause::Transport)]);
+    }
+
+    /// A standby that a swap waited for has missed no deadline; but a stall of the machine is one.
+    #[test]
+    fn a_stall_that_held_up_a_swap_is_a_stall_and_no_miss() {
+        let (mut book, stages) = (book(), stages());
+        let of_standby = Ended { missed: false, awaited: Some(1), ..unanswered(5, 0, 950_000) };
+        book.end_tick(&of_standby, &stages);
+        book.end_tick(&Ended { tick: 9, ..of_standby }, &stages);
+        book.answered(1, 5, &Links { step_ns: 0, compute_ns: 1_500_000, ..USUAL });
+        // All was slow at once, be it the standby's own answer or the plant's step.
+        book.open[0].miss.evidence.links.step_ns = 3 * USUAL.step_ns;
+        book.answered(1, 9, &Links { compute_ns: 1_500_000, ..USUAL });
+        book.close();
+        assert_eq!((book.stalls(), found(&book)), ([[9, 9]].as_slice(), vec![]));
+        assert_eq!(book.counts().map(|(_, count)| count).sum::<u64>(), 0);
     }
 
     /// The one in charge after a swap is asked why its answer is late, not the one before it.
@@ -376,8 +431,7 @@ mod tests {
         let mut ends = |tick, in_charge| {
             let fresh = std::hint::black_box(vec![1_u8; 300 * 4096]);
             assert_eq!(fresh[4096], 1);
-            let links = Links { compute_ns: 2_000_000, ..USUAL };
-            book.end_tick(&Ended { tick, in_charge, missed: true, over_ns: 0, links }, &stages);
+            book.end_tick(&unanswered(tick, in_charge, 2_000_000), &stages);
             book.close();
             book.listed().last().unwrap().evidence.controller
         };
@@ -397,7 +451,10 @@ mod tests {
         for tick in 1..8 {
             let over_ns = late + 400_000;
             let links = Links { wake_up_ns: late, step_ns: 1_300_000, ..USUAL };
-            book.end_tick(&Ended { tick, in_charge: 0, missed: false, over_ns, links }, &stages);
+            book.end_tick(
+                &Ended { tick, in_charge: 0, missed: false, awaited: None, unanswered_ns: 0, over_ns, links },
+                &stages,
+            );
             late = over_ns;
         }
         let first = found(&book)[0];
@@ -405,7 +462,10 @@ mod tests {
         // In time again, and then woken late at once: that is another matter.
         let mut end = |tick, wake_up_ns, over_ns| {
             let links = Links { wake_up_ns, ..USUAL };
-            book.end_tick(&Ended { tick, in_charge: 0, missed: false, over_ns, links }, &stages);
+            book.end_tick(
+                &Ended { tick, in_charge: 0, missed: false, awaited: None, unanswered_ns: 0, over_ns, links },
+                &stages,
+            );
         };
         end(30, 0, 0);
         end(31, 5_000_000, 4_200_000);

@@ -56,15 +56,19 @@ impl Plant {
             if command.tick < tick && command.check(self.run).is_ok() {
                 if in_charge && self.braked.is_none() {
                     self.deadlines.late += 1;
-                    self.clock(&command, scheduled, received);
+                    self.clock(slot, &command, scheduled, received);
+                } else {
+                    self.note_answer(slot, &command, received);
                 }
                 continue;
             }
             if self.attendance.is_away(slot, tick) {
                 continue;
             }
-            if in_charge && !self.is_planning {
-                self.clock(&command, scheduled, received);
+            if !in_charge {
+                self.note_answer(slot, &command, received);
+            } else if !self.is_planning {
+                self.clock(slot, &command, scheduled, received);
             }
             if in_charge && std::mem::take(&mut self.spoils_next) {
                 command.value[0] = f64::NAN;
@@ -100,25 +104,23 @@ impl Plant {
         }
     }
 
-    /// Counts the latencies that a command tells of, in time or late.
-    fn clock(&mut self, command: &Command, scheduled: u64, received: u64) {
+    /// Counts the latencies that a command of the one in charge, in `slot`, tells of, in time or late.
+    fn clock(&mut self, slot: usize, command: &Command, scheduled: u64, received: u64) {
+        let (links, published) = (self.links_of(command, received), self.published_ns(command.tick));
         let stages = &mut self.stages;
-        let took = |from: u64, to: u64| to.saturating_sub(from);
-        let is_remembered = self.state.tick.saturating_sub(command.tick) < PUBLISHED as u64;
-        let published = self.published[command.tick as usize % PUBLISHED];
-        if is_remembered {
-            stages.record(Stage::StateTransport, took(published, command.received_ns));
+        if published.is_some() {
+            stages.record(Stage::StateTransport, links.state_ns);
         }
-        stages.record(Stage::Compute, took(command.received_ns, command.sent_ns));
-        stages.record(Stage::CommandTransport, took(command.sent_ns, received));
+        stages.record(Stage::Compute, links.compute_ns);
+        stages.record(Stage::CommandTransport, links.command_ns);
         match &mut self.round_trips {
             Some(trips) => {
                 trips.answered(command.tick, received, |ns| stages.record(Stage::RoundTrip, ns));
-                if command.tick == self.state.tick {
-                    stages.record(Stage::Uncorrected, took(published, received));
+                if let Some(published) = published.filter(|_| command.tick == self.state.tick) {
+                    stages.record(Stage::Uncorrected, received.saturating_sub(published));
                 }
             }
-            None => stages.record(Stage::RoundTrip, took(scheduled, received)),
+            None => stages.record(Stage::RoundTrip, received.saturating_sub(scheduled)),
         }
         if command.predict_ns > 0 {
             stages.record(Stage::Predict, command.predict_ns);
@@ -130,19 +132,36 @@ impl Plant {
             }
             stages.record_iterations(command.qp_iterations);
         }
-        let links = Links {
-            state_ns: if is_remembered { took(published, command.received_ns) } else { 0 },
-            compute_ns: took(command.received_ns, command.sent_ns),
-            command_ns: took(command.sent_ns, received),
-            qp_ns: command.qp_ns,
-            qp_iterations: command.qp_iterations,
-            ..self.links
-        };
         if command.tick == self.state.tick {
             self.links = links;
         }
+        self.note_answer(slot, command, received);
+    }
+
+    /// What a command of `slot` tells of a deadline that was missed.
+    fn note_answer(&mut self, slot: usize, command: &Command, received: u64) {
+        let links = self.links_of(command, received);
         if let Some(misses) = &mut self.misses {
-            misses.answered(command.tick, &links);
+            misses.answered(slot, command.tick, &links);
+        }
+    }
+
+    /// When the state of `tick` was published, ns; `None` if that was too long ago to be remembered.
+    fn published_ns(&self, tick: u64) -> Option<u64> {
+        let is_remembered = self.state.tick.saturating_sub(tick) < PUBLISHED as u64;
+        is_remembered.then(|| self.published[tick as usize % PUBLISHED])
+    }
+
+    /// The links of the tick of `command`, received at `received` ns.
+    fn links_of(&self, command: &Command, received: u64) -> Links {
+        let published = self.published_ns(command.tick).unwrap_or(command.received_ns);
+        Links {
+            state_ns: command.received_ns.saturating_sub(published),
+            compute_ns: command.sent_ns.saturating_sub(command.received_ns),
+            command_ns: received.saturating_sub(command.sent_ns),
+            qp_ns: command.qp_ns,
+            qp_iterations: command.qp_iterations,
+            ..self.links
         }
     }
 
@@ -152,16 +171,22 @@ impl Plant {
         self.braked.is_none() && self.line_up.slot_mut(in_charge).answer.is_none()
     }
 
-    /// Writes into the book how `tick` went with the controller `in_charge`: whether its deadline was `missed`, and the links that are known
-    /// by now.
-    pub(super) fn note_links(&mut self, tick: u64, in_charge: usize, missed: bool) {
+    /// The standby that is to take over at `tick`, if its answer lacks.
+    pub(super) fn awaited(&mut self, tick: u64) -> Option<usize> {
+        let next = self.line_up.next_in_charge(tick);
+        let lacks = next != self.line_up.in_charge() && self.line_up.slot_mut(next).answer.is_none();
+        (lacks && self.braked.is_none()).then_some(next)
+    }
+
+    /// Writes into the book how `tick` went with the controller `in_charge`: whether its deadline was `missed`, which standby was `awaited` in
+    /// vain, and the links that are known by now.
+    pub(super) fn note_links(&mut self, tick: u64, in_charge: usize, missed: bool, awaited: Option<usize>) {
         let Some(misses) = &mut self.misses else { return };
         let now = now_ns();
-        if missed {
-            self.links.compute_ns = now.saturating_sub(self.state.published_ns);
-        }
+        let unanswered_ns = now.saturating_sub(self.state.published_ns);
         let over_ns = now.saturating_sub(self.state.scheduled_ns + self.config.period_ns);
-        misses.end_tick(&Ended { tick, in_charge, missed, over_ns, links: self.links }, &self.stages);
+        let ended = Ended { tick, in_charge, missed, awaited, unanswered_ns, over_ns, links: self.links };
+        misses.end_tick(&ended, &self.stages);
     }
 
     /// The run is over after `played` ticks: what has no answer by now will have none.

@@ -56,10 +56,11 @@ impl Plant {
             self.await_answers(tick, scheduled, deadline)?;
         }
         // Judging may put another one in charge.
-        let (missed, in_charge) = (self.misses_deadline(), self.line_up.in_charge());
+        let (missed, in_charge, awaited) =
+            (self.misses_deadline(), self.line_up.in_charge(), self.awaited(tick));
         self.judge(tick, &mut record);
         self.keep(record);
-        self.note_links(tick, in_charge, missed);
+        self.note_links(tick, in_charge, missed, awaited);
         Ok(())
     }
 
