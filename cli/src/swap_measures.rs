@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
+use freeplay_plant::Stall;
 use freeplay_recording::Recording;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::exit::Failure;
@@ -27,6 +28,8 @@ pub struct Alone {
     steady: Vec<f64>,
     /// The command in force at each tick, by joint.
     applied: Vec<Vec<f64>>,
+    /// Ticks for which the last command was held, after the first [`SETTLING`].
+    held: u64,
 }
 
 /// What one swap cost.
@@ -88,7 +91,9 @@ impl Alone {
         let steady = numbers(&summary.line_up["steady_change"]);
         let column = |joint: usize| recording.column(&format!("applied_{joint}")).map(<[f64]>::to_vec);
         let applied = (1..=recording.joints()).filter_map(column).collect();
-        Ok(Self { name: name.to_owned(), deviation: deviation(recording)?, steady, applied })
+        let in_force = recording.column("in_force").unwrap_or_default();
+        let held = in_force.iter().skip(SETTLING).filter(|&&code| code == HELD).count() as u64;
+        Ok(Self { name: name.to_owned(), deviation: deviation(recording)?, steady, applied, held })
     }
 
     /// Greatest change of the command of `joint` from tick to tick after the start; or in `ticks`, where an impact, which no
@@ -110,6 +115,11 @@ pub fn steady_change(alone: &[Alone]) -> Vec<f64> {
 }
 
 impl Alone {
+    /// Share of the ticks for which the last command was held, after the first [`SETTLING`].
+    pub fn held_share(&self) -> f64 {
+        self.held as f64 / self.deviation.len().saturating_sub(SETTLING).max(1) as f64
+    }
+
     /// The greatest deviation in `ticks`, m.
     pub fn peak(&self, ticks: Range<usize>) -> f64 {
         let within = ticks.start.min(self.deviation.len())..ticks.end.min(self.deviation.len());
@@ -123,8 +133,7 @@ struct Run<'a> {
     in_charge: Vec<usize>,
     in_force: &'a [f64],
     rejected: &'a [f64],
-    /// First and last tick of each stall of the machine.
-    stalls: Vec<[u64; 2]>,
+    stalls: Vec<Stall>,
     /// Time in contact of each joint with play at each tick, s.
     contact: Vec<&'a [f64]>,
     /// The run alone of the controller of each slot.
@@ -170,15 +179,15 @@ pub fn measure(
     Ok(swaps.iter().map(|swap| run.measure(swap, names, seed)).collect())
 }
 
-/// First and last tick of each row of deadlines that the machine missed.
-pub fn stalls(summary: &RunSummary) -> Vec<[u64; 2]> {
-    let spans = summary.deadlines["stalls"].as_array().into_iter().flatten();
-    spans.filter_map(|span| Some([span[0].as_u64()?, span[1].as_u64()?])).collect()
+/// The stalls of the machine in a run.
+pub fn stalls(summary: &RunSummary) -> Vec<Stall> {
+    let stalls = summary.deadlines["stalls"].as_array().into_iter().flatten();
+    stalls.filter_map(|stall| Stall::deserialize(stall).ok()).collect()
 }
 
 /// How many of `stalls` reach into `ticks`.
-pub fn stalls_in(stalls: &[[u64; 2]], ticks: Range<u64>) -> u64 {
-    stalls.iter().filter(|[first, last]| *first < ticks.end && *last >= ticks.start).count() as u64
+pub fn stalls_in<'s>(stalls: impl IntoIterator<Item = &'s Stall>, ticks: &Range<u64>) -> u64 {
+    stalls.into_iter().filter(|stall| stall.first < ticks.end && stall.last >= ticks.start).count() as u64
 }
 
 impl Measured {
@@ -212,8 +221,8 @@ impl Run<'_> {
             held_ticks: count("held_ticks") + ticks_with(self.in_force, &|code| code == HELD),
             jump: self.of_usual(&numbers(&swap["jump"]), slots, &ticks),
             blend_change: self.of_usual(&numbers(&swap["greatest_change"]), slots, &ticks),
-            stalls: stalls_in(&self.stalls, planned.saturating_sub(self.window as u64)..ticks.end as u64),
-            stalls_in_gap: stalls_in(&self.stalls, planned.saturating_sub(AROUND)..tick + 1),
+            stalls: stalls_in(&self.stalls, &(planned.saturating_sub(self.window as u64)..ticks.end as u64)),
+            stalls_in_gap: stalls_in(&self.stalls, &(planned.saturating_sub(AROUND)..tick + 1)),
             deviation_peak_mm: peak * 1e3,
             deviation_ratio: if without > 0.0 { peak / without } else { f64::NAN },
             contact_event: self

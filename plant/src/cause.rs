@@ -4,14 +4,15 @@
 //! Each link has its usual length, the median of the run so far. The rule:
 //!
 //! 1. **Where.** The link that was longest beyond its usual is the guilty one. Without an answer the state or the controller is: what
-//!    passed until the deadline counts as the controller's. Where the plant itself is a period late, its links since it was last in time are
-//!    added up. A link that was less than [`LEAST`] of a period beyond its usual is not
-//!    guilty of anything; where none was more, the cause is unknown.
+//!    passed until the deadline counts as the controller's; as the state's where the controller was kept from running and answered a later
+//!    one. Where the plant itself is a period late, its links since it was last in time are added up. A link that was less than [`LEAST`] of
+//!    a period beyond its usual is not guilty of anything; where none was more, the cause is unknown.
 //! 2. **Why.** The first of these that accounts for half of what the link was too long: the thread it belongs to waited for a core
 //!    (`schedstat`: scheduler); its page faults ([`MAJOR_NS`], [`MINOR_NS`] each: page fault); the hypervisor took time from this
 //!    machine (`/proc/stat`), or step and computing both took more than [`SLOW`] times their usual (machine).
-//! 3. **Else** it is the link's own: waking late is the clock's, travelling is the transport's, stepping is the plant's; computing is the
-//!    quadratic programme's if that took half of the excess and more iterations than usual, else the controller's.
+//! 3. **Else** it is the link's own: waking late is the clock's, and so is a state that waited for a controller that was kept from running;
+//!    travelling is the transport's, stepping is the plant's; computing is the machine's if the controller was kept from running meanwhile,
+//!    the quadratic programme's if that took half of the excess and more iterations than usual, else the controller's.
 //!
 //! A miss that follows a miss without an answer of its own has the cause of the one before: it is the same stall.
 
@@ -44,7 +45,7 @@ pub enum Cause {
     Transport,
     /// The plant's own step took longer than usual.
     PlantStep,
-    /// The timer woke the plant late, and nothing says why.
+    /// A process of the loop was woken late, and nothing says why.
     Clock,
     /// Nothing was longer than usual.
     Unknown,
@@ -88,6 +89,12 @@ impl Cause {
 /// What a thread went through in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Hardship {
+    /// On a core, ns; brought up to date as it leaves it, and every few milliseconds.
+    pub ran_ns: u64,
+    /// How often it got a core.
+    pub turns: u64,
+    /// Whether a signal has stopped it.
+    pub is_stopped: bool,
     /// Ready, but without a core, ns.
     pub waited_ns: u64,
     /// Page faults that read from a disk.
@@ -97,6 +104,18 @@ pub struct Hardship {
 }
 
 impl Hardship {
+    /// What came on top of `earlier`; all are counts since the thread began.
+    pub(crate) fn since(&self, earlier: &Hardship) -> Hardship {
+        Hardship {
+            ran_ns: self.ran_ns.saturating_sub(earlier.ran_ns),
+            turns: self.turns.saturating_sub(earlier.turns),
+            is_stopped: self.is_stopped,
+            waited_ns: self.waited_ns.saturating_sub(earlier.waited_ns),
+            major_faults: self.major_faults.saturating_sub(earlier.major_faults),
+            minor_faults: self.minor_faults.saturating_sub(earlier.minor_faults),
+        }
+    }
+
     /// What its page faults are taken to cost, ns.
     fn faults_ns(&self) -> u64 {
         self.major_faults.saturating_mul(MAJOR_NS).saturating_add(self.minor_faults.saturating_mul(MINOR_NS))
@@ -140,12 +159,15 @@ pub struct Evidence {
     pub usual: Links,
     /// Of the plant's thread, since the tick before.
     pub plant: Hardship,
-    /// Of the controller's thread.
+    /// Of the controller's thread, from the tick before to its next answer.
     pub controller: Hardship,
     /// Taken from this machine by the hypervisor, ns; in steps of 10 ms.
     pub stolen_ns: u64,
     /// Whether an answer came, late as it may be: without one, the time of the controller is not known.
     pub answered: bool,
+    /// Whether the controller was kept from running: from the tick before to its next answer it got a core no more often than there were
+    /// states, so did not go to sleep over one, ran for less than half of the time, and no signal had stopped it.
+    pub was_kept: bool,
 }
 
 /// Who a link belongs to, and what it is when nothing else is to blame.
@@ -192,6 +214,8 @@ pub fn cause(evidence: &Evidence) -> Cause {
     }
     match link {
         Link::WakeUp => Cause::Clock,
+        Link::State if evidence.was_kept => Cause::Clock,
+        Link::Compute if evidence.was_kept => Cause::Machine,
         Link::Step => Cause::PlantStep,
         Link::State | Link::Command => Cause::Transport,
         Link::Compute => {
@@ -229,12 +253,13 @@ mod tests {
             controller: none,
             stolen_ns: 0,
             answered: true,
+            was_kept: false,
         }
     }
 
     #[test]
     fn each_cause_is_told_by_its_evidence() {
-        let cases: [Case; 22] = [
+        let cases: [Case; 24] = [
             (Cause::Unknown, |_| {}),
             (Cause::Unknown, |e| e.links.wake_up_ns = 90_000),
             (Cause::Clock, |e| e.links.wake_up_ns = 2_000_000),
@@ -252,6 +277,7 @@ mod tests {
                 (e.links.step_ns, e.links.compute_ns, e.answered) = (300_000, 900_000, false);
             }),
             (Cause::Transport, |e| e.links.state_ns = 3_000_000),
+            (Cause::Clock, |e| (e.links.state_ns, e.was_kept) = (3_000_000, true)),
             (Cause::Scheduler, |e| {
                 (e.links.state_ns, e.controller.waited_ns) = (3_000_000, 2_000_000);
             }),
@@ -266,6 +292,7 @@ mod tests {
             (Cause::ControllerCompute, |e| {
                 (e.links.compute_ns, e.links.qp_ns, e.links.qp_iterations) = (1_500_000, 130_000, 12);
             }),
+            (Cause::Machine, |e| (e.links.compute_ns, e.was_kept) = (1_500_000, true)),
             (Cause::Scheduler, |e| {
                 (e.links.compute_ns, e.controller.waited_ns) = (1_500_000, 1_000_000);
             }),

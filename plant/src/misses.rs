@@ -1,7 +1,7 @@
 //! The book of missed deadlines: evidence is noted as a deadline passes, and the cause is found when the answer comes after all, or
 //! when it is clear that it never will.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cause::{Cause, Evidence, Hardship, LEAST, Links, cause};
 use crate::thread_watch::{StealWatch, ThreadWatch};
@@ -27,6 +27,17 @@ pub struct Miss {
     pub evidence: Evidence,
 }
 
+/// A row of missed deadlines whose cause is the machine's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Stall {
+    /// Its first tick.
+    pub first: u64,
+    /// Its last tick.
+    pub last: u64,
+    /// Slot of the controller whose answers lacked; `None`: the plant itself was late.
+    pub slot: Option<usize>,
+}
+
 /// How a tick went, at its end.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ended {
@@ -50,27 +61,42 @@ pub(crate) struct Ended {
 struct Watched {
     /// `None` where the system shows nothing of it.
     watch: Option<ThreadWatch>,
+    /// Its counters at the last look.
     seen: Hardship,
-    /// What it went through since the plant was last in time.
-    hardship: Hardship,
+    /// The same when the plant was last in time.
+    in_time: Hardship,
 }
 
 impl Watched {
     /// One whose past is no matter.
     fn new(watch: Option<ThreadWatch>) -> Self {
         let seen = watch.as_ref().map(ThreadWatch::read).unwrap_or_default();
-        Self { watch, seen, hardship: Hardship::default() }
+        Self { watch, seen, in_time: seen }
     }
 
-    /// Adds what it went through since the last look.
     fn look(&mut self) {
-        let Some(watch) = &self.watch else { return };
-        let (now, seen, sum) = (watch.read(), &self.seen, &mut self.hardship);
-        sum.waited_ns += now.waited_ns.saturating_sub(seen.waited_ns);
-        sum.major_faults += now.major_faults.saturating_sub(seen.major_faults);
-        sum.minor_faults += now.minor_faults.saturating_sub(seen.minor_faults);
-        self.seen = now;
+        if let Some(watch) = &self.watch {
+            self.seen = watch.read();
+        }
     }
+
+    /// What it went through since the plant was last in time.
+    fn hardship(&self) -> Hardship {
+        self.seen.since(&self.in_time)
+    }
+}
+
+/// What has been heard of a miss.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Heard {
+    Nothing,
+    /// The answer came after all, with these links.
+    Late(Links),
+    /// An answer came to the tick that is this many later, whose state had been under way for these ns.
+    PassedOver {
+        later: u64,
+        state_ns: u64,
+    },
 }
 
 /// A miss whose answer may still come.
@@ -80,6 +106,9 @@ struct Open {
     slot: usize,
     /// Whether it was in charge; else a swap waited for it, and no deadline was missed.
     was_in_charge: bool,
+    /// Its counters when the plant was last in time before.
+    in_time: Hardship,
+    heard: Heard,
     miss: Miss,
 }
 
@@ -102,8 +131,7 @@ pub struct Misses {
     over_ns: u64,
     open: Vec<Open>,
     listed: Vec<Miss>,
-    /// First and last tick of each row of misses whose cause is the machine's.
-    stalls: Vec<[u64; 2]>,
+    stalls: Vec<Stall>,
     counts: [u64; Cause::ALL.len()],
     /// Slot, tick and cause of the last miss: one of the same slot that follows without an answer shares it.
     last: Option<(usize, u64, Cause)>,
@@ -137,6 +165,9 @@ impl Misses {
     /// Another process, `process`, sits in `slot` now.
     pub(crate) fn replace(&mut self, slot: usize, process: u32) {
         self.controllers[slot] = Watched::new(ThreadWatch::of_process(process));
+        while let Some(at) = self.open.iter().position(|open| open.slot == slot) {
+            self.close_one(at);
+        }
     }
 
     /// How many deadlines were missed for each cause.
@@ -149,9 +180,8 @@ impl Misses {
         &self.listed
     }
 
-    /// First and last tick of each row of misses whose cause is the machine's; the first some thousand. Also those of a standby that a swap
-    /// waited for.
-    pub fn stalls(&self) -> &[[u64; 2]] {
+    /// The stalls of the machine, the first some thousand. Also those that held up a standby that a swap waited for.
+    pub fn stalls(&self) -> &[Stall] {
         &self.stalls
     }
 
@@ -177,27 +207,34 @@ impl Misses {
         let lacks = [missed.then_some((in_charge, true)), awaited.map(|slot| (slot, false))];
         for (slot, was_in_charge) in lacks.into_iter().flatten() {
             if self.open.len() == MOST_OPEN {
-                self.close_one(0, None);
+                self.close_one(0);
             }
             let evidence = self.evidence(slot, unanswered, usual, false);
             let miss = Miss { tick, cause: Cause::Unknown, evidence };
-            self.open.push(Open { slot, was_in_charge, miss });
+            let in_time = self.controllers.get(slot).map(|watched| watched.in_time).unwrap_or_default();
+            self.open.push(Open { slot, was_in_charge, in_time, heard: Heard::Nothing, miss });
+        }
+        // Not as they are heard: by now the one that answered sleeps again, and its counters tell all.
+        while let Some(at) = self.open.iter().position(|open| open.heard != Heard::Nothing) {
+            self.close_one(at);
         }
     }
 
-    /// An answer to `tick` of the controller in `slot` came; with it its `links` are known. The misses before it are closed, its own with
-    /// what it tells.
+    /// An answer to `tick` of the controller in `slot` came; with it its `links` are known, and that it passed those before over.
     pub(crate) fn answered(&mut self, slot: usize, tick: u64, links: &Links) {
-        while let Some(at) = self.open.iter().position(|open| open.slot == slot && open.miss.tick <= tick) {
-            let is_its = self.open[at].miss.tick == tick;
-            self.close_one(at, is_its.then_some(links));
+        let unheard = self.open.iter_mut().filter(|open| open.heard == Heard::Nothing && open.slot == slot);
+        for open in unheard.filter(|open| open.miss.tick <= tick) {
+            open.heard = match tick - open.miss.tick {
+                0 => Heard::Late(*links),
+                later => Heard::PassedOver { later, state_ns: links.state_ns },
+            };
         }
     }
 
     /// No more answers will come.
     pub(crate) fn close(&mut self) {
         while !self.open.is_empty() {
-            self.close_one(0, None);
+            self.close_one(0);
         }
         self.listed.sort_by_key(|miss| miss.tick);
         self.stalls.sort_unstable();
@@ -209,10 +246,11 @@ impl Misses {
             period_ns: self.period_ns,
             links,
             usual,
-            plant: self.plant.hardship,
-            controller: self.controllers.get(slot).map(|watched| watched.hardship).unwrap_or_default(),
+            plant: self.plant.hardship(),
+            controller: self.controllers.get(slot).map(Watched::hardship).unwrap_or_default(),
             stolen_ns: self.stolen,
             answered,
+            was_kept: false,
         }
     }
 
@@ -230,7 +268,7 @@ impl Misses {
         };
         let evidence = self.evidence(self.in_charge, links, *usual, true);
         let miss = Miss { tick, cause: cause(&evidence), evidence };
-        self.enter(&Open { slot: self.in_charge, was_in_charge: true, miss });
+        self.enter(None, true, &miss);
     }
 
     /// Adds what `links` were too long. Of waking late, what the end of the tick before does not explain.
@@ -251,35 +289,55 @@ impl Misses {
 
     fn forget(&mut self) {
         for watched in std::iter::once(&mut self.plant).chain(&mut self.controllers) {
-            watched.hardship = Hardship::default();
+            watched.in_time = watched.seen;
         }
         (self.stolen, self.backlog) = Default::default();
     }
 
-    /// Closes the open miss `at`, with the links of its answer if one came after all.
-    fn close_one(&mut self, at: usize, answer: Option<&Links>) {
-        let mut open = self.open.remove(at);
-        let miss = &mut open.miss;
-        if let Some(answer) = answer {
-            let Links { wake_up_ns, step_ns, .. } = miss.evidence.links;
-            miss.evidence.links = Links { wake_up_ns, step_ns, ..*answer };
-            miss.evidence.answered = true;
+    /// Closes the open miss `at` by what has been heard of it.
+    fn close_one(&mut self, at: usize) {
+        let Open { slot, was_in_charge, in_time, heard, mut miss } = self.open.remove(at);
+        let is_stopped = miss.evidence.controller.is_stopped;
+        let evidence = &mut miss.evidence;
+        if let (true, Some(watched)) = (heard != Heard::Nothing, self.controllers.get(slot)) {
+            evidence.controller = watched.seen.since(&in_time);
+        }
+        let Hardship { ran_ns, turns, .. } = evidence.controller;
+        // One that goes to sleep by itself takes more turns than there are states, one that is busy runs.
+        let is_kept = |states: u64, lasted_ns: u64| {
+            !is_stopped && (1..=states).contains(&turns) && ran_ns < lasted_ns / 2
+        };
+        match heard {
+            Heard::Nothing => {}
+            Heard::Late(links) => {
+                evidence.links =
+                    Links { wake_up_ns: evidence.links.wake_up_ns, step_ns: evidence.links.step_ns, ..links };
+                evidence.answered = true;
+                evidence.was_kept = is_kept(1, links.state_ns + links.compute_ns);
+            }
+            Heard::PassedOver { later, state_ns } => {
+                let lay_ns = later * self.period_ns + state_ns;
+                evidence.was_kept = is_kept(later, lay_ns);
+                if evidence.was_kept {
+                    evidence.links = Links { state_ns: lay_ns, ..evidence.links.of_the_plant() };
+                }
+            }
         }
         miss.cause = match self.last {
-            Some((slot, before, same))
-                if answer.is_none() && slot == open.slot && before + 1 == miss.tick =>
+            Some((last, before, same))
+                if !miss.evidence.answered && last == slot && before + 1 == miss.tick =>
             {
                 same
             }
             _ => cause(&miss.evidence),
         };
-        self.enter(&open);
+        self.last = Some((slot, miss.tick, miss.cause));
+        self.enter(Some(slot), was_in_charge, &miss);
     }
 
-    fn enter(&mut self, Open { slot, was_in_charge, miss }: &Open) {
-        self.last = Some((*slot, miss.tick, miss.cause));
+    fn enter(&mut self, slot: Option<usize>, was_in_charge: bool, miss: &Miss) {
         if miss.cause.is_the_machines() {
-            self.note_stall(miss.tick);
+            self.note_stall(miss.tick, slot);
         }
         if !was_in_charge {
             return;
@@ -291,11 +349,13 @@ impl Misses {
     }
 
     /// A tick whose answer came after all may be entered after later ones.
-    fn note_stall(&mut self, tick: u64) {
+    fn note_stall(&mut self, tick: u64, slot: Option<usize>) {
         let has_room = self.stalls.len() < MOST_STALLS;
         match self.stalls.last_mut() {
-            Some([first, last]) if (*first..=*last + 1).contains(&tick) => *last = tick.max(*last),
-            _ if has_room => self.stalls.push([tick; 2]),
+            Some(stall) if stall.slot == slot && (stall.first..=stall.last + 1).contains(&tick) => {
+                stall.last = tick.max(stall.last);
+            }
+            _ if has_room => self.stalls.push(Stall { first: tick, last: tick, slot }),
             _ => {}
         }
     }
@@ -330,7 +390,7 @@ fn usual(stages: &Stages) -> Links {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 mod tests {
-    use super::{Ended, Misses, Watched};
+    use super::{Ended, Misses, Stall, Watched};
     use crate::cause::{Cause, Links};
     use crate::thread_watch::ThreadWatch;
     use crate::{Stage, Stages};
@@ -371,6 +431,11 @@ mod tests {
         book.listed().iter().map(|miss| (miss.tick, miss.cause)).collect()
     }
 
+    /// How a tick ends that went as it should.
+    fn in_time(tick: u64) -> Ended {
+        Ended { missed: false, ..unanswered(tick, 0, 0) }
+    }
+
     /// How a tick ends that nobody answers.
     fn unanswered(tick: u64, in_charge: usize, unanswered_ns: u64) -> Ended {
         Ended { tick, in_charge, missed: true, awaited: None, unanswered_ns, over_ns: 0, links: USUAL }
@@ -383,14 +448,54 @@ mod tests {
             book.end_tick(&unanswered(tick, 0, 950_000), &stages);
         }
         assert_eq!(found(&book), []);
-        // The answer to tick 5 comes late: the state was long under way. 6 and 7 are passed over.
-        book.answered(0, 5, &Links { state_ns: 2_500_000, ..USUAL });
+        // The answer to tick 5 comes late: it was long on its way back. 6 and 7 are passed over.
+        book.answered(0, 5, &Links { command_ns: 2_500_000, ..USUAL });
         book.answered(0, 8, &USUAL);
+        book.end_tick(&in_time(8), &stages);
         assert_eq!(found(&book), [5, 6, 7].map(|tick| (tick, Cause::Transport)));
         book.end_tick(&unanswered(20, 0, USUAL.compute_ns), &stages);
         book.close();
         assert_eq!(found(&book)[3], (20, Cause::Unknown), "nothing was longer than usual");
         assert_eq!(book.counts().map(|(_, count)| count).sum::<u64>(), 4);
+    }
+
+    /// It had answered the tick before in time, and then none until a later one: it was not there, and where it did not run either, nobody
+    /// had woken it.
+    #[test]
+    fn one_that_was_not_there_was_woken_late_unless_it_ran_or_was_stopped() {
+        let stages = stages();
+        let cause_of = |turns, ran_ns, is_stopped| {
+            let mut book = book();
+            book.controllers[0].seen.is_stopped = is_stopped;
+            book.end_tick(&unanswered(5, 0, 950_000), &stages);
+            let seen = &mut book.controllers[0].seen;
+            (seen.turns, seen.ran_ns) = (seen.turns + turns, seen.ran_ns + ran_ns);
+            book.answered(0, 7, &USUAL);
+            book.end_tick(&in_time(7), &stages);
+            found(&book)[0].1
+        };
+        assert_eq!(cause_of(1, 60_000, false), Cause::Clock);
+        assert_eq!(cause_of(1, 1_900_000, false), Cause::ControllerCompute, "it was busy");
+        assert_eq!(cause_of(3, 180_000, false), Cause::ControllerCompute, "it was there, and did not answer");
+        assert_eq!(cause_of(1, 60_000, true), Cause::ControllerCompute, "it was stopped");
+    }
+
+    /// It was there, took a millisecond and a half, and ran for a tenth of that without having gone to sleep: somebody had its core.
+    #[test]
+    fn an_answer_during_which_its_core_was_taken_is_the_machines() {
+        let stages = stages();
+        let cause_of = |turns, ran_ns| {
+            let mut book = book();
+            book.end_tick(&unanswered(5, 0, 950_000), &stages);
+            let seen = &mut book.controllers[0].seen;
+            (seen.turns, seen.ran_ns) = (seen.turns + turns, seen.ran_ns + ran_ns);
+            book.answered(0, 5, &Links { compute_ns: 1_500_000, ..USUAL });
+            book.end_tick(&in_time(6), &stages);
+            found(&book)[0].1
+        };
+        assert_eq!(cause_of(1, 150_000), Cause::Machine);
+        assert_eq!(cause_of(2, 150_000), Cause::ControllerCompute, "it slept");
+        assert_eq!(cause_of(1, 1_500_000), Cause::ControllerCompute, "it computed");
     }
 
     /// The one that failed is no longer in charge as its answer comes; the answers of the other say nothing of its miss.
@@ -399,8 +504,10 @@ mod tests {
         let (mut book, stages) = (book(), stages());
         book.end_tick(&unanswered(5, 0, 950_000), &stages);
         book.answered(1, 6, &USUAL);
+        book.end_tick(&in_time(6), &stages);
         assert_eq!(found(&book), []);
-        book.answered(0, 5, &Links { state_ns: 2_500_000, ..USUAL });
+        book.answered(0, 5, &Links { command_ns: 2_500_000, ..USUAL });
+        book.end_tick(&in_time(7), &stages);
         assert_eq!(found(&book), [(5, Cause::Transport)]);
     }
 
@@ -408,15 +515,16 @@ mod tests {
     #[test]
     fn a_stall_that_held_up_a_swap_is_a_stall_and_no_miss() {
         let (mut book, stages) = (book(), stages());
-        let of_standby = Ended { missed: false, awaited: Some(1), ..unanswered(5, 0, 950_000) };
-        book.end_tick(&of_standby, &stages);
-        book.end_tick(&Ended { tick: 9, ..of_standby }, &stages);
-        book.answered(1, 5, &Links { step_ns: 0, compute_ns: 1_500_000, ..USUAL });
-        // All was slow at once, be it the standby's own answer or the plant's step.
-        book.open[0].miss.evidence.links.step_ns = 3 * USUAL.step_ns;
-        book.answered(1, 9, &Links { compute_ns: 1_500_000, ..USUAL });
+        let of_standby = |tick| Ended { missed: false, awaited: Some(1), ..unanswered(tick, 0, 950_000) };
+        book.end_tick(&of_standby(5), &stages);
+        book.answered(1, 5, &Links { compute_ns: 1_500_000, ..USUAL });
+        book.end_tick(&of_standby(9), &stages);
+        book.controllers.push(Watched::default());
+        book.controllers[1].seen.turns = 1;
+        book.answered(1, 10, &USUAL);
         book.close();
-        assert_eq!((book.stalls(), found(&book)), ([[9, 9]].as_slice(), vec![]));
+        let stall = Stall { first: 9, last: 9, slot: Some(1) };
+        assert_eq!((book.stalls(), found(&book)), ([stall].as_slice(), vec![]));
         assert_eq!(book.counts().map(|(_, count)| count).sum::<u64>(), 0);
     }
 
@@ -441,7 +549,7 @@ mod tests {
         assert_eq!((first.minor_faults, again.minor_faults), (0, 0));
         // Another process in the seat begins anew.
         book.replace(1, std::process::id());
-        assert_eq!(book.controllers[1].hardship.minor_faults, 0);
+        assert_eq!(book.controllers[1].hardship().minor_faults, 0);
     }
 
     #[test]

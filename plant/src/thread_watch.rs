@@ -8,7 +8,7 @@ use crate::cause::Hardship;
 /// Longest line that is read, bytes.
 const LONGEST: usize = 1024;
 
-/// The counters of one thread since it began: `schedstat` (waiting for a core) and `stat` (page faults: the same counters as
+/// The counters of one thread since it began: `schedstat` (time on a core, waiting for one, how often it got one) and `stat` (page faults: the same counters as
 /// `getrusage`, and of other processes, too).
 #[derive(Debug)]
 pub struct ThreadWatch {
@@ -37,14 +37,17 @@ impl ThreadWatch {
     /// The counters now; zero where the thread is gone. Two system calls, some microseconds; allocates nothing.
     pub fn read(&self) -> Hardship {
         let mut buffer = [0; LONGEST];
-        let waited_ns = numbers(read(&self.schedstat, &mut buffer)).nth(1).unwrap_or(0);
+        let mut times = numbers(read(&self.schedstat, &mut buffer));
+        let [ran_ns, waited_ns, turns] = std::array::from_fn(|_| times.next().unwrap_or(0));
+        drop(times);
         let stat = read(&self.stat, &mut buffer);
         // The name of the program, field 2, may hold anything: fields are counted from the parenthesis that closes it.
         let from = stat.iter().rposition(|&byte| byte == b')').map_or(stat.len(), |at| at + 1);
         let mut fields = stat[from..].split(u8::is_ascii_whitespace).filter(|field| !field.is_empty());
-        let minor_faults = fields.nth(10 - 3).map_or(0, number);
+        let is_stopped = fields.next().is_some_and(|state| matches!(state, b"T" | b"t"));
+        let minor_faults = fields.nth(10 - 4).map_or(0, number);
         let major_faults = fields.nth(1).map_or(0, number);
-        Hardship { waited_ns, major_faults, minor_faults }
+        Hardship { ran_ns, turns, is_stopped, waited_ns, major_faults, minor_faults }
     }
 }
 

@@ -17,7 +17,7 @@ use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS};
 use crate::Usual;
 
 /// Ticks of agreement after which somebody who was not believed is believed again.
-pub(crate) const PROBATION: u32 = 100;
+pub const PROBATION: u32 = 100;
 
 /// Share of what a sound difference varies by around a tick that it may vary by beyond that.
 const LATITUDE: f64 = 0.5;

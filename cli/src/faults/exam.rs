@@ -39,6 +39,8 @@ const PER_RUN: u32 = 20;
 const ANSWER_PATIENCE: f64 = 0.15;
 /// How often a lockstep run is played in which somebody sound was late: that says something of a busy machine alone.
 const ATTEMPTS: u32 = 3;
+/// How many faults real time injects at most for one that is asked for, until as many as are asked for could be judged.
+const MOST_FOR_ONE: u32 = 3;
 /// How much longer lockstep waits each time.
 const MORE_PATIENCE: f64 = 4.0;
 /// How far two controllers may differ beyond what they differ by in the sound run, of the joint's range.
@@ -92,7 +94,7 @@ impl Exam {
         &self.scenario
     }
 
-    /// Injects `seeds` faults of each of `kinds`; what there was until then if interrupted.
+    /// Injects `seeds` faults of each of `kinds`, in real time others for those that could not be judged; what there was until then if interrupted.
     ///
     /// # Errors
     /// A run that fails otherwise than by the fault.
@@ -110,8 +112,17 @@ impl Exam {
             let per_run = if kind.ends_the_process() { 1 } else { PER_RUN };
             let mut verdict = Verdict::new(kind);
             let mut done = 0;
-            while done < seeds {
-                let count = per_run.min(seeds - done);
+            // A stall of the machine or brakes that it has closed leave faults that say nothing: others take their place.
+            let most = match self.scenario.pace {
+                Pacing::Lockstep => seeds,
+                Pacing::Realtime => seeds.saturating_mul(MOST_FOR_ONE),
+            };
+            while done < seeds || verdict.judged < seeds as usize && done < most {
+                if done >= seeds {
+                    bar.inc_length(u64::from(per_run.min(seeds)));
+                }
+                let wanted = if done < seeds { seeds - done } else { most - done };
+                let count = per_run.min(seeds).min(wanted);
                 let Some(found) = self.inject(kind, done, count)? else {
                     if done > 0 {
                         verdicts.push(verdict.with_pace(self.scenario.pace));

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_plant::Rejection;
+use freeplay_plant::{PROBATION, Rejection, Stall};
 use freeplay_recording::Recording;
 use serde::Serialize;
 
@@ -43,7 +43,8 @@ pub struct Finding {
     pub next_in_charge: String,
     /// Whether the controller was in charge again before the next fault.
     pub back: bool,
-    /// Stalls of the machine around the fault, until the standby was in force. Such a fault says more of the machine than of who was examined.
+    /// Stalls of the machine around the fault, until the standby was in force; where the standby has to contradict it, from as long before
+    /// as it takes to be believed again. Such a fault says more of the machine than of who was examined.
     pub stalls: u64,
     /// Greatest deviation of the tool until then, mm.
     pub deviation_peak_mm: f64,
@@ -56,15 +57,15 @@ fn column<'a>(recording: &'a Recording, name: &str) -> Result<&'a [f64], Failure
 }
 
 impl Finding {
-    /// Of `injection`, from the recording of its run: the `window` ticks from it on, beside the controllers `alone`. In `stalls` are
-    /// the first and the last tick of each stall of the machine.
+    /// Of `injection`, from the recording of its run with these `stalls` of the machine: the `window` ticks from it on, beside the controllers
+    /// `alone`.
     ///
     /// # Errors
     /// A recording that lacks what a run records.
     pub fn of(
         injection: Injection,
         recording: &Recording,
-        stalls: &[[u64; 2]],
+        stalls: &[Stall],
         alone: &[Alone],
         names: &[String],
         window: usize,
@@ -85,7 +86,13 @@ impl Finding {
         let held = |code| in_force[begin..end].iter().filter(|&&what| what == code).count() as u64;
         let next = refused.and_then(|tick| in_charge.get(tick + 1)).map_or(0, |&slot| slot as usize);
         let name = |slot: usize| names.get(slot).cloned().unwrap_or_default();
-        let over = refused.map_or(begin, |tick| tick + taken_over.unwrap_or(0)) as u64;
+        // A standby that was stalled is no witness until it has agreed for a while; one that is says nothing.
+        let is_compared = injection.kind.expected() == Expected::Compared;
+        let (before, unrefused) = if is_compared { (u64::from(PROBATION), faulty) } else { (AROUND, begin) };
+        let over = refused.map_or(unrefused, |tick| tick + taken_over.unwrap_or(0)) as u64;
+        let around = injection.tick.saturating_sub(before)..over + AROUND + 1;
+        // What the examined one lacks once it is spoiled is the fault's.
+        let is_machines = |stall: &&Stall| stall.slot != Some(0) || stall.first < injection.tick;
         Ok(Self {
             injection,
             was_in_charge: in_charge.get(begin).is_some_and(|&slot| slot == 0.0) && in_force[begin] != BRAKED,
@@ -101,7 +108,7 @@ impl Finding {
             braked: held(BRAKED) > 0,
             next_in_charge: name(next),
             back: end > 0 && in_charge.get(end).is_some_and(|&slot| slot == 0.0),
-            stalls: stalls_in(stalls, injection.tick.saturating_sub(AROUND)..over + AROUND + 1),
+            stalls: stalls_in(stalls.iter().filter(is_machines), &around),
             deviation_peak_mm: peak * 1e3,
             deviation_ratio: if without > 0.0 { peak / without } else { f64::NAN },
         })

@@ -15,6 +15,12 @@ const RENEWALS: usize = 4;
 /// Least share of the error that an effect takes away beside the others, which the cross-validation has passed.
 const LEAST_HELD_OUT: f64 = 0.08;
 
+/// By which share of the error of one channel something else has to leave less to take the place of an effect.
+const LEAST_LESS: f64 = 0.05;
+
+/// From how many times the noise on what is left of a channel shows that the model is wrong there.
+const FAR: f64 = 3.0;
+
 /// Another parting of the only recording.
 pub(crate) struct Turn<'a> {
     /// What is fitted.
@@ -113,7 +119,62 @@ impl<'a, 'b> Judge<'a, 'b> {
                 return Ok(None);
             }
         }
-        Ok(best.map(|best| best.restore(search)))
+        let Some(mut best) = best else { return Ok(None) };
+        let mut place = 0;
+        while !best.proofs.is_empty() && place <= best.proofs.len() {
+            search.go_back(best.standing.clone());
+            let better = self.better(&best, place, search, progress)?;
+            place = if better.is_some() { 0 } else { place + 1 };
+            best = better.unwrap_or(best);
+        }
+        Ok(Some(best.restore(search)))
+    }
+
+    /// What leaves less of the held-out data than `best`, where `search` stands: with something that explains nearly as much in the place of
+    /// the effect number `place`; behind the last, with friction or an offset that sits on every joint of a real machine beside the others.
+    fn better(
+        &self,
+        best: &Sifted,
+        place: usize,
+        search: &mut Search<'a, 'b>,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Option<Sifted>, LawError> {
+        let is_further = place == best.proofs.len();
+        let candidates = if is_further { self.usual_left(search)? } else { search.rivals_of(place) };
+        let most = best.size - LEAST_LESS / self.held.per_stage().max(1) as f64;
+        let mut smallest: Option<(f64, usize)> = None;
+        for hypothesis in candidates {
+            search.go_back(best.standing.clone());
+            if search.put(place, hypothesis).is_none() {
+                continue;
+            }
+            let Some(size) = self.tried(search, |trials| size(trials, None))? else { continue };
+            if size < most && smallest.is_none_or(|(least, _)| size < least) {
+                smallest = Some((size, hypothesis));
+            }
+        }
+        let Some((_, hypothesis)) = smallest else { return Ok(None) };
+        search.go_back(best.standing.clone());
+        let was = (!is_further).then(|| search.in_words(place));
+        if search.put(place, hypothesis).is_none() {
+            return Ok(None);
+        }
+        let sifted = self.drop_unproven(search, progress)?.filter(|sifted| sifted.size < most);
+        if sifted.is_some() {
+            let words = search.hypothesis_in_words(hypothesis);
+            let of_whom = was.map_or_else(|| "without".to_owned(), |was| format!("with {was} in its place"));
+            progress(&format!("{words} leaves less of the held-out data than is left {of_whom}"));
+        }
+        Ok(sifted)
+    }
+
+    /// What sits on every joint of a real machine and was not taken in, where far more than noise is left of the held-out data.
+    fn usual_left(&self, search: &Search<'a, 'b>) -> Result<Vec<usize>, LawError> {
+        let Some(errors) = self.errors(search)? else { return Ok(Vec::new()) };
+        let left = self.held.rms(&errors.tuned_after);
+        let is_left = |c: usize| left[c % left.len()] > FAR * search.null.floor[c];
+        let usual = search.usual_left().into_iter();
+        Ok(usual.filter(|&hypothesis| search.hypotheses[hypothesis].channels().any(is_left)).collect())
     }
 
     /// What `ask` says of the trials of what `search` has chosen, that of the fit first.

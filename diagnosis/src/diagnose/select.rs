@@ -32,6 +32,8 @@ const LEAST_IN_NOISE: f64 = 0.25;
 const LEAST_APART: f64 = 0.05;
 /// Two models whose errors differ by less than this share, summed over the channels, are as good.
 const AS_GOOD: f64 = 0.02;
+/// Share of an effect's merit from which on another one explains nearly as much.
+const NEARLY: f64 = 0.7;
 /// Kinds whose merits differ by less than this share are judged by their strongest place.
 const ALIKE: f64 = 0.05;
 /// What sits on every joint of a real machine.
@@ -157,7 +159,12 @@ impl Search<'_, '_> {
 
     /// The effect number `index`, for people.
     pub fn in_words(&self, index: usize) -> String {
-        let (named, joints) = (self.named(index), self.case.stages[0].arm().joints());
+        self.hypothesis_in_words(self.chosen[index].hypothesis)
+    }
+
+    /// The hypothesis number `hypothesis`, for people.
+    pub fn hypothesis_in_words(&self, hypothesis: usize) -> String {
+        let (named, joints) = (&self.hypotheses[hypothesis], self.case.stages[0].arm().joints());
         let site = named.joint.map_or("arm", |joint| joints[joint].name.as_str());
         format!("{} ({site})", named.kind.title)
     }
@@ -351,22 +358,15 @@ impl Search<'_, '_> {
                 continue;
             }
             let (plain, size) = (plainness(self.named(index)), self.named(index).size());
-            let mut rivals: Vec<Winner> = places
-                .into_values()
-                .filter(|winner| winner.merit > merit - TOLD_APART)
-                .filter(|winner| self.hypotheses[winner.hypothesis].size() <= size + 1)
-                .filter_map(|winner| self.exact(&fit, &weighing, winner))
+            let places = places.into_values().filter(|winner| {
+                winner.merit > merit - TOLD_APART && self.hypotheses[winner.hypothesis].size() <= size + 1
+            });
+            let mut rivals: Vec<Winner> = self
+                .in_place(places, [&fit, &all], &weighing)
                 .filter(|winner| {
                     let rival = &self.hypotheses[winner.hypothesis];
                     !rival.contains(self.named(index))
                         || self.is_worth_more(rival, &self.left_by(&fit, winner), &left)
-                })
-                .map(|mut winner| {
-                    // What it explains beside the named effect is no reason to put it in that one's place.
-                    let block = &self.hypotheses[winner.hypothesis].block;
-                    let beside = self.system.exact_score(&all, block).map_or(0.0, |score| score.gain);
-                    winner.merit -= beside.max(0.0);
-                    winner
                 })
                 .filter(|winner| {
                     let plainer = plainness(&self.hypotheses[winner.hypothesis]) < plain;
@@ -389,6 +389,55 @@ impl Search<'_, '_> {
             moved = true;
         }
         Some(moved)
+    }
+
+    /// `places` with the merit that each has in the place of an effect, which is left out of the first of two fits: what it explains beside
+    /// that effect, too, is no reason to put it there.
+    fn in_place(
+        &self,
+        places: impl Iterator<Item = Winner>,
+        [without, all]: [&Fit; 2],
+        weighing: &Weighing,
+    ) -> impl Iterator<Item = Winner> {
+        places.filter_map(move |winner| self.exact(without, weighing, winner)).map(move |mut winner| {
+            let block = &self.hypotheses[winner.hypothesis].block;
+            let beside = self.system.exact_score(all, block).map_or(0.0, |score| score.gain);
+            winner.merit -= beside.max(0.0);
+            winner
+        })
+    }
+
+    /// Hypotheses that explain nearly as much in the place of the effect number `index`.
+    pub fn rivals_of(&self, index: usize) -> Vec<usize> {
+        let fits = [Some(index), None].map(|but| self.system.fit(&self.active(but)));
+        let [Some(without), Some(all)] = fits else { return Vec::new() };
+        let weighing = self.weighing(&self.system.residual(&all), &all);
+        let least = NEARLY * self.merit(self.named(index), without.left - all.left, &weighing);
+        let places = self.by_place(&without, &weighing, Some(index)).into_values();
+        let strong = places.filter(|winner| winner.merit > least);
+        let near = self.in_place(strong, [&without, &all], &weighing).filter(|winner| winner.merit > least);
+        near.map(|winner| winner.hypothesis).collect()
+    }
+
+    /// What sits on every joint of a real machine and was not taken in.
+    pub fn usual_left(&self) -> Vec<usize> {
+        let is_left = |hypothesis: &Hypothesis| {
+            let site = (hypothesis.kind.name, hypothesis.joint);
+            USUAL.contains(&site.0) && !self.vetoed.contains(&site) && !self.is_taken(hypothesis, None)
+        };
+        (0..self.hypotheses.len()).filter(|&index| is_left(&self.hypotheses[index])).collect()
+    }
+
+    /// Puts a hypothesis in the place of the effect number `index`, which does not come back, or behind the last.
+    pub fn put(&mut self, index: usize, hypothesis: usize) -> Option<()> {
+        let new = self.admit(hypothesis);
+        if index < self.chosen.len() {
+            self.vetoed.push((self.named(index).kind.name, self.named(index).joint));
+            self.chosen[index] = new;
+        } else {
+            self.chosen.push(new);
+        }
+        self.settle()
     }
 
     /// The hypothesis among the special cases `inside` of the effect number `index` that does as well in its place. `left` is what all
