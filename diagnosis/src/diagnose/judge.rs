@@ -5,7 +5,7 @@
 use freeplay_laws::LawError;
 
 use super::case::Case;
-use super::search::{Search, Standing};
+use super::search::{Search, Standing, TOLD_APART};
 use super::show::{Compared, Gain, HeldOut, gain};
 use super::system::{System, less, subtract};
 use super::trial::{Proof, Trial, proof};
@@ -131,7 +131,8 @@ impl<'a, 'b> Judge<'a, 'b> {
     }
 
     /// What leaves less of the held-out data than `best`, where `search` stands: with something that explains nearly as much in the place of
-    /// the effect number `place`; behind the last, with friction or an offset that sits on every joint of a real machine beside the others.
+    /// the effect number `place`; behind the last, with friction or an offset that sits on every joint of a real machine beside the others, if
+    /// the data of the fit know it from nothing.
     fn better(
         &self,
         best: &Sifted,
@@ -140,12 +141,14 @@ impl<'a, 'b> Judge<'a, 'b> {
         progress: &mut dyn FnMut(&str),
     ) -> Result<Option<Sifted>, LawError> {
         let is_further = place == best.proofs.len();
-        let candidates = if is_further { self.usual_left(search)? } else { search.rivals_of(place) };
+        let candidates = if is_further { search.usual_left() } else { search.rivals_of(place) };
+        let candidates = self.where_much_is_left(search, candidates)?;
         let most = best.size - LEAST_LESS / self.held.per_stage().max(1) as f64;
         let mut smallest: Option<(f64, usize)> = None;
         for hypothesis in candidates {
             search.go_back(best.standing.clone());
-            if search.put(place, hypothesis).is_none() {
+            let is_idle = |search: &Search| search.chosen.get(place).is_none_or(|it| it.gain < TOLD_APART);
+            if search.put(place, hypothesis).is_none() || is_further && is_idle(search) {
                 continue;
             }
             let Some(size) = self.tried(search, |trials| size(trials, None))? else { continue };
@@ -168,13 +171,17 @@ impl<'a, 'b> Judge<'a, 'b> {
         Ok(sifted)
     }
 
-    /// What sits on every joint of a real machine and was not taken in, where far more than noise is left of the held-out data.
-    fn usual_left(&self, search: &Search<'a, 'b>) -> Result<Vec<usize>, LawError> {
+    /// Those of `hypotheses` that show where far more than noise is left of the held-out data.
+    fn where_much_is_left(
+        &self,
+        search: &Search<'a, 'b>,
+        hypotheses: Vec<usize>,
+    ) -> Result<Vec<usize>, LawError> {
         let Some(errors) = self.errors(search)? else { return Ok(Vec::new()) };
         let left = self.held.rms(&errors.tuned_after);
         let is_left = |c: usize| left[c % left.len()] > FAR * search.null.floor[c];
-        let usual = search.usual_left().into_iter();
-        Ok(usual.filter(|&hypothesis| search.hypotheses[hypothesis].channels().any(is_left)).collect())
+        let shows = |&hypothesis: &usize| search.hypotheses[hypothesis].channels().any(is_left);
+        Ok(hypotheses.into_iter().filter(shows).collect())
     }
 
     /// What `ask` says of the trials of what `search` has chosen, that of the fit first.
