@@ -92,6 +92,32 @@ fn coulomb_friction_is_named_at_its_joint_with_its_size() {
     assert_eq!(diagnosis.model.effects.len(), 1);
 }
 
+/// A twentieth of the time something shakes the elbow, always to the same side: the offset that is there all the time keeps its size.
+/// By least squares it is 0.45 N·m.
+#[test]
+fn what_shakes_at_times_does_not_bend_the_numbers() {
+    const OFFSET: f64 = 0.5;
+    const SHAKES: [f64; 8] = [1.1, 3.9, 5.2, 8.6, 10.1, 13.7, 14.8, 18.3];
+    let model = two_joints();
+    let mut made = measured(&inside(&model, 5), 20.0, nominal_friction, 5);
+    let shakes = |t: f64| if SHAKES.iter().any(|s| (0.0..0.125).contains(&(t - s))) { -1.0 } else { 0.0 };
+    let t = made[0].1.clone();
+    for (name, column) in &mut made {
+        if name == "tau2" {
+            column.iter_mut().zip(&t).for_each(|(tau, t)| *tau += OFFSET + shakes(*t));
+        }
+    }
+    let diagnosis = diagnosed(&model, &[recording(made)]);
+    println!("{:?}: {}", diagnosis.verdict, diagnosis.statement);
+    let is_offset = |effect: &&freeplay_diagnosis::Effect| effect.kind == "torque_offset";
+    let effect = diagnosis.effects.iter().find(is_offset).expect("the offset");
+    let offset = &effect.parameters["offset"];
+    let (value, [low, high]) =
+        (offset.value.as_float().expect("a number"), offset.ci95.expect("an interval"));
+    println!("offset {value:.4} N*m ({low:.4} to {high:.4}) for {OFFSET}");
+    assert!((value - OFFSET).abs() < 0.02 * OFFSET && low < OFFSET && OFFSET < high);
+}
+
 /// Masses up to 2 % off leave more than the noise; the model of the diagnosis has them where the fit has them.
 #[test]
 fn the_model_of_a_diagnosis_is_tuned_inside_its_tolerances() {

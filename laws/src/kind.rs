@@ -41,6 +41,10 @@ impl Seen {
     pub const BOTH: Seen = Seen { torque: true, pose: true };
 }
 
+/// Name of the number in a shape about which the only term of an effect is taken: its column is then what the law says with this
+/// coefficient, per unit of it. For a law that is not linear, as a delay of more than a few samples, that is right where it is needed.
+pub const ABOUT: &str = "about";
+
 /// An entry of the catalogue: one kind of effect.
 pub struct Kind {
     /// Name in arm files and in `diagnosis.json`.
@@ -141,16 +145,23 @@ impl Kind {
     /// Whether the number `name` of a shape has values between those that [`Kind::shapes`] lists.
     pub fn refines(&self, name: &str) -> bool {
         let is_choice = |range: &Range| matches!(range, Range::Number { role: Role::Choice, .. });
-        !self.parameters.iter().any(|parameter| parameter.name == name && is_choice(&parameter.range))
+        name != ABOUT
+            && !self.parameters.iter().any(|parameter| parameter.name == name && is_choice(&parameter.range))
     }
 
-    /// The terms of the effect at `place` with `shape`, one of [`Kind::shapes`].
+    /// The terms of the effect at `place` with `shape`, one of [`Kind::shapes`], which may say [`ABOUT`] which coefficient.
     pub fn terms_at(&self, place: &Place, shape: &toml::Table) -> Vec<Term> {
-        (self.terms.list)(self, place, shape)
+        let mut terms = (self.terms.list)(self, place, shape);
+        if let (Some(about), [term]) = (shape.get(ABOUT).and_then(toml::Value::as_float), &mut terms[..]) {
+            (term.plus, term.minus, term.weight) = (self.compose(shape, &[about]), None, 1.0 / about);
+        }
+        terms
     }
 
     /// The parameters of the effect that has these `coefficients`, one for each of [`Kind::terms_at`], and `shape`.
     pub fn compose(&self, shape: &toml::Table, coefficients: &[f64]) -> toml::Table {
-        (self.terms.compose)(self, shape, coefficients)
+        let mut parameters = (self.terms.compose)(self, shape, coefficients);
+        parameters.remove(ABOUT);
+        parameters
     }
 }

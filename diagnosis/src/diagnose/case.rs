@@ -111,10 +111,15 @@ impl<'a> Case<'a> {
 
     /// Root of the mean square of `rows` in each channel of a stage, over all recordings.
     pub fn rms(&self, rows: &[Vec<f64>]) -> Vec<f64> {
+        let of_each: Vec<f64> = rows.iter().zip(&self.kept).map(|(rows, kept)| rms(rows, kept)).collect();
+        self.by_channel(&of_each)
+    }
+
+    /// Root of the mean square of `deviations`, one of each channel of each recording, in each channel of a stage.
+    pub fn by_channel(&self, deviations: &[f64]) -> Vec<f64> {
         let (per_stage, stages) = (self.per_stage(), self.stages.len().max(1) as f64);
         let of_channel = |c: usize| {
-            let all = (c..rows.len()).step_by(per_stage);
-            let squares: f64 = all.map(|c| rms(&rows[c], &self.kept[c]).powi(2)).sum();
+            let squares: f64 = deviations.iter().skip(c).step_by(per_stage).map(|rms| rms * rms).sum();
             (squares / stages).sqrt()
         };
         (0..per_stage).map(of_channel).collect()

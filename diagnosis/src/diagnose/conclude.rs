@@ -18,6 +18,7 @@ use super::report::{
     Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Rmse, Tuned,
     Untestable, Verdict,
 };
+use super::robust::Numbers;
 use super::search::{Chosen, Search};
 use super::show::HeldOut;
 use super::trial::Proof;
@@ -37,8 +38,10 @@ pub(crate) struct Conclusion<'c, 'a, 'b> {
     pub file: &'c ArmFile,
     pub settings: &'c DiagnoseSettings,
     pub search: &'c Search<'a, 'b>,
+    /// Its numbers.
+    pub numbers: &'c Numbers,
     /// The same effects on all that was recorded where that is more than the fit rests on: their numbers are these.
-    pub whole: Option<&'c Search<'a, 'b>>,
+    pub whole: Option<(&'c Search<'a, 'b>, &'c Numbers)>,
     pub judge: &'c Judge<'a, 'b>,
     pub proofs: &'c [Proof],
     pub data: &'c str,
@@ -83,7 +86,8 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         quality: Vec<String>,
         untestable: Vec<Untestable>,
     ) -> Result<Option<Diagnosis>, LawError> {
-        let Some(errors) = self.judge.errors(self.search)? else { return Ok(None) };
+        let of_fit = &self.numbers.fit;
+        let Some(errors) = self.judge.errors(self.search, of_fit)? else { return Ok(None) };
         let Some(black_box) = self.judge.black_box(self.search, &errors) else { return Ok(None) };
         let (Some(maps), Some(drawn)) = (self.maps(), self.drawn()) else { return Ok(None) };
         let (tables, effects) = self.effects(&drawn);
@@ -93,7 +97,9 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         let location = self.location(&maps, &errors);
         let channels = self.judged_channels(&errors, &black_box);
         let fit = self.fit(&errors, &black_box, &channels);
-        let Some(passages) = passages(self.search, self.judge, &errors, &black_box)? else { return Ok(None) };
+        let Some(passages) = passages(self.search, of_fit, self.judge, &errors, &black_box)? else {
+            return Ok(None);
+        };
         let Some(excess) = Excess::of(self.search, self.judge)? else { return Ok(None) };
         let verdict = self.verdict(&errors, &channels, &fit, &excess, &alternatives, &location);
         let mut model = self.file.clone();
@@ -135,15 +141,14 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         joint.map(|joint| self.arm().joints()[joint].name.clone())
     }
 
-    /// What the numbers rest on.
-    fn numbers(&self) -> &Search<'a, 'b> {
-        self.whole.unwrap_or(self.search)
+    /// What the numbers that are given out rest on, and these.
+    fn given_out(&self) -> (&Search<'a, 'b>, &Numbers) {
+        self.whole.unwrap_or((self.search, self.numbers))
     }
 
     /// The arm of the file, its masses, lengths and frictions where the fit has them inside their tolerances.
     fn tuned_arm(&self) -> Option<Arm> {
-        let search = self.numbers();
-        let fit = search.system.fit(&search.active(None))?;
+        let (search, Numbers { fit, .. }) = self.given_out();
         let mut parts = ArmParts::of(self.arm());
         let bound = search.case.nuisances[0].iter().filter(|nuisance| !nuisance.free);
         let eta = fit.eta.iter().zip(&search.system.precision).filter(|(_, precision)| **precision > 1e-6);
@@ -155,16 +160,14 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
 
     /// Draws of all active coefficients, nuisances first, then the effects in the order in which they were chosen.
     fn drawn(&self) -> Option<DMatrix<f64>> {
-        let search = self.numbers();
-        let fit = search.system.fit(&search.active(None))?;
-        draws(search.case, &search.system, &fit, self.settings.seed)
+        let (search, Numbers { system, fit }) = self.given_out();
+        draws(search.case, system, fit, self.settings.seed)
     }
 
     /// The named effects, as tables for an arm file and as findings.
     fn effects(&self, drawn: &DMatrix<f64>) -> (Vec<EffectTable>, Vec<Effect>) {
-        let search = self.numbers();
-        let Some(fit) = search.system.fit(&search.active(None)) else { return (Vec::new(), Vec::new()) };
-        let covariance = search.system.covariance(&fit);
+        let (search, Numbers { system, fit }) = self.given_out();
+        let covariance = system.covariance(fit);
         let mut at = search.nuisances().len();
         let (mut tables, mut effects) = (Vec::new(), Vec::new());
         for (index, (chosen, proof)) in self.search.chosen.iter().zip(self.proofs).enumerate() {
@@ -255,8 +258,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
 
     /// How far the tolerances are used.
     fn tuned(&self) -> Vec<Tuned> {
-        let search = self.search;
-        let Some(fit) = search.system.fit(&search.active(None)) else { return Vec::new() };
+        let (search, fit) = (self.search, &self.numbers.fit);
         let bound = search.case.nuisances[0].iter().filter(|nuisance| !nuisance.free);
         let eta = fit.eta.iter().zip(&search.system.precision).filter(|(_, precision)| **precision > 1e-6);
         let mut tuned: Vec<Tuned> = bound
@@ -291,7 +293,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         let left = self.judge.held.rms(&errors.retuned);
         let beyond: Vec<f64> = left
             .iter()
-            .zip(&self.search.null.floor)
+            .zip(&self.judge.floor.transferred)
             .map(|(left, floor)| ((left / floor.max(f64::MIN_POSITIVE)).powi(2) - 1.0).max(0.0))
             .collect();
         let all: f64 = beyond.iter().sum();
@@ -339,7 +341,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             (!channels.is_empty()).then(|| self.judge.gain(self.search, channels, &errors.retuned, after))
         };
         Fit {
-            noise_floor: table(self.search.null.floor.iter().take(described.len()).copied().collect()),
+            noise_floor: table(self.judge.floor.transferred.clone()),
             before: rms(&errors.before),
             after: rms(&errors.after),
             retuned: rms(&errors.retuned),
@@ -376,8 +378,8 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         }
         let left = |gain: f64| (1.0 - gain).powi(2);
         let named = fit.gain.map_or(1.0, |gain| left(gain.value));
-        let rest = self.judge.unnamed_rest(self.search, errors, channels);
-        let unnamed = rest.filter(|rest| rest.ci95[0] > 0.0).map_or(named, |rest| named * left(rest.value));
+        let rest = self.judge.unnamed_rest(self.search, &self.numbers.fit, errors, channels);
+        let unnamed = if rest.ci95[0] > 0.0 { named * left(rest.value) } else { named };
         if (named - unnamed) > UNNAMED_SHARE * (1.0 - unnamed) {
             return Verdict::Unknown;
         }

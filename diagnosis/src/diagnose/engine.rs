@@ -13,6 +13,7 @@ use super::judge::{Judge, Turn};
 use super::parts::Parts;
 use super::quality;
 use super::report::Diagnosis;
+use super::robust::Numbers;
 use super::search::Search;
 use super::stage::{Ground, Stage};
 use super::tolerance::Tolerances;
@@ -120,17 +121,20 @@ pub fn diagnose(
     };
     let turns = of_turns.iter().map(|turn| Ok(Turn { fitted: case(&turn[..1])?, held: case(&turn[1..])? }));
     let turns = turns.collect::<Result<Vec<_>, LawError>>()?;
-    let judge = Judge::new(&held, &turns, settings.seed);
+    let judge = Judge::new(&search, &held, &turns, settings).ok_or(DiagnoseError::Singular)?;
     let proofs = judge.sift(&mut search, progress)?.ok_or(DiagnoseError::Singular)?;
     let of_whole = grounds(parts.whole.as_slice()).ok().filter(|grounds| is_found && !grounds.is_empty());
     let whole = of_whole.as_deref().map(case).transpose()?;
     let whole = whole.as_ref().map(|case| search.laid_on(case, &case.system(case.target()))).transpose()?;
     let whole = whole.filter(Search::is_possible);
+    let of_whole = whole.as_ref().and_then(Numbers::of);
+    let numbers = Numbers::of(&search).ok_or(DiagnoseError::Singular)?;
     let conclusion = Conclusion {
         file,
         settings,
         search: &search,
-        whole: whole.as_ref(),
+        numbers: &numbers,
+        whole: whole.as_ref().zip(of_whole.as_ref()),
         judge: &judge,
         proofs: &proofs,
         data: &parts.how,

@@ -33,17 +33,15 @@ impl Excess {
         else {
             return Ok(None);
         };
-        let of_fit = |residual: &[Vec<f64>]| search.case.rms(residual);
-        let (mut before, mut after) = (of_fit(&system.residual(&bare)), of_fit(&system.residual(&fit)));
+        let mut before = search.case.rms(&system.residual(&bare));
+        let mut after = search.case.rms(&system.residual(&fit));
         let Some(held) = judge.retuned_there(search)? else { return Ok(None) };
         before.extend(judge.held.rms(&held[0]));
         after.extend(judge.held.rms(&held[1]));
-        let floors = &search.null.floor[..search.case.per_stage()];
+        let of_fit = search.case.by_channel(&search.null.floor);
+        let floors = of_fit.iter().chain(&judge.floor.tuned_there);
         let over = |rms: Vec<f64>| {
-            rms.iter()
-                .zip(floors.iter().cycle())
-                .map(|(rms, floor)| rms / floor.max(f64::MIN_POSITIVE))
-                .collect()
+            rms.iter().zip(floors.clone()).map(|(rms, floor)| rms / floor.max(f64::MIN_POSITIVE)).collect()
         };
         Ok(Some(Self { before: over(before), after: over(after) }))
     }

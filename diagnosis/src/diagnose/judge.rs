@@ -5,9 +5,11 @@
 use freeplay_laws::LawError;
 
 use super::case::Case;
+use super::engine::DiagnoseSettings;
+use super::floor::HeldFloor;
 use super::search::{Search, Standing, TOLD_APART};
 use super::show::{Compared, Gain, HeldOut, gain};
-use super::system::{System, less, subtract};
+use super::system::{Fit, System, less, subtract};
 use super::trial::{Proof, Trial, proof};
 
 /// How often the search goes on after effects did not prove themselves.
@@ -68,25 +70,35 @@ pub(crate) struct Judge<'a, 'b> {
     pub held: &'b Case<'a>,
     /// Their nuisances.
     system: System,
+    /// What a perfect model leaves of them.
+    pub floor: HeldFloor,
     /// Other partings, with the nuisances of what is fitted and of what is held out.
     turns: Vec<(&'b Turn<'a>, [System; 2])>,
     seed: u64,
 }
 
 impl<'a, 'b> Judge<'a, 'b> {
-    /// A judge on `held`, and on `turns`.
-    pub fn new(held: &'b Case<'a>, turns: &'b [Turn<'a>], seed: u64) -> Self {
-        let system = |case: &Case| case.system(case.target());
-        let turns = turns.iter().map(|turn| (turn, [&turn.fitted, &turn.held].map(system))).collect();
-        Self { system: system(held), held, turns, seed }
+    /// A judge on `held`, and on `turns`, of what `search` chooses; `None` if a fit is singular.
+    pub fn new(
+        search: &Search,
+        held: &'b Case<'a>,
+        turns: &'b [Turn<'a>],
+        settings: &DiagnoseSettings,
+    ) -> Option<Self> {
+        let system_of = |case: &Case| case.system(case.target());
+        let system = system_of(held);
+        let floor = HeldFloor::of(&search.null, &search.system, held, &system, &settings.tolerances)?;
+        let turns = turns.iter().map(|turn| (turn, [&turn.fitted, &turn.held].map(system_of))).collect();
+        Some(Self { held, system, floor, turns, seed: settings.seed })
     }
 
-    /// The held-out errors of what `search` has chosen.
+    /// The held-out errors of what `search` has chosen with the coefficients of `fit`.
     ///
     /// # Errors
-    /// See [`LawError`]; `None` if the fit is singular.
-    pub fn errors(&self, search: &Search<'a, 'b>) -> Result<Option<HeldOut>, LawError> {
-        Ok(Trial::new(search, self.held, &self.system)?.map(Trial::into_errors))
+    /// See [`LawError`]; `None` if a fit is singular.
+    pub fn errors(&self, search: &Search<'a, 'b>, fit: &Fit) -> Result<Option<HeldOut>, LawError> {
+        Ok(Trial::new(search, self.held, &self.system, &self.floor.tuned_there)?
+            .map(|trial| trial.errors_of(fit)))
     }
 
     /// The held-out errors of the tuned model with an unnamed correction in the place of all effects.
@@ -96,8 +108,8 @@ impl<'a, 'b> Judge<'a, 'b> {
         Some(less(&errors.retuned, &unnamed))
     }
 
-    /// Drops effects that don't prove themselves and searches for others in their place, a few times; `search` then stands where all that
-    /// is left had proved itself and the held-out error was least. The proofs of that.
+    /// Leaves `search` where all that is taken in has proved itself and the held-out error is least; the proofs of that. Where much is left,
+    /// what the search found from its other start is judged, too.
     ///
     /// # Errors
     /// See [`LawError`]; `None` if a fit is singular.
@@ -106,6 +118,29 @@ impl<'a, 'b> Judge<'a, 'b> {
         search: &mut Search<'a, 'b>,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Option<Vec<Proof>>, LawError> {
+        let Some(first) = self.sift_one(search, progress)? else { return Ok(None) };
+        let is_poor = !self.where_much_is_left(search, (0..search.hypotheses.len()).collect())?.is_empty();
+        if is_poor && search.turn_to_runner_up().unwrap_or(false) {
+            progress("judging what was found from the other start");
+            let least = first.size - self.least_less();
+            if let Some(second) = self.sift_one(search, progress)?.filter(|second| second.size < least) {
+                return Ok(Some(second.restore(search)));
+            }
+        }
+        Ok(Some(first.restore(search)))
+    }
+
+    /// By how much something has to leave less, in the mean of the logarithms over all channels, to take the place of something else.
+    fn least_less(&self) -> f64 {
+        LEAST_LESS / self.held.per_stage().max(1) as f64
+    }
+
+    /// Drops effects that don't prove themselves and searches for others in their place, a few times, then for what leaves less.
+    fn sift_one(
+        &self,
+        search: &mut Search<'a, 'b>,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Option<Sifted>, LawError> {
         let mut best: Option<Sifted> = None;
         for renewal in 0..=RENEWALS {
             let before = search.chosen.len();
@@ -120,14 +155,16 @@ impl<'a, 'b> Judge<'a, 'b> {
             }
         }
         let Some(mut best) = best else { return Ok(None) };
-        let mut place = 0;
-        while !best.proofs.is_empty() && place <= best.proofs.len() {
+        let (mut place, mut in_vain) = (0, 0);
+        while !best.proofs.is_empty() && in_vain <= best.proofs.len() {
             search.go_back(best.standing.clone());
             let better = self.better(&best, place, search, progress)?;
-            place = if better.is_some() { 0 } else { place + 1 };
+            in_vain = if better.is_some() { 0 } else { in_vain + 1 };
             best = better.unwrap_or(best);
+            place = (place + 1) % (best.proofs.len() + 1);
         }
-        Ok(Some(best.restore(search)))
+        search.go_back(best.standing.clone());
+        Ok(Some(best))
     }
 
     /// What leaves less of the held-out data than `best`, where `search` stands: with something that explains nearly as much in the place of
@@ -143,7 +180,7 @@ impl<'a, 'b> Judge<'a, 'b> {
         let is_further = place == best.proofs.len();
         let candidates = if is_further { search.usual_left() } else { search.rivals_of(place) };
         let candidates = self.where_much_is_left(search, candidates)?;
-        let most = best.size - LEAST_LESS / self.held.per_stage().max(1) as f64;
+        let most = best.size - self.least_less();
         let mut smallest: Option<(f64, usize)> = None;
         for hypothesis in candidates {
             search.go_back(best.standing.clone());
@@ -177,9 +214,12 @@ impl<'a, 'b> Judge<'a, 'b> {
         search: &Search<'a, 'b>,
         hypotheses: Vec<usize>,
     ) -> Result<Vec<usize>, LawError> {
-        let Some(errors) = self.errors(search)? else { return Ok(Vec::new()) };
+        let Some(trial) = Trial::new(search, self.held, &self.system, &self.floor.tuned_there)? else {
+            return Ok(Vec::new());
+        };
+        let errors = trial.into_errors();
         let left = self.held.rms(&errors.tuned_after);
-        let is_left = |c: usize| left[c % left.len()] > FAR * search.null.floor[c];
+        let is_left = |c: usize| left[c % left.len()] > FAR * self.floor.tuned_there[c % left.len()];
         let shows = |&hypothesis: &usize| search.hypotheses[hypothesis].channels().any(is_left);
         Ok(hypotheses.into_iter().filter(shows).collect())
     }
@@ -195,10 +235,12 @@ impl<'a, 'b> Judge<'a, 'b> {
     ) -> Result<Option<T>, LawError> {
         let turned = |(turn, [fitted, _]): &(&'b Turn<'a>, [System; 2])| search.laid_on(&turn.fitted, fitted);
         let others: Vec<Search> = self.turns.iter().map(turned).collect::<Result<_, _>>()?;
-        let Some(first) = Trial::new(search, self.held, &self.system)? else { return Ok(None) };
+        let Some(first) = Trial::new(search, self.held, &self.system, &self.floor.tuned_there)? else {
+            return Ok(None);
+        };
         let mut trials = vec![first];
         for (search, (turn, [_, held])) in others.iter().zip(&self.turns) {
-            trials.extend(Trial::new(search, &turn.held, held)?);
+            trials.extend(Trial::new(search, &turn.held, held, &self.floor.tuned_there)?);
         }
         Ok(ask(&trials))
     }
@@ -267,12 +309,11 @@ impl<'a, 'b> Judge<'a, 'b> {
         gain(&[Compared { case: self.held, channels, weights, before, after }], self.seed)
     }
 
-    /// What an unnamed correction takes away of what is left after naming, on held-out data: share of the error.
-    pub fn unnamed_rest(&self, search: &Search, errors: &HeldOut, channels: &[usize]) -> Option<Gain> {
-        let fit = search.system.fit(&search.active(None))?;
-        let unnamed = search.case.unnamed_on(self.held, &search.system.residual(&fit));
+    /// What an unnamed correction takes away of what `fit` leaves after naming, on held-out data: share of the error.
+    pub fn unnamed_rest(&self, search: &Search, fit: &Fit, errors: &HeldOut, channels: &[usize]) -> Gain {
+        let unnamed = search.case.unnamed_on(self.held, &search.system.residual(fit));
         let after = less(&errors.tuned_after, &unnamed);
-        Some(self.gain(search, channels, &errors.tuned_after, &after))
+        self.gain(search, channels, &errors.tuned_after, &after)
     }
 
     /// What the model leaves of the held-out recordings with its parameters tuned to these inside their tolerances: without and with

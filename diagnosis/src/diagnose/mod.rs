@@ -37,6 +37,7 @@ mod quality;
 mod refine;
 mod report;
 mod rivals;
+mod robust;
 mod search;
 mod select;
 mod show;

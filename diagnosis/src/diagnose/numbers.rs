@@ -29,7 +29,7 @@ fn shape_deviations(search: &Search, index: usize) -> BTreeMap<String, f64> {
     };
     let best = search.system.exact_score(&fit, &named.block).map_or(0.0, |score| score.gain);
     let deviation = |(name, value): (&String, &Value)| {
-        let value = value.as_float().filter(|value| *value != 0.0)?;
+        let value = value.as_float().filter(|value| *value != 0.0 && named.kind.refines(name))?;
         // The gain falls by (step/deviation)².
         let falls = STEPS.iter().filter_map(|step| Some((step, best - gain_at(name, value * step.exp())?)));
         let (over, under) =

@@ -10,7 +10,7 @@ use super::judge::Judge;
 use super::parts::file_name;
 use super::search::Search;
 use super::show::HeldOut;
-use super::system::{Column, less, sum_of};
+use super::system::{Column, Fit, less, sum_of};
 use super::variables::{Variable, of_joint, time};
 
 /// One recording of the fit, or of the held-out data, as it was worked on.
@@ -59,21 +59,18 @@ struct Rows {
     laws: Vec<Vec<Vec<f64>>>,
 }
 
-/// All passages, those of the fit first. `None` if a fit is singular.
+/// All passages under the coefficients of `fit`, those of the fit first. `None` if a fit is singular.
 ///
 /// # Errors
 /// See [`LawError`].
 pub(crate) fn passages(
     search: &Search,
+    fit: &Fit,
     judge: &Judge,
     errors: &HeldOut,
     black_box: &[Vec<f64>],
 ) -> Result<Option<Vec<Passage>>, LawError> {
-    let (Some(bare), Some(fit)) =
-        (search.system.fit(&search.nuisances()), search.system.fit(&search.active(None)))
-    else {
-        return Ok(None);
-    };
+    let Some(bare) = search.system.fit(&search.nuisances()) else { return Ok(None) };
     let retuned = search.system.residual(&bare);
     let said = search.case.unnamed_on(search.case, &retuned);
     let (mut of_fit, mut of_held) = (Vec::new(), Vec::new());
@@ -92,7 +89,7 @@ pub(crate) fn passages(
         before: search.case.target(),
         unnamed: less(&retuned, &said),
         retuned,
-        after: search.system.residual(&fit),
+        after: search.system.residual(fit),
         laws: of_fit,
     };
     let held = Rows {

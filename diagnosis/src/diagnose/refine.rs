@@ -1,5 +1,7 @@
 //! Shapes off their grid: the numbers of a shape are moved as long as that explains more.
 
+use freeplay_laws::ABOUT;
+
 use super::hypothesis::hypothesis;
 use super::search::Search;
 
@@ -7,6 +9,10 @@ use super::search::Search;
 const REFINEMENTS: [f64; 6] = [1.2, 1.08, 1.03, 1.01, 1.004, 1.0015];
 /// Most moves by one factor: from one shape of the grid to the next, not to another law's.
 const MOST_MOVES: usize = 4;
+/// Twice the log of the odds below which two such are the same.
+const SETTLED: f64 = 0.05;
+/// Most times that a term is taken about the coefficient found.
+const MOST_CENTRES: usize = 10;
 
 impl Search<'_, '_> {
     /// Moves the shapes of what was taken in off their grid, as long as that explains more.
@@ -21,6 +27,7 @@ impl Search<'_, '_> {
                     moved = true;
                 }
             }
+            moved |= self.centre(index)?;
             if moved {
                 self.take_shape(index);
             }
@@ -50,6 +57,36 @@ impl Search<'_, '_> {
             let Some(score) = self.system.exact_score(&fit, &other.block) else { continue };
             if score.gain <= now * (1.0 + 1e-4) || !other.is_physical(&score) {
                 continue;
+            }
+            self.hypotheses[at] = other;
+            moved = true;
+        }
+        Some(moved)
+    }
+
+    /// Takes the only term of a law about the coefficient that it has, as long as that explains more; whether it did.
+    fn centre(&mut self, index: usize) -> Option<bool> {
+        let at = self.chosen[index].hypothesis;
+        if self.hypotheses[at].size() != 1 {
+            return Some(false);
+        }
+        let fit = self.system.fit(&self.active(Some(index)))?;
+        let mut moved = false;
+        for _ in 0..MOST_CENTRES {
+            let now = &self.hypotheses[at];
+            let Some(score) = self.system.exact_score(&fit, &now.block) else { break };
+            let mut shape = now.shape.clone();
+            shape.insert(ABOUT.to_owned(), toml::Value::Float(score.beta[0]));
+            let Ok(Some(other)) = hypothesis(self.case, &self.system, now.kind, now.joint, shape) else {
+                break;
+            };
+            let Some(gain) =
+                self.system.exact_score(&fit, &other.block).filter(|score| other.is_physical(score))
+            else {
+                break;
+            };
+            if gain.gain <= score.gain + SETTLED {
+                break;
             }
             self.hypotheses[at] = other;
             moved = true;

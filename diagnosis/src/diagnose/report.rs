@@ -122,7 +122,7 @@ pub struct Rmse {
 /// The errors on held-out data, by channel.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fit {
-    /// What a perfect model would leave, from twins.
+    /// What a perfect model, tuned to the data of the fit, would leave of these, from twins.
     pub noise_floor: BTreeMap<String, Rmse>,
     /// The model as given.
     pub before: BTreeMap<String, Rmse>,

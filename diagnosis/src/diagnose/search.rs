@@ -4,9 +4,10 @@
 use std::collections::BTreeMap;
 
 use freeplay_laws::LawError;
+use toml::Table;
 
 use super::case::{Case, Weighing};
-use super::hypothesis::Hypothesis;
+use super::hypothesis::{Hypothesis, hypothesis};
 use super::system::{Fit, System, sum_of};
 
 /// Chance that a perfect recording makes any hypothesis as strong as the threshold.
@@ -25,6 +26,19 @@ pub(crate) struct Null {
     pub effective: Vec<f64>,
     /// Greatest gain of any hypothesis of a kind.
     pub gains: BTreeMap<&'static str, f64>,
+    /// Weights of the channels where nothing is missing.
+    pub weights: Vec<f64>,
+    /// The twins, which can be measured in another motion, too.
+    pub twins: Vec<Twin>,
+}
+
+/// A machine inside the tolerances of its model.
+#[derive(Clone, Debug)]
+pub(crate) struct Twin {
+    /// What it is drawn by.
+    pub seed: u64,
+    /// Coefficients of the nuisances, tuned to its recordings.
+    pub tuned: Vec<f64>,
 }
 
 /// A kind and its joint.
@@ -45,6 +59,8 @@ pub(crate) struct Chosen {
 #[derive(Clone)]
 pub(crate) struct Standing {
     chosen: Vec<Chosen>,
+    /// Their shapes.
+    shapes: Vec<Table>,
     weights: Vec<f64>,
     barred: Vec<Site>,
     vetoed: Vec<Site>,
@@ -62,6 +78,8 @@ pub(crate) struct Search<'a, 'b> {
     pub null: Null,
     /// What was taken in.
     pub chosen: Vec<Chosen>,
+    /// What the search from the other start took in.
+    pub(super) runner_up: Vec<Chosen>,
     /// Columns of every hypothesis that was ever taken in.
     pub(super) admitted: BTreeMap<usize, Vec<usize>>,
     /// Kinds and places that did not stand the cross-validation.
@@ -85,13 +103,15 @@ impl<'a, 'b> Search<'a, 'b> {
     pub fn new(case: &'b Case<'a>, system: System, hypotheses: Vec<Hypothesis>, null: Null) -> Self {
         let (nuisances, rows) = (system.base.len(), case.rows());
         let (chosen, admitted, barred, vetoed) = (Vec::new(), BTreeMap::new(), Vec::new(), Vec::new());
-        Self { case, system, hypotheses, null, chosen, admitted, barred, vetoed, nuisances, rows }
+        let runner_up = Vec::new();
+        Self { case, system, hypotheses, null, chosen, runner_up, admitted, barred, vetoed, nuisances, rows }
     }
 
     /// Where it stands.
     pub fn standing(&self) -> Standing {
         Standing {
             chosen: self.chosen.clone(),
+            shapes: self.chosen.iter().map(|it| self.hypotheses[it.hypothesis].shape.clone()).collect(),
             weights: self.system.weights.clone(),
             barred: self.barred.clone(),
             vetoed: self.vetoed.clone(),
@@ -100,6 +120,17 @@ impl<'a, 'b> Search<'a, 'b> {
 
     /// Goes back to where it stood.
     pub fn go_back(&mut self, to: Standing) {
+        for (chosen, shape) in to.chosen.iter().zip(to.shapes) {
+            let now = &mut self.hypotheses[chosen.hypothesis];
+            if now.shape == shape {
+                continue;
+            }
+            // It was moved since; its columns of then are still in the base.
+            if let Ok(Some(then)) = hypothesis(self.case, &self.system, now.kind, now.joint, shape) {
+                *now = then;
+                self.admitted.insert(chosen.hypothesis, chosen.columns.clone());
+            }
+        }
         (self.chosen, self.system.weights, self.barred, self.vetoed) =
             (to.chosen, to.weights, to.barred, to.vetoed);
     }

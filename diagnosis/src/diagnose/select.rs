@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_laws::{Placed, changed};
+use freeplay_laws::{ABOUT, Placed, changed};
 
 use super::case::Weighing;
 use super::hypothesis::Hypothesis;
@@ -180,18 +180,33 @@ impl Search<'_, '_> {
         self.weigh_anew()
     }
 
-    /// Goes back to `first` if that says what it was not fitted to as well, with fewer effects, or better.
+    /// Goes back to `first` if that says what it was not fitted to as well, with fewer effects, or better; keeps the other one in mind.
     fn keep_better(&mut self, first: Vec<Chosen>) -> Option<()> {
         let now = Validation::of(self)?.size();
-        let second = std::mem::replace(&mut self.chosen, first);
+        let mut other = std::mem::replace(&mut self.chosen, first);
         self.weigh_anew()?;
         let before = Validation::of(self)?.size();
         let as_good = (now - before).abs() < AS_GOOD;
-        let fewer = second.len() < self.chosen.len();
+        let fewer = other.len() < self.chosen.len();
         if if as_good { fewer } else { now < before } {
-            self.chosen = second;
+            std::mem::swap(&mut self.chosen, &mut other);
         }
+        self.runner_up = other;
         self.weigh_anew()
+    }
+
+    /// Puts what the search from the other start had found in the place of what was taken in; whether it was something else.
+    pub fn turn_to_runner_up(&mut self) -> Option<bool> {
+        let runner_up = std::mem::take(&mut self.runner_up);
+        let is_known = |it: &Chosen| self.chosen.iter().any(|chosen| chosen.hypothesis == it.hypothesis);
+        if runner_up.is_empty() || runner_up.len() == self.chosen.len() && runner_up.iter().all(is_known) {
+            return Some(false);
+        }
+        self.barred.clear();
+        self.chosen = runner_up.iter().map(|chosen| self.admit(chosen.hypothesis)).collect();
+        self.refine()?;
+        self.settle()?;
+        Some(true)
     }
 
     /// Takes the strongest effect in if it counts; whether it did. `None` if a fit is singular.
@@ -493,8 +508,12 @@ impl Search<'_, '_> {
 
     /// Whether an arm can have all that was taken in.
     pub fn is_possible(&self) -> bool {
-        let fit = self.system.fit(&self.active(None));
-        fit.is_some_and(|fit| (0..self.chosen.len()).all(|index| self.is_sayable(&fit, index)))
+        self.system.fit(&self.active(None)).is_some_and(|fit| self.is_possible_with(&fit))
+    }
+
+    /// Whether an arm can have all that was taken in with the coefficients of `fit`.
+    pub fn is_possible_with(&self, fit: &Fit) -> bool {
+        (0..self.chosen.len()).all(|index| self.is_sayable(fit, index))
     }
 
     /// Whether the effect number `index` is physical in `fit`, an arm file can say it, and an arm can have it beside those before it.
@@ -531,5 +550,6 @@ impl Search<'_, '_> {
 
 /// How plain a law is: fewer numbers are plainer.
 fn plainness(hypothesis: &Hypothesis) -> usize {
-    hypothesis.size() + hypothesis.shape.values().filter(|value| value.is_float()).count()
+    let numbers = hypothesis.shape.iter().filter(|(name, value)| value.is_float() && *name != ABOUT);
+    hypothesis.size() + numbers.count()
 }

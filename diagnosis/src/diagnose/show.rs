@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::case::Case;
 use super::system::{Column, System, subtract};
+use super::trial::free;
 use crate::residual::Kind;
 
 /// Length of a block of the bootstrap, s.
@@ -51,13 +52,7 @@ pub(crate) fn held_out(held: &Case, system: &System, coefficients: &Coefficients
         recentre(held, &mut rows);
         rows
     };
-    let tuned = |eta: &[f64]| {
-        let mut rows = before.clone();
-        for (index, eta) in eta.iter().enumerate().filter(|(index, _)| !free.contains(index)) {
-            subtract(&mut rows, &system.base[index], *eta);
-        }
-        rows
-    };
+    let tuned = |eta: &[f64]| tuned(&before, system, eta, free);
     let with_effects = |mut rows: Vec<Vec<f64>>| {
         coefficients.effects.iter().for_each(|(column, beta)| subtract(&mut rows, column, *beta));
         rows
@@ -69,6 +64,23 @@ pub(crate) fn held_out(held: &Case, system: &System, coefficients: &Coefficients
         retuned: centred(retuned),
         before: centred(before),
     }
+}
+
+/// What the nuisances of `system` leave of its target, which is in the place of what was held out, with coefficients that were fitted
+/// elsewhere.
+pub(crate) fn tuned_elsewhere(held: &Case, system: &System, eta: &[f64]) -> Vec<Vec<f64>> {
+    let mut rows = tuned(&system.target, system, eta, &free(system));
+    recentre(held, &mut rows);
+    rows
+}
+
+/// `rows` less what the nuisances of `system` say with the coefficients `eta`, those of the numbers `free` aside.
+fn tuned(rows: &[Vec<f64>], system: &System, eta: &[f64], free: &[usize]) -> Vec<Vec<f64>> {
+    let mut rows = rows.to_vec();
+    for (index, eta) in eta.iter().enumerate().filter(|(index, _)| !free.contains(index)) {
+        subtract(&mut rows, &system.base[index], *eta);
+    }
+    rows
 }
 
 /// Takes the mean off link encoders, whose zero nobody sets against the motors'.

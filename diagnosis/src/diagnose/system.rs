@@ -55,8 +55,8 @@ pub(crate) struct Score {
     pub gain: f64,
     /// Coefficients β of the block.
     pub beta: DVector<f64>,
-    /// By how much the base's coefficients change when the block comes in.
-    pub shift: DVector<f64>,
+    /// By how much the base's coefficients change when the block comes in, where that was worked out.
+    shift: Option<DVector<f64>>,
 }
 
 /// The system: base columns with their priors, and the target.
@@ -102,11 +102,18 @@ pub(crate) struct Fit {
     whole: f64,
 }
 
+impl Fit {
+    /// The rows of `all` that belong to coefficients that are not held.
+    fn of_free(&self, all: &DMatrix<f64>) -> DMatrix<f64> {
+        if self.free.len() == self.active.len() { all.clone() } else { all.select_rows(&self.free) }
+    }
+}
+
 impl System {
     /// A system of the nuisances `base` for `target`.
     pub fn new(base: Vec<Column>, precision: Vec<f64>, target: Vec<Vec<f64>>) -> Self {
         let channels = target.len();
-        let products: ByChannel = (0..channels).map(|c| gram(&base, &base, c)).collect();
+        let products: ByChannel = (0..channels).map(|c| gram_of(&base, c)).collect();
         let with_target = (0..channels).map(|c| against(&base, &target, c)).collect();
         Self {
             replaces: Vec::new(),
@@ -125,12 +132,25 @@ impl System {
         Self { target: target.to_vec(), with_target, ..self.clone() }
     }
 
+    /// The base columns `active` and the target with each row times its factor in `rows`, by channel; the other columns say nothing.
+    pub fn with_rows(&self, active: &[usize], rows: &[Vec<f64>]) -> Self {
+        let times = |part: &[f64], rows: &[f64]| part.iter().zip(rows).map(|(x, row)| x * row).collect();
+        let mut base = vec![vec![None; rows.len()]; self.base.len()];
+        for &a in active {
+            let parts = self.base[a].iter().zip(rows);
+            base[a] = parts.map(|(part, rows)| part.as_ref().map(|part| times(part, rows))).collect();
+        }
+        let target = self.target.iter().zip(rows).map(|(y, rows)| times(y, rows)).collect();
+        let (weights, replaces) = (self.weights.clone(), self.replaces.clone());
+        Self { weights, replaces, ..Self::new(base, self.precision.clone(), target) }
+    }
+
     /// A block of `columns` with its inner products.
     pub fn block(&self, columns: Vec<Column>) -> Block {
         let channels = 0..self.target.len();
         Block {
             with_base: channels.clone().map(|c| gram(&self.base, &columns, c)).collect(),
-            with_itself: channels.clone().map(|c| gram(&columns, &columns, c)).collect(),
+            with_itself: channels.clone().map(|c| gram_of(&columns, c)).collect(),
             with_target: channels.clone().map(|c| against(&columns, &self.target, c)).collect(),
             shows: channels.filter(|&c| columns.iter().any(|column| column[c].is_some())).collect(),
             columns,
@@ -259,7 +279,7 @@ impl System {
         let gain = fit.left - (fit.whole - solved.fall);
         let beta = solved.eta.rows(n, p).into_owned();
         let shift = solved.eta.rows(0, n) - &fit.eta;
-        gain.is_finite().then_some(Score { gain, beta, shift })
+        gain.is_finite().then_some(Score { gain, beta, shift: Some(shift) })
     }
 
     /// Normal matrix and right side of the base columns `active`, priors included.
@@ -287,25 +307,17 @@ impl System {
 
     /// The same for a target with which the block has these inner products.
     pub fn score_of(&self, fit: &Fit, block: &Block, with_target: &[DVector<f64>]) -> Option<Score> {
-        let (n, p) = (fit.active.len(), block.columns.len());
-        let mut cross = DMatrix::zeros(n, p);
+        let p = block.columns.len();
+        let cross = self.cross(fit, block);
         let mut own = DMatrix::zeros(p, p);
         let mut right = DVector::zeros(p);
         for &c in &block.shows {
-            let weight = self.weights[c];
-            own += weight * &block.with_itself[c];
-            right += weight * &with_target[c];
-            for j in 0..p {
-                let products = block.with_base[c].column(j);
-                for (i, &a) in fit.active.iter().enumerate() {
-                    cross[(i, j)] += weight * products[a];
-                }
-            }
+            own += self.weights[c] * &block.with_itself[c];
+            right += self.weights[c] * &with_target[c];
         }
         let whole = own.diagonal();
-        right -= cross.transpose() * &fit.eta;
-        let free = DMatrix::from_fn(fit.free.len(), p, |i, j| cross[(fit.free[i], j)]);
-        let mut half = free;
+        right -= cross.tr_mul(&fit.eta);
+        let mut half = fit.of_free(&cross);
         fit.factor.l_dirty().solve_lower_triangular_mut(&mut half);
         own -= half.transpose() * &half;
         let share = (0..p).map(|j| own[(j, j)] / whole[j].max(f64::MIN_POSITIVE)).fold(1.0, f64::min);
@@ -315,11 +327,30 @@ impl System {
         let inverse = Cholesky::new(own)?.inverse();
         let beta = &inverse * &right;
         let gain = right.dot(&beta);
-        let mut shift = DVector::zeros(n);
-        let mut moved = half * &beta;
-        fit.factor.l_dirty().tr_solve_lower_triangular_mut(&mut moved);
+        gain.is_finite().then_some(Score { gain, beta, shift: None })
+    }
+
+    /// Weighed inner products of the active columns of `fit` with those of `block`.
+    fn cross(&self, fit: &Fit, block: &Block) -> DMatrix<f64> {
+        let mut cross = DMatrix::zeros(fit.active.len(), block.columns.len());
+        for &c in &block.shows {
+            for (mut cross, products) in cross.column_iter_mut().zip(block.with_base[c].column_iter()) {
+                let products = fit.active.iter().map(|&a| products[a]);
+                cross
+                    .iter_mut()
+                    .zip(products)
+                    .for_each(|(cross, product)| *cross += self.weights[c] * product);
+            }
+        }
+        cross
+    }
+
+    /// By how much the coefficients of `fit` change when `block` comes in with the coefficients `beta`.
+    fn shift(&self, fit: &Fit, block: &Block, beta: &DVector<f64>) -> DVector<f64> {
+        let moved = fit.factor.solve(&(fit.of_free(&self.cross(fit, block)) * beta));
+        let mut shift = DVector::zeros(fit.active.len());
         fit.free.iter().zip(moved.iter()).for_each(|(&k, moved)| shift[k] = -moved);
-        gain.is_finite().then_some(Score { gain, beta, shift })
+        shift
     }
 
     /// Least share of the square of any column of `block` that the base columns `others` can't say.
@@ -367,6 +398,12 @@ impl System {
         whole
     }
 
+    /// Standard deviations of the active coefficients; infinite where one is held at its bound.
+    pub fn deviations(&self, fit: &Fit) -> DVector<f64> {
+        let variances = self.covariance(fit).diagonal();
+        variances.map(|variance| if variance > 0.0 { variance.sqrt() } else { f64::INFINITY })
+    }
+
     /// Target minus the fitted base, by channel.
     pub fn residual(&self, fit: &Fit) -> Vec<Vec<f64>> {
         let mut residual = self.target.clone();
@@ -379,7 +416,8 @@ impl System {
     /// The same with `block` in, by its `score`.
     pub fn residual_with(&self, fit: &Fit, block: &Block, score: &Score) -> Vec<Vec<f64>> {
         let mut residual = self.target.clone();
-        for (&a, eta) in fit.active.iter().zip((&fit.eta + &score.shift).iter()) {
+        let shift = score.shift.clone().unwrap_or_else(|| self.shift(fit, block, &score.beta));
+        for (&a, eta) in fit.active.iter().zip((&fit.eta + shift).iter()) {
             subtract(&mut residual, &self.base[a], *eta);
         }
         for (column, beta) in block.columns.iter().zip(score.beta.iter()) {
@@ -460,6 +498,20 @@ pub(crate) fn subtract(rows: &mut [Vec<f64>], column: &Column, factor: f64) {
             rows.iter_mut().zip(part).for_each(|(row, x)| *row -= factor * x);
         }
     }
+}
+
+/// [`gram`] of `columns` with themselves.
+fn gram_of(columns: &[Column], channel: usize) -> DMatrix<f64> {
+    let mut gram = DMatrix::zeros(columns.len(), columns.len());
+    for (i, left) in columns.iter().enumerate() {
+        let Some(left) = &left[channel] else { continue };
+        for (j, right) in columns[..=i].iter().enumerate() {
+            let Some(right) = &right[channel] else { continue };
+            let product = dot(left, right);
+            (gram[(i, j)], gram[(j, i)]) = (product, product);
+        }
+    }
+    gram
 }
 
 fn gram(left: &[Column], right: &[Column], channel: usize) -> DMatrix<f64> {

@@ -5,7 +5,7 @@ use freeplay_laws::LawError;
 use super::case::Case;
 use super::search::Search;
 use super::show::{Coefficients, Compared, Gain, HeldOut, gain, held_out};
-use super::system::{Column, System, sum_of};
+use super::system::{Column, Fit, System, sum_of};
 
 /// Least share of the error that a finding takes away where it shows.
 const LEAST_GAIN: f64 = 0.05;
@@ -35,6 +35,8 @@ pub(crate) struct Trial<'t, 'a, 'b> {
     held: &'t Case<'a>,
     /// The nuisances of `held`.
     system: &'t System,
+    /// The noise floor there, by channel of a stage.
+    floor: &'t [f64],
     /// Columns of each effect there.
     laid: Vec<Vec<Column>>,
     /// Coefficients of the nuisances fitted alone.
@@ -44,7 +46,7 @@ pub(crate) struct Trial<'t, 'a, 'b> {
 }
 
 impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
-    /// A trial of `search` on `held`, whose nuisances are in `system`.
+    /// A trial of `search` on `held`, whose nuisances are in `system` and whose channels have the noise `floor`.
     ///
     /// # Errors
     /// See [`LawError`]; `None` if a fit is singular.
@@ -52,6 +54,7 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         search: &'t Search<'a, 'b>,
         held: &'t Case<'a>,
         system: &'t System,
+        floor: &'t [f64],
     ) -> Result<Option<Self>, LawError> {
         let chosen = search.chosen.iter();
         let laid: Vec<Vec<Column>> = chosen
@@ -60,7 +63,7 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         let Some(bare) = search.system.fit(&search.nuisances()) else { return Ok(None) };
         let bare = bare.eta.as_slice().to_vec();
         let none = HeldOut::default();
-        let trial = Self { search, held, system, laid, bare, errors: none };
+        let trial = Self { search, held, system, floor, laid, bare, errors: none };
         Ok(trial.errors_without(None).map(|errors| Self { errors, ..trial }))
     }
 
@@ -75,7 +78,7 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         let left = self.held.rms(&without.as_ref().unwrap_or(&self.errors).tuned_after);
         let over: Vec<f64> = left
             .iter()
-            .zip(&self.search.null.floor)
+            .zip(self.floor)
             .map(|(rms, floor)| (rms / floor.max(f64::MIN_POSITIVE)).max(1.0).ln())
             .collect();
         Some(over.iter().sum::<f64>() / over.len().max(1) as f64)
@@ -89,13 +92,23 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
     /// Errors without the effect number `left_out`; `None` if a fit is singular.
     fn errors_without(&self, left_out: Option<usize>) -> Option<HeldOut> {
         let fit = self.search.system.fit(&self.search.active(left_out))?;
+        Some(self.errors_with(&fit, left_out))
+    }
+
+    /// Errors with all effects by the coefficients of `fit`.
+    pub fn errors_of(&self, fit: &Fit) -> HeldOut {
+        self.errors_with(fit, None)
+    }
+
+    fn errors_with(&self, fit: &Fit, left_out: Option<usize>) -> HeldOut {
         let (nuisances, effects) = fit.eta.as_slice().split_at(self.bare.len());
         let columns = self.laid.iter().enumerate().filter(|(index, _)| Some(*index) != left_out);
         let effects: Vec<(&Column, f64)> =
             columns.flat_map(|(_, columns)| columns).zip(effects.iter().copied()).collect();
-        let [retuned, tuned] = [&self.bare, nuisances].map(|eta| bound(self.search, self.system, eta));
+        let [retuned, tuned] =
+            [&self.bare, nuisances].map(|eta| bound(&self.search.system, self.system, eta));
         let coefficients = Coefficients { retuned: &retuned, tuned: &tuned, effects: &effects };
-        Some(held_out(self.held, self.system, &coefficients, &free(self.system)))
+        held_out(self.held, self.system, &coefficients, &free(self.system))
     }
 
     /// Weighed square of what the effect number `index` says with the coefficients `beta`.
@@ -104,9 +117,10 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
     }
 }
 
-/// The coefficients of nuisances with a prior, in the order of the held-out `system`, in which free ones may be other in number.
-fn bound(search: &Search, system: &System, eta: &[f64]) -> Vec<f64> {
-    let (ours, theirs) = (free(system), free(&search.system));
+/// The coefficients `eta` of those nuisances of `fitted` that have a prior, in the order of the held-out `system`, in which free ones may be
+/// other in number.
+pub(crate) fn bound(fitted: &System, system: &System, eta: &[f64]) -> Vec<f64> {
+    let (ours, theirs) = (free(system), free(fitted));
     let mut bound = eta.iter().enumerate().filter(|(index, _)| !theirs.contains(index)).map(|(_, eta)| *eta);
     (0..system.base.len())
         .map(|index| if ours.contains(&index) { 0.0 } else { bound.next().unwrap_or(0.0) })
@@ -114,7 +128,7 @@ fn bound(search: &Search, system: &System, eta: &[f64]) -> Vec<f64> {
 }
 
 /// Base columns of a fresh system that no prior binds.
-fn free(system: &System) -> Vec<usize> {
+pub(crate) fn free(system: &System) -> Vec<usize> {
     (0..system.base.len())
         .filter(|&index| system.precision[index] > 0.0 && system.precision[index] < 1e-6)
         .collect()
