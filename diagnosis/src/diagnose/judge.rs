@@ -17,6 +17,9 @@ const RENEWALS: usize = 4;
 /// Least share of the error that an effect takes away beside the others, which the cross-validation has passed.
 const LEAST_HELD_OUT: f64 = 0.08;
 
+/// The same where far more than noise is left, if the interval of that share is above zero.
+const LEAST_OF_MUCH: f64 = 0.03;
+
 /// By which share of the error of one channel something else has to leave less to take the place of an effect.
 const LEAST_LESS: f64 = 0.05;
 
@@ -279,7 +282,7 @@ impl<'a, 'b> Judge<'a, 'b> {
                 let proofs: Vec<Proof> =
                     chosen.map(|index| proof(trials, index, self.seed)).collect::<Option<_>>()?;
                 let mut dropped: Option<(f64, usize)> = None;
-                for index in (0..proofs.len()).filter(|&index| proofs[index].gain.value < LEAST_HELD_OUT) {
+                for index in (0..proofs.len()).filter(|&index| !is_proven(&proofs[index], trials)) {
                     let worth = match order {
                         Order::WeakestFirst => proofs[index].gain.value,
                         Order::LeastMissedFirst => size(trials, Some(index))?,
@@ -339,6 +342,13 @@ impl<'a, 'b> Judge<'a, 'b> {
         };
         Ok(tuned(&without).zip(tuned(&with)).map(|(without, with)| [without, with]))
     }
+}
+
+/// Whether an effect proves itself with that: it takes away enough of the error, or surely some of a large one.
+fn is_proven(proof: &Proof, trials: &[Trial]) -> bool {
+    let is_far = || trials.iter().any(|trial| trial.is_left(&proof.channels, FAR));
+    let surely = proof.gain.value >= LEAST_OF_MUCH && proof.gain.ci95[0] > 0.0;
+    proof.gain.value >= LEAST_HELD_OUT || surely && is_far()
 }
 
 /// Mean of the sizes of `trials` without the effect number `left_out`.

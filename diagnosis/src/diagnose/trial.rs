@@ -72,6 +72,12 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         self.errors
     }
 
+    /// Whether more than `times` the noise is left of one of `channels`, by their numbers within a stage.
+    pub fn is_left(&self, channels: &[usize], times: f64) -> bool {
+        let left = self.held.rms(&self.errors.tuned_after);
+        channels.iter().any(|&c| left[c] > times * self.floor[c])
+    }
+
     /// How large the errors are without the effect number `left_out`: the mean logarithm of those above the noise floor.
     pub fn size(&self, left_out: Option<usize>) -> Option<f64> {
         let without = if left_out.is_some() { Some(self.errors_without(left_out)?) } else { None };
