@@ -10,9 +10,9 @@ use super::conclude::Conclusion;
 use super::floor::null;
 use super::hypothesis::hypotheses;
 use super::judge::{Judge, Turn};
-use super::parts::Parts;
+use super::parts::{Parts, file_name};
 use super::quality;
-use super::report::Diagnosis;
+use super::report::{Diagnosis, Verdict};
 use super::robust::Numbers;
 use super::search::Search;
 use super::stage::{Ground, Stage};
@@ -68,7 +68,8 @@ pub enum DiagnoseError {
 }
 
 /// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on held-out data: the last
-/// of several recordings, or the last 30 % of the only one. `progress` is told what is being done.
+/// of several recordings, or the last 30 % of the only one. Where the last of several shows what the others don't, so that nothing has a
+/// name, it takes part in the fit, and the first is held out. `progress` is told what is being done.
 ///
 /// # Errors
 /// See [`DiagnoseError`].
@@ -79,9 +80,31 @@ pub fn diagnose(
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, DiagnoseError> {
     check(&file.arm, recordings)?;
+    let diagnosis = judged_on(recordings.len() - 1, file, recordings, settings, progress)?;
+    if diagnosis.verdict != Verdict::Unknown || !diagnosis.effects.is_empty() || recordings.len() < 2 {
+        return Ok(diagnosis);
+    }
+    progress("nothing has a name: the other way round, with the first recording held out");
+    let mut other = judged_on(0, file, recordings, settings, progress)?;
+    if !matches!(other.verdict, Verdict::Named | Verdict::OneOf) {
+        return Ok(diagnosis);
+    }
+    let shown = recordings.last().map_or_else(String::new, file_name);
+    other.quality.push(format!("what is named shows in {shown} alone, which takes part in the fit for that"));
+    Ok(other)
+}
+
+/// The diagnosis with the recording number `held` of several held out.
+fn judged_on(
+    held: usize,
+    file: &ArmFile,
+    recordings: &[Recording],
+    settings: &DiagnoseSettings,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, DiagnoseError> {
     let known = Effects::of(file)?;
     let known: Vec<&Placed> = known.placed.iter().collect();
-    let parts = Parts::of(recordings);
+    let parts = Parts::of(recordings, held);
     let mut notes: Vec<String> = recordings.iter().flat_map(|recording| recording.notes.clone()).collect();
     notes.extend(parts.notes.iter().cloned());
     progress("treating the recordings");

@@ -39,9 +39,9 @@ pub(crate) struct Parts {
 }
 
 impl Parts {
-    /// Parts `recordings`: the last of several is held out, else the last 30 % of the only one; long rest at the ends of
+    /// Parts `recordings`: the one number `held` of several is held out, else the last 30 % of the only one; long rest at the ends of
     /// a recording belongs to neither.
-    pub fn of(recordings: &[Recording]) -> Self {
+    pub fn of(recordings: &[Recording], held: usize) -> Self {
         let joints = recordings.first().map_or(1, |recording| recording.joints().max(1));
         let most = MOST_SAMPLES.max(MOST_NUMBERS / joints);
         let (mut notes, share) = (Vec::new(), most / recordings.len().max(1));
@@ -50,10 +50,9 @@ impl Parts {
             .map(|whole| thinned(whole, moving(whole, &mut notes), share, &mut notes))
             .collect();
         if all.len() > 1 {
-            let held: Vec<Recording> = all.pop().into_iter().collect();
-            let name = held.first().map_or_else(String::new, file_name);
-            let how = format!("recording {name}, not used for the fit");
-            return Self { fitted: all, held, turns: Vec::new(), whole: None, how, notes };
+            let held = all.remove(held.min(all.len() - 1));
+            let how = format!("recording {}, not used for the fit", file_name(&held));
+            return Self { fitted: all, held: vec![held], turns: Vec::new(), whole: None, how, notes };
         }
         let Some(only) = all.pop() else {
             let (fitted, held, turns) = (Vec::new(), Vec::new(), Vec::new());
@@ -195,7 +194,7 @@ mod tests {
 
     #[test]
     fn the_end_of_one_recording_is_held_out() {
-        let parts = Parts::of(&[recording(10_000)]);
+        let parts = Parts::of(&[recording(10_000)], 0);
         let (fitted, held) = (&parts.fitted[0], &parts.held[0]);
         assert_eq!((fitted.len(), held.len()), (7000, 2800));
         assert!(held.t[0] - fitted.t[fitted.len() - 1] > 0.2);
@@ -205,7 +204,7 @@ mod tests {
     #[test]
     fn every_part_of_one_recording_is_held_out_in_turn() {
         let whole = recording(10_000);
-        let parts = Parts::of(std::slice::from_ref(&whole));
+        let parts = Parts::of(std::slice::from_ref(&whole), 0);
         let partings = parts.turns.iter().map(|[fitted, held]| (fitted, held));
         let all: Vec<_> = partings.chain([(&parts.fitted[0], &parts.held[0])]).collect();
         let mut held_out = 0;
@@ -233,7 +232,7 @@ mod tests {
             t.iter().map(|t| 0.5 - 0.5 * ((t - 2.5).clamp(0.0, 2.0) * std::f64::consts::PI).cos()).collect();
         let still = vec![0.3; t.len()];
         let columns = vec![("t".into(), t), ("q1".into(), q), ("q2".into(), still)];
-        let parts = Parts::of(&[Recording::new(Path::new("made.csv"), columns).expect("a recording")]);
+        let parts = Parts::of(&[Recording::new(Path::new("made.csv"), columns).expect("a recording")], 0);
         let (fitted, held) = (&parts.fitted[0].t, &parts.held[0].t);
         println!(
             "fit {:?} to {:?} s, held out {:?} to {:?} s",
@@ -253,14 +252,14 @@ mod tests {
         let q =
             t.iter().map(|t| if *t < 5.0 { t.sin() } else { 5f64.sin() + 4e-3 * (6.0 * (t - 5.0)).sin() });
         let columns = vec![("q1".into(), q.collect()), ("t".into(), t)];
-        let parts = Parts::of(&[Recording::new(Path::new("made.csv"), columns).expect("a recording")]);
+        let parts = Parts::of(&[Recording::new(Path::new("made.csv"), columns).expect("a recording")], 0);
         assert_eq!((parts.held[0].t.last(), parts.notes.len()), (Some(&9.999), 0));
     }
 
     #[test]
     fn a_long_recording_stays_in_bounds_and_keeps_its_ends() {
         let long = recording(1_000_000);
-        let parts = Parts::of(std::slice::from_ref(&long));
+        let parts = Parts::of(std::slice::from_ref(&long), 0);
         let count = parts.fitted[0].len() + parts.held[0].len();
         println!("{count} of {} samples", long.len());
         assert!(count <= MOST_NUMBERS && count > MOST_NUMBERS / 2);

@@ -98,6 +98,9 @@ impl Search<'_, '_> {
     fn take_shape(&mut self, index: usize) {
         let at = self.chosen[index].hypothesis;
         self.admitted.remove(&at);
-        self.chosen[index] = self.admit(at);
+        let moved = self.admit(at);
+        // In whatever shape, what has a name is no tolerance any more.
+        self.system.inherit(&self.chosen[index].columns, &moved.columns);
+        self.chosen[index] = moved;
     }
 }

@@ -194,6 +194,15 @@ impl System {
         }
     }
 
+    /// Lets the base columns `new` replace what their like `old` replace, too.
+    pub fn inherit(&mut self, old: &[usize], new: &[usize]) {
+        for (old, new) in old.iter().zip(new) {
+            let same = self.replaces.iter().filter(|(column, _)| column == old);
+            let more: Vec<(usize, usize)> = same.map(|(_, nuisance)| (*new, *nuisance)).collect();
+            self.replaces.extend(more);
+        }
+    }
+
     /// The nuisances of which the base column `column` says nearly all: what has a name is no tolerance any more, and the prior of the
     /// one must not keep a part of the other.
     fn said_by(&self, column: usize) -> Vec<usize> {
