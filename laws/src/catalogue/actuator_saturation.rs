@@ -36,7 +36,7 @@ pub static KIND: Kind = Kind {
     contains: &[],
     needs: &[Need::Torque, Need::LoadRange(0.3)],
     terms: Terms {
-        list: |_, _, shape| vec![Term::new("share", "1", [HARD, 1.0], with(shape, [("share", 1.0)]))],
+        list: |_, _, shape| vec![Term::new("share", "1", [HARD, OVER], with(shape, [("share", 1.0)]))],
         compose: |_, shape, coefficients| with(shape, [("share", coefficients[0].clamp(0.0, 1.0))]),
     },
     shapes: limits,
@@ -48,6 +48,9 @@ pub static KIND: Kind = Kind {
 
 /// Least share beyond the limit that a limit of the drive takes away: what gives way softly is another law.
 const HARD: f64 = 0.5;
+
+/// Greatest share while the limit is that of a coarse list: at one that is too high more than all would be taken away.
+const OVER: f64 = 1.5;
 
 /// Shares of the greatest load.
 fn limits(place: &Place) -> Vec<Table> {
