@@ -42,7 +42,7 @@ pub struct DiagnoseArgs {
     /// The model: an arm file (URDF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     model: String,
-    /// Recordings of one machine with the same columns: CSV or MCAP. Of several, the last is held out.
+    /// Recordings of one machine with the same columns: CSV or MCAP. Of several, the last is held out; the first, where the last alone shows what is missing.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     recording: Vec<PathBuf>,
     /// How results are printed.

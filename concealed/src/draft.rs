@@ -273,6 +273,11 @@ impl Context<'_> {
                 *stiffness = stiffness.max(least);
                 *damping = damping.max(seat.map_or(0.0, |joint| self.damping(joint, *stiffness, 0.05)));
             }
+            // What a shaft that two joints share asks across stays less than what each moves anyway.
+            Physics::JointCoupling { with, inertia, .. } => {
+                let other = self.arm.joint_index(with).map_or(f64::INFINITY, |other| self.floor.felt[other]);
+                *inertia = inertia.min(0.4 * other);
+            }
             Physics::LoadDependentFriction { coefficient: x } => *x = x.min(0.4),
             Physics::FrictionDrift { amount: x, .. } => *x = x.min(4.0),
             Physics::LinkMass { scale: x } => *x = x.clamp(0.4, 2.5),

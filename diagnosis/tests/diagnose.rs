@@ -9,7 +9,9 @@ use freeplay_recording::Recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use common::{Extra, arm, columns, even, link, nothing, recording, without};
+use common::{
+    Extra, arm, columns, columns_along, even, link, nothing, recording, sines_of_all_but_the_last, without,
+};
 
 const FRICTION: JointFriction = JointFriction { viscous: 2.0, coulomb: 1.5 };
 
@@ -27,8 +29,11 @@ fn file(arm: Arm) -> ArmFile {
 
 /// A recording of `machine` with noise: 0.02 N·m, 1 µrad, 30 µm.
 fn measured(machine: &Arm, seconds: f64, extra: Extra, seed: u64) -> Vec<(String, Vec<f64>)> {
+    with_noise(columns(machine, &even(seconds, 200.0), extra), seed)
+}
+
+fn with_noise(mut made: Vec<(String, Vec<f64>)>, seed: u64) -> Vec<(String, Vec<f64>)> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut made = columns(machine, &even(seconds, 200.0), extra);
     for (name, column) in &mut made {
         let deviation = match name.as_str() {
             "t" => continue,
@@ -90,6 +95,23 @@ fn coulomb_friction_is_named_at_its_joint_with_its_size() {
     println!("held out: {:.4} before, {:.4} after", fit.before["tau2"].rmse, fit.after["tau2"].rmse);
     assert!(fit.held_out && fit.after["tau2"].rmse < 0.2 * fit.before["tau2"].rmse);
     assert_eq!(diagnosis.model.effects.len(), 1);
+}
+
+/// While the elbow rests its friction is not seen: the recording in which it moves takes part in the fit wherever it stands.
+#[test]
+fn what_the_last_recording_alone_shows_is_named() {
+    let (model, machine) = (two_joints(), inside(&two_joints(), 9));
+    let more =
+        |joint: usize, v: f64| nominal_friction(joint, v) + if joint == 1 { 0.8 * v.signum() } else { 0.0 };
+    let resting = with_noise(columns_along(sines_of_all_but_the_last, &machine, &even(16.0, 200.0), more), 1);
+    let moving = measured(&machine, 16.0, more, 2);
+    for recordings in [[moving.clone(), resting.clone()], [resting, moving]] {
+        let diagnosis = diagnosed(&model, &recordings.map(recording));
+        println!("{:?}: {} {:?}", diagnosis.verdict, diagnosis.statement, diagnosis.quality);
+        assert_eq!(diagnosis.verdict, Verdict::Named);
+        let named: Vec<_> = diagnosis.effects.iter().map(|e| (e.kind, e.joint.as_deref())).collect();
+        assert_eq!(named, [("coulomb_friction", Some("elbow"))]);
+    }
 }
 
 /// A twentieth of the time something shakes the elbow, always to the same side: the offset that is there all the time keeps its size.

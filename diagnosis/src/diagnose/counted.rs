@@ -29,6 +29,9 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
     let slow = STANDING * v.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
     let reach = (rate_hz / cutoff_hz / 2.0) as usize;
     let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
+    if dry > 0.0 && rests(stage, joint) {
+        return vec![0.0; points];
+    }
     // Where it turns, and not on the whole: a joint that goes straight to and fro turns in a small part of its time.
     let usual = Moments::of(a).rms;
     let blurred = |here: &f64| (ROUNDED * usual.max(*here) / cutoff_hz).max(slow);
@@ -58,6 +61,13 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
         .collect();
     // A joint that never moves still carries its load: all that is not friction shows there.
     if Moments::of(&rows).mean < 0.1 { vec![1.0; points] } else { rows }
+}
+
+/// Whether `joint` stays where it is throughout, for all that its encoder sees.
+fn rests(stage: &Stage, joint: usize) -> bool {
+    let (least, most) =
+        stage.whole().q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
+    most - least < 2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation
 }
 
 /// Where the encoder of `joint` sees no motion from one sample to the next.

@@ -14,6 +14,7 @@
 //! - `show`, `trial` and `judge`: what they are worth on held-out data.
 //! - `excess`: whether more is left than noise explains.
 //! - `variables` and `passage`: what pictures are drawn from.
+//! - `robust`: numbers that a few rows don't bend.
 //! - `interval`, `numbers`, `rivals`, `locate`, `words`, `conclude`, `report`: what is said.
 //! - `engine`: all of it.
 //! - `excite`: the next motion, where two causes remain.

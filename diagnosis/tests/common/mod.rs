@@ -38,8 +38,25 @@ pub fn nothing(_: usize, _: f64) -> f64 {
     0.0
 }
 
+/// The same with the last joint at rest.
+pub fn sines_of_all_but_the_last(arm: &Arm, t: f64) -> [Vec<f64>; 3] {
+    let mut motion = sines(arm, t);
+    for (of_all, at_rest) in motion.iter_mut().zip([0.4, 0.0, 0.0]) {
+        of_all.iter_mut().skip(arm.dof() - 1).for_each(|x| *x = at_rest);
+    }
+    motion
+}
+
+/// Position, velocity and acceleration of every joint of an arm at a time, s.
+pub type Motion = fn(&Arm, f64) -> [Vec<f64>; 3];
+
 /// The columns t, q, tau, x, y, z of `arm` on [`sines`] at the times `t`.
 pub fn columns(arm: &Arm, t: &[f64], extra: Extra) -> Vec<(String, Vec<f64>)> {
+    columns_along(sines, arm, t, extra)
+}
+
+/// The columns t, q, tau, x, y, z of `arm` on `motion` at the times `t`.
+pub fn columns_along(motion: Motion, arm: &Arm, t: &[f64], extra: Extra) -> Vec<(String, Vec<f64>)> {
     let dof = arm.dof();
     let mut ws = Workspace::new(arm);
     let mut tau = vec![0.0; dof];
@@ -48,7 +65,7 @@ pub fn columns(arm: &Arm, t: &[f64], extra: Extra) -> Vec<(String, Vec<f64>)> {
     columns.extend((1..=dof).map(|j| (format!("tau{j}"), Vec::new())));
     columns.extend(["x", "y", "z"].map(|axis| (axis.to_string(), Vec::new())));
     for &time in t {
-        let [q, v, a] = sines(arm, time);
+        let [q, v, a] = motion(arm, time);
         rnea(arm, &mut ws, &q, &v, &a, &mut tau);
         let tool = forward_kinematics(arm, &mut ws, &q).translation.vector;
         let torques = tau.iter().enumerate().map(|(j, tau)| tau + extra(j, v[j]));
