@@ -80,12 +80,10 @@ impl Search<'_, '_> {
             let Ok(Some(other)) = hypothesis(self.case, &self.system, now.kind, now.joint, shape) else {
                 break;
             };
-            let Some(gain) =
-                self.system.exact_score(&fit, &other.block).filter(|score| other.is_physical(score))
-            else {
-                break;
-            };
-            if gain.gain <= score.gain + SETTLED {
+            let better = self.system.exact_score(&fit, &other.block);
+            let better =
+                better.filter(|better| other.is_physical(better) && better.gain > score.gain + SETTLED);
+            if better.is_none() {
                 break;
             }
             self.hypotheses[at] = other;
