@@ -45,6 +45,9 @@ impl Seen {
 /// coefficient, per unit of it. For a law that is not linear, as a delay of more than a few samples, that is right where it is needed.
 pub const ABOUT: &str = "about";
 
+/// Name of the number in a shape that is the arm file's own: what the file names already of the effect.
+pub(crate) const NOMINAL: &str = "nominal";
+
 /// An entry of the catalogue: one kind of effect.
 pub struct Kind {
     /// Name in arm files and in `diagnosis.json`.
@@ -145,7 +148,7 @@ impl Kind {
     /// Whether the number `name` of a shape has values between those that [`Kind::shapes`] lists.
     pub fn refines(&self, name: &str) -> bool {
         let is_choice = |range: &Range| matches!(range, Range::Number { role: Role::Choice, .. });
-        name != ABOUT
+        ![ABOUT, NOMINAL].contains(&name)
             && !self.parameters.iter().any(|parameter| parameter.name == name && is_choice(&parameter.range))
     }
 

@@ -47,6 +47,7 @@ mod needs;
 mod parameter;
 mod play;
 mod predict;
+mod resonance;
 mod rest;
 mod sag;
 mod scene;

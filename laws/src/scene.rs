@@ -85,6 +85,7 @@ pub struct Scene<'a> {
     tool_sensitivity: OnceCell<Vec<[Vec<f64>; 3]>>,
     carrying: OnceCell<Vec<Vec<f64>>>,
     inertia: OnceCell<Vec<Vec<f64>>>,
+    yielding: Vec<OnceCell<Vec<f64>>>,
     bearings: Vec<OnceCell<Option<BearingCourse>>>,
 }
 
@@ -96,8 +97,8 @@ impl<'a> Scene<'a> {
             load.iter_mut().zip(torque).for_each(|(load, torque)| *load -= torque);
         }
         let (tool_sensitivity, carrying, inertia) = (OnceCell::new(), OnceCell::new(), OnceCell::new());
-        let bearings = vec![OnceCell::new(); arm.dof()];
-        Scene { arm, motion, load, tool_sensitivity, carrying, inertia, bearings }
+        let (bearings, yielding) = (vec![OnceCell::new(); arm.dof()], vec![OnceCell::new(); arm.dof()]);
+        Scene { arm, motion, load, tool_sensitivity, carrying, inertia, yielding, bearings }
     }
 }
 
@@ -110,6 +111,11 @@ impl Scene<'_> {
     /// Inertia that each joint moves beyond its rotor along the motion, `[joint][point]`, kg·m² (kg); worked out once.
     pub fn inertia(&self) -> &[Vec<f64>] {
         self.inertia.get_or_init(|| inertia(&self.arm, &self.motion.q))
+    }
+
+    /// How the torque of `joint` changes with its own position along the motion, N·m/rad (N/m); worked out once.
+    pub fn yielding(&self, joint: usize) -> &[f64] {
+        self.yielding[joint].get_or_init(|| slopes(&self.arm, self.motion, &[], joint).swap_remove(joint))
     }
 
     /// What the bearing of `joint` carries along the motion, if there can be play in it; worked out once.
@@ -287,20 +293,21 @@ pub fn tool_sensitivity(arm: &Arm, q: &[Vec<f64>]) -> Vec<[Vec<f64>; 3]> {
 /// How the rigid arm's torques change with each joint's position, `[moved joint][joint][point]`, N·m/rad, by central differences about
 /// the positions `shift` away from the motion's.
 pub fn torque_sensitivity(arm: &Arm, motion: &Trajectory, shift: &[Vec<f64>]) -> Vec<Vec<Vec<f64>>> {
+    (0..arm.dof()).map(|joint| slopes(arm, motion, shift, joint)).collect()
+}
+
+/// The same for the position of `joint` alone, `[joint][point]`; no `shift` is none.
+fn slopes(arm: &Arm, motion: &Trajectory, shift: &[Vec<f64>], joint: usize) -> Vec<Vec<f64>> {
     /// Rounding and curvature together are about 1e-9 of the torque.
     const STEP: f64 = 1e-4;
-    let moved = |joint: usize, by: f64| {
-        let mut shift = shift.to_vec();
+    let moved = |by: f64| {
+        let nothing = || vec![vec![0.0; motion.len()]; arm.dof()];
+        let mut shift = if shift.is_empty() { nothing() } else { shift.to_vec() };
         shift[joint].iter_mut().for_each(|shift| *shift += by);
         rigid_torques(arm, motion, Some(&shift))
     };
-    let difference = |ahead: Vec<f64>, behind: Vec<f64>| -> Vec<f64> {
+    let difference = |(ahead, behind): (Vec<f64>, Vec<f64>)| -> Vec<f64> {
         ahead.iter().zip(behind).map(|(ahead, behind)| (ahead - behind) / (2.0 * STEP)).collect()
     };
-    (0..arm.dof())
-        .map(|joint| {
-            let pairs = moved(joint, STEP).into_iter().zip(moved(joint, -STEP));
-            pairs.map(|(ahead, behind)| difference(ahead, behind)).collect()
-        })
-        .collect()
+    moved(STEP).into_iter().zip(moved(-STEP)).map(difference).collect()
 }

@@ -205,7 +205,8 @@ impl Values {
         Ok(())
     }
 
-    fn unreadable(&self, message: String) -> LawError {
+    /// That the table can't be taken, because of `message`.
+    pub(crate) fn unreadable(&self, message: String) -> LawError {
         LawError::Unreadable { kind: self.kind.name.to_owned(), line: self.table.line, message }
     }
 }

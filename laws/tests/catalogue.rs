@@ -47,7 +47,9 @@ fn coefficients(kind: &'static Kind, baseline: &Baseline, shape: &Table) -> Vec<
         let torque_effect = of(&column.torque) / torque;
         let tool_effect = of(&column.tool).max(of(&column.link));
         let share = (0.003 / torque_effect).min(3e-4 / tool_effect);
-        let sign = if index % 2 == 1 && term.least < 0.0 { -1.0 } else { 1.0 };
+        // Friction that takes away more than there is is none.
+        let may_be_negative = term.least < 0.0 && kind.name != "presliding_friction";
+        let sign = if index % 2 == 1 && may_be_negative { -1.0 } else { 1.0 };
         (sign * share / columns.len() as f64).clamp(term.least, term.most)
     };
     columns.iter().enumerate().map(size).collect()

@@ -93,7 +93,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         let (tables, effects) = self.effects(&drawn);
         let is_named = |one: &Untestable| effects.iter().any(|e| e.kind == one.kind && e.joint == one.joint);
         let untestable = untestable.into_iter().filter(|one| !is_named(one)).collect();
-        let alternatives = self.alternatives();
+        let alternatives = self.alternatives()?;
         let location = self.location(&maps, &errors);
         let channels = self.judged_channels(&errors, &black_box);
         let fit = self.fit(&errors, &black_box, &channels);

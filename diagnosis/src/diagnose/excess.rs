@@ -57,10 +57,15 @@ impl Excess {
         beyond(&self.after) / beyond(&self.before).max(f64::MIN_POSITIVE)
     }
 
-    /// Whether most of what is there has no name: in all channels together, or in one that has much of it.
+    /// Whether most of what is there has no name: in all channels together, or in one that has much of it, of the fit and held out together.
     pub fn is_unnamed(&self) -> bool {
-        let beyond = |left: f64| (left * left - 1.0).max(0.0);
-        let stays = |(before, after): (&f64, &f64)| *after > FAR && beyond(*after) > LEFT * beyond(*before);
-        self.is_left() && self.share_left() > LEFT || self.before.iter().zip(&self.after).any(stays)
+        let channels = self.after.len() / 2;
+        let of = |all: &[f64], c: usize| [all[c], all[c + channels]];
+        let beyond = |left: [f64; 2]| left.iter().map(|left| (left * left - 1.0).max(0.0)).sum::<f64>();
+        let stays = |c: usize| {
+            let [before, after] = [of(&self.before, c), of(&self.after, c)];
+            after.iter().any(|left| *left > FAR) && beyond(after) > LEFT * beyond(before)
+        };
+        self.is_left() && self.share_left() > LEFT || (0..channels).any(stays)
     }
 }

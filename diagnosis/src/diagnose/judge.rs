@@ -72,7 +72,7 @@ pub(crate) struct Judge<'a, 'b> {
     /// The held-out recordings.
     pub held: &'b Case<'a>,
     /// Their nuisances.
-    system: System,
+    pub system: System,
     /// What a perfect model leaves of them.
     pub floor: HeldFloor,
     /// Other partings, with the nuisances of what is fitted and of what is held out.
@@ -167,12 +167,36 @@ impl<'a, 'b> Judge<'a, 'b> {
             place = (place + 1) % (best.proofs.len() + 1);
         }
         search.go_back(best.standing.clone());
+        best = self.decided(best, search, progress)?;
         Ok(Some(best))
+    }
+
+    /// `best`, where `search` stands, with what says as much where it was fitted, and surely more of held-out data, in the place of each effect.
+    fn decided(
+        &self,
+        mut best: Sifted,
+        search: &mut Search<'a, 'b>,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Sifted, LawError> {
+        for index in 0..best.proofs.len() {
+            let rivals = self.rivals(search, index)?;
+            let Some(rival) = rivals.first().filter(|rival| rival.behind < -TOLD_APART) else { continue };
+            let was = search.in_words(index);
+            if search.put(index, rival.hypothesis).is_some()
+                && let Some(sifted) = self.drop_unproven(search, progress)?
+                && sifted.proofs.len() == best.proofs.len()
+            {
+                progress(&format!("held-out data decide for {} against {was}", search.in_words(index)));
+                best = sifted;
+            }
+            search.go_back(best.standing.clone());
+        }
+        Ok(best)
     }
 
     /// What leaves less of the held-out data than `best`, where `search` stands: with something that explains nearly as much in the place of
     /// the effect number `place`; behind the last, with friction or an offset that sits on every joint of a real machine beside the others, if
-    /// the data of the fit know it from nothing.
+    /// it is more than nothing to the data of the fit, too.
     fn better(
         &self,
         best: &Sifted,

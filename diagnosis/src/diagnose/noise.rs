@@ -89,22 +89,52 @@ impl Noises {
     }
 }
 
+/// Most steps that the least change of a column is.
+const MOST_STEPS: u8 = 64;
+/// Least and greatest number of changes, the smallest ones, by which a step is told.
+const CHANGES: [usize; 2] = [16, 128];
+/// How far a change may be from a multiple of the step, in steps; what was printed with few digits is no exact multiple.
+const OFF: f64 = 0.1;
+
 /// The step of which all samples are multiples, near enough; 0 if there is none that is worth a name.
 fn rounding(samples: &[f64]) -> f64 {
-    let mut steps: Vec<f64> =
-        samples.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|step| *step > 0.0).collect();
-    if steps.len() < 16 {
+    let mut changes: Vec<f64> =
+        samples.windows(2).map(|w| (w[1] - w[0]).abs()).filter(|change| *change > 0.0).collect();
+    let [fewest, most] = CHANGES;
+    if changes.len() < fewest {
         return 0.0;
     }
-    steps.sort_by(f64::total_cmp);
-    let least = steps[(steps.len() / 50).min(4)];
-    let whole = |step: &&f64| {
-        let times = **step / least;
-        (times - times.round()).abs() < 0.02 * times.max(1.0).sqrt() && times < 50.0
-    };
-    let near = steps.iter().filter(|step| **step < 20.0 * least);
-    let (count, fitting) = near.clone().fold((0, 0), |(n, m), step| (n + 1, m + usize::from(whole(&step))));
-    if fitting * 10 > count * 9 && count >= 16 { least } else { 0.0 }
+    changes.sort_by(f64::total_cmp);
+    // A few glitches aside.
+    let glitches = (changes.len() / 50).min(4);
+    let near = &changes[glitches..changes.len().min(glitches + most)];
+    // A joint that hardly ever moves slowly shows no single step.
+    let candidates = (1..=MOST_STEPS).map(|times| near[0] / f64::from(times));
+    candidates.map(|step| refined(step, near)).find(|step| are_multiples(near, *step)).unwrap_or(0.0)
+}
+
+/// `step` as its multiples `changes` have it, by least squares.
+fn refined(step: f64, changes: &[f64]) -> f64 {
+    let sums = changes.iter().fold([0.0, 0.0], |[both, squares], change| {
+        let times = (change / step).round();
+        [both + times * change, squares + times * times]
+    });
+    sums[0] / sums[1].max(f64::MIN_POSITIVE)
+}
+
+/// Whether nine of ten `changes` are multiples of `step`, and that is why they differ: at a steady speed all are about alike.
+fn are_multiples(changes: &[f64], step: f64) -> bool {
+    let off = |change: f64| change - (change / step).round() * step;
+    let near: Vec<f64> = changes
+        .iter()
+        .copied()
+        .filter(|change| *change > 0.5 * step && off(*change).abs() < OFF * step)
+        .collect();
+    let mean = near.iter().sum::<f64>() / near.len().max(1) as f64;
+    let [beside, apart] = near.iter().fold([0.0, 0.0], |[beside, apart], change| {
+        [beside + off(*change).powi(2), apart + (change - mean).powi(2)]
+    });
+    near.len() * 10 > changes.len() * 9 && beside <= 0.01 * apart + 1e-8 * mean * mean * near.len() as f64
 }
 
 /// `count` normal numbers of deviation `deviation`.
@@ -157,6 +187,20 @@ mod tests {
         let seen = Noise::of(&rounded, &rounded);
         println!("{seen:?} for steps of 0.01");
         assert!((seen.step / 0.01 - 1.0).abs() < 0.02);
+    }
+
+    /// An encoder that is read at speed, of which two neighbours never are a single step apart.
+    #[test]
+    fn a_step_is_found_without_slow_motion() {
+        let step = 4e-6;
+        let read = |k: usize| ((2e-4 * (k as f64 * 0.02).sin() + 2e-5 * k as f64) / step).round() * step;
+        let samples: Vec<f64> = (0..300).map(read).map(|x| (x * 1e6).round() * 1e-6).collect();
+        let least = samples.windows(2).map(|w| w[1] - w[0]).fold(f64::MAX, f64::min);
+        let seen = Noise::of(&samples, &samples);
+        println!("{:.3e}, the least change is {:.1} steps", seen.step, least / step);
+        assert!((seen.step / step - 1.0).abs() < 1e-3 && least > 2.0 * step);
+        let smooth: Vec<f64> = (0..300).map(|k| (k as f64 * 0.02).sin() + 0.01 * k as f64).collect();
+        assert!(Noise::of(&smooth, &smooth).step == 0.0, "a motion that is not rounded");
     }
 
     /// A first-order process of coefficient r is worth n(1 − r)/(1 + r) samples: the closed form.

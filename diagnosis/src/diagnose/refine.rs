@@ -2,8 +2,9 @@
 
 use freeplay_laws::ABOUT;
 
-use super::hypothesis::hypothesis;
+use super::hypothesis::{Hypothesis, hypothesis};
 use super::search::Search;
+use super::system::{Fit, Score};
 
 /// Factors by which the numbers of a shape are moved.
 const REFINEMENTS: [f64; 6] = [1.2, 1.08, 1.03, 1.01, 1.004, 1.0015];
@@ -13,12 +14,16 @@ const MOST_MOVES: usize = 4;
 const SETTLED: f64 = 0.05;
 /// Most times that a term is taken about the coefficient found.
 const MOST_CENTRES: usize = 10;
+/// A law is linear whose coefficient changes by less than this share when it is taken about it.
+const LINEAR: f64 = 0.01;
+/// Factors from one coefficient to the next around the best so far, and how many to either side.
+const AROUND: [(f64, i32); 3] = [(1.25, 6), (1.08, 2), (1.03, 2)];
 
 impl Search<'_, '_> {
     /// Moves the shapes of what was taken in off their grid, as long as that explains more.
     pub(super) fn refine(&mut self) -> Option<()> {
         for index in 0..self.chosen.len() {
-            let mut moved = false;
+            let mut moved = self.centre(index)?;
             for factor in REFINEMENTS {
                 for _ in 0..MOST_MOVES {
                     if !self.reshape(index, factor)? && !self.reshape(index, 1.0 / factor)? {
@@ -64,7 +69,8 @@ impl Search<'_, '_> {
         Some(moved)
     }
 
-    /// Takes the only term of a law about the coefficient that it has, as long as that explains more; whether it did.
+    /// Takes the only term of a law about the coefficient that it has, as long as that explains more; whether it did. A law that is far from
+    /// linear, as a spring that swings, is taken about the best of many first.
     fn centre(&mut self, index: usize) -> Option<bool> {
         let at = self.chosen[index].hypothesis;
         if self.hypotheses[at].size() != 1 {
@@ -75,21 +81,44 @@ impl Search<'_, '_> {
         for _ in 0..MOST_CENTRES {
             let now = &self.hypotheses[at];
             let Some(score) = self.system.exact_score(&fit, &now.block) else { break };
-            let mut shape = now.shape.clone();
-            shape.insert(ABOUT.to_owned(), toml::Value::Float(score.beta[0]));
-            let Ok(Some(other)) = hypothesis(self.case, &self.system, now.kind, now.joint, shape) else {
+            let found = score.beta[0];
+            let Some((other, there)) = self.about(&fit, at, found) else { break };
+            let is_linear = (there.beta[0] / found - 1.0).abs() < LINEAR;
+            let better = Some((other, there)).filter(|(_, there)| there.gain > score.gain + SETTLED);
+            let better =
+                if is_linear || moved { better } else { self.best_about(&fit, at, found).or(better) };
+            let Some((other, _)) = better.filter(|(_, there)| there.gain > score.gain + SETTLED) else {
                 break;
             };
-            let better = self.system.exact_score(&fit, &other.block);
-            let better =
-                better.filter(|better| other.is_physical(better) && better.gain > score.gain + SETTLED);
-            if better.is_none() {
-                break;
-            }
             self.hypotheses[at] = other;
             moved = true;
         }
         Some(moved)
+    }
+
+    /// The hypothesis number `at` taken about the coefficient `about`, beside `fit`; `None` if it is not physical there.
+    fn about(&self, fit: &Fit, at: usize, about: f64) -> Option<(Hypothesis, Score)> {
+        let now = &self.hypotheses[at];
+        let mut shape = now.shape.clone();
+        shape.insert(ABOUT.to_owned(), toml::Value::Float(about));
+        let other = hypothesis(self.case, &self.system, now.kind, now.joint, shape).ok()??;
+        let score = self.system.exact_score(fit, &other.block)?;
+        other.is_physical(&score).then_some((other, score))
+    }
+
+    /// The same about the one of many coefficients around `found` that explains most.
+    fn best_about(&self, fit: &Fit, at: usize, found: f64) -> Option<(Hypothesis, Score)> {
+        let (mut best, mut middle): (Option<(Hypothesis, Score)>, f64) = (None, found);
+        for (factor, reach) in AROUND {
+            let around: Vec<f64> = (-reach..=reach).map(|k| middle * factor.powi(k)).collect();
+            for about in around {
+                let Some(other) = self.about(fit, at, about) else { continue };
+                if best.as_ref().is_none_or(|best| other.1.gain > best.1.gain) {
+                    (best, middle) = (Some(other), about);
+                }
+            }
+        }
+        best
     }
 
     /// Brings the columns of the effect number `index` up to its shape.

@@ -1,82 +1,209 @@
-//! What else could stand in the place of what was named.
+//! What else could stand in the place of what was named: by the data of the fit, and where these leave it open by held-out data.
 
 use std::collections::BTreeMap;
 
+use freeplay_laws::LawError;
+
+use super::case::Case;
 use super::conclude::Conclusion;
 use super::hypothesis::Hypothesis;
+use super::judge::Judge;
 use super::report::Alternative;
-use super::search::TOLD_APART;
+use super::search::{Search, TOLD_APART};
+use super::show::{Coefficients, held_out};
+use super::system::{Fit, Score};
+use super::trial::{bound, free};
 use super::words;
 
 /// Most alternatives that are listed.
 const ALTERNATIVES: usize = 6;
+/// Twice the log of the odds up to which held-out data have a say.
+const CLOSE: f64 = 3.0 * TOLD_APART;
+
+/// What could stand in the place of an effect.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rival {
+    /// Which hypothesis.
+    pub hypothesis: usize,
+    /// How far its merit is behind, as a share of the effect's.
+    pub less: f64,
+    /// Twice the log of the odds against it, by all data.
+    pub behind: f64,
+    /// The same by the data of the fit alone.
+    pub by_fit: f64,
+}
+
+/// The effects of `search` with one of them to be replaced.
+struct Contest<'s, 'a, 'b> {
+    search: &'s Search<'a, 'b>,
+    index: usize,
+    /// Without it.
+    without: Fit,
+    /// With all.
+    all: Fit,
+}
+
+impl<'s, 'a, 'b> Contest<'s, 'a, 'b> {
+    fn new(search: &'s Search<'a, 'b>, index: usize) -> Option<Self> {
+        let fit = |but| search.system.fit(&search.active(but));
+        Some(Self { search, index, without: fit(Some(index))?, all: fit(None)? })
+    }
+
+    /// Whether the hypothesis may stand there at all.
+    fn admits(&self, other: &Hypothesis) -> bool {
+        let (search, named) = (self.search, self.search.named(self.index));
+        let refuted = search.vetoed.contains(&(other.kind.name, other.joint));
+        // What has a name keeps it beside what has none, unless that explains more.
+        let nameless = !other.kind.is_catalogued();
+        !(search.is_taken(other, None)
+            || refuted
+            || nameless
+            || named.contains(other)
+            || other.contains(named))
+    }
+
+    /// The strongest shape of each kind at each place, with what it explains there. What it explains beside the effect is no reason to
+    /// put it in that one's place.
+    fn strongest(&self) -> Vec<(usize, f64)> {
+        let (search, system) = (self.search, &self.search.system);
+        let weighing = search.case.weigh(&system.residual(&self.all));
+        let mut best: BTreeMap<(&str, Option<usize>), (f64, usize)> = BTreeMap::new();
+        for (at, other) in search.hypotheses.iter().enumerate().filter(|(_, other)| self.admits(other)) {
+            let Some(score) = system.score(&self.without, &other.block) else { continue };
+            if !other.is_physical(&score) {
+                continue;
+            }
+            let beside = system.score(&self.all, &other.block).map_or(0.0, |score| score.gain);
+            let merit = search.merit(other, score.gain - beside, &weighing);
+            let entry = best.entry((other.kind.name, other.joint)).or_insert((merit, at));
+            if merit > entry.0 {
+                *entry = (merit, at);
+            }
+        }
+        let exact = |at: usize| {
+            let other = &search.hypotheses[at];
+            let beside = system.exact_score(&self.all, &other.block).map_or(0.0, |score| score.gain);
+            let score = system.exact_score(&self.without, &other.block);
+            let gain =
+                score.filter(|score| other.is_physical(score)).map_or(0.0, |score| score.gain - beside);
+            search.merit(other, gain, &weighing)
+        };
+        best.into_values().map(|(_, at)| (at, exact(at))).collect()
+    }
+
+    /// What the effect in dispute is worth.
+    fn merit(&self) -> f64 {
+        let search = self.search;
+        let weighing = search.case.weigh(&search.system.residual(&self.all));
+        search.merit(search.named(self.index), search.chosen[self.index].gain, &weighing)
+    }
+}
+
+impl Judge<'_, '_> {
+    /// What could stand in the place of the effect number `index` of `search`, the closest first.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn rivals(&self, search: &Search, index: usize) -> Result<Vec<Rival>, LawError> {
+        let Some(contest) = Contest::new(search, index) else { return Ok(Vec::new()) };
+        let merit = contest.merit();
+        let mut rivals = Vec::new();
+        for (hypothesis, others) in contest.strongest() {
+            let by_fit = merit - others;
+            let held_out = if by_fit < CLOSE { self.against(&contest, hypothesis)? } else { 0.0 };
+            let less = by_fit / merit.max(f64::MIN_POSITIVE);
+            rivals.push(Rival { hypothesis, less, behind: by_fit + held_out, by_fit });
+        }
+        rivals.sort_by(|a, b| a.behind.total_cmp(&b.behind));
+        Ok(rivals)
+    }
+
+    /// Twice the log of the odds of held-out data against `hypothesis` in the place of the effect: by how much more it leaves of the
+    /// channels in which either shows, over how much more is left there than where both were fitted.
+    fn against(&self, contest: &Contest, hypothesis: usize) -> Result<f64, LawError> {
+        let Contest { search, index, without, .. } = contest;
+        let pair = [search.named(*index), &search.hypotheses[hypothesis]];
+        let shows = |c: usize| pair.iter().any(|one| one.channels().any(|other| other == c));
+        let weighed = |rows: &[Vec<f64>], weights: &[f64], shows: &dyn Fn(usize) -> bool| -> f64 {
+            let square = |c: usize| weights[c] * rows[c].iter().map(|x| x * x).sum::<f64>();
+            (0..rows.len()).filter(|&c| shows(c)).map(square).sum()
+        };
+        let weights = self.held.weights_as(&search.system.weights);
+        let shows_held = |c: usize| shows(c % self.held.per_stage());
+        let (mut fitted, mut held) = (Vec::new(), Vec::new());
+        for one in pair {
+            let Some(score) = search.system.exact_score(without, &one.block) else { return Ok(0.0) };
+            let rows = search.system.residual_with(without, &one.block, &score);
+            fitted.push(weighed(&rows, &search.system.weights, &shows));
+            held.push(weighed(&self.left_with(contest, one, &score)?, &weights, &shows_held));
+        }
+        let count = |case: &Case, shows: &dyn Fn(usize) -> bool| -> f64 {
+            case.rows().iter().enumerate().filter(|(c, _)| shows(*c)).map(|(_, rows)| rows).sum()
+        };
+        let fitted = fitted[0].min(fitted[1]) / count(search.case, &shows).max(1.0);
+        let there = held[0].min(held[1]) / count(self.held, &shows_held).max(1.0);
+        Ok((held[1] - held[0]) / (there / fitted.max(f64::MIN_POSITIVE)).max(1.0))
+    }
+
+    /// What `one` leaves of the held-out data in the place of the effect, with the coefficients that `score` gives all.
+    fn left_with(
+        &self,
+        contest: &Contest,
+        one: &Hypothesis,
+        score: &Score,
+    ) -> Result<Vec<Vec<f64>>, LawError> {
+        let Contest { search, index, without, .. } = contest;
+        let eta = score.shift.as_ref().map_or_else(|| without.eta.clone(), |shift| &without.eta + shift);
+        let (nuisances, others) = eta.as_slice().split_at(search.nuisances().len());
+        let mut columns = Vec::new();
+        for other in (0..search.chosen.len()).filter(|other| other != index) {
+            columns.extend(search.named(other).columns_on(self.held)?);
+        }
+        columns.extend(one.columns_on(self.held)?);
+        let effects: Vec<_> = columns.iter().zip(others.iter().chain(&score.beta).copied()).collect();
+        let tuned = bound(&search.system, &self.system, nuisances);
+        let coefficients = Coefficients { retuned: &tuned, tuned: &tuned, effects: &effects };
+        Ok(held_out(self.held, &self.system, &coefficients, &free(&self.system)).tuned_after)
+    }
+}
 
 impl Conclusion<'_, '_, '_> {
     /// What else could stand in the place of each named effect, the closest first.
-    pub(super) fn alternatives(&self) -> Vec<Alternative> {
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub(super) fn alternatives(&self) -> Result<Vec<Alternative>, LawError> {
         let search = self.search;
         let mut all = Vec::new();
-        for (index, chosen) in search.chosen.iter().enumerate() {
-            let named = &search.hypotheses[chosen.hypothesis];
-            let Some(fit) = search.system.fit(&search.active(Some(index))) else { continue };
-            let Some(all_in) = search.system.fit(&search.active(None)) else { continue };
-            let weighing = search.case.weigh(&search.system.residual(&all_in));
-            let merit = search.merit(named, chosen.gain, &weighing);
-            let mut best: BTreeMap<(&str, Option<usize>), (f64, &Hypothesis)> = BTreeMap::new();
-            for other in &search.hypotheses {
-                let taken = search.chosen.iter().any(|c| search.hypotheses[c.hypothesis].same_effect(other));
-                let refuted = search.vetoed.contains(&(other.kind.name, other.joint));
-                // What has a name keeps it beside what has none, unless that explains more.
-                let nameless = !other.kind.is_catalogued();
-                if taken || refuted || nameless || named.contains(other) || other.contains(named) {
-                    continue;
-                }
-                let Some(score) = search.system.score(&fit, &other.block) else { continue };
-                if !other.is_physical(&score) {
-                    continue;
-                }
-                // What it explains beside the named effect is no reason to put it in that one's place.
-                let beside = search.system.score(&all_in, &other.block).map_or(0.0, |score| score.gain);
-                let others = search.merit(other, score.gain - beside, &weighing);
-                let entry = best.entry((other.kind.name, other.joint)).or_insert((others, other));
-                if others > entry.0 {
-                    *entry = (others, other);
-                }
-            }
-            for entry in best.values_mut() {
-                let block = &entry.1.block;
-                let exact = search.system.exact_score(&fit, block);
-                let beside = search.system.exact_score(&all_in, block).map_or(0.0, |score| score.gain);
-                let exact = exact.filter(|score| entry.1.is_physical(score));
-                let gain = exact.map_or(0.0, |score| score.gain - beside);
-                entry.0 = search.merit(entry.1, gain, &weighing);
-            }
-            let explained = |merit_: f64| 100.0 * (1.0 - merit_ / merit.max(f64::MIN_POSITIVE));
-            all.extend(best.into_values().map(|(others, other)| {
-                let behind = merit - others;
-                let indistinguishable = behind < TOLD_APART;
-                let instead_of =
-                    format!("{} {}", named.kind.name, words::site(self.joint_name(named.joint).as_deref()));
+        for index in 0..search.chosen.len() {
+            let named = search.named(index);
+            let instead_of =
+                format!("{} {}", named.kind.name, words::site(self.joint_name(named.joint).as_deref()));
+            for rival in self.judge.rivals(search, index)? {
+                let other = &search.hypotheses[rival.hypothesis];
+                let indistinguishable = rival.behind < TOLD_APART;
                 let why_not = if indistinguishable {
                     "says it as well in this motion".to_owned()
+                } else if rival.by_fit < TOLD_APART {
+                    "says it as well where it was fitted, and less well of held-out data".to_owned()
                 } else {
-                    format!("explains {:.0} % less", explained(others).clamp(0.0, 100.0))
+                    format!("explains {:.0} % less", (100.0 * rival.less).clamp(0.0, 100.0))
                 };
-                Alternative {
+                all.push(Alternative {
                     kind: other.kind.name,
                     joint: self.joint_name(other.joint),
-                    instead_of,
+                    instead_of: instead_of.clone(),
                     why_not,
                     indistinguishable,
                     what_would_separate: separates(named, other),
-                    log_odds_against: 0.5 * behind,
-                }
-            }));
+                    log_odds_against: 0.5 * rival.behind,
+                });
+            }
         }
         all.sort_by(|a, b| a.log_odds_against.total_cmp(&b.log_odds_against));
         let sure = all.iter().filter(|alternative| alternative.indistinguishable).count();
         all.truncate(sure.max(ALTERNATIVES));
-        all
+        Ok(all)
     }
 }
 

@@ -56,7 +56,7 @@ pub(crate) struct Score {
     /// Coefficients β of the block.
     pub beta: DVector<f64>,
     /// By how much the base's coefficients change when the block comes in, where that was worked out.
-    shift: Option<DVector<f64>>,
+    pub shift: Option<DVector<f64>>,
 }
 
 /// The system: base columns with their priors, and the target.

@@ -6,6 +6,8 @@
 
 use toml::Table;
 
+use crate::DriveFriction;
+
 use crate::basis::{Place, Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::Injection;
@@ -52,10 +54,14 @@ const HARD: f64 = 0.5;
 /// Greatest share while the limit is that of a coarse list: at one that is too high more than all would be taken away.
 const OVER: f64 = 1.5;
 
-/// Shares of the greatest load.
+/// Shares of the greatest torque that the motion asks for.
 fn limits(place: &Place) -> Vec<Table> {
-    let load = place.joint.map(|joint| place.scene.load[joint].as_slice()).unwrap_or_default();
-    let greatest = load.iter().fold(0.0_f64, |most, load| most.max(load.abs()));
+    let (Some(index), Some(joint)) = (place.joint, place.joint()) else { return Vec::new() };
+    let (motion, friction) = (&place.scene.motion, DriveFriction::nominal(joint.friction));
+    let asked = place.scene.load[index].iter().zip(&motion.v[index]).zip(&motion.a[index]);
+    let greatest = asked.fold(0.0_f64, |most, ((load, v), a)| {
+        most.max((load + friction.resisting(*v) + joint.rotor_inertia * a).abs())
+    });
     let shares = if greatest > 1e-6 { [0.5, 0.6, 0.7, 0.8, 0.87, 0.93].as_slice() } else { &[] };
     shares.iter().map(|share| with(&Table::new(), [("limit", share * greatest)])).collect()
 }

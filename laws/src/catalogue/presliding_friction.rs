@@ -2,7 +2,7 @@
 //!
 //! Law: bristles of deflection z \[rad\] with the stiffness σ₀ \[N·m/rad\] and the damping σ₁ \[N·m·s/rad\] carry the level
 //! F = s F_n + F_c: ż = v − σ₀ |v| z/F, τ = σ₀ z + σ₁ ż; s \[1\] is the share of the joint's nominal Coulomb friction F_n that is of this kind
-//! (the rest jumps), F_c \[N·m\] ≥ 0 is extra. τ is what the drive spends beyond the nominal friction: σ₀ z + σ₁ ż − s F_n sign(v).
+//! (the rest jumps), F_c \[N·m\] is extra, F ≥ 0. τ is what the drive spends beyond the nominal friction: σ₀ z + σ₁ ż − s F_n sign(v).
 //! After a reversal z follows ±(F/σ₀)(1 − 2 e^{−x/δ}) over the way x, δ = F/σ₀: exactly integrated for any step.
 //! Source: Canudas de Wit, Olsson, Åström & Lischinsky 1995, IEEE Trans. Autom. Control 40:419, Eqs. 1–3. Departure: the level does not
 //! depend on the speed (Dahl 1968); the Stribeck bump is an effect of its own.
@@ -14,7 +14,7 @@ use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, NOMINAL, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -30,7 +30,7 @@ pub static KIND: Kind = Kind {
             .shape(),
         Parameter::number("share", "share of the nominal Coulomb friction that builds up", "1", [0.0, 1.0])
             .or(1.0),
-        Parameter::number("coulomb", "friction of this kind, extra to the nominal", "N*m", [0.0, 1e6])
+        Parameter::number("coulomb", "friction of this kind, extra to that share", "N*m", [-1e6, 1e6])
             .prismatic("N")
             .or(0.0),
         Parameter::number("damping", "torque per speed of the bristles", "N*m*s/rad", [0.0, 1e9])
@@ -57,17 +57,22 @@ pub static KIND: Kind = Kind {
         let nominal = DriveFriction::nominal(values.nominal_friction());
         let (stiffness, share) = (values.number("stiffness")?, values.number("share")?);
         let level = share * nominal.coulomb + values.number("coulomb")?;
-        let bristles = Bristles { stiffness, damping: values.number("damping")?, level, z: 0.0 };
+        if level < -1e-9 {
+            let message =
+                format!("`coulomb` takes away more than the joint's friction: {level:.3} is left; raise it");
+            return Err(values.unreadable(message));
+        }
+        let bristles =
+            Bristles { stiffness, damping: values.number("damping")?, level: level.max(0.0), z: 0.0 };
         let replaced = DriveFriction { viscous: 0.0, coulomb: share * nominal.coulomb, ..nominal };
         Ok(Box::new(Presliding { joint: values.joint()?, bristles, replaced }))
     },
 };
 
-/// Names of a shape's entries: the way δ over which friction builds up, and the nominal level that it is a share of.
+/// Name of a shape's entry: the way δ over which friction builds up.
 const DISPLACEMENT: &str = "displacement";
-const NOMINAL: &str = "nominal";
 
-/// Displacements δ from what half a dozen samples around a reversal can show to a fifth of the way.
+/// Displacements δ from what half a dozen samples around a reversal can show to half of the way.
 fn displacements(place: &Place) -> Vec<Table> {
     let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };
     let (least, most) = motion.q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
@@ -76,7 +81,7 @@ fn displacements(place: &Place) -> Vec<Table> {
         return Vec::new();
     }
     let nominal = place.joint().map_or(0.0, |joint| joint.friction.coulomb);
-    let ways = std::iter::successors(Some(way / 3000.0), |way| Some(2.0 * way)).take_while(|x| 5.0 * x < way);
+    let ways = std::iter::successors(Some(way / 3000.0), |way| Some(2.0 * way)).take_while(|x| 2.0 * x < way);
     ways.map(|x| with(&Table::new(), [(DISPLACEMENT, x), (NOMINAL, nominal)])).collect()
 }
 
@@ -91,7 +96,7 @@ const MOST_SHARE: f64 = 1.1;
 fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let unit = kind.unit("coulomb", place.joint());
     let extra = |share, coulomb| compose(kind, shape, &[share, coulomb]);
-    let coulomb = Term::new("coulomb", unit, [0.0, 1e6], {
+    let coulomb = Term::new("coulomb", unit, [-number(shape, NOMINAL), 1e6], {
         if number(shape, NOMINAL) > 0.0 { extra(0.0, 1.0) } else { compose(kind, shape, &[1.0]) }
     });
     if number(shape, NOMINAL) > 0.0 {
@@ -154,10 +159,8 @@ impl Effect for Presliding {
     fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let (q, v) = (&scene.motion.q[self.joint], &scene.motion.v[self.joint]);
         for stretch in &scene.motion.stretches {
+            // What came before is not known: the bristles are taken as straight.
             let mut bristles = self.bristles;
-            // What came before is not known: the joint is taken as having slid the way it first moves.
-            let first = v[stretch.clone()].iter().find(|v| **v != 0.0).map_or(0.0, |v| v.signum());
-            bristles.z = first * bristles.level / bristles.stiffness;
             for point in stretch.clone() {
                 let moved = if point > stretch.start { q[point] - q[point - 1] } else { 0.0 };
                 torque[self.joint][point] +=
