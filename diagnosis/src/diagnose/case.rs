@@ -7,6 +7,7 @@ use super::stage::{Answer, Stage};
 use super::system::{Column, System};
 use super::tolerance::{Nuisance, Tolerances, nuisances};
 use super::universal::{Knots, Transfer, Universal};
+use crate::residual::Kind;
 
 /// All recordings of a fit, stacked. Channels are numbered through: those of the first stage, those of the second, and so on.
 pub(crate) struct Case<'a> {
@@ -93,6 +94,27 @@ impl<'a> Case<'a> {
             }
         }
         column
+    }
+
+    /// `column` with the mean taken off the link encoders, whose zero nobody sets against the motors': what is constant there says nothing.
+    pub fn centred(&self, mut column: Column) -> Column {
+        for (channel, part) in column.iter_mut().enumerate() {
+            if let Some(rows) = part.as_mut().filter(|_| self.is_link(channel)) {
+                let mean = rows.iter().sum::<f64>() / rows.len().max(1) as f64;
+                let size = rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+                rows.iter_mut().for_each(|x| *x -= mean);
+                if rows.iter().all(|x| x.abs() <= 1e-9 * size) {
+                    *part = None;
+                }
+            }
+        }
+        column
+    }
+
+    /// Whether the channel number `channel` is a link encoder.
+    pub fn is_link(&self, channel: usize) -> bool {
+        let (stage, of_stage) = self.place(channel);
+        matches!(self.stages[stage].channels[of_stage].kind, Kind::Link(_))
     }
 
     /// Measured minus model in every channel.

@@ -193,7 +193,7 @@ pub(crate) fn hypothesis(
     Ok(Some(Hypothesis { kind, joint, shape, terms, shown, all, block }))
 }
 
-/// All terms of a law and their columns.
+/// All terms of a law and their columns, those of link encoders less their means.
 fn columns(
     case: &Case,
     kind: &'static EffectKind,
@@ -210,5 +210,5 @@ fn columns(
         }
         answers.iter_mut().zip(said).for_each(|(answers, said)| answers.push(said));
     }
-    Ok((terms, answers.into_iter().map(|answers| case.column(answers)).collect()))
+    Ok((terms, answers.into_iter().map(|answers| case.centred(case.column(answers))).collect()))
 }

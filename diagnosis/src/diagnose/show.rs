@@ -6,7 +6,6 @@ use rand_chacha::ChaCha8Rng;
 use super::case::Case;
 use super::system::{Column, System, subtract};
 use super::trial::free;
-use crate::residual::Kind;
 
 /// Length of a block of the bootstrap, s.
 const BLOCK_S: f64 = 0.5;
@@ -85,12 +84,9 @@ fn tuned(rows: &[Vec<f64>], system: &System, eta: &[f64], free: &[usize]) -> Vec
 
 /// Takes the mean off link encoders, whose zero nobody sets against the motors'.
 fn recentre(case: &Case, rows: &mut [Vec<f64>]) {
-    for (channel, rows) in rows.iter_mut().enumerate() {
-        let (stage, of_stage) = case.place(channel);
-        if let Kind::Link(_) = case.stages[stage].channels[of_stage].kind {
-            let mean = rows.iter().sum::<f64>() / rows.len().max(1) as f64;
-            rows.iter_mut().for_each(|x| *x -= mean);
-        }
+    for (_, rows) in rows.iter_mut().enumerate().filter(|(channel, _)| case.is_link(*channel)) {
+        let mean = rows.iter().sum::<f64>() / rows.len().max(1) as f64;
+        rows.iter_mut().for_each(|x| *x -= mean);
     }
 }
 
