@@ -49,6 +49,8 @@ pub struct Term {
     pub least: f64,
     /// Greatest value.
     pub most: f64,
+    /// Whether a coefficient that would be less is the least one: no friction at all is still a joint.
+    pub held: bool,
     /// The column is `weight` times what the effect with the parameters `plus` shows, …
     pub plus: Table,
     /// … less what the one with these shows; `None`: less nothing.
@@ -60,7 +62,7 @@ pub struct Term {
 impl Term {
     /// A term whose column is what `plus` shows.
     pub fn new(name: &'static str, unit: impl Into<String>, [least, most]: [f64; 2], plus: Table) -> Term {
-        Term { name, unit: unit.into(), least, most, plus, minus: None, weight: 1.0 }
+        Term { name, unit: unit.into(), least, most, held: false, plus, minus: None, weight: 1.0 }
     }
 
     /// The same for a coefficient of `step` in place of 1.
@@ -109,7 +111,9 @@ impl Terms {
 }
 
 fn bounded_below(mut terms: Vec<Term>, least: f64) -> Vec<Term> {
-    terms.iter_mut().for_each(|term| term.least = term.least.max(least));
+    for term in &mut terms {
+        (term.least, term.held) = (term.least.max(least), least < 0.0);
+    }
     terms
 }
 

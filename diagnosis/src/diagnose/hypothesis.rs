@@ -69,7 +69,7 @@ impl Hypothesis {
             shape: self.shape.clone(),
             terms: self.terms.clone(),
             shown: self.shown.clone(),
-            block: system.block(self.columns_on(case)?),
+            block: system.block(self.columns_on(case)?).held(limits(&self.terms)),
             ..*self
         })
     }
@@ -189,8 +189,15 @@ pub(crate) fn hypothesis(
     if shown.len() < all {
         block = system.block(shown.iter().map(|&place| std::mem::take(&mut block.columns[place])).collect());
     }
-    let terms = shown.iter().map(|&place| terms[place].clone()).collect();
+    let terms: Vec<Term> = shown.iter().map(|&place| terms[place].clone()).collect();
+    let block = block.held(limits(&terms));
     Ok(Some(Hypothesis { kind, joint, shape, terms, shown, all, block }))
+}
+
+/// Within which the coefficients of `terms` are held.
+fn limits(terms: &[Term]) -> Vec<[f64; 2]> {
+    let limit = |term: &Term| [if term.held { term.least } else { f64::NEG_INFINITY }, f64::INFINITY];
+    terms.iter().map(limit).collect()
 }
 
 /// All terms of a law and their columns, those of link encoders less their means.

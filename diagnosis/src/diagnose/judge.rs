@@ -182,7 +182,7 @@ impl<'a, 'b> Judge<'a, 'b> {
             let rivals = self.rivals(search, index)?;
             let Some(rival) = rivals.first().filter(|rival| rival.behind < -TOLD_APART) else { continue };
             let was = search.in_words(index);
-            if search.put(index, rival.hypothesis).is_some()
+            if search.put(index, &[rival.hypothesis]).is_some()
                 && let Some(sifted) = self.drop_unproven(search, progress)?
                 && sifted.proofs.len() == best.proofs.len()
             {
@@ -195,8 +195,8 @@ impl<'a, 'b> Judge<'a, 'b> {
     }
 
     /// What leaves less of the held-out data than `best`, where `search` stands: with something that explains nearly as much in the place of
-    /// the effect number `place`; behind the last, with friction or an offset that sits on every joint of a real machine beside the others, if
-    /// it is more than nothing to the data of the fit, too.
+    /// the effect number `place`; behind the last, with friction or an offset that sits on every joint of a real machine, or all of these that one
+    /// joint lacks, beside the others, if the data of the fit say something of it, too.
     fn better(
         &self,
         best: &Sifted,
@@ -207,30 +207,34 @@ impl<'a, 'b> Judge<'a, 'b> {
         let is_further = place == best.proofs.len();
         let candidates = if is_further { search.usual_left() } else { search.rivals_of(place) };
         let candidates = self.where_much_is_left(search, candidates)?;
+        let together = if is_further { search.by_joint(&candidates) } else { Vec::new() };
         let most = best.size - self.least_less();
-        let mut smallest: Option<(f64, usize)> = None;
-        for hypothesis in candidates {
+        let mut smallest: Option<(f64, Vec<usize>)> = None;
+        for hypotheses in candidates.into_iter().map(|one| vec![one]).chain(together) {
             search.go_back(best.standing.clone());
             let is_idle = |search: &Search| search.chosen.get(place).is_none_or(|it| it.gain < TOLD_APART);
-            if search.put(place, hypothesis).is_none() || is_further && is_idle(search) {
+            if search.put(place, &hypotheses).is_none() || is_further && is_idle(search) {
                 continue;
             }
             let Some(size) = self.tried(search, |trials| size(trials, None))? else { continue };
-            if size < most && smallest.is_none_or(|(least, _)| size < least) {
-                smallest = Some((size, hypothesis));
+            if size < most && smallest.as_ref().is_none_or(|(least, _)| size < *least) {
+                smallest = Some((size, hypotheses));
             }
         }
-        let Some((_, hypothesis)) = smallest else { return Ok(None) };
+        let Some((_, hypotheses)) = smallest else { return Ok(None) };
         search.go_back(best.standing.clone());
         let was = (!is_further).then(|| search.in_words(place));
-        if search.put(place, hypothesis).is_none() {
+        if search.put(place, &hypotheses).is_none() {
             return Ok(None);
         }
         let sifted = self.drop_unproven(search, progress)?.filter(|sifted| sifted.size < most);
         if sifted.is_some() {
-            let words = search.hypothesis_in_words(hypothesis);
+            let words: Vec<String> = hypotheses.iter().map(|one| search.hypothesis_in_words(*one)).collect();
             let of_whom = was.map_or_else(|| "without".to_owned(), |was| format!("with {was} in its place"));
-            progress(&format!("{words} leaves less of the held-out data than is left {of_whom}"));
+            progress(&format!(
+                "{} leaves less of the held-out data than is left {of_whom}",
+                words.join(", ")
+            ));
         }
         Ok(sifted)
     }

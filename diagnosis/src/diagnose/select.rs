@@ -443,15 +443,23 @@ impl Search<'_, '_> {
         (0..self.hypotheses.len()).filter(|&index| is_left(&self.hypotheses[index])).collect()
     }
 
-    /// Puts a hypothesis in the place of the effect number `index`, which does not come back, or behind the last.
-    pub fn put(&mut self, index: usize, hypothesis: usize) -> Option<()> {
-        let new = self.admit(hypothesis);
-        if index < self.chosen.len() {
-            self.vetoed.push((self.named(index).kind.name, self.named(index).joint));
-            self.chosen[index] = new;
-        } else {
-            self.chosen.push(new);
+    /// Those of `hypotheses` that are on one joint, if they are several.
+    pub fn by_joint(&self, hypotheses: &[usize]) -> Vec<Vec<usize>> {
+        let mut joints: BTreeMap<Option<usize>, Vec<usize>> = BTreeMap::new();
+        for &hypothesis in hypotheses {
+            joints.entry(self.hypotheses[hypothesis].joint).or_default().push(hypothesis);
         }
+        joints.into_values().filter(|on_joint| on_joint.len() > 1).collect()
+    }
+
+    /// Puts `hypotheses` in the place of the effect number `index`, which does not come back, or behind the last.
+    pub fn put(&mut self, index: usize, hypotheses: &[usize]) -> Option<()> {
+        let new: Vec<Chosen> = hypotheses.iter().map(|&hypothesis| self.admit(hypothesis)).collect();
+        let replaced = index..self.chosen.len().min(index + 1);
+        for index in replaced.clone() {
+            self.vetoed.push((self.named(index).kind.name, self.named(index).joint));
+        }
+        self.chosen.splice(replaced, new);
         self.settle()
     }
 

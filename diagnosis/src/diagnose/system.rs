@@ -27,9 +27,20 @@ pub(crate) struct Block {
     with_target: Vec<DVector<f64>>,
     /// Channels in which it is not zero.
     shows: Vec<usize>,
+    /// Within which its coefficients are held.
+    limits: Vec<[f64; 2]>,
 }
 
+/// What is not held.
+const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
 impl Block {
+    /// The same with its coefficients held within `limits`.
+    #[must_use]
+    pub fn held(self, limits: Vec<[f64; 2]>) -> Self {
+        Self { limits, ..self }
+    }
+
     /// Which of its columns say something that those before them don't: more than `share` of their squares.
     pub fn independent(&self, share: f64) -> Vec<usize> {
         let n = self.columns.len();
@@ -70,6 +81,8 @@ pub(crate) struct System {
     pub target: Vec<Vec<f64>>,
     /// Weight of each channel.
     pub weights: Vec<f64>,
+    /// Within which the coefficient of each base column is held.
+    limits: Vec<[f64; 2]>,
     /// Base columns of effects, each with a nuisance that says the same: it stays at zero while the effect takes part.
     replaces: Vec<(usize, usize)>,
     products: Rc<ByChannel>,
@@ -115,8 +128,10 @@ impl System {
         let channels = target.len();
         let products: ByChannel = (0..channels).map(|c| gram_of(&base, c)).collect();
         let with_target = (0..channels).map(|c| against(&base, &target, c)).collect();
+        let limit = |precision: &f64| if *precision == 1.0 { [-BOUND, BOUND] } else { FREE };
         Self {
             replaces: Vec::new(),
+            limits: precision.iter().map(limit).collect(),
             base: Rc::new(base),
             precision,
             weights: vec![1.0; channels],
@@ -141,8 +156,8 @@ impl System {
             base[a] = parts.map(|(part, rows)| part.as_ref().map(|part| times(part, rows))).collect();
         }
         let target = self.target.iter().zip(rows).map(|(y, rows)| times(y, rows)).collect();
-        let (weights, replaces) = (self.weights.clone(), self.replaces.clone());
-        Self { weights, replaces, ..Self::new(base, self.precision.clone(), target) }
+        let (weights, replaces, limits) = (self.weights.clone(), self.replaces.clone(), self.limits.clone());
+        Self { weights, replaces, limits, ..Self::new(base, self.precision.clone(), target) }
     }
 
     /// A block of `columns` with its inner products.
@@ -153,6 +168,7 @@ impl System {
             with_itself: channels.clone().map(|c| gram_of(&columns, c)).collect(),
             with_target: channels.clone().map(|c| against(&columns, &self.target, c)).collect(),
             shows: channels.filter(|&c| columns.iter().any(|column| column[c].is_some())).collect(),
+            limits: vec![FREE; columns.len()],
             columns,
         }
     }
@@ -178,6 +194,7 @@ impl System {
         }
         Rc::make_mut(&mut self.base).extend(block.columns.iter().cloned());
         self.precision.extend(std::iter::repeat_n(0.0, new));
+        self.limits.extend_from_slice(&block.limits);
         let columns: Vec<usize> = (old..old + new).collect();
         if let &[column] = columns.as_slice() {
             self.replaces.extend(self.said_by(column).into_iter().map(|nuisance| (column, nuisance)));
@@ -248,8 +265,7 @@ impl System {
     /// Fits the base columns `active`, nuisances inside their bounds; `None` if they are not independent.
     pub fn fit(&self, active: &[usize]) -> Option<Fit> {
         let (normal, right) = self.normal(active);
-        let bound: Vec<bool> = active.iter().map(|&a| self.precision[a] == 1.0).collect();
-        let Bounded { free, factor, eta, fall } = bounded(&normal, &right, &bound)?;
+        let Bounded { free, factor, eta, fall } = bounded(&normal, &right, &self.limits(active))?;
         let whole = self.weighted_square(&self.target);
         Some(Fit {
             active: active.to_vec(),
@@ -282,13 +298,18 @@ impl System {
                 }
             }
         }
-        let bound: Vec<bool> =
-            (0..n + p).map(|k| fit.active.get(k).is_some_and(|&a| self.precision[a] == 1.0)).collect();
-        let solved = bounded(&normal, &right, &bound)?;
+        let mut limits = self.limits(&fit.active);
+        limits.extend_from_slice(&block.limits);
+        let solved = bounded(&normal, &right, &limits)?;
         let gain = fit.left - (fit.whole - solved.fall);
         let beta = solved.eta.rows(n, p).into_owned();
         let shift = solved.eta.rows(0, n) - &fit.eta;
         gain.is_finite().then_some(Score { gain, beta, shift: Some(shift) })
+    }
+
+    /// Within which the coefficients of the base columns `active` are held.
+    pub fn limits(&self, active: &[usize]) -> Vec<[f64; 2]> {
+        active.iter().map(|&a| self.limits[a]).collect()
     }
 
     /// Normal matrix and right side of the base columns `active`, priors included.
@@ -333,9 +354,11 @@ impl System {
         if !whole.iter().all(|&w| w > 0.0) || share < 1e-9 {
             return None;
         }
-        let inverse = Cholesky::new(own)?.inverse();
-        let beta = &inverse * &right;
-        let gain = right.dot(&beta);
+        let mut beta = Cholesky::new(own.clone())?.solve(&right);
+        if let &[[least, most]] = block.limits.as_slice() {
+            beta[0] = beta[0].clamp(least, most);
+        }
+        let gain = 2.0 * right.dot(&beta) - beta.dot(&(own * &beta));
         gain.is_finite().then_some(Score { gain, beta, shift: None })
     }
 
@@ -452,9 +475,9 @@ pub(crate) struct Bounded {
     fall: f64,
 }
 
-/// Solves `normal` η = `right`; what goes beyond its bound is held there, and the rest is solved again.
-pub(crate) fn bounded(normal: &DMatrix<f64>, right: &DVector<f64>, bound: &[bool]) -> Option<Bounded> {
-    let n = bound.len();
+/// Solves `normal` η = `right`; what goes beyond its limits is held there, and the rest is solved again.
+pub(crate) fn bounded(normal: &DMatrix<f64>, right: &DVector<f64>, limits: &[[f64; 2]]) -> Option<Bounded> {
+    let n = limits.len();
     let mut free: Vec<usize> = (0..n).collect();
     let mut eta = DVector::zeros(n);
     loop {
@@ -465,14 +488,19 @@ pub(crate) fn bounded(normal: &DMatrix<f64>, right: &DVector<f64>, bound: &[bool
         let factor = Cholesky::new(part)?;
         let solved = factor.solve(&DVector::from_fn(m, |i, _| right[free[i]] - pull(i)));
         free.iter().zip(solved.iter()).for_each(|(&k, x)| eta[k] = *x);
-        let beyond: Vec<usize> =
-            free.iter().copied().filter(|&k| bound[k] && eta[k].abs() > BOUND * (1.0 + 1e-9)).collect();
+        let is_beyond = |k: &usize| {
+            let [least, most] = limits[*k];
+            let margin = 1e-9 * eta[*k].abs();
+            eta[*k] < least - margin || eta[*k] > most + margin
+        };
+        let beyond: Vec<usize> = free.iter().copied().filter(is_beyond).collect();
         if beyond.is_empty() {
             let fall = 2.0 * right.dot(&eta) - eta.dot(&(normal * &eta));
             return Some(Bounded { free, factor, eta, fall });
         }
         for &k in &beyond {
-            eta[k] = BOUND * eta[k].signum();
+            let [least, most] = limits[k];
+            eta[k] = eta[k].clamp(least, most);
         }
         free.retain(|k| !beyond.contains(k));
     }

@@ -72,6 +72,7 @@ pub(crate) struct Validation {
     pieces: Vec<Vec<Piece>>,
     weights: Vec<f64>,
     precision: Vec<f64>,
+    limits: Vec<[f64; 2]>,
     /// Places of the columns of each effect.
     effects: Vec<Vec<usize>>,
     /// Squares that the columns of each effect leave in each part and channel, weighed: `[effect][part][channel]`.
@@ -103,7 +104,8 @@ impl Validation {
             })
             .collect();
         let precision = active.iter().map(|&a| search.system.precision[a]).collect();
-        let mut validation = Self { pieces, weights, precision, effects, said, errors: Vec::new() };
+        let limits = search.system.limits(&active);
+        let mut validation = Self { pieces, weights, precision, limits, effects, said, errors: Vec::new() };
         validation.errors = validation.errors_without(None)?;
         Some(validation)
     }
@@ -113,7 +115,7 @@ impl Validation {
         let out: &[usize] = left_out.map_or(&[], |index| &self.effects[index]);
         let kept: Vec<usize> = (0..self.precision.len()).filter(|k| !out.contains(k)).collect();
         let n = kept.len();
-        let bound: Vec<bool> = kept.iter().map(|&k| self.precision[k] == 1.0).collect();
+        let limits: Vec<[f64; 2]> = kept.iter().map(|&k| self.limits[k]).collect();
         let mut errors = vec![0.0; self.weights.len()];
         for part in 0..self.pieces.len() {
             let others = self.pieces.iter().enumerate().filter(|(other, _)| *other != part);
@@ -129,7 +131,7 @@ impl Validation {
             for (i, &a) in kept.iter().enumerate() {
                 normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-9) + self.precision[a] + f64::MIN_POSITIVE;
             }
-            let eta = bounded(&normal, &right, &bound)?.eta;
+            let eta = bounded(&normal, &right, &limits)?.eta;
             for (error, piece) in errors.iter_mut().zip(&self.pieces[part]) {
                 let gram = DMatrix::from_fn(n, n, |i, j| piece.gram[(kept[i], kept[j])]);
                 let right = DVector::from_fn(n, |i, _| piece.right[kept[i]]);
