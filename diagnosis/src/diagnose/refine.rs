@@ -96,6 +96,25 @@ impl Search<'_, '_> {
         Some(moved)
     }
 
+    /// Takes the hypothesis number `at`, which is not taken in, about the coefficient with which it explains most beside `fit`, if it is far from
+    /// linear.
+    pub(super) fn take_about(&mut self, fit: &Fit, at: usize) {
+        let now = &self.hypotheses[at];
+        if now.size() != 1 || self.chosen.iter().any(|chosen| chosen.hypothesis == at) {
+            return;
+        }
+        let Some(score) = self.system.exact_score(fit, &now.block) else { return };
+        let Some((_, there)) = self.about(fit, at, score.beta[0]) else { return };
+        if (there.beta[0] / score.beta[0] - 1.0).abs() < LINEAR {
+            return;
+        }
+        let best = self.best_about(fit, at, score.beta[0]);
+        if let Some((other, _)) = best.filter(|(_, best)| best.gain > score.gain + SETTLED) {
+            self.hypotheses[at] = other;
+            self.admitted.remove(&at);
+        }
+    }
+
     /// The hypothesis number `at` taken about the coefficient `about`, beside `fit`; `None` if it is not physical there.
     fn about(&self, fit: &Fit, at: usize, about: f64) -> Option<(Hypothesis, Score)> {
         let now = &self.hypotheses[at];

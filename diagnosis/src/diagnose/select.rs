@@ -34,6 +34,8 @@ const LEAST_APART: f64 = 0.05;
 const AS_GOOD: f64 = 0.02;
 /// Share of an effect's merit from which on another one explains nearly as much.
 const NEARLY: f64 = 0.7;
+/// Share of an effect's merit from which on what is far from linear may explain more in another shape.
+const HINT: f64 = 0.1;
 /// Kinds whose merits differ by less than this share are judged by their strongest place.
 const ALIKE: f64 = 0.05;
 /// What sits on every joint of a real machine.
@@ -422,16 +424,29 @@ impl Search<'_, '_> {
         })
     }
 
-    /// Hypotheses that explain nearly as much in the place of the effect number `index`.
-    pub fn rivals_of(&self, index: usize) -> Vec<usize> {
+    /// Hypotheses that explain nearly as much in the place of the effect number `index`; those at the same joint that are far from linear, in
+    /// the shape in which they explain most there. What did not prove itself beside that effect may well stand in its place.
+    pub fn rivals_of(&mut self, index: usize) -> Vec<usize> {
+        let vetoed = std::mem::take(&mut self.vetoed);
+        let rivals = self.rivals_of_all(index);
+        self.vetoed = vetoed;
+        rivals
+    }
+
+    fn rivals_of_all(&mut self, index: usize) -> Vec<usize> {
         let fits = [Some(index), None].map(|but| self.system.fit(&self.active(but)));
         let [Some(without), Some(all)] = fits else { return Vec::new() };
         let weighing = self.weighing(&self.system.residual(&all), &all);
-        let least = NEARLY * self.merit(self.named(index), without.left - all.left, &weighing);
+        let whole = self.merit(self.named(index), without.left - all.left, &weighing);
+        let places = self.by_place(&without, &weighing, Some(index));
+        let joint = self.named(index).joint;
+        let hints = places.values().filter(|winner| winner.merit > HINT * whole).map(|it| it.hypothesis);
+        let there: Vec<usize> = hints.filter(|&at| self.hypotheses[at].joint == joint).collect();
+        there.into_iter().for_each(|at| self.take_about(&without, at));
         let places = self.by_place(&without, &weighing, Some(index)).into_values();
-        let strong = places.filter(|winner| winner.merit > least);
-        let near = self.in_place(strong, [&without, &all], &weighing).filter(|winner| winner.merit > least);
-        near.map(|winner| winner.hypothesis).collect()
+        let strong = places.filter(|winner| winner.merit > NEARLY * whole);
+        let near = self.in_place(strong, [&without, &all], &weighing);
+        near.filter(|winner| winner.merit > NEARLY * whole).map(|winner| winner.hypothesis).collect()
     }
 
     /// What sits on every joint of a real machine and was not taken in.
