@@ -1,7 +1,7 @@
 //! Whether a recording can tell an effect from a simpler one at all, and which effects are the same thing by other names.
 //!
 //! A gap that is never crossed is an offset; a joint that is always bent the same way is one too; a journal that always rests on one
-//! side is a longer link; friction that is high at low speed shows nowhere if the speed is passed at once. Such cases would be no
+//! side is a longer link; a journal that its film leaves at the wall is a dry one; friction that is high at low speed shows nowhere if the speed is passed at once. Such cases would be no
 //! question but a riddle: they are made anew with another motion or machine.
 
 use std::f64::consts::TAU;
@@ -26,6 +26,9 @@ const SLOW: f64 = 0.04;
 const LOOK: usize = 8;
 /// Least deviation of a deflection from its mean, as a share of its root mean square.
 const VARIED: f64 = 0.3;
+/// Share of the clearance from which on a journal is at its wall, and the least share of the time that it is not.
+const AT_WALL: f64 = 0.9;
+const AFLOAT: f64 = 0.1;
 /// Least range of a joint in periods of what depends on its position.
 const PERIODS: f64 = 1.0;
 /// Range of a joint over the deviation of its position, about.
@@ -63,9 +66,10 @@ pub(crate) fn is_distinct(
         Physics::JointElasticity { .. } => {
             varied(leads(trace, joint).into_iter().map(|lead| [lead, 0.0, 0.0]))
         }
-        Physics::JointClearance { .. }
-        | Physics::LubricatedClearance { .. }
-        | Physics::LinkFlexure { .. } => varied(with.tool_shift(without)),
+        Physics::LubricatedClearance { clearance, .. } => {
+            varied(with.tool_shift(without)) && floats(with.tool_shift(without), clearance)
+        }
+        Physics::JointClearance { .. } | Physics::LinkFlexure { .. } => varied(with.tool_shift(without)),
         Physics::PositionDependentFriction { periods, .. } | Physics::TorqueRipple { periods, .. } => {
             periods * range >= PERIODS * TAU
         }
@@ -108,6 +112,17 @@ fn moves_slowly(trace: &Trace, joint: usize, velocity: f64) -> bool {
     let speeds = places.windows(2).map(|pair| (pair[1] - pair[0]).abs() / step);
     let slow = speeds.filter(|speed| (0.02 * velocity..2.0 * velocity).contains(speed)).count();
     slow as f64 >= SLOW * places.len() as f64
+}
+
+/// Whether a film of oil keeps its journal, which moves the tool as it moves itself, from the wall at `clearance` for long enough.
+fn floats(shifts: impl Iterator<Item = [f64; 3]>, clearance: f64) -> bool {
+    let at_wall = |shift: [f64; 3]| shift.iter().map(|x| x * x).sum::<f64>().sqrt() > AT_WALL * clearance;
+    let (mut afloat, mut all) = (0, 0);
+    for shift in shifts {
+        afloat += usize::from(!at_wall(shift));
+        all += 1;
+    }
+    afloat as f64 >= AFLOAT * all as f64
 }
 
 fn varied(shifts: impl Iterator<Item = [f64; 3]>) -> bool {
@@ -221,7 +236,7 @@ fn slides_along_its_way(arm: &Arm) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::{as_long, is_crossed, varied};
+    use super::{as_long, floats, is_crossed, varied};
     use crate::Machine;
 
     #[test]
@@ -244,6 +259,17 @@ mod tests {
         assert_eq!((of(3), of(4)), (vec![4], vec![3]));
         let arm = Machine::Two.data_sheet().expect("a data sheet");
         assert!((0..2).all(|joint| as_long(&arm, joint).is_empty()));
+    }
+
+    #[test]
+    fn a_journal_at_the_wall_does_not_float() {
+        let circle = |share: f64| {
+            (0..1000).map(move |k| {
+                let radius = if f64::from(k) < share * 1000.0 { 0.5e-3 } else { 0.97e-3 };
+                [radius * f64::from(k).cos(), 0.0, radius * f64::from(k).sin()]
+            })
+        };
+        assert!(!floats(circle(0.05), 1e-3) && floats(circle(0.2), 1e-3));
     }
 
     #[test]

@@ -90,7 +90,9 @@ pub fn diagnose(
         return Ok(diagnosis);
     }
     let shown = recordings.last().map_or_else(String::new, file_name);
-    other.quality.push(format!("what is named shows in {shown} alone, which takes part in the fit for that"));
+    other.quality.push(format!(
+        "what is named shows too little in the others for a name: {shown} takes part in the fit"
+    ));
     Ok(other)
 }
 
