@@ -1,8 +1,8 @@
 //! Whether a recording can tell an effect from a simpler one at all, and which effects are the same thing by other names.
 //!
 //! A gap that is never crossed is an offset; a joint that is always bent the same way is one too; a journal that always rests on one
-//! side is a longer link; a journal that its film leaves at the wall is a dry one; friction that is high at low speed shows nowhere if the speed is passed at once. Such cases would be no
-//! question but a riddle: they are made anew with another motion or machine.
+//! side is a longer link; a journal that its film leaves at the wall is a dry one; friction that is high at low speed shows nowhere if
+//! the speed is passed at once. Such cases would be no question but a riddle: they are made anew with another motion or machine.
 
 use std::f64::consts::TAU;
 

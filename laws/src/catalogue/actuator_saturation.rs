@@ -7,7 +7,6 @@
 use toml::Table;
 
 use crate::DriveFriction;
-
 use crate::basis::{Place, Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::Injection;
