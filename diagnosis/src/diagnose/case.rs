@@ -1,5 +1,9 @@
 //! All recordings that a fit rests on, stacked: the rows, the nuisances and the unnamed correction of every channel.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
+
 use super::counted::rows_that_count;
 use super::noise::effective_samples;
 use super::show::rms;
@@ -8,6 +12,9 @@ use super::system::{Column, System};
 use super::tolerance::{Nuisance, Tolerances, nuisances};
 use super::universal::{Knots, Transfer, Universal};
 use crate::residual::Kind;
+
+/// Most numbers that are kept of the columns of laws, if each of these shows in all channels: 256 MB.
+const MOST_LAID: usize = 1 << 25;
 
 /// All recordings of a fit, stacked. Channels are numbered through: those of the first stage, those of the second, and so on.
 pub(crate) struct Case<'a> {
@@ -21,6 +28,8 @@ pub(crate) struct Case<'a> {
     pub universal: Vec<Universal>,
     /// Knots of its hat functions, by joint.
     pub knots: Vec<Knots>,
+    /// Columns of laws that were laid on it, by what they say: the same are asked for again and again.
+    laid: RefCell<BTreeMap<String, Rc<Vec<Column>>>>,
 }
 
 /// How sure each channel is.
@@ -62,7 +71,28 @@ impl<'a> Case<'a> {
                 kept.push(rows);
             }
         }
-        Self { stages, nuisances, kept, universal, knots }
+        Self { stages, nuisances, kept, universal, knots, laid: RefCell::default() }
+    }
+
+    /// The columns that are known by the name `key`, which `make` makes the first time.
+    ///
+    /// # Errors
+    /// Those of `make`.
+    pub fn laid<E>(
+        &self,
+        key: String,
+        make: impl FnOnce() -> Result<Vec<Column>, E>,
+    ) -> Result<Rc<Vec<Column>>, E> {
+        if let Some(known) = self.laid.borrow().get(&key) {
+            return Ok(Rc::clone(known));
+        }
+        let made = Rc::new(make()?);
+        let mut laid = self.laid.borrow_mut();
+        if laid.len() * self.kept.iter().map(Vec::len).sum::<usize>() > MOST_LAID {
+            laid.clear();
+        }
+        laid.insert(key, Rc::clone(&made));
+        Ok(made)
     }
 
     /// Number of channels of one recording.
@@ -100,9 +130,8 @@ impl<'a> Case<'a> {
     pub fn centred(&self, mut column: Column) -> Column {
         for (channel, part) in column.iter_mut().enumerate() {
             if let Some(rows) = part.as_mut().filter(|_| self.is_link(channel)) {
-                let mean = rows.iter().sum::<f64>() / rows.len().max(1) as f64;
                 let size = rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-                rows.iter_mut().for_each(|x| *x -= mean);
+                take_mean_off(rows);
                 if rows.iter().all(|x| x.abs() <= 1e-9 * size) {
                     *part = None;
                 }
@@ -215,4 +244,10 @@ impl<'a> Case<'a> {
         }
         weighing
     }
+}
+
+/// Takes their mean off `rows`.
+pub(crate) fn take_mean_off(rows: &mut [f64]) {
+    let mean = rows.iter().sum::<f64>() / rows.len().max(1) as f64;
+    rows.iter_mut().for_each(|x| *x -= mean);
 }

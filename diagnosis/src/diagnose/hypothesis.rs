@@ -1,5 +1,7 @@
 //! Everything that might be missing: each kind of effect, of the catalogue and beyond it, at each place in each shape, as a block of columns.
 
+use std::rc::Rc;
+
 use freeplay_arm::{Arm, EffectTable};
 use freeplay_laws::{Kind as EffectKind, LawError, Place, Placed, Recorded, Site, Term, kinds};
 use toml::Table;
@@ -54,10 +56,13 @@ impl Hypothesis {
     ///
     /// # Errors
     /// See [`LawError`].
-    pub fn columns_on(&self, case: &Case) -> Result<Vec<Column>, LawError> {
-        let (_, mut all) = columns(case, self.kind, self.joint, &self.shape)?;
-        all.resize_with(self.all, || vec![None; case.kept.len()]);
-        Ok(self.shown.iter().map(|&place| std::mem::take(&mut all[place])).collect())
+    pub fn columns_on(&self, case: &Case) -> Result<Rc<Vec<Column>>, LawError> {
+        let key = format!("{} {:?} {:?} {}", self.kind.name, self.joint, self.shown, self.shape);
+        case.laid(key, || {
+            let (_, mut all) = columns(case, self.kind, self.joint, &self.shape)?;
+            all.resize_with(self.all, || vec![None; case.kept.len()]);
+            Ok(self.shown.iter().map(|&place| std::mem::take(&mut all[place])).collect())
+        })
     }
 
     /// The same effect on the rows of `case`, whose system is `system`.
@@ -69,7 +74,7 @@ impl Hypothesis {
             shape: self.shape.clone(),
             terms: self.terms.clone(),
             shown: self.shown.clone(),
-            block: system.block(self.columns_on(case)?).held(limits(&self.terms)),
+            block: system.block(self.columns_on(case)?.to_vec()).held(limits(&self.terms)),
             ..*self
         })
     }
@@ -101,8 +106,12 @@ impl Hypothesis {
 
     /// Channels in which it shows.
     pub fn channels(&self) -> impl Iterator<Item = usize> + '_ {
-        let channels = self.block.columns.first().map_or(0, Vec::len);
-        (0..channels).filter(|&c| self.block.columns.iter().any(|column| column[c].is_some()))
+        self.block.shows.iter().copied()
+    }
+
+    /// Whether both show in one channel at least: else neither can stand in the other's place.
+    pub fn meets(&self, other: &Hypothesis) -> bool {
+        self.channels().any(|c| other.block.shows.contains(&c))
     }
 }
 

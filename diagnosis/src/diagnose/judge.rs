@@ -283,34 +283,38 @@ impl<'a, 'b> Judge<'a, 'b> {
         progress: &mut dyn FnMut(&str),
     ) -> Result<Option<Sifted>, LawError> {
         let all = search.standing();
-        let Some(weakest_first) = self.drop_in(Order::WeakestFirst, search, progress)? else {
+        let Some((weakest_first, has_choice)) = self.drop_in(Order::WeakestFirst, search, progress)? else {
             return Ok(None);
         };
-        if weakest_first.proofs.len() == all.len() {
+        if !has_choice {
             return Ok(Some(weakest_first));
         }
         search.go_back(all);
         let least_missed_first = self.drop_in(Order::LeastMissedFirst, search, progress)?;
-        let Some(least_missed_first) = least_missed_first else { return Ok(None) };
+        let Some((least_missed_first, _)) = least_missed_first else { return Ok(None) };
         let smaller = least_missed_first.or_smaller(Some(weakest_first));
         search.go_back(smaller.standing.clone());
         Ok(Some(smaller))
     }
 
-    /// Drops effects that don't prove themselves, one after another: without it the others may.
+    /// Drops effects that don't prove themselves, one after another: without it the others may. Whether there ever was one more than that
+    /// which was dropped.
     fn drop_in(
         &self,
         order: Order,
         search: &mut Search<'a, 'b>,
         progress: &mut dyn FnMut(&str),
-    ) -> Result<Option<Sifted>, LawError> {
+    ) -> Result<Option<(Sifted, bool)>, LawError> {
+        let mut has_choice = false;
         loop {
             let judged = self.tried(search, |trials| {
                 let chosen = 0..search.chosen.len();
                 let proofs: Vec<Proof> =
                     chosen.map(|index| proof(trials, index, self.seed)).collect::<Option<_>>()?;
                 let mut dropped: Option<(f64, usize)> = None;
-                for index in (0..proofs.len()).filter(|&index| !is_proven(&proofs[index], trials)) {
+                let unproven: Vec<usize> =
+                    (0..proofs.len()).filter(|&index| !is_proven(&proofs[index], trials)).collect();
+                for &index in &unproven {
                     let worth = match order {
                         Order::WeakestFirst => proofs[index].gain.value,
                         Order::LeastMissedFirst => size(trials, Some(index))?,
@@ -319,12 +323,13 @@ impl<'a, 'b> Judge<'a, 'b> {
                         dropped = Some((worth, index));
                     }
                 }
-                Some((proofs, dropped, size(trials, None)?))
+                Some((proofs, dropped, size(trials, None)?, unproven.len() > 1))
             })?;
-            let Some((proofs, dropped, size)) = judged else { return Ok(None) };
+            let Some((proofs, dropped, size, are_more)) = judged else { return Ok(None) };
             let Some((_, index)) = dropped else {
-                return Ok(Some(Sifted { size, standing: search.standing(), proofs }));
+                return Ok(Some((Sifted { size, standing: search.standing(), proofs }, has_choice)));
             };
+            has_choice |= are_more;
             let [low, high] = proofs[index].gain.ci95.map(|share| 100.0 * share);
             progress(&format!("{} does not prove itself: {low:.0} to {high:.0} %", search.in_words(index)));
             search.veto(index);

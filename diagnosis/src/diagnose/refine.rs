@@ -19,9 +19,22 @@ const LINEAR: f64 = 0.01;
 /// Factors from one coefficient to the next around the best so far, and how many to either side.
 const AROUND: [(f64, i32); 3] = [(1.25, 6), (1.08, 2), (1.03, 2)];
 
+/// A law of one term that was taken about the coefficient found.
+struct Centred {
+    /// That coefficient.
+    found: f64,
+    /// What the law explained before.
+    gain: f64,
+    /// Whether the coefficient stays what it was.
+    is_linear: bool,
+    /// The law there, and what it explains.
+    there: (Hypothesis, Score),
+}
+
 impl Search<'_, '_> {
-    /// Moves the shapes of what was taken in off their grid, as long as that explains more.
-    pub(super) fn refine(&mut self) -> Option<()> {
+    /// Moves the shapes of what was taken in off their grid, as long as that explains more; whether it did.
+    pub(super) fn refine(&mut self) -> Option<bool> {
+        let mut any = false;
         for index in 0..self.chosen.len() {
             let mut moved = self.centre(index)?;
             for factor in REFINEMENTS {
@@ -36,8 +49,9 @@ impl Search<'_, '_> {
             if moved {
                 self.take_shape(index);
             }
+            any |= moved;
         }
-        Some(())
+        Some(any)
     }
 
     /// Multiplies each number of a shape by `factor` where that explains more; whether it did.
@@ -79,18 +93,14 @@ impl Search<'_, '_> {
         let fit = self.system.fit(&self.active(Some(index)))?;
         let mut moved = false;
         for _ in 0..MOST_CENTRES {
-            let now = &self.hypotheses[at];
-            let Some(score) = self.system.exact_score(&fit, &now.block) else { break };
-            let found = score.beta[0];
-            let Some((other, there)) = self.about(&fit, at, found) else { break };
-            let is_linear = (there.beta[0] / found - 1.0).abs() < LINEAR;
-            let better = Some((other, there)).filter(|(_, there)| there.gain > score.gain + SETTLED);
-            let better =
-                if is_linear || moved { better } else { self.best_about(&fit, at, found).or(better) };
-            let Some((other, _)) = better.filter(|(_, there)| there.gain > score.gain + SETTLED) else {
+            let Some(centred) = self.centred(&fit, at) else { break };
+            let wide =
+                if centred.is_linear || moved { None } else { self.best_about(&fit, at, centred.found) };
+            let best = wide.unwrap_or(centred.there);
+            if best.1.gain <= centred.gain + SETTLED {
                 break;
-            };
-            self.hypotheses[at] = other;
+            }
+            self.hypotheses[at] = best.0;
             moved = true;
         }
         Some(moved)
@@ -103,16 +113,22 @@ impl Search<'_, '_> {
         if now.size() != 1 || self.chosen.iter().any(|chosen| chosen.hypothesis == at) {
             return;
         }
-        let Some(score) = self.system.exact_score(fit, &now.block) else { return };
-        let Some((_, there)) = self.about(fit, at, score.beta[0]) else { return };
-        if (there.beta[0] / score.beta[0] - 1.0).abs() < LINEAR {
-            return;
-        }
-        let best = self.best_about(fit, at, score.beta[0]);
-        if let Some((other, _)) = best.filter(|(_, best)| best.gain > score.gain + SETTLED) {
+        let Some(centred) = self.centred(fit, at).filter(|centred| !centred.is_linear) else { return };
+        let best = self.best_about(fit, at, centred.found);
+        if let Some((other, _)) = best.filter(|(_, best)| best.gain > centred.gain + SETTLED) {
             self.hypotheses[at] = other;
             self.admitted.remove(&at);
         }
+    }
+
+    /// The only term of the hypothesis number `at` as it is, and taken about the coefficient that it has beside `fit`; `None` if it is not
+    /// physical there.
+    fn centred(&self, fit: &Fit, at: usize) -> Option<Centred> {
+        let score = self.system.exact_score(fit, &self.hypotheses[at].block)?;
+        let found = score.beta[0];
+        let there = self.about(fit, at, found)?;
+        let is_linear = (there.1.beta[0] / found - 1.0).abs() < LINEAR;
+        Some(Centred { found, gain: score.gain, is_linear, there })
     }
 
     /// The hypothesis number `at` taken about the coefficient `about`, beside `fit`; `None` if it is not physical there.

@@ -4,15 +4,14 @@ use std::collections::BTreeMap;
 
 use freeplay_laws::LawError;
 
-use super::case::Case;
+use super::case::{Case, Weighing};
 use super::conclude::Conclusion;
 use super::hypothesis::Hypothesis;
 use super::judge::Judge;
 use super::report::Alternative;
 use super::search::{Search, TOLD_APART};
-use super::show::{Coefficients, held_out};
 use super::system::{Fit, Score};
-use super::trial::{bound, free};
+use super::trial::errors_by;
 use super::words;
 
 /// Most alternatives that are listed.
@@ -41,12 +40,16 @@ struct Contest<'s, 'a, 'b> {
     without: Fit,
     /// With all.
     all: Fit,
+    /// How the channels weigh with all.
+    weighing: Weighing,
 }
 
 impl<'s, 'a, 'b> Contest<'s, 'a, 'b> {
     fn new(search: &'s Search<'a, 'b>, index: usize) -> Option<Self> {
         let fit = |but| search.system.fit(&search.active(but));
-        Some(Self { search, index, without: fit(Some(index))?, all: fit(None)? })
+        let (without, all) = (fit(Some(index))?, fit(None)?);
+        let weighing = search.case.weigh(&search.system.residual(&all));
+        Some(Self { search, index, without, all, weighing })
     }
 
     /// Whether the hypothesis may stand there at all.
@@ -58,6 +61,7 @@ impl<'s, 'a, 'b> Contest<'s, 'a, 'b> {
         !(search.is_taken(other, None)
             || refuted
             || nameless
+            || !other.meets(named)
             || named.contains(other)
             || other.contains(named))
     }
@@ -66,7 +70,6 @@ impl<'s, 'a, 'b> Contest<'s, 'a, 'b> {
     /// put it in that one's place.
     fn strongest(&self) -> Vec<(usize, f64)> {
         let (search, system) = (self.search, &self.search.system);
-        let weighing = search.case.weigh(&system.residual(&self.all));
         let mut best: BTreeMap<(&str, Option<usize>), (f64, usize)> = BTreeMap::new();
         for (at, other) in search.hypotheses.iter().enumerate().filter(|(_, other)| self.admits(other)) {
             let Some(score) = system.score(&self.without, &other.block) else { continue };
@@ -74,7 +77,7 @@ impl<'s, 'a, 'b> Contest<'s, 'a, 'b> {
                 continue;
             }
             let beside = system.score(&self.all, &other.block).map_or(0.0, |score| score.gain);
-            let merit = search.merit(other, score.gain - beside, &weighing);
+            let merit = search.merit(other, score.gain - beside, &self.weighing);
             let entry = best.entry((other.kind.name, other.joint)).or_insert((merit, at));
             if merit > entry.0 {
                 *entry = (merit, at);
@@ -86,7 +89,7 @@ impl<'s, 'a, 'b> Contest<'s, 'a, 'b> {
             let score = system.exact_score(&self.without, &other.block);
             let gain =
                 score.filter(|score| other.is_physical(score)).map_or(0.0, |score| score.gain - beside);
-            search.merit(other, gain, &weighing)
+            search.merit(other, gain, &self.weighing)
         };
         best.into_values().map(|(_, at)| (at, exact(at))).collect()
     }
@@ -94,8 +97,7 @@ impl<'s, 'a, 'b> Contest<'s, 'a, 'b> {
     /// What the effect in dispute is worth.
     fn merit(&self) -> f64 {
         let search = self.search;
-        let weighing = search.case.weigh(&search.system.residual(&self.all));
-        search.merit(search.named(self.index), search.chosen[self.index].gain, &weighing)
+        search.merit(search.named(self.index), search.chosen[self.index].gain, &self.weighing)
     }
 }
 
@@ -155,15 +157,12 @@ impl Judge<'_, '_> {
         let Contest { search, index, without, .. } = contest;
         let eta = score.shift.as_ref().map_or_else(|| without.eta.clone(), |shift| &without.eta + shift);
         let (nuisances, others) = eta.as_slice().split_at(search.nuisances().len());
-        let mut columns = Vec::new();
-        for other in (0..search.chosen.len()).filter(|other| other != index) {
-            columns.extend(search.named(other).columns_on(self.held)?);
-        }
-        columns.extend(one.columns_on(self.held)?);
-        let effects: Vec<_> = columns.iter().zip(others.iter().chain(&score.beta).copied()).collect();
-        let tuned = bound(&search.system, &self.system, nuisances);
-        let coefficients = Coefficients { retuned: &tuned, tuned: &tuned, effects: &effects };
-        Ok(held_out(self.held, &self.system, &coefficients, &free(&self.system)).tuned_after)
+        let beside = (0..search.chosen.len()).filter(|other| other != index).map(|other| search.named(other));
+        let laid = beside.chain([one]).map(|effect| effect.columns_on(self.held));
+        let laid = laid.collect::<Result<Vec<_>, _>>()?;
+        let columns = laid.iter().flat_map(|columns| columns.iter());
+        let effects: Vec<_> = columns.zip(others.iter().chain(&score.beta).copied()).collect();
+        Ok(errors_by(&search.system, [nuisances; 2], &effects, self.held, &self.system).tuned_after)
     }
 }
 

@@ -91,13 +91,6 @@ pub(crate) struct Search<'a, 'b> {
     rows: Vec<f64>,
 }
 
-impl Standing {
-    /// Number of effects that were taken in.
-    pub fn len(&self) -> usize {
-        self.chosen.len()
-    }
-}
-
 impl<'a, 'b> Search<'a, 'b> {
     /// A search of `hypotheses` in `system`.
     pub fn new(case: &'b Case<'a>, system: System, hypotheses: Vec<Hypothesis>, null: Null) -> Self {

@@ -22,6 +22,8 @@ const LOOKS: usize = 5;
 const EXCHANGES: usize = 3;
 /// How often the search goes on after the cross-validation has dropped effects.
 const VALIDATIONS: usize = 6;
+/// How often the search goes on in what refined shapes leave.
+const DEPTH: usize = 3;
 /// How many effects in a row may fail the cross-validation before the search stops.
 const PATIENCE: usize = 6;
 /// Least share of the error that an effect takes away where it was not fitted.
@@ -96,8 +98,23 @@ impl Search<'_, '_> {
             self.improve_validated(progress)?;
             self.keep_better(first)?;
         }
-        self.refine()?;
+        self.look_beneath(progress)?;
         self.settle()
+    }
+
+    /// Moves shapes off their grid, and searches on in what these leave: the edges of a push that were off by a little hide what is small.
+    fn look_beneath(&mut self, progress: &mut dyn FnMut(&str)) -> Option<()> {
+        for _ in 0..DEPTH {
+            let known: Vec<usize> = self.chosen.iter().map(|chosen| chosen.hypothesis).collect();
+            if !self.refine()? {
+                break;
+            }
+            self.improve_validated(progress)?;
+            if self.chosen.iter().all(|chosen| known.contains(&chosen.hypothesis)) {
+                break;
+            }
+        }
+        Some(())
     }
 
     /// Improves, drops what does not stand the cross-validation, and goes on without that.
@@ -314,12 +331,18 @@ impl Search<'_, '_> {
             if self.is_taken(hypothesis, but) || self.barred.contains(&site) || self.vetoed.contains(&site) {
                 continue;
             }
+            if but.is_some_and(|index| !hypothesis.meets(self.named(index))) {
+                continue;
+            }
             let Some(score) = self.system.score(fit, &hypothesis.block) else { continue };
             let merit = self.merit(hypothesis, score.gain, weighing);
             let better = best.get(&site).is_none_or(|winner| merit > winner.merit);
+            // Where a law may stand, so may its special cases.
+            let is_inside = but.is_some_and(|index| self.named(index).contains(hypothesis));
+            let others = &fit.active[self.nuisances().len()..];
             if better
                 && hypothesis.is_physical(&score)
-                && self.system.apart(&fit.active[self.nuisances().len()..], &hypothesis.block) >= LEAST_APART
+                && (is_inside || self.system.apart(others, &hypothesis.block) >= LEAST_APART)
             {
                 best.insert(site, Winner { hypothesis: index, score, merit });
             }

@@ -3,7 +3,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::case::Case;
+use super::case::{Case, take_mean_off};
 use super::system::{Column, System, subtract};
 use super::trial::free;
 
@@ -85,8 +85,7 @@ fn tuned(rows: &[Vec<f64>], system: &System, eta: &[f64], free: &[usize]) -> Vec
 /// Takes the mean off link encoders, whose zero nobody sets against the motors'.
 fn recentre(case: &Case, rows: &mut [Vec<f64>]) {
     for (_, rows) in rows.iter_mut().enumerate().filter(|(channel, _)| case.is_link(*channel)) {
-        let mean = rows.iter().sum::<f64>() / rows.len().max(1) as f64;
-        rows.iter_mut().for_each(|x| *x -= mean);
+        take_mean_off(rows);
     }
 }
 

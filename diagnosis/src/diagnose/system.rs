@@ -19,14 +19,14 @@ type ByChannel = Vec<DMatrix<f64>>;
 pub(crate) struct Block {
     /// Its columns.
     pub columns: Vec<Column>,
-    /// BᵀZ by channel, rows as the system's columns.
+    /// BᵀZ by channel, rows as the system's columns; kept up in the channels in which the block shows.
     with_base: ByChannel,
     /// ZᵀZ by channel.
     with_itself: ByChannel,
     /// Zᵀy by channel.
     with_target: Vec<DVector<f64>>,
     /// Channels in which it is not zero.
-    shows: Vec<usize>,
+    pub shows: Vec<usize>,
     /// Within which its coefficients are held.
     limits: Vec<[f64; 2]>,
 }
@@ -184,9 +184,11 @@ impl System {
         let products = Rc::make_mut(&mut self.products);
         for (c, product) in products.iter_mut().enumerate() {
             let mut grown = product.clone().resize(old + new, old + new, 0.0);
-            grown.view_mut((0, old), (old, new)).copy_from(&block.with_base[c].rows(0, old));
-            grown.view_mut((old, 0), (new, old)).copy_from(&block.with_base[c].rows(0, old).transpose());
-            grown.view_mut((old, old), (new, new)).copy_from(&block.with_itself[c]);
+            if block.shows.contains(&c) {
+                grown.view_mut((0, old), (old, new)).copy_from(&block.with_base[c].rows(0, old));
+                grown.view_mut((old, 0), (new, old)).copy_from(&block.with_base[c].rows(0, old).transpose());
+                grown.view_mut((old, old), (new, new)).copy_from(&block.with_itself[c]);
+            }
             *product = grown;
             let mut target = self.with_target[c].clone().resize_vertically(old + new, 0.0);
             target.rows_mut(old, new).copy_from(&block.with_target[c]);
@@ -246,18 +248,14 @@ impl System {
 
     /// Brings the inner products of `block` up to the columns admitted since.
     pub fn catch_up(&self, block: &mut Block) {
-        let (known, all) = (block.with_base.first().map_or(0, DMatrix::nrows), self.base.len());
-        if known == all {
-            return;
-        }
-        for c in 0..self.target.len() {
-            let more = if block.shows.contains(&c) {
-                gram(&self.base[known..], &block.columns, c)
-            } else {
-                DMatrix::zeros(all - known, block.columns.len())
-            };
-            let mut grown = block.with_base[c].clone().resize_vertically(all, 0.0);
-            grown.rows_mut(known, all - known).copy_from(&more);
+        let all = self.base.len();
+        for &c in &block.shows {
+            let known = block.with_base[c].nrows();
+            if known == all {
+                return;
+            }
+            let mut grown = std::mem::take(&mut block.with_base[c]).resize_vertically(all, 0.0);
+            grown.rows_mut(known, all - known).copy_from(&gram(&self.base[known..], &block.columns, c));
             block.with_base[c] = grown;
         }
     }
@@ -319,11 +317,13 @@ impl System {
         for (c, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
             for (i, &a) in active.iter().enumerate() {
                 right[i] += weight * self.with_target[c][a];
-                for (j, &b) in active.iter().enumerate() {
-                    normal[(i, j)] += weight * self.products[c][(a, b)];
+                let products = self.products[c].column(a);
+                for (j, &b) in active.iter().enumerate().skip(i) {
+                    normal[(j, i)] += weight * products[b];
                 }
             }
         }
+        normal.fill_upper_triangle_with_lower_triangle();
         for (i, precision) in self.precisions(active).into_iter().enumerate() {
             normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-11) + precision + f64::MIN_POSITIVE;
         }
@@ -365,13 +365,14 @@ impl System {
     /// Weighed inner products of the active columns of `fit` with those of `block`.
     fn cross(&self, fit: &Fit, block: &Block) -> DMatrix<f64> {
         let mut cross = DMatrix::zeros(fit.active.len(), block.columns.len());
+        // The nuisances come first and all take part: nothing has to be looked up there.
+        let in_order = fit.active.iter().enumerate().take_while(|(i, a)| i == *a).count();
         for &c in &block.shows {
+            let weight = self.weights[c];
             for (mut cross, products) in cross.column_iter_mut().zip(block.with_base[c].column_iter()) {
-                let products = fit.active.iter().map(|&a| products[a]);
-                cross
-                    .iter_mut()
-                    .zip(products)
-                    .for_each(|(cross, product)| *cross += self.weights[c] * product);
+                cross.rows_mut(0, in_order).axpy(weight, &products.rows(0, in_order), 1.0);
+                let others = fit.active.iter().zip(cross.iter_mut()).skip(in_order);
+                others.for_each(|(&a, cross)| *cross += weight * products[a]);
             }
         }
         cross

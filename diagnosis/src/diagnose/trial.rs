@@ -1,5 +1,7 @@
 //! What a search has chosen, laid on held-out recordings: how far off the model is there, with and without each effect.
 
+use std::rc::Rc;
+
 use freeplay_laws::LawError;
 
 use super::case::Case;
@@ -38,7 +40,7 @@ pub(crate) struct Trial<'t, 'a, 'b> {
     /// The noise floor there, by channel of a stage.
     floor: &'t [f64],
     /// Columns of each effect there.
-    laid: Vec<Vec<Column>>,
+    laid: Vec<Rc<Vec<Column>>>,
     /// Coefficients of the nuisances fitted alone.
     bare: Vec<f64>,
     /// Errors with all effects.
@@ -57,7 +59,7 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         floor: &'t [f64],
     ) -> Result<Option<Self>, LawError> {
         let chosen = search.chosen.iter();
-        let laid: Vec<Vec<Column>> = chosen
+        let laid: Vec<Rc<Vec<Column>>> = chosen
             .map(|chosen| search.hypotheses[chosen.hypothesis].columns_on(held))
             .collect::<Result<_, _>>()?;
         let Some(bare) = search.system.fit(&search.nuisances()) else { return Ok(None) };
@@ -110,17 +112,27 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         let (nuisances, effects) = fit.eta.as_slice().split_at(self.bare.len());
         let columns = self.laid.iter().enumerate().filter(|(index, _)| Some(*index) != left_out);
         let effects: Vec<(&Column, f64)> =
-            columns.flat_map(|(_, columns)| columns).zip(effects.iter().copied()).collect();
-        let [retuned, tuned] =
-            [&self.bare, nuisances].map(|eta| bound(&self.search.system, self.system, eta));
-        let coefficients = Coefficients { retuned: &retuned, tuned: &tuned, effects: &effects };
-        held_out(self.held, self.system, &coefficients, &free(self.system))
+            columns.flat_map(|(_, columns)| columns.iter()).zip(effects.iter().copied()).collect();
+        errors_by(&self.search.system, [&self.bare, nuisances], &effects, self.held, self.system)
     }
 
     /// Weighed square of what the effect number `index` says with the coefficients `beta`.
     fn said(&self, index: usize, beta: &[f64]) -> f64 {
         squares(&self.laid[index], beta, &self.weights()).iter().sum()
     }
+}
+
+/// The errors of `held`, whose nuisances are in `system`, by coefficients of `fitted`: those of the nuisances alone, those beside the
+/// effects, and those of the effects' columns.
+pub(crate) fn errors_by(
+    fitted: &System,
+    nuisances: [&[f64]; 2],
+    effects: &[(&Column, f64)],
+    held: &Case,
+    system: &System,
+) -> HeldOut {
+    let [retuned, tuned] = nuisances.map(|eta| bound(fitted, system, eta));
+    held_out(held, system, &Coefficients { retuned: &retuned, tuned: &tuned, effects }, &free(system))
 }
 
 /// The coefficients `eta` of those nuisances of `fitted` that have a prior, in the order of the held-out `system`, in which free ones may be

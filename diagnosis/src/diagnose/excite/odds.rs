@@ -209,7 +209,8 @@ impl Weighed<'_, '_> {
             let Some(found) = hypothesis(self.case, system, rival.kind, rival.joint, shape)? else {
                 continue;
             };
-            let score = system.exact_score(fit, &found.block).filter(|score| found.is_physical(score));
+            let can_be = |score: &Score| found.placed(stage.arm(), score.beta.as_slice()).is_some();
+            let score = system.exact_score(fit, &found.block).filter(can_be);
             all.extend(score.map(|score| (found, score)));
         }
         Ok(all)
