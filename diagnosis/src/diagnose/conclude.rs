@@ -32,6 +32,8 @@ const LEAST_UNNAMED: f64 = 0.1;
 
 /// Chance below which a part of the motion is named.
 const SIGNIFICANT: f64 = 0.05;
+/// From how many times the noise on what is left of a channel is taken for more than what tolerances leave, if nothing explains it.
+const ABOVE_FLOOR: f64 = 1.5;
 
 /// All that a conclusion rests on.
 pub(crate) struct Conclusion<'c, 'a, 'b> {
@@ -276,8 +278,10 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         channels.sort_unstable();
         channels.dedup();
         if channels.is_empty() {
+            let left = self.judge.held.rms(&errors.retuned);
             let all = 0..self.search.case.per_stage();
             channels = all
+                .filter(|&c| left[c] > ABOVE_FLOOR * self.judge.floor.transferred[c])
                 .filter(|&c| {
                     let unnamed = self.judge.gain(self.search, &[c], &errors.retuned, black_box);
                     unnamed.value >= LEAST_UNNAMED && unnamed.ci95[0] > 0.0

@@ -182,7 +182,7 @@ impl Weighed<'_, '_> {
         let system = self.system.with_other_target(signal);
         let nuisances: Vec<usize> = (0..system.base.len()).collect();
         let fit = system.fit(&nuisances).ok_or(ExciteError::Singular)?;
-        let best = self.scores(&system, &fit, rival)?.into_iter().map(|(_, score)| score.gain);
+        let best = self.scores(&system, &fit, rival).into_iter().map(|(_, score)| score.gain);
         Ok((fit.left - best.fold(0.0, f64::max)).max(0.0))
     }
 
@@ -191,29 +191,26 @@ impl Weighed<'_, '_> {
         let system = self.system.with_other_target(signal);
         let nuisances: Vec<usize> = (0..system.base.len()).collect();
         let fit = system.fit(&nuisances).ok_or(ExciteError::Singular)?;
-        let scores = self.scores(&system, &fit, rival)?;
+        let scores = self.scores(&system, &fit, rival);
         let best = scores.into_iter().max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
         Ok(best.map(|(found, score)| (score.gain, found.compose(&found.shape, score.beta.as_slice()))))
     }
 
-    fn scores(
-        &self,
-        system: &System,
-        fit: &Fit,
-        rival: &Rival,
-    ) -> Result<Vec<(Hypothesis, Score)>, ExciteError> {
+    /// What each shape of `rival` that an arm file can say explains beside `fit`.
+    fn scores(&self, system: &System, fit: &Fit, rival: &Rival) -> Vec<(Hypothesis, Score)> {
         let stage = &self.case.stages[0];
         let place = Place { scene: stage.baseline(rival.kind).scene(), joint: rival.joint };
         let mut all = Vec::new();
         for shape in (rival.kind.shapes)(&place) {
-            let Some(found) = hypothesis(self.case, system, rival.kind, rival.joint, shape)? else {
+            // A planned motion may suggest a shape that no arm file can say, as a speed at which the joint stands.
+            let Ok(Some(found)) = hypothesis(self.case, system, rival.kind, rival.joint, shape) else {
                 continue;
             };
             let can_be = |score: &Score| found.placed(stage.arm(), score.beta.as_slice()).is_some();
             let score = system.exact_score(fit, &found.block).filter(can_be);
             all.extend(score.map(|score| (found, score)));
         }
-        Ok(all)
+        all
     }
 
     /// Parameters of a cause of which nothing is known: as large as [`PLAIN`] times the noise.
