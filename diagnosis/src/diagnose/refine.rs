@@ -107,18 +107,19 @@ impl Search<'_, '_> {
     }
 
     /// Takes the hypothesis number `at`, which is not taken in, about the coefficient with which it explains most beside `fit`, if it is far from
-    /// linear.
-    pub(super) fn take_about(&mut self, fit: &Fit, at: usize) {
+    /// linear; whether that is another one.
+    pub(super) fn take_about(&mut self, fit: &Fit, at: usize) -> bool {
         let now = &self.hypotheses[at];
         if now.size() != 1 || self.chosen.iter().any(|chosen| chosen.hypothesis == at) {
-            return;
+            return false;
         }
-        let Some(centred) = self.centred(fit, at).filter(|centred| !centred.is_linear) else { return };
+        let Some(centred) = self.centred(fit, at).filter(|centred| !centred.is_linear) else { return false };
         let best = self.best_about(fit, at, centred.found);
-        if let Some((other, _)) = best.filter(|(_, best)| best.gain > centred.gain + SETTLED) {
-            self.hypotheses[at] = other;
-            self.admitted.remove(&at);
-        }
+        let best = best.filter(|(_, best)| best.gain > centred.gain + SETTLED);
+        let Some((other, _)) = best else { return false };
+        self.hypotheses[at] = other;
+        self.admitted.remove(&at);
+        true
     }
 
     /// The only term of the hypothesis number `at` as it is, and taken about the coefficient that it has beside `fit`; `None` if it is not

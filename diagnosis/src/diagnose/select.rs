@@ -465,11 +465,11 @@ impl Search<'_, '_> {
         let joint = self.named(index).joint;
         let hints = places.values().filter(|winner| winner.merit > HINT * whole).map(|it| it.hypothesis);
         let there: Vec<usize> = hints.filter(|&at| self.hypotheses[at].joint == joint).collect();
-        there.into_iter().for_each(|at| self.take_about(&without, at));
-        let places = self.by_place(&without, &weighing, Some(index)).into_values();
-        let strong = places.filter(|winner| winner.merit > NEARLY * whole);
-        let near = self.in_place(strong, [&without, &all], &weighing);
-        near.filter(|winner| winner.merit > NEARLY * whole).map(|winner| winner.hypothesis).collect()
+        let moved = there.into_iter().filter(|&at| self.take_about(&without, at)).count();
+        let places = if moved > 0 { self.by_place(&without, &weighing, Some(index)) } else { places };
+        let is_near = |winner: &Winner| winner.merit > NEARLY * whole;
+        let near = self.in_place(places.into_values().filter(is_near), [&without, &all], &weighing);
+        near.filter(is_near).map(|winner| winner.hypothesis).collect()
     }
 
     /// What sits on every joint of a real machine and was not taken in.

@@ -252,7 +252,7 @@ impl System {
         for &c in &block.shows {
             let known = block.with_base[c].nrows();
             if known == all {
-                return;
+                continue;
             }
             let mut grown = std::mem::take(&mut block.with_base[c]).resize_vertically(all, 0.0);
             grown.rows_mut(known, all - known).copy_from(&gram(&self.base[known..], &block.columns, c));
