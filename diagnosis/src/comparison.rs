@@ -112,7 +112,7 @@ pub fn compare(
     settings: &Settings,
 ) -> Result<(Comparison, Residuals), ResidualError> {
     check_joints(arm, recording)?;
-    let treatment = Treatment::new(recording, settings)?;
+    let treatment = Treatment::new(arm, recording, settings)?;
     let motion = treatment.motion(recording);
     let residuals = residuals(arm, effects, recording, &treatment)?;
     let channels: Vec<ChannelError> =

@@ -20,6 +20,7 @@
 //! - [`ResidualError`]: why a recording and a model can't be compared.
 
 mod comparison;
+mod cutoff;
 mod diagnose;
 mod error;
 mod filter;

@@ -2,9 +2,11 @@
 
 use std::ops::Range;
 
+use freeplay_arm::Arm;
 use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
 
+use crate::cutoff::cutoff_for;
 use crate::error::ResidualError;
 use crate::filter::{LowPass, derivatives};
 use crate::grid::{Grid, Stretch};
@@ -27,7 +29,8 @@ const GREATEST_TRIM: f64 = 0.125;
 /// What a user may choose; `None` is the rule.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Settings {
-    /// Cutoff of the low-pass, Hz. The rule: [`default_cutoff_hz`].
+    /// Cutoff of the low-pass, Hz. The rule: [`default_cutoff_hz`], or up to two octaves lower where the noise of the motion would make torque
+    /// that was not measured.
     pub lowpass_hz: Option<f64>,
     /// Time left out at both ends of every stretch, s. The rule: five periods of the cutoff, in which the filter's memory
     /// of the end fades to 10⁻⁵; an eighth of the stretch at most.
@@ -53,12 +56,32 @@ pub struct Treatment {
 }
 
 impl Treatment {
-    /// The treatment of `recording`.
+    /// The treatment of a `recording` of `arm`.
     ///
     /// # Errors
     /// [`ResidualError::Stamps`], [`ResidualError::Cutoff`], [`ResidualError::Trim`], and [`ResidualError::TooShort`] if no stretch
     /// lasts four periods of the cutoff.
-    pub fn new(recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
+    pub fn new(arm: &Arm, recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
+        let mut treatment = Self::by_rate(recording, settings)?;
+        if settings.lowpass_hz.is_some() {
+            return Ok(treatment);
+        }
+        let usual_hz = treatment.filter.cutoff_hz();
+        let lower_hz = cutoff_for(arm, recording, &treatment);
+        // What is too short for a lower cutoff keeps the usual one.
+        if lower_hz < usual_hz
+            && let Ok(lower) = Self::by_rate(recording, &Settings { lowpass_hz: Some(lower_hz), ..*settings })
+        {
+            treatment = lower;
+            treatment.notes.push(format!(
+                "low-pass at {lower_hz:.1} Hz instead of {usual_hz:.1} Hz: above it the noise of the recorded motion asks for torque that was not measured (--lowpass sets another)"
+            ));
+        }
+        Ok(treatment)
+    }
+
+    /// The treatment of `recording` without a look at what is in it.
+    fn by_rate(recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
         if let Some(trim_s) = settings.trim_s.filter(|trim| !(*trim >= 0.0 && trim.is_finite())) {
             return Err(ResidualError::Trim { trim_s });
         }
@@ -226,9 +249,14 @@ impl Treatment {
 
     /// The low-pass on one column of the points of [`Treatment::whole_motion`], stretch by stretch.
     pub fn low_pass(&self, column: &[f64]) -> Vec<f64> {
+        self.through(&self.filter, column)
+    }
+
+    /// `filter` on one column of the points of [`Treatment::whole_motion`], stretch by stretch.
+    pub(crate) fn through(&self, filter: &LowPass, column: &[f64]) -> Vec<f64> {
         let mut out = Vec::with_capacity(column.len());
         for stretch in &self.grid.stretches {
-            out.extend(self.filter.apply(&column[out.len()..out.len() + stretch.len]));
+            out.extend(filter.apply(&column[out.len()..out.len() + stretch.len]));
         }
         out
     }

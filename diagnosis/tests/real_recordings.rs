@@ -45,7 +45,7 @@ impl Set {
         let path = self.folder.join(format!("{run}.csv"));
         let recording = freeplay_recording::read(&path, Some(self.arm.dof())).expect("a recording");
         let (comparison, residuals) = compare(&self.arm, &[], &recording, &settings).expect("a comparison");
-        let treatment = Treatment::new(&recording, &settings).expect("as before");
+        let treatment = Treatment::new(&self.arm, &recording, &settings).expect("as before");
         (comparison, residuals, treatment.motion(&recording))
     }
 

@@ -6,8 +6,8 @@ use super::stage::Stage;
 use crate::residual::Kind;
 use crate::statistics::Moments;
 
-/// A joint slower than this share of its greatest speed for longer than the filter remembers stands still: what its dry friction
-/// does then, no motion tells.
+/// A joint slower than this share of its greatest speed for longer than the filter remembers stands still, unless its encoder sees it creep: what
+/// its dry friction does then, no motion tells.
 const STANDING: f64 = 2e-3;
 /// The low-pass with the cutoff f_c rounds the corner of a speed where a joint starts to stick or to slip: by about this times the
 /// acceleration over f_c. A slower joint may as well stick, with any dry friction up to its own.
@@ -26,8 +26,10 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
     let (v, a) = (&stage.whole().v[joint], &stage.whole().a[joint]);
     let treatment = &stage.ground.treatment;
     let (rate_hz, cutoff_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
-    let slow = STANDING * v.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
     let reach = (rate_hz / cutoff_hz / 2.0) as usize;
+    let slow = STANDING * v.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    // Seen to creep, and to which side, within the filter's memory.
+    let creeping = UNMOVED * stage.ground.noises.positions[joint].deviation * rate_hz / reach.max(1) as f64;
     let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
     if dry > 0.0 && rests(stage, joint) {
         return vec![0.0; points];
@@ -50,7 +52,7 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
     let unresolved = &stage.ground.sharpening.unresolved[joint];
     let white = stage.ground.noises.channels[channel].deviation * (2.0 * cutoff_hz / rate_hz).sqrt();
     let rows: Vec<f64> = treatment
-        .keep(&standing(v, slow, reach))
+        .keep(&standing(v, slow.min(creeping), reach))
         .iter()
         .zip(treatment.keep(&envelope(&treatment.low_pass(&undecided), reach)))
         .zip(treatment.keep(&envelope(unresolved, reach)))

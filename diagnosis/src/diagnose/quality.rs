@@ -60,7 +60,7 @@ pub(crate) fn notes(case: &Case) -> Vec<String> {
             let left_out = 1.0 - kept.iter().sum::<f64>() / kept.len().max(1) as f64;
             if let (Kind::Torque(joint), true) = (channel.kind, left_out > 0.02) {
                 notes.push(format!(
-                    "{} stands still for {:.0} % of the time: its torque is not judged then, since dry friction may hold any part of it",
+                    "{}: {:.0} % of its torque does not count: where it stands still, dry friction may hold any part of it; where it jerks, the samples say too little",
                     stage.arm().joints()[joint].name,
                     100.0 * left_out
                 ));

@@ -45,7 +45,7 @@ impl<'a> Ground<'a> {
     /// See [`ResidualError`].
     pub fn new(arm: &Arm, recording: &'a Recording, settings: &Settings) -> Result<Self, ResidualError> {
         crate::residual::check_joints(arm, recording)?;
-        let treatment = Treatment::new(recording, settings)?;
+        let treatment = Treatment::new(arm, recording, settings)?;
         let (motion, whole) = (treatment.motion(recording), treatment.whole_motion(recording));
         let sharpening = Sharpening::of(arm, recording, &treatment, &whole);
         let channels = residuals_along(arm, &[], recording, &treatment, &whole, &sharpening)?.channels;

@@ -1,0 +1,89 @@
+//! How far up a recorded motion says what the torque was: the cutoff of the low-pass.
+//!
+//! The torque of a rigid arm grows with the square of the frequency of its motion, and so does what the noise of positions makes of it. Where a
+//! motion asks for more torque than was measured, and for one that has nothing to do with the measured one, it is noise; a soft joint or a slow
+//! torque sensor takes torque away, too, but in proportion.
+//!
+//! Source: magnitude-squared coherence (Carter, Knapp & Nuttall 1973), here band by band in the time domain.
+
+use freeplay_arm::Arm;
+use freeplay_laws::rigid_torques;
+use freeplay_recording::Recording;
+
+use crate::filter::{LowPass, derivatives};
+use crate::motion::Treatment;
+use crate::statistics::Moments;
+
+/// Bands, each a third of an octave wide: the cutoff is not lowered by more than two octaves.
+const BANDS: u8 = 6;
+/// Most of a torque's variance that the noise of the motion may make: a tenth of its deviation.
+const MOST_ASTRAY: f64 = 0.01;
+/// A band holds noise where the motion asks for this many times the power that was measured: a drive that clips takes less away.
+const FAR_MORE: f64 = 4.0;
+
+/// The cutoff of `treatment`, Hz, lowered where noise of the motion in `recording` would make too much torque along `arm`: in the middle one of
+/// its joints, since a light wrist is no reason to blur the others.
+pub(crate) fn cutoff_for(arm: &Arm, recording: &Recording, treatment: &Treatment) -> f64 {
+    let (rate_hz, top_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
+    let Some(measured) = recording.tau.as_ref() else { return top_hz };
+    let cutoffs_hz = (0..=BANDS).rev().map(|third| top_hz / (f64::from(third) / 3.0).exp2());
+    let passes: Vec<LowPass> = cutoffs_hz.filter_map(|hz| LowPass::new(rate_hz, hz).ok()).collect();
+    let torques = rigid_torques(arm, &treatment.fine_motion(recording), None);
+    let below = |column: &[f64]| -> Vec<Vec<f64>> {
+        passes.iter().map(|pass| treatment.keep(&treatment.through(pass, column))).collect()
+    };
+    let joints: Vec<Vec<f64>> = measured
+        .iter()
+        .zip(&torques)
+        .map(|(measured, model)| astray(&below(model), &below(&treatment.whole_column(recording, measured))))
+        .collect();
+    let most = (1..passes.len())
+        .take_while(|&band| middle(joints.iter().map(|joint| joint[band - 1])) < MOST_ASTRAY)
+        .count();
+    passes.get(most).map_or(top_hz, LowPass::cutoff_hz)
+}
+
+/// Which share of a torque's variance `model` has astray from `measured`, both below each of the cutoffs from the lowest on, up to each but that
+/// one: the power that exceeds the measured one and is not coherent with it.
+fn astray(model: &[Vec<f64>], measured: &[Vec<f64>]) -> Vec<f64> {
+    let variance = |column: Option<&Vec<f64>>| column.map_or(0.0, |column| Moments::of(column).std.powi(2));
+    let whole = variance(model.first()).max(variance(measured.last()));
+    let band = |columns: &[Vec<f64>]| -> Vec<f64> {
+        columns[1].iter().zip(&columns[0]).map(|(high, low)| high - low).collect()
+    };
+    let mut sum = 0.0;
+    model
+        .windows(2)
+        .zip(measured.windows(2))
+        .map(|(model, measured)| {
+            let (asked, seen) = (band(model), band(measured));
+            let [of_asked, of_seen] = [&asked, &seen].map(|band| Moments::of(band).rms.powi(2));
+            if of_asked > FAR_MORE * of_seen {
+                let incoherent = (1.0 - coherence(&asked, &seen)) * of_asked;
+                sum += incoherent.min(of_asked - of_seen);
+            }
+            if whole > 0.0 { sum / whole } else { 0.0 }
+        })
+        .collect()
+}
+
+/// Share of the square of `y` that `x` says in whatever phase: regression on `x` and its derivative.
+fn coherence(x: &[f64], y: &[f64]) -> f64 {
+    let (quadrature, _) = derivatives(x, 1.0);
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let (xx, qq, xq) = (dot(x, x), dot(&quadrature, &quadrature), dot(x, &quadrature));
+    let (xy, qy, yy) = (dot(x, y), dot(&quadrature, y), dot(y, y));
+    let whole = (xx * qq - xq * xq) * yy;
+    if whole > 0.0 {
+        ((qq * xy * xy - 2.0 * xq * xy * qy + xx * qy * qy) / whole).clamp(0.0, 1.0)
+    } else {
+        0.0
+    }
+}
+
+/// The middle one of `values`, the greater of two; 0 of none.
+fn middle(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
