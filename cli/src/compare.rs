@@ -37,7 +37,7 @@ pub struct CompareArgs {
     /// Folder for report.html, with measured against model for every joint, and compare.json.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz.
+    /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz, or less where the motion is noisy.
     #[arg(long, value_name = "HZ")]
     lowpass: Option<f64>,
     /// Time left out at both ends; without it: five periods of the cutoff, an eighth of the recording at most.

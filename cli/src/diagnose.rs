@@ -57,7 +57,7 @@ pub struct DiagnoseArgs {
     /// Perfect recordings of the model that the thresholds are taken from.
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u16).range(4..=1000))]
     twins: u16,
-    /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz.
+    /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz, or less where the motion is noisy.
     #[arg(long, value_name = "HZ")]
     lowpass: Option<f64>,
     /// Tolerance of masses and inertias, %.

@@ -124,6 +124,15 @@ impl<'a> Baseline<'a> {
         &self.measured
     }
 
+    /// The prediction with `more` effects behind those that are in.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn with(&self, more: &[&Placed]) -> Result<Prediction, LawError> {
+        let effects: Vec<&Placed> = self.effects.iter().chain(more).copied().collect();
+        Ok(Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass)?.measured)
+    }
+
     /// What `placed` would change, beside the effects that are in: exact where it changes the arm or the torque, to first order where
     /// it shifts links (for a shift of 1 mrad that is to about 1e-3 of the change).
     ///

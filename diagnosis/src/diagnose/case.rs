@@ -4,6 +4,8 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use freeplay_laws::{LawError, Placed};
+
 use super::counted::rows_that_count;
 use super::noise::effective_samples;
 use super::show::rms;
@@ -108,6 +110,16 @@ impl<'a> Case<'a> {
     /// Of all recordings, the channels that are `of_stage` within a stage.
     pub fn all_of(&self, of_stage: &[usize]) -> Vec<usize> {
         (0..self.kept.len()).filter(|c| of_stage.contains(&(c % self.per_stage()))).collect()
+    }
+
+    /// Measured minus model of all channels with `more` effects, all of them at once: see [`Stage::left_with`].
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
+        let left: Vec<Vec<Vec<f64>>> =
+            self.stages.iter().map(|stage| stage.left_with(more)).collect::<Result<_, _>>()?;
+        Ok(left.into_iter().flatten().collect())
     }
 
     /// Which stage and which of its channels the channel number `channel` is.

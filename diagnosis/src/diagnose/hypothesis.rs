@@ -8,7 +8,7 @@ use toml::Table;
 
 use super::case::Case;
 use super::report::Untestable;
-use super::stage::Answer;
+use super::stage::{Answer, Stage};
 use super::system::{Block, Column, Score, System};
 
 /// One effect at one place in one shape.
@@ -152,7 +152,8 @@ pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<
             }
             // What covers too little still stands beside what it could be taken for.
             untestable.extend(because(&|place, recorded| kind.missing(place, recorded)).map(can_not));
-            let shapes = (kind.shapes)(&Place { scene: case.stages[0].baseline(kind).scene(), joint });
+            let fastest = fastest(case, joint);
+            let shapes = (kind.shapes)(&Place { scene: fastest.baseline(kind).scene(), joint });
             let before = all.len();
             let mut refused = None;
             for shape in shapes {
@@ -168,6 +169,19 @@ pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<
         }
     }
     (all, untestable)
+}
+
+/// The recording in which `joint` moves fastest, whichever comes first: it spans the speeds and loads that shapes are laid out over.
+fn fastest<'c, 'a>(case: &'c Case<'a>, joint: Option<usize>) -> &'c Stage<'a> {
+    let greatest = |stage: &Stage| {
+        let joint = joint.map(|joint| stage.motion().v[joint].iter());
+        joint.into_iter().flatten().fold(0.0_f64, |most, v| most.max(v.abs()))
+    };
+    let first = &case.stages[0];
+    case.stages
+        .iter()
+        .skip(1)
+        .fold(first, |most, stage| if greatest(stage) > greatest(most) { stage } else { most })
 }
 
 /// Least share of a column's square that the columns of the same law before it do not say, for the motion to show its term.

@@ -2,7 +2,7 @@
 //!
 //! Of an only recording each part is held out in turn (Stone 1974): a joint that hardly turns in the last of them is judged by the others.
 
-use freeplay_laws::LawError;
+use freeplay_laws::{LawError, Placed};
 
 use super::case::Case;
 use super::engine::DiagnoseSettings;
@@ -168,7 +168,58 @@ impl<'a, 'b> Judge<'a, 'b> {
         }
         search.go_back(best.standing.clone());
         best = self.decided(best, search, progress)?;
+        self.together(best, search, progress)
+    }
+
+    /// `best`, where `search` stands, without what makes the model worse as soon as all laws act at once, as in an arm file: a limit of a drive that was
+    /// fitted to what the model alone asks for clips what the other laws say, too.
+    fn together(
+        &self,
+        mut best: Sifted,
+        search: &mut Search<'a, 'b>,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Option<Sifted>, LawError> {
+        while let Some(index) = self.in_the_way(search)? {
+            progress(&format!("{} makes the whole model worse", search.in_words(index)));
+            search.veto(index);
+            if search.settle().is_none() {
+                return Ok(None);
+            }
+            let Some(sifted) = self.drop_unproven(search, progress)? else { return Ok(None) };
+            best = sifted;
+        }
         Ok(Some(best))
+    }
+
+    /// The effect on a measurement without which all laws at once leave less of the held-out channels in which it shows.
+    fn in_the_way(&self, search: &Search<'a, 'b>) -> Result<Option<usize>, LawError> {
+        let arm = self.held.stages[0].arm();
+        let Some(fit) = search.system.fit(&search.active(None)) else { return Ok(None) };
+        let chosen = 0..search.chosen.len();
+        let placed: Option<Vec<Placed>> =
+            chosen.map(|index| search.named(index).placed(arm, &search.coefficients(&fit, index))).collect();
+        let Some(placed) = placed else { return Ok(None) };
+        if placed.len() < 2 || !placed.iter().any(|placed| placed.effect.measures()) {
+            return Ok(None);
+        }
+        let all: Vec<&Placed> = placed.iter().collect();
+        let with = self.held.left_with(&all)?;
+        let weights = self.held.weights_as(&search.system.weights);
+        for index in (0..placed.len()).filter(|&index| placed[index].effect.measures()) {
+            let mut others = all.clone();
+            others.remove(index);
+            let without = self.held.left_with(&others)?;
+            let here: Vec<usize> =
+                search.named(index).channels().map(|c| c % self.held.per_stage()).collect();
+            let left = |rows: &[Vec<f64>]| -> f64 {
+                let counted = |c: usize| self.held.kept[c].iter().zip(&rows[c]).map(|(kept, x)| kept * x * x);
+                self.held.all_of(&here).into_iter().map(|c| weights[c] * counted(c).sum::<f64>()).sum()
+            };
+            if left(&with) > left(&without) {
+                return Ok(Some(index));
+            }
+        }
+        Ok(None)
     }
 
     /// `best`, where `search` stands, with what says as much where it was fitted, and surely more of held-out data, in the place of each effect.

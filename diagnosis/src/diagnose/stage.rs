@@ -157,6 +157,20 @@ impl<'a> Stage<'a> {
         Ok(self.answer_of(placed.kind, &self.baseline(placed.kind).change(placed)?))
     }
 
+    /// Measured minus model with `more` effects, channel by channel: all of them at once, each acting on what the others say, as in an arm file.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
+        let mut sharp = self.rough.with(more)?;
+        sharp.add(&self.ground.sharpening.more);
+        let left = |channel: &Channel| -> Vec<f64> {
+            let model = self.ground.treatment.keep(column_of(&sharp, channel.kind));
+            channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect()
+        };
+        Ok(self.channels.iter().map(left).collect())
+    }
+
     fn answer_of(&self, kind: &EffectKind, change: &Change) -> Answer {
         self.by_channel(|channel| {
             let column = match channel {

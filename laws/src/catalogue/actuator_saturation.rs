@@ -35,7 +35,7 @@ pub static KIND: Kind = Kind {
         ("torque_gain", "acts at small torques too"),
     ],
     contains: &[],
-    needs: &[Need::Torque, Need::LoadRange(0.3)],
+    needs: &[Need::Torque, Need::LoadRange(0.1)],
     terms: Terms {
         list: |_, _, shape| vec![Term::new("share", "1", [HARD, OVER], with(shape, [("share", 1.0)]))],
         compose: |_, shape, coefficients| with(shape, [("share", coefficients[0].clamp(0.0, 1.0))]),
