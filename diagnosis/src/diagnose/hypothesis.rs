@@ -171,7 +171,7 @@ pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<
     (all, untestable)
 }
 
-/// The recording in which `joint` moves fastest, whichever comes first: it spans the speeds and loads that shapes are laid out over.
+/// The recording in which `joint` moves fastest, which spans the speeds and loads that shapes are laid out over; for the whole arm the first.
 fn fastest<'c, 'a>(case: &'c Case<'a>, joint: Option<usize>) -> &'c Stage<'a> {
     let greatest = |stage: &Stage| {
         let joint = joint.map(|joint| stage.motion().v[joint].iter());

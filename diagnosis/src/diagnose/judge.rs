@@ -11,6 +11,7 @@ use super::search::{Search, Standing, TOLD_APART};
 use super::show::{Compared, Gain, HeldOut, gain};
 use super::system::{Fit, System, less, subtract};
 use super::trial::{Proof, Trial, proof};
+use super::validate::Validation;
 
 /// How often the search goes on after effects did not prove themselves.
 const RENEWALS: usize = 4;
@@ -22,6 +23,9 @@ const LEAST_OF_MUCH: f64 = 0.03;
 
 /// By which share of the error of one channel something else has to leave less to take the place of an effect.
 const LEAST_LESS: f64 = 0.05;
+
+/// By which share of the error of one channel the data of the fit may be foretold worse with that.
+const MOST_LOST: f64 = 0.1;
 
 /// From how many times the noise on what is left of a channel shows that the model is wrong there.
 const FAR: f64 = 3.0;
@@ -247,7 +251,7 @@ impl<'a, 'b> Judge<'a, 'b> {
 
     /// What leaves less of the held-out data than `best`, where `search` stands: with something that explains nearly as much in the place of
     /// the effect number `place`; behind the last, with friction or an offset that sits on every joint of a real machine, or all of these that one
-    /// joint lacks, beside the others, if the data of the fit say something of it, too.
+    /// joint lacks, beside the others, if the data of the fit say something of it, too. What these foretell clearly worse does not come in.
     fn better(
         &self,
         best: &Sifted,
@@ -260,6 +264,7 @@ impl<'a, 'b> Judge<'a, 'b> {
         let candidates = self.where_much_is_left(search, candidates)?;
         let together = if is_further { search.by_joint(&candidates) } else { Vec::new() };
         let most = best.size - self.least_less();
+        let before = foretold(search);
         let mut smallest: Option<(f64, Vec<usize>)> = None;
         for hypotheses in candidates.into_iter().map(|one| vec![one]).chain(together) {
             search.go_back(best.standing.clone());
@@ -268,7 +273,9 @@ impl<'a, 'b> Judge<'a, 'b> {
                 continue;
             }
             let Some(size) = self.tried(search, |trials| size(trials, None))? else { continue };
-            if size < most && smallest.as_ref().is_none_or(|(least, _)| size < *least) {
+            let lost = before.zip(foretold(search)).map_or(0.0, |(before, now)| now - before);
+            let is_borne_out = lost < MOST_LOST / self.held.per_stage().max(1) as f64;
+            if is_borne_out && size < most && smallest.as_ref().is_none_or(|(least, _)| size < *least) {
                 smallest = Some((size, hypotheses));
             }
         }
@@ -433,6 +440,12 @@ fn is_proven(proof: &Proof, trials: &[Trial]) -> bool {
     let is_far = || trials.iter().any(|trial| trial.is_left(&proof.channels, FAR));
     let surely = proof.gain.value >= LEAST_OF_MUCH && proof.gain.ci95[0] > 0.0;
     proof.gain.value >= LEAST_HELD_OUT || surely && is_far()
+}
+
+/// How large the errors of the data of the fit are where each part is foretold from the others: the mean logarithm over the channels.
+fn foretold(search: &Search) -> Option<f64> {
+    let channels = search.case.kept.len().max(1) as f64;
+    Validation::of(search).map(|validation| validation.size() / channels)
 }
 
 /// Mean of the sizes of `trials` without the effect number `left_out`.
