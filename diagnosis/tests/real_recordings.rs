@@ -10,7 +10,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::{Path, PathBuf};
 
-use freeplay_diagnosis::{Comparison, Residuals, Settings, Treatment, compare};
+use freeplay_diagnosis::{Comparison, Residuals, Settings, Treatment, compare, default_cutoff_hz};
 use freeplay_laws::Trajectory;
 
 /// The folder of recordings, or `None` where there is none.
@@ -190,12 +190,20 @@ fn dfki_double_pendulum() {
                 rotor * (own * motion.a[joint][k] - gear * motion.a[1 - joint][k])
             })
         };
-        let (_, residuals, motion) = set.compare(run, like_theirs(15.0, 0.2));
+        let (comparison, residuals, motion) = set.compare(run, like_theirs(15.0, 0.2));
         let off = table(&format!("{run}: URDF + rotors"), &theirs, &terms(&residuals, &motion));
+        let by_rate =
+            Settings { lowpass_hz: Some(default_cutoff_hz(comparison.rate_hz)), ..Settings::default() };
+        let (_, residuals, motion) = set.compare(run, by_rate);
+        let usual = table("    the same, filter by the rate alone", &theirs, &terms(&residuals, &motion));
+        // The positions shake with what no torque answers to.
         let (comparison, residuals, motion) = set.compare(run, Settings::default());
-        let by_rule = table("    the same, default filter", &theirs, &terms(&residuals, &motion));
+        let lowered = terms(&residuals, &motion);
+        table("    the same, default filter", &theirs, &lowered);
         table("    URDF as it stands, default filter", &theirs, &plain(&comparison));
-        assert!(off < 0.01 && by_rule < 0.06);
+        let is_lowered = comparison.notes.iter().any(|note| note.starts_with("low-pass at"));
+        assert!(off < 0.01 && usual < 0.06);
+        assert!(is_lowered && lowered.iter().zip(&theirs).all(|(lowered, theirs)| lowered < theirs));
     }
 }
 
