@@ -6,6 +6,8 @@ use std::ops::Range;
 use freeplay_recording::Recording;
 
 use crate::error::ResidualError;
+use crate::stamps::steadied;
+use crate::statistics::roughness;
 
 /// A step this many times longer than the tenth-longest per cent of steps is a gap: nothing is interpolated across it.
 const GAP_STEPS: f64 = 10.0;
@@ -13,6 +15,10 @@ const GAP_STEPS: f64 = 10.0;
 const EVEN: f64 = 0.02;
 /// Where neighbouring steps differ by more than this factor, interpolation uses the straight line.
 const BURST: f64 = 4.0;
+/// Positions this much smoother on even times than on the stamps were sampled evenly: it is the stamps that shake.
+const SMOOTHER: f64 = 0.8;
+/// Of what a position spans, what nobody sees.
+const UNSEEN: f64 = 1e-8;
 
 /// A part of a recording without a gap, on the uniform grid.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,13 +38,16 @@ pub(crate) struct Stretch {
 /// A gap is a step more than ten times as long as the 90th percentile of all steps, which neither jitter nor stamps that come in
 /// bursts make. Stamps within 2 % of a step of the grid are taken as the grid; others are interpolated by a cubic through
 /// the neighbours with the slopes of the parabola through three of them (error of third order in the step), or by the
-/// straight line where stamps come in bursts.
+/// straight line where stamps come in bursts. Where the positions are smoother on even times, it was the stamps that shook, not the
+/// samples, and even times are what is taken.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
     pub(crate) step: f64,
     pub(crate) stretches: Vec<Stretch>,
     /// Farthest stamp from the uniform grid, as a share of the step.
     pub(crate) jitter: f64,
+    /// When the samples were taken, where that is not what their stamps say, s.
+    pub(crate) steadied: Option<Vec<f64>>,
 }
 
 impl Grid {
@@ -47,14 +56,24 @@ impl Grid {
     /// # Errors
     /// [`ResidualError::Stamps`] for fewer than four samples or stamps beyond the range of numbers.
     pub fn new(recording: &Recording) -> Result<Self, ResidualError> {
-        let t = &recording.t;
-        let bad = || ResidualError::Stamps {
+        let stamped = Self::of(&recording.t).ok_or_else(|| ResidualError::Stamps {
             origin: recording.origin.clone(),
-            samples: t.len(),
+            samples: recording.len(),
             duration_s: recording.duration(),
-        };
+        })?;
+        if stamped.jitter <= EVEN {
+            return Ok(stamped);
+        }
+        let stretches = stamped.stretches.iter().map(|stretch| stretch.rows.clone());
+        let steady = steadied(&recording.t, stretches)
+            .and_then(|t| Some(Self { jitter: stamped.jitter, ..Self::of(&t)?.with_times(t) }));
+        Ok(steady.filter(|steady| steady.is_smoother_than(&stamped, recording)).unwrap_or(stamped))
+    }
+
+    /// The grid of samples taken at `t`; `None` for fewer than four, or numbers out of range.
+    fn of(t: &[f64]) -> Option<Self> {
         if t.len() < 4 {
-            return Err(bad());
+            return None;
         }
         let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();
         let place = steps.len() * 9 / 10;
@@ -63,9 +82,9 @@ impl Grid {
             steps.iter().filter(|step| **step <= longest).fold((0.0, 0.0), |(n, s), d| (n + 1.0, s + d));
         let step = sum / count;
         if !(step > 0.0 && step.is_finite()) {
-            return Err(bad());
+            return None;
         }
-        let mut grid = Self { step, stretches: Vec::new(), jitter: 0.0 };
+        let mut grid = Self { step, stretches: Vec::new(), jitter: 0.0, steadied: None };
         let mut begin = 0;
         for row in 1..=t.len() {
             if row == t.len() || t[row] - t[row - 1] > longest {
@@ -73,7 +92,25 @@ impl Grid {
                 begin = row;
             }
         }
-        Ok(grid)
+        Some(grid)
+    }
+
+    fn with_times(self, t: Vec<f64>) -> Self {
+        Self { steadied: Some(t), ..self }
+    }
+
+    /// Whether the positions of `recording` are clearly smoother here than on `other`.
+    fn is_smoother_than(&self, other: &Self, recording: &Recording) -> bool {
+        let ratio = |q: &Vec<f64>| (self.roughness(recording, q) / other.roughness(recording, q)).ln();
+        let sum: f64 = recording.q.iter().map(ratio).sum();
+        sum < SMOOTHER.ln() * recording.joints() as f64
+    }
+
+    /// How rough `column` of `recording` is on the grid.
+    fn roughness(&self, recording: &Recording, column: &[f64]) -> f64 {
+        let (low, high) = column.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+        let even = self.stretches.iter().flat_map(|s| self.resample(s, recording, column).into_owned());
+        roughness(&even.collect::<Vec<_>>()) + UNSEEN * (high - low).max(f64::MIN_POSITIVE)
     }
 
     fn add(&mut self, t: &[f64], rows: Range<usize>) {
@@ -93,12 +130,17 @@ impl Grid {
     }
 
     /// The samples of `column` on the grid points of `stretch`.
-    pub(crate) fn resample<'a>(&self, stretch: &Stretch, t: &[f64], column: &'a [f64]) -> Cow<'a, [f64]> {
+    pub(crate) fn resample<'a>(
+        &self,
+        stretch: &Stretch,
+        recording: &Recording,
+        column: &'a [f64],
+    ) -> Cow<'a, [f64]> {
         let column = &column[stretch.rows.clone()];
         if stretch.even {
             return Cow::Borrowed(column);
         }
-        let t = &t[stretch.rows.clone()];
+        let t = &self.steadied.as_ref().unwrap_or(&recording.t)[stretch.rows.clone()];
         let mut below = 0;
         let point = |k: usize| {
             let time = stretch.start + k as f64 * self.step;
@@ -161,7 +203,7 @@ mod tests {
             let grid = Grid::new(&made).expect("a grid");
             assert!(grid.jitter > 0.2, "the stamps are jittered: {}", grid.jitter);
             let [stretch] = grid.stretches.as_slice() else { panic!("one stretch") };
-            let q = grid.resample(stretch, &made.t, &made.q[0]);
+            let q = grid.resample(stretch, &made, &made.q[0]);
             let off = |k: usize| (q[k] - (2.0 * (stretch.start + k as f64 * grid.step)).sin()).abs();
             (2..q.len() - 2).map(off).fold(0.0, f64::max)
         };
@@ -186,7 +228,7 @@ mod tests {
         let points: usize = grid.stretches.iter().map(|s| s.len).sum();
         assert!(grid.stretches.len() == 1 && points <= 1001, "{points} points");
         let noisy: Vec<f64> = (0..1000).map(|k| f64::from(k * 7919 % 13) / 13.0).collect();
-        let even = grid.resample(&grid.stretches[0], &made.t, &noisy);
+        let even = grid.resample(&grid.stretches[0], &made, &noisy);
         assert!(even.iter().all(|y| (0.0..=1.0).contains(y)), "no overshoot between noisy neighbours");
     }
 
@@ -206,7 +248,7 @@ mod tests {
             if let Ok(grid) = Grid::new(&made) {
                 for stretch in &grid.stretches {
                     assert!(stretch.len <= 2 * made.len() + 8, "{} points", stretch.len);
-                    grid.resample(stretch, &made.t, &made.q[0]);
+                    grid.resample(stretch, &made, &made.q[0]);
                 }
             }
         }

@@ -28,6 +28,7 @@ mod grid;
 mod motion;
 mod notes;
 mod residual;
+mod stamps;
 mod statistics;
 
 pub use comparison::{ChannelError, Comparison, SCHEMA, compare};

@@ -118,11 +118,13 @@ impl Treatment {
             ));
         }
         if self.grid.jitter > 0.02 {
-            self.notes.push(format!(
-                "the time stamps are uneven (up to {:.2} of a step off): columns are interpolated to {:.4} Hz",
-                self.grid.jitter,
-                self.grid.rate_hz()
-            ));
+            let (off, rate_hz) = (self.grid.jitter, self.grid.rate_hz());
+            let done = if self.grid.steadied.is_some() {
+                format!("the positions are smoother without that, so that the samples are taken as even, at {rate_hz:.4} Hz")
+            } else {
+                format!("columns are interpolated to {rate_hz:.4} Hz")
+            };
+            self.notes.push(format!("the time stamps are uneven (up to {off:.2} of a step off): {done}"));
         }
         Ok(())
     }
@@ -177,7 +179,7 @@ impl Treatment {
     pub fn unfiltered(&self, recording: &Recording, column: &[f64]) -> Vec<f64> {
         let mut out = Vec::new();
         for stretch in &self.grid.stretches {
-            let raw = self.grid.resample(stretch, &recording.t, column);
+            let raw = self.grid.resample(stretch, recording, column);
             out.extend(self.kept(stretch).map(|k| raw[k]));
         }
         out
@@ -187,7 +189,7 @@ impl Treatment {
     pub fn smooth(&self, recording: &Recording, column: &[f64]) -> Vec<f64> {
         let mut out = Vec::new();
         for stretch in &self.grid.stretches {
-            let smooth = self.filter.apply(&self.grid.resample(stretch, &recording.t, column));
+            let smooth = self.filter.apply(&self.grid.resample(stretch, recording, column));
             out.extend(self.kept(stretch).map(|k| smooth[k]));
         }
         out
@@ -197,7 +199,7 @@ impl Treatment {
     pub fn smooth_with_derivatives(&self, recording: &Recording, column: &[f64]) -> [Vec<f64>; 3] {
         let mut out = [const { Vec::new() }; 3];
         for stretch in &self.grid.stretches {
-            let smooth = self.filter.apply(&self.grid.resample(stretch, &recording.t, column));
+            let smooth = self.filter.apply(&self.grid.resample(stretch, recording, column));
             let (first, second) = derivatives(&smooth, self.grid.step);
             for (out, whole) in out.iter_mut().zip([smooth, first, second]) {
                 out.extend(self.kept(stretch).map(|k| whole[k]));
@@ -229,7 +231,7 @@ impl Treatment {
         for column in &recording.q {
             let mut joint = [const { Vec::new() }; 3];
             for stretch in &self.grid.stretches {
-                let smooth = filter.apply(&self.grid.resample(stretch, &recording.t, column));
+                let smooth = filter.apply(&self.grid.resample(stretch, recording, column));
                 let (first, second) = derivatives(&smooth, self.grid.step);
                 joint.iter_mut().zip([smooth, first, second]).for_each(|(out, part)| out.extend(part));
             }
@@ -244,7 +246,7 @@ impl Treatment {
     /// One column of `recording` on every grid point, not filtered.
     pub fn whole_column(&self, recording: &Recording, column: &[f64]) -> Vec<f64> {
         let stretches = self.grid.stretches.iter();
-        stretches.flat_map(|s| self.grid.resample(s, &recording.t, column).into_owned()).collect()
+        stretches.flat_map(|s| self.grid.resample(s, recording, column).into_owned()).collect()
     }
 
     /// The low-pass on one column of the points of [`Treatment::whole_motion`], stretch by stretch.

@@ -16,6 +16,8 @@ const ROUNDED: f64 = 0.05;
 const UNMOVED: f64 = 4.5;
 /// …unless the low-pass makes its speed more than this many times what it may make of a corner.
 const LONGEST: f64 = 4.0;
+/// A joint that stands for more than this share of the time is judged at rest.
+const MOSTLY: f64 = 0.9;
 
 /// How much each row of the channel number `channel` of `stage` counts, 0 to 1: of a torque, nothing while its joint stands; the less, the
 /// more the dry friction that the model knows is undecided, where the joint sticks or turns; and the less, the faster the model's torque
@@ -51,8 +53,12 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
     // the slope of the low-pass's answer, which is twice the cutoff times twice what the low-pass takes from the jump.
     let unresolved = &stage.ground.sharpening.unresolved[joint];
     let white = stage.ground.noises.channels[channel].deviation * (2.0 * cutoff_hz / rate_hz).sqrt();
-    let rows: Vec<f64> = treatment
-        .keep(&standing(v, slow.min(creeping), reach))
+    let stands = treatment.keep(&standing(v, slow.min(creeping), reach));
+    // A joint that hardly ever moves still carries its load: all that is not friction shows there.
+    if Moments::of(&stands).mean > MOSTLY {
+        return vec![1.0; points];
+    }
+    stands
         .iter()
         .zip(treatment.keep(&envelope(&treatment.low_pass(&undecided), reach)))
         .zip(treatment.keep(&envelope(unresolved, reach)))
@@ -60,9 +66,7 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
             let known = white.hypot(undecided).hypot(2.0 * cutoff_hz / rate_hz * unresolved);
             (1.0 - standing) * white / known.max(f64::MIN_POSITIVE)
         })
-        .collect();
-    // A joint that never moves still carries its load: all that is not friction shows there.
-    if Moments::of(&rows).mean < 0.1 { vec![1.0; points] } else { rows }
+        .collect()
 }
 
 /// Whether `joint` stays where it is throughout, for all that its encoder sees.

@@ -6,7 +6,7 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::motion::Treatment;
 use crate::residual::{Channel, Kind};
-use crate::statistics::Quantile;
+use crate::statistics::{Quantile, roughness};
 
 /// Sum of the squares of 1, −4, 6, −4, 1.
 const FOURTH_DIFFERENCE: f64 = 70.0;
@@ -27,19 +27,12 @@ impl Noise {
     /// The noise of a column that is `samples` on an even grid and was recorded as `raw`, where its rounding is still to be seen. Fourth
     /// differences leave nothing of a smooth motion; their median does not mind a few jumps (Hampel 1974).
     pub fn of(samples: &[f64], raw: &[f64]) -> Self {
-        let mut fourth: Vec<f64> =
-            samples.windows(5).map(|x| (x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]).abs()).collect();
         let step = rounding(raw);
         let [low, high] = samples
             .iter()
             .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
         let least = (step / 12_f64.sqrt()).max(FINEST * (high - low).max(0.0));
-        if fourth.is_empty() {
-            return Self { deviation: least, step };
-        }
-        let middle = fourth.len() / 2;
-        let median = *fourth.select_nth_unstable_by(middle, f64::total_cmp).1;
-        let seen = median / Quantile::MEDIAN.of_normal / FOURTH_DIFFERENCE.sqrt();
+        let seen = roughness(samples) / Quantile::MEDIAN.of_normal / FOURTH_DIFFERENCE.sqrt();
         Self { deviation: seen.max(least), step }
     }
 }
