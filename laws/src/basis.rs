@@ -49,7 +49,8 @@ pub struct Term {
     pub least: f64,
     /// Greatest value.
     pub most: f64,
-    /// Whether a coefficient that would be less is the least one: no friction at all is still a joint.
+    /// Whether a coefficient that would be less is the least one: no friction at all is still a joint, and flanks that don't give are still
+    /// those of a gap.
     pub held: bool,
     /// The column is `weight` times what the effect with the parameters `plus` shows, …
     pub plus: Table,
@@ -68,6 +69,12 @@ impl Term {
     /// The same for a coefficient of `step` in place of 1.
     pub fn stepped(mut self, step: f64) -> Term {
         self.weight = 1.0 / step;
+        self
+    }
+
+    /// The same, held at its least value.
+    pub fn held(mut self) -> Term {
+        self.held = true;
         self
     }
 
@@ -90,6 +97,12 @@ pub struct Terms {
 impl Terms {
     /// The parameters of [`Role::Linear`] are themselves the coefficients, and the effect is proportional to each.
     pub const PLAIN: Terms = Terms { list: plain_terms, compose: plain_compose };
+
+    /// The same for a sum of which any part may be missing: none is negative.
+    pub const PARTS: Terms = Terms {
+        list: |kind, place, shape| plain_terms(kind, place, shape).into_iter().map(Term::held).collect(),
+        compose: plain_compose,
+    };
 
     /// The same for an extra to what the arm file names: the sum must not be negative. Read from the joint's friction.
     pub const EXTRA_COULOMB: Terms = Terms {

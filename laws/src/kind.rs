@@ -145,6 +145,14 @@ impl Kind {
         }
     }
 
+    /// Whether it happens at a time of the recording's clock, which another recording need not repeat.
+    pub fn happens(&self) -> bool {
+        let is_time = |range: &Range| {
+            matches!(range, Range::Number { unit: "s", least, role: Role::Shape, .. } if *least < 0.0)
+        };
+        self.parameters.iter().any(|parameter| is_time(&parameter.range))
+    }
+
     /// Whether the number `name` of a shape has values between those that [`Kind::shapes`] lists.
     pub fn refines(&self, name: &str) -> bool {
         let is_choice = |range: &Range| matches!(range, Range::Number { role: Role::Choice, .. });

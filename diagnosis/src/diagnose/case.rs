@@ -26,6 +26,8 @@ pub(crate) struct Case<'a> {
     pub nuisances: Vec<Vec<Nuisance>>,
     /// How much each row counts, 0 to 1, by channel.
     pub kept: Vec<Vec<f64>>,
+    /// By how much a perfect model may be off in each row, by channel: see [`super::counted::Counted`].
+    pub doubt: Vec<Vec<f64>>,
     /// The unnamed correction of each channel.
     pub universal: Vec<Universal>,
     /// Knots of its hat functions, by joint.
@@ -64,16 +66,17 @@ impl<'a> Case<'a> {
     pub fn new(stages: Vec<Stage<'a>>, tolerances: &Tolerances) -> Self {
         let nuisances: Vec<_> = stages.iter().map(|stage| nuisances(stage, tolerances)).collect();
         let knots = stages.first().map(Knots::of).unwrap_or_default();
-        let mut kept = Vec::new();
+        let (mut kept, mut doubt) = (Vec::new(), Vec::new());
         let mut universal = Vec::new();
         for (stage, nuisances) in stages.iter().zip(&nuisances) {
             for channel in 0..stage.channels.len() {
-                let rows = rows_that_count(stage, channel);
-                universal.push(Universal::new(stage, nuisances, channel, &rows, &knots));
-                kept.push(rows);
+                let counted = rows_that_count(stage, channel);
+                universal.push(Universal::new(stage, nuisances, channel, &counted.rows, &knots));
+                kept.push(counted.rows);
+                doubt.push(counted.doubt);
             }
         }
-        Self { stages, nuisances, kept, universal, knots, laid: RefCell::default() }
+        Self { stages, nuisances, kept, doubt, universal, knots, laid: RefCell::default() }
     }
 
     /// The columns that are known by the name `key`, which `make` makes the first time.

@@ -18,13 +18,39 @@ const UNMOVED: f64 = 4.5;
 const LONGEST: f64 = 4.0;
 /// A joint that stands for more than this share of the time is judged at rest.
 const MOSTLY: f64 = 0.9;
+/// Share of what a sharper look at the motion adds to the model's torque that a still sharper one may add.
+const HIDDEN: f64 = 0.1;
+
+/// What the samples and the model can say of each row of a channel.
+pub(crate) struct Counted {
+    /// How much it counts, 0 to 1.
+    pub rows: Vec<f64>,
+    /// By how much a perfect model may be off there, in the channel's unit, times that.
+    pub doubt: Vec<f64>,
+}
+
+impl Counted {
+    fn all(points: usize) -> Self {
+        Self { rows: vec![1.0; points], doubt: vec![0.0; points] }
+    }
+
+    /// Of rows that count as `standing` says, with noise of the deviation `white` and what a model may be off.
+    fn of(standing: &[f64], white: f64, off: &[f64]) -> Self {
+        let moving = |(standing, off): (&f64, &f64)| {
+            (1.0 - standing) * white / white.hypot(*off).max(f64::MIN_POSITIVE)
+        };
+        let rows: Vec<f64> = standing.iter().zip(off).map(moving).collect();
+        let doubt = rows.iter().zip(off).map(|(row, off)| row * off).collect();
+        Self { rows, doubt }
+    }
+}
 
 /// How much each row of the channel number `channel` of `stage` counts, 0 to 1: of a torque, nothing while its joint stands; the less, the
-/// more the dry friction that the model knows is undecided, where the joint sticks or turns; and the less, the faster the model's torque
-/// changes for the rate.
-pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
+/// more the dry friction that the model knows is undecided, where the joint sticks or turns; the less, the faster the model's torque
+/// changes for the rate; and the less, the more of it the low-pass on the motion hides.
+pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Counted {
     let points = stage.motion().len();
-    let Kind::Torque(joint) = stage.channels[channel].kind else { return vec![1.0; points] };
+    let Kind::Torque(joint) = stage.channels[channel].kind else { return Counted::all(points) };
     let (v, a) = (&stage.whole().v[joint], &stage.whole().a[joint]);
     let treatment = &stage.ground.treatment;
     let (rate_hz, cutoff_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
@@ -34,7 +60,7 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
     let creeping = UNMOVED * stage.ground.noises.positions[joint].deviation * rate_hz / reach.max(1) as f64;
     let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
     if dry > 0.0 && rests(stage, joint) {
-        return vec![0.0; points];
+        return Counted { rows: vec![0.0; points], doubt: vec![0.0; points] };
     }
     // Where it turns, and not on the whole: a joint that goes straight to and fro turns in a small part of its time.
     let usual = Moments::of(a).rms;
@@ -56,17 +82,19 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Vec<f64> {
     let stands = treatment.keep(&standing(v, slow.min(creeping), reach));
     // A joint that hardly ever moves still carries its load: all that is not friction shows there.
     if Moments::of(&stands).mean > MOSTLY {
-        return vec![1.0; points];
+        return Counted::all(points);
     }
-    stands
+    let hidden = &stage.ground.sharpening.more.torque[joint];
+    let off: Vec<f64> = treatment
+        .keep(&envelope(&treatment.low_pass(&undecided), reach))
         .iter()
-        .zip(treatment.keep(&envelope(&treatment.low_pass(&undecided), reach)))
         .zip(treatment.keep(&envelope(unresolved, reach)))
-        .map(|((standing, undecided), unresolved)| {
-            let known = white.hypot(undecided).hypot(2.0 * cutoff_hz / rate_hz * unresolved);
-            (1.0 - standing) * white / known.max(f64::MIN_POSITIVE)
+        .zip(treatment.keep(&envelope(hidden, reach)))
+        .map(|((undecided, unresolved), hidden)| {
+            undecided.hypot(2.0 * cutoff_hz / rate_hz * unresolved).hypot(HIDDEN * hidden)
         })
-        .collect()
+        .collect();
+    Counted::of(&stands, white, &off)
 }
 
 /// Whether `joint` stays where it is throughout, for all that its encoder sees.

@@ -7,9 +7,10 @@ use freeplay_laws::{Kind as EffectKind, LawError, Place, Placed, Recorded, Site,
 use toml::Table;
 
 use super::case::Case;
+use super::moment::{happens_in, in_each, plain};
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
-use super::system::{Block, Column, Score, System};
+use super::system::{Block, Column, Score, System, dot};
 
 /// One effect at one place in one shape.
 pub(crate) struct Hypothesis {
@@ -39,7 +40,7 @@ impl Hypothesis {
     pub fn compose(&self, shape: &Table, coefficients: &[f64]) -> Table {
         let mut all = vec![0.0; self.all];
         self.shown.iter().zip(coefficients).for_each(|(&place, coefficient)| all[place] = *coefficient);
-        self.kind.compose(shape, &all)
+        self.kind.compose(&plain(shape), &all)
     }
 
     /// The table of an arm file that switches it on with these coefficients of the terms shown.
@@ -153,7 +154,8 @@ pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<
             // What covers too little still stands beside what it could be taken for.
             untestable.extend(because(&|place, recorded| kind.missing(place, recorded)).map(can_not));
             let fastest = fastest(case, joint);
-            let shapes = (kind.shapes)(&Place { scene: fastest.baseline(kind).scene(), joint });
+            let mut shapes = (kind.shapes)(&Place { scene: fastest.baseline(kind).scene(), joint });
+            shapes.extend(in_each(case, kind, joint));
             let before = all.len();
             let mut refused = None;
             for shape in shapes {
@@ -187,6 +189,21 @@ fn fastest<'c, 'a>(case: &'c Case<'a>, joint: Option<usize>) -> &'c Stage<'a> {
 /// Least share of a column's square that the columns of the same law before it do not say, for the motion to show its term.
 const OWN_SHARE: f64 = 1e-8;
 
+/// Least share of what a channel measures that a term has to say there with its greatest coefficient.
+const SEEN: f64 = 1e-6;
+
+/// Whether the column number `place` of `block`, with the greatest coefficient of its `term`, says anything that could be measured: a force
+/// along the axis of a joint is a rounding error.
+fn is_seen(case: &Case, block: &Block, place: usize, term: &Term) -> bool {
+    let most = term.least.abs().max(term.most.abs());
+    block.shows.iter().any(|&c| {
+        let (stage, channel) = case.place(c);
+        let measured: f64 = case.stages[stage].channels[channel].measured.iter().map(|x| x * x).sum();
+        let said = block.columns[place][c].as_ref().map_or(0.0, |rows| dot(rows, rows));
+        said.sqrt() * most > SEEN * measured.sqrt()
+    })
+}
+
 /// `kind` at `joint` in `shape`, with the terms that the motion shows; `None` if it shows none.
 ///
 /// # Errors
@@ -204,7 +221,8 @@ pub(crate) fn hypothesis(
     }
     let all = terms.len();
     let mut block = system.block(columns);
-    let shown = block.independent(OWN_SHARE);
+    let is_seen = |place: &usize| is_seen(case, &block, *place, &terms[*place]);
+    let shown: Vec<usize> = block.independent(OWN_SHARE).into_iter().filter(is_seen).collect();
     // A law without one of its terms may be a plainer one of the catalogue, which stands there by itself.
     if shown.is_empty() || shown.len() < all && !kind.contains.is_empty() {
         return Ok(None);
@@ -233,7 +251,11 @@ fn columns(
     let mut terms = Vec::new();
     let mut answers: Vec<Vec<Answer>> = Vec::new();
     for (number, stage) in case.stages.iter().enumerate() {
-        let (of_stage, said): (Vec<Term>, Vec<Answer>) = stage.terms(kind, joint, shape)?.into_iter().unzip();
+        let (of_stage, mut said): (Vec<Term>, Vec<Answer>) =
+            stage.terms(kind, joint, &plain(shape))?.into_iter().unzip();
+        if !happens_in(shape, stage) {
+            said.iter_mut().for_each(|said| said.fill(None));
+        }
         if number == 0 {
             answers.resize_with(of_stage.len(), Vec::new);
             terms = of_stage;

@@ -151,6 +151,7 @@ impl<'a, 'b> Judge<'a, 'b> {
         let mut best: Option<Sifted> = None;
         for renewal in 0..=RENEWALS {
             let before = search.chosen.len();
+            self.confine(search)?;
             let Some(sifted) = self.drop_unproven(search, progress)? else { return Ok(None) };
             let is_last = sifted.proofs.len() == before || renewal == RENEWALS;
             best = Some(sifted.or_smaller(best));
@@ -173,6 +174,18 @@ impl<'a, 'b> Judge<'a, 'b> {
         search.go_back(best.standing.clone());
         best = self.decided(best, search, progress)?;
         self.together(best, search, progress)
+    }
+
+    /// Confines what happens at a time to one recording where that leaves less of the held-out data.
+    fn confine(&self, search: &mut Search<'a, 'b>) -> Result<(), LawError> {
+        for index in 0..search.chosen.len() {
+            let (standing, size_of) = (search.standing(), |trials: &[Trial]| size(trials, None));
+            let everywhere = self.tried(search, size_of)?;
+            if search.confine(index) && self.tried(search, size_of)? >= everywhere {
+                search.go_back(standing);
+            }
+        }
+        Ok(())
     }
 
     /// `best`, where `search` stands, without what makes the model worse as soon as all laws act at once, as in an arm file: a limit of a drive that was

@@ -7,7 +7,7 @@
 //! - `counted`: how much each row counts.
 //! - `case` and `system`: all recordings stacked; the linear system behind every question.
 //! - `quality`: what the recordings are good for.
-//! - `hypothesis`: each kind of effect at each place in each shape.
+//! - `hypothesis` and `moment`: each kind of effect at each place in each shape, and what happens in one recording alone.
 //! - `noise`, `twins` and `floor`: what is found in nothing.
 //! - `search`, `select` and `refine`: which effects explain what the model leaves, and in which shape;
 //!   `validate`: whether they do so where they were not fitted.
@@ -30,6 +30,7 @@ mod hypothesis;
 mod interval;
 mod judge;
 mod locate;
+mod moment;
 mod noise;
 mod numbers;
 mod parts;

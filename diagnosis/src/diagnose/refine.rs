@@ -158,7 +158,7 @@ impl Search<'_, '_> {
     }
 
     /// Brings the columns of the effect number `index` up to its shape.
-    fn take_shape(&mut self, index: usize) {
+    pub(super) fn take_shape(&mut self, index: usize) {
         let at = self.chosen[index].hypothesis;
         self.admitted.remove(&at);
         let moved = self.admit(at);

@@ -342,6 +342,7 @@ impl Search<'_, '_> {
             let others = &fit.active[self.nuisances().len()..];
             if better
                 && hypothesis.is_physical(&score)
+                && self.system.is_material(&hypothesis.block, &score.beta)
                 && (is_inside || self.system.apart(others, &hypothesis.block) >= LEAST_APART)
             {
                 best.insert(site, Winner { hypothesis: index, score, merit });

@@ -93,6 +93,9 @@ pub(crate) struct System {
 /// tolerances that are not meant to the last digit.
 const BOUND: f64 = 2.0;
 
+/// What is smaller than this share of what the tolerances may make in a channel is nothing that anybody would look for.
+const MATERIAL: f64 = 0.05;
+
 /// Share of a nuisance's square that an effect has to say to be the same.
 const SAME: f64 = 0.99;
 /// Precision of a nuisance that has gone over into an effect.
@@ -355,8 +358,8 @@ impl System {
             return None;
         }
         let mut beta = Cholesky::new(own.clone())?.solve(&right);
-        if let &[[least, most]] = block.limits.as_slice() {
-            beta[0] = beta[0].clamp(least, most);
+        if beta.iter().zip(&block.limits).any(|(beta, [least, most])| beta < least || beta > most) {
+            beta = bounded(&own, &right, &block.limits)?.eta;
         }
         let gain = 2.0 * right.dot(&beta) - beta.dot(&(own * &beta));
         gain.is_finite().then_some(Score { gain, beta, shift: None })
@@ -417,6 +420,15 @@ impl System {
         let solved = factor.solve(&cross);
         let share = |j: usize| 1.0 - cross.column(j).dot(&solved.column(j)) / own[j].max(f64::MIN_POSITIVE);
         (0..own.len()).map(share).fold(1.0, f64::min)
+    }
+
+    /// Whether `block` with the coefficients `beta` says enough in some channel to be a finding, beside what tolerances may say there.
+    pub fn is_material(&self, block: &Block, beta: &DVector<f64>) -> bool {
+        block.shows.iter().any(|&c| {
+            let said = beta.dot(&(&block.with_itself[c] * beta));
+            let tolerated = self.precision.iter().enumerate().filter(|(_, precision)| **precision == 1.0);
+            said >= MATERIAL.powi(2) * tolerated.map(|(k, _)| self.products[c][(k, k)]).sum::<f64>()
+        })
     }
 
     /// Covariance of the active coefficients; zero where one is held at its bound.

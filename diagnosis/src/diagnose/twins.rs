@@ -35,7 +35,24 @@ pub(crate) fn twin(case: &Case, tolerances: &Tolerances, seed: u64) -> Vec<Vec<f
     for (target, kept) in target.iter_mut().zip(&case.kept) {
         target.iter_mut().zip(kept).for_each(|(x, kept)| *x *= kept);
     }
+    for (target, doubt) in target.iter_mut().zip(&case.doubt) {
+        doubted(target, doubt, &mut rng);
+    }
     target
+}
+
+/// Adds to `target` what a perfect model may be off, of which `doubt` is the most: some share of it, the same until it has fallen and rises
+/// again, as at the next reversal.
+fn doubted(target: &mut [f64], doubt: &[f64], rng: &mut ChaCha8Rng) {
+    let (mut share, mut was_falling) = (even(rng), false);
+    for (row, target) in target.iter_mut().enumerate() {
+        let before = doubt[row.saturating_sub(1)];
+        if was_falling && doubt[row] > before {
+            share = even(rng);
+        }
+        was_falling = doubt[row] < before || was_falling && doubt[row] == before;
+        *target += share * doubt[row];
+    }
 }
 
 /// A number of the prior's spread: half of the machines anywhere inside their tolerance, half nearer its middle.

@@ -46,7 +46,7 @@ pub static KIND: Kind = Kind {
     ],
     contains: &[],
     needs: &[Need::Tool],
-    terms: Terms::PLAIN,
+    terms: Terms::PARTS,
     shapes: one_shape,
     build: |values| {
         let compliance = [values.number("compliance_x")?, values.number("compliance_y")?];

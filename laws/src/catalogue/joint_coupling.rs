@@ -46,7 +46,7 @@ pub static KIND: Kind = Kind {
     ],
     contains: &[],
     needs: &[Need::Torque, Need::Motion],
-    terms: Terms::PLAIN,
+    terms: Terms::PARTS,
     shapes: partners,
     build: |values| {
         Ok(Box::new(JointCoupling {
