@@ -18,6 +18,7 @@ use crate::files::write;
 use crate::run::Format;
 use crate::say::say;
 use crate::setup::load_model;
+use crate::voice;
 
 /// Compares a recording with what a model makes of the recorded motion.
 ///
@@ -55,6 +56,7 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let recording =
         freeplay_recording::read(&args.recording, Some(file.arm.dof())).map_err(Failure::input)?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
+    voice::doing(format_args!("comparing {} samples", recording.len()));
     let (comparison, residuals) =
         freeplay_diagnosis::compare(&file.arm, &effects.placed, &recording, &settings)
             .map_err(Failure::input)?;

@@ -12,7 +12,6 @@ use freeplay_diagnosis::{
 };
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_recording::Recording;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 
 use crate::diagnose_report::title;
@@ -22,6 +21,7 @@ use crate::run::Format;
 use crate::say::say;
 use crate::setup::load_model;
 use crate::units::power_of_ten;
+use crate::voice;
 
 /// Rows a second of the path that is written.
 const RATE: f64 = 200.0;
@@ -141,10 +141,8 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
 /// # Errors
 /// Bad input, or no safe motion.
 pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation, Failure> {
-    let bar = ProgressBar::with_draw_target(Some(settings.candidates as u64), ProgressDrawTarget::stderr());
-    if let Ok(style) = ProgressStyle::with_template("weighing motions {bar:30} {pos}/{len}  {msg}") {
-        bar.set_style(style);
-    }
+    voice::detail(format_args!("weighing {} motions", settings.candidates));
+    let bar = voice::bar(settings.candidates as u64, "weighing motions {bar:30} {pos}/{len}  {msg}");
     let found = sought(question.file, &question.rivals, question.seen, settings, &mut |number, _, best| {
         bar.set_position(number as u64);
         bar.set_message(format!("best {} : 1", power_of_ten(best)));

@@ -7,6 +7,7 @@ use std::path::Path;
 use serde::de::DeserializeOwned;
 
 use crate::exit::Failure;
+use crate::voice;
 
 /// What to do about a file that can't be read.
 pub fn how_to_read(error: &Error) -> &'static str {
@@ -110,5 +111,7 @@ pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
     options
         .open(path)
         .and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(|error| unwritable(path, &error))
+        .map_err(|error| unwritable(path, &error))?;
+    voice::detail(format_args!("wrote {}: {:.1} kB", path.display(), text.len() as f64 * 1e-3));
+    Ok(())
 }
