@@ -67,7 +67,9 @@ fn quiet_leaves_results_and_verbose_tells_of_the_work() {
     }
     for command in &commands[..2] {
         let told = call(&format!("{command} -v")).stderr();
-        assert!(told.contains(" s  read arm.urdf: erkaya2018 of 6 joints"), "{command}: {told}");
+        for words in [" s  read arm.urdf: erkaya2018 of 6 joints", " s  read r.csv: 800 samples"] {
+            assert!(told.contains(words), "{command}: {words:?} is not in {told}");
+        }
     }
     assert!(
         call(commands[2]).stderr().starts_with("note: column phase is not used"),

@@ -16,7 +16,8 @@ use serde_json::Value;
 use crate::diagnose_report::{Subject, document};
 use crate::excite::{self, Question};
 use crate::exit::{Exit, Failure};
-use crate::files::{make_folder, write};
+use crate::files::{Folder, write};
+use crate::recorded;
 use crate::run::Format;
 use crate::say::{say, show};
 use crate::setup::load_model;
@@ -108,16 +109,18 @@ impl DiagnoseArgs {
 /// Bad input: a file that can't be read, another number of joints, nothing to compare, recordings with different columns.
 pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let settings = args.settings()?;
+    recorded::only_once(&args.recording)?;
     let file = load_model(&args.model)?;
-    let read = |path: &PathBuf| freeplay_recording::read(path, Some(file.arm.dof())).map_err(Failure::input);
+    let read = |path: &PathBuf| recorded::read(path, &args.model, &file);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
     // Before what takes minutes.
-    args.out.as_deref().map_or(Ok(()), make_folder)?;
+    let _reserved = args.out.as_deref().map(Folder::reserve).transpose()?;
     let found = diagnosed(&file, &recordings, &settings, &mut |what| voice::doing(what));
     let mut diagnosis = found.map_err(|error| match error {
         DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
         other => Failure::input(other),
     })?;
+    remark(&mut diagnosis.quality, &file, &recordings);
     let next = next_motion(args, &file, &recordings, &diagnosis)?;
     diagnosis.next.extend(next);
     let view = View { args, file: &file, recordings: &recordings, diagnosis: &diagnosis };
@@ -130,6 +133,17 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
         Format::Text => show(&view.text())?,
     }
     Ok(Exit::Done)
+}
+
+/// What a person should know of the inputs, beside what `quality` has: first joints beyond their limits, last what of the model file is not
+/// used.
+fn remark(quality: &mut Vec<String>, file: &ArmFile, recordings: &[Recording]) {
+    let beyond = recordings.iter().flat_map(|recording| {
+        let name = file_name(recording);
+        recorded::beyond_limits(recording, file).into_iter().map(move |note| format!("{name}: {note}"))
+    });
+    quality.splice(0..0, beyond);
+    quality.extend(file.ignored.iter().map(|ignored| format!("model: {ignored}")));
 }
 
 /// Where two causes remain: the motion that would separate them, written into the folder of results; one sentence on it. Several recordings
@@ -271,9 +285,12 @@ impl View<'_> {
     }
 }
 
+fn file_name(recording: &Recording) -> String {
+    recording.origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
 fn heading(recording: &Recording) -> String {
-    let name =
-        recording.origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let name = file_name(recording);
     let joints = recording.joints();
     let mut what = vec!["joint angles"];
     what.extend(recording.tau.is_some().then_some("torque"));

@@ -16,7 +16,8 @@ use serde_json::Value;
 
 use crate::diagnose_report::title;
 use crate::exit::{Exit, Failure};
-use crate::files::{make_folder, read_json, write};
+use crate::files::{Folder, read_json, write};
+use crate::recorded;
 use crate::run::Format;
 use crate::say::say;
 use crate::setup::load_model;
@@ -102,9 +103,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     let model = model.ok_or_else(|| Failure::usage("name a diagnosis.json, or --model with --kinds"))?;
     let file = load_model(&model)?;
     let seen = found.as_ref().and_then(|found| found.recordings.first());
-    let seen = seen
-        .map(|path| freeplay_recording::read(path, Some(file.arm.dof())).map_err(Failure::input))
-        .transpose()?;
+    let seen = seen.map(|path| recorded::read(path, &model, &file)).transpose()?;
     let rivals = match &found {
         _ if !args.kinds.is_empty() => named(args, &file)?,
         Some(found) => found.rivals(&file)?,
@@ -126,7 +125,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     };
     let question = Question { file: &file, rivals, seen: seen.as_ref() };
     // Before what takes minutes.
-    make_folder(&args.out)?;
+    let _reserved = Folder::reserve(&args.out)?;
     let found = seek(&question, &settings)?;
     let path = write_path(&found, &model, &file, &args.out)?;
     match args.format {

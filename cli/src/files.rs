@@ -2,7 +2,7 @@
 
 use std::io::{Error, ErrorKind, Write};
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
@@ -78,6 +78,32 @@ pub fn make_folder(path: &Path) -> Result<(), Failure> {
         let (path, remedy) = (path.display(), how_to_write(&error));
         Failure::input(format!("cannot create the folder {path}: {error}; {remedy}"))
     })
+}
+
+/// A folder for what takes minutes to be found, made before. Unless something is in it, it is gone again with this.
+pub struct Folder {
+    /// Those that had to be made, the innermost first.
+    made: Vec<PathBuf>,
+}
+
+impl Folder {
+    /// Makes the folder `path` and those above it.
+    ///
+    /// # Errors
+    /// As [`make_folder`].
+    pub fn reserve(path: &Path) -> Result<Self, Failure> {
+        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+        let made = path.ancestors().take_while(missing).map(Path::to_owned).collect();
+        make_folder(path)?;
+        Ok(Self { made })
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // One that is not empty can't be removed, and should not be.
+        let _ = self.made.iter().try_for_each(std::fs::remove_dir);
+    }
 }
 
 /// Whether a file could be written to `path`, without leaving anything: for what takes minutes before it writes.

@@ -34,6 +34,7 @@ mod plant_command;
 mod process;
 mod processes;
 mod record;
+mod recorded;
 mod recorder;
 mod reference_report;
 mod reference_runs;
