@@ -298,7 +298,7 @@ fn values_and_flags_that_cannot_be() {
         format!("compare --model {ARM} --recording good.csv"),
         format!("diagnose --model {ARM} --recording good.csv"),
     );
-    let cases: [(&str, i32, &str); 54] = [
+    let cases: [(&str, i32, &str); 55] = [
         ("swap --quiet --out out --swaps 0", 2, "and a swap"),
         ("swap --quiet --out out --swaps -1", 2, "-1"),
         ("swap --quiet --out out --per-run 0", 2, "and a swap"),
@@ -319,6 +319,7 @@ fn values_and_flags_that_cannot_be() {
         (&format!("{diagnose} --mass-tolerance -1"), 2, "above 0"),
         (&format!("{diagnose} --delay-tolerance nan"), 2, "above 0"),
         ("diagnose --recording good.csv", 2, "--model"),
+        (&format!("{diagnose} ./good.csv"), 2, "is given twice"),
         ("demo --period 0", 2, "between 1 and 120 s"),
         (&format!("{excite} --duration 0"), 2, "between 2 and 600 s"),
         (&format!("{excite} --duration -3"), 2, "between 2 and 600 s"),

@@ -355,7 +355,9 @@ fn bad_recordings() {
     let given = ["--model", "two.urdf", "--recording", "r.csv"];
     let filter = [given.as_slice(), &["--lowpass", "1e9"]].concat();
     let trim = [given.as_slice(), &["--trim", "100"]].concat();
-    let cases: [Case; 15] = [
+    let stamped: String = (0..400).map(|k| format!("{},{},0.1,1,2\n", 10 * k, 0.01 * f64::from(k))).collect();
+    let (stamped, comment) = (format!("{header}\n{stamped}"), format!("# cell 7\n{good}"));
+    let cases: [Case; 17] = [
         ("NaN", &[("r.csv", &nan)], &given, 3, &["r.csv:19", "q1", "\"nan\"", "interpolate"]),
         ("text", &[("r.csv", &text)], &given, 3, &["r.csv:19", "tau2", "\"high\""]),
         ("time", &[("r.csv", &back)], &given, 3, &["r.csv:19", "0.15", "after 0.16", "sort the rows"]),
@@ -365,8 +367,16 @@ fn bad_recordings() {
             &[("r.csv", &joints)],
             &given,
             3,
-            &["r.csv:1", "expected 2 joint", "found 4", "of this arm?"],
+            &["r.csv:1", "expected 2 joint", "found 4", "of this arm?", "two.urdf are shoulder, slide"],
         ),
+        (
+            "milliseconds",
+            &[("r.csv", &stamped)],
+            &given,
+            3,
+            &["r.csv: column t", "10 apart", "milliseconds?"],
+        ),
+        ("comment", &[("r.csv", &comment)], &given, 3, &["r.csv:1", "# cell 7", "remove"]),
         (
             "no torque",
             &[("r.csv", &bare)],
@@ -391,6 +401,24 @@ fn bad_recordings() {
         ("no recording", &[], &["--model", "two.urdf"], 2, &["--recording"]),
     ];
     play(&["compare", "--out", "out"], &cases);
+    let absurd = recording(header, 19, "0.17,0,0,1e300,2");
+    let cases: [Case; 5] = [
+        ("NaN", &[("r.csv", &nan)], &given, 3, &["r.csv:19", "q1", "\"nan\"", "interpolate"]),
+        (
+            "milliseconds",
+            &[("r.csv", &stamped)],
+            &given,
+            3,
+            &["r.csv: column t", "10 apart", "milliseconds?"],
+        ),
+        ("no torque", &[("r.csv", &bare)], &given, 3, &["r.csv", "nothing to compare", "record one"]),
+        ("short", &[("r.csv", &short)], &given, 3, &["r.csv", "at least 4"]),
+        ("absurd", &[("r.csv", &absurd)], &given, 3, &["r.csv", "tau1", "not finite"]),
+    ];
+    // What it could only see once it had made its folder leaves none either.
+    for out in ["out", "out/deeper/still"] {
+        play(&["diagnose", "--out", out], &cases);
+    }
 }
 
 #[test]

@@ -4,11 +4,14 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::exit::{Exit, Failure};
 use crate::manual::EXIT_CODES;
+use crate::voice::{Common, color_among};
 
 /// Controller-in-the-loop harness for robot arms whose joints have play.
 #[derive(Parser, Debug)]
 #[command(name = "freeplay", version = env!("FREEPLAY_VERSION"), after_help = EXIT_CODES, max_term_width = 110)]
 struct Cli {
+    #[command(flatten)]
+    common: Common,
     #[command(subcommand)]
     command: Command,
 }
@@ -82,8 +85,10 @@ enum Command {
 /// # Errors
 /// What the command could not do, with the exit code.
 pub fn dispatch() -> Result<Exit, Failure> {
-    let matches = with_negative_numbers(Cli::command()).get_matches();
-    match Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()).command {
+    let command = with_negative_numbers(Cli::command()).color(color_among(std::env::args_os()));
+    let cli = Cli::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit());
+    cli.common.apply();
+    match cli.command {
         Command::Run(args) => crate::run::run(&args),
         Command::Compare(args) => crate::compare::compare(&args),
         Command::Swap(args) => crate::swap_command::swap(&args),

@@ -20,6 +20,7 @@ use freeplay_plant::{DeviationStatistics, Hermite, Input, System};
 use serde::Serialize;
 
 use crate::exit::Failure;
+use crate::voice;
 
 /// Length of a tick, s.
 const PERIOD: f64 = 1e-3;
@@ -99,7 +100,7 @@ impl Cell {
         let begin = (DeviationStatistics::START / PERIOD) as u64;
         let found = search.passages(&mut outlook, begin, self.ticks);
         for corner in found.unplanned() {
-            eprintln!("T = {} s, tick {}: {}", self.period, corner.first, corner.fault);
+            voice::note(format_args!("T = {} s, tick {}: {}", self.period, corner.first, corner.fault));
         }
         found.planned().to_vec()
     }

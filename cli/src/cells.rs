@@ -15,7 +15,6 @@ use freeplay_controller::narx_qp::NARX_QP;
 use freeplay_controller::quasi_static::QUASI_STATIC;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::{DeviationStatistics, UsedByJoint};
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 
 use crate::args::above_zero;
@@ -24,6 +23,7 @@ use crate::exit::{Exit, Failure};
 use crate::run::Format;
 use crate::say::say;
 use crate::simulation::on_all_cores;
+use crate::voice;
 
 /// A difference that no tool tracker sees, mm.
 const HARMLESS: f64 = 1e-4;
@@ -209,10 +209,7 @@ pub fn cells(args: &CellsArgs) -> Result<Exit, Failure> {
         let words = format!("--after {}: give 0 s to below the shortest --period, {shortest} s", args.after);
         return Err(Failure::usage(words));
     }
-    let bar = ProgressBar::new(all.len() as u64);
-    if let Ok(style) = ProgressStyle::with_template("cells {bar:30} {pos}/{len} {elapsed}") {
-        bar.set_style(style);
-    }
+    let bar = voice::bar(all.len() as u64, "cells {bar:30} {pos}/{len} {elapsed}");
     let rows = on_all_cores(all.len(), |index| {
         let row = all[index].clone().row(options.clone());
         bar.inc(1);

@@ -15,9 +15,11 @@ use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
 use crate::files::write;
+use crate::recorded;
 use crate::run::Format;
 use crate::say::say;
 use crate::setup::load_model;
+use crate::voice;
 
 /// Compares a recording with what a model makes of the recorded motion.
 ///
@@ -52,9 +54,9 @@ pub struct CompareArgs {
 pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let file = load_model(&args.model)?;
     let effects = Effects::of(&file).map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
-    let recording =
-        freeplay_recording::read(&args.recording, Some(file.arm.dof())).map_err(Failure::input)?;
+    let recording = recorded::read(&args.recording, &args.model, &file)?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
+    voice::doing(format_args!("comparing {} samples", recording.len()));
     let (comparison, residuals) =
         freeplay_diagnosis::compare(&file.arm, &effects.placed, &recording, &settings)
             .map_err(Failure::input)?;

@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 use clap::Args;
+use clap::builder::styling::Style;
 use freeplay_arm::{ArmFile, to_toml};
 use freeplay_diagnosis::{
     Alternative, DiagnoseError, DiagnoseSettings, Diagnosis, Effect, ExciteSettings, Fit, Settings,
@@ -16,13 +16,13 @@ use serde_json::Value;
 use crate::diagnose_report::{Subject, document};
 use crate::excite::{self, Question};
 use crate::exit::{Exit, Failure};
-use crate::files::{make_folder, write};
+use crate::files::{Folder, write};
+use crate::recorded;
 use crate::run::Format;
-use crate::say::say;
+use crate::say::{say, show};
 use crate::setup::load_model;
+use crate::voice::{self, GOOD, OPEN, painted};
 
-/// A diagnosis that takes longer tells on the error output what it is doing.
-const PATIENCE: Duration = Duration::from_secs(2);
 /// Width of the longest bar, characters.
 const BAR: f64 = 24.0;
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
@@ -109,22 +109,18 @@ impl DiagnoseArgs {
 /// Bad input: a file that can't be read, another number of joints, nothing to compare, recordings with different columns.
 pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let settings = args.settings()?;
+    recorded::only_once(&args.recording)?;
     let file = load_model(&args.model)?;
-    let read = |path: &PathBuf| freeplay_recording::read(path, Some(file.arm.dof())).map_err(Failure::input);
+    let read = |path: &PathBuf| recorded::read(path, &args.model, &file);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
     // Before what takes minutes.
-    args.out.as_deref().map_or(Ok(()), make_folder)?;
-    let begin = Instant::now();
-    let mut progress = |what: &str| {
-        if begin.elapsed() > PATIENCE {
-            eprintln!("{:5.1} s  {what}", begin.elapsed().as_secs_f64());
-        }
-    };
-    let mut diagnosis =
-        diagnosed(&file, &recordings, &settings, &mut progress).map_err(|error| match error {
-            DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
-            other => Failure::input(other),
-        })?;
+    let _reserved = args.out.as_deref().map(Folder::reserve).transpose()?;
+    let found = diagnosed(&file, &recordings, &settings, &mut |what| voice::doing(what));
+    let mut diagnosis = found.map_err(|error| match error {
+        DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
+        other => Failure::input(other),
+    })?;
+    remark(&mut diagnosis.quality, &file, &recordings);
     let next = next_motion(args, &file, &recordings, &diagnosis)?;
     diagnosis.next.extend(next);
     let view = View { args, file: &file, recordings: &recordings, diagnosis: &diagnosis };
@@ -134,9 +130,20 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     }
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
-        Format::Text => say(&view.text())?,
+        Format::Text => show(&view.text())?,
     }
     Ok(Exit::Done)
+}
+
+/// What a person should know of the inputs, beside what `quality` has: first joints beyond their limits, last what of the model file is not
+/// used.
+fn remark(quality: &mut Vec<String>, file: &ArmFile, recordings: &[Recording]) {
+    let beyond = recordings.iter().flat_map(|recording| {
+        let name = file_name(recording);
+        recorded::beyond_limits(recording, file).into_iter().map(move |note| format!("{name}: {note}"))
+    });
+    quality.splice(0..0, beyond);
+    quality.extend(file.ignored.iter().map(|ignored| format!("model: {ignored}")));
 }
 
 /// Where two causes remain: the motion that would separate them, written into the folder of results; one sentence on it. Several recordings
@@ -215,7 +222,12 @@ impl View<'_> {
         for line in untestable(&diagnosis.untestable) {
             let _ = writeln!(text, "  {line}");
         }
-        let _ = writeln!(text, "\nVERDICT {}\n        {}\n", verdict(diagnosis.verdict), diagnosis.statement);
+        let _ = writeln!(
+            text,
+            "\nVERDICT {}\n        {}\n",
+            painted_verdict(diagnosis.verdict),
+            diagnosis.statement
+        );
         for (index, place) in diagnosis.location.iter().enumerate() {
             let title = if index == 0 { "WHERE " } else { "      " };
             let joint = place.joint.as_ref().map_or("whole arm".to_owned(), |joint| joint.clone());
@@ -273,9 +285,12 @@ impl View<'_> {
     }
 }
 
+fn file_name(recording: &Recording) -> String {
+    recording.origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
 fn heading(recording: &Recording) -> String {
-    let name =
-        recording.origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+    let name = file_name(recording);
     let joints = recording.joints();
     let mut what = vec!["joint angles"];
     what.extend(recording.tau.is_some().then_some("torque"));
@@ -290,14 +305,15 @@ fn heading(recording: &Recording) -> String {
     )
 }
 
-fn verdict(verdict: Verdict) -> &'static str {
-    match verdict {
-        Verdict::NothingMissing => "nothing missing",
-        Verdict::Named => "named",
-        Verdict::OneOf => "one of several",
-        Verdict::Unknown => "unknown",
-        Verdict::InsufficientData => "insufficient data",
-    }
+fn painted_verdict(verdict: Verdict) -> String {
+    let (style, words) = match verdict {
+        Verdict::NothingMissing => (GOOD, "nothing missing"),
+        Verdict::Named => (GOOD, "named"),
+        Verdict::OneOf => (OPEN, "one of several"),
+        Verdict::Unknown => (OPEN, "unknown"),
+        Verdict::InsufficientData => (OPEN, "insufficient data"),
+    };
+    painted(style, words)
 }
 
 /// What can't be told, reasons shared by several kinds said once.
@@ -374,17 +390,17 @@ fn bars(fit: &Fit, diagnosis: &Diagnosis) -> String {
             other => (1.0, other),
         };
         let rows = [
-            ("model as given", &fit.before),
-            ("parameters re-tuned", &fit.retuned),
-            ("with what was found", &fit.after_retuned),
-            ("black box (splines)", &fit.black_box),
+            ("model as given", OPEN, &fit.before),
+            ("parameters re-tuned", Style::new(), &fit.retuned),
+            ("with what was found", GOOD, &fit.after_retuned),
+            ("black box (splines)", Style::new(), &fit.black_box),
         ];
-        let longest = rows.iter().map(|(_, table)| table[channel].rmse).fold(f64::MIN_POSITIVE, f64::max);
+        let longest = rows.iter().map(|(_, _, table)| table[channel].rmse).fold(f64::MIN_POSITIVE, f64::max);
         let _ =
             writeln!(text, "  {channel}, {unit}, noise floor {:.3}", fit.noise_floor[channel].rmse * scale);
-        for (name, table) in rows {
+        for (name, style, table) in rows {
             let rmse = table[channel].rmse;
-            let bar = "█".repeat((BAR * rmse / longest).round() as usize);
+            let bar = painted(style, "█".repeat((BAR * rmse / longest).round() as usize));
             let _ = writeln!(text, "    {name:20} {:10.3}  {bar}", rmse * scale);
         }
     }

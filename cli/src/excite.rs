@@ -12,16 +12,17 @@ use freeplay_diagnosis::{
 };
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_recording::Recording;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 
 use crate::diagnose_report::title;
 use crate::exit::{Exit, Failure};
-use crate::files::{make_folder, read_json, write};
+use crate::files::{Folder, read_json, write};
+use crate::recorded;
 use crate::run::Format;
 use crate::say::say;
 use crate::setup::load_model;
 use crate::units::power_of_ten;
+use crate::voice;
 
 /// Rows a second of the path that is written.
 const RATE: f64 = 200.0;
@@ -102,9 +103,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     let model = model.ok_or_else(|| Failure::usage("name a diagnosis.json, or --model with --kinds"))?;
     let file = load_model(&model)?;
     let seen = found.as_ref().and_then(|found| found.recordings.first());
-    let seen = seen
-        .map(|path| freeplay_recording::read(path, Some(file.arm.dof())).map_err(Failure::input))
-        .transpose()?;
+    let seen = seen.map(|path| recorded::read(path, &model, &file)).transpose()?;
     let rivals = match &found {
         _ if !args.kinds.is_empty() => named(args, &file)?,
         Some(found) => found.rivals(&file)?,
@@ -126,7 +125,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     };
     let question = Question { file: &file, rivals, seen: seen.as_ref() };
     // Before what takes minutes.
-    make_folder(&args.out)?;
+    let _reserved = Folder::reserve(&args.out)?;
     let found = seek(&question, &settings)?;
     let path = write_path(&found, &model, &file, &args.out)?;
     match args.format {
@@ -141,10 +140,8 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
 /// # Errors
 /// Bad input, or no safe motion.
 pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation, Failure> {
-    let bar = ProgressBar::with_draw_target(Some(settings.candidates as u64), ProgressDrawTarget::stderr());
-    if let Ok(style) = ProgressStyle::with_template("weighing motions {bar:30} {pos}/{len}  {msg}") {
-        bar.set_style(style);
-    }
+    voice::detail(format_args!("weighing {} motions", settings.candidates));
+    let bar = voice::bar(settings.candidates as u64, "weighing motions {bar:30} {pos}/{len}  {msg}");
     let found = sought(question.file, &question.rivals, question.seen, settings, &mut |number, _, best| {
         bar.set_position(number as u64);
         bar.set_message(format!("best {} : 1", power_of_ten(best)));

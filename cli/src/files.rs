@@ -2,11 +2,12 @@
 
 use std::io::{Error, ErrorKind, Write};
 use std::os::unix::fs::OpenOptionsExt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::de::DeserializeOwned;
 
 use crate::exit::Failure;
+use crate::voice;
 
 /// What to do about a file that can't be read.
 pub fn how_to_read(error: &Error) -> &'static str {
@@ -79,6 +80,32 @@ pub fn make_folder(path: &Path) -> Result<(), Failure> {
     })
 }
 
+/// A folder for what takes minutes to be found, made before. Unless something is in it, it is gone again with this.
+pub struct Folder {
+    /// Those that had to be made, the innermost first.
+    made: Vec<PathBuf>,
+}
+
+impl Folder {
+    /// Makes the folder `path` and those above it.
+    ///
+    /// # Errors
+    /// As [`make_folder`].
+    pub fn reserve(path: &Path) -> Result<Self, Failure> {
+        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+        let made = path.ancestors().take_while(missing).map(Path::to_owned).collect();
+        make_folder(path)?;
+        Ok(Self { made })
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // One that is not empty can't be removed, and should not be.
+        let _ = self.made.iter().try_for_each(std::fs::remove_dir);
+    }
+}
+
 /// Whether a file could be written to `path`, without leaving anything: for what takes minutes before it writes.
 ///
 /// # Errors
@@ -110,5 +137,7 @@ pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
     options
         .open(path)
         .and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(|error| unwritable(path, &error))
+        .map_err(|error| unwritable(path, &error))?;
+    voice::detail(format_args!("wrote {}: {:.1} kB", path.display(), text.len() as f64 * 1e-3));
+    Ok(())
 }

@@ -6,7 +6,7 @@
 //! `swap_measures` (what a swap costs); `bench` and `doctor` (timing, and whether the machine is fit for it); `diagnose` and
 //! `diagnose_report` (what is missing from a model), `excite` (the next motion), `demo` (the loop closed), `blind` (the proof on concealed
 //! effects); `cells` and `bound` (how far a correction gets); `compare`, `replay`, `reference_runs` and `reproduce` beside them; `record`,
-//! `scenario_command` and `manual` run nothing.
+//! `scenario_command` and `manual` run nothing. `voice` and `say` are how all of them speak.
 
 mod args;
 mod bench;
@@ -34,6 +34,7 @@ mod plant_command;
 mod process;
 mod processes;
 mod record;
+mod recorded;
 mod recorder;
 mod reference_report;
 mod reference_runs;
@@ -56,6 +57,7 @@ mod swap_measures;
 mod swaps;
 mod train;
 mod units;
+mod voice;
 
 fn main() -> std::process::ExitCode {
     match args::dispatch() {

@@ -12,6 +12,7 @@ use crate::exit::{Exit, Failure};
 use crate::files::unreadable;
 use crate::run::Format;
 use crate::say::say;
+use crate::voice;
 
 /// Looks into recordings and turns them into other forms.
 #[derive(Args, Debug)]
@@ -281,7 +282,7 @@ fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
 fn write(recording: &Recording, out: &Path) -> Result<Exit, Failure> {
     let summary = freeplay_recording::export(recording, out).map_err(Failure::input)?;
     for note in &recording.notes {
-        eprintln!("note: {note}");
+        voice::note(format_args!("note: {note}"));
     }
     say(&format!(
         "{}: {} samples of {} columns, {:.1} kB\n",

@@ -12,7 +12,6 @@ use comfy_table::{CellAlignment, Table, presets};
 use freeplay_laws::ClearanceTable;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::DeviationStatistics;
-use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
 use crate::exit::{Exit, Failure};
@@ -20,6 +19,7 @@ use crate::run::Format;
 use crate::say::say;
 use crate::scenario::Drive;
 use crate::simulation::{Scene, Simulation, TICK, on_all_cores};
+use crate::voice;
 
 /// The reference, as it was handed over.
 const REFERENCE: &str = include_str!("../data/reference_runs.csv");
@@ -302,10 +302,7 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
         let words = "give a part of one, such as lissajous or T12; without --only there are all";
         return Err(Failure::usage(format!("no reference run has {:?} in its name; {words}", args.only)));
     }
-    let bar = ProgressBar::new(rows.len() as u64);
-    if let Ok(style) = ProgressStyle::with_template("reference runs {bar:30} {pos}/{len} {elapsed}") {
-        bar.set_style(style);
-    }
+    let bar = voice::bar(rows.len() as u64, "reference runs {bar:30} {pos}/{len} {elapsed}");
     let figures = on_all_cores(rows.len(), |index| {
         let figures = simulate(&rows[index], args.substeps, 0.0);
         bar.inc(1);
@@ -325,7 +322,7 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
     }
     if let Some(out) = &args.out {
         let report = crate::reference_report::write(&pairs, args.substeps, out)?;
-        eprintln!("report  {}", report.display());
+        voice::note(format_args!("report  {}", report.display()));
     }
     Ok(if pairs.iter().all(|pair| pair.faults.is_empty()) { Exit::Done } else { Exit::Verdict })
 }

@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use freeplay_controller::BUILT_IN;
 use freeplay_shm::{Address, RunRoot};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
 use rustix::fs::{Access, access};
 use serde_json::json;
 use sha2::{Digest, Sha256};
@@ -28,7 +28,7 @@ use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
 use crate::scenario_place::located;
 use crate::setup::Setup;
 use crate::summary::{RunSummary, SCHEMA};
-use crate::{run_report, screen, swaps};
+use crate::{run_report, screen, swaps, voice};
 
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -73,7 +73,7 @@ pub struct RunArgs {
     #[arg(long, default_value = "text")]
     format: Format,
     /// Watch the run in the terminal, and swap, kill or hang controllers by key; in real time unless --pace says otherwise.
-    #[arg(long, conflicts_with = "quiet")]
+    #[arg(long)]
     live: bool,
     /// Print the effective scenario and end.
     #[arg(long)]
@@ -84,9 +84,6 @@ pub struct RunArgs {
     /// Start the controller this many seconds after the plant, or before it if negative.
     #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "S", hide = true)]
     controller_delay: f64,
-    /// Say less.
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// One controller to run.
@@ -154,6 +151,9 @@ impl Contestant {
 /// # Errors
 /// Bad input, a controller that does not start, a process that fails.
 pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
+    if args.live && voice::is_quiet() {
+        return Err(Failure::usage("--live cannot be used with --quiet: choose one of them"));
+    }
     let scenario = effective(args)?;
     if args.show {
         say(&scenario.to_toml().map_err(Failure::internal)?)?;
@@ -180,10 +180,10 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     crate::process::stop_on_signals(&stop)?;
     let (mut runs, mut exit, mut failure) = (Vec::new(), Exit::Done, None);
     for contestant in &contestants {
-        let progress = Progress::new(args.quiet || args.live, contestant, &setup, scenario.pace);
+        let progress = progress(args.live, contestant, &setup, scenario.pace);
         let watch = args.live.then(|| watch(contestant, &scenario, &setup, &files)).transpose()?;
         let ended = play_watched(&scenario, contestant, &files, args.controller_delay, &stop, watch);
-        progress.finish();
+        progress.finish_and_clear();
         match ended {
             Err(error) => {
                 failure = Some(error);
@@ -435,29 +435,17 @@ fn processes(
     Ok(ended)
 }
 
-/// A bar on standard error while a run goes on.
-struct Progress {
-    bar: ProgressBar,
-}
-
-impl Progress {
-    fn new(quiet: bool, contestant: &Contestant, setup: &Setup, pace: Pacing) -> Self {
-        let bar = ProgressBar::new_spinner();
-        if quiet {
-            bar.set_draw_target(ProgressDrawTarget::hidden());
-        }
-        let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
-        if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} {elapsed}") {
-            bar.set_style(style);
-        }
-        bar.set_message(format!("{}: {seconds} s of motion, {}", contestant.asked, pace_name(pace)));
-        bar.enable_steady_tick(Duration::from_millis(120));
-        Self { bar }
+/// A line on standard error while a run goes on; none where it is watched.
+fn progress(is_watched: bool, contestant: &Contestant, setup: &Setup, pace: Pacing) -> ProgressBar {
+    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
+    let words = format!("{}: {seconds} s of motion, {}", contestant.asked, pace_name(pace));
+    voice::detail(&words);
+    if is_watched {
+        return ProgressBar::hidden();
     }
-
-    fn finish(self) {
-        self.bar.finish_and_clear();
-    }
+    let bar = voice::spinner("{spinner} {msg} {elapsed}").with_message(words);
+    bar.enable_steady_tick(Duration::from_millis(120));
+    bar
 }
 
 /// Writes the summary and the report, and prints what a person, or a program, wants to see.

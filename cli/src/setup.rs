@@ -16,6 +16,7 @@ use nalgebra::Vector3;
 use crate::exit::Failure;
 use crate::files::write;
 use crate::scenario::{Drive, Pacing, Scenario};
+use crate::voice;
 
 /// A scenario with its files read and its path planned.
 pub struct Setup {
@@ -35,7 +36,10 @@ pub fn load_model(model: &str) -> Result<ArmFile, Failure> {
     if model == PAPER_MODEL {
         return Ok(freeplay_arm::paper_arm());
     }
-    freeplay_arm::load(Path::new(model)).map_err(Failure::input)
+    let file = freeplay_arm::load(Path::new(model)).map_err(Failure::input)?;
+    let (arm, effects) = (&file.arm, file.effects.len());
+    voice::detail(format_args!("read {model}: {} of {} joints, {effects} effects", arm.name(), arm.dof()));
+    Ok(file)
 }
 
 /// The arm file of `scenario` with its gravity and with the scenario's plays as effects.

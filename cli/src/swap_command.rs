@@ -17,12 +17,12 @@ use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
 use crate::files::write;
 use crate::run::{Contestant, Files, Format, default_folder, load, play};
-use crate::say::say;
+use crate::say::{say, show};
 use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::setup::Setup;
 use crate::summary::RunSummary;
 use crate::swap_measures::{Alone, Measured, SETTLING, measure, steady_change};
-use crate::swaps;
+use crate::{swaps, voice};
 
 /// The schema of `swap.json`.
 const SCHEMA: &str = "freeplay.swap/1";
@@ -64,9 +64,6 @@ pub struct SwapArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Say less.
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// Runs each controller alone, then all of them with swaps until there were enough, and judges.
@@ -98,7 +95,7 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     let stage = Stage { scenario, out, stop, seed: args.seed.unwrap_or(1) };
-    let bar = if args.quiet { ProgressBar::hidden() } else { ProgressBar::new(u64::from(args.swaps)) };
+    let bar = voice::bar(args.swaps.into(), "swaps {bar:30} {pos}/{len} {elapsed}");
     let ended = stage.play_all(args.swaps, args.per_run, &bar);
     bar.finish_and_clear();
     let played = ended?;
@@ -114,7 +111,7 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     write(&stage.out.join("swap.json"), &text)?;
     match args.format {
         Format::Json => say(&format!("{text}\n"))?,
-        Format::Text => say(&in_words(&played, &verdicts, &stage.out))?,
+        Format::Text => show(&in_words(&played, &verdicts, &stage.out))?,
     }
     Ok(match (played.planned() < args.swaps as usize, verdicts.all_hold()) {
         (true, _) => Exit::Interrupted,
@@ -386,7 +383,7 @@ fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
         verdicts.swaps, played.runs, verdicts.with_contact_event
     );
     for (holds, words) in verdicts.lines() {
-        text += &format!("{} {words}\n", if holds { "holds  " } else { "FAILS  " });
+        text += &format!("{} {words}\n", voice::judgement(holds));
     }
     if verdicts.undisturbed < verdicts.swaps {
         text += &format!(

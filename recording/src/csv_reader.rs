@@ -103,6 +103,9 @@ fn header(record: &ByteRecord, place: Place) -> Result<Vec<String>, ReadError> {
     let cells = record.iter().map(std::str::from_utf8).collect::<Result<Vec<_>, _>>();
     let cells = cells.map_err(|_| not_text("its first line is no UTF-8 text"))?;
     let names: Vec<String> = cells.iter().map(|cell| unquote(cell).to_string()).collect();
+    if let Some(first) = names.first().filter(|first| first.starts_with(['#', '%'])) {
+        return Err(ReadError::Comment { place, value: shorten(first) });
+    }
     if let [only] = names.as_slice()
         && let Some(separator) = only.chars().find(|c| matches!(c, ';' | '\t' | ' '))
     {

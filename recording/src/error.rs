@@ -88,6 +88,16 @@ pub enum ReadError {
         /// A command that converts the file.
         remedy: String,
     },
+    /// The first line is a comment.
+    #[error(
+        "{place}: the first line should be the header, but is a comment ({value:?}); remove the lines of comment, and a mark before the column names"
+    )]
+    Comment {
+        /// The line.
+        place: Place,
+        /// Its first cell.
+        value: String,
+    },
     /// The first line holds numbers.
     #[error(
         "{place}: no header: the first line begins with the number {value}; put the column names first, e.g. t,q1,q2"

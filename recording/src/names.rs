@@ -70,14 +70,16 @@ pub enum ColumnError {
     Missing {
         /// The missing column.
         column: String,
-        /// A column that looks like the missing one under another name, and what to do; may be empty.
+        /// A column that looks like the missing one under another name, and what to do.
         hint: String,
         /// The columns that are there, shortened.
         found: String,
     },
     /// Another number of joints than the arm has.
     #[error(
-        "expected {expected} joint(s) (q1…q{expected}), found {found} (q1…q{found}): is this a recording of this arm?"
+        "expected {expected} joint(s) ({}), found {found} ({}): is this a recording of this arm?",
+        span(*expected),
+        span(*found)
     )]
     JointCount {
         /// Joints of the arm.
@@ -255,13 +257,22 @@ fn check_set(present: &HashSet<Role>, names: &[&str], role: fn(usize) -> Role) -
     }
 }
 
+/// The columns of that many positions: `q1…q6`, or `q1`.
+fn span(joints: usize) -> String {
+    if joints == 1 { "q1".into() } else { format!("q1…q{joints}") }
+}
+
 /// `column` is missing: says which of `names` may be meant.
 fn missing(column: &str, names: &[String]) -> ColumnError {
     let similar = names.iter().find(|name| {
         let name = name.to_lowercase();
         name == column || (column == "t" && name.starts_with("time"))
     });
-    let hint = similar.map_or_else(String::new, |name| format!(" (rename {} to {column})", shorten(name)));
+    let hint = match similar {
+        Some(name) => format!(" (rename {} to {column})", shorten(name)),
+        None if column == "t" => " (add the time of each row, s)".into(),
+        None => format!(" (add the position of joint {}, rad)", column.trim_start_matches('q')),
+    };
     ColumnError::Missing { column: column.into(), hint, found: list(names) }
 }
 

@@ -14,11 +14,17 @@ fn with_joints(text: &str, joints: usize) -> Result<Recording, ReadError> {
 }
 
 const COLUMNS: [(&str, &str); 17] = [
-    ("\nq1,q2\n0,0", "run.csv:2: column t is missing; found: q1, q2"),
+    ("\nq1,q2\n0,0", "run.csv:2: column t is missing (add the time of each row, s); found: q1, q2"),
     ("time,q1\n0,0", "run.csv:1: column t is missing (rename time to t); found: time, q1"),
     ("T,q1\n0,0", "run.csv:1: column t is missing (rename T to t); found: T, q1"),
-    ("t,x,y,z\n0,0,0,0", "run.csv:1: column q1 is missing; found: t, x, y, z"),
-    ("t,q1,q3\n0,0,0", "run.csv:1: column q2 is missing; found: t, q1, q3"),
+    (
+        "t,x,y,z\n0,0,0,0",
+        "run.csv:1: column q1 is missing (add the position of joint 1, rad); found: t, x, y, z",
+    ),
+    (
+        "t,q1,q3\n0,0,0",
+        "run.csv:1: column q2 is missing (add the position of joint 2, rad); found: t, q1, q3",
+    ),
     ("t,Q1,q2\n0,0,0", "run.csv:1: column q1 is missing (rename Q1 to q1); found: t, Q1, q2"),
     ("t,q0,q1\n0,0,0", "run.csv:1: column q0: joints are counted from 1; rename q0, q1… to q1, q2…"),
     (
@@ -51,7 +57,7 @@ const COLUMNS: [(&str, &str); 17] = [
     ),
 ];
 
-const CELLS: [(&str, &str); 18] = [
+const CELLS: [(&str, &str); 20] = [
     (
         "t,q1\n0,0\n1,nan\n",
         "run.csv:3: column q1: \"nan\" is not a finite number; remove the row or interpolate it",
@@ -114,6 +120,14 @@ const CELLS: [(&str, &str); 18] = [
     (
         "0.0,1.5\n0.1,1.6\n",
         "run.csv:1: no header: the first line begins with the number 0.0; put the column names first, e.g. t,q1,q2",
+    ),
+    (
+        "# made by hand\nt,q1\n0,0\n",
+        "run.csv:1: the first line should be the header, but is a comment (\"# made by hand\"); remove the lines of comment, and a mark before the column names",
+    ),
+    (
+        "# t,q1\n0,0\n",
+        "run.csv:1: the first line should be the header, but is a comment (\"# t\"); remove the lines of comment, and a mark before the column names",
     ),
 ];
 

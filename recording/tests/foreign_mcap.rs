@@ -121,7 +121,7 @@ fn each_foreign_form_has_its_message() {
         ),
         (
             message_of(&[tick("float64 t\nfloat64 q2\n", q())]),
-            "run.mcap: column q1 is missing; found: t, q2".into(),
+            "run.mcap: column q1 is missing (add the position of joint 1, rad); found: t, q2".into(),
         ),
         (message_of(&[tick(joints, vec![])]), "run.mcap: no samples; record some motion".into()),
     ];

@@ -8,6 +8,7 @@ use hdrhistogram::Histogram;
 use crate::bench::Contest;
 use crate::bench::bench_report::{Report, STAGES, causes_alone};
 use crate::bench::figures::{QUANTILES, Ratio};
+use crate::voice::judgement;
 
 impl Report<'_> {
     /// For the terminal.
@@ -53,7 +54,7 @@ impl Report<'_> {
             text += &self.cliff_words(&contest.controller).map_or(String::new(), |words| words + "\n");
         }
         for (holds, words) in self.verdict_lines() {
-            text += &format!("{} {words}\n", if holds { "holds  " } else { "FAILS  " });
+            text += &format!("{} {words}\n", judgement(holds));
         }
         let machine = self.machine["doctor"]["verdict"]["words"].as_str().unwrap_or("?");
         text + &format!(

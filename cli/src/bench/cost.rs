@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 
 use comfy_table::{CellAlignment, Table, presets};
 use hdrhistogram::Histogram;
-use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::json;
 
@@ -17,6 +16,7 @@ use crate::files::write;
 use crate::run::Format;
 use crate::say::say;
 use crate::scenario::RecordingKind;
+use crate::voice;
 
 /// The schema of `cost.json`.
 const SCHEMA: &str = "freeplay.cost/1";
@@ -127,9 +127,9 @@ impl Told {
 ///
 /// # Errors
 /// A run that fails; results that can't be written.
-pub fn cost(stand: &Stand, pairs: usize, format: Format, quiet: bool) -> Result<Exit, Failure> {
+pub fn cost(stand: &Stand, pairs: usize, format: Format) -> Result<Exit, Failure> {
     let contestant = stand.contestants.first().ok_or_else(|| Failure::usage("no controller"))?;
-    let bar = if quiet { ProgressBar::hidden() } else { ProgressBar::new(pairs as u64) };
+    let bar = voice::bar(pairs as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
     let mut measured: [Measured; KINDS] = Default::default();
     for number in 0..pairs {
         let mut order = Looking::ALL;

@@ -31,9 +31,10 @@ use crate::bench::figures::{Compared, Ratio, caught_up, ratios};
 use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
 use crate::run::{Contestant, Format, default_folder, load};
-use crate::say::say;
+use crate::say::{say, show};
 use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::summary::RunSummary;
+use crate::voice;
 
 /// Missed ticks that are bridged: a bench measures the stall of a machine and does not end at it.
 const HOLD: u32 = 1000;
@@ -72,6 +73,9 @@ pub struct BenchArgs {
     /// Change a key of the scenario, as in --set path.period=12.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
+    /// Seed of all noise.
+    #[arg(long)]
+    seed: Option<u64>,
     /// End with code 4 unless the machine is fit for tails of latencies (see `freeplay doctor`).
     #[arg(long)]
     require_rt: bool,
@@ -81,9 +85,6 @@ pub struct BenchArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Say less.
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// One controller against the yardsticks.
@@ -225,10 +226,10 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
     crate::process::stop_on_signals(&stop)?;
     let stand = Stand { scenario: &scenario, contestants: &contestants, out: &out, stop: &stop };
     if args.cost {
-        return cost::cost(&stand, args.pairs, args.format, args.quiet);
+        return cost::cost(&stand, args.pairs, args.format);
     }
     let steps = args.load.len() * contestants.len();
-    let bar = if args.quiet { ProgressBar::hidden() } else { ProgressBar::new((args.pairs + steps) as u64) };
+    let bar = voice::bar((args.pairs + steps) as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
     let played = play(args, &stand, &bar);
     bar.finish_and_clear();
     let Some(Played { blocks, cliff }) = played? else { return Ok(Exit::Interrupted) };
@@ -248,7 +249,7 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
     let text = report.write(&out)?;
     match args.format {
         Format::Json => say(&format!("{text}\n"))?,
-        Format::Text => say(&report.in_words(&out))?,
+        Format::Text => show(&report.in_words(&out))?,
     }
     let holds = report.verdicts.hold().iter().all(|&holds| holds);
     Ok(if holds { Exit::Done } else { Exit::Verdict })
@@ -256,7 +257,9 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
 
 /// The scenario of a block.
 fn scenario(args: &BenchArgs) -> Result<Scenario, Failure> {
-    let mut scenario = load(args.scenario.as_deref(), &args.set)?;
+    let sets: Vec<String> =
+        args.set.iter().cloned().chain(args.seed.map(|seed| format!("seed={seed}"))).collect();
+    let mut scenario = load(args.scenario.as_deref(), &sets)?;
     if args.pairs == 0 || args.ticks / (args.pairs as u64) < 100 {
         return Err(Failure::usage(
             "bench needs a block or more (--pairs) of a hundred ticks or more (--ticks)",

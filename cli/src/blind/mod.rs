@@ -94,9 +94,6 @@ pub struct BlindArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Show no progress.
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// Which part of a set.

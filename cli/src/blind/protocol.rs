@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use freeplay_concealed::Quota;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::ProgressBar;
 use rustix::rand::{GetRandomFlags, getrandom};
 use serde_json::{Value, json};
 
@@ -16,6 +16,7 @@ use super::{BlindArgs, hash, history};
 use crate::exit::Failure;
 use crate::files::{make_folder, read_json, unreadable};
 use crate::hex::hex;
+use crate::voice;
 
 /// Bytes of a salt.
 const SALT: usize = 16;
@@ -36,24 +37,16 @@ fn random<const N: usize>() -> Result<[u8; N], Failure> {
 }
 
 /// A bar on standard error with the time that remains.
-fn bar(quiet: bool, length: usize, what: &'static str) -> ProgressBar {
-    let bar = ProgressBar::new(length as u64);
-    if quiet {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
-    }
-    if let Ok(style) = ProgressStyle::with_template("{msg:<10} {bar:30} {pos}/{len} {elapsed}, {eta} left") {
-        bar.set_style(style);
-    }
-    bar.set_message(what);
+fn bar(length: usize, what: &'static str) -> ProgressBar {
+    let bar =
+        voice::bar(length as u64, "{msg:<10} {bar:30} {pos}/{len} {elapsed}, {eta} left").with_message(what);
     bar.tick();
     bar
 }
 
 /// A line on standard error for each stage.
-fn tell(args: &BlindArgs, stage: &str, words: &str) {
-    if !args.quiet {
-        eprintln!("{stage:8} {words}");
-    }
+fn tell(stage: &str, words: &str) {
+    voice::note(format_args!("{stage:8} {words}"));
 }
 
 /// The program and nothing else.
@@ -92,7 +85,7 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
     let mut part = frozen()?;
     let short = super::verify::start;
     let (program, catalogue) = (short(&part.program.sha256), short(&part.program.catalogue));
-    tell(args, "frozen", &format!("program {program}, catalogue {catalogue}"));
+    tell("frozen", &format!("program {program}, catalogue {catalogue}"));
     let seed = match args.seed {
         Some(seed) => seed,
         None => u64::from_le_bytes(random()?),
@@ -107,11 +100,10 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
     let shard = [args.shard.0, args.shard.1];
     part.draw = Some(Draw { seed, seed_from: seed_from.to_owned(), quota, shard, matrix });
     part.complete("seed", &json!(part.draw));
-    tell(args, "seed", &format!("{seed}, from {seed_from}"));
+    tell("seed", &format!("{seed}, from {seed_from}"));
     let withheld = generate(args, folder, &mut part)?;
     let commitment = part.complete("seal", &json!([part.sealed, part.commitments, part.not_made]));
     tell(
-        args,
         "sealed",
         &format!("{} cases, truth withheld, commitment {}", part.sealed.len(), short(&commitment)),
     );
@@ -130,11 +122,7 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
     let kept = part.records(&receipt.cases).all(|(name, record)| {
         part.commitments.get(name) == Some(&hash::commitment(&record.salt, &record.truth))
     });
-    tell(
-        args,
-        "opened",
-        if kept { "truth matches the commitment" } else { "TRUTH DOES NOT MATCH THE COMMITMENT" },
-    );
+    tell("opened", if kept { "truth matches the commitment" } else { "TRUTH DOES NOT MATCH THE COMMITMENT" });
     Ok(receipt)
 }
 
@@ -157,7 +145,7 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
         folder: cases.clone(),
         jobs: args.jobs(),
     };
-    let bar = bar(args.quiet, draw.quota.cases() / draw.shard[1], "generating");
+    let bar = bar(draw.quota.cases() / draw.shard[1], "generating");
     let start = Instant::now();
     let lines = made(&order, &bar)?;
     bar.finish_and_clear();
@@ -186,7 +174,7 @@ fn ask(args: &BlindArgs, cases: &Path, mut part: Part) -> Result<Receipt, Failur
     let secret = hex(&random::<SALT>()?);
     crate::files::write(&canary, &secret)?;
     let analysts = Analysts { jobs: args.jobs(), patience: args.patience(), canary: Some(canary.clone()) };
-    let bar = bar(args.quiet, part.sealed.len(), "analysing");
+    let bar = bar(part.sealed.len(), "analysing");
     let start = Instant::now();
     let answers = analysts.answers(cases, &part.sealed, &bar)?;
     bar.finish_and_clear();
@@ -202,9 +190,9 @@ fn ask(args: &BlindArgs, cases: &Path, mut part: Part) -> Result<Receipt, Failur
     part.answers = part.hash_of_answers(&cases);
     part.complete("answer", &json!(part.answers));
     let (seconds, hash) = (part.seconds[1], super::verify::start(&part.answers));
-    tell(args, "analysed", &format!("once in {seconds:.0} s, answers committed {hash}"));
+    tell("analysed", &format!("once in {seconds:.0} s, answers committed {hash}"));
     for (words, count) in &part.isolation {
-        tell(args, "", &format!("{count} analysts behind {words}"));
+        tell("", &format!("{count} analysts behind {words}"));
     }
     Ok(Receipt { schema: SCHEMA.to_owned(), parts: vec![part], cases, score: Value::Null })
 }

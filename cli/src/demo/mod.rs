@@ -12,7 +12,6 @@ use std::sync::{Arc, Mutex};
 
 use clap::Args;
 use freeplay_diagnosis::{Effect, Verdict};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde_json::Value;
 
 use crate::diagnose_report::{outcome as in_words, title};
@@ -21,6 +20,7 @@ use crate::files::check_target;
 use crate::run::{Format, default_folder};
 use crate::say::say;
 use crate::units::{people, written};
+use crate::voice;
 use cases::Case;
 use play::{CONTROLLER, Outcome, outcome};
 
@@ -108,10 +108,7 @@ fn all(
     out: &std::path::Path,
     stop: &AtomicBool,
 ) -> Result<Vec<Outcome>, Failure> {
-    let bar = ProgressBar::with_draw_target(Some(cases.len() as u64), ProgressDrawTarget::stderr());
-    if let Ok(style) = ProgressStyle::with_template("playing and diagnosing {bar:30} {pos}/{len}  {msg}") {
-        bar.set_style(style);
-    }
+    let bar = voice::bar(cases.len() as u64, "playing and diagnosing {bar:30} {pos}/{len}  {msg}");
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<(usize, Result<Outcome, Failure>)>> = Mutex::new(Vec::new());
     let work = || {

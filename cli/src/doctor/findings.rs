@@ -1,5 +1,6 @@
 //! What the facts of a machine mean for a run: one line an item, what to change in one line, and what the machine is fit for.
 
+use clap::builder::styling::Style;
 use serde::Serialize;
 
 use crate::doctor::clocks::{clock_source, idle, stolen, timer, wake_up};
@@ -8,6 +9,7 @@ use crate::doctor::probe::{Around, Probe};
 use crate::doctor::system::{
     budget, cores, governor, isolation, kernel, load, memory, preemption, priority, shared_memory,
 };
+use crate::voice::{BAD, GOOD, OPEN};
 
 /// How good a finding is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -28,6 +30,15 @@ impl Level {
             Self::Ok => "ok",
             Self::Warn => "warn",
             Self::Fail => "fail",
+        }
+    }
+
+    /// How the word looks in a terminal.
+    pub fn style(self) -> Style {
+        match self {
+            Self::Ok => GOOD,
+            Self::Warn => OPEN,
+            Self::Fail => BAD,
         }
     }
 }

@@ -20,8 +20,9 @@ use crate::doctor::probe::{Around, Probe};
 use crate::exit::{Exit, Failure};
 use crate::files::write;
 use crate::run::Format;
-use crate::say::say;
+use crate::say::{say, show};
 use crate::scenario::RealtimeTable;
+use crate::voice::{self, painted};
 
 /// The schema of what it prints as JSON.
 const SCHEMA: &str = "freeplay.doctor/1";
@@ -101,8 +102,8 @@ impl Examination {
         let width = self.findings.iter().map(|finding| finding.item.len()).max().unwrap_or(0);
         let mut text = String::new();
         for finding in &self.findings {
-            let _ =
-                writeln!(text, " {:<4}  {:<width$}  {}", finding.level.word(), finding.item, finding.found);
+            let level = painted(finding.level.style(), format_args!("{:<4}", finding.level.word()));
+            let _ = writeln!(text, " {level}  {:<width$}  {}", finding.item, finding.found);
             if let Some(remedy) = &finding.remedy {
                 let _ = writeln!(text, "       {:<width$}  → {remedy}", "");
             }
@@ -150,7 +151,10 @@ impl Examination {
 /// [`Exit::Unfit`] with `--require-rt`; a file that can't be written.
 pub fn doctor(args: &DoctorArgs) -> Result<Exit, Failure> {
     let probe = match (args.quick, &args.root) {
-        (false, None) => Some(Probe::run(RealtimeTable::default().priority)?),
+        (false, None) => {
+            voice::detail("measuring the wake-up of this machine");
+            Some(Probe::run(RealtimeTable::default().priority)?)
+        }
         _ => None,
     };
     let examination = Examination::of(args.root.as_deref().unwrap_or(Path::new("/")), probe);
@@ -164,7 +168,7 @@ pub fn doctor(args: &DoctorArgs) -> Result<Exit, Failure> {
                 serde_json::to_string_pretty(&examination.json()).map_err(Failure::internal)?
             ))?;
         }
-        Format::Text => say(&examination.in_words())?,
+        Format::Text => show(&examination.in_words())?,
     }
     if args.require_rt {
         examination.require_rt()?;

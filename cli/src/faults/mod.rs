@@ -18,7 +18,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
-use indicatif::ProgressBar;
 
 use crate::exit::{Exit, Failure};
 use crate::faults::exam::Exam;
@@ -26,6 +25,7 @@ use crate::faults::kinds::Kind;
 use crate::run::{Contestant, Format, default_folder, load};
 use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind};
+use crate::voice;
 
 /// Examines a controller.
 #[derive(Args, Debug)]
@@ -62,9 +62,6 @@ pub struct FaultsArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Say less.
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// Examines the controller of `args`.
@@ -85,10 +82,7 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
         return kills::kill_runs(&args.controller, count, args.seed, &out, &stop);
     }
     let kinds = if args.kind.is_empty() { Kind::ALL.to_vec() } else { args.kind.clone() };
-    let bar = match args.quiet {
-        true => ProgressBar::hidden(),
-        false => ProgressBar::new(u64::from(args.seeds) * kinds.len() as u64),
-    };
+    let bar = voice::bar(u64::from(args.seeds) * kinds.len() as u64, "faults {bar:30} {pos}/{len} {elapsed}");
     let mut exam =
         Exam::new(scenario, examined, args.standby.clone(), args.seed, out.clone(), Arc::clone(&stop))?;
     let verdicts = exam.examine(&kinds, args.seeds, &bar);

@@ -9,12 +9,14 @@ use std::time::{Duration, Instant};
 
 use freeplay_plant::Wish;
 use ratatui::backend::TestBackend;
+use ratatui::crossterm::style::force_color_output;
 use ratatui::{DefaultTerminal, Terminal};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::{Action, Dashboard, Glance, PICTURE, Title, draw};
 use crate::exit::Failure;
 use crate::processes::Running;
+use crate::voice::is_coloured;
 
 /// Time between two lines.
 const LINE: Duration = Duration::from_secs(1);
@@ -56,6 +58,8 @@ impl Watch {
         let face = if has_terminal {
             let terminal = ratatui::try_init()
                 .map_err(|error| Failure::usage(format!("--live: the terminal can't be taken: {error}")))?;
+            // The library looks at NO_COLOR alone.
+            force_color_output(is_coloured());
             Face::Screen(Box::new(terminal))
         } else {
             Face::Lines
@@ -160,7 +164,6 @@ impl Watch {
             return Ok(());
         }
         self.shown = Some(Instant::now());
-        let colours = || std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
         match &mut self.face {
             Face::Lines => {
                 let tick = self.board.now.as_ref().map(|now| now.tick).filter(|&tick| tick > 0);
@@ -170,10 +173,11 @@ impl Watch {
                 }
             }
             Face::Screen(terminal) => {
-                terminal.draw(|frame| draw(frame, &self.board, colours())).map_err(Failure::internal)?;
+                let colours = is_coloured();
+                terminal.draw(|frame| draw(frame, &self.board, colours)).map_err(Failure::internal)?;
             }
             Face::Unseen(terminal) => {
-                terminal.draw(|frame| draw(frame, &self.board, colours())).map_err(Failure::internal)?;
+                terminal.draw(|frame| draw(frame, &self.board, true)).map_err(Failure::internal)?;
             }
         }
         Ok(())

@@ -27,7 +27,6 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use freeplay_path::PathKind;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 use serde_json::json;
 
@@ -36,6 +35,7 @@ use crate::run::Format;
 use crate::say::say;
 use crate::scenario::Drive;
 use crate::simulation::on_all_cores;
+use crate::voice;
 use case::{CLEARANCES, Case, PERIODS, Scope};
 use claim::Claim;
 use compensation::Played;
@@ -73,9 +73,6 @@ pub struct ReproduceArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Show no progress.
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 /// How much is trained.
@@ -117,7 +114,6 @@ pub fn reproduce(args: &ReproduceArgs) -> Result<Exit, Failure> {
 }
 
 fn find(args: &ReproduceArgs) -> Result<Reproduction, Failure> {
-    let progress = Progress { quiet: args.quiet };
     let (scope, effort) = if args.quick {
         (Scope::quick(), Effort { seeds: 1, epochs: 100 })
     } else {
@@ -125,21 +121,20 @@ fn find(args: &ReproduceArgs) -> Result<Reproduction, Failure> {
     };
     let independent = Independent::read()?;
     let cases = scope.cases();
-    let runs = Runs(progress.over("simulating", cases.len(), |index| trace::simulate(&cases[index]))?);
-    let orbits = orbits(&scope, &progress)?;
+    let runs = Runs(over("simulating", cases.len(), |index| trace::simulate(&cases[index]))?);
+    let orbits = orbits(&scope)?;
     let studies = if args.skip.contains(&Part::Network) {
         Vec::new()
     } else {
         let settings = settings(&scope, args.quick);
-        let studies =
-            progress.over("training", settings.len(), |index| train(&settings[index], &runs, &effort))?;
+        let studies = over("training", settings.len(), |index| train(&settings[index], &runs, &effort))?;
         studies.into_iter().flatten().collect()
     };
     let played = if args.skip.contains(&Part::Compensation) {
         Vec::new()
     } else {
         let tasks = compensation::tasks(args.quick);
-        progress.over("compensating", tasks.len(), |index| compensation::play(&tasks[index]))?
+        over("compensating", tasks.len(), |index| compensation::play(&tasks[index]))?
     };
     let mut claims = Evidence { runs: &runs, independent: &independent, scope: &scope }.claims();
     if !studies.is_empty() {
@@ -161,7 +156,7 @@ fn command(args: &ReproduceArgs) -> String {
 }
 
 /// The journal's way during the first drop and, where there is a corner, around it.
-fn orbits(scope: &Scope, progress: &Progress) -> Result<Vec<(&'static str, &'static str, Orbit)>, Failure> {
+fn orbits(scope: &Scope) -> Result<Vec<(&'static str, &'static str, Orbit)>, Failure> {
     let largest = |path| Case::new(Drive::Driven, path, PERIODS[0], CLEARANCES[2]);
     let mut views = vec![(
         "The first drop: the journal falls from the middle of its bearing and bounces",
@@ -177,7 +172,7 @@ fn orbits(scope: &Scope, progress: &Progress) -> Result<Vec<(&'static str, &'sta
             2.95,
         ));
     }
-    let found = progress.over("following the journal", views.len(), |index| {
+    let found = over("following the journal", views.len(), |index| {
         let (_, _, case, start) = &views[index];
         Orbit::follow(case, *start, 0.3)
     })?;
@@ -221,34 +216,20 @@ fn numbers(done: &Reproduction) -> serde_json::Value {
     })
 }
 
-/// Shows how far a stage is.
-struct Progress {
-    quiet: bool,
-}
-
-impl Progress {
-    /// Calls `work` for every number below `count` on all cores, with a bar.
-    fn over<T: Send>(
-        &self,
-        stage: &'static str,
-        count: usize,
-        work: impl Fn(usize) -> Result<T, Failure> + Sync,
-    ) -> Result<Vec<T>, Failure> {
-        let bar = ProgressBar::new(count as u64);
-        if self.quiet {
-            bar.set_draw_target(ProgressDrawTarget::hidden());
-        }
-        if let Ok(style) = ProgressStyle::with_template("{msg:<22} {bar:30} {pos}/{len} {elapsed}") {
-            bar.set_style(style);
-        }
-        bar.set_message(stage);
-        bar.tick();
-        let done = on_all_cores(count, |index| {
-            let result = work(index);
-            bar.inc(1);
-            result
-        });
-        bar.finish();
-        done
-    }
+/// Calls `work` for every number below `count` on all cores, with a bar for the `stage`.
+fn over<T: Send>(
+    stage: &'static str,
+    count: usize,
+    work: impl Fn(usize) -> Result<T, Failure> + Sync,
+) -> Result<Vec<T>, Failure> {
+    voice::detail(stage);
+    let bar = voice::bar(count as u64, "{msg:<22} {bar:30} {pos}/{len} {elapsed}").with_message(stage);
+    bar.tick();
+    let done = on_all_cores(count, |index| {
+        let result = work(index);
+        bar.inc(1);
+        result
+    });
+    bar.finish();
+    done
 }

@@ -16,7 +16,7 @@ use freeplay_predictor::levenberg_marquardt::Settings;
 use freeplay_predictor::training::{Recipe, train as fit};
 use freeplay_predictor::window::{Window, windows};
 use freeplay_predictor::{Arx, Narx, Provenance, Series, Split};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 
 use crate::args::at_least_one;
 use crate::exit::{Exit, Failure};
@@ -27,6 +27,7 @@ use crate::train::collect::{Collected, Observer, collect};
 use crate::train::scenarios::{RunSpec, Subject};
 use crate::train::series::View;
 use crate::train::table::Figures;
+use crate::voice;
 
 /// Steady contact is the same over and over: every so many windows of it train.
 const STEADY_SHARE: usize = 6;
@@ -91,7 +92,7 @@ pub fn train(args: &TrainArgs) -> Result<Exit, Failure> {
         None => {
             let fitted = learn(args, &subject)?;
             fitted.twin.save(&args.out).map_err(Failure::input)?;
-            eprintln!("weights  {}", args.out.display());
+            voice::note(format_args!("weights  {}", args.out.display()));
             fitted
         }
     };
@@ -161,13 +162,7 @@ fn gather(subject: &Subject, specs: &[RunSpec], observer: Observer<'_>) -> Resul
 }
 
 fn bar(length: u64, what: &str) -> ProgressBar {
-    let bar = ProgressBar::new(length);
-    if let Ok(style) =
-        ProgressStyle::with_template(&format!("{what} {{bar:30}} {{pos}}/{{len}} {{elapsed}} {{msg}}"))
-    {
-        bar.set_style(style);
-    }
-    bar
+    voice::bar(length, &format!("{what} {{bar:30}} {{pos}}/{{len}} {{elapsed}} {{msg}}"))
 }
 
 fn training(args: &TrainArgs, subject: &Subject) -> Result<Training, Failure> {
@@ -253,14 +248,14 @@ fn fit_view(view: View, training: &Training, args: &TrainArgs, subject: &Subject
     .map_err(Failure::input)?;
     bar.finish_and_clear();
     let last = &trained.outcome.history[trained.outcome.best_epoch];
-    eprintln!(
+    voice::note(format_args!(
         "{view:?}: {} windows, best epoch {} ({:?}), error {:.5}, validation {:.5}",
         split.train.len(),
         trained.outcome.best_epoch,
         trained.outcome.stop,
         last.mse,
         last.validation_mse.unwrap_or(f64::NAN)
-    );
+    ));
     Ok(trained.narx)
 }
 

@@ -6,6 +6,7 @@ use crate::exit::Failure;
 use crate::train::collect::Collected;
 use crate::train::score::{self, LEAST_ERROR};
 use crate::train::series::{View, journals};
+use crate::voice;
 
 /// `network` with a note of whether it is to be believed: in every one of `runs`, in steady contact and around detachments, its forecasts
 /// are at least as good as the twin's. Says what came of it.
@@ -36,9 +37,9 @@ pub fn tried(network: Narx, runs: &[Collected]) -> Result<Narx, Failure> {
     let proved = worst.as_ref().is_some_and(|(ratio, _)| *ratio <= 1.0);
     if let Some((ratio, whereof)) = worst {
         let verdict = if proved { "narx-qp will believe it" } else { "narx-qp will not believe it" };
-        eprintln!(
+        voice::note(format_args!(
             "proof: at worst the network's errors are {ratio:.3} times the twin's ({whereof}): {verdict}"
-        );
+        ));
     }
     Ok(network.with_proof(proved))
 }
