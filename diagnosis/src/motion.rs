@@ -120,7 +120,9 @@ impl Treatment {
         if self.grid.jitter > 0.02 {
             let (off, rate_hz) = (self.grid.jitter, self.grid.rate_hz());
             let done = if self.grid.steadied.is_some() {
-                format!("the positions are smoother without that, so that the samples are taken as even, at {rate_hz:.4} Hz")
+                format!(
+                    "the positions are smoother without that, so that the samples are taken as even, at {rate_hz:.4} Hz"
+                )
             } else {
                 format!("columns are interpolated to {rate_hz:.4} Hz")
             };

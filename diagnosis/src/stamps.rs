@@ -91,7 +91,12 @@ mod tests {
             let exact = stamps(&lost, 0.0);
             let late = steady.iter().zip(&exact).map(|(a, b)| a - b).collect::<Vec<_>>();
             let (least, most) = late.iter().fold((f64::MAX, f64::MIN), |(l, m), x| (l.min(*x), m.max(*x)));
-            println!("{} lost: {:.2} to {:.2} steps late throughout", lost.len(), 100.0 * least, 100.0 * most);
+            println!(
+                "{} lost: {:.2} to {:.2} steps late throughout",
+                lost.len(),
+                100.0 * least,
+                100.0 * most
+            );
             assert!(most - least < 1e-4, "late by a constant: the mean of how they shake");
         }
     }
@@ -101,7 +106,8 @@ mod tests {
         let bursts: Vec<f64> = (0..1000).map(|k| f64::from(k / 5) * 0.05 + f64::from(k % 5) * 1e-6).collect();
         let steady = steadied(&bursts, std::iter::once(0..bursts.len())).expect("a line");
         assert!(steady.windows(2).all(|pair| (pair[1] - pair[0] - 0.01).abs() < 1e-5));
-        let drifting: Vec<f64> = (0..1000).map(|k| 0.01 * f64::from(k) + 1e-6 * f64::from(k).powi(2)).collect();
+        let drifting: Vec<f64> =
+            (0..1000).map(|k| 0.01 * f64::from(k) + 1e-6 * f64::from(k).powi(2)).collect();
         assert!(steadied(&drifting, std::iter::once(0..drifting.len())).is_none());
     }
 }

@@ -147,9 +147,7 @@ impl Kind {
 
     /// Whether it happens at a time of the recording's clock, which another recording need not repeat.
     pub fn happens(&self) -> bool {
-        let is_time = |range: &Range| {
-            matches!(range, Range::Number { unit: "s", least, role: Role::Shape, .. } if *least < 0.0)
-        };
+        let is_time = |range: &Range| matches!(range, Range::Number { unit: "s", least, role: Role::Shape, .. } if *least < 0.0);
         self.parameters.iter().any(|parameter| is_time(&parameter.range))
     }
 

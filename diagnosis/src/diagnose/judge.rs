@@ -21,6 +21,9 @@ const LEAST_HELD_OUT: f64 = 0.08;
 /// The same where far more than noise is left, if the interval of that share is above zero.
 const LEAST_OF_MUCH: f64 = 0.03;
 
+/// The same of an effect that held-out data can't show, as a push: any leavings can be had a little smaller by one at the right moment.
+const LEAST_ON_FIT: f64 = 0.25;
+
 /// By which share of the error of one channel something else has to leave less to take the place of an effect.
 const LEAST_LESS: f64 = 0.05;
 
@@ -450,6 +453,9 @@ impl<'a, 'b> Judge<'a, 'b> {
 
 /// Whether an effect proves itself with that: it takes away enough of the error, or surely some of a large one.
 fn is_proven(proof: &Proof, trials: &[Trial]) -> bool {
+    if !proof.held_out {
+        return proof.gain.value >= LEAST_ON_FIT;
+    }
     let is_far = || trials.iter().any(|trial| trial.is_left(&proof.channels, FAR));
     let surely = proof.gain.value >= LEAST_OF_MUCH && proof.gain.ci95[0] > 0.0;
     proof.gain.value >= LEAST_HELD_OUT || surely && is_far()

@@ -66,6 +66,6 @@ impl Search<'_, '_> {
         let at = self.chosen[index].hypothesis;
         self.hypotheses[at] = confined;
         self.take_shape(index);
-        true
+        self.update_gains().is_some()
     }
 }

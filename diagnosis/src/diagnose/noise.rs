@@ -14,6 +14,12 @@ const FOURTH_DIFFERENCE: f64 = 70.0;
 /// simulated recording, which has no noise at all, would make every rounding error a finding.
 const FINEST: f64 = 1e-7;
 
+/// What no measurement of a robot is better than: a torque as a share of what it spans (a current of twelve bits has 2.4e-4), a tracked tool, m,
+/// an encoder of a link, rad or m. Finer than that a model is not true either, and simulated recordings have no noise at all.
+const FINEST_TORQUE: f64 = 3e-4;
+const FINEST_TOOL: f64 = 2e-6;
+const FINEST_LINK: f64 = 1e-6;
+
 /// Noise of one column.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Noise {
@@ -28,10 +34,7 @@ impl Noise {
     /// differences leave nothing of a smooth motion; their median does not mind a few jumps (Hampel 1974).
     pub fn of(samples: &[f64], raw: &[f64]) -> Self {
         let step = rounding(raw);
-        let [low, high] = samples
-            .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(*x), high.max(*x)]);
-        let least = (step / 12_f64.sqrt()).max(FINEST * (high - low).max(0.0));
+        let least = (step / 12_f64.sqrt()).max(FINEST * span(samples));
         let seen = roughness(samples) / Quantile::MEDIAN.of_normal / FOURTH_DIFFERENCE.sqrt();
         Self { deviation: seen.max(least), step }
     }
@@ -76,10 +79,22 @@ impl Noises {
                 }
                 Kind::Tool(_) | Kind::Link(_) => treatment.deviation_above(&whole, Quantile::MEDIAN),
             };
-            Noise { deviation: fine.deviation.max(above), ..fine }
+            let finest = match channel.kind {
+                Kind::Torque(_) => FINEST_TORQUE * span(column),
+                Kind::Tool(_) => FINEST_TOOL,
+                Kind::Link(_) => FINEST_LINK,
+            };
+            Noise { deviation: fine.deviation.max(above).max(finest), ..fine }
         };
         Self { positions, channels: channels.iter().map(of_channel).collect() }
     }
+}
+
+/// Greatest less least of `samples`; 0 of none.
+fn span(samples: &[f64]) -> f64 {
+    let (low, high) =
+        samples.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    (high - low).max(0.0)
 }
 
 /// Most steps that the least change of a column is.

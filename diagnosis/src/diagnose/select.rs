@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use freeplay_laws::{ABOUT, Placed, changed};
+use nalgebra::DVector;
 
 use super::case::Weighing;
 use super::hypothesis::Hypothesis;
@@ -363,7 +364,7 @@ impl Search<'_, '_> {
 
     /// The strongest member of the strongest kind, of all that count: the kind whose members explain most together where they show in different
     /// channels, as friction on several joints does; else the kind of the strongest single hypothesis.
-    fn winner(&self, fit: &Fit, weighing: &Weighing) -> Option<Winner> {
+    fn winner(&mut self, fit: &Fit, weighing: &Weighing) -> Option<Winner> {
         let mut families: BTreeMap<&str, Family> = BTreeMap::new();
         for ((kind, _), winner) in self.by_place(fit, weighing, None) {
             let Some(winner) = self.exact(fit, weighing, winner) else { continue };
@@ -374,8 +375,21 @@ impl Search<'_, '_> {
         }
         // What members explain together is not sharp: the fit without them is bent by what is missing.
         let most = families.values().map(Family::merit).fold(f64::NEG_INFINITY, f64::max);
-        let near = families.into_values().filter(|family| family.merit() >= most - ALIKE * most.abs());
+        let as_much = most - ALIKE * most.abs();
+        let single = families.values().max_by(|a, b| a.alone().total_cmp(&b.alone()))?.strongest.clone()?;
+        if single.merit < as_much && single.merit > NEARLY * most {
+            let one = self.one_for_all(fit, weighing, single).filter(|one| one.merit >= as_much);
+            if one.is_some() {
+                return one;
+            }
+        }
+        let near = families.into_values().filter(|family| family.merit() >= as_much);
         near.max_by(|a, b| a.alone().total_cmp(&b.alone())).and_then(|family| family.strongest)
+    }
+
+    /// `single` in the shape in which it explains most, if it is far from linear: one delay of all torques in place of a low-pass of each.
+    fn one_for_all(&mut self, fit: &Fit, weighing: &Weighing, single: Winner) -> Option<Winner> {
+        if self.take_about(fit, single.hypothesis) { self.exact(fit, weighing, single) } else { None }
     }
 
     /// Puts another effect in the place of each where that explains more, or as much with a plainer law; whether anything moved.
@@ -532,6 +546,11 @@ impl Search<'_, '_> {
         if self.drop_unphysical()? {
             return Some(true);
         }
+        let fit = self.system.fit(&self.active(None))?;
+        if let Some(index) = self.weakest(|index| !self.is_material(&fit, index)) {
+            self.bar(index);
+            return Some(true);
+        }
         let dropped = self.weakest(|index| self.margin(index) < 0.0);
         if let Some(index) = dropped {
             self.chosen.remove(index);
@@ -570,6 +589,12 @@ impl Search<'_, '_> {
         let Some(one) = placed(index) else { return false };
         let before: Vec<Placed> = (0..index).filter_map(placed).collect();
         changed(arm, before.iter().chain([&one])).is_ok() || changed(arm, &before).is_err()
+    }
+
+    /// Whether the effect number `index` says enough in `fit` to be a finding.
+    fn is_material(&self, fit: &Fit, index: usize) -> bool {
+        let beta = DVector::from_vec(self.coefficients(fit, index));
+        self.system.is_material(&self.named(index).block, &beta)
     }
 
     /// By how much the effect number `index` explains more than counts.

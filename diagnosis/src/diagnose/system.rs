@@ -94,7 +94,7 @@ pub(crate) struct System {
 const BOUND: f64 = 2.0;
 
 /// What is smaller than this share of what the tolerances may make in a channel is nothing that anybody would look for.
-const MATERIAL: f64 = 0.05;
+const MATERIAL: f64 = 0.1;
 
 /// Share of a nuisance's square that an effect has to say to be the same.
 const SAME: f64 = 0.99;
