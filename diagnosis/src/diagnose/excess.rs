@@ -2,8 +2,10 @@
 
 use freeplay_laws::LawError;
 
+use super::case::Case;
 use super::judge::Judge;
 use super::search::Search;
+use crate::residual::Kind;
 
 /// A channel this many times above the floor holds more than noise: twins stay below 1.2, laws that are idealised add to that.
 const BEYOND: f64 = 2.5;
@@ -11,6 +13,9 @@ const BEYOND: f64 = 2.5;
 const FAR: f64 = 8.0;
 /// Greatest share of the squares beyond the floor that naming may leave.
 const LEFT: f64 = 0.4;
+
+/// Share of its torque to which an arm follows the laws of a rigid body and of dry friction, which are idealisations.
+const IDEAL: f64 = 0.005;
 
 /// What is left over the noise floor in each channel, the model's parameters tuned inside their tolerances to the very data that are
 /// looked at: so nothing of it is for the tolerances to explain.
@@ -39,9 +44,11 @@ impl Excess {
         before.extend(judge.held.rms(&held[0]));
         after.extend(judge.held.rms(&held[1]));
         let of_fit = search.case.by_channel(&search.null.floor);
-        let floors = of_fit.iter().chain(&judge.floor.tuned_there);
+        let floors: Vec<f64> = of_fit.iter().chain(&judge.floor.tuned_there).copied().collect();
+        let ideal = [search.case, judge.held].into_iter().flat_map(idealised);
+        let floors: Vec<f64> = floors.iter().zip(ideal).map(|(floor, ideal)| floor.hypot(ideal)).collect();
         let over = |rms: Vec<f64>| {
-            rms.iter().zip(floors.clone()).map(|(rms, floor)| rms / floor.max(f64::MIN_POSITIVE)).collect()
+            rms.iter().zip(&floors).map(|(rms, floor)| rms / floor.max(f64::MIN_POSITIVE)).collect()
         };
         Ok(Some(Self { before: over(before), after: over(after) }))
     }
@@ -68,4 +75,17 @@ impl Excess {
         };
         self.is_left() && self.share_left() > LEFT || (0..channels).any(stays)
     }
+}
+
+/// By how much the laws may be off in each channel of a stage of `case`: the part of its torque that they are idealised by.
+fn idealised(case: &Case) -> Vec<f64> {
+    let channels = case.stages.iter().flat_map(|stage| &stage.channels);
+    let measured: Vec<Vec<f64>> = channels
+        .zip(&case.kept)
+        .map(|(channel, kept)| {
+            let share = if matches!(channel.kind, Kind::Torque(_)) { IDEAL } else { 0.0 };
+            channel.measured.iter().zip(kept).map(|(x, kept)| share * x * kept).collect()
+        })
+        .collect();
+    case.rms(&measured)
 }

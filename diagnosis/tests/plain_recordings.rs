@@ -1,0 +1,120 @@
+//! Recordings as anybody simulates them: without noise, with stamps that shake, with an effect of which a part is nothing, with a push in one of
+//! two.
+
+mod common;
+
+use std::path::Path;
+
+use freeplay_arm::{Arm, ArmFile, EffectTable, JointFriction, JointKind};
+use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Effect, Verdict, diagnose};
+use freeplay_laws::{Effects, Trajectory, predict};
+use freeplay_recording::Recording;
+use toml::Table;
+
+use common::{arm, even, link, sines};
+
+const FRICTION: JointFriction = JointFriction { viscous: 2.0, coulomb: 1.5 };
+
+fn two_joints() -> Arm {
+    arm(vec![link("shoulder", JointKind::Revolute, FRICTION), link("elbow", JointKind::Revolute, FRICTION)])
+}
+
+/// The recording `name` of `arm` on its sines from `begin`, s, on, with the effects of `tables`, without any noise.
+fn recorded(name: &str, arm: &Arm, tables: &[EffectTable], begin: f64) -> Recording {
+    let t = even(16.0, 250.0);
+    let mut motion = Trajectory {
+        stretches: std::iter::once(0..t.len()).collect(),
+        q: vec![Vec::new(); arm.dof()],
+        v: vec![Vec::new(); arm.dof()],
+        a: vec![Vec::new(); arm.dof()],
+        t: t.clone(),
+    };
+    for &time in &t {
+        let [q, v, a] = sines(arm, begin + time);
+        let columns = [(&mut motion.q, q), (&mut motion.v, v), (&mut motion.a, a)];
+        columns.into_iter().for_each(|(all, now)| all.iter_mut().zip(now).for_each(|(all, x)| all.push(x)));
+    }
+    let file = ArmFile { arm: arm.clone(), effects: tables.to_vec(), ignored: Vec::new() };
+    let effects = Effects::of(&file).expect("effects");
+    let says = predict(arm, &effects.placed, &motion, &|x: &[f64]| x.to_vec()).expect("a prediction");
+    let named = |name: &str, columns: Vec<Vec<f64>>| -> Vec<(String, Vec<f64>)> {
+        let numbered = columns.into_iter().enumerate();
+        numbered.map(|(joint, column)| (format!("{name}{}", joint + 1), column)).collect()
+    };
+    let mut columns = vec![("t".to_owned(), t)];
+    columns.extend(named("q", motion.q));
+    columns.extend(named("tau", says.torque));
+    Recording::new(Path::new(name), columns).expect("a recording")
+}
+
+fn table(kind: &str, joint: Option<&str>, parameters: &str) -> EffectTable {
+    let parameters: Table = parameters.parse().expect("parameters");
+    EffectTable { kind: kind.to_owned(), joint: joint.map(str::to_owned), parameters, line: 0 }
+}
+
+fn diagnosed(arm: &Arm, recordings: &[Recording]) -> Diagnosis {
+    let file = ArmFile { arm: arm.clone(), effects: Vec::new(), ignored: Vec::new() };
+    diagnose(&file, recordings, &DiagnoseSettings::default(), &mut |_| {}).expect("a diagnosis")
+}
+
+/// The only effect that was named, which has to be a `kind`.
+fn only(diagnosis: &Diagnosis, kind: &str) -> Effect {
+    println!("{}", diagnosis.statement);
+    assert_eq!(diagnosis.verdict, Verdict::Named);
+    let [effect] = diagnosis.effects.as_slice() else { panic!("{} effects", diagnosis.effects.len()) };
+    assert_eq!(effect.kind, kind);
+    effect.clone()
+}
+
+#[test]
+fn nothing_is_missing_from_a_perfect_recording_without_noise() {
+    let mut shaking = recorded("shaking", &two_joints(), &[], 0.0);
+    shaking.t.iter_mut().enumerate().for_each(|(k, t)| *t += 8e-4 * (2.4 * k as f64).sin());
+    let paper = freeplay_arm::paper_arm().arm;
+    for (arm, recordings) in [
+        (two_joints(), vec![recorded("one", &two_joints(), &[], 0.0)]),
+        (two_joints(), vec![shaking]),
+        (paper.clone(), vec![recorded("one", &paper, &[], 0.0), recorded("two", &paper, &[], 30.0)]),
+    ] {
+        let diagnosis = diagnosed(&arm, &recordings);
+        println!("{}: {}", recordings[0].origin.display(), diagnosis.statement);
+        assert_eq!(diagnosis.verdict, Verdict::NothingMissing);
+    }
+}
+
+/// A plane arm: a force across the plane does nothing, and is no reason not to see those in it.
+#[test]
+fn a_push_in_one_of_two_recordings_is_named() {
+    let push = table("external_force", None, "force = [12.0, 0.0, -20.0]\nstart = 5.0\nend = 7.5");
+    let arm = two_joints();
+    let recordings = [recorded("pushed", &arm, &[push], 0.0), recorded("repeat", &arm, &[], 30.0)];
+    let effect = only(&diagnosed(&arm, &recordings), "external_force");
+    for (name, exact, off) in [("start", 5.0, 0.03), ("end", 7.5, 0.03)] {
+        let found = effect.parameters[name].value.as_float().expect("a number");
+        println!("{name}: {found:.3} s for {exact}");
+        assert!((found - exact).abs() < off);
+    }
+}
+
+#[test]
+fn a_coupling_without_inertia_and_dry_friction_is_named() {
+    let coupling =
+        table("joint_coupling", Some("elbow"), "with = \"shoulder\"\nviscous = 1.5\nsign = 1.0");
+    let arm = two_joints();
+    let recordings = [recorded("one", &arm, &[coupling.clone()], 0.0), recorded("two", &arm, &[coupling], 30.0)];
+    let effect = only(&diagnosed(&arm, &recordings), "joint_coupling");
+    let found = effect.parameters["viscous"].value.as_float().expect("a number");
+    println!("{found:.3} N*m*s/rad for 1.5");
+    assert!((found / 1.5 - 1.0).abs() < 0.05);
+}
+
+#[test]
+fn one_delay_of_all_torques_is_not_a_low_pass_of_each() {
+    let delay = table("time_delay", None, "channel = \"torque\"\ndelay = 0.006");
+    let paper = freeplay_arm::paper_arm().arm;
+    let recordings = [recorded("one", &paper, &[delay.clone()], 0.0), recorded("two", &paper, &[delay], 30.0)];
+    let effect = only(&diagnosed(&paper, &recordings), "time_delay");
+    let found = effect.parameters["delay"].value.as_float().expect("a number");
+    println!("{:.2} ms for 6", 1e3 * found);
+    assert!((found / 0.006 - 1.0).abs() < 0.1);
+}
