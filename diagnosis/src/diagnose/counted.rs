@@ -34,11 +34,11 @@ impl Counted {
         Self { rows: vec![1.0; points], doubt: vec![0.0; points] }
     }
 
-    /// Of rows that count as `standing` says, with noise of the deviation `white` and what a model may be off.
+    /// Of rows where the joint stands as `standing` says, with noise of the deviation `white` and what a model may be `off`. Of a motion that is
+    /// only planned no noise is known: every row in which the joint moves counts.
     fn of(standing: &[f64], white: f64, off: &[f64]) -> Self {
-        let moving = |(standing, off): (&f64, &f64)| {
-            (1.0 - standing) * white / white.hypot(*off).max(f64::MIN_POSITIVE)
-        };
+        let share = |off: f64| if white > 0.0 { white / white.hypot(off) } else { 1.0 };
+        let moving = |(standing, off): (&f64, &f64)| (1.0 - standing) * share(*off);
         let rows: Vec<f64> = standing.iter().zip(off).map(moving).collect();
         let doubt = rows.iter().zip(off).map(|(row, off)| row * off).collect();
         Self { rows, doubt }
