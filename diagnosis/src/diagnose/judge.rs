@@ -11,7 +11,7 @@ use super::search::{Search, Standing, TOLD_APART};
 use super::show::{Compared, Gain, HeldOut, gain};
 use super::system::{Fit, System, less, subtract};
 use super::trial::{Proof, Trial, proof};
-use super::validate::Validation;
+use super::validate::{Validation, is_plain};
 
 /// How often the search goes on after effects did not prove themselves.
 const RENEWALS: usize = 4;
@@ -179,12 +179,14 @@ impl<'a, 'b> Judge<'a, 'b> {
         self.together(best, search, progress)
     }
 
-    /// Confines what happens at a time to one recording where that leaves less of the held-out data.
+    /// Confines what happens at a time to one recording where it is plain there and leaves less of the held-out data so.
     fn confine(&self, search: &mut Search<'a, 'b>) -> Result<(), LawError> {
         for index in 0..search.chosen.len() {
             let (standing, size_of) = (search.standing(), |trials: &[Trial]| size(trials, None));
             let everywhere = self.tried(search, size_of)?;
-            if search.confine(index) && self.tried(search, size_of)? >= everywhere {
+            if search.confine(index)
+                && !(is_plain(search, index) == Some(true) && self.tried(search, size_of)? < everywhere)
+            {
                 search.go_back(standing);
             }
         }

@@ -389,7 +389,14 @@ impl Search<'_, '_> {
 
     /// `single` in the shape in which it explains most, if it is far from linear: one delay of all torques in place of a low-pass of each.
     fn one_for_all(&mut self, fit: &Fit, weighing: &Weighing, single: Winner) -> Option<Winner> {
-        if self.take_about(fit, single.hypothesis) { self.exact(fit, weighing, single) } else { None }
+        let for_small = self.admit(single.hypothesis).columns;
+        if !self.take_about(fit, single.hypothesis) {
+            return None;
+        }
+        // In whatever shape, what has a name is no tolerance any more.
+        let there = self.admit(single.hypothesis).columns;
+        self.system.inherit(&for_small, &there);
+        self.exact(fit, weighing, single)
     }
 
     /// Puts another effect in the place of each where that explains more, or as much with a plainer law; whether anything moved.

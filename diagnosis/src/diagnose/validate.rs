@@ -27,26 +27,50 @@ const SHOWS: f64 = 0.1;
 const BRIEF: f64 = 0.4;
 const STRONG: f64 = 0.5;
 
+/// While what happens in one recording alone acts, it leaves no more than this share of the squares: nothing refutes it elsewhere.
+const PLAIN: f64 = 0.25;
+
 /// Whether the effect number `index`, if it acts for a short time only, explains most of what is missing then: any leavings can be
 /// had a little smaller by a push at the right moment. `None` if a fit is singular.
 pub(crate) fn is_brief_and_weak(search: &Search, index: usize) -> Option<bool> {
-    let (system, named) = (&search.system, search.named(index));
-    let with = system.residual(&system.fit(&search.active(None))?);
-    let without = system.residual(&system.fit(&search.active(Some(index)))?);
-    let (mut acts, mut all, mut before, mut after) = (0.0, 0.0, 0.0, 0.0);
-    for channel in named.channels() {
-        for row in 0..with[channel].len() {
-            all += 1.0;
-            let said =
-                |column: &super::system::Column| column[channel].as_ref().map_or(0.0, |part| part[row]);
-            if named.block.columns.iter().any(|column| said(column) != 0.0) {
-                acts += 1.0;
-                before += system.weights[channel] * without[channel][row].powi(2);
-                after += system.weights[channel] * with[channel][row].powi(2);
+    let acts = Acting::of(search, index)?;
+    Some(acts.share < BRIEF && acts.left > 1.0 - STRONG)
+}
+
+/// Whether the effect number `index` explains nearly all that is missing while it acts. `None` if a fit is singular.
+pub(crate) fn is_plain(search: &Search, index: usize) -> Option<bool> {
+    Some(Acting::of(search, index)?.left < PLAIN)
+}
+
+/// An effect while it acts.
+struct Acting {
+    /// Share of the rows of its channels in which it says anything.
+    share: f64,
+    /// Share of the weighed squares there that it leaves.
+    left: f64,
+}
+
+impl Acting {
+    /// Of the effect number `index`; `None` if a fit is singular.
+    fn of(search: &Search, index: usize) -> Option<Self> {
+        let (system, named) = (&search.system, search.named(index));
+        let with = system.residual(&system.fit(&search.active(None))?);
+        let without = system.residual(&system.fit(&search.active(Some(index)))?);
+        let (mut acts, mut all, mut before, mut after) = (0.0, 0.0, 0.0, 0.0);
+        for channel in named.channels() {
+            for row in 0..with[channel].len() {
+                all += 1.0;
+                let said =
+                    |column: &super::system::Column| column[channel].as_ref().map_or(0.0, |part| part[row]);
+                if named.block.columns.iter().any(|column| said(column) != 0.0) {
+                    acts += 1.0;
+                    before += system.weights[channel] * without[channel][row].powi(2);
+                    after += system.weights[channel] * with[channel][row].powi(2);
+                }
             }
         }
+        Some(Self { share: acts / all, left: after / before })
     }
-    Some(acts < BRIEF * all && after > (1.0 - STRONG) * before)
 }
 
 /// A channel that is less than this many times above the noise floor may hold nothing but noise: twins stay below 1.2.
