@@ -116,7 +116,7 @@ fn judged_on(
         (Ok(fitted), Ok(held)) => (fitted, held),
         (Err(short @ ResidualError::TooShort { .. }), _)
         | (_, Err(short @ ResidualError::TooShort { .. })) => {
-            return Ok(Conclusion::insufficient(file, settings, notes, short.to_string()));
+            return Ok(Conclusion::insufficient(file, settings, notes, short.in_a_diagnosis(recordings)));
         }
         (Err(error), _) | (_, Err(error)) => return Err(error.into()),
     };
