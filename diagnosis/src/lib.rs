@@ -10,6 +10,7 @@
 //! - [`Residuals`]: one [`Channel`] for each thing measured that the model can predict ([`Kind`]): torques, tool position, link
 //!   encoders; made by [`residuals`] from the [`freeplay_laws::Prediction`] of the arm with its effects.
 //! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above.
+//! - [`beyond_limits`]: the joints that a recording has where they can't be, in words.
 //! - [`diagnose`]: from recordings to a [`Diagnosis`] with its [`Verdict`]: where they differ from the model ([`Location`], [`Map`]),
 //!   what is missing ([`Effect`] with its [`Parameter`]s and [`Evidence`]), what else was weighed ([`Alternative`], [`EvidenceRow`]),
 //!   what can't be told ([`Untestable`]), how much better the model gets on held-out data ([`Fit`], [`Gain`]), and what pictures are drawn from ([`Passage`],
@@ -42,4 +43,5 @@ pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};
 pub use grid::Grid;
 pub use motion::{Settings, Treatment, default_cutoff_hz};
+pub use notes::beyond_limits;
 pub use residual::{Channel, Kind, Residuals, residuals};

@@ -12,6 +12,30 @@ use crate::statistics::Moments;
 const REMOVED: f64 = 0.01;
 /// A recorded velocity that differs from the derivative of the position by more than this share is worth a word.
 const VELOCITY: f64 = 0.05;
+/// Share of a joint's range by which it may be seen outside of it without a word.
+const BEYOND: f64 = 0.05;
+
+/// The joints of `arm` that `recording` has beyond their limits, a sentence each.
+pub fn beyond_limits(arm: &Arm, recording: &Recording) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (index, (joint, q)) in arm.joints().iter().zip(&recording.q).enumerate() {
+        let (least, most) = extremes(q);
+        let (lower, upper) = (joint.limits.lower, joint.limits.upper);
+        let slack = BEYOND * (upper - lower);
+        if least < lower - slack || most > upper + slack {
+            let (unit, hint) = match joint.kind {
+                JointKind::Revolute => ("rad", "degrees"),
+                JointKind::Prismatic => ("m", "millimetres"),
+            };
+            notes.push(format!(
+                "q{} goes from {least:.4} to {most:.4} {unit}, but {} may only from {lower:.4} to {upper:.4}: {hint}, another zero or another joint?",
+                index + 1,
+                joint.name
+            ));
+        }
+    }
+    notes
+}
 
 /// Notes on the motion, joint by joint: beyond the limits, fast for the filter, velocities that don't fit.
 pub(crate) fn on_motion(
@@ -20,23 +44,8 @@ pub(crate) fn on_motion(
     treatment: &Treatment,
     motion: &Trajectory,
 ) -> Vec<String> {
-    let mut notes = Vec::new();
-    for (index, joint) in arm.joints().iter().enumerate() {
-        let (least, most) = extremes(&recording.q[index]);
-        let (limits, reach) = (&joint.limits, 0.05 * (joint.limits.upper - joint.limits.lower));
-        if least < limits.lower - reach || most > limits.upper + reach {
-            let (unit, hint) = match joint.kind {
-                JointKind::Revolute => ("rad", "degrees, another zero or another joint?"),
-                JointKind::Prismatic => ("m", "millimetres, another zero or another joint?"),
-            };
-            notes.push(format!(
-                "q{} moves from {least:.4} to {most:.4} {unit}, but {} may only from {:.4} to {:.4}: {hint}",
-                index + 1,
-                joint.name,
-                limits.lower,
-                limits.upper
-            ));
-        }
+    let mut notes = beyond_limits(arm, recording);
+    for index in 0..arm.dof() {
         if let Some(removed) =
             removed_by_filter(recording, treatment, motion, index).filter(|share| *share > REMOVED)
         {
