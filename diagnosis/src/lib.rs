@@ -9,7 +9,7 @@
 //!   [`freeplay_laws::Trajectory`] of a recording.
 //! - [`Residuals`]: one [`Channel`] for each thing measured that the model can predict ([`Kind`]): torques, tool position, link
 //!   encoders; made by [`residuals`] from the [`freeplay_laws::Prediction`] of the arm with its effects.
-//! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above.
+//! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above, of long recordings part by part.
 //! - [`beyond_limits`]: the joints that a recording has where they can't be, in words.
 //! - [`diagnose`]: from recordings to a [`Diagnosis`] with its [`Verdict`]: where they differ from the model ([`Location`], [`Map`]),
 //!   what is missing ([`Effect`] with its [`Parameter`]s and [`Evidence`]), what else was weighed ([`Alternative`], [`EvidenceRow`]),
@@ -21,16 +21,22 @@
 //! - [`ResidualError`]: why a recording and a model can't be compared.
 
 mod comparison;
+mod curves;
 mod cutoff;
 mod diagnose;
 mod error;
 mod filter;
 mod grid;
+mod long;
+#[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod made;
 mod motion;
 mod notes;
 mod residual;
 mod stamps;
 mod statistics;
+mod tally;
 
 pub use comparison::{ChannelError, Comparison, SCHEMA, compare};
 pub use diagnose::{

@@ -1,12 +1,11 @@
 //! What a person should know beside the numbers.
 
 use freeplay_arm::{Arm, JointKind};
-use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
 
 use crate::comparison::ChannelError;
 use crate::motion::Treatment;
-use crate::statistics::Moments;
+use crate::tally::Tally;
 
 /// A filtered-out share of a joint's movement above this is worth a word.
 const REMOVED: f64 = 0.01;
@@ -37,60 +36,77 @@ pub fn beyond_limits(arm: &Arm, recording: &Recording) -> Vec<String> {
     notes
 }
 
-/// Notes on the motion, joint by joint: beyond the limits, fast for the filter, velocities that don't fit.
-pub(crate) fn on_motion(
-    arm: &Arm,
-    recording: &Recording,
-    treatment: &Treatment,
-    motion: &Trajectory,
-) -> Vec<String> {
-    let mut notes = beyond_limits(arm, recording);
-    for index in 0..arm.dof() {
-        if let Some(removed) =
-            removed_by_filter(recording, treatment, motion, index).filter(|share| *share > REMOVED)
-        {
-            notes.push(format!(
-                "the low-pass at {:.4} Hz takes {:.0} % off the movement of q{}: too fast or too noisy for it; see --lowpass",
-                treatment.filter().cutoff_hz(),
-                removed * 100.0,
+/// What notes on the motion are made of, part by part of a recording.
+pub(crate) struct MotionTally {
+    joints: Vec<JointTally>,
+}
+
+#[derive(Clone, Default)]
+struct JointTally {
+    /// Position, before the filter and after it.
+    recorded: Tally,
+    smooth: Tally,
+    /// Derivative of the position, and recorded velocity minus it.
+    derived: Tally,
+    off: Tally,
+}
+
+impl MotionTally {
+    /// Nothing yet of `recording`.
+    pub fn of(recording: &Recording) -> Self {
+        Self { joints: vec![JointTally::default(); recording.joints()] }
+    }
+
+    /// Takes the part of `recording` that `treatment` keeps.
+    pub fn add(&mut self, recording: &Recording, treatment: &Treatment) {
+        for (index, (joint, q)) in self.joints.iter_mut().zip(&recording.q).enumerate() {
+            let [smooth, derived, _] = treatment.smooth_with_derivatives(recording, q);
+            let recorded = treatment.unfiltered(recording, q);
+            joint.recorded.add(&recorded);
+            joint.smooth.add(&smooth);
+            if let Some(velocity) = recording.qd.as_ref().map(|qd| treatment.smooth(recording, &qd[index])) {
+                let off: Vec<f64> = velocity.iter().zip(&derived).map(|(v, derived)| v - derived).collect();
+                joint.derived.add(&derived);
+                joint.off.add(&off);
+            }
+        }
+    }
+
+    /// Notes on joints that are fast for the filter, whose cutoff is `cutoff_hz`, and on velocities that don't fit.
+    pub fn notes(&self, cutoff_hz: f64) -> Vec<String> {
+        let fast = self.joints.iter().enumerate().filter_map(|(index, joint)| {
+            let share = removed(&joint.recorded, &joint.smooth)?;
+            Some(format!(
+                "the low-pass at {cutoff_hz:.4} Hz takes {:.0} % off the movement of q{}: too fast or too noisy for it; see --lowpass",
+                share * 100.0,
                 index + 1
-            ));
-        }
+            ))
+        });
+        fast.chain(self.on_velocities()).collect()
     }
-    notes.extend(on_velocities(recording, treatment, motion));
-    notes
+
+    /// Recorded velocities that are not the derivative of the recorded positions.
+    fn on_velocities(&self) -> Option<String> {
+        let odd = self.joints.iter().enumerate().filter_map(|(index, joint)| {
+            let (off, size) = (joint.off.moments.rms, joint.derived.moments.rms);
+            let is_odd = off > VELOCITY * size && size > 0.0;
+            is_odd.then(|| format!("qd{} by {:.0} %", index + 1, 100.0 * off / size))
+        });
+        let odd: Vec<String> = odd.collect();
+        (!odd.is_empty()).then(|| {
+            format!(
+                "recorded velocities differ from the derivative of the positions, which is used: {}",
+                odd.join(", ")
+            )
+        })
+    }
 }
 
-/// How much of the movement of a joint the filter takes away: (std before − std after)/std before, on the kept points.
-fn removed_by_filter(
-    recording: &Recording,
-    treatment: &Treatment,
-    motion: &Trajectory,
-    joint: usize,
-) -> Option<f64> {
-    let before = Moments::of(&treatment.unfiltered(recording, &recording.q[joint])).std;
-    (before > 0.0).then(|| 1.0 - Moments::of(&motion.q[joint]).std / before)
-}
-
-/// Recorded velocities that are not the derivative of the recorded positions.
-fn on_velocities(recording: &Recording, treatment: &Treatment, motion: &Trajectory) -> Option<String> {
-    let mut odd = Vec::new();
-    for (index, recorded) in recording.qd.iter().flatten().enumerate() {
-        let recorded = treatment.smooth(recording, recorded);
-        let derived = &motion.v[index];
-        let off: Vec<f64> =
-            recorded.iter().zip(derived).map(|(recorded, derived)| recorded - derived).collect();
-        let (off, size) = (Moments::of(&off).rms, Moments::of(derived).rms);
-        if off > VELOCITY * size && size > 0.0 {
-            odd.push(format!("qd{} by {:.0} %", index + 1, 100.0 * off / size));
-        }
-    }
-    (!odd.is_empty()).then(|| {
-        format!(
-            "recorded velocities differ from the derivative of the positions, which is used: {}",
-            odd.join(", ")
-        )
-    })
+/// How much of the movement of a joint the filter takes away, if that is worth a word: (std before − std after)/std before.
+fn removed(recorded: &Tally, smooth: &Tally) -> Option<f64> {
+    let (before, after) = (recorded.moments.std, smooth.moments.std);
+    let share = 1.0 - after / before;
+    (before > 0.0 && share > REMOVED).then_some(share)
 }
 
 /// Notes on channels that can't be judged or are missing.
