@@ -5,10 +5,13 @@ use freeplay_recording::Recording;
 
 use crate::comparison::ChannelError;
 use crate::motion::Treatment;
+use crate::statistics::white_noise;
 use crate::tally::Tally;
 
 /// A filtered-out share of a joint's movement above this is worth a word.
 const REMOVED: f64 = 0.01;
+/// A movement whose deviation is this many times its encoder's noise, or less, is none.
+const WITHIN_NOISE: f64 = 3.0;
 /// A recorded velocity that differs from the derivative of the position by more than this share is worth a word.
 const VELOCITY: f64 = 0.05;
 /// Share of a joint's range by which it may be seen outside of it without a word.
@@ -46,6 +49,8 @@ struct JointTally {
     /// Position, before the filter and after it.
     recorded: Tally,
     smooth: Tally,
+    /// Deviation of the encoder's noise, or its step: the most that any part shows.
+    noise: f64,
     /// Derivative of the position, and recorded velocity minus it.
     derived: Tally,
     off: Tally,
@@ -62,6 +67,9 @@ impl MotionTally {
         for (index, (joint, q)) in self.joints.iter_mut().zip(&recording.q).enumerate() {
             let [smooth, derived, _] = treatment.smooth_with_derivatives(recording, q);
             let recorded = treatment.unfiltered(recording, q);
+            if removed(&Tally::of(&recorded), &Tally::of(&smooth)).is_some() {
+                joint.noise = joint.noise.max(noise(&treatment.whole_column(recording, q)));
+            }
             joint.recorded.add(&recorded);
             joint.smooth.add(&smooth);
             if let Some(velocity) = recording.qd.as_ref().map(|qd| treatment.smooth(recording, &qd[index])) {
@@ -74,7 +82,9 @@ impl MotionTally {
 
     /// Notes on joints that are fast for the filter, whose cutoff is `cutoff_hz`, and on velocities that don't fit.
     pub fn notes(&self, cutoff_hz: f64) -> Vec<String> {
-        let fast = self.joints.iter().enumerate().filter_map(|(index, joint)| {
+        let moving = |joint: &JointTally| joint.recorded.moments.std > WITHIN_NOISE * joint.noise;
+        let joints = self.joints.iter().enumerate().filter(|(_, joint)| moving(joint));
+        let fast = joints.filter_map(|(index, joint)| {
             let share = removed(&joint.recorded, &joint.smooth)?;
             Some(format!(
                 "the low-pass at {cutoff_hz:.4} Hz takes {:.0} % off the movement of q{}: too fast or too noisy for it; see --lowpass",
@@ -107,6 +117,13 @@ fn removed(recorded: &Tally, smooth: &Tally) -> Option<f64> {
     let (before, after) = (recorded.moments.std, smooth.moments.std);
     let share = 1.0 - after / before;
     (before > 0.0 && share > REMOVED).then_some(share)
+}
+
+/// Deviation of the white noise of an encoder that read `q`, or its step, if that is more: the least change between two samples.
+fn noise(q: &[f64]) -> f64 {
+    let changes = q.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 0.0);
+    let step = changes.fold(f64::INFINITY, f64::min);
+    white_noise(q).max(if step.is_finite() { step } else { 0.0 })
 }
 
 /// Notes on channels that can't be judged or are missing.
