@@ -11,6 +11,7 @@ use crate::long::most_rows;
 use crate::motion::{Settings, Treatment};
 use crate::notes::{self, MotionTally};
 use crate::residual::{Kind, Residuals, check_joints, residuals};
+use crate::scale;
 use crate::tally::ChannelTally;
 
 /// The schema of [`Comparison`] as JSON.
@@ -145,6 +146,7 @@ pub(crate) fn in_parts(
     notes.extend(notes::beyond_limits(arm, recording));
     notes.extend(motion.notes(treatment.filter().cutoff_hz()));
     notes.extend(notes::on_channels(recording, &errors));
+    notes.extend(scale::of_tallies(&channels));
     let comparison = Comparison {
         schema: SCHEMA,
         samples,

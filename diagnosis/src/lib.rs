@@ -34,6 +34,7 @@ mod made;
 mod motion;
 mod notes;
 mod residual;
+mod scale;
 mod stamps;
 mod statistics;
 mod tally;

@@ -30,6 +30,12 @@ fn with(mut columns: Columns, name: &str, change: impl Fn(usize, f64) -> f64) ->
     columns
 }
 
+/// `columns` with the torques of both joints times these.
+fn scaled(columns: Columns, times: [f64; 2]) -> Columns {
+    let [first, second] = times;
+    with(with(columns, "tau1", |_, tau| first * tau), "tau2", |_, tau| second * tau)
+}
+
 fn notes(columns: Columns) -> Vec<String> {
     let compared = compare(&two_joints(), &[], &recording(columns), &Settings::default());
     compared.expect("a comparison").0.notes
@@ -59,12 +65,39 @@ fn a_joint_that_stands_still_is_not_too_fast_for_the_filter() {
 }
 
 #[test]
-fn a_diagnosis_says_how_long_to_record() {
+fn torques_of_another_sign_unit_or_side_are_suspected() {
+    let cases: [([f64; 2], &str); 6] = [
+        ([1000.0, 1000.0], "N*mm"),
+        ([-1.0, -1.0], "the opposite sign, or"),
+        ([-1000.0, -2000.0], "the opposite sign, and N*mm"),
+        ([0.01, 0.01], "the motor's side"),
+        ([-0.01, -0.01], "the opposite sign, and the motor's side"),
+        ([1.0, -1.0], "the opposite sign, or"),
+    ];
+    let suspects = |note: &&String| note.contains("the measured torque is the model's times");
+    for (times, said) in cases {
+        let notes = notes(scaled(made(10.0), times));
+        let note = notes.iter().find(suspects).unwrap_or_else(|| panic!("{times:?}: {notes:?}"));
+        println!("{times:?}: {note}");
+        assert!(note.contains(said) && note.contains("tau2"), "{times:?}");
+    }
+    for times in [[1.0, 1.0], [0.1, 0.1], [8.0, 8.0]] {
+        assert_eq!(notes(scaled(made(10.0), times)).iter().find(suspects), None, "{times:?}");
+    }
+    let unlike = with(with(made(10.0), "tau1", |k, _| 900.0 * noise(k)), "tau2", |k, _| -noise(3 * k));
+    assert_eq!(notes(unlike).iter().find(suspects), None, "what does not go with the model has no scale");
+}
+
+#[test]
+fn a_diagnosis_says_so_too_and_how_long_to_record() {
     let settings = DiagnoseSettings { twins: 4, ..DiagnoseSettings::default() };
     let diagnosed = |columns: Columns| {
         let file = ArmFile { arm: two_joints(), effects: Vec::new(), ignored: Vec::new() };
         diagnose(&file, &[recording(columns)], &settings, &mut |_| ()).expect("a diagnosis")
     };
+    let odd = diagnosed(scaled(made(16.0), [1000.0, 1000.0]));
+    println!("{:?}", odd.quality);
+    assert!(odd.quality.iter().any(|note| note.contains("times about 1") && note.contains("N*mm")));
     let short = diagnosed(made(1.0));
     println!("{}", short.statement);
     assert_eq!(short.verdict, Verdict::InsufficientData);
