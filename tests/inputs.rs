@@ -421,6 +421,24 @@ fn bad_recordings() {
     }
 }
 
+/// No error: there is an answer, which speaks of the file that was given and of flags that `diagnose` has.
+#[test]
+fn too_short_a_recording_says_how_much_to_record() {
+    let long = recording("t,q1,q2,tau1,tau2", 0, "");
+    let short: String = long.lines().take(152).map(|line| format!("{line}\n")).collect();
+    let folder = fresh_folder();
+    for (file, text) in [("two.urdf", TWO), ("r.csv", short.as_str())] {
+        std::fs::write(folder.path().join(file), text).expect("written");
+    }
+    let ran = Call::new(folder, &["diagnose", "--model", "two.urdf", "--recording", "r.csv"]).run().expect(0);
+    let said = ran.stdout();
+    println!("{said}");
+    for words in ["r.csv: too short: it lasts 1.5 s", "record at least 10 s", "--lowpass"] {
+        assert!(said.replace(['\n', ' '], "").contains(&words.replace(' ', "")), "{words}: {}", ran.dump());
+    }
+    assert!(!said.contains("--trim"), "{}", ran.dump());
+}
+
 #[test]
 fn what_a_controller_cannot_use_is_bad_input() {
     let cases: [(&str, &[&str]); 3] = [

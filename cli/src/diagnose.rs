@@ -8,7 +8,7 @@ use clap::builder::styling::Style;
 use freeplay_arm::{ArmFile, to_toml};
 use freeplay_diagnosis::{
     Alternative, DiagnoseError, DiagnoseSettings, Diagnosis, Effect, ExciteSettings, Fit, Settings,
-    Tolerances, Untestable, Verdict, diagnose as diagnosed,
+    Tolerances, Untestable, Verdict, beyond_limits, diagnose as diagnosed,
 };
 use freeplay_recording::Recording;
 use serde_json::Value;
@@ -140,7 +140,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
 fn remark(quality: &mut Vec<String>, file: &ArmFile, recordings: &[Recording]) {
     let beyond = recordings.iter().flat_map(|recording| {
         let name = file_name(recording);
-        recorded::beyond_limits(recording, file).into_iter().map(move |note| format!("{name}: {note}"))
+        beyond_limits(&file.arm, recording).into_iter().map(move |note| format!("{name}: {note}"))
     });
     quality.splice(0..0, beyond);
     quality.extend(file.ignored.iter().map(|ignored| format!("model: {ignored}")));

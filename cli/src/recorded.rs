@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_arm::{ArmFile, JointKind};
+use freeplay_arm::ArmFile;
 use freeplay_recording::{ColumnError, ReadError, Recording};
 
 use crate::exit::Failure;
@@ -15,8 +15,6 @@ const MOST_MS: f64 = 300.0;
 const MOST_US: f64 = 3e5;
 /// No arm reaches farther, m.
 const FARTHEST_M: f64 = 30.0;
-/// Share of a joint's range beyond which it may be seen outside of it, as the notes of a comparison have it.
-const BEYOND: f64 = 0.05;
 
 /// Reads a recording of the arm in `file`, which was named `model`. What may be in another unit is noted in it.
 ///
@@ -88,30 +86,6 @@ pub fn only_once(recordings: &[PathBuf]) -> Result<(), Failure> {
             recordings[place].display()
         )))
     })
-}
-
-/// The joints that are seen beyond the limits which `file` names, a note each.
-pub fn beyond_limits(recording: &Recording, file: &ArmFile) -> Vec<String> {
-    let joints = file.arm.joints().iter().zip(&recording.q).enumerate();
-    joints
-        .filter_map(|(index, (joint, q))| {
-            let least = q.iter().copied().fold(f64::INFINITY, f64::min);
-            let most = q.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-            let (lower, upper) = (joint.limits.lower, joint.limits.upper);
-            let slack = BEYOND * (upper - lower);
-            let (unit, hint) = match joint.kind {
-                JointKind::Revolute => ("rad", "degrees"),
-                JointKind::Prismatic => ("m", "millimetres"),
-            };
-            (least < lower - slack || most > upper + slack).then(|| {
-                format!(
-                    "q{} goes from {least:.4} to {most:.4} {unit}, but {} may only from {lower:.4} to {upper:.4}: {hint}, another zero or another joint?",
-                    index + 1,
-                    joint.name
-                )
-            })
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -5,16 +5,17 @@ use freeplay_laws::Placed;
 use freeplay_recording::Recording;
 use serde::Serialize;
 
+use crate::curves::Curves;
 use crate::error::ResidualError;
+use crate::long::most_rows;
 use crate::motion::{Settings, Treatment};
-use crate::residual::{Channel, Kind, Residuals, check_joints, residuals};
-use crate::statistics::Moments;
+use crate::notes::{self, MotionTally};
+use crate::residual::{Kind, Residuals, check_joints, residuals};
+use crate::scale;
+use crate::tally::ChannelTally;
 
 /// The schema of [`Comparison`] as JSON.
 pub const SCHEMA: &str = "freeplay.compare/1";
-
-/// A signal that varies by less than this share of its own size is constant.
-const CONSTANT: f64 = 1e-9;
 
 /// A channel that varies by less than this share of the largest of its unit is not worth judging.
 const NEGLIGIBLE: f64 = 1e-6;
@@ -101,7 +102,8 @@ impl Comparison {
     }
 }
 
-/// Compares `recording` with `arm` and its `effects`: the numbers, and the residuals they are made of.
+/// Compares `recording` with `arm` and its `effects`: the numbers, and the residuals they are made of. A recording of millions of rows is
+/// worked on part by part, which the numbers don't show; of its residuals those points are left that a chart of all of it shows.
 ///
 /// # Errors
 /// See [`ResidualError`].
@@ -111,50 +113,50 @@ pub fn compare(
     recording: &Recording,
     settings: &Settings,
 ) -> Result<(Comparison, Residuals), ResidualError> {
+    in_parts(arm, effects, recording, settings, most_rows(recording.joints()))
+}
+
+/// [`compare`] in parts of `most` rows, if there are more.
+pub(crate) fn in_parts(
+    arm: &Arm,
+    effects: &[Placed],
+    recording: &Recording,
+    settings: &Settings,
+    most: usize,
+) -> Result<(Comparison, Residuals), ResidualError> {
     check_joints(arm, recording)?;
-    let treatment = Treatment::new(arm, recording, settings)?;
-    let motion = treatment.motion(recording);
-    let residuals = residuals(arm, effects, recording, &treatment)?;
-    let channels: Vec<ChannelError> =
-        residuals.channels.iter().map(|channel| error_of(arm, channel)).collect();
+    let treatment = Treatment::judged_by(arm, recording, settings, most)?;
+    let samples = treatment.stretches().last().map_or(0, |stretch| stretch.end);
+    let compared_hz = treatment.rate_hz() / treatment.every() as f64;
+    let mut motion = MotionTally::of(recording);
+    let mut channels: Vec<ChannelTally> = Vec::new();
+    let mut curves = Curves::new(samples, 1.0 / compared_hz, recording.len() > most);
+    for part in treatment.parts(recording, most) {
+        motion.add(recording, &part);
+        let residuals = residuals(arm, effects, recording, &part)?;
+        if channels.is_empty() {
+            channels = residuals.channels.iter().map(ChannelTally::like).collect();
+        }
+        channels.iter_mut().zip(&residuals.channels).for_each(|(tally, channel)| tally.add(channel));
+        curves.add(residuals);
+    }
+    let errors: Vec<ChannelError> = channels.iter().map(|channel| channel.error(arm)).collect();
     let mut notes = recording.notes.clone();
     notes.extend_from_slice(treatment.notes());
-    notes.extend(crate::notes::on_motion(arm, recording, &treatment, &motion));
-    notes.extend(crate::notes::on_channels(recording, &channels));
+    notes.extend(notes::beyond_limits(arm, recording));
+    notes.extend(motion.notes(treatment.filter().cutoff_hz()));
+    notes.extend(notes::on_channels(recording, &errors));
+    notes.extend(scale::of_tallies(&channels));
     let comparison = Comparison {
         schema: SCHEMA,
-        samples: motion.len(),
+        samples,
         rows: recording.len(),
         duration_s: recording.duration(),
         rate_hz: treatment.rate_hz(),
         lowpass_hz: treatment.filter().cutoff_hz(),
-        compared_hz: treatment.rate_hz() / treatment.every() as f64,
-        channels,
+        compared_hz,
+        channels: errors,
         notes,
     };
-    Ok((comparison, residuals))
-}
-
-fn error_of(arm: &Arm, channel: &Channel) -> ChannelError {
-    let residual = channel.residual();
-    let (error, measured) = (Moments::of(&residual), Moments::of(&channel.measured));
-    let ratio = |scale: f64, least: f64| (scale > least).then(|| error.rms / scale);
-    ChannelError {
-        name: channel.name.clone(),
-        kind: channel.kind,
-        unit: channel.unit,
-        joint: match channel.kind {
-            Kind::Torque(joint) | Kind::Link(joint) => Some(arm.joints()[joint].name.clone()),
-            Kind::Tool(_) => None,
-        },
-        rmse: error.rms,
-        rms_measured: measured.rms,
-        nrmse: ratio(measured.rms, 0.0),
-        std_measured: measured.std,
-        nrmse_std: ratio(measured.std, CONSTANT * measured.rms),
-        rmse_without_friction: channel.residual_without_friction().map(|residual| Moments::of(&residual).rms),
-        mean_error: error.mean,
-        std_error: error.std,
-        max_error: residual.iter().fold(0.0, |most, error| most.max(error.abs())),
-    }
+    Ok((comparison, curves.finish()))
 }

@@ -2,7 +2,13 @@
 
 use std::path::PathBuf;
 
+use freeplay_recording::Recording;
 use thiserror::Error;
+
+/// Length of recordings that a diagnosis asks for where there is too little, s.
+const ENOUGH_S: f64 = 10.0;
+/// Share of a single recording that the shortest of its parts is, which are fitted and judged apart; of several each is used as it is.
+const SHORTEST_PART: f64 = 0.25;
 
 /// Why residuals can't be formed.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -90,4 +96,50 @@ pub enum ResidualError {
         /// The channel.
         channel: String,
     },
+}
+
+impl ResidualError {
+    /// The error in words for the diagnosis of `recordings`, of which it met a part.
+    pub(crate) fn in_a_diagnosis(&self, recordings: &[Recording]) -> String {
+        let Self::TooShort { origin, longest_s, needed_s, cutoff_hz } = self else { return self.to_string() };
+        let whole = recordings.iter().find(|recording| recording.origin == *origin);
+        let whole_s = whole.map_or(*longest_s, Recording::duration);
+        let parts = if recordings.len() > 1 { 1.0 } else { SHORTEST_PART };
+        format!(
+            "{}: too short: it lasts {whole_s:.1} s; a low-pass at {cutoff_hz:.1} Hz needs {needed_s:.2} s without a gap in each of the parts \
+             that are fitted and judged on; record at least {:.0} s of motion without a gap, or set a higher --lowpass",
+            origin.display(),
+            (needed_s / parts).max(ENOUGH_S).ceil()
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use freeplay_recording::Recording;
+
+    use super::ResidualError;
+
+    #[test]
+    fn a_diagnosis_speaks_of_the_whole_recording() {
+        let t: Vec<f64> = (0..=200).map(|k| 0.01 * f64::from(k)).collect();
+        let whole = Recording::new(Path::new("r.csv"), vec![("q1".into(), t.clone()), ("t".into(), t)]);
+        let whole = [whole.expect("a recording")];
+        let short = |needed_s| {
+            let (origin, longest_s) = (whole[0].origin.clone(), 0.396);
+            ResidualError::TooShort { origin, longest_s, needed_s, cutoff_hz: 4.0 / needed_s }
+        };
+        let said = short(0.4).in_a_diagnosis(&whole);
+        println!("{said}");
+        assert!(
+            ["r.csv", "lasts 2.0 s", "0.40 s", "at 10.0 Hz", "at least 10 s"]
+                .iter()
+                .all(|words| said.contains(words))
+        );
+        assert!(!said.contains("--trim") && !said.contains("0.396"));
+        let said = short(8.0).in_a_diagnosis(&whole);
+        assert!(said.contains("at 0.5 Hz") && said.contains("at least 32 s"), "{said}");
+    }
 }

@@ -30,7 +30,11 @@ pub(crate) struct Stretch {
     /// Number of grid points.
     pub len: usize,
     /// The stamps lie on the grid: samples are taken as they are.
-    even: bool,
+    pub even: bool,
+    /// When its samples were taken, where that is not what their stamps say, s.
+    pub times: Option<Vec<f64>>,
+    /// The grid points that are compared: the others let filters settle.
+    pub keep: Range<usize>,
 }
 
 /// A uniform time grid with the mean step of the recording, cut where the recording has gaps.
@@ -44,10 +48,12 @@ pub(crate) struct Stretch {
 pub struct Grid {
     pub(crate) step: f64,
     pub(crate) stretches: Vec<Stretch>,
+    /// A longer step between two stamps is a gap, s.
+    pub(crate) longest: f64,
     /// Farthest stamp from the uniform grid, as a share of the step.
     pub(crate) jitter: f64,
-    /// When the samples were taken, where that is not what their stamps say, s.
-    pub(crate) steadied: Option<Vec<f64>>,
+    /// The samples were taken at steadier times than their stamps say.
+    pub(crate) is_steadied: bool,
 }
 
 impl Grid {
@@ -56,17 +62,14 @@ impl Grid {
     /// # Errors
     /// [`ResidualError::Stamps`] for fewer than four samples or stamps beyond the range of numbers.
     pub fn new(recording: &Recording) -> Result<Self, ResidualError> {
-        let stamped = Self::of(&recording.t).ok_or_else(|| ResidualError::Stamps {
-            origin: recording.origin.clone(),
-            samples: recording.len(),
-            duration_s: recording.duration(),
-        })?;
-        if stamped.jitter <= EVEN {
+        let stamped = Self::of(&recording.t).ok_or_else(|| no_grid(recording))?;
+        if stamped.is_even() {
             return Ok(stamped);
         }
         let stretches = stamped.stretches.iter().map(|stretch| stretch.rows.clone());
-        let steady = steadied(&recording.t, stretches)
-            .and_then(|t| Some(Self { jitter: stamped.jitter, ..Self::of(&t)?.with_times(t) }));
+        let steady = steadied(&recording.t, stretches).and_then(|t| {
+            Some(Self { jitter: stamped.jitter, longest: stamped.longest, ..Self::of(&t)?.with_times(&t) })
+        });
         Ok(steady.filter(|steady| steady.is_smoother_than(&stamped, recording)).unwrap_or(stamped))
     }
 
@@ -80,23 +83,34 @@ impl Grid {
         let longest = GAP_STEPS * *steps.select_nth_unstable_by(place, f64::total_cmp).1;
         let (count, sum) =
             steps.iter().filter(|step| **step <= longest).fold((0.0, 0.0), |(n, s), d| (n + 1.0, s + d));
-        let step = sum / count;
+        Self::laid(t, sum / count, longest)
+    }
+
+    /// The grid of `step` s through samples taken at `t`, cut where a step is longer than `longest`; `None` for numbers out of range.
+    pub(crate) fn laid(t: &[f64], step: f64, longest: f64) -> Option<Self> {
         if !(step > 0.0 && step.is_finite()) {
             return None;
         }
-        let mut grid = Self { step, stretches: Vec::new(), jitter: 0.0, steadied: None };
+        let mut grid = Self { step, stretches: Vec::new(), longest, jitter: 0.0, is_steadied: false };
         let mut begin = 0;
-        for row in 1..=t.len() {
-            if row == t.len() || t[row] - t[row - 1] > longest {
-                grid.add(t, begin..row);
-                begin = row;
-            }
+        for run in t.chunk_by(|before, after| after - before <= longest) {
+            grid.add(t, begin..begin + run.len());
+            begin += run.len();
         }
         Some(grid)
     }
 
-    fn with_times(self, t: Vec<f64>) -> Self {
-        Self { steadied: Some(t), ..self }
+    fn with_times(mut self, t: &[f64]) -> Self {
+        self.is_steadied = true;
+        for stretch in self.stretches.iter_mut().filter(|stretch| !stretch.even) {
+            stretch.times = Some(t[stretch.rows.clone()].to_vec());
+        }
+        self
+    }
+
+    /// Whether the stamps lie on the grid.
+    pub(crate) fn is_even(&self) -> bool {
+        self.jitter <= EVEN
     }
 
     /// Whether the positions of `recording` are clearly smoother here than on `other`.
@@ -121,7 +135,7 @@ impl Grid {
         let even = jitter <= EVEN;
         let len = if even { stamps.len() } else { ((end - start) / self.step + EVEN) as usize + 1 };
         self.jitter = self.jitter.max(jitter);
-        self.stretches.push(Stretch { rows, start, len, even });
+        self.stretches.push(Stretch { rows, start, len, even, times: None, keep: 0..len });
     }
 
     /// Grid points per second, Hz.
@@ -140,7 +154,7 @@ impl Grid {
         if stretch.even {
             return Cow::Borrowed(column);
         }
-        let t = &self.steadied.as_ref().unwrap_or(&recording.t)[stretch.rows.clone()];
+        let t = stretch.times.as_deref().unwrap_or_else(|| &recording.t[stretch.rows.clone()]);
         let mut below = 0;
         let point = |k: usize| {
             let time = stretch.start + k as f64 * self.step;
@@ -150,6 +164,15 @@ impl Grid {
             interpolate(t, column, below, time)
         };
         Cow::Owned((0..stretch.len).map(point).collect())
+    }
+}
+
+/// The error of a recording whose stamps make no grid.
+pub(crate) fn no_grid(recording: &Recording) -> ResidualError {
+    ResidualError::Stamps {
+        origin: recording.origin.clone(),
+        samples: recording.len(),
+        duration_s: recording.duration(),
     }
 }
 

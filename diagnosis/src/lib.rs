@@ -9,7 +9,8 @@
 //!   [`freeplay_laws::Trajectory`] of a recording.
 //! - [`Residuals`]: one [`Channel`] for each thing measured that the model can predict ([`Kind`]): torques, tool position, link
 //!   encoders; made by [`residuals`] from the [`freeplay_laws::Prediction`] of the arm with its effects.
-//! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above.
+//! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above, of long recordings part by part.
+//! - [`beyond_limits`]: the joints that a recording has where they can't be, in words.
 //! - [`diagnose`]: from recordings to a [`Diagnosis`] with its [`Verdict`]: where they differ from the model ([`Location`], [`Map`]),
 //!   what is missing ([`Effect`] with its [`Parameter`]s and [`Evidence`]), what else was weighed ([`Alternative`], [`EvidenceRow`]),
 //!   what can't be told ([`Untestable`]), how much better the model gets on held-out data ([`Fit`], [`Gain`]), and what pictures are drawn from ([`Passage`],
@@ -20,16 +21,23 @@
 //! - [`ResidualError`]: why a recording and a model can't be compared.
 
 mod comparison;
+mod curves;
 mod cutoff;
 mod diagnose;
 mod error;
 mod filter;
 mod grid;
+mod long;
+#[cfg(test)]
+#[path = "../tests/common/mod.rs"]
+mod made;
 mod motion;
 mod notes;
 mod residual;
+mod scale;
 mod stamps;
 mod statistics;
+mod tally;
 
 pub use comparison::{ChannelError, Comparison, SCHEMA, compare};
 pub use diagnose::{
@@ -42,4 +50,5 @@ pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};
 pub use grid::Grid;
 pub use motion::{Settings, Treatment, default_cutoff_hz};
+pub use notes::beyond_limits;
 pub use residual::{Channel, Kind, Residuals, residuals};

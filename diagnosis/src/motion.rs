@@ -47,12 +47,11 @@ pub fn default_cutoff_hz(rate_hz: f64) -> f64 {
 /// column, measured or modelled, so that what it takes away is missing on both sides.
 #[derive(Debug, Clone)]
 pub struct Treatment {
-    grid: Grid,
-    filter: LowPass,
-    fine: LowPass,
-    trim_s: Option<f64>,
-    every: usize,
-    notes: Vec<String>,
+    pub(crate) grid: Grid,
+    pub(crate) filter: LowPass,
+    pub(crate) fine: LowPass,
+    pub(crate) every: usize,
+    pub(crate) notes: Vec<String>,
 }
 
 impl Treatment {
@@ -62,15 +61,33 @@ impl Treatment {
     /// [`ResidualError::Stamps`], [`ResidualError::Cutoff`], [`ResidualError::Trim`], and [`ResidualError::TooShort`] if no stretch
     /// lasts four periods of the cutoff.
     pub fn new(arm: &Arm, recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
-        let mut treatment = Self::by_rate(recording, settings)?;
+        Self::judged_by(arm, recording, settings, usize::MAX)
+    }
+
+    /// The treatment of a `recording` of `arm`, of which no more than about `most` rows are looked at for what is decided of all of it.
+    ///
+    /// # Errors
+    /// See [`Treatment::new`].
+    pub(crate) fn judged_by(
+        arm: &Arm,
+        recording: &Recording,
+        settings: &Settings,
+        most: usize,
+    ) -> Result<Self, ResidualError> {
+        if let Some(trim_s) = settings.trim_s.filter(|trim| !(*trim >= 0.0 && trim.is_finite())) {
+            return Err(ResidualError::Trim { trim_s });
+        }
+        let grid = Grid::judged_by(recording, most)?;
+        let mut treatment = Self::on(grid.clone(), recording, settings)?;
         if settings.lowpass_hz.is_some() {
             return Ok(treatment);
         }
         let usual_hz = treatment.filter.cutoff_hz();
-        let lower_hz = cutoff_for(arm, recording, &treatment);
+        let lower_hz = cutoff_for(arm, recording, &treatment.sample(recording, most));
         // What is too short for a lower cutoff keeps the usual one.
         if lower_hz < usual_hz
-            && let Ok(lower) = Self::by_rate(recording, &Settings { lowpass_hz: Some(lower_hz), ..*settings })
+            && let Ok(lower) =
+                Self::on(grid, recording, &Settings { lowpass_hz: Some(lower_hz), ..*settings })
         {
             treatment = lower;
             treatment.notes.push(format!(
@@ -80,26 +97,27 @@ impl Treatment {
         Ok(treatment)
     }
 
-    /// The treatment of `recording` without a look at what is in it.
-    fn by_rate(recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
-        if let Some(trim_s) = settings.trim_s.filter(|trim| !(*trim >= 0.0 && trim.is_finite())) {
-            return Err(ResidualError::Trim { trim_s });
-        }
-        let grid = Grid::new(recording)?;
+    /// The treatment of `recording` on its `grid` without a look at what is in it.
+    fn on(grid: Grid, recording: &Recording, settings: &Settings) -> Result<Self, ResidualError> {
         let rate_hz = grid.rate_hz();
         let cutoff_hz = settings.lowpass_hz.unwrap_or_else(|| default_cutoff_hz(rate_hz));
         let filter = LowPass::new(rate_hz, cutoff_hz)?;
         let fine = LowPass::new(rate_hz, (FINE * cutoff_hz).min(MOST_FINE * rate_hz).max(cutoff_hz))?;
         let every = ((rate_hz / (POINTS_PER_PERIOD * cutoff_hz) + 1e-6) as usize).max(1);
-        let mut treatment = Self { grid, filter, fine, trim_s: settings.trim_s, every, notes: Vec::new() };
-        treatment.drop_short_stretches(recording)?;
+        let mut treatment = Self { grid, filter, fine, every, notes: Vec::new() };
+        treatment.drop_short_stretches(recording, settings.trim_s)?;
+        treatment.leave_ends_out(settings.trim_s);
         Ok(treatment)
     }
 
-    fn drop_short_stretches(&mut self, recording: &Recording) -> Result<(), ResidualError> {
+    fn drop_short_stretches(
+        &mut self,
+        recording: &Recording,
+        trim_s: Option<f64>,
+    ) -> Result<(), ResidualError> {
         let step = self.grid.step;
         let needed_s =
-            (LEAST_PERIODS / self.filter.cutoff_hz()).max(2.0 * self.trim_s.unwrap_or(0.0) + 2.0 * step);
+            (LEAST_PERIODS / self.filter.cutoff_hz()).max(2.0 * trim_s.unwrap_or(0.0) + 2.0 * step);
         let lasts = |stretch: &Stretch| (stretch.len - 1) as f64 * step;
         let longest_s = self.grid.stretches.iter().map(lasts).fold(0.0, f64::max);
         let all = self.grid.stretches.len();
@@ -117,9 +135,9 @@ impl Treatment {
                 if dropped > 0 { format!(", {dropped} too short to be used") } else { String::new() }
             ));
         }
-        if self.grid.jitter > 0.02 {
+        if !self.grid.is_even() {
             let (off, rate_hz) = (self.grid.jitter, self.grid.rate_hz());
-            let done = if self.grid.steadied.is_some() {
+            let done = if self.grid.is_steadied {
                 format!(
                     "the positions are smoother without that, so that the samples are taken as even, at {rate_hz:.4} Hz"
                 )
@@ -129,6 +147,16 @@ impl Treatment {
             self.notes.push(format!("the time stamps are uneven (up to {off:.2} of a step off): {done}"));
         }
         Ok(())
+    }
+
+    /// Keeps of every stretch what is farther from its ends than `trim_s`, or by the rule.
+    fn leave_ends_out(&mut self, trim_s: Option<f64>) {
+        let (step, settling_s) = (self.grid.step, self.filter.settling_time());
+        for stretch in &mut self.grid.stretches {
+            let most_s = GREATEST_TRIM * (stretch.len - 1) as f64 * step;
+            let trim = (trim_s.unwrap_or(settling_s.min(most_s)) / step + 1e-6) as usize;
+            stretch.keep = trim..stretch.len - trim;
+        }
     }
 
     /// The low-pass.
@@ -153,11 +181,7 @@ impl Treatment {
 
     /// Grid points of `stretch` that are kept.
     fn kept(&self, stretch: &Stretch) -> impl Iterator<Item = usize> {
-        let trim_s = self.trim_s.unwrap_or_else(|| {
-            self.filter.settling_time().min(GREATEST_TRIM * (stretch.len - 1) as f64 * self.grid.step)
-        });
-        let trim = (trim_s / self.grid.step + 1e-6) as usize;
-        (trim..stretch.len - trim).step_by(self.every)
+        stretch.keep.clone().step_by(self.every)
     }
 
     /// Times of the kept points, s.

@@ -1,87 +1,129 @@
 //! What a person should know beside the numbers.
 
 use freeplay_arm::{Arm, JointKind};
-use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
 
 use crate::comparison::ChannelError;
 use crate::motion::Treatment;
-use crate::statistics::Moments;
+use crate::statistics::white_noise;
+use crate::tally::Tally;
 
 /// A filtered-out share of a joint's movement above this is worth a word.
 const REMOVED: f64 = 0.01;
+/// A movement whose deviation is this many times its encoder's noise, or less, is none.
+const WITHIN_NOISE: f64 = 3.0;
 /// A recorded velocity that differs from the derivative of the position by more than this share is worth a word.
 const VELOCITY: f64 = 0.05;
+/// Share of a joint's range by which it may be seen outside of it without a word.
+const BEYOND: f64 = 0.05;
 
-/// Notes on the motion, joint by joint: beyond the limits, fast for the filter, velocities that don't fit.
-pub(crate) fn on_motion(
-    arm: &Arm,
-    recording: &Recording,
-    treatment: &Treatment,
-    motion: &Trajectory,
-) -> Vec<String> {
+/// The joints of `arm` that `recording` has beyond their limits, a sentence each.
+pub fn beyond_limits(arm: &Arm, recording: &Recording) -> Vec<String> {
     let mut notes = Vec::new();
-    for (index, joint) in arm.joints().iter().enumerate() {
-        let (least, most) = extremes(&recording.q[index]);
-        let (limits, reach) = (&joint.limits, 0.05 * (joint.limits.upper - joint.limits.lower));
-        if least < limits.lower - reach || most > limits.upper + reach {
+    for (index, (joint, q)) in arm.joints().iter().zip(&recording.q).enumerate() {
+        let (least, most) = extremes(q);
+        let (lower, upper) = (joint.limits.lower, joint.limits.upper);
+        let slack = BEYOND * (upper - lower);
+        if least < lower - slack || most > upper + slack {
             let (unit, hint) = match joint.kind {
-                JointKind::Revolute => ("rad", "degrees, another zero or another joint?"),
-                JointKind::Prismatic => ("m", "millimetres, another zero or another joint?"),
+                JointKind::Revolute => ("rad", "degrees"),
+                JointKind::Prismatic => ("m", "millimetres"),
             };
             notes.push(format!(
-                "q{} moves from {least:.4} to {most:.4} {unit}, but {} may only from {:.4} to {:.4}: {hint}",
+                "q{} goes from {least:.4} to {most:.4} {unit}, but {} may only from {lower:.4} to {upper:.4}: {hint}, another zero or another joint?",
                 index + 1,
-                joint.name,
-                limits.lower,
-                limits.upper
-            ));
-        }
-        if let Some(removed) =
-            removed_by_filter(recording, treatment, motion, index).filter(|share| *share > REMOVED)
-        {
-            notes.push(format!(
-                "the low-pass at {:.4} Hz takes {:.0} % off the movement of q{}: too fast or too noisy for it; see --lowpass",
-                treatment.filter().cutoff_hz(),
-                removed * 100.0,
-                index + 1
+                joint.name
             ));
         }
     }
-    notes.extend(on_velocities(recording, treatment, motion));
     notes
 }
 
-/// How much of the movement of a joint the filter takes away: (std before − std after)/std before, on the kept points.
-fn removed_by_filter(
-    recording: &Recording,
-    treatment: &Treatment,
-    motion: &Trajectory,
-    joint: usize,
-) -> Option<f64> {
-    let before = Moments::of(&treatment.unfiltered(recording, &recording.q[joint])).std;
-    (before > 0.0).then(|| 1.0 - Moments::of(&motion.q[joint]).std / before)
+/// What notes on the motion are made of, part by part of a recording.
+pub(crate) struct MotionTally {
+    joints: Vec<JointTally>,
 }
 
-/// Recorded velocities that are not the derivative of the recorded positions.
-fn on_velocities(recording: &Recording, treatment: &Treatment, motion: &Trajectory) -> Option<String> {
-    let mut odd = Vec::new();
-    for (index, recorded) in recording.qd.iter().flatten().enumerate() {
-        let recorded = treatment.smooth(recording, recorded);
-        let derived = &motion.v[index];
-        let off: Vec<f64> =
-            recorded.iter().zip(derived).map(|(recorded, derived)| recorded - derived).collect();
-        let (off, size) = (Moments::of(&off).rms, Moments::of(derived).rms);
-        if off > VELOCITY * size && size > 0.0 {
-            odd.push(format!("qd{} by {:.0} %", index + 1, 100.0 * off / size));
+#[derive(Clone, Default)]
+struct JointTally {
+    /// Position, before the filter and after it.
+    recorded: Tally,
+    smooth: Tally,
+    /// Deviation of the encoder's noise, or its step: the most that any part shows.
+    noise: f64,
+    /// Derivative of the position, and recorded velocity minus it.
+    derived: Tally,
+    off: Tally,
+}
+
+impl MotionTally {
+    /// Nothing yet of `recording`.
+    pub fn of(recording: &Recording) -> Self {
+        Self { joints: vec![JointTally::default(); recording.joints()] }
+    }
+
+    /// Takes the part of `recording` that `treatment` keeps.
+    pub fn add(&mut self, recording: &Recording, treatment: &Treatment) {
+        for (index, (joint, q)) in self.joints.iter_mut().zip(&recording.q).enumerate() {
+            let [smooth, derived, _] = treatment.smooth_with_derivatives(recording, q);
+            let recorded = treatment.unfiltered(recording, q);
+            if removed(&Tally::of(&recorded), &Tally::of(&smooth)).is_some() {
+                joint.noise = joint.noise.max(noise(&treatment.whole_column(recording, q)));
+            }
+            joint.recorded.add(&recorded);
+            joint.smooth.add(&smooth);
+            if let Some(velocity) = recording.qd.as_ref().map(|qd| treatment.smooth(recording, &qd[index])) {
+                let off: Vec<f64> = velocity.iter().zip(&derived).map(|(v, derived)| v - derived).collect();
+                joint.derived.add(&derived);
+                joint.off.add(&off);
+            }
         }
     }
-    (!odd.is_empty()).then(|| {
-        format!(
-            "recorded velocities differ from the derivative of the positions, which is used: {}",
-            odd.join(", ")
-        )
-    })
+
+    /// Notes on joints that are fast for the filter, whose cutoff is `cutoff_hz`, and on velocities that don't fit.
+    pub fn notes(&self, cutoff_hz: f64) -> Vec<String> {
+        let moving = |joint: &JointTally| joint.recorded.moments.std > WITHIN_NOISE * joint.noise;
+        let joints = self.joints.iter().enumerate().filter(|(_, joint)| moving(joint));
+        let fast = joints.filter_map(|(index, joint)| {
+            let share = removed(&joint.recorded, &joint.smooth)?;
+            Some(format!(
+                "the low-pass at {cutoff_hz:.4} Hz takes {:.0} % off the movement of q{}: too fast or too noisy for it; see --lowpass",
+                share * 100.0,
+                index + 1
+            ))
+        });
+        fast.chain(self.on_velocities()).collect()
+    }
+
+    /// Recorded velocities that are not the derivative of the recorded positions.
+    fn on_velocities(&self) -> Option<String> {
+        let odd = self.joints.iter().enumerate().filter_map(|(index, joint)| {
+            let (off, size) = (joint.off.moments.rms, joint.derived.moments.rms);
+            let is_odd = off > VELOCITY * size && size > 0.0;
+            is_odd.then(|| format!("qd{} by {:.0} %", index + 1, 100.0 * off / size))
+        });
+        let odd: Vec<String> = odd.collect();
+        (!odd.is_empty()).then(|| {
+            format!(
+                "recorded velocities differ from the derivative of the positions, which is used: {}",
+                odd.join(", ")
+            )
+        })
+    }
+}
+
+/// How much of the movement of a joint the filter takes away, if that is worth a word: (std before − std after)/std before.
+fn removed(recorded: &Tally, smooth: &Tally) -> Option<f64> {
+    let (before, after) = (recorded.moments.std, smooth.moments.std);
+    let share = 1.0 - after / before;
+    (before > 0.0 && share > REMOVED).then_some(share)
+}
+
+/// Deviation of the white noise of an encoder that read `q`, or its step, if that is more: the least change between two samples.
+fn noise(q: &[f64]) -> f64 {
+    let changes = q.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 0.0);
+    let step = changes.fold(f64::INFINITY, f64::min);
+    white_noise(q).max(if step.is_finite() { step } else { 0.0 })
 }
 
 /// Notes on channels that can't be judged or are missing.

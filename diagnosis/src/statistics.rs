@@ -46,3 +46,10 @@ pub(crate) fn roughness(samples: &[f64]) -> f64 {
     let middle = fourth.len() / 2;
     if fourth.is_empty() { 0.0 } else { *fourth.select_nth_unstable_by(middle, f64::total_cmp).1 }
 }
+
+/// Deviation of the white noise in `samples` of a smooth motion, by their [`roughness`].
+pub(crate) fn white_noise(samples: &[f64]) -> f64 {
+    /// Sum of the squares of 1, −4, 6, −4, 1.
+    const FOURTH_DIFFERENCE: f64 = 70.0;
+    roughness(samples) / Quantile::MEDIAN.of_normal / FOURTH_DIFFERENCE.sqrt()
+}

@@ -19,6 +19,7 @@ use super::stage::{Ground, Stage};
 use super::tolerance::Tolerances;
 use crate::error::ResidualError;
 use crate::motion::Settings;
+use crate::scale;
 
 /// What a user may choose of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,7 +117,7 @@ fn judged_on(
         (Ok(fitted), Ok(held)) => (fitted, held),
         (Err(short @ ResidualError::TooShort { .. }), _)
         | (_, Err(short @ ResidualError::TooShort { .. })) => {
-            return Ok(Conclusion::insufficient(file, settings, notes, short.to_string()));
+            return Ok(Conclusion::insufficient(file, settings, notes, short.in_a_diagnosis(recordings)));
         }
         (Err(error), _) | (_, Err(error)) => return Err(error.into()),
     };
@@ -127,6 +128,7 @@ fn judged_on(
     let fitted = Case::new(stages_of(&file.arm, &known, &fitted)?, &settings.tolerances);
     let held = Case::new(stages_of(&file.arm, &known, &held)?, &settings.tolerances);
     notes.extend(quality::notes(&fitted));
+    notes.extend(fitted.stages.first().and_then(|stage| scale::of_channels(&stage.channels)));
     progress("laying out what might be missing");
     let system = fitted.system(fitted.target());
     let (hypotheses, untestable) = hypotheses(&fitted, &system);
