@@ -6,7 +6,7 @@
 
 use std::rc::Rc;
 
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DMatrixViewMut, DVector, Dyn};
 
 /// A column: its rows by channel, `None` where it is zero.
 pub(crate) type Column = Vec<Option<Vec<f64>>>;
@@ -22,13 +22,13 @@ pub(crate) struct Block {
     /// BᵀZ by channel, rows as the system's columns; kept up in the channels in which the block shows.
     with_base: ByChannel,
     /// ZᵀZ by channel.
-    with_itself: ByChannel,
+    pub(super) with_itself: ByChannel,
     /// Zᵀy by channel.
-    with_target: Vec<DVector<f64>>,
+    pub(super) with_target: Vec<DVector<f64>>,
     /// Channels in which it is not zero.
     pub shows: Vec<usize>,
     /// Within which its coefficients are held.
-    limits: Vec<[f64; 2]>,
+    pub(super) limits: Vec<[f64; 2]>,
 }
 
 /// What is not held.
@@ -119,6 +119,11 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
+    /// The factor of the normal matrix of what is free.
+    pub(super) fn factor(&self) -> &Cholesky<f64, Dyn> {
+        &self.factor
+    }
+
     /// The rows of `all` that belong to coefficients that are not held.
     fn of_free(&self, all: &DMatrix<f64>) -> DMatrix<f64> {
         if self.free.len() == self.active.len() { all.clone() } else { all.select_rows(&self.free) }
@@ -279,7 +284,7 @@ impl System {
         })
     }
 
-    /// As [`System::score`], with the nuisances that `fit` holds at their bounds free to come back: what the block would really gain.
+    /// As [`System::scores`], with the nuisances that `fit` holds at their bounds free to come back: what the block would really gain.
     pub fn exact_score(&self, fit: &Fit, block: &Block) -> Option<Score> {
         let (n, p) = (fit.active.len(), block.columns.len());
         let (base, base_right) = &fit.normal;
@@ -333,41 +338,8 @@ impl System {
         (normal, right)
     }
 
-    /// What `block` explains beyond `fit`; `None` if it is nothing of its own.
-    pub fn score(&self, fit: &Fit, block: &Block) -> Option<Score> {
-        self.score_of(fit, block, &block.with_target)
-    }
-
-    /// The same for a target with which the block has these inner products.
-    pub fn score_of(&self, fit: &Fit, block: &Block, with_target: &[DVector<f64>]) -> Option<Score> {
-        let p = block.columns.len();
-        let cross = self.cross(fit, block);
-        let mut own = DMatrix::zeros(p, p);
-        let mut right = DVector::zeros(p);
-        for &c in &block.shows {
-            own += self.weights[c] * &block.with_itself[c];
-            right += self.weights[c] * &with_target[c];
-        }
-        let whole = own.diagonal();
-        right -= cross.tr_mul(&fit.eta);
-        let mut half = fit.of_free(&cross);
-        fit.factor.l_dirty().solve_lower_triangular_mut(&mut half);
-        own -= half.transpose() * &half;
-        let share = (0..p).map(|j| own[(j, j)] / whole[j].max(f64::MIN_POSITIVE)).fold(1.0, f64::min);
-        if !whole.iter().all(|&w| w > 0.0) || share < 1e-9 {
-            return None;
-        }
-        let mut beta = Cholesky::new(own.clone())?.solve(&right);
-        if beta.iter().zip(&block.limits).any(|(beta, [least, most])| beta < least || beta > most) {
-            beta = bounded(&own, &right, &block.limits)?.eta;
-        }
-        let gain = 2.0 * right.dot(&beta) - beta.dot(&(own * &beta));
-        gain.is_finite().then_some(Score { gain, beta, shift: None })
-    }
-
-    /// Weighed inner products of the active columns of `fit` with those of `block`.
-    fn cross(&self, fit: &Fit, block: &Block) -> DMatrix<f64> {
-        let mut cross = DMatrix::zeros(fit.active.len(), block.columns.len());
+    /// Adds the weighed inner products of the active columns of `fit` with those of `block` to `cross`.
+    pub(super) fn add_cross(&self, fit: &Fit, block: &Block, mut cross: DMatrixViewMut<f64>) {
         // The nuisances come first and all take part: nothing has to be looked up there.
         let in_order = fit.active.iter().enumerate().take_while(|(i, a)| i == *a).count();
         for &c in &block.shows {
@@ -378,6 +350,12 @@ impl System {
                 others.for_each(|(&a, cross)| *cross += weight * products[a]);
             }
         }
+    }
+
+    /// Weighed inner products of the active columns of `fit` with those of `block`.
+    fn cross(&self, fit: &Fit, block: &Block) -> DMatrix<f64> {
+        let mut cross = DMatrix::zeros(fit.active.len(), block.columns.len());
+        self.add_cross(fit, block, cross.as_view_mut());
         cross
     }
 
