@@ -33,15 +33,15 @@ impl System {
     }
 
     fn scores_of_few(&self, fit: &Fit, asked: &[Asked]) -> Vec<Option<Score>> {
-        let columns = asked.iter().map(|(block, _)| block.columns.len()).sum();
-        let mut cross = DMatrix::zeros(fit.active.len(), columns);
+        let (n, columns) = (fit.active.len(), asked.iter().map(|(block, _)| block.columns.len()).sum());
+        let mut cross = DMatrix::zeros(n, columns);
         let mut begin = 0;
         let mut places = Vec::with_capacity(asked.len());
         for (block, _) in asked {
-            let size = block.columns.len();
-            self.add_cross(fit, block, cross.columns_mut(begin, size));
+            let end = begin + block.columns.len();
+            self.add_cross(fit, block, &mut cross.as_mut_slice()[n * begin..n * end]);
             places.push(begin);
-            begin += size;
+            begin = end;
         }
         let said = cross.tr_mul(&fit.eta);
         let eliminated = Eliminated::new(fit, &cross);

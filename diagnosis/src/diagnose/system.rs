@@ -6,7 +6,7 @@
 
 use std::rc::Rc;
 
-use nalgebra::{Cholesky, DMatrix, DMatrixViewMut, DVector, Dyn};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// A column: its rows by channel, `None` where it is zero.
 pub(crate) type Column = Vec<Option<Vec<f64>>>;
@@ -326,9 +326,8 @@ impl System {
             for (i, &a) in active.iter().enumerate() {
                 right[i] += weight * self.with_target[c][a];
                 let products = self.products[c].column(a);
-                for (j, &b) in active.iter().enumerate().skip(i) {
-                    normal[(j, i)] += weight * products[b];
-                }
+                let column = &mut normal.as_mut_slice()[i * n..(i + 1) * n];
+                add_picked(&mut column[i..], *weight, products.as_slice(), &active[i..]);
             }
         }
         normal.fill_upper_triangle_with_lower_triangle();
@@ -338,16 +337,14 @@ impl System {
         (normal, right)
     }
 
-    /// Adds the weighed inner products of the active columns of `fit` with those of `block` to `cross`.
-    pub(super) fn add_cross(&self, fit: &Fit, block: &Block, mut cross: DMatrixViewMut<f64>) {
-        // The nuisances come first and all take part: nothing has to be looked up there.
-        let in_order = fit.active.iter().enumerate().take_while(|(i, a)| i == *a).count();
+    /// Adds the weighed inner products of the active columns of `fit` with those of `block` to `cross`, column by column.
+    pub(super) fn add_cross(&self, fit: &Fit, block: &Block, cross: &mut [f64]) {
+        let n = fit.active.len();
         for &c in &block.shows {
-            let weight = self.weights[c];
-            for (mut cross, products) in cross.column_iter_mut().zip(block.with_base[c].column_iter()) {
-                cross.rows_mut(0, in_order).axpy(weight, &products.rows(0, in_order), 1.0);
-                let others = fit.active.iter().zip(cross.iter_mut()).skip(in_order);
-                others.for_each(|(&a, cross)| *cross += weight * products[a]);
+            let products = &block.with_base[c];
+            let all = products.as_slice().chunks_exact(products.nrows().max(1));
+            for (cross, products) in cross.chunks_exact_mut(n.max(1)).zip(all) {
+                add_picked(cross, self.weights[c], products, &fit.active);
             }
         }
     }
@@ -355,7 +352,7 @@ impl System {
     /// Weighed inner products of the active columns of `fit` with those of `block`.
     fn cross(&self, fit: &Fit, block: &Block) -> DMatrix<f64> {
         let mut cross = DMatrix::zeros(fit.active.len(), block.columns.len());
-        self.add_cross(fit, block, cross.as_view_mut());
+        self.add_cross(fit, block, cross.as_mut_slice());
         cross
     }
 
@@ -454,6 +451,16 @@ impl System {
         let squares = residual.iter().map(|r| r.iter().map(|x| x * x).sum::<f64>());
         squares.zip(&self.weights).map(|(square, weight)| square * weight).sum()
     }
+}
+
+/// Adds `weight` times those of `numbers` whose places are in `picked` to `sums`.
+fn add_picked(sums: &mut [f64], weight: f64, numbers: &[f64], picked: &[usize]) {
+    // The nuisances come first and all take part: nothing has to be looked up there.
+    let first = picked.first().copied().unwrap_or(0);
+    let in_order = picked.iter().zip(first..).take_while(|(place, at)| *place == at).count();
+    let (beside, others) = sums.split_at_mut(in_order);
+    beside.iter_mut().zip(&numbers[first..]).for_each(|(sum, x)| *sum += weight * x);
+    others.iter_mut().zip(&picked[in_order..]).for_each(|(sum, &place)| *sum += weight * numbers[place]);
 }
 
 /// The least of ηᵀNη − 2bᵀη with some η inside their bounds.
