@@ -112,6 +112,8 @@ pub(crate) struct Fit {
     pub eta: DVector<f64>,
     /// What is left: the weighted sum of squares and what the priors pay.
     pub left: f64,
+    /// Where they show.
+    shown: Shown,
     /// Normal matrix and right side of the active columns.
     normal: (DMatrix<f64>, DVector<f64>),
     /// Weighted square of the target.
@@ -270,7 +272,8 @@ impl System {
 
     /// Fits the base columns `active`, nuisances inside their bounds; `None` if they are not independent.
     pub fn fit(&self, active: &[usize]) -> Option<Fit> {
-        let (normal, right) = self.normal(active);
+        let shown = self.shown(active);
+        let (normal, right) = self.normal(active, &shown);
         let Bounded { free, factor, eta, fall } = bounded(&normal, &right, &self.limits(active))?;
         let whole = self.weighted_square(&self.target);
         Some(Fit {
@@ -279,6 +282,7 @@ impl System {
             factor,
             eta,
             left: whole - fall,
+            shown,
             normal: (normal, right),
             whole,
         })
@@ -290,17 +294,15 @@ impl System {
         let (base, base_right) = &fit.normal;
         let mut normal = base.clone().resize(n + p, n + p, 0.0);
         let mut right = base_right.clone().resize_vertically(n + p, 0.0);
+        let cross = self.cross(fit, block);
+        normal.view_mut((0, n), (n, p)).copy_from(&cross);
+        normal.view_mut((n, 0), (p, n)).copy_from(&cross.transpose());
         for &c in &block.shows {
             let weight = self.weights[c];
+            right.rows_mut(n, p).axpy(weight, &block.with_target[c], 1.0);
             for j in 0..p {
-                right[n + j] += weight * block.with_target[c][j];
                 for k in 0..p {
                     normal[(n + j, n + k)] += weight * block.with_itself[c][(j, k)];
-                }
-                for (i, &a) in fit.active.iter().enumerate() {
-                    let product = weight * block.with_base[c][(a, j)];
-                    normal[(i, n + j)] += product;
-                    normal[(n + j, i)] += product;
                 }
             }
         }
@@ -318,19 +320,25 @@ impl System {
         active.iter().map(|&a| self.limits[a]).collect()
     }
 
+    /// Where the base columns `active` show.
+    fn shown(&self, active: &[usize]) -> Shown {
+        let in_order = active.iter().enumerate().take_while(|(i, a)| i == *a).count();
+        let others = active.iter().copied().enumerate().skip(in_order);
+        let of_channel = |c: usize| others.clone().filter(|(_, a)| self.base[*a][c].is_some()).collect();
+        Shown { in_order, others: (0..self.target.len()).map(of_channel).collect() }
+    }
+
     /// Normal matrix and right side of the base columns `active`, priors included.
-    fn normal(&self, active: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+    fn normal(&self, active: &[usize], shown: &Shown) -> (DMatrix<f64>, DVector<f64>) {
         let n = active.len();
         let (mut normal, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
         for (c, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
-            for (i, &a) in active.iter().enumerate() {
-                right[i] += weight * self.with_target[c][a];
+            shown.add(c, *weight, self.with_target[c].as_slice(), right.as_mut_slice());
+            for (i, &a) in active.iter().enumerate().filter(|(_, a)| self.base[**a][c].is_some()) {
                 let products = self.products[c].column(a);
-                let column = &mut normal.as_mut_slice()[i * n..(i + 1) * n];
-                add_picked(&mut column[i..], *weight, products.as_slice(), &active[i..]);
+                shown.add(c, *weight, products.as_slice(), &mut normal.as_mut_slice()[i * n..(i + 1) * n]);
             }
         }
-        normal.fill_upper_triangle_with_lower_triangle();
         for (i, precision) in self.precisions(active).into_iter().enumerate() {
             normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-11) + precision + f64::MIN_POSITIVE;
         }
@@ -344,7 +352,7 @@ impl System {
             let products = &block.with_base[c];
             let all = products.as_slice().chunks_exact(products.nrows().max(1));
             for (cross, products) in cross.chunks_exact_mut(n.max(1)).zip(all) {
-                add_picked(cross, self.weights[c], products, &fit.active);
+                fit.shown.add(c, self.weights[c], products, cross);
             }
         }
     }
@@ -453,14 +461,21 @@ impl System {
     }
 }
 
-/// Adds `weight` times those of `numbers` whose places are in `picked` to `sums`.
-fn add_picked(sums: &mut [f64], weight: f64, numbers: &[f64], picked: &[usize]) {
-    // The nuisances come first and all take part: nothing has to be looked up there.
-    let first = picked.first().copied().unwrap_or(0);
-    let in_order = picked.iter().zip(first..).take_while(|(place, at)| *place == at).count();
-    let (beside, others) = sums.split_at_mut(in_order);
-    beside.iter_mut().zip(&numbers[first..]).for_each(|(sum, x)| *sum += weight * x);
-    others.iter_mut().zip(&picked[in_order..]).for_each(|(sum, &place)| *sum += weight * numbers[place]);
+/// Where the columns that take part show: what is not in a channel has no inner product there, and need not be looked for.
+struct Shown {
+    /// So many are at the same place among all columns: the nuisances come first and all take part.
+    in_order: usize,
+    /// The others that show in each channel, by their places among those that take part and among all.
+    others: Vec<Vec<(usize, usize)>>,
+}
+
+impl Shown {
+    /// Adds to `sums`, one for each column that takes part, `weight` times its number among those of all columns in the channel `c`.
+    fn add(&self, c: usize, weight: f64, numbers: &[f64], sums: &mut [f64]) {
+        let in_order = sums[..self.in_order].iter_mut().zip(numbers);
+        in_order.for_each(|(sum, number)| *sum += weight * number);
+        self.others[c].iter().for_each(|&(place, among_all)| sums[place] += weight * numbers[among_all]);
+    }
 }
 
 /// The least of ηᵀNη − 2bᵀη with some η inside their bounds.
