@@ -21,6 +21,7 @@ use super::report::{
 use super::robust::Numbers;
 use super::search::{Chosen, Search};
 use super::show::HeldOut;
+use super::system::Score;
 use super::trial::Proof;
 use super::words;
 use crate::residual::Kind;
@@ -223,9 +224,10 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             return Vec::new();
         };
         let mut rows: BTreeMap<(&str, Option<usize>), EvidenceRow> = BTreeMap::new();
-        for hypothesis in &search.hypotheses {
-            let gain = |fit| {
-                let score = search.system.score(fit, &hypothesis.block);
+        let blocks: Vec<_> = search.hypotheses.iter().map(|hypothesis| &hypothesis.block).collect();
+        let [alone, beside] = [&bare, &fit].map(|fit| search.system.scores(fit, &blocks));
+        for ((hypothesis, alone), beside) in search.hypotheses.iter().zip(alone).zip(beside) {
+            let gain = |score: Option<Score>| {
                 score.filter(|score| hypothesis.is_physical(score)).map_or(0.0, |score| score.gain)
             };
             let row = rows.entry((hypothesis.kind.name, hypothesis.joint)).or_insert_with(|| EvidenceRow {
@@ -235,8 +237,8 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
                 beside: 0.0,
                 threshold: search.threshold(hypothesis),
             });
-            row.alone = row.alone.max(gain(&bare));
-            row.beside = row.beside.max(gain(&fit));
+            row.alone = row.alone.max(gain(alone));
+            row.beside = row.beside.max(gain(beside));
         }
         let mut rows: Vec<EvidenceRow> = rows.into_values().collect();
         rows.sort_by(|a, b| b.alone.total_cmp(&a.alone));

@@ -2,6 +2,7 @@
 
 use super::case::Case;
 use super::hypothesis::Hypothesis;
+use super::scores::Asked;
 use super::search::{Null, Twin};
 use super::show::tuned_elsewhere;
 use super::system::System;
@@ -52,9 +53,12 @@ pub(crate) fn null(
         twin.weights.clone_from(&null.weights);
         let fit = twin.fit(&all)?;
         null.twins.push(Twin { seed: seed_of(k), tuned: fit.eta.as_slice().to_vec() });
-        for hypothesis in hypotheses {
-            let with_target = twin.retargeted(&hypothesis.block);
-            let Some(score) = twin.score_of(&fit, &hypothesis.block, &with_target) else { continue };
+        let with_target: Vec<_> =
+            hypotheses.iter().map(|hypothesis| twin.retargeted(&hypothesis.block)).collect();
+        let asked: Vec<Asked> =
+            hypotheses.iter().map(|it| &it.block).zip(with_target.iter().map(Vec::as_slice)).collect();
+        for (hypothesis, score) in hypotheses.iter().zip(twin.scores_of(&fit, &asked)) {
+            let Some(score) = score else { continue };
             if hypothesis.is_physical(&score) {
                 let greatest = null.gains.entry(hypothesis.kind.name).or_insert(0.0);
                 *greatest = greatest.max(score.gain);

@@ -5,7 +5,7 @@
 //! - `tolerance`: how far a machine may be from its model without that being a finding.
 //! - `universal`: the unnamed correction, which competes with every named effect.
 //! - `counted`: how much each row counts.
-//! - `case` and `system`: all recordings stacked; the linear system behind every question.
+//! - `case`, `system` and `scores`: all recordings stacked; the linear system behind every question; what blocks of columns explain there.
 //! - `quality`: what the recordings are good for.
 //! - `hypothesis` and `moment`: each kind of effect at each place in each shape, and what happens in one recording alone.
 //! - `noise`, `twins` and `floor`: what is found in nothing.
@@ -40,6 +40,7 @@ mod refine;
 mod report;
 mod rivals;
 mod robust;
+mod scores;
 mod search;
 mod select;
 mod show;

@@ -71,12 +71,14 @@ impl<'s, 'a, 'b> Contest<'s, 'a, 'b> {
     fn strongest(&self) -> Vec<(usize, f64)> {
         let (search, system) = (self.search, &self.search.system);
         let mut best: BTreeMap<(&str, Option<usize>), (f64, usize)> = BTreeMap::new();
-        for (at, other) in search.hypotheses.iter().enumerate().filter(|(_, other)| self.admits(other)) {
-            let Some(score) = system.score(&self.without, &other.block) else { continue };
-            if !other.is_physical(&score) {
-                continue;
-            }
-            let beside = system.score(&self.all, &other.block).map_or(0.0, |score| score.gain);
+        let admitted: Vec<usize> =
+            (0..search.hypotheses.len()).filter(|&at| self.admits(&search.hypotheses[at])).collect();
+        let blocks: Vec<_> = admitted.iter().map(|&at| &search.hypotheses[at].block).collect();
+        let [scores, beside] = [&self.without, &self.all].map(|fit| system.scores(fit, &blocks));
+        for ((at, score), beside) in admitted.into_iter().zip(scores).zip(beside) {
+            let other = &search.hypotheses[at];
+            let Some(score) = score.filter(|score| other.is_physical(score)) else { continue };
+            let beside = beside.map_or(0.0, |score| score.gain);
             let merit = search.merit(other, score.gain - beside, &self.weighing);
             let entry = best.entry((other.kind.name, other.joint)).or_insert((merit, at));
             if merit > entry.0 {

@@ -327,15 +327,19 @@ impl Search<'_, '_> {
         but: Option<usize>,
     ) -> BTreeMap<(&'static str, Option<usize>), Winner> {
         let mut best: BTreeMap<(&str, Option<usize>), Winner> = BTreeMap::new();
-        for (index, hypothesis) in self.hypotheses.iter().enumerate() {
-            let site = (hypothesis.kind.name, hypothesis.joint);
-            if self.is_taken(hypothesis, but) || self.barred.contains(&site) || self.vetoed.contains(&site) {
-                continue;
-            }
-            if but.is_some_and(|index| !hypothesis.meets(self.named(index))) {
-                continue;
-            }
-            let Some(score) = self.system.score(fit, &hypothesis.block) else { continue };
+        let site_of = |hypothesis: &Hypothesis| (hypothesis.kind.name, hypothesis.joint);
+        let is_free = |hypothesis: &Hypothesis| {
+            let site = site_of(hypothesis);
+            !(self.is_taken(hypothesis, but) || self.barred.contains(&site) || self.vetoed.contains(&site))
+                && but.is_none_or(|index| hypothesis.meets(self.named(index)))
+        };
+        let free: Vec<usize> =
+            (0..self.hypotheses.len()).filter(|&index| is_free(&self.hypotheses[index])).collect();
+        let blocks: Vec<_> = free.iter().map(|&index| &self.hypotheses[index].block).collect();
+        for (index, score) in free.into_iter().zip(self.system.scores(fit, &blocks)) {
+            let Some(score) = score else { continue };
+            let hypothesis = &self.hypotheses[index];
+            let site = site_of(hypothesis);
             let merit = self.merit(hypothesis, score.gain, weighing);
             let better = best.get(&site).is_none_or(|winner| merit > winner.merit);
             // Where a law may stand, so may its special cases.

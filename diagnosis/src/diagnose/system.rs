@@ -22,13 +22,13 @@ pub(crate) struct Block {
     /// BᵀZ by channel, rows as the system's columns; kept up in the channels in which the block shows.
     with_base: ByChannel,
     /// ZᵀZ by channel.
-    with_itself: ByChannel,
+    pub(super) with_itself: ByChannel,
     /// Zᵀy by channel.
-    with_target: Vec<DVector<f64>>,
+    pub(super) with_target: Vec<DVector<f64>>,
     /// Channels in which it is not zero.
     pub shows: Vec<usize>,
     /// Within which its coefficients are held.
-    limits: Vec<[f64; 2]>,
+    pub(super) limits: Vec<[f64; 2]>,
 }
 
 /// What is not held.
@@ -112,6 +112,8 @@ pub(crate) struct Fit {
     pub eta: DVector<f64>,
     /// What is left: the weighted sum of squares and what the priors pay.
     pub left: f64,
+    /// Where they show.
+    shown: Shown,
     /// Normal matrix and right side of the active columns.
     normal: (DMatrix<f64>, DVector<f64>),
     /// Weighted square of the target.
@@ -119,6 +121,11 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
+    /// The factor of the normal matrix of what is free.
+    pub(super) fn factor(&self) -> &Cholesky<f64, Dyn> {
+        &self.factor
+    }
+
     /// The rows of `all` that belong to coefficients that are not held.
     fn of_free(&self, all: &DMatrix<f64>) -> DMatrix<f64> {
         if self.free.len() == self.active.len() { all.clone() } else { all.select_rows(&self.free) }
@@ -265,7 +272,8 @@ impl System {
 
     /// Fits the base columns `active`, nuisances inside their bounds; `None` if they are not independent.
     pub fn fit(&self, active: &[usize]) -> Option<Fit> {
-        let (normal, right) = self.normal(active);
+        let shown = self.shown(active);
+        let (normal, right) = self.normal(active, &shown);
         let Bounded { free, factor, eta, fall } = bounded(&normal, &right, &self.limits(active))?;
         let whole = self.weighted_square(&self.target);
         Some(Fit {
@@ -274,28 +282,27 @@ impl System {
             factor,
             eta,
             left: whole - fall,
+            shown,
             normal: (normal, right),
             whole,
         })
     }
 
-    /// As [`System::score`], with the nuisances that `fit` holds at their bounds free to come back: what the block would really gain.
+    /// As [`System::scores`], with the nuisances that `fit` holds at their bounds free to come back: what the block would really gain.
     pub fn exact_score(&self, fit: &Fit, block: &Block) -> Option<Score> {
         let (n, p) = (fit.active.len(), block.columns.len());
         let (base, base_right) = &fit.normal;
         let mut normal = base.clone().resize(n + p, n + p, 0.0);
         let mut right = base_right.clone().resize_vertically(n + p, 0.0);
+        let cross = self.cross(fit, block);
+        normal.view_mut((0, n), (n, p)).copy_from(&cross);
+        normal.view_mut((n, 0), (p, n)).copy_from(&cross.transpose());
         for &c in &block.shows {
             let weight = self.weights[c];
+            right.rows_mut(n, p).axpy(weight, &block.with_target[c], 1.0);
             for j in 0..p {
-                right[n + j] += weight * block.with_target[c][j];
                 for k in 0..p {
                     normal[(n + j, n + k)] += weight * block.with_itself[c][(j, k)];
-                }
-                for (i, &a) in fit.active.iter().enumerate() {
-                    let product = weight * block.with_base[c][(a, j)];
-                    normal[(i, n + j)] += product;
-                    normal[(n + j, i)] += product;
                 }
             }
         }
@@ -313,71 +320,47 @@ impl System {
         active.iter().map(|&a| self.limits[a]).collect()
     }
 
+    /// Where the base columns `active` show.
+    fn shown(&self, active: &[usize]) -> Shown {
+        let in_order = active.iter().enumerate().take_while(|(i, a)| i == *a).count();
+        let others = active.iter().copied().enumerate().skip(in_order);
+        let of_channel = |c: usize| others.clone().filter(|(_, a)| self.base[*a][c].is_some()).collect();
+        Shown { in_order, others: (0..self.target.len()).map(of_channel).collect() }
+    }
+
     /// Normal matrix and right side of the base columns `active`, priors included.
-    fn normal(&self, active: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+    fn normal(&self, active: &[usize], shown: &Shown) -> (DMatrix<f64>, DVector<f64>) {
         let n = active.len();
         let (mut normal, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
         for (c, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
-            for (i, &a) in active.iter().enumerate() {
-                right[i] += weight * self.with_target[c][a];
+            shown.add(c, *weight, self.with_target[c].as_slice(), right.as_mut_slice());
+            for (i, &a) in active.iter().enumerate().filter(|(_, a)| self.base[**a][c].is_some()) {
                 let products = self.products[c].column(a);
-                for (j, &b) in active.iter().enumerate().skip(i) {
-                    normal[(j, i)] += weight * products[b];
-                }
+                shown.add(c, *weight, products.as_slice(), &mut normal.as_mut_slice()[i * n..(i + 1) * n]);
             }
         }
-        normal.fill_upper_triangle_with_lower_triangle();
         for (i, precision) in self.precisions(active).into_iter().enumerate() {
             normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-11) + precision + f64::MIN_POSITIVE;
         }
         (normal, right)
     }
 
-    /// What `block` explains beyond `fit`; `None` if it is nothing of its own.
-    pub fn score(&self, fit: &Fit, block: &Block) -> Option<Score> {
-        self.score_of(fit, block, &block.with_target)
-    }
-
-    /// The same for a target with which the block has these inner products.
-    pub fn score_of(&self, fit: &Fit, block: &Block, with_target: &[DVector<f64>]) -> Option<Score> {
-        let p = block.columns.len();
-        let cross = self.cross(fit, block);
-        let mut own = DMatrix::zeros(p, p);
-        let mut right = DVector::zeros(p);
+    /// Adds the weighed inner products of the active columns of `fit` with those of `block` to `cross`, column by column.
+    pub(super) fn add_cross(&self, fit: &Fit, block: &Block, cross: &mut [f64]) {
+        let n = fit.active.len();
         for &c in &block.shows {
-            own += self.weights[c] * &block.with_itself[c];
-            right += self.weights[c] * &with_target[c];
+            let products = &block.with_base[c];
+            let all = products.as_slice().chunks_exact(products.nrows().max(1));
+            for (cross, products) in cross.chunks_exact_mut(n.max(1)).zip(all) {
+                fit.shown.add(c, self.weights[c], products, cross);
+            }
         }
-        let whole = own.diagonal();
-        right -= cross.tr_mul(&fit.eta);
-        let mut half = fit.of_free(&cross);
-        fit.factor.l_dirty().solve_lower_triangular_mut(&mut half);
-        own -= half.transpose() * &half;
-        let share = (0..p).map(|j| own[(j, j)] / whole[j].max(f64::MIN_POSITIVE)).fold(1.0, f64::min);
-        if !whole.iter().all(|&w| w > 0.0) || share < 1e-9 {
-            return None;
-        }
-        let mut beta = Cholesky::new(own.clone())?.solve(&right);
-        if beta.iter().zip(&block.limits).any(|(beta, [least, most])| beta < least || beta > most) {
-            beta = bounded(&own, &right, &block.limits)?.eta;
-        }
-        let gain = 2.0 * right.dot(&beta) - beta.dot(&(own * &beta));
-        gain.is_finite().then_some(Score { gain, beta, shift: None })
     }
 
     /// Weighed inner products of the active columns of `fit` with those of `block`.
     fn cross(&self, fit: &Fit, block: &Block) -> DMatrix<f64> {
         let mut cross = DMatrix::zeros(fit.active.len(), block.columns.len());
-        // The nuisances come first and all take part: nothing has to be looked up there.
-        let in_order = fit.active.iter().enumerate().take_while(|(i, a)| i == *a).count();
-        for &c in &block.shows {
-            let weight = self.weights[c];
-            for (mut cross, products) in cross.column_iter_mut().zip(block.with_base[c].column_iter()) {
-                cross.rows_mut(0, in_order).axpy(weight, &products.rows(0, in_order), 1.0);
-                let others = fit.active.iter().zip(cross.iter_mut()).skip(in_order);
-                others.for_each(|(&a, cross)| *cross += weight * products[a]);
-            }
-        }
+        self.add_cross(fit, block, cross.as_mut_slice());
         cross
     }
 
@@ -475,6 +458,23 @@ impl System {
     pub fn weighted_square(&self, residual: &[Vec<f64>]) -> f64 {
         let squares = residual.iter().map(|r| r.iter().map(|x| x * x).sum::<f64>());
         squares.zip(&self.weights).map(|(square, weight)| square * weight).sum()
+    }
+}
+
+/// Where the columns that take part show: what is not in a channel has no inner product there, and need not be looked for.
+struct Shown {
+    /// So many are at the same place among all columns: the nuisances come first and all take part.
+    in_order: usize,
+    /// The others that show in each channel, by their places among those that take part and among all.
+    others: Vec<Vec<(usize, usize)>>,
+}
+
+impl Shown {
+    /// Adds to `sums`, one for each column that takes part, `weight` times its number among those of all columns in the channel `c`.
+    fn add(&self, c: usize, weight: f64, numbers: &[f64], sums: &mut [f64]) {
+        let in_order = sums[..self.in_order].iter_mut().zip(numbers);
+        in_order.for_each(|(sum, number)| *sum += weight * number);
+        self.others[c].iter().for_each(|&(place, among_all)| sums[place] += weight * numbers[among_all]);
     }
 }
 

@@ -94,8 +94,9 @@ struct Piece {
 pub(crate) struct Validation {
     /// `[part][channel]`.
     pieces: Vec<Vec<Piece>>,
+    /// Normal matrix and right side of all parts but one, priors included.
+    others: Vec<(DMatrix<f64>, DVector<f64>)>,
     weights: Vec<f64>,
-    precision: Vec<f64>,
     limits: Vec<[f64; 2]>,
     /// Places of the columns of each effect.
     effects: Vec<Vec<usize>>,
@@ -127,9 +128,10 @@ impl Validation {
                 pieces.iter().map(of_part).collect()
             })
             .collect();
-        let precision = active.iter().map(|&a| search.system.precision[a]).collect();
+        let precision: Vec<f64> = active.iter().map(|&a| search.system.precision[a]).collect();
+        let others = (0..pieces.len()).map(|part| without(part, &pieces, &weights, &precision)).collect();
         let limits = search.system.limits(&active);
-        let mut validation = Self { pieces, weights, precision, limits, effects, said, errors: Vec::new() };
+        let mut validation = Self { pieces, others, weights, limits, effects, said, errors: Vec::new() };
         validation.errors = validation.errors_without(None)?;
         Some(validation)
     }
@@ -137,29 +139,19 @@ impl Validation {
     /// Squares that are left in each channel when every part is predicted from the others, without the effect number `left_out`.
     fn errors_without(&self, left_out: Option<usize>) -> Option<Vec<f64>> {
         let out: &[usize] = left_out.map_or(&[], |index| &self.effects[index]);
-        let kept: Vec<usize> = (0..self.precision.len()).filter(|k| !out.contains(k)).collect();
-        let n = kept.len();
+        let all = self.limits.len();
+        let kept: Vec<usize> = (0..all).filter(|k| !out.contains(k)).collect();
         let limits: Vec<[f64; 2]> = kept.iter().map(|&k| self.limits[k]).collect();
         let mut errors = vec![0.0; self.weights.len()];
-        for part in 0..self.pieces.len() {
-            let others = self.pieces.iter().enumerate().filter(|(other, _)| *other != part);
-            let (mut normal, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
-            for (piece, weight) in others.flat_map(|(_, pieces)| pieces.iter().zip(&self.weights)) {
-                for (i, &a) in kept.iter().enumerate() {
-                    right[i] += weight * piece.right[a];
-                    for (j, &b) in kept.iter().enumerate() {
-                        normal[(i, j)] += weight * piece.gram[(a, b)];
-                    }
-                }
-            }
-            for (i, &a) in kept.iter().enumerate() {
-                normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-9) + self.precision[a] + f64::MIN_POSITIVE;
-            }
-            let eta = bounded(&normal, &right, &limits)?.eta;
-            for (error, piece) in errors.iter_mut().zip(&self.pieces[part]) {
-                let gram = DMatrix::from_fn(n, n, |i, j| piece.gram[(kept[i], kept[j])]);
-                let right = DVector::from_fn(n, |i, _| piece.right[kept[i]]);
-                *error += (piece.square - 2.0 * eta.dot(&right) + eta.dot(&(gram * &eta))).max(0.0);
+        for (part, (normal, right)) in self.pieces.iter().zip(&self.others) {
+            let normal = normal.select_rows(&kept).select_columns(&kept);
+            let eta = bounded(&normal, &right.select_rows(&kept), &limits)?.eta;
+            let mut whole = DVector::zeros(all);
+            kept.iter().zip(&eta).for_each(|(&k, eta)| whole[k] = *eta);
+            for (error, piece) in errors.iter_mut().zip(part) {
+                let right = piece.right.select_rows(&kept);
+                let said = (&piece.gram * &whole).select_rows(&kept);
+                *error += (piece.square - 2.0 * eta.dot(&right) + eta.dot(&said)).max(0.0);
             }
         }
         Some(errors)
@@ -188,6 +180,26 @@ impl Validation {
     pub fn size(&self) -> f64 {
         self.errors.iter().filter(|error| **error > 0.0).map(|error| 0.5 * error.ln()).sum()
     }
+}
+
+/// Normal matrix and right side of all `pieces` but those of the part number `part`, with the `precision` of the columns' priors.
+fn without(
+    part: usize,
+    pieces: &[Vec<Piece>],
+    weights: &[f64],
+    precision: &[f64],
+) -> (DMatrix<f64>, DVector<f64>) {
+    let n = precision.len();
+    let (mut normal, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
+    let others = pieces.iter().enumerate().filter(|(other, _)| *other != part);
+    for (piece, weight) in others.flat_map(|(_, pieces)| pieces.iter().zip(weights)) {
+        normal.zip_apply(&piece.gram, |sum, product| *sum += weight * product);
+        right.axpy(*weight, &piece.right, 1.0);
+    }
+    for (i, precision) in precision.iter().enumerate() {
+        normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-9) + precision + f64::MIN_POSITIVE;
+    }
+    (normal, right)
 }
 
 /// Whether a part is a recording: there are enough of them, and nothing is fitted to each by itself.
