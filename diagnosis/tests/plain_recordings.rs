@@ -100,8 +100,10 @@ fn a_push_in_one_of_two_recordings_is_named() {
 fn a_coupling_without_inertia_and_dry_friction_is_named() {
     let coupling = table("joint_coupling", Some("elbow"), "with = \"shoulder\"\nviscous = 1.5\nsign = 1.0");
     let arm = two_joints();
-    let recordings =
-        [recorded("one", &arm, &[coupling.clone()], 0.0), recorded("two", &arm, &[coupling], 30.0)];
+    let recordings = [
+        recorded("one", &arm, std::slice::from_ref(&coupling), 0.0),
+        recorded("two", &arm, std::slice::from_ref(&coupling), 30.0),
+    ];
     let effect = only(&diagnosed(&arm, &recordings), "joint_coupling");
     let found = effect.parameters["viscous"].value.as_float().expect("a number");
     println!("{found:.3} N*m*s/rad for 1.5");
@@ -112,8 +114,10 @@ fn a_coupling_without_inertia_and_dry_friction_is_named() {
 fn one_delay_of_all_torques_is_not_a_low_pass_of_each() {
     let delay = table("time_delay", None, "channel = \"torque\"\ndelay = 0.006");
     let paper = freeplay_arm::paper_arm().arm;
-    let recordings =
-        [recorded("one", &paper, &[delay.clone()], 0.0), recorded("two", &paper, &[delay], 30.0)];
+    let recordings = [
+        recorded("one", &paper, std::slice::from_ref(&delay), 0.0),
+        recorded("two", &paper, std::slice::from_ref(&delay), 30.0),
+    ];
     let effect = only(&diagnosed(&paper, &recordings), "time_delay");
     let found = effect.parameters["delay"].value.as_float().expect("a number");
     println!("{:.2} ms for 6", 1e3 * found);
