@@ -114,8 +114,8 @@ const WIDEST: f64 = 0.1;
 const NARROWEST: f64 = 2e-5;
 const WIDER: f64 = 2.0;
 
-/// Gaps for friction behind them, from 1/200 of the way to a third of it, with rigid and with soft flanks; and, where the load changes its sign
-/// (else the link never leaves its flank, and a gap is an offset), gaps that a link flies through, and one that it rests on either side of.
+/// Gaps for friction behind them, from 1/200 of the way to a third of it, with rigid and with soft flanks; gaps that a link flies
+/// through; and one that it rests on either side of.
 fn shapes(place: &Place) -> Vec<Table> {
     let (Some(joint), motion) = (place.joint, place.scene.motion) else { return Vec::new() };
     let (least, most) = motion.q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
@@ -128,10 +128,6 @@ fn shapes(place: &Place) -> Vec<Table> {
             [0.0, 0.3, 0.7, 1.5].map(|share| with(&Table::new(), [("gap", gap), (YIELD, share * gap)]))
         };
         shapes.extend(gaps.flat_map(soft));
-    }
-    let load = &place.scene.load[joint];
-    if !(load.iter().any(|load| *load > 0.0) && load.iter().any(|load| *load < 0.0)) {
-        return shapes;
     }
     let flights =
         std::iter::successors(Some(NARROWEST), |gap| Some(WIDER * gap)).take_while(|gap| *gap < WIDEST);
