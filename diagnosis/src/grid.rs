@@ -7,7 +7,7 @@ use freeplay_recording::Recording;
 
 use crate::error::ResidualError;
 use crate::stamps::steadied;
-use crate::statistics::roughness;
+use crate::statistics::{roughness, span};
 
 /// A step this many times longer than the tenth-longest per cent of steps is a gap: nothing is interpolated across it.
 const GAP_STEPS: f64 = 10.0;
@@ -122,9 +122,8 @@ impl Grid {
 
     /// How rough `column` of `recording` is on the grid.
     fn roughness(&self, recording: &Recording, column: &[f64]) -> f64 {
-        let (low, high) = column.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
         let even = self.stretches.iter().flat_map(|s| self.resample(s, recording, column).into_owned());
-        roughness(&even.collect::<Vec<_>>()) + UNSEEN * (high - low).max(f64::MIN_POSITIVE)
+        roughness(&even.collect::<Vec<_>>()) + UNSEEN * span(column).max(f64::MIN_POSITIVE)
     }
 
     fn add(&mut self, t: &[f64], rows: Range<usize>) {

@@ -53,3 +53,10 @@ pub(crate) fn white_noise(samples: &[f64]) -> f64 {
     const FOURTH_DIFFERENCE: f64 = 70.0;
     roughness(samples) / Quantile::MEDIAN.of_normal / FOURTH_DIFFERENCE.sqrt()
 }
+
+/// Greatest less least of `samples`; 0 of none.
+pub(crate) fn span(samples: &[f64]) -> f64 {
+    let (low, high) =
+        samples.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
+    (high - low).max(0.0)
+}

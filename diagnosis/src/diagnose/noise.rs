@@ -6,10 +6,8 @@ use rand_distr::{Distribution, StandardNormal};
 
 use crate::motion::Treatment;
 use crate::residual::{Channel, Kind};
-use crate::statistics::{Quantile, roughness};
+use crate::statistics::{Quantile, span, white_noise};
 
-/// Sum of the squares of 1, −4, 6, −4, 1.
-const FOURTH_DIFFERENCE: f64 = 70.0;
 /// What no sensor is believed to be better than, as a share of what its channel spans in the recording: a little over 23 bits. Without it a
 /// simulated recording, which has no noise at all, would make every rounding error a finding.
 const FINEST: f64 = 1e-7;
@@ -35,8 +33,7 @@ impl Noise {
     pub fn of(samples: &[f64], raw: &[f64]) -> Self {
         let step = rounding(raw);
         let least = (step / 12_f64.sqrt()).max(FINEST * span(samples));
-        let seen = roughness(samples) / Quantile::MEDIAN.of_normal / FOURTH_DIFFERENCE.sqrt();
-        Self { deviation: seen.max(least), step }
+        Self { deviation: white_noise(samples).max(least), step }
     }
 }
 
@@ -88,13 +85,6 @@ impl Noises {
         };
         Self { positions, channels: channels.iter().map(of_channel).collect() }
     }
-}
-
-/// Greatest less least of `samples`; 0 of none.
-fn span(samples: &[f64]) -> f64 {
-    let (low, high) =
-        samples.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)));
-    (high - low).max(0.0)
 }
 
 /// Most steps that the least change of a column is.
