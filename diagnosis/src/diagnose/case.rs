@@ -115,14 +115,19 @@ impl<'a> Case<'a> {
         (0..self.kept.len()).filter(|c| of_stage.contains(&(c % self.per_stage()))).collect()
     }
 
-    /// Measured minus model of all channels with `more` effects, all of them at once: see [`Stage::left_with`].
+    /// Measured minus model of all channels with `more` effects, all of them at once: see [`Stage::left_with`]. Of link encoders the mean is taken
+    /// off, whose zero nobody sets against the motors'.
     ///
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
     pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
         let left: Vec<Vec<Vec<f64>>> =
             self.stages.iter().map(|stage| stage.left_with(more)).collect::<Result<_, _>>()?;
-        Ok(left.into_iter().flatten().collect())
+        let mut left: Vec<Vec<f64>> = left.into_iter().flatten().collect();
+        for channel in (0..left.len()).filter(|&channel| self.is_link(channel)) {
+            take_mean_off(&mut left[channel]);
+        }
+        Ok(left)
     }
 
     /// Which stage and which of its channels the channel number `channel` is.

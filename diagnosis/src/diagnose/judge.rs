@@ -21,6 +21,9 @@ const LEAST_HELD_OUT: f64 = 0.08;
 /// The same where far more than noise is left, if the interval of that share is above zero.
 const LEAST_OF_MUCH: f64 = 0.03;
 
+/// Share of the error of the data of the fit, each part foretold from the others, that an effect takes away which held-out data may leave open.
+const LEAST_FORETOLD: f64 = 0.3;
+
 /// The same of an effect that held-out data can't show, as a push: any leavings can be had a little smaller by one at the right moment.
 const LEAST_ON_FIT: f64 = 0.25;
 
@@ -388,8 +391,12 @@ impl<'a, 'b> Judge<'a, 'b> {
                 let proofs: Vec<Proof> =
                     chosen.map(|index| proof(trials, index, self.seed)).collect::<Option<_>>()?;
                 let mut dropped: Option<(f64, usize)> = None;
-                let unproven: Vec<usize> =
-                    (0..proofs.len()).filter(|&index| !is_proven(&proofs[index], trials)).collect();
+                let validation = Validation::of(search)?;
+                let stands = |index: usize| {
+                    is_proven(&proofs[index], trials)
+                        || is_borne_out(&proofs[index], validation.gain(index))
+                };
+                let unproven: Vec<usize> = (0..proofs.len()).filter(|&index| !stands(index)).collect();
                 for &index in &unproven {
                     let worth = match order {
                         Order::WeakestFirst => proofs[index].gain.value,
@@ -461,6 +468,14 @@ fn is_proven(proof: &Proof, trials: &[Trial]) -> bool {
     let is_far = || trials.iter().any(|trial| trial.is_left(&proof.channels, FAR));
     let surely = proof.gain.value >= LEAST_OF_MUCH && proof.gain.ci95[0] > 0.0;
     proof.gain.value >= LEAST_HELD_OUT || surely && is_far()
+}
+
+/// Whether held-out data leave an effect open that the data of the fit bear out, part by part foretold from the others: a stretch in which a joint
+/// turns one way only can't tell friction from an offset, and is no case against either.
+fn is_borne_out(proof: &Proof, foretold: Option<f64>) -> bool {
+    proof.held_out
+        && proof.gain.ci95[1] > LEAST_HELD_OUT
+        && foretold.is_some_and(|gain| gain > LEAST_FORETOLD)
 }
 
 /// How large the errors of the data of the fit are where each part is foretold from the others: the mean logarithm over the channels.
