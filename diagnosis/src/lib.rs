@@ -20,6 +20,7 @@
 //!   not; [`ExciteSettings`] with the [`ChannelNoise`] say what is asked, [`Used`] how safe it is, [`ExciteError`] why there is none.
 //! - [`ResidualError`]: why a recording and a model can't be compared.
 
+mod begin;
 mod comparison;
 mod curves;
 mod cutoff;

@@ -4,10 +4,11 @@ use std::ops::Range;
 
 use freeplay_arm::{Arm, JointKind};
 use freeplay_laws::{
-    Change, Columns, Placed, Prediction, Trajectory, predict, rigid_torques, tool_positions, torque_unit,
+    Baseline, Change, Columns, Placed, Prediction, Trajectory, rigid_torques, tool_positions, torque_unit,
 };
 use freeplay_recording::{Group, Recording};
 
+use crate::begin::begun;
 use crate::error::ResidualError;
 use crate::motion::Treatment;
 use crate::statistics::Moments;
@@ -90,8 +91,18 @@ pub(crate) fn residuals_along(
     whole: &Trajectory,
     sharpening: &Sharpening,
 ) -> Result<Residuals, ResidualError> {
-    let mut prediction = predict(arm, effects, whole, &|column| treatment.low_pass(column))?;
-    prediction.add(&sharpening.more);
+    let low_pass = |column: &[f64]| treatment.low_pass(column);
+    let sharp = |effects: &[&Placed]| {
+        let mut prediction = Baseline::new(arm, effects, whole, &low_pass)?.prediction().clone();
+        prediction.add(&sharpening.more);
+        Ok(prediction)
+    };
+    let measured = |joint: usize| recording.tau.as_ref().map(|tau| treatment.smooth(recording, &tau[joint]));
+    let left = |prediction: &Prediction, joint: usize| {
+        measured(joint).map(|tau| square_of_difference(&tau, &treatment.keep(&prediction.torque[joint])))
+    };
+    let effects: Vec<&Placed> = effects.iter().collect();
+    let prediction = begun(&effects, sharp, left)?;
     let channels = channels(arm, recording, treatment, &prediction);
     if channels.is_empty() {
         return Err(ResidualError::NothingToCompare { origin: recording.origin.clone(), joints: arm.dof() });
@@ -129,6 +140,11 @@ impl Sharpening {
         let unresolved = torques.iter().zip(&low).map(|(torque, low)| difference(torque, low)).collect();
         Self { more, unresolved }
     }
+}
+
+/// Σ (a − b)².
+pub(crate) fn square_of_difference(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
 }
 
 fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {

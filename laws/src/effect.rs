@@ -49,6 +49,12 @@ pub trait Effect: Debug + Send + Sync {
     /// Changes what is measured: gains, offsets, delays.
     fn measure(&self, _scene: &Scene, _prediction: &mut Prediction) {}
 
+    /// The same with its memory standing at `start` as a motion begins, −1 to 1 between its stops; `None` if it has none that a recording leaves
+    /// open, or if it was told.
+    fn begun(&self, _start: f64) -> Option<Box<dyn Effect>> {
+        None
+    }
+
     /// Puts the effect into a plant. Changes of the arm are already in.
     fn inject(&self, injection: &mut Injection);
 }

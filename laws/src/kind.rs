@@ -45,6 +45,10 @@ impl Seen {
 /// coefficient, per unit of it. For a law that is not linear, as a delay of more than a few samples, that is right where it is needed.
 pub const ABOUT: &str = "about";
 
+/// Name of a shape's entry and of a parameter: where a memory stands as a motion begins, −1 to 1 between its stops. What came before a recording is not in
+/// it, so that this is a state of each recording, not a property of the machine.
+pub const START: &str = "start";
+
 /// Name of the number in a shape that is the arm file's own: what the file names already of the effect.
 pub(crate) const NOMINAL: &str = "nominal";
 
@@ -154,7 +158,7 @@ impl Kind {
     /// Whether the number `name` of a shape has values between those that [`Kind::shapes`] lists.
     pub fn refines(&self, name: &str) -> bool {
         let is_choice = |range: &Range| matches!(range, Range::Number { role: Role::Choice, .. });
-        ![ABOUT, NOMINAL].contains(&name)
+        ![ABOUT, NOMINAL, START].contains(&name)
             && !self.parameters.iter().any(|parameter| parameter.name == name && is_choice(&parameter.range))
     }
 

@@ -68,7 +68,7 @@ pub use effects::{Effects, LawError, Placed};
 pub use friction::{ContactFriction, FrictionLaw};
 pub use injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw, ToolForce, Transmission};
 pub use joint_law::{AtJoint, Instant, JointLaw};
-pub use kind::{ABOUT, Kind, Seen, Site, kind, kinds};
+pub use kind::{ABOUT, Kind, START, Seen, Site, kind, kinds};
 pub use lubrication::Film;
 pub use manual::manual;
 pub use needs::{Need, Recorded};

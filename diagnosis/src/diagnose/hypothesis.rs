@@ -3,14 +3,15 @@
 use std::rc::Rc;
 
 use freeplay_arm::{Arm, EffectTable};
-use freeplay_laws::{Kind as EffectKind, LawError, Place, Placed, Recorded, Site, Term, kinds};
+use freeplay_laws::{Kind as EffectKind, LawError, Place, Placed, Recorded, START, Site, Term, kinds};
 use toml::Table;
 
-use super::case::Case;
+use super::case::{Case, take_mean_off};
 use super::moment::{happens_in, in_each, plain};
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
 use super::system::{Block, Column, Score, System, dot};
+use crate::residual::{Channel, Kind};
 
 /// One effect at one place in one shape.
 pub(crate) struct Hypothesis {
@@ -45,12 +46,7 @@ impl Hypothesis {
 
     /// The table of an arm file that switches it on with these coefficients of the terms shown.
     pub fn table(&self, arm: &Arm, coefficients: &[f64]) -> EffectTable {
-        EffectTable {
-            kind: self.kind.name.to_owned(),
-            joint: self.joint.map(|joint| arm.joints()[joint].name.clone()),
-            parameters: self.compose(&self.shape, coefficients),
-            line: 0,
-        }
+        table(self.kind, self.joint, arm, self.compose(&self.shape, coefficients))
     }
 
     /// The columns of its terms on the rows of `case`, another one than it was made for.
@@ -114,6 +110,12 @@ impl Hypothesis {
     pub fn meets(&self, other: &Hypothesis) -> bool {
         self.channels().any(|c| other.block.shows.contains(&c))
     }
+}
+
+/// The table of an arm file for `kind` at `joint` with `parameters`.
+fn table(kind: &EffectKind, joint: Option<usize>, arm: &Arm, parameters: Table) -> EffectTable {
+    let joint = joint.map(|joint| arm.joints()[joint].name.clone());
+    EffectTable { kind: kind.name.to_owned(), joint, parameters, line: 0 }
 }
 
 /// Where `kind` can sit on an arm.
@@ -215,6 +217,9 @@ pub(crate) fn hypothesis(
     joint: Option<usize>,
     shape: Table,
 ) -> Result<Option<Hypothesis>, LawError> {
+    if is_refuted(case, kind, joint, &shape)? {
+        return Ok(None);
+    }
     let (terms, columns) = columns(case, kind, joint, &shape)?;
     if columns.iter().flatten().flatten().flatten().any(|x| !x.is_finite()) {
         return Ok(None);
@@ -233,6 +238,41 @@ pub(crate) fn hypothesis(
     let terms: Vec<Term> = shown.iter().map(|&place| terms[place].clone()).collect();
     let block = block.held(limits(&terms));
     Ok(Some(Hypothesis { kind, joint, shape, terms, shown, all, block }))
+}
+
+/// Share of the squares of what is left of a pose from which on what a law says there can be looked for in it.
+const PLAIN: f64 = 0.25;
+
+/// Least share of it that has to be found.
+const FOUND: f64 = 0.5;
+
+/// Whether the `shape` of a law with a memory moves a link, however strong the law is, as its encoder or the tool does not.
+fn is_refuted(
+    case: &Case,
+    kind: &'static EffectKind,
+    joint: Option<usize>,
+    shape: &Table,
+) -> Result<bool, LawError> {
+    let is_pose = |channel: &Channel| !matches!(channel.kind, Kind::Torque(_));
+    if !shape.contains_key(START) || !case.stages[0].channels.iter().any(is_pose) {
+        return Ok(false);
+    }
+    for stage in &case.stages {
+        let Some(term) = stage.terms(kind, joint, &plain(shape))?.into_iter().next() else { continue };
+        let answer =
+            stage.answer(&Placed::new(&table(kind, joint, stage.arm(), term.0.plus), stage.arm())?)?;
+        for (channel, said) in stage.channels.iter().zip(answer).filter(|(channel, _)| is_pose(channel)) {
+            let Some(mut said) = said else { continue };
+            let mut left = channel.residual();
+            take_mean_off(&mut said);
+            take_mean_off(&mut left);
+            let square = dot(&said, &said);
+            if square > PLAIN * dot(&left, &left) && dot(&said, &left) < FOUND * square {
+                return Ok(true);
+            }
+        }
+    }
+    Ok(false)
 }
 
 /// Within which the coefficients of `terms` are held.

@@ -393,8 +393,7 @@ impl<'a, 'b> Judge<'a, 'b> {
                 let mut dropped: Option<(f64, usize)> = None;
                 let validation = Validation::of(search)?;
                 let stands = |index: usize| {
-                    is_proven(&proofs[index], trials)
-                        || is_borne_out(&proofs[index], validation.gain(index))
+                    is_proven(&proofs[index], trials) || is_borne_out(&proofs[index], validation.gain(index))
                 };
                 let unproven: Vec<usize> = (0..proofs.len()).filter(|&index| !stands(index)).collect();
                 for &index in &unproven {

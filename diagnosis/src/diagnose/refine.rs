@@ -54,24 +54,34 @@ impl Search<'_, '_> {
         Some(any)
     }
 
-    /// Multiplies each number of a shape by `factor` where that explains more; whether it did.
+    /// Multiplies each number of a shape by `factor` where that explains more, and of two numbers the one while it divides the other: a gap
+    /// that is wider behind flanks that give less; whether it did.
     fn reshape(&mut self, index: usize, factor: f64) -> Option<bool> {
         let at = self.chosen[index].hypothesis;
         let fit = self.system.fit(&self.active(Some(index)))?;
         let (kind, joint) = (self.hypotheses[at].kind, self.hypotheses[at].joint);
         let mut moved = false;
-        let numbers: Vec<(String, f64)> = self.hypotheses[at]
+        let numbers: Vec<String> = self.hypotheses[at]
             .shape
             .iter()
-            .filter_map(|(name, value)| Some((name.clone(), value.as_float()?)))
-            .filter(|(name, value)| *value != 0.0 && kind.refines(name))
+            .filter(|(name, value)| value.as_float().is_some_and(|value| value != 0.0) && kind.refines(name))
+            .map(|(name, _)| name.clone())
             .collect();
-        for (name, value) in numbers {
+        let alone = numbers.iter().map(|name| vec![(name, factor)]);
+        let others = |name| numbers.iter().filter(move |other| *other != name);
+        let against = numbers
+            .iter()
+            .flat_map(|name| others(name).map(move |other| vec![(name, factor), (other, 1.0 / factor)]));
+        for moves in alone.chain(against) {
             // Tolerances that had taken over what they can of the effect have to be free to give it back.
             let now =
                 self.system.exact_score(&fit, &self.hypotheses[at].block).map_or(0.0, |score| score.gain);
             let mut shape = self.hypotheses[at].shape.clone();
-            shape.insert(name, toml::Value::Float(value * factor));
+            for (name, factor) in moves {
+                if let Some(toml::Value::Float(value)) = shape.get_mut(name) {
+                    *value *= factor;
+                }
+            }
             let Ok(Some(other)) = hypothesis(self.case, &self.system, kind, joint, shape) else { continue };
             let Some(score) = self.system.exact_score(&fit, &other.block) else { continue };
             if score.gain <= now * (1.0 + 1e-4) || !other.is_physical(&score) {

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_laws::{ABOUT, Placed, changed};
+use freeplay_laws::{ABOUT, Placed, START, changed};
 use nalgebra::DVector;
 
 use super::case::Weighing;
@@ -633,6 +633,9 @@ impl Search<'_, '_> {
 
 /// How plain a law is: fewer numbers are plainer.
 fn plainness(hypothesis: &Hypothesis) -> usize {
-    let numbers = hypothesis.shape.iter().filter(|(name, value)| value.is_float() && *name != ABOUT);
+    let numbers = hypothesis
+        .shape
+        .iter()
+        .filter(|(name, value)| value.is_float() && ![ABOUT, START].contains(&name.as_str()));
     hypothesis.size() + numbers.count()
 }

@@ -2,16 +2,19 @@
 
 use freeplay_arm::Arm;
 use freeplay_laws::{
-    Baseline, Change, Kind as EffectKind, LawError, Placed, Prediction, Recorded, Trajectory, rigid_torques,
-    tool_positions,
+    Baseline, Change, Kind as EffectKind, LawError, Placed, Prediction, Recorded, START, Term, Trajectory,
+    rigid_torques, tool_positions,
 };
 use freeplay_recording::Recording;
+use nalgebra::{Cholesky, DMatrix, DVector};
 use toml::Table;
 
 use super::noise::Noises;
+use super::system::dot;
+use crate::begin::{BEGINNINGS, LEAST_LESS, begun};
 use crate::error::ResidualError;
 use crate::motion::{Settings, Treatment};
-use crate::residual::{Channel, Kind, Sharpening, residuals_along};
+use crate::residual::{Channel, Kind, Sharpening, residuals_along, square_of_difference};
 
 /// What something adds to each channel of a stage; `None` where it adds nothing.
 pub(crate) type Answer = Vec<Option<Vec<f64>>>;
@@ -144,9 +147,36 @@ impl<'a> Stage<'a> {
         kind: &'static EffectKind,
         joint: Option<usize>,
         shape: &Table,
-    ) -> Result<Vec<(freeplay_laws::Term, Answer)>, LawError> {
-        let columns = kind.columns(self.baseline(kind), joint, shape)?;
-        Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
+    ) -> Result<Vec<(Term, Answer)>, LawError> {
+        let terms_of = |shape: &Table| -> Result<Vec<(Term, Answer)>, LawError> {
+            let columns = kind.columns(self.baseline(kind), joint, shape)?;
+            Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
+        };
+        let middle = terms_of(shape)?;
+        let torque = joint.and_then(|joint| self.number_of(Kind::Torque(joint)));
+        let (Some(torque), true) = (torque, shape.contains_key(START)) else { return Ok(middle) };
+        let residual = self.channels[torque].residual();
+        let left = |terms: &[(Term, Answer)]| -> f64 {
+            least_square(
+                &residual,
+                &terms.iter().filter_map(|(_, said)| said[torque].as_deref()).collect::<Vec<_>>(),
+            )
+        };
+        let (mut least, mut best) = ((1.0 - LEAST_LESS) * left(&middle), middle);
+        for start in BEGINNINGS {
+            let mut begun = shape.clone();
+            begun.insert(START.to_owned(), start.into());
+            let tried = terms_of(&begun)?;
+            let square = left(&tried);
+            // Where the first way across comes soon, the beginning does not matter.
+            if start == BEGINNINGS[0] && (square - least).abs() < LEAST_LESS * least {
+                break;
+            }
+            if square < least {
+                (least, best) = (square, tried);
+            }
+        }
+        Ok(best)
     }
 
     /// What `placed` adds to each channel.
@@ -162,8 +192,17 @@ impl<'a> Stage<'a> {
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
     pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
-        let mut sharp = self.rough.with(more)?;
-        sharp.add(&self.ground.sharpening.more);
+        let with = |more: &[&Placed]| {
+            let mut sharp = self.rough.with(more)?;
+            sharp.add(&self.ground.sharpening.more);
+            Ok(sharp)
+        };
+        let torque_left = |sharp: &Prediction, joint: usize| {
+            let torque = &self.channels[self.number_of(Kind::Torque(joint))?];
+            let model = self.ground.treatment.keep(&sharp.torque[joint]);
+            Some(square_of_difference(&torque.measured, &model))
+        };
+        let sharp = begun(more, with, torque_left)?;
         let left = |channel: &Channel| -> Vec<f64> {
             let model = self.ground.treatment.keep(column_of(&sharp, channel.kind));
             channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect()
@@ -199,6 +238,11 @@ impl<'a> Stage<'a> {
         })
     }
 
+    /// The number of the channel that measures `kind`.
+    fn number_of(&self, kind: Kind) -> Option<usize> {
+        self.channels.iter().position(|channel| channel.kind == kind)
+    }
+
     /// One column for each channel by its kind.
     pub fn by_channel(&self, column: impl Fn(Kind) -> Option<Vec<f64>>) -> Answer {
         self.channels.iter().map(|channel| column(channel.kind)).collect()
@@ -211,6 +255,15 @@ fn column_of(prediction: &Prediction, kind: Kind) -> &[f64] {
         Kind::Tool(axis) => &prediction.tool[axis],
         Kind::Link(joint) => &prediction.link[joint],
     }
+}
+
+/// Squares that `columns` leave of `target` with the coefficients that leave least.
+fn least_square(target: &[f64], columns: &[&[f64]]) -> f64 {
+    let n = columns.len();
+    let gram = DMatrix::from_fn(n, n, |i, j| dot(columns[i], columns[j]));
+    let right = DVector::from_fn(n, |i, _| dot(columns[i], target));
+    let said = Cholesky::new(gram).map_or(0.0, |factor| right.dot(&factor.solve(&right)));
+    dot(target, target) - said
 }
 
 fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {

@@ -9,7 +9,9 @@
 //! Friction F \[N·m\] *behind* the gap holds the link while the motor crosses it: the drive then spends F p, where p is 0 while the
 //! motor has moved less than j since the reversal, then grows over the way F/k on which the flanks give, and is ±1 from there on
 //! (Prandtl 1928; with rigid flanks it jumps). That holds where F is greater than the load behind it; the link lags by the crossing.
-//! It may differ by direction: F₊ and F₋ with their mean F. Terms for a given gap and way F/k: F₊, F₋.
+//! Friction and flanks may differ by direction: F₊, k₊ and F₋, k₋. Terms for a given gap and ways F₊/k₊, F₋/k₋: F₊, F₋.
+//! Where the motor stands between its stops as a recording begins, no motion tells: it is a state, not a property, and is taken as the
+//! measured torque has it (`start`), until the first way across all of the gap.
 //! Source: Nordin & Gutman 2002, Automatica 38:1633 (dead zone); Tao & Kokotović 1996, Adaptive Control of Systems with Actuator and
 //! Sensor Nonlinearities, §2.3 (play). Departure: how flanks bounce is left to the plant.
 
@@ -24,7 +26,7 @@ use crate::columns::{Change, Columns};
 use crate::effect::Effect;
 use crate::flight::Flight;
 use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, START, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::Scene;
@@ -58,6 +60,22 @@ pub static KIND: Kind = Kind {
         Parameter::number("friction_negative", "the same for negative velocity", "N*m", [0.0, 1e6])
             .prismatic("N")
             .or_else("that for positive velocity"),
+        Parameter::number(
+            "stiffness_negative",
+            "stiffness of the flank that carries negative torque, with friction behind the gap",
+            "N*m/rad",
+            [1.0, 1e12],
+        )
+        .prismatic("N/m")
+        .or_else("that of the other flank"),
+        Parameter::number(
+            START,
+            "where the motor stands between its stops as a motion begins, with friction behind the gap: −1 back, 1 forward",
+            "1",
+            [-1.0, 1.0],
+        )
+        .or_else("the middle, or as the torque of a recording has it")
+        .given(),
         Parameter {
             name: COURSE,
             meaning: "how the link of a recording goes from flank to flank without friction behind the gap; in the plant it flies",
@@ -85,10 +103,14 @@ pub static KIND: Kind = Kind {
     shapes,
     build: |values| {
         let (joint, stiffness) = (values.joint()?, values.optional("stiffness")?);
+        let negative = values.optional("stiffness_negative")?.or(stiffness);
+        let start = values.optional(START)?;
         Ok(Box::new(Backlash {
             joint,
             gap: values.number("gap")?,
-            compliance: stiffness.map_or(0.0, |stiffness| 1.0 / stiffness),
+            compliance: [negative, stiffness].map(|stiffness| stiffness.map_or(0.0, |stiffness| 1.0 / stiffness)),
+            start: start.unwrap_or(0.0),
+            is_begun: start.is_some(),
             plant_stiffness: stiffness.unwrap_or_else(|| rigid(values.arm(), joint)),
             damping: values.number("damping")?,
             flies: values.word(COURSE)? == "flight",
@@ -100,8 +122,9 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// Name of a shape's entry: the way on which the flanks give under the friction.
+/// Names of a shape's entries: the ways on which the flanks give under the friction.
 const YIELD: &str = "yield";
+const YIELD_NEGATIVE: &str = "yield_negative";
 
 /// The parameter that says how a link goes from flank to flank.
 const COURSE: &str = "course";
@@ -125,7 +148,10 @@ fn shapes(place: &Place) -> Vec<Table> {
     let mut shapes = Vec::new();
     if way > 0.0 {
         let soft = |gap: f64| {
-            [0.0, 0.3, 0.7, 1.5].map(|share| with(&Table::new(), [("gap", gap), (YIELD, share * gap)]))
+            [0.0, 0.3, 0.7, 1.5].map(|share| {
+                let give = share * gap;
+                with(&Table::new(), [("gap", gap), (YIELD, give), (YIELD_NEGATIVE, give), (START, 0.0)])
+            })
         };
         shapes.extend(gaps.flat_map(soft));
     }
@@ -139,14 +165,18 @@ fn shapes(place: &Place) -> Vec<Table> {
 fn terms(kind: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let unit = |name| kind.unit(name, place.joint());
     if shape.contains_key("gap") {
-        /// The other direction's half of that is the same in both and cancels, so that neither is without friction.
+        /// Half of that acts in both directions in either case and cancels, so that neither is without friction.
         const STEP: f64 = 100.0;
+        // What is wider, or softer, is no gear.
+        let is_wide = |name: &str| shape.get(name).and_then(Value::as_float).is_some_and(|way| way > WIDEST);
+        if ["gap", YIELD, YIELD_NEGATIVE].into_iter().any(is_wide) {
+            return Vec::new();
+        }
         let of = |[positive, negative]: [f64; 2]| sliding(shape, positive * STEP, negative * STEP);
-        return [("friction", [1.0, 0.5], [0.0, 0.5]), ("friction_negative", [0.5, 1.0], [0.5, 0.0])]
-            .map(|(name, plus, minus)| {
-                Term::new(name, unit(name), [0.0, 1e6], of(plus)).less(of(minus)).stepped(STEP)
-            })
-            .into();
+        let term = |(name, plus): (&'static str, [f64; 2])| {
+            Term::new(name, unit(name), [0.0, 1e6], of(plus)).less(of([1.0; 2])).stepped(STEP)
+        };
+        return [("friction", [2.0, 1.0]), ("friction_negative", [1.0, 2.0])].map(term).into();
     }
     /// Small enough for angles to act linearly.
     const STEP: f64 = 1e-5;
@@ -185,12 +215,18 @@ fn gap_of(shape: &Table, gap: f64) -> Table {
 /// Friction behind the gap of `shape`, with the flanks as stiff as the way on which they give says.
 fn sliding(shape: &Table, positive: f64, negative: f64) -> Table {
     let number = |name: &str| shape.get(name).and_then(Value::as_float).unwrap_or(0.0);
-    let (gap, give) = (number("gap"), number(YIELD));
-    let mut table =
-        with(&Table::new(), [("gap", gap), ("friction", positive), ("friction_negative", negative)]);
-    if give > 0.0 {
-        let stiffness = 0.5 * (positive + negative) / give;
-        table.insert("stiffness".to_owned(), Value::Float(stiffness.clamp(1.0, 1e12)));
+    let mut table = with(
+        &Table::new(),
+        [("gap", number("gap")), ("friction", positive), ("friction_negative", negative)],
+    );
+    let flanks = [("stiffness", positive, YIELD), ("stiffness_negative", negative, YIELD_NEGATIVE)];
+    for (name, friction, give) in flanks.map(|(name, friction, give)| (name, friction, number(give))) {
+        if give > 0.0 {
+            table.insert(name.to_owned(), Value::Float((friction / give).clamp(1.0, 1e12)));
+        }
+    }
+    if number(START) != 0.0 {
+        table.insert(START.to_owned(), Value::Float(number(START)));
     }
     table
 }
@@ -199,8 +235,12 @@ fn sliding(shape: &Table, positive: f64, negative: f64) -> Table {
 struct Backlash {
     joint: usize,
     gap: f64,
-    compliance: f64,
+    /// Of the flank that carries negative and of that which carries positive torque, rad/(N·m).
+    compliance: [f64; 2],
     damping: f64,
+    /// Where a motion begins, −1 to 1, and whether a file says so.
+    start: f64,
+    is_begun: bool,
     /// Whether the link takes its time from flank to flank.
     flies: bool,
     /// Friction behind the gap for negative and for positive velocity.
@@ -221,10 +261,17 @@ fn rigid(arm: &Arm, joint: usize) -> f64 {
 }
 
 impl Backlash {
-    /// The play in its middle.
+    /// The play as a motion begins.
     fn play(&self) -> Play {
-        let mean = 0.5 * (self.friction[0] + self.friction[1]);
-        Play { gap: self.gap, give: mean * self.compliance, place: 0.0 }
+        let give = [0, 1].map(|side| self.friction[side] * self.compliance[side]);
+        let mut play = Play { gap: self.gap, give, place: 0.0 };
+        play.place = self.start * play.reach(self.start);
+        play
+    }
+
+    /// The way on which flanks give under `load`, rad.
+    fn give(&self, load: f64) -> f64 {
+        load * self.compliance[usize::from(load > 0.0)]
     }
 
     /// Whether there is friction behind the gap.
@@ -257,8 +304,7 @@ impl Backlash {
         let q = &scene.motion.q[self.joint];
         let mut places = vec![0.0; q.len()];
         for stretch in &scene.motion.stretches {
-            // What came before is not known. From the middle of the gap the first way through it puts that right; from a flank, small
-            // movements about the start would stay wrong for ever.
+            // What came before is not known; the first way through the gap puts that right.
             let mut play = self.play();
             for point in stretch.clone() {
                 let moved = if point > stretch.start { q[point] - q[point - 1] } else { 0.0 };
@@ -273,32 +319,32 @@ impl Backlash {
 #[derive(Clone, Copy, Debug)]
 struct Play {
     gap: f64,
-    /// Way on which a flank gives until the link slides, rad.
-    give: f64,
+    /// Way on which the flank behind and that ahead give until the link slides, rad.
+    give: [f64; 2],
     /// Motor minus link, rad.
     place: f64,
 }
 
 impl Play {
-    /// Greatest distance of motor and link.
-    fn reach(&self) -> f64 {
-        0.5 * self.gap + self.give
+    /// Greatest distance of motor and link to the side of `side`.
+    fn reach(&self, side: f64) -> f64 {
+        0.5 * self.gap + self.give[usize::from(side > 0.0)]
     }
 
     /// Moves the motor; where it then stands in the gap.
     fn cross(&mut self, moved: f64) -> f64 {
-        self.place = (self.place + moved).clamp(-self.reach(), self.reach());
+        self.place = (self.place + moved).clamp(-self.reach(-1.0), self.reach(1.0));
         self.place
     }
 
     /// −1 to 1: how much of the friction the flank that touches at `place` carries.
     fn flank(&self, place: f64, v: f64) -> f64 {
-        if self.reach() <= 0.0 {
+        if self.reach(v) <= 0.0 {
             return if v == 0.0 { 0.0 } else { v.signum() };
         }
-        let pressed = place.abs() - 0.5 * self.gap;
-        if self.give > 0.0 {
-            return place.signum() * (pressed / self.give).clamp(0.0, 1.0);
+        let (pressed, give) = (place.abs() - 0.5 * self.gap, self.give[usize::from(place > 0.0)]);
+        if give > 0.0 {
+            return place.signum() * (pressed / give).clamp(0.0, 1.0);
         }
         if pressed < -1e-9 * self.gap { 0.0 } else { place.signum() }
     }
@@ -322,7 +368,7 @@ impl Effect for Backlash {
             places = loads.iter().map(|&load| Flight::resting(self.gap, load).place()).collect();
         }
         for ((shift, load), place) in shift[self.joint].iter_mut().zip(loads).zip(places) {
-            *shift -= self.compliance * load + place;
+            *shift -= self.give(*load) + place;
         }
     }
 
@@ -348,14 +394,16 @@ impl Effect for Backlash {
             return self.torque(scene, &mut change.torque);
         }
         let (shift, torque) = (&mut change.link[self.joint], &mut change.torque[self.joint]);
-        shift
-            .iter_mut()
-            .zip(&scene.load[self.joint])
-            .for_each(|(shift, load)| *shift -= self.compliance * load);
+        shift.iter_mut().zip(&scene.load[self.joint]).for_each(|(shift, load)| *shift -= self.give(*load));
         self.fly(scene, |point, flight, extra| {
             shift[point] -= flight.place();
             torque[point] += extra;
         });
+    }
+
+    fn begun(&self, start: f64) -> Option<Box<dyn Effect>> {
+        let begun = || -> Box<dyn Effect> { Box::new(Backlash { start, ..*self }) };
+        (self.slides() && !self.is_begun).then(begun)
     }
 
     fn inject(&self, injection: &mut Injection) {
@@ -367,6 +415,7 @@ impl Effect for Backlash {
                 joint: self.joint,
                 friction: self.friction,
                 play,
+                start: play.place,
             }));
         }
     }
@@ -378,6 +427,8 @@ struct FrictionBehind {
     joint: usize,
     friction: [f64; 2],
     play: Play,
+    /// Where the play begins, rad.
+    start: f64,
 }
 
 impl DriveLaw for FrictionBehind {
@@ -387,6 +438,6 @@ impl DriveLaw for FrictionBehind {
     }
 
     fn restart(&mut self) {
-        self.play.place = 0.0;
+        self.play.place = self.start;
     }
 }
