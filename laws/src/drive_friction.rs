@@ -20,7 +20,7 @@ pub struct DriveFriction {
 
 impl DriveFriction {
     /// Speed over which the plant smooths the sign, rad/s (or m/s).
-    pub const SMOOTHING: f64 = 1e-3;
+    pub const SMOOTHING: f64 = 1e-4;
 
     /// The friction that an arm file names for a joint.
     pub fn nominal(friction: JointFriction) -> Self {
@@ -37,7 +37,7 @@ impl DriveFriction {
     /// Torque that the drive spends against friction with an unsmoothed sign, N·m: what a model of a recording says.
     #[inline]
     pub fn resisting(&self, v: f64) -> f64 {
-        let sign = if v == 0.0 { 0.0 } else { v.signum() };
+        let sign = (v / self.smoothing).tanh();
         self.viscous * v + self.coulomb * sign
     }
 }

@@ -44,7 +44,7 @@ impl<L: JointLaw> Effect for AtJoint<L> {
         let (q, v) = (&motion.q[self.joint], &motion.v[self.joint]);
         for (point, torque) in torque[self.joint].iter_mut().enumerate() {
             let v = v[point];
-            let sign = if v == 0.0 { 0.0 } else { v.signum() };
+            let sign = (v / DriveFriction::SMOOTHING).tanh();
             *torque +=
                 self.law.resisting(&Instant { t: motion.t[point], q: q[point], v, sign, load: load[point] });
         }

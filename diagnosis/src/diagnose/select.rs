@@ -10,6 +10,7 @@ use super::case::Weighing;
 use super::hypothesis::Hypothesis;
 use super::search::{Chosen, Search, TOLD_APART};
 use super::system::{Fit, Score};
+use super::trial::squares;
 use super::validate::{Validation, is_above_the_floor, is_brief_and_weak};
 
 /// Most effects that are named, beside these for each joint.
@@ -31,8 +32,8 @@ const PATIENCE: usize = 6;
 const LEAST_GAIN: f64 = 0.05;
 /// The same where noise could be all that is left.
 const LEAST_IN_NOISE: f64 = 0.25;
-/// Least share of an effect's square that the effects taken in don't say already: large effects that cancel are no finding.
-const LEAST_APART: f64 = 0.05;
+/// A law is followed well that leaves no more than this share of what it says: what is left is no reason for a richer one.
+const FOLLOWED: f64 = 0.03;
 /// Two models whose errors differ by less than this share, summed over the channels, are as good.
 const AS_GOOD: f64 = 0.02;
 /// Share of an effect's merit from which on another one explains nearly as much.
@@ -149,7 +150,7 @@ impl Search<'_, '_> {
     fn improve(&mut self, progress: &mut dyn FnMut(&str)) -> Option<()> {
         for _ in 0..EXCHANGES {
             self.grow(progress)?;
-            while self.drop_one()? {}
+            while self.drop_one()? || self.drop_rich()? {}
             self.weigh_anew()?;
             progress(&format!("{} effect(s) so far", self.chosen.len()));
             if !self.exchange(progress)? {
@@ -348,7 +349,7 @@ impl Search<'_, '_> {
             if better
                 && hypothesis.is_physical(&score)
                 && self.system.is_material(&hypothesis.block, &score.beta)
-                && (is_inside || self.system.apart(others, &hypothesis.block) >= LEAST_APART)
+                && (is_inside || self.system.is_apart(others, &hypothesis.block))
             {
                 best.insert(site, Winner { hypothesis: index, score, merit });
             }
@@ -411,6 +412,7 @@ impl Search<'_, '_> {
             let all = self.system.fit(&self.active(None))?;
             let left = self.system.residual(&all);
             let weighing = self.weighing(&left, &all);
+            let said = self.said(self.named(index), &self.coefficients(&all, index));
             let merit = self.merit(self.named(index), fit.left - all.left, &weighing);
             let places = self.by_place(&fit, &weighing, Some(index));
             let inside =
@@ -432,7 +434,7 @@ impl Search<'_, '_> {
                 .filter(|winner| {
                     let rival = &self.hypotheses[winner.hypothesis];
                     !rival.contains(self.named(index))
-                        || self.is_worth_more(rival, &self.left_by(&fit, winner), &left)
+                        || self.is_worth_more(rival, [&self.left_by(&fit, winner), &left], said)
                 })
                 .filter(|winner| {
                     let plainer = plainness(&self.hypotheses[winner.hypothesis]) < plain;
@@ -538,17 +540,43 @@ impl Search<'_, '_> {
     ) -> Option<usize> {
         inside
             .filter(|plain| plain.score.gain > self.threshold(&self.hypotheses[plain.hypothesis]))
-            .find(|plain| !self.is_worth_more(self.named(index), left, &self.left_by(fit, plain)))
+            .find(|plain| {
+                let said = self.said(&self.hypotheses[plain.hypothesis], plain.score.beta.as_slice());
+                !self.is_worth_more(self.named(index), [left, &self.left_by(fit, plain)], said)
+            })
             .map(|plain| plain.hypothesis)
     }
 
     /// Whether the law `rich` leaves so much less, `with` in place of `without`, of the channels in which it shows that it is worth its
-    /// further numbers: no machine follows the plainer law to the last digit.
-    fn is_worth_more(&self, rich: &Hypothesis, with: &[Vec<f64>], without: &[Vec<f64>]) -> bool {
+    /// further numbers: no machine follows the plainer law, which says `said`, to the last digit.
+    fn is_worth_more(&self, rich: &Hypothesis, [with, without]: [&[Vec<f64>]; 2], said: f64) -> bool {
         let square = |rows: &[Vec<f64>]| -> f64 {
             rich.channels().map(|c| self.system.weights[c] * rows[c].iter().map(|x| x * x).sum::<f64>()).sum()
         };
-        square(with) < (1.0 - LEAST_GAIN).powi(2) * square(without)
+        let (with, without) = (square(with), square(without));
+        with < (1.0 - LEAST_GAIN).powi(2) * without && without > FOLLOWED.powi(2) * said
+    }
+
+    /// Weighed squares of what `hypothesis` says with these coefficients.
+    fn said(&self, hypothesis: &Hypothesis, coefficients: &[f64]) -> f64 {
+        squares(&hypothesis.block.columns, coefficients, &self.system.weights).iter().sum()
+    }
+
+    /// Drops a law beside which its own special case was taken in, if that says as much alone; whether there was one.
+    fn drop_rich(&mut self) -> Option<bool> {
+        for index in 0..self.chosen.len() {
+            let inside = |&other: &usize| self.named(index).contains(self.named(other));
+            let Some(plain) = (0..self.chosen.len()).find(inside) else { continue };
+            let [without, all] = [Some(index), None].map(|but| self.system.fit(&self.active(but)));
+            let (without, all) = (without?, all?);
+            let said = self.said(self.named(plain), &self.coefficients(&without, plain));
+            let left = [&all, &without].map(|fit| self.system.residual(fit));
+            if !self.is_worth_more(self.named(index), [&left[0], &left[1]], said) {
+                self.chosen.remove(index);
+                return Some(true);
+            }
+        }
+        Some(false)
     }
 
     /// Drops what is not physical beside the others, or else the weakest effect if the others made it idle; whether one was dropped.

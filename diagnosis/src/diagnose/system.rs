@@ -96,6 +96,12 @@ const BOUND: f64 = 2.0;
 /// What is smaller than this share of what the tolerances may make in a channel is nothing that anybody would look for.
 const MATERIAL: f64 = 0.1;
 
+/// Least share of an effect's square that the effects taken in don't say already: large effects that cancel are no finding.
+const LEAST_APART: f64 = 0.05;
+
+/// The same for any sum of its columns.
+const LEAST_TOGETHER: f64 = 0.01;
+
 /// Share of a nuisance's square that an effect has to say to be the same.
 const SAME: f64 = 0.99;
 /// Precision of a nuisance that has gone over into an effect.
@@ -372,8 +378,9 @@ impl System {
         shift
     }
 
-    /// Least share of the square of any column of `block` that the base columns `others` can't say.
-    pub fn apart(&self, others: &[usize], block: &Block) -> f64 {
+    /// Whether the base columns `others` can't say nearly all of any column of `block`, nor all of any sum of these: what differs by direction is an
+    /// offset beside friction, and beside a spring, whose rest is free, no data tell how much of it there is.
+    pub fn is_apart(&self, others: &[usize], block: &Block) -> bool {
         let near: Vec<usize> = others
             .iter()
             .copied()
@@ -381,28 +388,36 @@ impl System {
             .collect();
         let n = near.len();
         if n == 0 {
-            return 1.0;
+            return true;
         }
+        let size = block.columns.len();
         let mut gram = DMatrix::<f64>::zeros(n, n);
-        let mut cross = DMatrix::<f64>::zeros(n, block.columns.len());
-        let mut own = DVector::<f64>::zeros(block.columns.len());
+        let mut cross = DMatrix::<f64>::zeros(n, size);
+        let mut own = DMatrix::<f64>::zeros(size, size);
         for &c in &block.shows {
             let weight = self.weights[c];
-            own += weight * block.with_itself[c].diagonal();
+            own += weight * &block.with_itself[c];
             for (i, &a) in near.iter().enumerate() {
                 for (j, &b) in near.iter().enumerate() {
                     gram[(i, j)] += weight * self.products[c][(a, b)];
                 }
-                for j in 0..block.columns.len() {
+                for j in 0..size {
                     cross[(i, j)] += weight * block.with_base[c][(a, j)];
                 }
             }
         }
         (0..n).for_each(|i| gram[(i, i)] = gram[(i, i)] * (1.0 + 1e-9) + f64::MIN_POSITIVE);
-        let Some(factor) = Cholesky::new(gram) else { return 0.0 };
-        let solved = factor.solve(&cross);
-        let share = |j: usize| 1.0 - cross.column(j).dot(&solved.column(j)) / own[j].max(f64::MIN_POSITIVE);
-        (0..own.len()).map(share).fold(1.0, f64::min)
+        let Some(factor) = Cholesky::new(gram) else { return false };
+        let left = &own - cross.transpose() * factor.solve(&cross);
+        let is_said = |j: usize| left[(j, j)] < LEAST_APART * own[(j, j)].max(f64::MIN_POSITIVE);
+        if (0..size).any(is_said) {
+            return false;
+        }
+        // Of all sums of the columns, the one that keeps the least share of its square.
+        let Some(factor) = Cholesky::new(own).filter(|_| size > 1) else { return true };
+        let half = factor.l().solve_lower_triangular(&left).unwrap_or(left);
+        let shares = factor.l().solve_lower_triangular(&half.transpose()).unwrap_or(half);
+        shares.symmetric_eigenvalues().min() >= LEAST_TOGETHER
     }
 
     /// Whether `block` with the coefficients `beta` says enough in some channel to be a finding, beside what tolerances may say there.

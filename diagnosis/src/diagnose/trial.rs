@@ -153,7 +153,7 @@ pub(crate) fn free(system: &System) -> Vec<usize> {
 }
 
 /// Weighed squares of Σ βᵢ columnᵢ by channel.
-fn squares(columns: &[Column], beta: &[f64], weights: &[f64]) -> Vec<f64> {
+pub(crate) fn squares(columns: &[Column], beta: &[f64], weights: &[f64]) -> Vec<f64> {
     let said = sum_of(columns.iter().zip(beta.iter().copied()), weights.len());
     said.iter().zip(weights).map(|(rows, weight)| weight * rows.iter().map(|x| x * x).sum::<f64>()).collect()
 }
