@@ -17,7 +17,7 @@ pub struct Instant {
     pub q: f64,
     /// Velocity, rad/s (m/s).
     pub v: f64,
-    /// Sign of the velocity: −1, 0 or 1 in a recording, smoothed over [`DriveFriction::SMOOTHING`] in the plant.
+    /// Sign of the velocity, −1 to 1: see [`DriveFriction::sign`].
     pub sign: f64,
     /// Torque that the rigid arm takes from the transmission, N·m (N).
     pub load: f64,
@@ -44,7 +44,7 @@ impl<L: JointLaw> Effect for AtJoint<L> {
         let (q, v) = (&motion.q[self.joint], &motion.v[self.joint]);
         for (point, torque) in torque[self.joint].iter_mut().enumerate() {
             let v = v[point];
-            let sign = (v / DriveFriction::SMOOTHING).tanh();
+            let sign = DriveFriction::sign(v);
             *torque +=
                 self.law.resisting(&Instant { t: motion.t[point], q: q[point], v, sign, load: load[point] });
         }
@@ -58,7 +58,7 @@ impl<L: JointLaw> Effect for AtJoint<L> {
 impl<L: JointLaw> DriveLaw for AtJoint<L> {
     fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
         let (q, v, load) = (now.q[self.joint], now.v[self.joint], now.load[self.joint]);
-        let sign = (v / DriveFriction::SMOOTHING).tanh();
+        let sign = DriveFriction::sign(v);
         torque[self.joint] -= self.law.resisting(&Instant { t: now.t, q, v, sign, load });
     }
 }

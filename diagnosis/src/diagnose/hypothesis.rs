@@ -240,28 +240,29 @@ pub(crate) fn hypothesis(
     Ok(Some(Hypothesis { kind, joint, shape, terms, shown, all, block }))
 }
 
-/// Share of the squares of what is left of a pose from which on what a law says there can be looked for in it.
+/// Share of the squares of what is left of a channel from which on what a law says there can be looked for in it.
 const PLAIN: f64 = 0.25;
 
 /// Least share of it that has to be found.
 const FOUND: f64 = 0.5;
 
-/// Whether the `shape` of a law with a memory moves a link, however strong the law is, as its encoder or the tool does not.
+/// Whether the `shape` of a law with a memory moves a link, however strong the law is, as its encoder, the tool or what the other joints carry does not.
 fn is_refuted(
     case: &Case,
     kind: &'static EffectKind,
     joint: Option<usize>,
     shape: &Table,
 ) -> Result<bool, LawError> {
-    let is_pose = |channel: &Channel| !matches!(channel.kind, Kind::Torque(_));
-    if !shape.contains_key(START) || !case.stages[0].channels.iter().any(is_pose) {
+    let is_elsewhere = |channel: &Channel| joint.is_none_or(|joint| channel.kind != Kind::Torque(joint));
+    if !shape.contains_key(START) || !case.stages[0].channels.iter().any(is_elsewhere) {
         return Ok(false);
     }
     for stage in &case.stages {
         let Some(term) = stage.terms(kind, joint, &plain(shape))?.into_iter().next() else { continue };
         let answer =
             stage.answer(&Placed::new(&table(kind, joint, stage.arm(), term.0.plus), stage.arm())?)?;
-        for (channel, said) in stage.channels.iter().zip(answer).filter(|(channel, _)| is_pose(channel)) {
+        for (channel, said) in stage.channels.iter().zip(answer).filter(|(channel, _)| is_elsewhere(channel))
+        {
             let Some(mut said) = said else { continue };
             let mut left = channel.residual();
             take_mean_off(&mut said);

@@ -37,14 +37,8 @@ impl Search<'_, '_> {
         let mut any = false;
         for index in 0..self.chosen.len() {
             let mut moved = self.centre(index)?;
-            for factor in REFINEMENTS {
-                for _ in 0..MOST_MOVES {
-                    if !self.reshape(index, factor)? && !self.reshape(index, 1.0 / factor)? {
-                        break;
-                    }
-                    moved = true;
-                }
-            }
+            let fit = self.system.fit(&self.active(Some(index)))?;
+            moved |= self.refine_beside(&fit, self.chosen[index].hypothesis);
             moved |= self.centre(index)?;
             if moved {
                 self.take_shape(index);
@@ -54,11 +48,23 @@ impl Search<'_, '_> {
         Some(any)
     }
 
+    /// Moves the shape of the hypothesis number `at` off its grid, as long as that explains more beside `fit`; whether it did.
+    pub(super) fn refine_beside(&mut self, fit: &Fit, at: usize) -> bool {
+        let mut moved = false;
+        for factor in REFINEMENTS {
+            for _ in 0..MOST_MOVES {
+                if !self.reshape(fit, at, factor) && !self.reshape(fit, at, 1.0 / factor) {
+                    break;
+                }
+                moved = true;
+            }
+        }
+        moved
+    }
+
     /// Multiplies each number of a shape by `factor` where that explains more, and of two numbers the one while it divides the other: a gap
     /// that is wider behind flanks that give less; whether it did.
-    fn reshape(&mut self, index: usize, factor: f64) -> Option<bool> {
-        let at = self.chosen[index].hypothesis;
-        let fit = self.system.fit(&self.active(Some(index)))?;
+    fn reshape(&mut self, fit: &Fit, at: usize, factor: f64) -> bool {
         let (kind, joint) = (self.hypotheses[at].kind, self.hypotheses[at].joint);
         let mut moved = false;
         let numbers: Vec<String> = self.hypotheses[at]
@@ -75,7 +81,7 @@ impl Search<'_, '_> {
         for moves in alone.chain(against) {
             // Tolerances that had taken over what they can of the effect have to be free to give it back.
             let now =
-                self.system.exact_score(&fit, &self.hypotheses[at].block).map_or(0.0, |score| score.gain);
+                self.system.exact_score(fit, &self.hypotheses[at].block).map_or(0.0, |score| score.gain);
             let mut shape = self.hypotheses[at].shape.clone();
             for (name, factor) in moves {
                 if let Some(toml::Value::Float(value)) = shape.get_mut(name) {
@@ -83,14 +89,14 @@ impl Search<'_, '_> {
                 }
             }
             let Ok(Some(other)) = hypothesis(self.case, &self.system, kind, joint, shape) else { continue };
-            let Some(score) = self.system.exact_score(&fit, &other.block) else { continue };
+            let Some(score) = self.system.exact_score(fit, &other.block) else { continue };
             if score.gain <= now * (1.0 + 1e-4) || !other.is_physical(&score) {
                 continue;
             }
             self.hypotheses[at] = other;
             moved = true;
         }
-        Some(moved)
+        moved
     }
 
     /// Takes the only term of a law about the coefficient that it has, as long as that explains more; whether it did. A law that is far from

@@ -38,6 +38,8 @@ const FOLLOWED: f64 = 0.03;
 const AS_GOOD: f64 = 0.02;
 /// Share of an effect's merit from which on another one explains nearly as much.
 const NEARLY: f64 = 0.7;
+/// The same for a plainer law whose shape was not moved off its grid.
+const CLOSE: f64 = 0.9;
 /// Share of an effect's merit from which on what is far from linear may explain more in another shape.
 const HINT: f64 = 0.1;
 /// Kinds whose merits differ by less than this share are judged by their strongest place.
@@ -414,7 +416,10 @@ impl Search<'_, '_> {
             let weighing = self.weighing(&left, &all);
             let said = self.said(self.named(index), &self.coefficients(&all, index));
             let merit = self.merit(self.named(index), fit.left - all.left, &weighing);
-            let places = self.by_place(&fit, &weighing, Some(index));
+            let mut places = self.by_place(&fit, &weighing, Some(index));
+            if self.refine_plainer(index, &fit, places.values().filter(|rival| rival.merit > CLOSE * merit)) {
+                places = self.by_place(&fit, &weighing, Some(index));
+            }
             let inside =
                 places.values().filter(|w| self.named(index).contains(&self.hypotheses[w.hypothesis]));
             let inside = inside.cloned().filter_map(|winner| self.exact(&fit, &weighing, winner));
@@ -457,6 +462,29 @@ impl Search<'_, '_> {
             moved = true;
         }
         Some(moved)
+    }
+
+    /// Moves the shapes of those `rivals` off their grid that are plainer than the effect number `index` at its joint, beside `fit`, which
+    /// lacks that one: what was refined is not compared with what was not. Whether any moved.
+    fn refine_plainer<'w>(
+        &mut self,
+        index: usize,
+        fit: &Fit,
+        rivals: impl Iterator<Item = &'w Winner>,
+    ) -> bool {
+        let (plain, joint) = (plainness(self.named(index)), self.named(index).joint);
+        let near: Vec<usize> = rivals
+            .map(|rival| rival.hypothesis)
+            .filter(|&at| self.hypotheses[at].joint == joint && plainness(&self.hypotheses[at]) < plain)
+            .collect();
+        let mut moved = false;
+        for at in near {
+            if self.refine_beside(fit, at) {
+                self.admitted.remove(&at);
+                moved = true;
+            }
+        }
+        moved
     }
 
     /// `places` with the merit that each has in the place of an effect, which is left out of the first of two fits: what it explains beside

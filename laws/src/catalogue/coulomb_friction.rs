@@ -3,7 +3,7 @@
 //! Law: τ = F sign(q̇), with F \[N·m\] extra to what the arm file names; it may be negative where the file names too much, down to
 //! what it names. τ is what the drive spends: positive for a positive velocity.
 //! Source: Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, §2.1.
-//! In the plant the sign is smoothed over [`crate::DriveFriction::SMOOTHING`], as the nominal friction's is.
+//! The sign is smoothed over [`crate::DriveFriction::SMOOTHING`], as the nominal friction's is.
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};

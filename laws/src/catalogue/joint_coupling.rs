@@ -112,7 +112,7 @@ impl DriveLaw for JointCoupling {
     fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
         let [own, other] = self.joints;
         let u = now.v[own] + self.sign * now.v[other];
-        let load = self.viscous * u + self.coulomb * (u / DriveFriction::SMOOTHING).tanh();
+        let load = self.viscous * u + self.coulomb * DriveFriction::sign(u);
         // Each joint's own share of the inertia is in the rotors; what the other's acceleration asks for is one sub-step old, and
         // less than those shares, so that it converges.
         let across = self.sign * self.inertia;
