@@ -49,8 +49,8 @@ pub struct Term {
     pub least: f64,
     /// Greatest value.
     pub most: f64,
-    /// Whether a coefficient that would be less is the least one: no friction at all is still a joint, and flanks that don't give are still
-    /// those of a gap.
+    /// Whether a coefficient that would be less is the least one, and one that would be more the greatest: no friction at all is still a joint, and
+    /// flanks that don't give are still those of a gap.
     pub held: bool,
     /// The column is `weight` times what the effect with the parameters `plus` shows, …
     pub plus: Table,

@@ -91,6 +91,14 @@ impl Hypothesis {
         self.is_possible(score.beta.as_slice())
     }
 
+    /// Whether the coefficients of `score` are physical, and so far inside their bounds that other weights don't push them out.
+    pub fn is_well_inside(&self, score: &Score) -> bool {
+        let is_inside = |(term, beta): (&Term, &f64)| {
+            term.least <= 0.0 || *beta >= MARGIN * term.least && MARGIN * *beta <= term.most
+        };
+        self.is_physical(score) && self.terms.iter().zip(score.beta.iter()).all(is_inside)
+    }
+
     /// Whether these coefficients are physical.
     fn is_possible(&self, beta: &[f64]) -> bool {
         self.terms.iter().zip(beta).all(|(term, beta)| *beta >= term.least && *beta <= term.most)
@@ -188,6 +196,9 @@ fn fastest<'c, 'a>(case: &'c Case<'a>, joint: Option<usize>) -> &'c Stage<'a> {
         .fold(first, |most, stage| if greatest(stage) > greatest(most) { stage } else { most })
 }
 
+/// How far inside bounds of one sign a coefficient has to be while a shape is moved, as a factor.
+const MARGIN: f64 = 1.15;
+
 /// Least share of a column's square that the columns of the same law before it do not say, for the motion to show its term.
 const OWN_SHARE: f64 = 1e-8;
 
@@ -278,8 +289,8 @@ fn is_refuted(
 
 /// Within which the coefficients of `terms` are held.
 fn limits(terms: &[Term]) -> Vec<[f64; 2]> {
-    let limit = |term: &Term| [if term.held { term.least } else { f64::NEG_INFINITY }, f64::INFINITY];
-    terms.iter().map(limit).collect()
+    let free = [f64::NEG_INFINITY, f64::INFINITY];
+    terms.iter().map(|term| if term.held { [term.least, term.most] } else { free }).collect()
 }
 
 /// All terms of a law and their columns, those of link encoders less their means.

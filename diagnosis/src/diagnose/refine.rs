@@ -90,7 +90,7 @@ impl Search<'_, '_> {
             }
             let Ok(Some(other)) = hypothesis(self.case, &self.system, kind, joint, shape) else { continue };
             let Some(score) = self.system.exact_score(fit, &other.block) else { continue };
-            if score.gain <= now * (1.0 + 1e-4) || !other.is_physical(&score) {
+            if score.gain <= now * (1.0 + 1e-4) || !other.is_well_inside(&score) {
                 continue;
             }
             self.hypotheses[at] = other;
