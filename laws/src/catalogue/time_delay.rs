@@ -17,8 +17,9 @@ use crate::scene::{Prediction, Scene, Trajectory};
 
 /// Channels that can be late, in arm files.
 const CHANNELS: &[&str] = &["torque", "tool", "link", "position"];
-/// Greatest delay, s.
+/// Greatest delay, s, and the greatest that is believed of a machine: with more, none of its loops would hold.
 const MOST: f64 = 0.1;
+const BELIEVED: f64 = 0.015;
 /// Ticks that the plant remembers.
 const TICKS: usize = 1024;
 
@@ -48,7 +49,7 @@ pub static KIND: Kind = Kind {
         list: |_, _, shape| {
             /// Well below a period of anything that is recorded.
             const STEP: f64 = 1e-5;
-            vec![Term::new("delay", "s", [0.0, MOST], with(shape, [("delay", STEP)])).stepped(STEP)]
+            vec![Term::new("delay", "s", [0.0, BELIEVED], with(shape, [("delay", STEP)])).stepped(STEP)]
         },
         compose: |_, shape, coefficients| with(shape, [("delay", coefficients[0])]),
     },
