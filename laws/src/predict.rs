@@ -129,8 +129,19 @@ impl<'a> Baseline<'a> {
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
     pub fn with(&self, more: &[&Placed]) -> Result<Prediction, LawError> {
-        let effects: Vec<&Placed> = self.effects.iter().chain(more).copied().collect();
-        Ok(Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass)?.measured)
+        Ok(self.upon(more)?.measured)
+    }
+
+    /// The baseline with `more` effects behind those that are in.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn upon<'b>(&self, more: &[&'b Placed]) -> Result<Baseline<'b>, LawError>
+    where
+        'a: 'b,
+    {
+        let effects: Vec<&'b Placed> = self.effects.iter().chain(more).copied().collect();
+        Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass)
     }
 
     /// What `placed` would change, beside the effects that are in: exact where it changes the arm or the torque, to first order where

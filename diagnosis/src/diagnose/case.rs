@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::rc::Rc;
 
+use freeplay_arm::Arm;
 use freeplay_laws::{LawError, Placed};
 
 use super::counted::rows_that_count;
@@ -98,6 +99,12 @@ impl<'a> Case<'a> {
         }
         laid.insert(key, Rc::clone(&made));
         Ok(made)
+    }
+
+    /// Lets the columns of laws follow the arm with the effects that `found` makes for it: see [`Stage::lay_upon`].
+    pub fn lay_upon(&self, found: impl Fn(&Arm) -> Vec<Placed>) {
+        self.laid.borrow_mut().clear();
+        self.stages.iter().for_each(|stage| stage.lay_upon(found(stage.arm())));
     }
 
     /// Number of channels of one recording.

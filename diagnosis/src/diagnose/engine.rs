@@ -152,6 +152,8 @@ fn judged_on(
     let proofs = judge.sift(&mut search, progress)?.ok_or(DiagnoseError::Singular)?;
     let of_whole = grounds(parts.whole.as_slice()).ok().filter(|grounds| is_found && !grounds.is_empty());
     let whole = of_whole.as_deref().map(case).transpose()?;
+    let others: Vec<&Case> = whole.iter().chain([&held]).collect();
+    search.lay_upon_found(&others)?.ok_or(DiagnoseError::Singular)?;
     let whole = whole.as_ref().map(|case| search.laid_on(case, &case.system(case.target()))).transpose()?;
     let whole = whole.filter(Search::is_possible);
     let of_whole = whole.as_ref().and_then(Numbers::of);

@@ -3,7 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_laws::LawError;
+use freeplay_arm::Arm;
+use freeplay_laws::{ArmParts, LawError, Placed};
 use toml::Table;
 
 use super::case::{Case, Weighing};
@@ -145,6 +146,40 @@ impl<'a, 'b> Search<'a, 'b> {
             laid.chosen.push(there);
         }
         Ok(laid)
+    }
+
+    /// Lays the laws that were taken in on the arm as it was found, here and in the `other` cases: one after the other changes the arm, what the
+    /// others do follows. `None` if a fit is singular.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn lay_upon_found(&mut self, others: &[&Case<'a>]) -> Result<Option<()>, LawError> {
+        let Some(fit) = self.system.fit(&self.active(None)) else { return Ok(None) };
+        let arm = self.case.stages[0].arm();
+        let changes = |index: &usize| {
+            let placed = self.named(*index).placed(arm, &self.coefficients(&fit, *index));
+            let mut parts = ArmParts::of(arm);
+            placed.is_some_and(|placed| placed.effect.arm(&mut parts).is_ok()) && !parts.are_of(arm)
+        };
+        let (found, others_left): (Vec<usize>, Vec<usize>) = (0..self.chosen.len()).partition(changes);
+        if found.is_empty() || others_left.is_empty() {
+            return Ok(Some(()));
+        }
+        let placed = |arm: &Arm| -> Vec<Placed> {
+            let of = |&index: &usize| self.named(index).placed(arm, &self.coefficients(&fit, index));
+            found.iter().filter_map(of).collect()
+        };
+        others.iter().chain([&self.case]).for_each(|case| case.lay_upon(placed));
+        for index in others_left {
+            let at = self.chosen[index].hypothesis;
+            let now = &self.hypotheses[at];
+            let shape = now.shape.clone();
+            if let Some(laid) = hypothesis(self.case, &self.system, now.kind, now.joint, shape)? {
+                self.hypotheses[at] = laid;
+                self.take_shape(index);
+            }
+        }
+        Ok(self.settle())
     }
 
     /// Base columns of the nuisances and of all that was taken in, without the effect number `left_out`.

@@ -1,5 +1,7 @@
 //! One recording made ready: its motion, what was measured, and what any effect would add to every channel.
 
+use std::cell::RefCell;
+
 use freeplay_arm::Arm;
 use freeplay_laws::{
     Baseline, Change, Kind as EffectKind, LawError, Placed, Prediction, Recorded, START, Term, Trajectory,
@@ -72,6 +74,8 @@ pub(crate) struct Stage<'a> {
     rough: Baseline<'a>,
     /// Torque and tool of the rigid arm on the kept points.
     rigid: (Vec<Vec<f64>>, Vec<Vec<f64>>),
+    /// What was found to change the arm: what other laws do follows the arm with it.
+    found: RefCell<Vec<Placed>>,
 }
 
 impl<'a> Stage<'a> {
@@ -90,7 +94,13 @@ impl<'a> Stage<'a> {
         }
         let now = &smooth.scene().arm;
         let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
-        Ok(Self { ground, channels, smooth, rough, rigid })
+        Ok(Self { ground, channels, smooth, rough, rigid, found: RefCell::default() })
+    }
+
+    /// Lets the columns of other laws follow the arm with what was `found` to change it: friction that grows with the load grows with that of a
+    /// payload, too.
+    pub fn lay_upon(&self, found: Vec<Placed>) {
+        self.found.replace(found);
     }
 
     /// The arm with the effects that change it.
@@ -149,7 +159,13 @@ impl<'a> Stage<'a> {
         shape: &Table,
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let terms_of = |shape: &Table| -> Result<Vec<(Term, Answer)>, LawError> {
-            let columns = kind.columns(self.baseline(kind), joint, shape)?;
+            let found = self.found.borrow();
+            let columns = if found.is_empty() || found.iter().any(|placed| placed.kind.name == kind.name) {
+                kind.columns(self.baseline(kind), joint, shape)?
+            } else {
+                let found: Vec<&Placed> = found.iter().collect();
+                kind.columns(&self.baseline(kind).upon(&found)?, joint, shape)?
+            };
             Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
         };
         let middle = terms_of(shape)?;
