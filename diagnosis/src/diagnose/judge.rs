@@ -143,6 +143,42 @@ impl<'a, 'b> Judge<'a, 'b> {
         Ok(Some(first.restore(search)))
     }
 
+    /// Puts special cases in the place of laws, and one effect in the place of two, where that says as much of the data of the fit and not clearly less of
+    /// the held-out data; the proofs of what `search` then has, which were `proofs`.
+    ///
+    /// # Errors
+    /// See [`LawError`]; `None` if a fit is singular.
+    pub fn simplify(
+        &self,
+        proofs: Vec<Proof>,
+        search: &mut Search<'a, 'b>,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Option<Vec<Proof>>, LawError> {
+        let size_of = |trials: &[Trial]| size(trials, None);
+        let (mut index, mut has_moved) = (0, false);
+        while index < search.chosen.len() {
+            let (standing, before) = (search.standing(), self.tried(search, size_of)?);
+            let mut said = Vec::new();
+            let moved = search.simplify_at(index, &mut |words| said.push(words.to_owned()));
+            if moved == Some(true)
+                && let (Some(before), Some(after)) = (before, self.tried(search, size_of)?)
+                && after < before + self.least_less()
+            {
+                said.iter().for_each(|words| progress(words));
+                has_moved = true;
+            } else {
+                search.go_back(standing);
+                index += 1;
+            }
+        }
+        if !has_moved {
+            return Ok(Some(proofs));
+        }
+        self.tried(search, |trials| {
+            (0..search.chosen.len()).map(|index| proof(trials, index, self.seed)).collect()
+        })
+    }
+
     /// By how much something has to leave less, in the mean of the logarithms over all channels, to take the place of something else.
     fn least_less(&self) -> f64 {
         LEAST_LESS / self.held.per_stage().max(1) as f64

@@ -188,6 +188,14 @@ impl<'a, 'b> Search<'a, 'b> {
         (0..self.nuisances).chain(chosen.flat_map(|(_, chosen)| chosen.columns.iter().copied())).collect()
     }
 
+    /// The same without the effects of both numbers.
+    pub(super) fn active_without(&self, pair: [usize; 2]) -> Vec<usize> {
+        let mut active = self.active(None);
+        let out = pair.map(|index| &self.chosen[index].columns);
+        active.retain(|column| !out.iter().any(|columns| columns.contains(column)));
+        active
+    }
+
     /// Base columns of the nuisances.
     pub fn nuisances(&self) -> Vec<usize> {
         (0..self.nuisances).collect()

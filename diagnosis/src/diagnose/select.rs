@@ -103,7 +103,102 @@ impl Search<'_, '_> {
             self.keep_better(first)?;
         }
         self.look_beneath(progress)?;
+        if self.merge(progress)? {
+            self.look_beneath(progress)?;
+        }
         self.settle()
+    }
+
+    /// Puts its special case in the place of the effect number `index` where that says as much, or one effect in the place of it and of
+    /// one behind it; whether anything moved.
+    pub fn simplify_at(&mut self, index: usize, progress: &mut dyn FnMut(&str)) -> Option<bool> {
+        let fit = self.system.fit(&self.active(Some(index)))?;
+        let all = self.system.fit(&self.active(None))?;
+        let left = self.system.residual(&all);
+        let weighing = self.weighing(&left, &all);
+        let places = self.by_place(&fit, &weighing, Some(index));
+        let Some(plain) = self.special_case(index, &left, &fit, &weighing, &places) else {
+            return self.merge_at(index, progress);
+        };
+        let was = self.in_words(index);
+        self.chosen[index] = self.admit(plain);
+        progress(&format!("{was} is no better than {}", self.in_words(index)));
+        self.settle()?;
+        Some(true)
+    }
+
+    /// The special case among `places` of the effect number `index` that says as much in its place. `left` is what all effects leave, `fit` has
+    /// all but that one in.
+    fn special_case(
+        &self,
+        index: usize,
+        left: &[Vec<f64>],
+        fit: &Fit,
+        weighing: &Weighing,
+        places: &BTreeMap<(&'static str, Option<usize>), Winner>,
+    ) -> Option<usize> {
+        let inside = places.values().filter(|w| self.named(index).contains(&self.hypotheses[w.hypothesis]));
+        let inside = inside.cloned().filter_map(|winner| self.exact(fit, weighing, winner));
+        self.as_good(index, left, fit, inside)
+    }
+
+    /// Puts one effect in the place of two that show in one channel where it explains as much: one cause is likelier than two. Whether it did.
+    fn merge(&mut self, progress: &mut dyn FnMut(&str)) -> Option<bool> {
+        let (mut merged, mut first) = (false, 0);
+        while first < self.chosen.len() {
+            if self.merge_at(first, progress)? {
+                merged = true;
+            } else {
+                first += 1;
+            }
+        }
+        Some(merged)
+    }
+
+    /// The same for the effect number `first` and one behind it.
+    fn merge_at(&mut self, first: usize, progress: &mut dyn FnMut(&str)) -> Option<bool> {
+        for second in first + 1..self.chosen.len() {
+            if !self.named(first).meets(self.named(second)) {
+                continue;
+            }
+            let Some(one) = self.one_for_two([first, second])? else { continue };
+            let were = [first, second].map(|index| self.in_words(index)).join(" and ");
+            self.chosen[first] = self.admit(one);
+            self.chosen.remove(second);
+            progress(&format!("{were} are no better than {}", self.in_words(first)));
+            self.settle()?;
+            return Some(true);
+        }
+        Some(false)
+    }
+
+    /// What explains as much as the effects of both numbers together; `None` inside if nothing does.
+    fn one_for_two(&mut self, pair: [usize; 2]) -> Option<Option<usize>> {
+        let fit = self.system.fit(&self.active_without(pair))?;
+        let all = self.system.fit(&self.active(None))?;
+        let left = self.system.residual(&all);
+        let weighing = self.weighing(&left, &all);
+        let costs: f64 = pair.iter().map(|&index| self.cost(self.named(index), &weighing)).sum();
+        let both = fit.left - all.left - costs;
+        let places = self.by_place(&fit, &weighing, Some(pair[0]));
+        let is_near = |winner: &&Winner| {
+            winner.merit > CLOSE * both && self.hypotheses[winner.hypothesis].meets(self.named(pair[1]))
+        };
+        let near: Vec<usize> = places.values().filter(is_near).map(|winner| winner.hypothesis).collect();
+        let mut best: Option<Winner> = None;
+        for at in near {
+            if self.refine_beside(&fit, at) {
+                self.admitted.remove(&at);
+            }
+            let score = self.system.exact_score(&fit, &self.hypotheses[at].block)?;
+            let merit = self.merit(&self.hypotheses[at], score.gain, &weighing);
+            let winner = Winner { hypothesis: at, score, merit };
+            let is_better = best.as_ref().is_none_or(|best| winner.merit > best.merit);
+            if merit > both - TOLD_APART && self.hypotheses[at].is_physical(&winner.score) && is_better {
+                best = Some(winner);
+            }
+        }
+        Some(best.map(|winner| winner.hypothesis))
     }
 
     /// Moves shapes off their grid, and searches on in what these leave: the edges of a push that were off by a little hide what is small.
@@ -420,10 +515,7 @@ impl Search<'_, '_> {
             if self.refine_plainer(index, &fit, places.values().filter(|rival| rival.merit > CLOSE * merit)) {
                 places = self.by_place(&fit, &weighing, Some(index));
             }
-            let inside =
-                places.values().filter(|w| self.named(index).contains(&self.hypotheses[w.hypothesis]));
-            let inside = inside.cloned().filter_map(|winner| self.exact(&fit, &weighing, winner));
-            if let Some(plain) = self.as_good(index, &left, &fit, inside) {
+            if let Some(plain) = self.special_case(index, &left, &fit, &weighing, &places) {
                 let was = self.in_words(index);
                 self.chosen[index] = self.admit(plain);
                 progress(&format!("{was} is no better than {}", self.in_words(index)));
