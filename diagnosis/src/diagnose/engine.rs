@@ -149,8 +149,9 @@ fn judged_on(
     let turns = of_turns.iter().map(|turn| Ok(Turn { fitted: case(&turn[..1])?, held: case(&turn[1..])? }));
     let turns = turns.collect::<Result<Vec<_>, LawError>>()?;
     let judge = Judge::new(&search, &held, &turns, settings).ok_or(DiagnoseError::Singular)?;
+    let known: Vec<usize> = search.chosen.iter().map(|chosen| chosen.hypothesis).collect();
     let proofs = judge.sift(&mut search, progress)?.ok_or(DiagnoseError::Singular)?;
-    let proofs = judge.simplify(proofs, &mut search, progress)?.ok_or(DiagnoseError::Singular)?;
+    let proofs = judge.simplify(proofs, &known, &mut search, progress)?.ok_or(DiagnoseError::Singular)?;
     let of_whole = grounds(parts.whole.as_slice()).ok().filter(|grounds| is_found && !grounds.is_empty());
     let whole = of_whole.as_deref().map(case).transpose()?;
     let others: Vec<&Case> = whole.iter().chain([&held]).collect();

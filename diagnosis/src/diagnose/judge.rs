@@ -143,19 +143,40 @@ impl<'a, 'b> Judge<'a, 'b> {
         Ok(Some(first.restore(search)))
     }
 
+    /// Moves the shapes of all but the hypotheses `known` off their grid, if held-out data don't lose by it; whether any was moved.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    fn refine_others(&self, known: &[usize], search: &mut Search<'a, 'b>) -> Result<bool, LawError> {
+        let size_of = |trials: &[Trial]| size(trials, None);
+        let (standing, before) = (search.standing(), self.tried(search, size_of)?);
+        let moved = search.refine_others(known) == Some(true) && search.settle().is_some();
+        if moved
+            && search.chosen.len() == standing.len()
+            && let (Some(before), Some(after)) = (before, self.tried(search, size_of)?)
+            && after < before + self.least_less()
+        {
+            return Ok(true);
+        }
+        search.go_back(standing);
+        Ok(false)
+    }
+
     /// Puts special cases in the place of laws, and one effect in the place of two, where that says as much of the data of the fit and not clearly less of
-    /// the held-out data; the proofs of what `search` then has, which were `proofs`.
+    /// the held-out data; the proofs of what `search` then has, which were `proofs`. Shapes of all but the hypotheses `known` are moved off their
+    /// grid first.
     ///
     /// # Errors
     /// See [`LawError`]; `None` if a fit is singular.
     pub fn simplify(
         &self,
         proofs: Vec<Proof>,
+        known: &[usize],
         search: &mut Search<'a, 'b>,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Option<Vec<Proof>>, LawError> {
         let size_of = |trials: &[Trial]| size(trials, None);
-        let (mut index, mut has_moved) = (0, false);
+        let (mut index, mut has_moved) = (0, self.refine_others(known, search)?);
         while index < search.chosen.len() {
             let (standing, before) = (search.standing(), self.tried(search, size_of)?);
             let mut said = Vec::new();

@@ -34,8 +34,16 @@ struct Centred {
 impl Search<'_, '_> {
     /// Moves the shapes of what was taken in off their grid, as long as that explains more; whether it did.
     pub(super) fn refine(&mut self) -> Option<bool> {
+        self.refine_others(&[])
+    }
+
+    /// The same but for the hypotheses `known`, whose shapes were moved before.
+    pub(super) fn refine_others(&mut self, known: &[usize]) -> Option<bool> {
         let mut any = false;
         for index in 0..self.chosen.len() {
+            if known.contains(&self.chosen[index].hypothesis) {
+                continue;
+            }
             let mut moved = self.centre(index)?;
             let fit = self.system.fit(&self.active(Some(index)))?;
             moved |= self.refine_beside(&fit, self.chosen[index].hypothesis);

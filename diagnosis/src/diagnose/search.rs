@@ -67,6 +67,13 @@ pub(crate) struct Standing {
     vetoed: Vec<Site>,
 }
 
+impl Standing {
+    /// Number of effects.
+    pub fn len(&self) -> usize {
+        self.chosen.len()
+    }
+}
+
 /// The search.
 pub(crate) struct Search<'a, 'b> {
     /// The rows.

@@ -192,6 +192,11 @@ impl Search<'_, '_> {
             }
             let score = self.system.exact_score(&fit, &self.hypotheses[at].block)?;
             let merit = self.merit(&self.hypotheses[at], score.gain, &weighing);
+            // Friction that drives one way and brakes the other is an offset.
+            let contains = |&index: &usize| self.hypotheses[at].contains(self.named(index));
+            if pair.iter().any(contains) && score.beta.min() < 0.0 && score.beta.max() > 0.0 {
+                continue;
+            }
             let winner = Winner { hypothesis: at, score, merit };
             let is_better = best.as_ref().is_none_or(|best| winner.merit > best.merit);
             if merit > both - TOLD_APART && self.hypotheses[at].is_physical(&winner.score) && is_better {
