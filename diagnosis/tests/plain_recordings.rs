@@ -6,7 +6,7 @@ mod common;
 use std::path::Path;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable, JointFriction, JointKind};
-use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Effect, Verdict, diagnose};
+use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Effect, Settings, Verdict, compare, diagnose};
 use freeplay_laws::{Effects, Trajectory, predict};
 use freeplay_recording::Recording;
 use toml::Table;
@@ -122,4 +122,69 @@ fn one_delay_of_all_torques_is_not_a_low_pass_of_each() {
     let found = effect.parameters["delay"].value.as_float().expect("a number");
     println!("{:.2} ms for 6", 1e3 * found);
     assert!((found / 0.006 - 1.0).abs() < 0.1);
+}
+
+/// Friction of the shoulder grows with what the shoulder carries, payload included: fitted to the load of the bare arm, its coefficient would be far too large.
+#[test]
+fn friction_grows_with_the_load_of_a_payload_that_was_found() {
+    let arm = two_joints();
+    let both = [
+        table("payload", None, "mass = 3.0\ncom = [0.0, 0.0, 0.3]"),
+        table("load_dependent_friction", Some("shoulder"), "coefficient = 0.2"),
+    ];
+    let recordings = [recorded("one", &arm, &both, 0.0), recorded("two", &arm, &both, 30.0)];
+    let diagnosis = diagnosed(&arm, &recordings);
+    println!("{}", diagnosis.statement);
+    let named = |kind: &str| diagnosis.effects.iter().find(|effect| effect.kind == kind).expect(kind);
+    for (kind, parameter, exact) in
+        [("payload", "mass", 3.0), ("load_dependent_friction", "coefficient", 0.2)]
+    {
+        let found = named(kind).parameters[parameter].value.as_float().expect("a number");
+        println!("{kind}: {found:.4} for {exact}");
+        assert!((found / exact - 1.0).abs() < 0.05);
+    }
+}
+
+/// As Coulomb friction with an offset it would be two causes for one.
+#[test]
+fn friction_that_differs_by_direction_is_one_effect() {
+    let asymmetric = table("asymmetric_friction", Some("elbow"), "positive = 3.0\nnegative = 1.5");
+    let arm = two_joints();
+    let recordings = [
+        recorded("one", &arm, std::slice::from_ref(&asymmetric), 0.0),
+        recorded("two", &arm, std::slice::from_ref(&asymmetric), 30.0),
+    ];
+    let effect = only(&diagnosed(&arm, &recordings), "asymmetric_friction");
+    for (name, exact) in [("positive", 3.0), ("negative", 1.5)] {
+        let found = effect.parameters[name].value.as_float().expect("a number");
+        println!("{name}: {found:.3} N*m for {exact}");
+        assert!((found / exact - 1.0).abs() < 0.05);
+    }
+}
+
+/// A motor that begins on a flank, in a recording that does not cross the gap for long: a comparison takes the beginning as the torque has it.
+#[test]
+fn where_a_motor_begins_in_its_gap_is_taken_from_the_torque() {
+    let arm = arm(vec![link("elbow", JointKind::Revolute, JointFriction { viscous: 0.0, coulomb: 0.0 })]);
+    let gap = |begin: &str| {
+        let parameters = format!("gap = 0.09\nfriction = 4.0\nstiffness = 400.0\n{begin}");
+        table("backlash", Some("elbow"), &parameters)
+    };
+    let mut recording = recorded("begins ahead", &arm, &[gap("start = 1.0")], 0.0);
+    // The first way back, and no more.
+    let furthest = |rows: &[f64]| (0..rows.len()).find(|&k| (rows[k] - rows[0]).abs() > 0.12);
+    let end = furthest(&recording.q[0]).expect("it moves").max(300);
+    let cut = |column: &mut Vec<f64>| column.truncate(end);
+    cut(&mut recording.t);
+    recording.q.iter_mut().chain(recording.tau.iter_mut().flatten()).for_each(cut);
+    let left = |begin: &str| {
+        let file = ArmFile { arm: arm.clone(), effects: vec![gap(begin)], ignored: Vec::new() };
+        let effects = Effects::of(&file).expect("effects");
+        let settings = Settings::default();
+        compare(&arm, &effects.placed, &recording, &settings).expect("a comparison").0.channels[0].rmse
+    };
+    let (told, open, wrong) = (left("start = 1.0"), left(""), left("start = -1.0"));
+    println!("{told:.4} N*m as it was, {open:.4} left open, {wrong:.4} from the other flank");
+    assert!(wrong > 10.0 * told, "the beginning matters");
+    assert!((open - told).abs() < 1e-9);
 }

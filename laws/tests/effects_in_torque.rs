@@ -263,6 +263,29 @@ fn presliding_friction_replaces_the_nominal_jump() {
 }
 
 /// Nothing is spent while the motor crosses the gap, F before and after.
+/// The flank that carries negative torque gives over 6/40 rad, the other one over 4/80; the motor begins on the one behind.
+#[test]
+fn friction_behind_a_gap_builds_up_on_either_flank_by_its_own_stiffness() {
+    let arm = one_link(Revolute, 0.0);
+    let motion = to_and_fro(0.01, 1.0);
+    let parameters =
+        "gap = 0.2\nfriction = 4.0\nfriction_negative = 6.0\nstiffness = 80.0\nstiffness_negative = 40.0";
+    let begun = format!("{parameters}\nstart = -1.0");
+    let of = |parameters: &str| {
+        added(&arm, &[effect(&arm, "backlash", Some(0), parameters)], &motion).torque[0].clone()
+    };
+    let (open, begun) = (of(parameters), of(&begun));
+    close("it begins on the flank behind", begun[0], -6.0, 1e-12);
+    close("or in the middle", open[0], 0.0, 1e-12);
+    // The way that the motor has gone, forth to 1 rad and back: on the way forth the gap of 0.2 rad and both flanks take 0.4 rad.
+    let at = |torque: &[f64], way: f64| torque[(100.0 * way).round() as usize];
+    close("a third off the flank behind", at(&begun, 0.05), -4.0, 1e-9);
+    close("in the gap", at(&begun, 0.25), 0.0, 1e-9);
+    close("a part on the flank ahead", at(&begun, 0.38), 2.4, 1e-9);
+    close("sliding", at(&begun, 0.6), 4.0, 1e-9);
+    close("the same by then", at(&open, 0.6), 4.0, 1e-9);
+}
+
 #[test]
 fn friction_behind_a_gap_is_missing_after_a_reversal() {
     let arm = one_link(Revolute, MASS);
