@@ -9,7 +9,7 @@
 //! - `quality`: what the recordings are good for.
 //! - `hypothesis` and `moment`: each kind of effect at each place in each shape, and what happens in one recording alone.
 //! - `noise`, `twins` and `floor`: what is found in nothing.
-//! - `search`, `select` and `refine`: which effects explain what the model leaves, and in which shape;
+//! - `search`, `select`, `refine` and `simplify`: which effects explain what the model leaves, in which shape, and with no more law than there is;
 //!   `validate`: whether they do so where they were not fitted.
 //! - `show`, `trial` and `judge`: what they are worth on held-out data.
 //! - `excess`: whether more is left than noise explains.
@@ -44,6 +44,7 @@ mod scores;
 mod search;
 mod select;
 mod show;
+mod simplify;
 mod stage;
 mod system;
 mod tolerance;

@@ -10,7 +10,6 @@ use super::case::Weighing;
 use super::hypothesis::Hypothesis;
 use super::search::{Chosen, Search, TOLD_APART};
 use super::system::{Fit, Score};
-use super::trial::squares;
 use super::validate::{Validation, is_above_the_floor, is_brief_and_weak};
 
 /// Most effects that are named, beside these for each joint.
@@ -29,17 +28,15 @@ const DEPTH: usize = 3;
 /// How many effects in a row may fail the cross-validation before the search stops.
 const PATIENCE: usize = 6;
 /// Least share of the error that an effect takes away where it was not fitted.
-const LEAST_GAIN: f64 = 0.05;
+pub(super) const LEAST_GAIN: f64 = 0.05;
 /// The same where noise could be all that is left.
 const LEAST_IN_NOISE: f64 = 0.25;
-/// A law is followed well that leaves no more than this share of what it says: what is left is no reason for a richer one.
-const FOLLOWED: f64 = 0.03;
 /// Two models whose errors differ by less than this share, summed over the channels, are as good.
 const AS_GOOD: f64 = 0.02;
 /// Share of an effect's merit from which on another one explains nearly as much.
 const NEARLY: f64 = 0.7;
 /// The same for a plainer law whose shape was not moved off its grid.
-const CLOSE: f64 = 0.9;
+pub(super) const CLOSE: f64 = 0.9;
 /// Share of an effect's merit from which on what is far from linear may explain more in another shape.
 const HINT: f64 = 0.1;
 /// Kinds whose merits differ by less than this share are judged by their strongest place.
@@ -107,103 +104,6 @@ impl Search<'_, '_> {
             self.look_beneath(progress)?;
         }
         self.settle()
-    }
-
-    /// Puts its special case in the place of the effect number `index` where that says as much, or one effect in the place of it and of
-    /// one behind it; whether anything moved.
-    pub fn simplify_at(&mut self, index: usize, progress: &mut dyn FnMut(&str)) -> Option<bool> {
-        let fit = self.system.fit(&self.active(Some(index)))?;
-        let all = self.system.fit(&self.active(None))?;
-        let left = self.system.residual(&all);
-        let weighing = self.weighing(&left, &all);
-        let places = self.by_place(&fit, &weighing, Some(index));
-        let Some(plain) = self.special_case(index, &left, &fit, &weighing, &places) else {
-            return self.merge_at(index, progress);
-        };
-        let was = self.in_words(index);
-        self.chosen[index] = self.admit(plain);
-        progress(&format!("{was} is no better than {}", self.in_words(index)));
-        self.settle()?;
-        Some(true)
-    }
-
-    /// The special case among `places` of the effect number `index` that says as much in its place. `left` is what all effects leave, `fit` has
-    /// all but that one in.
-    fn special_case(
-        &self,
-        index: usize,
-        left: &[Vec<f64>],
-        fit: &Fit,
-        weighing: &Weighing,
-        places: &BTreeMap<(&'static str, Option<usize>), Winner>,
-    ) -> Option<usize> {
-        let inside = places.values().filter(|w| self.named(index).contains(&self.hypotheses[w.hypothesis]));
-        let inside = inside.cloned().filter_map(|winner| self.exact(fit, weighing, winner));
-        self.as_good(index, left, fit, inside)
-    }
-
-    /// Puts one effect in the place of two that show in one channel where it explains as much: one cause is likelier than two. Whether it did.
-    fn merge(&mut self, progress: &mut dyn FnMut(&str)) -> Option<bool> {
-        let (mut merged, mut first) = (false, 0);
-        while first < self.chosen.len() {
-            if self.merge_at(first, progress)? {
-                merged = true;
-            } else {
-                first += 1;
-            }
-        }
-        Some(merged)
-    }
-
-    /// The same for the effect number `first` and one behind it.
-    fn merge_at(&mut self, first: usize, progress: &mut dyn FnMut(&str)) -> Option<bool> {
-        for second in first + 1..self.chosen.len() {
-            if !self.named(first).meets(self.named(second)) {
-                continue;
-            }
-            let Some(one) = self.one_for_two([first, second])? else { continue };
-            let were = [first, second].map(|index| self.in_words(index)).join(" and ");
-            self.chosen[first] = self.admit(one);
-            self.chosen.remove(second);
-            progress(&format!("{were} are no better than {}", self.in_words(first)));
-            self.settle()?;
-            return Some(true);
-        }
-        Some(false)
-    }
-
-    /// What explains as much as the effects of both numbers together; `None` inside if nothing does.
-    fn one_for_two(&mut self, pair: [usize; 2]) -> Option<Option<usize>> {
-        let fit = self.system.fit(&self.active_without(pair))?;
-        let all = self.system.fit(&self.active(None))?;
-        let left = self.system.residual(&all);
-        let weighing = self.weighing(&left, &all);
-        let costs: f64 = pair.iter().map(|&index| self.cost(self.named(index), &weighing)).sum();
-        let both = fit.left - all.left - costs;
-        let places = self.by_place(&fit, &weighing, Some(pair[0]));
-        let is_near = |winner: &&Winner| {
-            winner.merit > CLOSE * both && self.hypotheses[winner.hypothesis].meets(self.named(pair[1]))
-        };
-        let near: Vec<usize> = places.values().filter(is_near).map(|winner| winner.hypothesis).collect();
-        let mut best: Option<Winner> = None;
-        for at in near {
-            if self.refine_beside(&fit, at) {
-                self.admitted.remove(&at);
-            }
-            let score = self.system.exact_score(&fit, &self.hypotheses[at].block)?;
-            let merit = self.merit(&self.hypotheses[at], score.gain, &weighing);
-            // Friction that drives one way and brakes the other is an offset.
-            let contains = |&index: &usize| self.hypotheses[at].contains(self.named(index));
-            if pair.iter().any(contains) && score.beta.min() < 0.0 && score.beta.max() > 0.0 {
-                continue;
-            }
-            let winner = Winner { hypothesis: at, score, merit };
-            let is_better = best.as_ref().is_none_or(|best| winner.merit > best.merit);
-            if merit > both - TOLD_APART && self.hypotheses[at].is_physical(&winner.score) && is_better {
-                best = Some(winner);
-            }
-        }
-        Some(best.map(|winner| winner.hypothesis))
     }
 
     /// Moves shapes off their grid, and searches on in what these leave: the edges of a push that were off by a little hide what is small.
@@ -405,7 +305,7 @@ impl Search<'_, '_> {
     }
 
     /// What `winner` leaves beside `fit`.
-    fn left_by(&self, fit: &Fit, winner: &Winner) -> Vec<Vec<f64>> {
+    pub(super) fn left_by(&self, fit: &Fit, winner: &Winner) -> Vec<Vec<f64>> {
         self.system.residual_with(fit, &self.hypotheses[winner.hypothesis].block, &winner.score)
     }
 
@@ -423,7 +323,7 @@ impl Search<'_, '_> {
     }
 
     /// The best shape of every kind at every place that is free, beside `fit`, the effect number `but` being left out of it.
-    fn by_place(
+    pub(super) fn by_place(
         &self,
         fit: &Fit,
         weighing: &Weighing,
@@ -460,7 +360,7 @@ impl Search<'_, '_> {
     }
 
     /// `winner` with the nuisances at their bounds free to come back; `None` if it is then not physical.
-    fn exact(&self, fit: &Fit, weighing: &Weighing, mut winner: Winner) -> Option<Winner> {
+    pub(super) fn exact(&self, fit: &Fit, weighing: &Weighing, mut winner: Winner) -> Option<Winner> {
         let hypothesis = &self.hypotheses[winner.hypothesis];
         if winner.merit > 0.0 {
             winner.score = self.system.exact_score(fit, &hypothesis.block)?;
@@ -561,29 +461,6 @@ impl Search<'_, '_> {
         Some(moved)
     }
 
-    /// Moves the shapes of those `rivals` off their grid that are plainer than the effect number `index` at its joint, beside `fit`, which
-    /// lacks that one: what was refined is not compared with what was not. Whether any moved.
-    fn refine_plainer<'w>(
-        &mut self,
-        index: usize,
-        fit: &Fit,
-        rivals: impl Iterator<Item = &'w Winner>,
-    ) -> bool {
-        let (plain, joint) = (plainness(self.named(index)), self.named(index).joint);
-        let near: Vec<usize> = rivals
-            .map(|rival| rival.hypothesis)
-            .filter(|&at| self.hypotheses[at].joint == joint && plainness(&self.hypotheses[at]) < plain)
-            .collect();
-        let mut moved = false;
-        for at in near {
-            if self.refine_beside(fit, at) {
-                self.admitted.remove(&at);
-                moved = true;
-            }
-        }
-        moved
-    }
-
     /// `places` with the merit that each has in the place of an effect, which is left out of the first of two fits: what it explains beside
     /// that effect, too, is no reason to put it there.
     fn in_place(
@@ -652,56 +529,6 @@ impl Search<'_, '_> {
         }
         self.chosen.splice(replaced, new);
         self.settle()
-    }
-
-    /// The hypothesis among the special cases `inside` of the effect number `index` that does as well in its place. `left` is what all
-    /// effects leave, `fit` has all but that one in.
-    fn as_good(
-        &self,
-        index: usize,
-        left: &[Vec<f64>],
-        fit: &Fit,
-        inside: impl Iterator<Item = Winner>,
-    ) -> Option<usize> {
-        inside
-            .filter(|plain| plain.score.gain > self.threshold(&self.hypotheses[plain.hypothesis]))
-            .find(|plain| {
-                let said = self.said(&self.hypotheses[plain.hypothesis], plain.score.beta.as_slice());
-                !self.is_worth_more(self.named(index), [left, &self.left_by(fit, plain)], said)
-            })
-            .map(|plain| plain.hypothesis)
-    }
-
-    /// Whether the law `rich` leaves so much less, `with` in place of `without`, of the channels in which it shows that it is worth its
-    /// further numbers: no machine follows the plainer law, which says `said`, to the last digit.
-    fn is_worth_more(&self, rich: &Hypothesis, [with, without]: [&[Vec<f64>]; 2], said: f64) -> bool {
-        let square = |rows: &[Vec<f64>]| -> f64 {
-            rich.channels().map(|c| self.system.weights[c] * rows[c].iter().map(|x| x * x).sum::<f64>()).sum()
-        };
-        let (with, without) = (square(with), square(without));
-        with < (1.0 - LEAST_GAIN).powi(2) * without && without > FOLLOWED.powi(2) * said
-    }
-
-    /// Weighed squares of what `hypothesis` says with these coefficients.
-    fn said(&self, hypothesis: &Hypothesis, coefficients: &[f64]) -> f64 {
-        squares(&hypothesis.block.columns, coefficients, &self.system.weights).iter().sum()
-    }
-
-    /// Drops a law beside which its own special case was taken in, if that says as much alone; whether there was one.
-    fn drop_rich(&mut self) -> Option<bool> {
-        for index in 0..self.chosen.len() {
-            let inside = |&other: &usize| self.named(index).contains(self.named(other));
-            let Some(plain) = (0..self.chosen.len()).find(inside) else { continue };
-            let [without, all] = [Some(index), None].map(|but| self.system.fit(&self.active(but)));
-            let (without, all) = (without?, all?);
-            let said = self.said(self.named(plain), &self.coefficients(&without, plain));
-            let left = [&all, &without].map(|fit| self.system.residual(fit));
-            if !self.is_worth_more(self.named(index), [&left[0], &left[1]], said) {
-                self.chosen.remove(index);
-                return Some(true);
-            }
-        }
-        Some(false)
     }
 
     /// Drops what is not physical beside the others, or else the weakest effect if the others made it idle; whether one was dropped.
@@ -785,7 +612,7 @@ impl Search<'_, '_> {
 }
 
 /// How plain a law is: fewer numbers are plainer.
-fn plainness(hypothesis: &Hypothesis) -> usize {
+pub(super) fn plainness(hypothesis: &Hypothesis) -> usize {
     let numbers = hypothesis
         .shape
         .iter()
