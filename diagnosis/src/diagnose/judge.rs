@@ -314,6 +314,10 @@ impl<'a, 'b> Judge<'a, 'b> {
         for index in 0..best.proofs.len() {
             let rivals = self.rivals(search, index)?;
             let Some(rival) = rivals.first().filter(|rival| rival.behind < -TOLD_APART) else { continue };
+            let is_richer = search.hypotheses[rival.hypothesis].contains(search.named(index));
+            if is_richer && search.is_followed(index) == Some(true) {
+                continue;
+            }
             let was = search.in_words(index);
             if search.put(index, &[rival.hypothesis]).is_some()
                 && let Some(sifted) = self.drop_unproven(search, progress)?
@@ -339,7 +343,10 @@ impl<'a, 'b> Judge<'a, 'b> {
     ) -> Result<Option<Sifted>, LawError> {
         let is_further = place == best.proofs.len();
         let candidates = if is_further { search.usual_left() } else { search.rivals_of(place) };
-        let candidates = self.where_much_is_left(search, candidates)?;
+        let mut candidates = self.where_much_is_left(search, candidates)?;
+        if !is_further && search.is_followed(place) == Some(true) {
+            candidates.retain(|&one| !search.hypotheses[one].contains(search.named(place)));
+        }
         let together = if is_further { search.by_joint(&candidates) } else { Vec::new() };
         let most = best.size - self.least_less();
         let before = foretold(search);

@@ -79,6 +79,15 @@ impl Search<'_, '_> {
         with < (1.0 - LEAST_GAIN).powi(2) * without && without > FOLLOWED.powi(2) * said
     }
 
+    /// Whether the machine follows the law of the effect number `index` so well that no richer one is asked for. `None` if a fit is singular.
+    pub fn is_followed(&self, index: usize) -> Option<bool> {
+        let all = self.system.fit(&self.active(None))?;
+        let (named, left) = (self.named(index), self.system.residual(&all));
+        let square = |c: usize| self.system.weights[c] * left[c].iter().map(|x| x * x).sum::<f64>();
+        let said = self.said(named, &self.coefficients(&all, index));
+        Some(named.channels().map(square).sum::<f64>() < FOLLOWED.powi(2) * said)
+    }
+
     /// Weighed squares of what `hypothesis` says with these coefficients.
     pub(super) fn said(&self, hypothesis: &Hypothesis, coefficients: &[f64]) -> f64 {
         squares(&hypothesis.block.columns, coefficients, &self.system.weights).iter().sum()
