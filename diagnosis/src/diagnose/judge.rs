@@ -315,7 +315,7 @@ impl<'a, 'b> Judge<'a, 'b> {
             let rivals = self.rivals(search, index)?;
             let Some(rival) = rivals.first().filter(|rival| rival.behind < -TOLD_APART) else { continue };
             let is_richer = search.hypotheses[rival.hypothesis].contains(search.named(index));
-            if is_richer && search.is_followed(index) == Some(true) {
+            if is_richer && self.is_followed(search, index)? {
                 continue;
             }
             let was = search.in_words(index);
@@ -344,7 +344,7 @@ impl<'a, 'b> Judge<'a, 'b> {
         let is_further = place == best.proofs.len();
         let candidates = if is_further { search.usual_left() } else { search.rivals_of(place) };
         let mut candidates = self.where_much_is_left(search, candidates)?;
-        if !is_further && search.is_followed(place) == Some(true) {
+        if !is_further && self.is_followed(search, place)? {
             candidates.retain(|&one| !search.hypotheses[one].contains(search.named(place)));
         }
         let together = if is_further { search.by_joint(&candidates) } else { Vec::new() };
@@ -380,6 +380,12 @@ impl<'a, 'b> Judge<'a, 'b> {
             ));
         }
         Ok(sifted)
+    }
+
+    /// Whether the machine follows the law of the effect number `index` of `search` on the held-out data.
+    fn is_followed(&self, search: &Search<'a, 'b>, index: usize) -> Result<bool, LawError> {
+        let trial = Trial::new(search, self.held, &self.system, &self.floor.tuned_there)?;
+        Ok(trial.and_then(|trial| trial.is_followed(index)) == Some(true))
     }
 
     /// Those of `hypotheses` that show where far more than noise is left of the held-out data.

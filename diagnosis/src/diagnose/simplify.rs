@@ -10,7 +10,7 @@ use super::system::Fit;
 use super::trial::squares;
 
 /// A law is followed well that leaves no more than this share of what it says: what is left is no reason for a richer one.
-const FOLLOWED: f64 = 0.03;
+pub(super) const FOLLOWED: f64 = 0.03;
 
 impl Search<'_, '_> {
     /// Puts its special case in the place of the effect number `index` where that says as much, or one effect in the place of it and of
@@ -77,15 +77,6 @@ impl Search<'_, '_> {
         };
         let (with, without) = (square(with), square(without));
         with < (1.0 - LEAST_GAIN).powi(2) * without && without > FOLLOWED.powi(2) * said
-    }
-
-    /// Whether the machine follows the law of the effect number `index` so well that no richer one is asked for. `None` if a fit is singular.
-    pub fn is_followed(&self, index: usize) -> Option<bool> {
-        let all = self.system.fit(&self.active(None))?;
-        let (named, left) = (self.named(index), self.system.residual(&all));
-        let square = |c: usize| self.system.weights[c] * left[c].iter().map(|x| x * x).sum::<f64>();
-        let said = self.said(named, &self.coefficients(&all, index));
-        Some(named.channels().map(square).sum::<f64>() < FOLLOWED.powi(2) * said)
     }
 
     /// Weighed squares of what `hypothesis` says with these coefficients.

@@ -7,6 +7,7 @@ use freeplay_laws::LawError;
 use super::case::Case;
 use super::search::Search;
 use super::show::{Coefficients, Compared, Gain, HeldOut, gain, held_out};
+use super::simplify::FOLLOWED;
 use super::system::{Column, Fit, System, sum_of};
 
 /// Least share of the error that a finding takes away where it shows.
@@ -114,6 +115,18 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         let effects: Vec<(&Column, f64)> =
             columns.flat_map(|(_, columns)| columns.iter()).zip(effects.iter().copied()).collect();
         errors_by(&self.search.system, [&self.bare, nuisances], &effects, self.held, self.system)
+    }
+
+    /// Whether the machine follows the law of the effect number `index` so well here that no richer one is asked for. `None` if a fit is singular.
+    pub fn is_followed(&self, index: usize) -> Option<bool> {
+        let fit = self.search.system.fit(&self.search.active(None))?;
+        let said = self.said(index, &self.search.coefficients(&fit, index));
+        let per_stage = self.held.per_stage();
+        let shows: Vec<usize> = self.search.named(index).channels().map(|c| c % per_stage).collect();
+        let weights = self.weights();
+        let square = |c: usize| weights[c] * self.errors.tuned_after[c].iter().map(|x| x * x).sum::<f64>();
+        let left: f64 = self.held.all_of(&shows).into_iter().map(square).sum();
+        Some(left < FOLLOWED.powi(2) * said)
     }
 
     /// Weighed square of what the effect number `index` says with the coefficients `beta`.
