@@ -346,7 +346,7 @@ fn what(title: &str, effect: &Effect) -> String {
     let on = if effect.evidence.held_out {
         "held-out data"
     } else {
-        "the data of the fit, the held-out data being untouched by it"
+        "the data of the fit, the held-out data being hardly touched by it"
     };
     format!(
         "{title}  {}\n        {}. Takes {:.0} % ({:.0} to {:.0} %) of the error in {} away on {on}.\n",

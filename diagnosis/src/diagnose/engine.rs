@@ -10,7 +10,7 @@ use super::conclude::Conclusion;
 use super::floor::null;
 use super::hypothesis::hypotheses;
 use super::judge::{Judge, Turn};
-use super::parts::{Parts, file_name};
+use super::parts::{Held, Parts, file_name};
 use super::quality;
 use super::report::{Diagnosis, Verdict};
 use super::robust::Numbers;
@@ -69,8 +69,8 @@ pub enum DiagnoseError {
 }
 
 /// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on held-out data: the last
-/// of several recordings, or the last 30 % of the only one. Where the last of several shows what the others don't, so that nothing has a
-/// name, it takes part in the fit, and the first is held out. `progress` is told what is being done.
+/// of several recordings, or the last 30 % of the only one. Where so nothing has a name, the first recording is held out, or else the last 30 % of
+/// each: some of them may show what the others don't. `progress` is told what is being done.
 ///
 /// # Errors
 /// See [`DiagnoseError`].
@@ -81,25 +81,30 @@ pub fn diagnose(
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, DiagnoseError> {
     check(&file.arm, recordings)?;
-    let diagnosis = judged_on(recordings.len() - 1, file, recordings, settings, progress)?;
-    if diagnosis.verdict != Verdict::Unknown || !diagnosis.effects.is_empty() || recordings.len() < 2 {
+    let last = recordings.len() - 1;
+    let diagnosis = judged_on(Held::Recording(last), file, recordings, settings, progress)?;
+    if diagnosis.verdict != Verdict::Unknown || !diagnosis.effects.is_empty() || last == 0 {
         return Ok(diagnosis);
     }
-    progress("nothing has a name: the other way round, with the first recording held out");
-    let mut other = judged_on(0, file, recordings, settings, progress)?;
-    if !matches!(other.verdict, Verdict::Named | Verdict::OneOf) {
-        return Ok(diagnosis);
+    for (held, words) in
+        [(Held::Recording(0), "the first recording"), (Held::Ends, "the end of each recording")]
+    {
+        progress(&format!("nothing has a name: once more with {words} held out"));
+        let mut other = judged_on(held, file, recordings, settings, progress)?;
+        if matches!(other.verdict, Verdict::Named | Verdict::OneOf) {
+            other.quality.push(format!(
+                "what is named shows too little in the other recordings for a name: {} takes part in the fit",
+                file_name(&recordings[last])
+            ));
+            return Ok(other);
+        }
     }
-    let shown = recordings.last().map_or_else(String::new, file_name);
-    other.quality.push(format!(
-        "what is named shows too little in the others for a name: {shown} takes part in the fit"
-    ));
-    Ok(other)
+    Ok(diagnosis)
 }
 
-/// The diagnosis with the recording number `held` of several held out.
+/// The diagnosis with `held` of several recordings held out.
 fn judged_on(
-    held: usize,
+    held: Held,
     file: &ArmFile,
     recordings: &[Recording],
     settings: &DiagnoseSettings,
@@ -142,17 +147,20 @@ fn judged_on(
     // Without a finding nothing is to be judged, and a part in which the arm stands can't.
     let is_found = !search.chosen.is_empty();
     let parted = if is_found { parts.turns.as_slice() } else { &[] };
-    let of_turns: Vec<_> = parted.iter().filter_map(|turn| grounds(turn).ok()).collect();
+    let of_turns: Vec<[Vec<Ground>; 2]> = parted
+        .iter()
+        .filter_map(|[fitted, held]| Some([grounds(fitted).ok()?, grounds(held).ok()?]))
+        .collect();
     let case = |grounds| -> Result<Case, LawError> {
         Ok(Case::new(stages_of(&file.arm, &known, grounds)?, &settings.tolerances))
     };
-    let turns = of_turns.iter().map(|turn| Ok(Turn { fitted: case(&turn[..1])?, held: case(&turn[1..])? }));
+    let turns = of_turns.iter().map(|turn| Ok(Turn { fitted: case(&turn[0])?, held: case(&turn[1])? }));
     let turns = turns.collect::<Result<Vec<_>, LawError>>()?;
     let judge = Judge::new(&search, &held, &turns, settings).ok_or(DiagnoseError::Singular)?;
     let known: Vec<usize> = search.chosen.iter().map(|chosen| chosen.hypothesis).collect();
     let proofs = judge.sift(&mut search, progress)?.ok_or(DiagnoseError::Singular)?;
     let proofs = judge.simplify(proofs, &known, &mut search, progress)?.ok_or(DiagnoseError::Singular)?;
-    let of_whole = grounds(parts.whole.as_slice()).ok().filter(|grounds| is_found && !grounds.is_empty());
+    let of_whole = grounds(&parts.whole).ok().filter(|grounds| is_found && !grounds.is_empty());
     let whole = of_whole.as_deref().map(case).transpose()?;
     let others: Vec<&Case> = whole.iter().chain([&held]).collect();
     search.lay_upon_found(&others)?.ok_or(DiagnoseError::Singular)?;

@@ -28,20 +28,28 @@ pub(crate) struct Parts {
     pub fitted: Vec<Recording>,
     /// What takes no part in it.
     pub held: Vec<Recording>,
-    /// Other partings of the only recording: what is fitted and what is held out.
-    pub turns: Vec<[Recording; 2]>,
-    /// All of the only recording.
-    pub whole: Option<Recording>,
+    /// Other partings of the same recordings: what is fitted and what is held out.
+    pub turns: Vec<[Vec<Recording>; 2]>,
+    /// All of the recordings, if of each a part takes no part in the fit.
+    pub whole: Vec<Recording>,
     /// How they were parted, in words.
     pub how: String,
     /// What was left out, one sentence each.
     pub notes: Vec<String>,
 }
 
+/// What of several recordings takes no part in the fit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Held {
+    /// The one with this number.
+    Recording(usize),
+    /// The last 30 % of each.
+    Ends,
+}
+
 impl Parts {
-    /// Parts `recordings`: the one number `held` of several is held out, else the last 30 % of the only one; long rest at the ends of
-    /// a recording belongs to neither.
-    pub fn of(recordings: &[Recording], held: usize) -> Self {
+    /// Parts `recordings`; of an only one the end is held out whatever `held` says. Long rest at the ends of a recording belongs to neither part.
+    pub fn of(recordings: &[Recording], held: Held) -> Self {
         let joints = recordings.first().map_or(1, |recording| recording.joints().max(1));
         let most = MOST_SAMPLES.max(MOST_NUMBERS / joints);
         let (mut notes, share) = (Vec::new(), most / recordings.len().max(1));
@@ -49,28 +57,34 @@ impl Parts {
             .iter()
             .map(|whole| thinned(whole, moving(whole, &mut notes), share, &mut notes))
             .collect();
-        if all.len() > 1 {
+        if let (Held::Recording(held), true) = (held, all.len() > 1) {
             let held = all.remove(held.min(all.len() - 1));
             let how = format!("recording {}, not used for the fit", file_name(&held));
-            return Self { fitted: all, held: vec![held], turns: Vec::new(), whole: None, how, notes };
+            return Self { fitted: all, held: vec![held], turns: Vec::new(), whole: Vec::new(), how, notes };
         }
-        let Some(only) = all.pop() else {
-            let (fitted, held, turns) = (Vec::new(), Vec::new(), Vec::new());
-            return Self { fitted, held, turns, whole: None, how: String::new(), notes };
-        };
-        let (begin, end) = (only.t[0], only.t[only.len() - 1]);
-        let at = |share: f64| begin + share * (end - begin);
         let turn = |turn: usize| FITTED / TURNS as f64 * turn as f64;
-        let [fitted, held] = parted(&only, at(FITTED)..end);
+        let [fitted, held] = all_parted(&all, FITTED..1.0);
+        let of_each = if all.len() > 1 { " of each recording" } else { "" };
         Self {
-            fitted: vec![fitted],
-            held: vec![held],
-            turns: (0..TURNS).map(|k| parted(&only, at(turn(k))..at(turn(k + 1)))).collect(),
-            how: "the last 30 %, not used to find what is missing".to_owned(),
-            whole: Some(only),
+            fitted,
+            held,
+            turns: (0..TURNS).map(|k| all_parted(&all, turn(k)..turn(k + 1))).collect(),
+            how: format!("the last 30 %{of_each}, not used to find what is missing"),
+            whole: all,
             notes,
         }
     }
+}
+
+/// `recordings` without the shares `held` of their times, and what is within these.
+fn all_parted(recordings: &[Recording], held: Range<f64>) -> [Vec<Recording>; 2] {
+    let of = |recording: &Recording| {
+        let (begin, end) = (recording.t[0], recording.t[recording.len() - 1]);
+        let at = |share: f64| if share < 1.0 { begin + share * (end - begin) } else { end };
+        parted(recording, at(held.start)..at(held.end))
+    };
+    let parts = recordings.iter().map(of).map(|[fitted, held]| (fitted, held));
+    <[Vec<Recording>; 2]>::from(parts.unzip())
 }
 
 /// `recording` without the times `held`, and what is within these but for a guard towards its neighbours.
@@ -184,7 +198,7 @@ mod tests {
 
     use freeplay_recording::Recording;
 
-    use super::{MOST_NUMBERS, Parts};
+    use super::{Held, MOST_NUMBERS, Parts};
 
     fn recording(samples: usize) -> Recording {
         let t: Vec<f64> = (0..samples).map(|k| k as f64 * 0.001).collect();
@@ -194,18 +208,26 @@ mod tests {
 
     #[test]
     fn the_end_of_one_recording_is_held_out() {
-        let parts = Parts::of(&[recording(10_000)], 0);
+        let parts = Parts::of(&[recording(10_000)], Held::Ends);
         let (fitted, held) = (&parts.fitted[0], &parts.held[0]);
         assert_eq!((fitted.len(), held.len()), (7000, 2800));
         assert!(held.t[0] - fitted.t[fitted.len() - 1] > 0.2);
+    }
+
+    #[test]
+    fn the_end_of_each_recording_can_be_held_out() {
+        let parts = Parts::of(&[recording(10_000), recording(5_000)], Held::Ends);
+        let lengths = |all: &[Recording]| all.iter().map(Recording::len).collect::<Vec<_>>();
+        assert_eq!((lengths(&parts.fitted), lengths(&parts.held)), (vec![7000, 3500], vec![2800, 1300]));
+        assert_eq!((parts.turns.len(), lengths(&parts.whole)), (2, vec![10_000, 5_000]));
     }
 
     /// Each sample is held out once but for the guards; what is fitted meanwhile keeps away from it.
     #[test]
     fn every_part_of_one_recording_is_held_out_in_turn() {
         let whole = recording(10_000);
-        let parts = Parts::of(std::slice::from_ref(&whole), 0);
-        let partings = parts.turns.iter().map(|[fitted, held]| (fitted, held));
+        let parts = Parts::of(std::slice::from_ref(&whole), Held::Ends);
+        let partings = parts.turns.iter().map(|[fitted, held]| (&fitted[0], &held[0]));
         let all: Vec<_> = partings.chain([(&parts.fitted[0], &parts.held[0])]).collect();
         let mut held_out = 0;
         for (fitted, held) in &all {
@@ -221,7 +243,7 @@ mod tests {
         }
         assert_eq!(all.len(), 3);
         assert!(held_out <= whole.len() && held_out >= whole.len() - 804, "{held_out}");
-        assert_eq!(parts.whole.map(|all| all.len()), Some(whole.len()));
+        assert_eq!(parts.whole.iter().map(Recording::len).collect::<Vec<_>>(), [whole.len()]);
     }
 
     /// Two seconds of motion between 2.5 s of rest and five and a half: the end of the motion is held out.
@@ -232,7 +254,8 @@ mod tests {
             t.iter().map(|t| 0.5 - 0.5 * ((t - 2.5).clamp(0.0, 2.0) * std::f64::consts::PI).cos()).collect();
         let still = vec![0.3; t.len()];
         let columns = vec![("t".into(), t), ("q1".into(), q), ("q2".into(), still)];
-        let parts = Parts::of(&[Recording::new(Path::new("made.csv"), columns).expect("a recording")], 0);
+        let parts =
+            Parts::of(&[Recording::new(Path::new("made.csv"), columns).expect("a recording")], Held::Ends);
         let (fitted, held) = (&parts.fitted[0].t, &parts.held[0].t);
         println!(
             "fit {:?} to {:?} s, held out {:?} to {:?} s",
@@ -252,14 +275,15 @@ mod tests {
         let q =
             t.iter().map(|t| if *t < 5.0 { t.sin() } else { 5f64.sin() + 4e-3 * (6.0 * (t - 5.0)).sin() });
         let columns = vec![("q1".into(), q.collect()), ("t".into(), t)];
-        let parts = Parts::of(&[Recording::new(Path::new("made.csv"), columns).expect("a recording")], 0);
+        let parts =
+            Parts::of(&[Recording::new(Path::new("made.csv"), columns).expect("a recording")], Held::Ends);
         assert_eq!((parts.held[0].t.last(), parts.notes.len()), (Some(&9.999), 0));
     }
 
     #[test]
     fn a_long_recording_stays_in_bounds_and_keeps_its_ends() {
         let long = recording(1_000_000);
-        let parts = Parts::of(std::slice::from_ref(&long), 0);
+        let parts = Parts::of(std::slice::from_ref(&long), Held::Ends);
         let count = parts.fitted[0].len() + parts.held[0].len();
         println!("{count} of {} samples", long.len());
         assert!(count <= MOST_NUMBERS && count > MOST_NUMBERS / 2);

@@ -38,7 +38,7 @@ const NEARLY: f64 = 0.7;
 /// The same for a plainer law whose shape was not moved off its grid.
 pub(super) const CLOSE: f64 = 0.9;
 /// Share of an effect's merit from which on what is far from linear may explain more in another shape.
-const HINT: f64 = 0.1;
+pub(super) const HINT: f64 = 0.1;
 /// Kinds whose merits differ by less than this share are judged by their strongest place.
 const ALIKE: f64 = 0.05;
 /// What sits on every joint of a real machine.

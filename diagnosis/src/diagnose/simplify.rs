@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::case::Weighing;
 use super::hypothesis::Hypothesis;
 use super::search::{Search, TOLD_APART};
-use super::select::{CLOSE, LEAST_GAIN, Winner, plainness};
+use super::select::{CLOSE, HINT, LEAST_GAIN, Winner, plainness};
 use super::system::Fit;
 use super::trial::squares;
 
@@ -163,10 +163,12 @@ impl Search<'_, '_> {
         let costs: f64 = pair.iter().map(|&index| self.cost(self.named(index), &weighing)).sum();
         let both = fit.left - all.left - costs;
         let places = self.by_place(&fit, &weighing, Some(pair[0]));
-        let is_near = |winner: &&Winner| {
-            winner.merit > CLOSE * both && self.hypotheses[winner.hypothesis].meets(self.named(pair[1]))
+        let is_hint = |winner: &&Winner| {
+            winner.merit > HINT * both && self.hypotheses[winner.hypothesis].meets(self.named(pair[1]))
         };
-        let near: Vec<usize> = places.values().filter(is_near).map(|winner| winner.hypothesis).collect();
+        let exact = places.values().filter(is_hint).cloned().filter_map(|it| self.exact(&fit, &weighing, it));
+        let near: Vec<usize> =
+            exact.filter(|winner| winner.merit > CLOSE * both).map(|winner| winner.hypothesis).collect();
         let mut best: Option<Winner> = None;
         for at in near {
             if self.refine_beside(&fit, at) {

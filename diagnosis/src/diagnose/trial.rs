@@ -20,6 +20,9 @@ const SHOWS: f64 = 0.1;
 const LOCAL: f64 = 0.7;
 /// Share of what is left, in squares, that an effect has to say of held-out data to act there.
 const ACTS: f64 = 0.1;
+/// Share of the mean square that an effect says of the data of the fit which it has to say of held-out data to be judged by them: of friction in
+/// slow motion a fast one shows a trace.
+const HARDLY: f64 = 0.1;
 
 /// How an effect does on held-out data.
 #[derive(Clone, Debug)]
@@ -171,6 +174,11 @@ pub(crate) fn squares(columns: &[Column], beta: &[f64], weights: &[f64]) -> Vec<
     said.iter().zip(weights).map(|(rows, weight)| weight * rows.iter().map(|x| x * x).sum::<f64>()).collect()
 }
 
+/// Number of rows of `case` that count in the `channels` of all its stages.
+fn rows(case: &Case, channels: &[usize]) -> f64 {
+    case.all_of(channels).into_iter().map(|c| case.kept[c].iter().sum::<f64>()).sum()
+}
+
 /// What naming the effect number `index` brings beside the others in `trials` of the same effects: the first is that of the fit, the others
 /// have held out other parts of the same recording. `None` if a fit is singular.
 pub(crate) fn proof(trials: &[Trial], index: usize, seed: u64) -> Option<Proof> {
@@ -223,10 +231,13 @@ pub(crate) fn proof(trials: &[Trial], index: usize, seed: u64) -> Option<Proof> 
         .flat_map(|trial| trial.held.all_of(&shows).into_iter().map(move |c| (trial, c)))
         .map(|(trial, c)| trial.weights()[c] * trial.errors.tuned_after[c].iter().map(|x| x * x).sum::<f64>())
         .sum();
-    if said[..trials.len()].iter().sum::<f64>() > ACTS * left {
+    let said = said[..trials.len()].iter().sum::<f64>();
+    let here = fitted.iter().sum::<f64>() / rows(search.case, &shows);
+    let there = said / trials.iter().map(|trial| rows(trial.held, &shows)).sum::<f64>();
+    if said > ACTS * left && there > HARDLY * here {
         return Some(Proof { gain: on_held, held_out: true, channels: shows });
     }
-    // It does not act on the held-out data: a push, a drift that is over.
+    // It does not act on the held-out data, or hardly: a push, a drift that is over, friction of another speed.
     let bare = search.system.fit(&search.active(Some(index)))?;
     let (before, after) = (search.system.residual(&bare), search.system.residual(&fit));
     let channels = search.case.all_of(&shows);
