@@ -7,20 +7,16 @@
 
 use std::f64::consts::TAU;
 
-use toml::Table;
-
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{ABOUT, Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::{Prediction, Scene};
 
 /// Greatest cutoff, Hz.
 const MOST: f64 = 1e6;
-/// Time constants about which the law is looked for, besides next to none: cutoffs of 5.3, 1.6 and 0.5 Hz.
-const ABOUT_S: [f64; 3] = [0.03, 0.1, 0.3];
 
 /// The entry.
 pub static KIND: Kind = Kind {
@@ -51,13 +47,7 @@ pub static KIND: Kind = Kind {
             with(shape, [("cutoff", (1.0 / (TAU * coefficients[0].max(0.0))).min(MOST))])
         },
     },
-    // A cutoff below what the torque does turns and shrinks it, which a first order in T does not say.
-    shapes: |place| {
-        one_shape(place)
-            .into_iter()
-            .chain(ABOUT_S.map(|about| with(&Table::new(), [(ABOUT, about)])))
-            .collect()
-    },
+    shapes: one_shape,
     build: |values| {
         let lag = Lag { time_constant: 1.0 / (TAU * values.number("cutoff")?), last: None };
         Ok(Box::new(SensorLowpass { joint: values.joint()?, lag }))
