@@ -54,16 +54,16 @@ enum Order {
 }
 
 /// What proved itself.
-struct Sifted {
+pub(super) struct Sifted {
     /// How large the held-out errors are with it.
-    size: f64,
-    standing: Standing,
-    proofs: Vec<Proof>,
+    pub size: f64,
+    pub standing: Standing,
+    pub proofs: Vec<Proof>,
 }
 
 impl Sifted {
     /// That of both which leaves less; `other` if they are alike.
-    fn or_smaller(self, other: Option<Self>) -> Self {
+    pub fn or_smaller(self, other: Option<Self>) -> Self {
         match other {
             Some(other) if self.size >= other.size => other,
             _ => self,
@@ -87,7 +87,7 @@ pub(crate) struct Judge<'a, 'b> {
     pub floor: HeldFloor,
     /// Other partings, with the nuisances of what is fitted and of what is held out.
     turns: Vec<(&'b Turn<'a>, [System; 2])>,
-    seed: u64,
+    pub(super) seed: u64,
 }
 
 impl<'a, 'b> Judge<'a, 'b> {
@@ -122,7 +122,7 @@ impl<'a, 'b> Judge<'a, 'b> {
     }
 
     /// Leaves `search` where all that is taken in has proved itself and the held-out error is least; the proofs of that. Where much is left,
-    /// what the search found from its other start is judged, too.
+    /// what the search found from its other start is judged, too, and what every joint has is preferred to rarer laws.
     ///
     /// # Errors
     /// See [`LawError`]; `None` if a fit is singular.
@@ -131,16 +131,19 @@ impl<'a, 'b> Judge<'a, 'b> {
         search: &mut Search<'a, 'b>,
         progress: &mut dyn FnMut(&str),
     ) -> Result<Option<Vec<Proof>>, LawError> {
-        let Some(first) = self.sift_one(search, progress)? else { return Ok(None) };
-        let is_poor = !self.where_much_is_left(search, (0..search.hypotheses.len()).collect())?.is_empty();
-        if is_poor && search.turn_to_runner_up().unwrap_or(false) {
+        let Some(mut best) = self.sift_one(search, progress)? else { return Ok(None) };
+        if self.where_much_is_left(search, (0..search.hypotheses.len()).collect())?.is_empty() {
+            return Ok(Some(best.restore(search)));
+        }
+        if search.turn_to_runner_up().unwrap_or(false) {
             progress("judging what was found from the other start");
-            let least = first.size - self.least_less();
-            if let Some(second) = self.sift_one(search, progress)?.filter(|second| second.size < least) {
-                return Ok(Some(second.restore(search)));
+            if let Some(second) = self.sift_one(search, progress)? {
+                let is_better = second.size < best.size - self.least_less();
+                let (first, other) = if is_better { (second, best) } else { (best, second) };
+                best = self.crossed(first, &other.standing, search, progress)?;
             }
         }
-        Ok(Some(first.restore(search)))
+        Ok(Some(self.plainer(best, search, progress)?.restore(search)))
     }
 
     /// Moves the shapes of all but the hypotheses `known` off their grid, if held-out data don't lose by it; whether any was moved.
@@ -201,7 +204,7 @@ impl<'a, 'b> Judge<'a, 'b> {
     }
 
     /// By how much something has to leave less, in the mean of the logarithms over all channels, to take the place of something else.
-    fn least_less(&self) -> f64 {
+    pub(super) fn least_less(&self) -> f64 {
         LEAST_LESS / self.held.per_stage().max(1) as f64
     }
 
@@ -389,7 +392,7 @@ impl<'a, 'b> Judge<'a, 'b> {
     }
 
     /// Those of `hypotheses` that show where far more than noise is left of the held-out data.
-    fn where_much_is_left(
+    pub(super) fn where_much_is_left(
         &self,
         search: &Search<'a, 'b>,
         hypotheses: Vec<usize>,
@@ -408,7 +411,7 @@ impl<'a, 'b> Judge<'a, 'b> {
     ///
     /// # Errors
     /// See [`LawError`]; `None` if the fit is singular, or if `ask` says so.
-    fn tried<T>(
+    pub(super) fn tried<T>(
         &self,
         search: &Search<'a, 'b>,
         ask: impl Fn(&[Trial]) -> Option<T>,
@@ -426,7 +429,7 @@ impl<'a, 'b> Judge<'a, 'b> {
     }
 
     /// Drops effects that don't prove themselves, in that of two orders which leaves the smaller errors.
-    fn drop_unproven(
+    pub(super) fn drop_unproven(
         &self,
         search: &mut Search<'a, 'b>,
         progress: &mut dyn FnMut(&str),
@@ -554,7 +557,7 @@ fn foretold(search: &Search) -> Option<f64> {
 }
 
 /// Mean of the sizes of `trials` without the effect number `left_out`.
-fn size(trials: &[Trial], left_out: Option<usize>) -> Option<f64> {
+pub(super) fn size(trials: &[Trial], left_out: Option<usize>) -> Option<f64> {
     let sizes: Vec<f64> = trials.iter().map(|trial| trial.size(left_out)).collect::<Option<_>>()?;
     Some(sizes.iter().sum::<f64>() / sizes.len().max(1) as f64)
 }

@@ -11,7 +11,7 @@
 //! - `noise`, `twins` and `floor`: what is found in nothing.
 //! - `search`, `select`, `refine` and `simplify`: which effects explain what the model leaves, in which shape, and with no more law than there is;
 //!   `validate`: whether they do so where they were not fitted.
-//! - `show`, `trial` and `judge`: what they are worth on held-out data.
+//! - `show`, `trial`, `judge` and `other_choices`: what they are worth on held-out data, and whether others are worth more.
 //! - `excess`: whether more is left than noise explains.
 //! - `variables` and `passage`: what pictures are drawn from.
 //! - `robust`: numbers that a few rows don't bend.
@@ -33,6 +33,7 @@ mod locate;
 mod moment;
 mod noise;
 mod numbers;
+mod other_choices;
 mod parts;
 mod passage;
 mod quality;

@@ -72,6 +72,26 @@ impl Standing {
     pub fn len(&self) -> usize {
         self.chosen.len()
     }
+
+    /// The same with the effects of `other` at `joint` of `search` in the place of its own; `None` if these are the same there.
+    pub fn crossed(&self, other: &Self, joint: Option<usize>, search: &Search) -> Option<Self> {
+        let is_there = |(chosen, _): &(&Chosen, &Table)| search.hypotheses[chosen.hypothesis].joint == joint;
+        let at = |it: &Self, there: bool| -> Vec<(Chosen, Table)> {
+            let pairs = it.chosen.iter().zip(&it.shapes).filter(|pair| is_there(pair) == there);
+            pairs.map(|(chosen, shape)| (chosen.clone(), shape.clone())).collect()
+        };
+        let laws = |pairs: Vec<(Chosen, Table)>| -> Vec<(usize, Table)> {
+            let mut laws: Vec<_> =
+                pairs.into_iter().map(|(chosen, shape)| (chosen.hypothesis, shape)).collect();
+            laws.sort_by_key(|(hypothesis, _)| *hypothesis);
+            laws
+        };
+        if laws(at(self, true)) == laws(at(other, true)) {
+            return None;
+        }
+        let (chosen, shapes) = at(self, false).into_iter().chain(at(other, true)).unzip();
+        Some(Self { chosen, shapes, ..self.clone() })
+    }
 }
 
 /// The search.

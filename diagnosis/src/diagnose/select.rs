@@ -42,8 +42,7 @@ pub(super) const HINT: f64 = 0.1;
 /// Kinds whose merits differ by less than this share are judged by their strongest place.
 const ALIKE: f64 = 0.05;
 /// What sits on every joint of a real machine.
-const USUAL: [&str; 3] = ["coulomb_friction", "viscous_friction", "torque_offset"];
-
+pub(super) const USUAL: [&str; 3] = ["coulomb_friction", "viscous_friction", "torque_offset"];
 /// The strongest hypothesis of a step.
 #[derive(Clone)]
 pub(super) struct Winner {
@@ -532,7 +531,7 @@ impl Search<'_, '_> {
     }
 
     /// Drops what is not physical beside the others, or else the weakest effect if the others made it idle; whether one was dropped.
-    fn drop_one(&mut self) -> Option<bool> {
+    pub(super) fn drop_one(&mut self) -> Option<bool> {
         self.update_gains()?;
         if self.drop_unphysical()? {
             return Some(true);

@@ -20,8 +20,8 @@ const SHOWS: f64 = 0.1;
 const LOCAL: f64 = 0.7;
 /// Share of what is left, in squares, that an effect has to say of held-out data to act there.
 const ACTS: f64 = 0.1;
-/// Share of the mean square that an effect says of the data of the fit which it has to say of held-out data to be judged by them: of friction in
-/// slow motion a fast one shows a trace.
+/// Share of the mean square that an effect says of the data of the fit which it has to say of held-out data to be judged by them, unless it is more than
+/// what is left: of friction in slow motion a fast one shows a trace.
 const HARDLY: f64 = 0.1;
 
 /// How an effect does on held-out data.
@@ -234,7 +234,7 @@ pub(crate) fn proof(trials: &[Trial], index: usize, seed: u64) -> Option<Proof> 
     let said = said[..trials.len()].iter().sum::<f64>();
     let here = fitted.iter().sum::<f64>() / rows(search.case, &shows);
     let there = said / trials.iter().map(|trial| rows(trial.held, &shows)).sum::<f64>();
-    if said > ACTS * left && there > HARDLY * here {
+    if said > left || said > ACTS * left && there > HARDLY * here {
         return Some(Proof { gain: on_held, held_out: true, channels: shows });
     }
     // It does not act on the held-out data, or hardly: a push, a drift that is over, friction of another speed.

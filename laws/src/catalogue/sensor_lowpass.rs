@@ -17,6 +17,8 @@ use crate::scene::{Prediction, Scene};
 
 /// Greatest cutoff, Hz.
 const MOST: f64 = 1e6;
+/// Greatest time constant that a diagnosis believes, s: a drive that shows less than 0.8 Hz of its torque shows nothing of it.
+const BELIEVED: f64 = 0.2;
 
 /// The entry.
 pub static KIND: Kind = Kind {
@@ -41,7 +43,7 @@ pub static KIND: Kind = Kind {
             /// Well below a period of anything that is recorded, s.
             const STEP: f64 = 1e-5;
             let filtered = with(shape, [("cutoff", 1.0 / (TAU * STEP))]);
-            vec![Term::new("time_constant", "s", [0.0, 10.0], filtered).stepped(STEP)]
+            vec![Term::new("time_constant", "s", [0.0, BELIEVED], filtered).stepped(STEP)]
         },
         compose: |_, shape, coefficients| {
             with(shape, [("cutoff", (1.0 / (TAU * coefficients[0].max(0.0))).min(MOST))])

@@ -1,0 +1,142 @@
+//! Other choices of effects for a joint that the model stays far from: those of the search from the other start, and the laws that every joint has.
+//!
+//! What a search takes in first bends what it takes in next, joint by joint, and of a machine that follows no law of the catalogue closely a rare
+//! law that says a little more of one motion says nothing of another.
+
+use freeplay_laws::LawError;
+
+use super::judge::{Judge, Sifted, size};
+use super::search::{Chosen, Search, Standing};
+use super::select::USUAL;
+use super::trial::{Proof, proof};
+
+/// The share of the error of one channel that rare laws of a joint have to take away of held-out data beside what sits on every joint, where the model
+/// stays far off anyway.
+const WORTH: f64 = 0.15;
+
+/// What the model of a real machine often lacks besides.
+const ROTOR: &str = "rotor_inertia";
+/// The same as Coulomb friction beside an offset.
+const ASYMMETRIC: &str = "asymmetric_friction";
+/// Laws of a joint's torque that are rarer, and can stand in for one another in one motion.
+const RARE: [&str; 9] = [
+    "stribeck_friction",
+    "presliding_friction",
+    "load_dependent_friction",
+    "position_dependent_friction",
+    "friction_drift",
+    "quadratic_drag",
+    "torque_ripple",
+    "torque_gain",
+    "sensor_lowpass",
+];
+
+impl<'a, 'b> Judge<'a, 'b> {
+    /// `best` with the laws that sit on every joint of a real machine in the place of rarer ones, joint by joint, where that leaves hardly more of
+    /// the held-out data: of a machine that the model stays far from, a rare law that says a little more says nothing of another motion.
+    pub(super) fn plainer(
+        &self,
+        mut best: Sifted,
+        search: &mut Search<'a, 'b>,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Sifted, LawError> {
+        for joint in 0..self.held.stages[0].arm().dof() {
+            search.go_back(best.standing.clone());
+            let rare = self.where_much_is_left(search, search.rare_at(joint))?;
+            if rare.is_empty() {
+                continue;
+            }
+            let mut plain: Option<Sifted> = None;
+            for with_rotor in [false, true] {
+                search.go_back(best.standing.clone());
+                if search.make_plain(joint, with_rotor).is_none() {
+                    continue;
+                }
+                let all = self.as_it_stands(search)?;
+                let proven = self.drop_unproven(search, progress)?;
+                for sifted in [all, proven].into_iter().flatten() {
+                    plain = Some(sifted.or_smaller(plain));
+                }
+            }
+            let most = best.size + WORTH / self.held.per_stage().max(1) as f64;
+            if let Some(plain) = plain.filter(|plain| plain.size < most) {
+                let rare: Vec<String> = rare.into_iter().map(|at| search.hypothesis_in_words(at)).collect();
+                progress(&format!("{} is hardly better than what every joint has", rare.join(", ")));
+                best = plain;
+            }
+        }
+        Ok(best)
+    }
+
+    /// `best` with what `other` has at a joint in the place of its own, joint by joint, where that leaves less of the held-out data: what a
+    /// search takes in first at one joint has nothing to do with what it takes in at another.
+    pub(super) fn crossed(
+        &self,
+        mut best: Sifted,
+        other: &Standing,
+        search: &mut Search<'a, 'b>,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Sifted, LawError> {
+        let joints = self.held.stages[0].arm().dof();
+        for joint in (0..joints).map(Some).chain([None]) {
+            let Some(child) = best.standing.crossed(other, joint, search) else { continue };
+            search.go_back(child);
+            if search.settle().is_none() {
+                continue;
+            }
+            let least = best.size - self.least_less();
+            if let Some(sifted) = self.drop_unproven(search, progress)?.filter(|sifted| sifted.size < least) {
+                let at_joint = (0..search.chosen.len()).filter(|&index| search.named(index).joint == joint);
+                let words: Vec<String> = at_joint.map(|index| search.in_words(index)).collect();
+                progress(&format!(
+                    "{} from the other start leaves less of the held-out data",
+                    words.join(", ")
+                ));
+                best = sifted;
+            }
+        }
+        Ok(best)
+    }
+
+    /// What `search` has chosen, proven or not; `None` if a fit is singular.
+    fn as_it_stands(&self, search: &Search<'a, 'b>) -> Result<Option<Sifted>, LawError> {
+        let judged = self.tried(search, |trials| {
+            let proofs: Option<Vec<Proof>> =
+                (0..search.chosen.len()).map(|index| proof(trials, index, self.seed)).collect();
+            size(trials, None).zip(proofs)
+        })?;
+        Ok(judged.map(|(size, proofs)| Sifted { size, standing: search.standing(), proofs }))
+    }
+}
+
+impl Search<'_, '_> {
+    /// The rare laws of `joint` that were taken in.
+    fn rare_at(&self, joint: usize) -> Vec<usize> {
+        let taken = self.chosen.iter().map(|it| it.hypothesis);
+        taken.filter(|&at| self.is_at(joint, &RARE, at)).collect()
+    }
+
+    /// Puts what sits on every joint, with or without the inertia of a rotor, in the place of the rare laws of `joint`, as far as it counts there.
+    fn make_plain(&mut self, joint: usize, with_rotor: bool) -> Option<()> {
+        let is_rare = |it: &Chosen| {
+            self.is_at(joint, &RARE, it.hypothesis) || self.is_at(joint, &[ASYMMETRIC], it.hypothesis)
+        };
+        let kept: Vec<Chosen> = self.chosen.iter().filter(|it| !is_rare(it)).cloned().collect();
+        let plain: Vec<usize> = (0..self.hypotheses.len())
+            .filter(|&at| self.is_at(joint, &USUAL, at) || with_rotor && self.is_at(joint, &[ROTOR], at))
+            .filter(|&at| kept.iter().all(|it| it.hypothesis != at))
+            .collect();
+        self.chosen = kept;
+        let plain: Vec<Chosen> = plain.into_iter().map(|at| self.admit(at)).collect();
+        self.chosen.extend(plain);
+        self.weigh_anew()?;
+        while self.drop_one()? {}
+        self.settle()
+    }
+
+    /// Whether the hypothesis number `at` is one of `kinds` at `joint`.
+    fn is_at(&self, joint: usize, kinds: &[&str], at: usize) -> bool {
+        let hypothesis = &self.hypotheses[at];
+        hypothesis.joint == Some(joint) && kinds.contains(&hypothesis.kind.name)
+    }
+}
