@@ -1,19 +1,18 @@
 //! `freeplay diagnose`: where a model and a recording differ, what is missing from the model, and how much better it gets.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use clap::builder::styling::Style;
 use freeplay_arm::{ArmFile, to_toml};
 use freeplay_diagnosis::{
-    Alternative, DiagnoseError, DiagnoseSettings, Diagnosis, Effect, ExciteSettings, Fit, Settings,
-    Tolerances, Untestable, Verdict, beyond_limits, diagnose as diagnosed,
+    DiagnoseError, DiagnoseSettings, Diagnosis, ExciteSettings, Settings, Tolerances, beyond_limits,
+    diagnose as diagnosed,
 };
 use freeplay_recording::Recording;
 use serde_json::Value;
 
 use crate::diagnose_report::{Subject, document};
+use crate::diagnose_screen;
 use crate::excite::{self, Question};
 use crate::exit::{Exit, Failure};
 use crate::files::{Folder, write};
@@ -21,16 +20,12 @@ use crate::recorded;
 use crate::run::Format;
 use crate::say::{say, show};
 use crate::setup::load_model;
-use crate::voice::{self, GOOD, OPEN, painted};
+use crate::voice;
 
-/// Width of the longest bar, characters.
-const BAR: f64 = 24.0;
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
 const NEXT_S: f64 = 16.0;
 const NEXT_REACH: f64 = 1.2;
 const NEXT_CANDIDATES: usize = 24;
-/// Most lines of what the recording can't show.
-const UNTESTABLE: usize = 6;
 
 /// Locates where a recording and a model differ, names the physics left out, models it and shows the fit improve, or says why not.
 ///
@@ -130,7 +125,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     }
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
-        Format::Text => show(&view.text())?,
+        Format::Text => show(&diagnose_screen::text(&view))?,
     }
     Ok(Exit::Done)
 }
@@ -180,14 +175,26 @@ fn next_motion(
 }
 
 /// Everything that is shown.
-struct View<'a> {
+pub struct View<'a> {
     args: &'a DiagnoseArgs,
     file: &'a ArmFile,
-    recordings: &'a [Recording],
-    diagnosis: &'a Diagnosis,
+    /// The recordings.
+    pub recordings: &'a [Recording],
+    /// What was found.
+    pub diagnosis: &'a Diagnosis,
 }
 
 impl View<'_> {
+    /// The folder of results.
+    pub fn out(&self) -> Option<&Path> {
+        self.args.out.as_deref()
+    }
+
+    /// The recording that is held out, as it was named.
+    pub fn last_recording(&self) -> &Path {
+        self.args.recording.last().map_or(Path::new(""), PathBuf::as_path)
+    }
+
     /// `freeplay.diagnosis/1`, with what it was made from.
     fn json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.diagnosis).map_err(Failure::internal)?;
@@ -208,210 +215,9 @@ impl View<'_> {
         let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis };
         write(&out.join("report.html"), &document(&subject).to_html())
     }
-
-    /// What a person sees in the terminal.
-    fn text(&self) -> String {
-        let diagnosis = self.diagnosis;
-        let mut text = String::new();
-        for recording in self.recordings {
-            let _ = writeln!(text, "{}", heading(recording));
-        }
-        for note in &diagnosis.quality {
-            let _ = writeln!(text, "  note: {note}");
-        }
-        for line in untestable(&diagnosis.untestable) {
-            let _ = writeln!(text, "  {line}");
-        }
-        let _ = writeln!(
-            text,
-            "\nVERDICT {}\n        {}\n",
-            painted_verdict(diagnosis.verdict),
-            diagnosis.statement
-        );
-        for (index, place) in diagnosis.location.iter().enumerate() {
-            let title = if index == 0 { "WHERE " } else { "      " };
-            let joint = place.joint.as_ref().map_or("whole arm".to_owned(), |joint| joint.clone());
-            let share = 100.0 * place.share;
-            let _ = writeln!(
-                text,
-                "{title}  {joint}, {}: {share:.0} % of what the tuned model leaves unexplained; {} (p = {:.3})",
-                place.channels.join(", "),
-                place.when,
-                place.p
-            );
-        }
-        for (index, effect) in diagnosis.effects.iter().enumerate() {
-            let _ = write!(text, "{}", what(if index == 0 { "\nWHAT  " } else { "      " }, effect));
-        }
-        for alternative in &diagnosis.alternatives {
-            let _ = writeln!(text, "        {}", instead(alternative));
-        }
-        if let Some(fit) = &diagnosis.fit {
-            text.push_str(&bars(fit, diagnosis));
-        }
-        text.push_str(&self.next());
-        text
-    }
-
-    fn next(&self) -> String {
-        let mut text = String::from("\n");
-        for next in &self.diagnosis.next {
-            let _ = writeln!(text, "NEXT    {next}");
-        }
-        match &self.args.out {
-            Some(out) => {
-                let model = out.join("model.toml");
-                let recording = &self.args.recording[self.args.recording.len() - 1];
-                let _ = writeln!(
-                    text,
-                    "MODEL   {0}   →   freeplay compare --model {0} --recording {1}",
-                    model.display(),
-                    recording.display()
-                );
-                let _ = writeln!(
-                    text,
-                    "        {:1$}   →   freeplay run --model {2} --set path.kind=joint_sine",
-                    "",
-                    model.display().to_string().chars().count(),
-                    model.display()
-                );
-                let _ = writeln!(text, "report  {}", out.join("report.html").display());
-            }
-            None => text.push_str(
-                "next    add --out DIR for the report, the model with these effects and diagnosis.json\n",
-            ),
-        }
-        text
-    }
 }
 
-fn file_name(recording: &Recording) -> String {
+/// The name of its file.
+pub fn file_name(recording: &Recording) -> String {
     recording.origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
-}
-
-fn heading(recording: &Recording) -> String {
-    let name = file_name(recording);
-    let joints = recording.joints();
-    let mut what = vec!["joint angles"];
-    what.extend(recording.tau.is_some().then_some("torque"));
-    what.extend(recording.tool.is_some().then_some("tool tracked"));
-    what.extend(recording.q_link.iter().any(Option::is_some).then_some("link encoders"));
-    format!(
-        "Recording {name}: {joints} joint{}, {:.0} Hz, {:.1} s: {}.",
-        if joints == 1 { "" } else { "s" },
-        recording.rate_hz(),
-        recording.duration(),
-        what.join(", ")
-    )
-}
-
-fn painted_verdict(verdict: Verdict) -> String {
-    let (style, words) = match verdict {
-        Verdict::NothingMissing => (GOOD, "nothing missing"),
-        Verdict::Named => (GOOD, "named"),
-        Verdict::OneOf => (OPEN, "one of several"),
-        Verdict::Unknown => (OPEN, "unknown"),
-        Verdict::InsufficientData => (OPEN, "insufficient data"),
-    };
-    painted(style, words)
-}
-
-/// What can't be told, reasons shared by several kinds said once.
-fn untestable(all: &[Untestable]) -> Vec<String> {
-    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
-    for one in all {
-        match reasons.iter_mut().find(|(because, _)| *because == one.because) {
-            Some((_, kinds)) => kinds.push(one.kind),
-            None => reasons.push((&one.because, vec![one.kind])),
-        }
-    }
-    reasons.sort_by_key(|(_, kinds)| std::cmp::Reverse(kinds.len()));
-    let more = reasons.len().saturating_sub(UNTESTABLE);
-    let mut lines: Vec<String> = reasons
-        .into_iter()
-        .take(UNTESTABLE)
-        .map(|(because, mut kinds)| {
-            kinds.dedup();
-            format!("not testable here: {} ({because})", kinds.join(", "))
-        })
-        .collect();
-    if more > 0 {
-        lines.push(format!("and {more} more reasons in diagnosis.json"));
-    }
-    lines
-}
-
-fn what(title: &str, effect: &Effect) -> String {
-    let gain = effect.evidence.held_out_gain;
-    let on = if effect.evidence.held_out {
-        "held-out data"
-    } else {
-        "the data of the fit, the held-out data being hardly touched by it"
-    };
-    format!(
-        "{title}  {}\n        {}. Takes {:.0} % ({:.0} to {:.0} %) of the error in {} away on {on}.\n",
-        effect.statement,
-        effect.source,
-        100.0 * gain.value,
-        100.0 * gain.ci95[0],
-        100.0 * gain.ci95[1],
-        effect.evidence.channels.join(", "),
-    )
-}
-
-fn instead(alternative: &Alternative) -> String {
-    let joint = alternative.joint.as_ref().map_or(String::new(), |joint| format!(" of {joint}"));
-    let separate = if alternative.indistinguishable {
-        format!("; what would separate them: {}", alternative.what_would_separate)
-    } else {
-        String::new()
-    };
-    format!(
-        "instead of {}: {}{joint} {}{separate}",
-        alternative.instead_of, alternative.kind, alternative.why_not
-    )
-}
-
-/// The held-out errors as bars, for the channels in which something was found.
-fn bars(fit: &Fit, diagnosis: &Diagnosis) -> String {
-    let mut channels: Vec<&String> = diagnosis.effects.iter().flat_map(|e| &e.evidence.channels).collect();
-    if channels.is_empty() {
-        channels = diagnosis.location.iter().flat_map(|place| &place.channels).collect();
-    }
-    channels.sort_unstable();
-    channels.dedup();
-    let mut text = format!("\nFIT     held out: {}\n", fit.data);
-    for channel in channels {
-        let unit = fit.units.get(channel).copied().unwrap_or("");
-        let (scale, unit) = match unit {
-            "m" => (1e3, "mm"),
-            "rad" => (1e3, "mrad"),
-            "N*m" => (1.0, "N·m"),
-            other => (1.0, other),
-        };
-        let rows = [
-            ("model as given", OPEN, &fit.before),
-            ("parameters re-tuned", Style::new(), &fit.retuned),
-            ("with what was found", GOOD, &fit.after_retuned),
-            ("black box (splines)", Style::new(), &fit.black_box),
-        ];
-        let longest = rows.iter().map(|(_, _, table)| table[channel].rmse).fold(f64::MIN_POSITIVE, f64::max);
-        let _ =
-            writeln!(text, "  {channel}, {unit}, noise floor {:.3}", fit.noise_floor[channel].rmse * scale);
-        for (name, style, table) in rows {
-            let rmse = table[channel].rmse;
-            let bar = painted(style, "█".repeat((BAR * rmse / longest).round() as usize));
-            let _ = writeln!(text, "    {name:20} {:10.3}  {bar}", rmse * scale);
-        }
-    }
-    if let Some(gain) = fit.gain {
-        let _ = writeln!(
-            text,
-            "  improvement over the re-tuned model {:.0} % (95 %: {:.0} to {:.0} %)",
-            100.0 * gain.value,
-            100.0 * gain.ci95[0],
-            100.0 * gain.ci95[1]
-        );
-    }
-    text
 }

@@ -21,6 +21,7 @@ mod controller_command;
 mod demo;
 mod diagnose;
 mod diagnose_report;
+mod diagnose_screen;
 mod doctor;
 mod excite;
 mod exit;

@@ -58,6 +58,8 @@ pub struct Kind {
     pub name: &'static str,
     /// What a mechanical engineer calls it.
     pub title: &'static str,
+    /// The same with its numbers, as the object of "the model leaves out": the names of parameters in braces stand for their values.
+    pub words: &'static str,
     /// Where it can sit.
     pub site: Site,
     /// Its parameters, in the order in which people name them.

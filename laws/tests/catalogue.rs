@@ -14,6 +14,17 @@ use common::{arm, greatest, motion, placed, raw};
 
 const JOINT: usize = 2;
 
+/// What is said of an effect names its own parameters.
+#[test]
+fn words_hold_the_parameters() {
+    for kind in kinds() {
+        let named: Vec<&str> =
+            kind.words.split('{').skip(1).filter_map(|rest| rest.split('}').next()).collect();
+        println!("{}: {}", kind.name, kind.words);
+        assert!(named.iter().all(|name| kind.parameter(name).is_some()), "{}: {named:?}", kind.name);
+    }
+}
+
 fn site(kind: &Kind) -> Option<usize> {
     (kind.site != Site::Arm).then_some(JOINT)
 }

@@ -13,6 +13,9 @@ pub fn section(subject: &Subject) -> Option<Section> {
         return None;
     }
     let mut section = Section::new("What is missing from the model");
+    if diagnosis.effects.len() > 1 {
+        section = section.with(at_a_glance(diagnosis));
+    }
     for (index, effect) in diagnosis.effects.iter().enumerate() {
         for block in finding(diagnosis, subject, index, effect) {
             section = section.with(block);
@@ -28,6 +31,30 @@ pub fn title(kind: &str, joint: Option<&str>) -> String {
         Some(joint) => format!("{name} of {joint}"),
         None => format!("{name} of the whole arm"),
     }
+}
+
+/// All findings in one table.
+fn at_a_glance(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new("All findings, intervals at 95 %")
+        .column(Column::text("joint"))
+        .column(Column::text("the model leaves out").wrapping())
+        .column(Column::number("error taken away", "%").fixed(0).bars())
+        .column(Column::text("95 % interval"))
+        .column(Column::text("in").wrapping())
+        .note("Error taken away: share of the error in these channels, beside all other findings, on held-out data; with a star on the data of the fit, for held-out data hardly show it.");
+    for effect in &diagnosis.effects {
+        let gain = effect.evidence.held_out_gain;
+        let [low, high] = gain.ci95.map(|share| 100.0 * share);
+        let star = if effect.evidence.held_out { "" } else { " *" };
+        table = table.row([
+            effect.joint.clone().unwrap_or_else(|| "whole arm".to_owned()).into(),
+            effect.phrase.clone().into(),
+            (100.0 * gain.value).into(),
+            format!("{low:.0} to {high:.0} %{star}").into(),
+            effect.evidence.channels.join(", ").into(),
+        ]);
+    }
+    table
 }
 
 fn finding(diagnosis: &Diagnosis, subject: &Subject, index: usize, effect: &Effect) -> Vec<Block> {

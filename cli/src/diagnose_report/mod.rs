@@ -81,7 +81,8 @@ fn overview(diagnosis: &Diagnosis) -> Vec<Block> {
         blocks.push(Block::Figures(tiles));
     }
     if !diagnosis.next.is_empty() {
-        blocks.push(Block::Text(format!("Next: {}.", diagnosis.next.join("; ").trim_end_matches('.'))));
+        blocks.push(Block::Text("Next:".to_owned()));
+        blocks.push(Block::List(diagnosis.next.clone()));
     }
     blocks
 }

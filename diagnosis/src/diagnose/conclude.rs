@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable};
-use freeplay_laws::{ArmParts, LawError, kind};
+use freeplay_laws::{ArmParts, Kind, LawError, kind};
 use nalgebra::DMatrix;
 
 use super::engine::DiagnoseSettings;
@@ -24,7 +24,7 @@ use super::show::HeldOut;
 use super::system::Score;
 use super::trial::Proof;
 use super::words;
-use crate::residual::Kind;
+use crate::residual::Kind as ChannelKind;
 
 /// Share of what an unnamed correction explains that naming may leave unexplained, in squares.
 const UNNAMED_SHARE: f64 = 0.2;
@@ -93,10 +93,13 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         let Some(errors) = self.judge.errors(self.search, of_fit)? else { return Ok(None) };
         let Some(black_box) = self.judge.black_box(self.search, &errors) else { return Ok(None) };
         let (Some(maps), Some(drawn)) = (self.maps(), self.drawn()) else { return Ok(None) };
-        let (tables, effects) = self.effects(&drawn);
+        let (tables, mut effects) = self.effects(&drawn);
         let is_named = |one: &Untestable| effects.iter().any(|e| e.kind == one.kind && e.joint == one.joint);
         let untestable = untestable.into_iter().filter(|one| !is_named(one)).collect();
-        let alternatives = self.alternatives()?;
+        let (alternatives, stabilities) = self.alternatives()?;
+        for (effect, stability) in effects.iter_mut().zip(stabilities) {
+            effect.evidence.stability = stability;
+        }
         let location = self.location(&maps, &errors);
         let channels = self.judged_channels(&errors, &black_box);
         let fit = self.fit(&errors, &black_box, &channels);
@@ -188,7 +191,8 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
                 })
                 .collect();
             let parameters = parameters(search, index, &table.parameters, &spread, self.settings.seed);
-            let statement = words::statement(hypothesis.kind, table.joint.as_deref(), parameters.iter());
+            let phrase = words::phrase(hypothesis.kind, &parameters);
+            let statement = words::statement(&phrase, table.joint.as_deref());
             effects.push(Effect {
                 kind: hypothesis.kind.name,
                 joint: table.joint.clone(),
@@ -196,6 +200,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
                 equation: hypothesis.kind.equation,
                 source: hypothesis.kind.source,
                 evidence: self.why(hypothesis, chosen.gain, proof),
+                phrase,
                 statement,
             });
             tables.push(table);
@@ -211,6 +216,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             in_twins: self.search.null.gains.get(hypothesis.kind.name).copied().unwrap_or(0.0),
             held_out_gain: proof.gain,
             held_out: proof.held_out,
+            stability: 1.0,
             channels: proof.channels.iter().map(|&c| channels[c].name.clone()).collect(),
         }
     }
@@ -306,8 +312,8 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
         for (index, channel) in channels.iter().enumerate() {
             let joint = match channel.kind {
-                Kind::Torque(joint) | Kind::Link(joint) => Some(joint),
-                Kind::Tool(_) => None,
+                ChannelKind::Torque(joint) | ChannelKind::Link(joint) => Some(joint),
+                ChannelKind::Tool(_) => None,
             };
             let group = groups.entry(joint).or_default();
             group.0 += beyond[index];
@@ -395,41 +401,36 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
 
 /// Puts the verdict into words.
 fn word(diagnosis: &mut Diagnosis) {
-    let statements: Vec<String> = diagnosis.effects.iter().map(|effect| effect.statement.clone()).collect();
+    let left_out = words::left_out(&diagnosis.effects);
     diagnosis.statement = match diagnosis.verdict {
         Verdict::NothingMissing => {
             "The recording agrees with the model inside its tolerances. Nothing is missing that this motion could show.".to_owned()
         }
-        Verdict::Named => statements.join(". ") + ".",
-        Verdict::OneOf => {
-            let rivals: Vec<String> = diagnosis
-                .alternatives
-                .iter()
-                .filter(|a| a.indistinguishable)
-                .map(|a| format!("{} {}", a.kind, words::site(a.joint.as_deref())))
-                .collect();
-            format!("One of: {}; or {}. Their effect is the same in this motion.", statements.join(". "), rivals.join(", or "))
-        }
-        Verdict::Unknown => {
-            format!(
-                "Something is missing from the model that no effect of the catalogue says well enough; it is located, and an unnamed \
-                 correction says how much it is.{}",
-                looks_like(&diagnosis.effects)
-            )
-        }
+        Verdict::Named => left_out,
+        Verdict::OneOf => left_out + &words::open(&diagnosis.alternatives),
+        Verdict::Unknown => unknown(&diagnosis.effects),
         Verdict::InsufficientData => diagnosis.statement.clone(),
     };
     if diagnosis.verdict == Verdict::OneOf {
         let undecided = diagnosis.alternatives.iter().filter(|a| a.indistinguishable);
-        diagnosis.next = undecided.map(|a| format!("to separate them: {}", a.what_would_separate)).collect();
+        diagnosis.next = undecided.map(words::to_tell).collect();
         diagnosis.next.dedup();
     }
 }
 
-/// A sentence on those of `effects` that the catalogue does not have; empty without any.
-fn looks_like(effects: &[Effect]) -> String {
-    let nameless =
-        effects.iter().filter(|effect| kind(effect.kind).is_some_and(|kind| !kind.is_catalogued()));
-    let like: Vec<&str> = nameless.map(|effect| effect.statement.as_str()).collect();
-    if like.is_empty() { String::new() } else { format!(" It looks like {}.", like.join(", and ")) }
+/// What is said where more is missing than has a name: that, what it looks like, and what has a name.
+fn unknown(effects: &[Effect]) -> String {
+    let is_named = |effect: &&Effect| kind(effect.kind).is_some_and(Kind::is_catalogued);
+    let (named, nameless): (Vec<&Effect>, Vec<&Effect>) = effects.iter().partition(is_named);
+    let mut words = "Something is missing from the model that no effect of the catalogue says well enough; it is located, and an unnamed correction \
+                     says how much it is."
+        .to_owned();
+    for like in nameless {
+        words.push_str(&format!(" It looks like this: {}", like.statement));
+    }
+    if !named.is_empty() {
+        let named: Vec<Effect> = named.into_iter().cloned().collect();
+        words.push_str(&format!(" Part of it has a name. {}", words::left_out(&named)));
+    }
+    words
 }

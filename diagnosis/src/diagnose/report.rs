@@ -70,6 +70,8 @@ pub struct Evidence {
     pub held_out_gain: Gain,
     /// Whether the held-out data could show it; else the gain is that on the data of the fit.
     pub held_out: bool,
+    /// Share of bootstraps of blocks of the data of the fit in which it leaves less than anything else in its place.
+    pub stability: f64,
     /// Channels in which it shows.
     pub channels: Vec<String>,
 }
@@ -89,6 +91,8 @@ pub struct Effect {
     pub source: &'static str,
     /// Why it is believed.
     pub evidence: Evidence,
+    /// What the model leaves out, with its numbers, as part of a sentence.
+    pub phrase: String,
     /// One plain sentence.
     pub statement: String,
 }

@@ -10,12 +10,15 @@ use super::hypothesis::Hypothesis;
 use super::judge::Judge;
 use super::report::Alternative;
 use super::search::{Search, TOLD_APART};
+use super::show::{Compared, stability};
 use super::system::{Fit, Score};
 use super::trial::errors_by;
 use super::words;
 
 /// Most alternatives that are listed.
 const ALTERNATIVES: usize = 6;
+/// Rivals that explain less than this share of what an effect does are not asked for in bootstraps.
+const ASKED: f64 = 0.5;
 /// Twice the log of the odds up to which held-out data have a say.
 const CLOSE: f64 = 3.0 * TOLD_APART;
 
@@ -96,6 +99,28 @@ impl<'s, 'a, 'b> Contest<'s, 'a, 'b> {
         best.into_values().map(|(_, at)| (at, exact(at))).collect()
     }
 
+    /// What is left of the data of the fit with `one` in the place of the effect; `None` if a fit is singular.
+    fn left_with(&self, one: &Hypothesis) -> Option<Vec<Vec<f64>>> {
+        let system = &self.search.system;
+        let score = system.exact_score(&self.without, &one.block)?;
+        Some(system.residual_with(&self.without, &one.block, &score))
+    }
+
+    /// In which share of bootstraps the effect leaves less of the data of the fit than `hypothesis` in its place.
+    fn stability(&self, hypothesis: usize, seed: u64) -> Option<f64> {
+        let (search, pair) =
+            (self.search, [self.search.named(self.index), &self.search.hypotheses[hypothesis]]);
+        let [after, before] = pair.map(|one| self.left_with(one));
+        let mut channels: Vec<usize> = pair.iter().flat_map(|one| one.channels()).collect();
+        channels.sort_unstable();
+        channels.dedup();
+        let weights = search.system.weights.clone();
+        Some(stability(
+            &Compared { case: search.case, channels, weights, before: &before?, after: &after? },
+            seed,
+        ))
+    }
+
     /// What the effect in dispute is worth.
     fn merit(&self) -> f64 {
         let search = self.search;
@@ -169,19 +194,26 @@ impl Judge<'_, '_> {
 }
 
 impl Conclusion<'_, '_, '_> {
-    /// What else could stand in the place of each named effect, the closest first.
+    /// What else could stand in the place of each named effect, the closest first; and in which share of bootstraps each effect leaves less than
+    /// any of that.
     ///
     /// # Errors
     /// See [`LawError`].
-    pub(super) fn alternatives(&self) -> Result<Vec<Alternative>, LawError> {
+    pub(super) fn alternatives(&self) -> Result<(Vec<Alternative>, Vec<f64>), LawError> {
         let search = self.search;
-        let mut all = Vec::new();
+        let (mut all, mut stabilities) = (Vec::new(), Vec::new());
         for index in 0..search.chosen.len() {
             let named = search.named(index);
+            let contest = Contest::new(search, index);
+            let mut least = 1.0_f64;
             let instead_of =
                 format!("{} {}", named.kind.name, words::site(self.joint_name(named.joint).as_deref()));
             for rival in self.judge.rivals(search, index)? {
                 let other = &search.hypotheses[rival.hypothesis];
+                let asked = contest.as_ref().filter(|_| rival.less < ASKED);
+                let stable =
+                    asked.and_then(|contest| contest.stability(rival.hypothesis, self.settings.seed));
+                least = least.min(stable.unwrap_or(1.0));
                 let indistinguishable = rival.behind < TOLD_APART;
                 let why_not = if indistinguishable {
                     "says it as well in this motion".to_owned()
@@ -200,11 +232,12 @@ impl Conclusion<'_, '_, '_> {
                     log_odds_against: 0.5 * rival.behind,
                 });
             }
+            stabilities.push(least);
         }
         all.sort_by(|a, b| a.log_odds_against.total_cmp(&b.log_odds_against));
         let sure = all.iter().filter(|alternative| alternative.indistinguishable).count();
         all.truncate(sure.max(ALTERNATIVES));
-        Ok(all)
+        Ok((all, stabilities))
     }
 }
 
@@ -218,7 +251,7 @@ fn separates(named: &Hypothesis, other: &Hypothesis) -> String {
             .confounders
             .iter()
             .find(|(kind, _)| *kind == b.kind.name)
-            .map(|(kind, how)| format!("{kind} {how}"))
+            .map(|(_, how)| format!("{} {how}", b.kind.title))
     };
     of(named, other)
         .or_else(|| of(other, named))

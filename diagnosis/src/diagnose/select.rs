@@ -358,14 +358,36 @@ impl Search<'_, '_> {
         best
     }
 
-    /// `winner` with the nuisances at their bounds free to come back; `None` if it is then not physical.
+    /// `winner` with the nuisances at their bounds free to come back, in another shape if it is then not physical in its own; `None` if it is
+    /// in none.
     pub(super) fn exact(&self, fit: &Fit, weighing: &Weighing, mut winner: Winner) -> Option<Winner> {
         let hypothesis = &self.hypotheses[winner.hypothesis];
         if winner.merit > 0.0 {
             winner.score = self.system.exact_score(fit, &hypothesis.block)?;
             winner.merit = self.merit(hypothesis, winner.score.gain, weighing);
+            if !hypothesis.is_physical(&winner.score) {
+                return self.exact_in_another_shape(fit, weighing, winner.hypothesis);
+            }
         }
         hypothesis.is_physical(&winner.score).then_some(winner)
+    }
+
+    /// The effect of the hypothesis number `but` in the other shape in which it explains most and is physical.
+    fn exact_in_another_shape(&self, fit: &Fit, weighing: &Weighing, but: usize) -> Option<Winner> {
+        let others = &fit.active[self.nuisances().len()..];
+        let in_shape = |at: usize| {
+            let hypothesis = &self.hypotheses[at];
+            let score = self.system.exact_score(fit, &hypothesis.block)?;
+            let merit = self.merit(hypothesis, score.gain, weighing);
+            let may_stand = merit > 0.0
+                && hypothesis.is_physical(&score)
+                && self.system.is_material(&hypothesis.block, &score.beta)
+                && self.system.is_apart(others, &hypothesis.block);
+            may_stand.then_some(Winner { hypothesis: at, score, merit })
+        };
+        let is_other = |&at: &usize| at != but && self.hypotheses[at].same_effect(&self.hypotheses[but]);
+        let shapes = (0..self.hypotheses.len()).filter(is_other).filter_map(in_shape);
+        shapes.max_by(|a, b| a.merit.total_cmp(&b.merit))
     }
 
     /// The strongest member of the strongest kind, of all that count: the kind whose members explain most together where they show in different
@@ -416,7 +438,11 @@ impl Search<'_, '_> {
             let said = self.said(self.named(index), &self.coefficients(&all, index));
             let merit = self.merit(self.named(index), fit.left - all.left, &weighing);
             let mut places = self.by_place(&fit, &weighing, Some(index));
-            if self.refine_plainer(index, &fit, places.values().filter(|rival| rival.merit > CLOSE * merit)) {
+            let plainer = places.values().filter(|rival| rival.merit > CLOSE * merit);
+            let mut refined = self.refine_plainer(index, &fit, plainer);
+            refined |=
+                self.centre_near(index, &fit, places.values().filter(|rival| rival.merit > NEARLY * merit));
+            if refined {
                 places = self.by_place(&fit, &weighing, Some(index));
             }
             if let Some(plain) = self.special_case(index, &left, &fit, &weighing, &places) {

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use freeplay_laws::ABOUT;
+
 use super::case::Weighing;
 use super::hypothesis::Hypothesis;
 use super::search::{Search, TOLD_APART};
@@ -122,6 +124,23 @@ impl Search<'_, '_> {
             }
         }
         moved
+    }
+
+    /// Takes those `rivals` that are far from linear about the coefficient with which they explain most beside `fit`, if the effect number `index`
+    /// was so taken, which `fit` lacks: a delay is not compared for small delays with a low-pass as slow as it is. Whether any was.
+    pub(super) fn centre_near<'w>(
+        &mut self,
+        index: usize,
+        fit: &Fit,
+        rivals: impl Iterator<Item = &'w Winner>,
+    ) -> bool {
+        let is_centred = |search: &Self, at: usize| search.hypotheses[at].shape.contains_key(ABOUT);
+        if !is_centred(self, self.chosen[index].hypothesis) {
+            return false;
+        }
+        let near: Vec<usize> =
+            rivals.map(|rival| rival.hypothesis).filter(|&at| !is_centred(self, at)).collect();
+        near.into_iter().filter(|&at| self.take_about(fit, at)).count() > 0
     }
 
     /// Puts one effect in the place of two that show in one channel where it explains as much: one cause is likelier than two. Whether it did.

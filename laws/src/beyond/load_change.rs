@@ -21,6 +21,7 @@ use crate::scene::{Scene, loaded};
 pub static KIND: Kind = Kind {
     name: "load_change",
     title: "a load that is lost or taken up",
+    words: "a load of {mass} that joins at {time}",
     site: Site::Arm,
     parameters: &[
         Parameter::number("mass", "mass that joins at the tool; negative: that is lost", "kg", [-1e4, 1e4]),

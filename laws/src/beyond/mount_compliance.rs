@@ -19,6 +19,7 @@ use crate::sag::{SagLaw, Sagging, pressure};
 pub static KIND: Kind = Kind {
     name: "mount_compliance",
     title: "a mount that gives",
+    words: "a mount that gives by {compliance_x} about x and {compliance_y} about y",
     site: Site::Arm,
     parameters: &[
         Parameter::number(

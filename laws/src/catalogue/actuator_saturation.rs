@@ -19,6 +19,7 @@ use crate::scene::{Prediction, Scene};
 pub static KIND: Kind = Kind {
     name: "actuator_saturation",
     title: "limit of the drive",
+    words: "a drive that gives no more than {limit}",
     site: Site::Joint,
     parameters: &[
         Parameter::number("limit", "greatest torque of the drive", "N*m", [1e-9, 1e9]).prismatic("N").shape(),

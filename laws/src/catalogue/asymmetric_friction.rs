@@ -14,6 +14,7 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "asymmetric_friction",
     title: "friction that depends on the direction",
+    words: "friction of {positive} forwards and {negative} backwards",
     site: Site::Joint,
     parameters: &[
         Parameter::number(

@@ -39,6 +39,7 @@ const RIGID_HZ: f64 = 100.0;
 pub static KIND: Kind = Kind {
     name: "backlash",
     title: "backlash of the gear",
+    words: "a gap of {gap} in the gear",
     site: Site::Joint,
     parameters: &[
         Parameter::number("gap", "whole angle between the flanks", "rad", [0.0, 1.0]).prismatic("m"),

@@ -24,6 +24,7 @@ const MOST: f64 = 1.6;
 pub static KIND: Kind = Kind {
     name: "base_tilt",
     title: "tilt of the base",
+    words: "a base that leans by {roll} about x and {pitch} about y",
     site: Site::Arm,
     parameters: &[
         Parameter::number("roll", "turn of the base about its x axis", "rad", [-MOST, MOST]).or(0.0),

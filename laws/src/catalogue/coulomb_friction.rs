@@ -15,6 +15,7 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "coulomb_friction",
     title: "Coulomb friction",
+    words: "Coulomb friction of {coulomb}",
     site: Site::Joint,
     parameters: &[Parameter::number(
         "coulomb",

@@ -17,6 +17,7 @@ use crate::scene::Scene;
 pub static KIND: Kind = Kind {
     name: "encoder_eccentricity",
     title: "eccentricity of the encoder",
+    words: "an eccentric encoder, off by up to {amplitude}",
     site: Site::Revolute,
     parameters: &[
         Parameter::number("amplitude", "greatest error of the reading", "rad", [0.0, 0.1]),

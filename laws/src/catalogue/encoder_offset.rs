@@ -16,6 +16,7 @@ use crate::scene::Scene;
 pub static KIND: Kind = Kind {
     name: "encoder_offset",
     title: "encoder zero offset",
+    words: "an encoder that reads {offset} where the joint is at zero",
     site: Site::Joint,
     parameters: &[Parameter::number(
         "offset",

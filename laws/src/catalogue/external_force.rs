@@ -19,6 +19,7 @@ use crate::scene::Scene;
 pub static KIND: Kind = Kind {
     name: "external_force",
     title: "force on the tool",
+    words: "a force of {force} on the tool from {start} to {end}",
     site: Site::Arm,
     parameters: &[
         Parameter::vector("force", "force on the tool in the base frame", "N"),

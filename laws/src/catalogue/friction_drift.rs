@@ -20,6 +20,7 @@ use crate::scene::Scene;
 pub static KIND: Kind = Kind {
     name: "friction_drift",
     title: "friction that changes with time",
+    words: "friction that starts {amount} times itself too high and settles over {time_constant}",
     site: Site::Joint,
     parameters: &[
         Parameter::number(

@@ -27,6 +27,7 @@ use crate::{Clearance, ClearanceTable, Rest, settle};
 pub static KIND: Kind = Kind {
     name: Clearance::KIND,
     title: "radial play",
+    words: "radial play of {clearance}",
     site: Site::Revolute,
     parameters: &[
         Parameter::number("clearance", "radial clearance c, less than the bearing radius", "m", [0.0, 1.0]),

@@ -3,9 +3,9 @@
 //! Law: a shaft turns at u = q̇ᵢ + s q̇ⱼ, with i the joint of the effect, j = `with` and s = `sign`; its inertia I \[kg·m²\], viscous friction
 //! F_v \[N·m·s/rad\] and Coulomb friction F_c \[N·m\], all ≥ 0, load both joints: X = I u̇ + F_v u + F_c sign(u), τᵢ = X and τⱼ = s X, extra to what
 //! the model has. Terms of one joint so depend on the motion of the other, in both rows; power τᵢ q̇ᵢ + τⱼ q̇ⱼ = X u is never negative
-//! but for the inertia's.
-//! Source: Janot, Vandanjon & Gautier 2014, IEEE Trans. Control Syst. Technol. 22:132, §IV (coupled joints 5 and 6 of a Stäubli TX40).
-//! Departure: the joint's own share of the shaft is counted here, so that the law is that of a body.
+//! but for the inertia's. This is the form `shaft`. In the form `cross` each joint's own share of inertia and viscous friction is in the joint's own
+//! numbers already: τᵢ = s (I q̈ⱼ + F_v q̇ⱼ) + F_c sign(u), τⱼ = s (I q̈ᵢ + F_v q̇ᵢ) + s F_c sign(u).
+//! Source: Janot, Vandanjon & Gautier 2014, IEEE Trans. Control Syst. Technol. 22:132, §IV (coupled joints 5 and 6 of a Stäubli TX40), who have `cross`.
 
 use toml::{Table, Value};
 
@@ -19,10 +19,16 @@ use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::Scene;
 
+/// The two forms of the law.
+const FORMS: &[&str] = &["shaft", "cross"];
+/// How many joints apart the two may be: the axes of a wrist.
+const REACH: usize = 2;
+
 /// The entry.
 pub static KIND: Kind = Kind {
     name: "joint_coupling",
     title: "coupling of two joints",
+    words: "a gear coupled with {with}",
     site: Site::Joint,
     parameters: &[
         Parameter { name: "with", meaning: "the other joint", range: Range::OtherJoint },
@@ -32,10 +38,15 @@ pub static KIND: Kind = Kind {
         Parameter::number("sign", "turns of the shaft for one of the other joint", "1", [-1e3, 1e3])
             .or(1.0)
             .choice(),
+        Parameter {
+            name: "form",
+            meaning: "whether the shaft's inertia and viscous friction load a joint by its own motion, too, or only across",
+            range: Range::Word(FORMS),
+        },
     ],
     seen: Seen::TORQUE,
     rough: true,
-    equation: "τᵢ = X, τⱼ = s X, X = I u̇ + F_v u + F_c sign(u), u = q̇ᵢ + s q̇ⱼ",
+    equation: "τᵢ = X, τⱼ = s X, X = I u̇ + F_v u + F_c sign(u), u = q̇ᵢ + s q̇ⱼ; `cross`: without each joint's own share of I u̇ + F_v u",
     source: "Janot, Vandanjon & Gautier 2014, §IV",
     signature: "the residual of one joint follows the speed and acceleration of another, and the other way round",
     confounders: &[
@@ -52,6 +63,7 @@ pub static KIND: Kind = Kind {
         Ok(Box::new(JointCoupling {
             joints: [values.joint()?, values.other_joint("with")?],
             sign: values.number("sign")?,
+            is_shaft: values.word("form")? == FORMS[0],
             inertia: values.number("inertia")?,
             viscous: values.number("viscous")?,
             coulomb: values.number("coulomb")?,
@@ -59,51 +71,62 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// The joint before, if it moves, turning the same way or the other: a shaft that turns with two axes passes through both. With s = ±1 the
-/// law is the same seen from either joint, so that each pair is asked for once, at its outer joint.
+/// The joints before within reach, if they move, turning the same way or the other, in both forms. With s = ±1 the law is the same seen from either
+/// joint, so that each pair is asked for once, at its outer joint.
 fn partners(place: &Place) -> Vec<Table> {
     let joints = place.scene.arm.joints().iter().enumerate();
     let moving = |joint: usize| place.scene.motion.v[joint].iter().any(|v| v.abs() > 1e-6);
-    let near = |joint: usize| place.joint == Some(joint + 1);
+    let near = |joint: usize| place.joint.is_some_and(|own| joint < own && own - joint <= REACH);
     let others = joints.filter(|(joint, _)| near(*joint) && moving(*joint));
-    others
-        .flat_map(|(_, joint)| [1.0, -1.0].map(|sign| (joint.name.clone(), sign)))
-        .map(|(name, sign)| {
-            let mut shape = with(&Table::new(), [("sign", sign)]);
-            shape.insert("with".to_owned(), Value::String(name));
-            shape
-        })
-        .collect()
+    let shape = |name: &str, sign: f64, form: &str| {
+        let mut shape = with(&Table::new(), [("sign", sign)]);
+        shape.insert("with".to_owned(), Value::from(name));
+        shape.insert("form".to_owned(), Value::from(form));
+        shape
+    };
+    let ways = FORMS.iter().flat_map(|form| [1.0, -1.0].map(|sign| (sign, *form)));
+    others.flat_map(|(_, joint)| ways.clone().map(|(sign, form)| shape(&joint.name, sign, form))).collect()
 }
 
 #[derive(Clone, Copy, Debug)]
 struct JointCoupling {
     joints: [usize; 2],
     sign: f64,
+    is_shaft: bool,
     inertia: f64,
     viscous: f64,
     coulomb: f64,
+}
+
+impl JointCoupling {
+    /// Share of the inertia and the viscous friction with which a joint's own motion loads it.
+    fn own(&self) -> f64 {
+        if self.is_shaft { 1.0 } else { 0.0 }
+    }
 }
 
 impl Effect for JointCoupling {
     fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let [own, other] = self.joints;
         let motion = scene.motion;
-        let load = |point: usize| {
-            let u = motion.v[own][point] + self.sign * motion.v[other][point];
-            let du = motion.a[own][point] + self.sign * motion.a[other][point];
-            let direction = if u == 0.0 { 0.0 } else { u.signum() };
-            self.inertia * du + self.viscous * u + self.coulomb * direction
-        };
-        let loads: Vec<f64> = (0..motion.len()).map(load).collect();
-        for (joint, share) in [(own, 1.0), (other, self.sign)] {
-            torque[joint].iter_mut().zip(&loads).for_each(|(torque, load)| *torque += share * load);
+        for point in 0..motion.len() {
+            let [v, a] = [&motion.v, &motion.a].map(|x| [x[own][point], self.sign * x[other][point]]);
+            let u = v[0] + v[1];
+            let dry = if u == 0.0 { 0.0 } else { self.coulomb * u.signum() };
+            let load = |mine: usize, theirs: usize| {
+                let (v, a) = (v[theirs] + self.own() * v[mine], a[theirs] + self.own() * a[mine]);
+                self.inertia * a + self.viscous * v + dry
+            };
+            torque[own][point] += load(0, 1);
+            torque[other][point] += self.sign * load(1, 0);
         }
     }
 
     fn inject(&self, injection: &mut Injection) {
         let [own, other] = self.joints;
-        injection.rotors.extend([(own, self.inertia), (other, self.sign * self.sign * self.inertia)]);
+        if self.is_shaft {
+            injection.rotors.extend([(own, self.inertia), (other, self.sign * self.sign * self.inertia)]);
+        }
         injection.drives.push(Box::new(*self));
     }
 }
@@ -111,12 +134,13 @@ impl Effect for JointCoupling {
 impl DriveLaw for JointCoupling {
     fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
         let [own, other] = self.joints;
-        let u = now.v[own] + self.sign * now.v[other];
-        let load = self.viscous * u + self.coulomb * DriveFriction::sign(u);
-        // Each joint's own share of the inertia is in the rotors; what the other's acceleration asks for is one sub-step old, and
-        // less than those shares, so that it converges.
+        let v = [now.v[own], self.sign * now.v[other]];
+        let dry = self.coulomb * DriveFriction::sign(v[0] + v[1]);
+        let load = |mine: usize, theirs: usize| self.viscous * (v[theirs] + self.own() * v[mine]) + dry;
+        // Each joint's own share of the inertia is in the rotors, or in its own numbers; what the other's acceleration asks for is one sub-step
+        // old, and less than those shares, so that it converges.
         let across = self.sign * self.inertia;
-        torque[own] -= load + across * now.a[other];
-        torque[other] -= self.sign * load + across * now.a[own];
+        torque[own] -= load(0, 1) + across * now.a[other];
+        torque[other] -= self.sign * load(1, 0) + across * now.a[own];
     }
 }

@@ -27,6 +27,7 @@ const LOSS: f64 = 1e-3;
 pub static KIND: Kind = Kind {
     name: "joint_elasticity",
     title: "elasticity",
+    words: "a gear that twists, stiffness {stiffness}",
     site: Site::Joint,
     parameters: &[
         Parameter::number(

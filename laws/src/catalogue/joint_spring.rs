@@ -14,6 +14,7 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "joint_spring",
     title: "spring",
+    words: "a spring of {stiffness} that rests at {rest}",
     site: Site::Joint,
     parameters: &[
         Parameter::number("stiffness", "torque per angle", "N*m/rad", [0.0, 1e9]).prismatic("N/m"),

@@ -25,6 +25,7 @@ const LEAST: f64 = 1e-15;
 pub static KIND: Kind = Kind {
     name: "link_flexure",
     title: "bending of the link",
+    words: "a link that bends, stiffness {stiffness}",
     site: Site::Joint,
     parameters: &[Parameter::number(
         "stiffness",

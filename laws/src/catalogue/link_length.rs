@@ -24,6 +24,7 @@ const MOST: f64 = 10.0;
 pub static KIND: Kind = Kind {
     name: "link_length",
     title: "length of the link",
+    words: "a link length that is off by {offset}",
     site: Site::Joint,
     parameters: &[
         Parameter::number("offset", "true minus modelled length", "m", [-MOST, MOST]),

@@ -16,6 +16,7 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "link_mass",
     title: "mass of the link",
+    words: "a link {scale} times as heavy",
     site: Site::Joint,
     parameters: &[Parameter::number("scale", "true over modelled mass and inertia", "1", [0.0, 1e3])],
     seen: Seen::TORQUE,

@@ -14,6 +14,7 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "load_dependent_friction",
     title: "friction that grows with the load",
+    words: "friction of {coefficient} times the load carried",
     site: Site::Joint,
     parameters: &[Parameter::number("coefficient", "friction torque per torque carried", "1", [0.0, 2.0])],
     seen: Seen::TORQUE,

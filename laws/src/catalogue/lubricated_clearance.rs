@@ -35,6 +35,7 @@ const BEFORE: f64 = 10.0;
 pub static KIND: Kind = Kind {
     name: "lubricated_clearance",
     title: "radial play with a film of oil",
+    words: "radial play of {clearance} filled with oil of {viscosity}",
     site: Site::Revolute,
     parameters: &[
         Parameter::number("clearance", "radial clearance c", "m", [1e-6, 0.01]),

@@ -23,6 +23,7 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "payload",
     title: "payload",
+    words: "a payload of {mass} at {com} from the last joint",
     site: Site::Arm,
     parameters: &[
         Parameter::number("mass", "mass on the last link, extra to the model's", "kg", [-1e4, 1e4]),

@@ -14,6 +14,7 @@ use crate::needs::Need;
 pub static KIND: Kind = Kind {
     name: "position_dependent_friction",
     title: "friction that depends on the position",
+    words: "friction that swings by {amplitude} with the position, {periods}",
     site: Site::Joint,
     parameters: TORQUE_PARAMETERS,
     seen: Seen::TORQUE,

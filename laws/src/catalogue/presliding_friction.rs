@@ -23,6 +23,7 @@ use crate::scene::Scene;
 pub static KIND: Kind = Kind {
     name: "presliding_friction",
     title: "presliding friction",
+    words: "friction that builds up over a small way",
     site: Site::Joint,
     parameters: &[
         Parameter::number("stiffness", "torque per deflection of the bristles", "N*m/rad", [1e-6, 1e12])

@@ -13,6 +13,7 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "quadratic_drag",
     title: "quadratic drag",
+    words: "drag of {coefficient}",
     site: Site::Joint,
     parameters: &[Parameter::number(
         "coefficient",

@@ -17,6 +17,7 @@ use crate::scene::Scene;
 pub static KIND: Kind = Kind {
     name: "rotor_inertia",
     title: "inertia of the rotor",
+    words: "a rotor inertia of {inertia}",
     site: Site::Joint,
     parameters: &[Parameter::number(
         "inertia",

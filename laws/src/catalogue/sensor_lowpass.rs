@@ -24,6 +24,7 @@ const BELIEVED: f64 = 0.2;
 pub static KIND: Kind = Kind {
     name: "sensor_lowpass",
     title: "low-pass of the torque measurement",
+    words: "a torque measurement that passes nothing faster than {cutoff}",
     site: Site::Joint,
     parameters: &[Parameter::number("cutoff", "frequency at which 71 % pass", "Hz", [1e-3, MOST])],
     seen: Seen::TORQUE,

@@ -17,6 +17,7 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "stribeck_friction",
     title: "Stribeck friction",
+    words: "{extra} more friction in slow motion, gone beyond {velocity}",
     site: Site::Joint,
     parameters: &[
         Parameter::number("extra", "friction at standstill beyond the Coulomb friction", "N*m", [0.0, 1e6])

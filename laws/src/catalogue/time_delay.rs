@@ -17,9 +17,10 @@ use crate::scene::{Prediction, Scene, Trajectory};
 
 /// Channels that can be late, in arm files.
 const CHANNELS: &[&str] = &["torque", "tool", "link", "position"];
-/// Greatest delay, s, and the greatest that is believed of a machine: with more, none of its loops would hold.
+/// Greatest delay, s.
 const MOST: f64 = 0.1;
-const BELIEVED: f64 = 0.015;
+/// Greatest delay that is believed of the encoders in the loops of a machine, s: with more, none of these would hold.
+const IN_LOOP: f64 = 0.015;
 /// Ticks that the plant remembers.
 const TICKS: usize = 1024;
 
@@ -27,6 +28,7 @@ const TICKS: usize = 1024;
 pub static KIND: Kind = Kind {
     name: "time_delay",
     title: "delay of a channel",
+    words: "a delay of {delay} in the {channel} channels",
     site: Site::Arm,
     parameters: &[
         Parameter::number("delay", "how late the channel is", "s", [0.0, MOST]),
@@ -49,7 +51,9 @@ pub static KIND: Kind = Kind {
         list: |_, _, shape| {
             /// Well below a period of anything that is recorded.
             const STEP: f64 = 1e-5;
-            vec![Term::new("delay", "s", [0.0, BELIEVED], with(shape, [("delay", STEP)])).stepped(STEP)]
+            let is_in_loop = shape.get("channel").and_then(Value::as_str) == Some("position");
+            let most = if is_in_loop { IN_LOOP } else { MOST };
+            vec![Term::new("delay", "s", [0.0, most], with(shape, [("delay", STEP)])).stepped(STEP)]
         },
         compose: |_, shape, coefficients| with(shape, [("delay", coefficients[0])]),
     },

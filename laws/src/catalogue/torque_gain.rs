@@ -17,6 +17,7 @@ use crate::scene::{Prediction, Scene};
 pub static KIND: Kind = Kind {
     name: "torque_gain",
     title: "gain of the torque measurement",
+    words: "a torque measurement of which {gain} is true",
     site: Site::Joint,
     parameters: &[Parameter::number("gain", "true over measured torque", "1", [0.1, 10.0])],
     seen: Seen::TORQUE,

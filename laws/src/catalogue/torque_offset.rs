@@ -15,6 +15,7 @@ use crate::scene::{Prediction, Scene};
 pub static KIND: Kind = Kind {
     name: "torque_offset",
     title: "offset of the torque measurement",
+    words: "a torque measurement that reads {offset} too much",
     site: Site::Joint,
     parameters: &[
         Parameter::number("offset", "what the torque reads too much", "N*m", [-1e6, 1e6]).prismatic("N")

@@ -13,6 +13,7 @@ use crate::needs::Need;
 pub static KIND: Kind = Kind {
     name: "torque_ripple",
     title: "torque ripple",
+    words: "a torque ripple of {amplitude}, {periods}",
     site: Site::Joint,
     parameters: TORQUE_PARAMETERS,
     seen: Seen::TORQUE,

@@ -14,6 +14,7 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "viscous_friction",
     title: "viscous friction",
+    words: "viscous friction of {viscous}",
     site: Site::Joint,
     parameters: &[Parameter::number(
         "viscous",

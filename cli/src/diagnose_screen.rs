@@ -1,0 +1,298 @@
+//! What a person sees of a diagnosis in the terminal: the verdict, where, what, how much better, what else, and what to do next.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+
+use clap::builder::styling::Style;
+use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use freeplay_diagnosis::{Diagnosis, Effect, Fit, Untestable, Verdict};
+use freeplay_recording::Recording;
+use freeplay_report::text::{Digits, number};
+
+use crate::diagnose::{View, file_name};
+use crate::diagnose_report::title;
+use crate::units::{people, written};
+use crate::voice::{GOOD, OPEN, painted};
+
+/// Width of the screen and of what stands before a line, characters.
+const WIDTH: usize = 118;
+const MARGIN: usize = 9;
+/// Width of the longest bar, characters.
+const BAR: f64 = 24.0;
+/// Up to how many channels have a bar for every model.
+const FEW: usize = 2;
+/// Most lines of what the recording can't show, and of what else it could be.
+const UNTESTABLE: usize = 3;
+const RULED_OUT: usize = 4;
+
+/// The screen.
+pub fn text(view: &View) -> String {
+    let diagnosis = view.diagnosis;
+    let mut text = String::new();
+    for recording in view.recordings {
+        let _ = writeln!(text, "{}", heading(recording));
+    }
+    for note in diagnosis.quality.iter().map(|note| format!("note: {note}")).chain(untestable(diagnosis)) {
+        text.push_str(&wrapped("  ", 4, &note));
+    }
+    let verdict = format!("\n{:MARGIN$}{}\n", "VERDICT", painted_verdict(diagnosis.verdict));
+    text.push_str(&verdict);
+    text.push_str(&wrapped("", MARGIN, &diagnosis.statement));
+    text.push_str(&whereabouts(diagnosis));
+    text.push_str(&findings(diagnosis));
+    text.push_str(&alternatives(diagnosis));
+    if let Some(fit) = &diagnosis.fit {
+        text.push_str(&errors(fit, diagnosis));
+    }
+    text.push_str(&next(view));
+    text
+}
+
+fn next(view: &View) -> String {
+    let mut text = String::from("\n");
+    for (index, next) in view.diagnosis.next.iter().enumerate() {
+        text.push_str(&wrapped(if index == 0 { "NEXT" } else { "" }, MARGIN, next));
+    }
+    match view.out() {
+        Some(out) => {
+            let (model, recording) = (out.join("model.toml"), view.last_recording().display());
+            let model = model.display();
+            let _ = writeln!(text, "{:MARGIN$}{model}", "MODEL");
+            let _ = writeln!(text, "{:MARGIN$}freeplay compare --model {model} --recording {recording}", "");
+            let _ = writeln!(text, "{:MARGIN$}freeplay run --model {model} --set path.kind=joint_sine", "");
+            let _ = writeln!(text, "{:MARGIN$}{}", "REPORT", out.join("report.html").display());
+        }
+        None => text.push_str(&wrapped(
+            "REPORT",
+            MARGIN,
+            "add --out DIR for the report, the model with these effects and diagnosis.json",
+        )),
+    }
+    text
+}
+
+fn heading(recording: &Recording) -> String {
+    let name = file_name(recording);
+    let joints = recording.joints();
+    let mut what = vec!["joint angles"];
+    what.extend(recording.tau.is_some().then_some("torque"));
+    what.extend(recording.tool.is_some().then_some("tool tracked"));
+    what.extend(recording.q_link.iter().any(Option::is_some).then_some("link encoders"));
+    format!(
+        "Recording {name}: {joints} joint{}, {:.0} Hz, {:.1} s: {}.",
+        if joints == 1 { "" } else { "s" },
+        recording.rate_hz(),
+        recording.duration(),
+        what.join(", ")
+    )
+}
+
+fn painted_verdict(verdict: Verdict) -> String {
+    let (style, words) = match verdict {
+        Verdict::NothingMissing => (GOOD, "nothing missing"),
+        Verdict::Named => (GOOD, "named"),
+        Verdict::OneOf => (OPEN, "one of several"),
+        Verdict::Unknown => (OPEN, "unknown"),
+        Verdict::InsufficientData => (OPEN, "insufficient data"),
+    };
+    painted(style, words)
+}
+
+/// What can't be told, reasons shared by several kinds said once.
+fn untestable(diagnosis: &Diagnosis) -> Vec<String> {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    for Untestable { kind, because, .. } in &diagnosis.untestable {
+        let title = kind_title(kind);
+        match reasons.iter_mut().find(|(known, _)| known == because) {
+            Some((_, titles)) if titles.contains(&title) => {}
+            Some((_, titles)) => titles.push(title),
+            None => reasons.push((because, vec![title])),
+        }
+    }
+    reasons.sort_by_key(|(_, titles)| std::cmp::Reverse(titles.len()));
+    let more = reasons.len().saturating_sub(UNTESTABLE);
+    let mut lines: Vec<String> = reasons
+        .into_iter()
+        .take(UNTESTABLE)
+        .map(|(because, titles)| format!("not testable here: {} ({because})", titles.join(", ")))
+        .collect();
+    if more > 0 {
+        lines.push(format!("and {more} more reasons in diagnosis.json"));
+    }
+    lines
+}
+
+fn whereabouts(diagnosis: &Diagnosis) -> String {
+    let mut table = plain_table();
+    for place in &diagnosis.location {
+        let p = if place.p < 1e-3 { "p < 0.001".to_owned() } else { format!("p = {:.3}", place.p) };
+        table.add_row(vec![
+            place.joint.clone().unwrap_or_else(|| "whole arm".to_owned()),
+            place.channels.join(", "),
+            percent(place.share),
+            format!("{} ({p})", place.when),
+        ]);
+    }
+    under("WHERE", "share of what the tuned model leaves unexplained, and in which part of the motion", table)
+}
+
+/// What is missing, joint by joint in the order of the arm, and the law of each kind once.
+fn findings(diagnosis: &Diagnosis) -> String {
+    let joints: Vec<&str> = diagnosis.model.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
+    let place = |effect: &&Effect| {
+        let joint = effect.joint.as_deref();
+        joint.and_then(|joint| joints.iter().position(|name| *name == joint)).unwrap_or(joints.len())
+    };
+    let mut effects: Vec<&Effect> = diagnosis.effects.iter().collect();
+    effects.sort_by_key(place);
+    let mut table = plain_table();
+    let (mut last, mut laws) = (None, BTreeMap::new());
+    for effect in effects {
+        let joint = effect.joint.as_deref().unwrap_or("whole arm");
+        let evidence = &effect.evidence;
+        let [low, high] = evidence.held_out_gain.ci95.map(|share| 100.0 * share);
+        table.add_row(vec![
+            if last == Some(joint) { String::new() } else { joint.to_owned() },
+            effect.phrase.clone(),
+            format!("{} ({low:.0} to {high:.0})", percent(evidence.held_out_gain.value)),
+            format!("{}{}", evidence.channels.join(", "), if evidence.held_out { "" } else { " *" }),
+        ]);
+        last = Some(joint);
+        let law = format!("{} ({})", effect.equation, effect.source);
+        laws.insert(kind_title(effect.kind), law);
+    }
+    let what = "missing from the model, ± at 95 %, and how much of the held-out error in which channels it takes away beside the rest";
+    let mut text = under("WHAT", what, table);
+    if diagnosis.effects.iter().any(|effect| !effect.evidence.held_out) {
+        text.push_str(&wrapped("", MARGIN, "* of the data of the fit: it hardly acts on the held-out data"));
+    }
+    for (index, (kind, law)) in laws.into_iter().enumerate() {
+        text.push_str(if index == 0 { "\n" } else { "" });
+        text.push_str(&wrapped(if index == 0 { "LAWS" } else { "" }, MARGIN, &format!("{kind}: {law}")));
+    }
+    text
+}
+
+/// What else it could be: what this motion leaves open, then the closest of what it rules out.
+fn alternatives(diagnosis: &Diagnosis) -> String {
+    let (open, ruled_out): (Vec<_>, Vec<_>) =
+        diagnosis.alternatives.iter().partition(|other| other.indistinguishable);
+    let mut table = plain_table();
+    for other in open.into_iter().chain(ruled_out.into_iter().take(RULED_OUT)) {
+        let (named, place) = other.instead_of.split_once(' ').unwrap_or((&other.instead_of, ""));
+        table.add_row(vec![
+            format!("{} {place}", kind_title(named)),
+            title(other.kind, other.joint.as_deref()),
+            other.why_not.clone(),
+        ]);
+    }
+    under("OR ELSE", "what could stand in the place of what was found", table)
+}
+
+/// What people call a kind.
+fn kind_title(kind: &str) -> &str {
+    freeplay_laws::kind(kind).map_or(kind, |kind| kind.title)
+}
+
+/// The held-out errors for the channels in which something was found.
+fn errors(fit: &Fit, diagnosis: &Diagnosis) -> String {
+    let mut channels: Vec<&String> = diagnosis.effects.iter().flat_map(|e| &e.evidence.channels).collect();
+    if channels.is_empty() {
+        channels = diagnosis.location.iter().flat_map(|place| &place.channels).collect();
+    }
+    channels.sort_unstable();
+    channels.dedup();
+    if channels.is_empty() {
+        return String::new();
+    }
+    let mut text = format!("\n{:MARGIN$}root mean square error, held out: {}\n", "FIT", fit.data);
+    text.push_str(&if channels.len() > FEW { one_line_each(fit, &channels) } else { bars(fit, &channels) });
+    if let Some(gain) = fit.gain {
+        let [low, high] = gain.ci95.map(|share| 100.0 * share);
+        let words = format!(
+            "{} (95 %: {low:.0} to {high:.0} %) of what the re-tuned model leaves is gone",
+            percent(gain.value)
+        );
+        text.push_str(&wrapped("", MARGIN, &words));
+    }
+    text
+}
+
+/// Every model as a bar.
+fn bars(fit: &Fit, channels: &[&String]) -> String {
+    let mut text = String::new();
+    for &channel in channels {
+        let rows = [
+            ("model as given", OPEN, &fit.before),
+            ("parameters re-tuned", Style::new(), &fit.retuned),
+            ("with what was found", GOOD, &fit.after_retuned),
+            ("black box (splines)", Style::new(), &fit.black_box),
+        ];
+        let longest = rows.iter().map(|(_, _, table)| table[channel].rmse).fold(f64::MIN_POSITIVE, f64::max);
+        let (scale, unit) = people(fit.units.get(channel).copied().unwrap_or(""), longest);
+        let floor = written(fit.noise_floor[channel].rmse * scale);
+        let _ = writeln!(text, "{:MARGIN$}{channel}, {unit}, noise floor {floor}", "");
+        for (name, style, table) in rows {
+            let rmse = table[channel].rmse;
+            let bar = painted(style, "█".repeat((BAR * rmse / longest).round() as usize));
+            let _ = writeln!(text, "{:MARGIN$}  {name:20}{:>9}  {bar}", "", written(rmse * scale));
+        }
+    }
+    text
+}
+
+/// One line a channel.
+fn one_line_each(fit: &Fit, channels: &[&String]) -> String {
+    let mut table = plain_table();
+    table.set_header(["", "as given", "re-tuned", "black box", "found", "floor", ""]);
+    for &channel in channels {
+        let all = [&fit.before, &fit.retuned, &fit.black_box, &fit.after_retuned, &fit.noise_floor];
+        let all = all.map(|table| table[channel].rmse);
+        let longest = all.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let (scale, unit) = people(fit.units.get(channel).copied().unwrap_or(""), longest);
+        let mut row = vec![format!("{channel}, {unit}")];
+        row.extend(all.map(|rmse| number(rmse * scale, Digits::Significant(3))));
+        row.push("█".repeat((BAR * all[3] / longest).round() as usize));
+        table.add_row(row);
+    }
+    indented(table, &[1, 2, 3, 4, 5])
+}
+
+/// A table without lines.
+fn plain_table() -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_content_arrangement(ContentArrangement::Dynamic);
+    table.set_width(WIDTH as u16 - MARGIN as u16);
+    table
+}
+
+/// `table` under a heading; nothing for one without rows.
+fn under(word: &str, heading: &str, table: Table) -> String {
+    if table.is_empty() {
+        String::new()
+    } else {
+        format!("\n{word:MARGIN$}{heading}\n{}", indented(table, &[2]))
+    }
+}
+
+/// The lines of `table`, the columns `right` to the right.
+fn indented(mut table: Table, right: &[usize]) -> String {
+    for &column in right {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    textwrap::indent(&format!("{}\n", table.trim_fmt()), &" ".repeat(MARGIN))
+}
+
+fn percent(share: f64) -> String {
+    format!("{:.0} %", 100.0 * share)
+}
+
+/// `words` behind `word`, in lines of the screen's width, all but the first `margin` characters in.
+fn wrapped(word: &str, margin: usize, words: &str) -> String {
+    let (first, others) = (format!("{word:margin$}"), " ".repeat(margin));
+    let options = textwrap::Options::new(WIDTH).initial_indent(&first).subsequent_indent(&others);
+    textwrap::fill(words, options) + "\n"
+}
