@@ -21,8 +21,8 @@ use crate::scene::Scene;
 
 /// The two forms of the law.
 const FORMS: &[&str] = &["shaft", "cross"];
-/// How many joints apart the two may be: the axes of a wrist.
-const REACH: usize = 2;
+/// Number of axes of a wrist, the shafts of whose motors pass through one another.
+const WRIST: usize = 3;
 
 /// The entry.
 pub static KIND: Kind = Kind {
@@ -46,7 +46,7 @@ pub static KIND: Kind = Kind {
     ],
     seen: Seen::TORQUE,
     rough: true,
-    equation: "τᵢ = X, τⱼ = s X, X = I u̇ + F_v u + F_c sign(u), u = q̇ᵢ + s q̇ⱼ; `cross`: without each joint's own share of I u̇ + F_v u",
+    equation: "τᵢ = X, τⱼ = s X, X = I u̇ + F_v u + F_c sign(u), u = q̇ᵢ + s q̇ⱼ; in the form cross without each joint's own share of I u̇ + F_v u",
     source: "Janot, Vandanjon & Gautier 2014, §IV",
     signature: "the residual of one joint follows the speed and acceleration of another, and the other way round",
     confounders: &[
@@ -71,12 +71,15 @@ pub static KIND: Kind = Kind {
     },
 };
 
-/// The joints before within reach, if they move, turning the same way or the other, in both forms. With s = ±1 the law is the same seen from either
-/// joint, so that each pair is asked for once, at its outer joint.
+/// The joint before, and in a wrist any before, if they move, turning the same way or the other, in both forms. With s = ±1 the law is the same seen
+/// from either joint, so that each pair is asked for once, at its outer joint.
 fn partners(place: &Place) -> Vec<Table> {
     let joints = place.scene.arm.joints().iter().enumerate();
     let moving = |joint: usize| place.scene.motion.v[joint].iter().any(|v| v.abs() > 1e-6);
-    let near = |joint: usize| place.joint.is_some_and(|own| joint < own && own - joint <= REACH);
+    let wrist = place.scene.arm.dof().saturating_sub(WRIST);
+    let near = |joint: usize| {
+        place.joint.is_some_and(|own| joint + 1 == own || joint < own && joint >= wrist && wrist > 0)
+    };
     let others = joints.filter(|(joint, _)| near(*joint) && moving(*joint));
     let shape = |name: &str, sign: f64, form: &str| {
         let mut shape = with(&Table::new(), [("sign", sign)]);
