@@ -19,6 +19,8 @@ use super::words;
 const ALTERNATIVES: usize = 6;
 /// Rivals that explain less than this share of what an effect does are not asked for in bootstraps.
 const ASKED: f64 = 0.5;
+/// Share of bootstraps in which an effect has to leave less than another to be told from it.
+const STABLE: f64 = 0.8;
 /// Twice the log of the odds up to which held-out data have a say.
 const CLOSE: f64 = 3.0 * TOLD_APART;
 
@@ -106,19 +108,18 @@ impl<'s, 'a, 'b> Contest<'s, 'a, 'b> {
         Some(system.residual_with(&self.without, &one.block, &score))
     }
 
-    /// In which share of bootstraps the effect leaves less of the data of the fit than `hypothesis` in its place.
+    /// In which share of bootstraps the effect leaves less of the data of the fit than `hypothesis` in its place, further numbers counted.
     fn stability(&self, hypothesis: usize, seed: u64) -> Option<f64> {
-        let (search, pair) =
-            (self.search, [self.search.named(self.index), &self.search.hypotheses[hypothesis]]);
+        let search = self.search;
+        let pair = [search.named(self.index), &search.hypotheses[hypothesis]];
         let [after, before] = pair.map(|one| self.left_with(one));
+        let [price, others] = pair.map(|one| search.cost(one, &self.weighing));
         let mut channels: Vec<usize> = pair.iter().flat_map(|one| one.channels()).collect();
         channels.sort_unstable();
         channels.dedup();
         let weights = search.system.weights.clone();
-        Some(stability(
-            &Compared { case: search.case, channels, weights, before: &before?, after: &after? },
-            seed,
-        ))
+        let compared = Compared { case: search.case, channels, weights, before: &before?, after: &after? };
+        Some(stability(&compared, price - others, seed))
     }
 
     /// What the effect in dispute is worth.
@@ -214,7 +215,8 @@ impl Conclusion<'_, '_, '_> {
                 let stable =
                     asked.and_then(|contest| contest.stability(rival.hypothesis, self.settings.seed));
                 least = least.min(stable.unwrap_or(1.0));
-                let indistinguishable = rival.behind < TOLD_APART;
+                let is_unstable = stable.is_some_and(|stable| stable < STABLE) && rival.behind < CLOSE;
+                let indistinguishable = rival.behind < TOLD_APART || is_unstable;
                 let why_not = if indistinguishable {
                     "says it as well in this motion".to_owned()
                 } else if rival.by_fit < TOLD_APART {

@@ -452,6 +452,13 @@ impl Search<'_, '_> {
                 moved = true;
                 continue;
             }
+            if let Some(members) = self.many_for_one(index, &fit, &weighing, merit) {
+                let was = self.in_words(index);
+                let new: Vec<Chosen> = members.into_iter().map(|at| self.admit(at)).collect();
+                self.chosen.splice(index..=index, new);
+                progress(&format!("{was} exchanged for {} on several joints", self.named(index).kind.title));
+                return Some(true);
+            }
             let (plain, size) = (plainness(self.named(index)), self.named(index).size());
             let places = places.into_values().filter(|winner| {
                 winner.merit > merit - TOLD_APART && self.hypotheses[winner.hypothesis].size() <= size + 1

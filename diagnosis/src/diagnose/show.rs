@@ -131,12 +131,12 @@ impl Compared<'_, '_> {
     }
 }
 
-/// Share of bootstraps of blocks of `compared` in which less is left after than before.
-pub(crate) fn stability(compared: &Compared, seed: u64) -> f64 {
+/// Share of bootstraps of blocks of `compared` in which `more` than that is left before of what is left after.
+pub(crate) fn stability(compared: &Compared, more: f64, seed: u64) -> f64 {
     let less: Vec<f64> = compared.blocks().into_iter().map(|[before, after]| before - after).collect();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut draw = || (0..less.len()).map(|_| less[rng.next_u64() as usize % less.len()]).sum::<f64>();
-    (0..DRAWS).filter(|_| draw() > 0.0).count() as f64 / DRAWS as f64
+    (0..DRAWS).filter(|_| draw() > more).count() as f64 / DRAWS as f64
 }
 
 /// 1 − |after|/|before| over all of `compared`, with the interval of a bootstrap of blocks.

@@ -143,6 +143,51 @@ impl Search<'_, '_> {
         near.into_iter().filter(|&at| self.take_about(fit, at)).count() > 0
     }
 
+    /// What explains more than the effect of the whole arm number `index`, which `fit` lacks and which is worth `merit`: effects of one kind on several
+    /// joints that show in different channels, as a low-pass of every drive in the place of one delay.
+    pub(super) fn many_for_one(
+        &mut self,
+        index: usize,
+        fit: &Fit,
+        weighing: &Weighing,
+        merit: f64,
+    ) -> Option<Vec<usize>> {
+        if self.named(index).joint.is_some() || self.named(index).channels().count() < 2 {
+            return None;
+        }
+        let mut kinds: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for ((kind, joint), winner) in self.by_place(fit, weighing, Some(index)) {
+            let of_kind = kinds.entry(kind).or_default();
+            let here = &self.hypotheses[winner.hypothesis];
+            let is_apart = of_kind.iter().all(|&other| !self.hypotheses[other].meets(here));
+            if joint.is_some() && is_apart && winner.merit > self.share_of(here, merit) {
+                of_kind.push(winner.hypothesis);
+            }
+        }
+        let mut best: Option<(f64, Vec<usize>)> = None;
+        for members in kinds.into_values().filter(|members| members.len() > 1) {
+            members.iter().filter(|&&at| self.take_about(fit, at)).count();
+            let merit_of = |at: usize| {
+                let (hypothesis, score) =
+                    (&self.hypotheses[at], self.system.exact_score(fit, &self.hypotheses[at].block)?);
+                hypothesis.is_physical(&score).then(|| self.merit(hypothesis, score.gain, weighing))
+            };
+            let Some(merits) = members.iter().map(|&at| merit_of(at)).collect::<Option<Vec<f64>>>() else {
+                continue;
+            };
+            let together: f64 = merits.iter().sum();
+            if together > best.as_ref().map_or(merit + TOLD_APART, |(most, _)| *most) {
+                best = Some((together, members));
+            }
+        }
+        best.map(|(_, members)| members)
+    }
+
+    /// The least merit that is worth looking at of `member` of a family in the place of an effect that is worth `merit`.
+    fn share_of(&self, member: &Hypothesis, merit: f64) -> f64 {
+        HINT * merit * member.channels().count() as f64 / self.case.kept.len().max(1) as f64
+    }
+
     /// Puts one effect in the place of two that show in one channel where it explains as much: one cause is likelier than two. Whether it did.
     pub(super) fn merge(&mut self, progress: &mut dyn FnMut(&str)) -> Option<bool> {
         let (mut merged, mut first) = (false, 0);

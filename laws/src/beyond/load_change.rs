@@ -1,12 +1,12 @@
 //! A load that is dropped, or taken up, on the way.
 //!
 //! Law: from a time t₀ \[s\] on a point of mass m \[kg\] at the tool's origin joins the last link, with its weight and inertia on all joints
-//! before it; a load that is lost is a negative one. Term: m. Shape: t₀.
+//! before it; a load that is lost is a negative one. One that the model does not have and that is lost at t₀ acts `before` it. Term: m. Shapes: t₀, side.
 //! Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9 (the torque is linear in m). Departure: the load's centre
 //! is taken to be at the tool, and it comes and goes without a blow.
 
 use freeplay_arm::{Arm, Workspace, rnea};
-use toml::Table;
+use toml::{Table, Value};
 
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
@@ -14,22 +14,30 @@ use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::kind::{Kind, Seen, Site};
 use crate::needs::Need;
-use crate::parameter::Parameter;
+use crate::parameter::{Parameter, Range};
 use crate::scene::{Scene, loaded};
+
+/// On which side of the time the load is there.
+const SIDES: &[&str] = &["after", "before"];
 
 /// The entry.
 pub static KIND: Kind = Kind {
     name: "load_change",
     title: "a load that is lost or taken up",
-    words: "a load of {mass} that joins at {time}",
+    words: "a load of {mass} that is there {acts} {time}",
     site: Site::Arm,
     parameters: &[
         Parameter::number("mass", "mass that joins at the tool; negative: that is lost", "kg", [-1e4, 1e4]),
         Parameter::number("time", "when", "s", [-1e12, 1e12]).shape(),
+        Parameter {
+            name: "acts",
+            meaning: "whether the mass is there after that time or before it",
+            range: Range::Word(SIDES),
+        },
     ],
     seen: Seen::TORQUE,
     rough: true,
-    equation: "m at the tool for t ≥ t₀: gravity and inertia on all joints before it",
+    equation: "m at the tool for t ≥ t₀, or up to t₀: gravity and inertia on all joints before it",
     source: "Khalil & Dombre 2002, §9",
     signature: "from a time on, gravity and inertia of one body are off on all joints",
     confounders: &[
@@ -43,8 +51,9 @@ pub static KIND: Kind = Kind {
     shapes: times,
     build: |values| {
         let (mass, time, arm) = (values.number("mass")?, values.number("time")?, values.arm());
+        let is_after = values.word("acts")? == SIDES[0];
         // The torque is linear in the mass: one that can exist stands for a loss, too.
-        Ok(Box::new(LoadChange { mass, time, arms: [arm.clone(), loaded(arm, 1.0)?] }))
+        Ok(Box::new(LoadChange { mass, time, is_after, arms: [arm.clone(), loaded(arm, 1.0)?] }))
     },
 };
 
@@ -53,21 +62,34 @@ fn terms(_: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     vec![Term::new("mass", "kg", [-carried, 1e4], with(shape, [("mass", 1.0)]))]
 }
 
-/// Every sixteenth of the recording, its ends aside.
+/// Every sixteenth of the recording, its ends aside, from then on and up to then.
 fn times(place: &Place) -> Vec<Table> {
     const PARTS: u32 = 16;
     let t = &place.scene.motion.t;
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return Vec::new() };
     let time = |part: u32| first + (last - first) * f64::from(part) / f64::from(PARTS);
-    (1..PARTS).map(|part| with(&Table::new(), [("time", time(part))])).collect()
+    let shape = |part: u32, side: &str| {
+        let mut shape = with(&Table::new(), [("time", time(part))]);
+        shape.insert("acts".to_owned(), Value::from(side));
+        shape
+    };
+    SIDES.iter().flat_map(|side| (1..PARTS).map(move |part| shape(part, side))).collect()
 }
 
 #[derive(Clone, Debug)]
 struct LoadChange {
     mass: f64,
     time: f64,
+    is_after: bool,
     /// Without it, and with 1 kg.
     arms: [Arm; 2],
+}
+
+impl LoadChange {
+    /// Whether the load is there at the time `t`.
+    fn acts(&self, t: f64) -> bool {
+        (t >= self.time) == self.is_after
+    }
 }
 
 impl Effect for LoadChange {
@@ -75,7 +97,7 @@ impl Effect for LoadChange {
         let Ok(carrying) = scene.carrying() else { return };
         for (joint, carrying) in carrying.iter().enumerate() {
             for ((torque, carrying), t) in torque[joint].iter_mut().zip(carrying).zip(&scene.motion.t) {
-                *torque += if *t >= self.time { self.mass * carrying } else { 0.0 };
+                *torque += if self.acts(*t) { self.mass * carrying } else { 0.0 };
             }
         }
     }
@@ -104,7 +126,7 @@ struct Carried {
 
 impl DriveLaw for Carried {
     fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
-        if now.t < self.of.time {
+        if !self.of.acts(now.t) {
             return;
         }
         for (side, arm) in self.sides.iter_mut().zip(&self.of.arms) {

@@ -4,16 +4,19 @@
 //! over deflection at its far end, k = 3EI/L³. With e along the link, F and M the force and moment of what hangs on the far end, W the
 //! weight and inertia force of the link itself at the share σ of its length, all across e:
 //! δ = (F + W σ²(3 − σ)/2)/k + (3/(2kL)) M × e, θ = (3/(2kL)) e × (F + W σ²) + (3/(kL²)) M; the tool moves by δ + θ × (tool − end).
+//! That is the form `beam`. In the form `tip_force` F alone bends it, as the textbook's cantilever: δ = F/k, θ = (3/(2kL)) e × F; in the form
+//! `tip_shift` the far end is shifted by F/k without a slope.
 //! Source: Timoshenko 1955, Strength of Materials I, §39 (Euler–Bernoulli). The term is 1/k. Departure: twisting and the effect of the
 //! bending on the torques are left out; the plant adds the static sag to what the tracker reads.
 
 use freeplay_arm::{Arm, Workspace};
 use nalgebra::Vector3;
+use toml::Value;
 
 use crate::basis::{Term, Terms, with};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Seen, Site};
 use crate::needs::Need;
-use crate::parameter::Parameter;
+use crate::parameter::{Parameter, Range};
 use crate::sag::{SagLaw, Sagging, pressure};
 
 /// Links shorter than this do not bend, m.
@@ -21,18 +24,23 @@ const SHORTEST: f64 = 1e-3;
 /// Least compliance that is one, m/N.
 const LEAST: f64 = 1e-15;
 
+/// The forms of the law.
+const FORMS: &[&str] = &["beam", "tip_force", "tip_shift"];
+
 /// The entry.
 pub static KIND: Kind = Kind {
     name: "link_flexure",
     title: "bending of the link",
     words: "a link that bends, stiffness {stiffness}",
     site: Site::Joint,
-    parameters: &[Parameter::number(
-        "stiffness",
-        "force over deflection at the far end",
-        "N/m",
-        [1.0, 1.0 / LEAST],
-    )],
+    parameters: &[
+        Parameter::number("stiffness", "force over deflection at the far end", "N/m", [1.0, 1.0 / LEAST]),
+        Parameter {
+            name: "form",
+            meaning: "what bends it: force and moment at the far end and its own weight, the force alone, or the force, which shifts the end",
+            range: Range::Word(FORMS),
+        },
+    ],
     seen: Seen::POSE,
     rough: false,
     equation: "δ = F L³/(3EI) = F/k, and the slope 3F/(2kL)",
@@ -55,10 +63,12 @@ pub static KIND: Kind = Kind {
         },
         compose: |_, shape, coefficients| with(shape, [("stiffness", 1.0 / coefficients[0].max(LEAST))]),
     },
-    shapes: one_shape,
+    shapes: |_| {
+        FORMS.iter().map(|form| [("form".to_owned(), Value::from(*form))].into_iter().collect()).collect()
+    },
     build: |values| {
-        let stiffness = values.number("stiffness")?;
-        let law = LinkFlexure { joint: values.joint()?, stiffness };
+        let (stiffness, form) = (values.number("stiffness")?, values.word("form")?);
+        let law = LinkFlexure { joint: values.joint()?, stiffness, form };
         Ok(Box::new(Sagging { law, arm: values.arm().clone() }))
     },
 };
@@ -67,6 +77,7 @@ pub static KIND: Kind = Kind {
 struct LinkFlexure {
     joint: usize,
     stiffness: f64,
+    form: &'static str,
 }
 
 impl SagLaw for LinkFlexure {
@@ -84,8 +95,13 @@ impl SagLaw for LinkFlexure {
         let along = way / length;
         let across = |x: Vector3<f64>| x - along * along.dot(&x);
         let (force, moment) = next.map_or_else(Default::default, |_| pressure(ws, self.joint + 1));
-        let (force, moment) = (across(force), across(moment));
-        let own = across(pressure(ws, self.joint).0) - force;
+        let force = across(force);
+        if self.form == "tip_shift" {
+            return force / self.stiffness;
+        }
+        let is_beam = self.form == "beam";
+        let moment = if is_beam { across(moment) } else { Vector3::zeros() };
+        let own = if is_beam { across(pressure(ws, self.joint).0) - force } else { Vector3::zeros() };
         let centre = here.rotation * arm.joints()[self.joint].inertia.com;
         let share = (centre.dot(&along) / length).clamp(0.0, 1.0);
         let k = self.stiffness;
