@@ -392,8 +392,18 @@ impl<'a, 'b> Judge<'a, 'b> {
     }
 
     /// Those of `hypotheses` that show where far more than noise is left of the held-out data.
-    pub(super) fn where_much_is_left(
+    fn where_much_is_left(
         &self,
+        search: &Search<'a, 'b>,
+        hypotheses: Vec<usize>,
+    ) -> Result<Vec<usize>, LawError> {
+        self.where_is_left(FAR, search, hypotheses)
+    }
+
+    /// Those of `hypotheses` that show where more than `times` the noise is left of the held-out data.
+    pub(super) fn where_is_left(
+        &self,
+        times: f64,
         search: &Search<'a, 'b>,
         hypotheses: Vec<usize>,
     ) -> Result<Vec<usize>, LawError> {
@@ -402,7 +412,7 @@ impl<'a, 'b> Judge<'a, 'b> {
         };
         let errors = trial.into_errors();
         let left = self.held.rms(&errors.tuned_after);
-        let is_left = |c: usize| left[c % left.len()] > FAR * self.floor.tuned_there[c % left.len()];
+        let is_left = |c: usize| left[c % left.len()] > times * self.floor.tuned_there[c % left.len()];
         let shows = |&hypothesis: &usize| search.hypotheses[hypothesis].channels().any(is_left);
         Ok(hypotheses.into_iter().filter(shows).collect())
     }

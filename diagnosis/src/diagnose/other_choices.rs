@@ -14,6 +14,8 @@ use super::trial::{Proof, proof};
 /// stays far off anyway.
 const WORTH: f64 = 0.15;
 
+/// From how many times the noise on what is left of a channel says that no law of the catalogue is followed closely there.
+const VERY_FAR: f64 = 8.0;
 /// What the model of a real machine often lacks besides.
 const ROTOR: &str = "rotor_inertia";
 /// The same as Coulomb friction beside an offset.
@@ -46,7 +48,8 @@ impl<'a, 'b> Judge<'a, 'b> {
             search.go_back(best.standing.clone());
             let at_joint =
                 (0..search.hypotheses.len()).filter(|&at| search.is_at(joint, &USUAL, at)).collect();
-            if self.where_much_is_left(search, at_joint)?.is_empty() {
+            if search.has_friction_inside(joint) || self.where_is_left(VERY_FAR, search, at_joint)?.is_empty()
+            {
                 continue;
             }
             let rare = search.rare_at(joint);
@@ -125,13 +128,24 @@ impl Search<'_, '_> {
         taken.filter(|&at| self.is_at(joint, &RARE, at)).collect()
     }
 
+    /// Whether a law that stays at `joint` has the friction of a joint inside, as that of a gap with friction behind it.
+    fn has_friction_inside(&self, joint: usize) -> bool {
+        let dry = self.hypotheses.iter().find(|one| one.joint == Some(joint) && one.kind.name == USUAL[0]);
+        let holds = |at: usize| dry.is_some_and(|dry| self.hypotheses[at].contains(dry));
+        let mut taken = self.chosen.iter().map(|it| it.hypothesis);
+        taken.any(|at| holds(at) && !self.is_replaceable(joint, at))
+    }
+
+    /// Whether the hypothesis number `at` is a law of `joint` in whose place what sits on every joint may stand.
+    fn is_replaceable(&self, joint: usize, at: usize) -> bool {
+        self.is_at(joint, &RARE, at) || self.is_at(joint, &[ASYMMETRIC], at)
+    }
+
     /// Puts what sits on every joint, with or without the inertia of a rotor, in the place of the rare laws of `joint`: all of it, or as far as it
     /// counts there.
     fn make_plain(&mut self, joint: usize, with_rotor: bool, all_of_it: bool) -> Option<()> {
-        let is_rare = |it: &Chosen| {
-            self.is_at(joint, &RARE, it.hypothesis) || self.is_at(joint, &[ASYMMETRIC], it.hypothesis)
-        };
-        let kept: Vec<Chosen> = self.chosen.iter().filter(|it| !is_rare(it)).cloned().collect();
+        let stays = |it: &&Chosen| !self.is_replaceable(joint, it.hypothesis);
+        let kept: Vec<Chosen> = self.chosen.iter().filter(stays).cloned().collect();
         let plain: Vec<usize> = (0..self.hypotheses.len())
             .filter(|&at| self.is_at(joint, &USUAL, at) || with_rotor && self.is_at(joint, &[ROTOR], at))
             .filter(|&at| kept.iter().all(|it| it.hypothesis != at))

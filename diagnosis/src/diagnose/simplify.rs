@@ -143,8 +143,9 @@ impl Search<'_, '_> {
         near.into_iter().filter(|&at| self.take_about(fit, at)).count() > 0
     }
 
-    /// What explains more than the effect of the whole arm number `index`, which `fit` lacks and which is worth `merit`: effects of one kind on several
-    /// joints that show in different channels, as a low-pass of every drive in the place of one delay.
+    /// What explains more than the effect of the whole arm number `index`, which `fit` lacks and which is worth `merit`, if that is far from linear and
+    /// was taken for all at once: effects of one kind on several joints that show in different channels, as a low-pass of every drive in the place of
+    /// one delay.
     pub(super) fn many_for_one(
         &mut self,
         index: usize,
@@ -152,7 +153,8 @@ impl Search<'_, '_> {
         weighing: &Weighing,
         merit: f64,
     ) -> Option<Vec<usize>> {
-        if self.named(index).joint.is_some() || self.named(index).channels().count() < 2 {
+        let named = self.named(index);
+        if named.joint.is_some() || named.channels().count() < 2 || !named.shape.contains_key(ABOUT) {
             return None;
         }
         let mut kinds: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
