@@ -124,6 +124,42 @@ fn one_delay_of_all_torques_is_not_a_low_pass_of_each() {
     assert!((found / 0.006 - 1.0).abs() < 0.1);
 }
 
+/// Longer than any loop would bear of its encoders, but a torque may be read that late.
+#[test]
+fn a_torque_that_is_read_late_is_no_low_pass() {
+    let delay = table("time_delay", None, "channel = \"torque\"\ndelay = 0.035");
+    let arm = two_joints();
+    let recordings = [
+        recorded("one", &arm, std::slice::from_ref(&delay), 0.0),
+        recorded("two", &arm, std::slice::from_ref(&delay), 30.0),
+    ];
+    let effect = only(&diagnosed(&arm, &recordings), "time_delay");
+    let found = effect.parameters["delay"].value.as_float().expect("a number");
+    println!("{:.2} ms for 35; stable in {:.3} of the bootstraps", 1e3 * found, effect.evidence.stability);
+    assert!((found / 0.035 - 1.0).abs() < 0.05);
+    assert!(effect.evidence.stability > 0.8);
+}
+
+/// As a shaft with its own share on each joint it would need negative friction of both beside it.
+#[test]
+fn a_coupling_that_acts_across_only_is_one_effect() {
+    let text =
+        "with = \"shoulder\"\ninertia = 0.05\nviscous = 1.5\ncoulomb = 0.6\nsign = -1.0\nform = \"cross\"";
+    let coupling = table("joint_coupling", Some("elbow"), text);
+    let arm = two_joints();
+    let recordings = [
+        recorded("one", &arm, std::slice::from_ref(&coupling), 0.0),
+        recorded("two", &arm, std::slice::from_ref(&coupling), 30.0),
+    ];
+    let effect = only(&diagnosed(&arm, &recordings), "joint_coupling");
+    assert_eq!(effect.parameters["form"].value.as_str(), Some("cross"));
+    for (name, exact, off) in [("inertia", 0.05, 0.2), ("viscous", 1.5, 0.05), ("coulomb", 0.6, 0.1)] {
+        let found = effect.parameters[name].value.as_float().expect("a number");
+        println!("{name}: {found:.4} for {exact}");
+        assert!((found / exact - 1.0).abs() < off, "{name}");
+    }
+}
+
 /// Friction of the shoulder grows with what the shoulder carries, payload included: fitted to the load of the bare arm, its coefficient would be far too large.
 #[test]
 fn friction_grows_with_the_load_of_a_payload_that_was_found() {

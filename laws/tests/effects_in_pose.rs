@@ -114,6 +114,12 @@ fn a_link_bends_as_a_cantilever() {
     // The own weight also tips the second link: slope 3/8 W/(kL) at half of the length.
     let expected = -(7.0 * 3.0 + MASS * (5.0 / 16.0 + 3.0 / 8.0)) * G / k;
     close("load on an extension", shown.tool[2][0], expected, 1e-12);
+    // The textbook's: the force alone, F/k and the slope 3F/(2kL) over an extension of the length L; and without the slope.
+    for (form, share) in [("tip_force", 2.5), ("tip_shift", 1.0)] {
+        let text = format!("stiffness = 1e5\nform = \"{form}\"");
+        let shown = added(&arm, &[effect(&arm, "link_flexure", Some(0), &text)], &still);
+        close(form, shown.tool[2][0], -share * 3.0 * G / k, 1e-12);
+    }
     let shown = added(&arm, &[effect(&arm, "link_flexure", Some(1), text)], &still);
     close("last link, load at its end", shown.tool[2][0], -3.0 * G / k, 1e-12);
 }

@@ -164,6 +164,50 @@ fn a_lost_load_is_missing_from_then_on() {
     each_close("inertia", &added(&arm, &[effect], &pushed).torque[0], &[0.0, -1.5 * 3.0], 1e-12);
 }
 
+/// What a load weighs before the time at which it is lost, and nothing after it.
+#[test]
+fn a_load_that_is_lost_is_there_before() {
+    let arm = one_link(Revolute, MASS);
+    let still = samples(&[0.0; 2], &[0.0; 2]);
+    let of = |text: &str| added(&arm, &[effect(&arm, "load_change", None, text)], &still).torque[0].clone();
+    let (before, after) =
+        (of("mass = 1.5\ntime = 1.0\nacts = \"before\""), of("mass = 1.5\ntime = 1.0\nacts = \"after\""));
+    assert!(before[0].abs() > 1.0 && before[1] == 0.0 && after[0] == 0.0, "{before:?} {after:?}");
+    close("both sides", after[1], before[0], 1e-12);
+}
+
+/// Across, each joint feels the other's motion by the shaft's inertia and viscous friction, and the dry friction of both.
+#[test]
+fn a_coupling_across_leaves_each_joint_its_own_share() {
+    let (arm, motion) = (arm(), motion(6, 100.0, 6.0));
+    let text = |form: &str| {
+        format!(
+            "with = \"joint_6\"\ninertia = 0.2\nviscous = 0.7\ncoulomb = 0.5\nsign = -1.0\nform = \"{form}\""
+        )
+    };
+    let of = |form: &str| added(&arm, &[effect(&arm, "joint_coupling", Some(3), &text(form))], &motion);
+    let (shaft, cross) = (of("shaft"), of("cross"));
+    let mut greatest = 0.0_f64;
+    for (joint, point) in
+        [3, 5].into_iter().flat_map(|joint| (0..motion.len()).map(move |point| (joint, point)))
+    {
+        let own = 0.2 * motion.a[joint][point] + 0.7 * motion.v[joint][point];
+        greatest = greatest.max(own.abs());
+        assert!((shaft.torque[joint][point] - cross.torque[joint][point] - own).abs() < 1e-9);
+    }
+    println!("own shares up to {greatest:.2} N*m");
+    assert!(greatest > 0.1);
+    let mut injection = Injection::default();
+    effect(&arm, "joint_coupling", Some(3), &text("cross")).effect.inject(&mut injection);
+    assert!(injection.rotors.is_empty());
+    let (v, a) = ([0.0, 0.0, 0.0, 0.3, 0.0, 0.2], [0.0, 0.0, 0.0, 5.0, 0.0, -2.0]);
+    let mut torque = [0.0; 6];
+    injection.drives[0]
+        .act(&DriveState { t: 0.0, step: 1e-5, q: &[0.0; 6], v: &v, a: &a, load: &[0.0; 6] }, &mut torque);
+    close("own", -torque[3], -(0.2 * a[5] + 0.7 * v[5]) + 0.5, 1e-12);
+    close("other", -torque[5], -(0.2 * a[3] + 0.7 * v[3]) - 0.5, 1e-12);
+}
+
 /// X on the joint and s X on the other, nothing elsewhere; the friction never gives power.
 #[test]
 fn a_shared_shaft_loads_both_joints() {
