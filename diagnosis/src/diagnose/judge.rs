@@ -143,7 +143,8 @@ impl<'a, 'b> Judge<'a, 'b> {
                 best = self.crossed(first, &other.standing, search, progress)?;
             }
         }
-        Ok(Some(self.plainer(best, search, progress)?.restore(search)))
+        let plain = self.plainer(best, search, progress)?;
+        Ok(Some(self.without_idle(plain, search, progress)?.restore(search)))
     }
 
     /// Moves the shapes of all but the hypotheses `known` off their grid, if held-out data don't lose by it; whether any was moved.

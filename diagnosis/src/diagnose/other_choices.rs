@@ -110,6 +110,32 @@ impl<'a, 'b> Judge<'a, 'b> {
         Ok(best)
     }
 
+    /// `best` without effects that neither the data of the fit nor held-out data are sure of: another choice at one joint leaves less to others.
+    pub(super) fn without_idle(
+        &self,
+        mut best: Sifted,
+        search: &mut Search<'a, 'b>,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Sifted, LawError> {
+        loop {
+            search.go_back(best.standing.clone());
+            if search.update_gains().is_none() {
+                return Ok(best);
+            }
+            let is_idle = |index: usize| search.is_idle(index) && best.proofs[index].gain.ci95[0] <= 0.0;
+            let Some(index) = (0..best.proofs.len()).find(|&index| is_idle(index)) else {
+                return Ok(best);
+            };
+            progress(&format!("{} says too little beside the others", search.in_words(index)));
+            search.veto(index);
+            if search.settle().is_none() {
+                return Ok(best);
+            }
+            let Some(sifted) = self.as_it_stands(search)? else { return Ok(best) };
+            best = sifted;
+        }
+    }
+
     /// What `search` has chosen, proven or not; `None` if a fit is singular.
     fn as_it_stands(&self, search: &Search<'a, 'b>) -> Result<Option<Sifted>, LawError> {
         let judged = self.tried(search, |trials| {

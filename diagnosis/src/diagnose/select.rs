@@ -625,6 +625,11 @@ impl Search<'_, '_> {
         self.chosen[index].gain - self.threshold(self.named(index))
     }
 
+    /// Whether the effect number `index` explains less than counts.
+    pub(super) fn is_idle(&self, index: usize) -> bool {
+        self.margin(index) < 0.0
+    }
+
     /// The effect that explains least of those that are `such`.
     fn weakest(&self, such: impl Fn(usize) -> bool) -> Option<usize> {
         let among = (0..self.chosen.len()).filter(|&index| such(index));
