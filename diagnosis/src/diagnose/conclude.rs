@@ -401,14 +401,14 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
 
 /// Puts the verdict into words.
 fn word(diagnosis: &mut Diagnosis) {
-    let left_out = words::left_out(&diagnosis.effects);
+    let left_out = words::left_out(&along_the_arm(diagnosis));
     diagnosis.statement = match diagnosis.verdict {
         Verdict::NothingMissing => {
             "The recording agrees with the model inside its tolerances. Nothing is missing that this motion could show.".to_owned()
         }
         Verdict::Named => left_out,
         Verdict::OneOf => left_out + &words::open(&diagnosis.alternatives),
-        Verdict::Unknown => unknown(&diagnosis.effects),
+        Verdict::Unknown => unknown(&along_the_arm(diagnosis)),
         Verdict::InsufficientData => diagnosis.statement.clone(),
     };
     if diagnosis.verdict == Verdict::OneOf {
@@ -416,6 +416,15 @@ fn word(diagnosis: &mut Diagnosis) {
         diagnosis.next = undecided.map(words::to_tell).collect();
         diagnosis.next.dedup();
     }
+}
+
+/// The effects in the order of the arm's joints, what sits on the whole arm last.
+fn along_the_arm(diagnosis: &Diagnosis) -> Vec<Effect> {
+    let joints = diagnosis.model.arm.joints();
+    let place = |effect: &Effect| joints.iter().position(|joint| Some(&joint.name) == effect.joint.as_ref());
+    let mut effects = diagnosis.effects.clone();
+    effects.sort_by_key(|effect| place(effect).unwrap_or(joints.len()));
+    effects
 }
 
 /// What is said where more is missing than has a name: that, what it looks like, and what has a name.
