@@ -9,7 +9,7 @@
 //! - `quality`: what the recordings are good for.
 //! - `hypothesis` and `moment`: each kind of effect at each place in each shape, and what happens in one recording alone.
 //! - `noise`, `twins` and `floor`: what is found in nothing.
-//! - `search`, `select`, `refine` and `simplify`: which effects explain what the model leaves, in which shape, and with no more law than there is;
+//! - `search`, `places`, `select`, `backward`, `refine` and `simplify`: which effects explain what the model leaves, in which shape, and with no more law than there is;
 //!   `validate`: whether they do so where they were not fitted.
 //! - `show`, `trial`, `judge` and `other_choices`: what they are worth on held-out data, and whether others are worth more.
 //! - `excess`: whether more is left than noise explains.
@@ -19,6 +19,7 @@
 //! - `engine`: all of it.
 //! - `excite`: the next motion, where two causes remain.
 
+mod backward;
 mod case;
 mod conclude;
 mod counted;
@@ -36,6 +37,7 @@ mod numbers;
 mod other_choices;
 mod parts;
 mod passage;
+mod places;
 mod quality;
 mod refine;
 mod report;

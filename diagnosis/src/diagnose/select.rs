@@ -3,13 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_laws::{ABOUT, Placed, START, changed};
-use nalgebra::DVector;
+use freeplay_laws::{ABOUT, START};
 
-use super::case::Weighing;
 use super::hypothesis::Hypothesis;
+use super::places::Winner;
 use super::search::{Chosen, Search, TOLD_APART};
-use super::system::{Fit, Score};
+use super::system::Fit;
 use super::validate::{Validation, is_above_the_floor, is_brief_and_weak};
 
 /// Most effects that are named, beside these for each joint.
@@ -34,56 +33,13 @@ const LEAST_IN_NOISE: f64 = 0.25;
 /// Two models whose errors differ by less than this share, summed over the channels, are as good.
 const AS_GOOD: f64 = 0.02;
 /// Share of an effect's merit from which on another one explains nearly as much.
-const NEARLY: f64 = 0.7;
+pub(super) const NEARLY: f64 = 0.7;
 /// The same for a plainer law whose shape was not moved off its grid.
 pub(super) const CLOSE: f64 = 0.9;
 /// Share of an effect's merit from which on what is far from linear may explain more in another shape.
 pub(super) const HINT: f64 = 0.1;
-/// Kinds whose merits differ by less than this share are judged by their strongest place.
-const ALIKE: f64 = 0.05;
 /// What sits on every joint of a real machine.
 pub(super) const USUAL: [&str; 3] = ["coulomb_friction", "viscous_friction", "torque_offset"];
-/// The strongest hypothesis of a step.
-#[derive(Clone)]
-pub(super) struct Winner {
-    /// Which hypothesis.
-    pub hypothesis: usize,
-    /// What it explains.
-    pub score: Score,
-    /// That less the cost of its coefficients.
-    pub merit: f64,
-}
-
-/// The places of one kind.
-#[derive(Default)]
-struct Family {
-    strongest: Option<Winner>,
-    together: f64,
-    channels: Vec<usize>,
-    overlap: bool,
-}
-
-impl Family {
-    /// Takes a place in.
-    fn join(&mut self, winner: Winner, channels: Vec<usize>) {
-        self.together += winner.merit;
-        self.overlap |= channels.iter().any(|channel| self.channels.contains(channel));
-        self.channels.extend(channels);
-        if self.strongest.as_ref().is_none_or(|strongest| winner.merit > strongest.merit) {
-            self.strongest = Some(winner);
-        }
-    }
-
-    /// Of its strongest place.
-    fn alone(&self) -> f64 {
-        self.strongest.as_ref().map_or(f64::NEG_INFINITY, |winner| winner.merit)
-    }
-
-    /// Of all its places, if they show in different channels.
-    fn merit(&self) -> f64 {
-        if self.overlap { self.alone() } else { self.together.max(self.alone()) }
-    }
-}
 
 impl Search<'_, '_> {
     /// Chooses the effects; `None` if a fit is singular. `progress` is told what was taken in.
@@ -303,11 +259,6 @@ impl Search<'_, '_> {
         self.reweigh(&left, fit);
     }
 
-    /// What `winner` leaves beside `fit`.
-    pub(super) fn left_by(&self, fit: &Fit, winner: &Winner) -> Vec<Vec<f64>> {
-        self.system.residual_with(fit, &self.hypotheses[winner.hypothesis].block, &winner.score)
-    }
-
     /// Drops the effect number `index`, which did not prove itself on held-out data, for good; what could not stand beside it may.
     pub fn veto(&mut self, index: usize) {
         self.bar(index);
@@ -316,115 +267,9 @@ impl Search<'_, '_> {
     }
 
     /// Drops the effect number `index` for this search.
-    fn bar(&mut self, index: usize) {
+    pub(super) fn bar(&mut self, index: usize) {
         self.barred.push((self.named(index).kind.name, self.named(index).joint));
         self.chosen.remove(index);
-    }
-
-    /// The best shape of every kind at every place that is free, beside `fit`, the effect number `but` being left out of it.
-    pub(super) fn by_place(
-        &self,
-        fit: &Fit,
-        weighing: &Weighing,
-        but: Option<usize>,
-    ) -> BTreeMap<(&'static str, Option<usize>), Winner> {
-        let mut best: BTreeMap<(&str, Option<usize>), Winner> = BTreeMap::new();
-        let site_of = |hypothesis: &Hypothesis| (hypothesis.kind.name, hypothesis.joint);
-        let is_free = |hypothesis: &Hypothesis| {
-            let site = site_of(hypothesis);
-            !(self.is_taken(hypothesis, but) || self.barred.contains(&site) || self.vetoed.contains(&site))
-                && but.is_none_or(|index| hypothesis.meets(self.named(index)))
-        };
-        let free: Vec<usize> =
-            (0..self.hypotheses.len()).filter(|&index| is_free(&self.hypotheses[index])).collect();
-        let blocks: Vec<_> = free.iter().map(|&index| &self.hypotheses[index].block).collect();
-        for (index, score) in free.into_iter().zip(self.system.scores(fit, &blocks)) {
-            let Some(score) = score else { continue };
-            let hypothesis = &self.hypotheses[index];
-            let site = site_of(hypothesis);
-            let merit = self.merit(hypothesis, score.gain, weighing);
-            let better = best.get(&site).is_none_or(|winner| merit > winner.merit);
-            // Where a law may stand, so may its special cases.
-            let is_inside = but.is_some_and(|index| self.named(index).contains(hypothesis));
-            let others = &fit.active[self.nuisances().len()..];
-            if better
-                && hypothesis.is_physical(&score)
-                && self.system.is_material(&hypothesis.block, &score.beta)
-                && (is_inside || self.system.is_apart(others, &hypothesis.block))
-            {
-                best.insert(site, Winner { hypothesis: index, score, merit });
-            }
-        }
-        best
-    }
-
-    /// `winner` with the nuisances at their bounds free to come back, in another shape if it is then not physical in its own; `None` if it is
-    /// in none.
-    pub(super) fn exact(&self, fit: &Fit, weighing: &Weighing, mut winner: Winner) -> Option<Winner> {
-        let hypothesis = &self.hypotheses[winner.hypothesis];
-        if winner.merit > 0.0 {
-            winner.score = self.system.exact_score(fit, &hypothesis.block)?;
-            winner.merit = self.merit(hypothesis, winner.score.gain, weighing);
-            if !hypothesis.is_physical(&winner.score) {
-                return self.exact_in_another_shape(fit, weighing, winner.hypothesis);
-            }
-        }
-        hypothesis.is_physical(&winner.score).then_some(winner)
-    }
-
-    /// The effect of the hypothesis number `but` in the other shape in which it explains most and is physical.
-    fn exact_in_another_shape(&self, fit: &Fit, weighing: &Weighing, but: usize) -> Option<Winner> {
-        let others = &fit.active[self.nuisances().len()..];
-        let in_shape = |at: usize| {
-            let hypothesis = &self.hypotheses[at];
-            let score = self.system.exact_score(fit, &hypothesis.block)?;
-            let merit = self.merit(hypothesis, score.gain, weighing);
-            let may_stand = merit > 0.0
-                && hypothesis.is_physical(&score)
-                && self.system.is_material(&hypothesis.block, &score.beta)
-                && self.system.is_apart(others, &hypothesis.block);
-            may_stand.then_some(Winner { hypothesis: at, score, merit })
-        };
-        let is_other = |&at: &usize| at != but && self.hypotheses[at].same_effect(&self.hypotheses[but]);
-        let shapes = (0..self.hypotheses.len()).filter(is_other).filter_map(in_shape);
-        shapes.max_by(|a, b| a.merit.total_cmp(&b.merit))
-    }
-
-    /// The strongest member of the strongest kind, of all that count: the kind whose members explain most together where they show in different
-    /// channels, as friction on several joints does; else the kind of the strongest single hypothesis.
-    fn winner(&mut self, fit: &Fit, weighing: &Weighing) -> Option<Winner> {
-        let mut families: BTreeMap<&str, Family> = BTreeMap::new();
-        for ((kind, _), winner) in self.by_place(fit, weighing, None) {
-            let Some(winner) = self.exact(fit, weighing, winner) else { continue };
-            let hypothesis = &self.hypotheses[winner.hypothesis];
-            if winner.merit > 0.0 && winner.score.gain > self.threshold(hypothesis) {
-                families.entry(kind).or_default().join(winner, hypothesis.channels().collect());
-            }
-        }
-        // What members explain together is not sharp: the fit without them is bent by what is missing.
-        let most = families.values().map(Family::merit).fold(f64::NEG_INFINITY, f64::max);
-        let as_much = most - ALIKE * most.abs();
-        let single = families.values().max_by(|a, b| a.alone().total_cmp(&b.alone()))?.strongest.clone()?;
-        if single.merit < as_much && single.merit > NEARLY * most {
-            let one = self.one_for_all(fit, weighing, single).filter(|one| one.merit >= as_much);
-            if one.is_some() {
-                return one;
-            }
-        }
-        let near = families.into_values().filter(|family| family.merit() >= as_much);
-        near.max_by(|a, b| a.alone().total_cmp(&b.alone())).and_then(|family| family.strongest)
-    }
-
-    /// `single` in the shape in which it explains most, if it is far from linear: one delay of all torques in place of a low-pass of each.
-    fn one_for_all(&mut self, fit: &Fit, weighing: &Weighing, single: Winner) -> Option<Winner> {
-        let for_small = self.admit(single.hypothesis).columns;
-        if !self.take_about(fit, single.hypothesis) {
-            return None;
-        }
-        // In whatever shape, what has a name is no tolerance any more.
-        let there = self.admit(single.hypothesis).columns;
-        self.system.inherit(&for_small, &there);
-        self.exact(fit, weighing, single)
     }
 
     /// Puts another effect in the place of each where that explains more, or as much with a plainer law; whether anything moved.
@@ -493,22 +338,6 @@ impl Search<'_, '_> {
         Some(moved)
     }
 
-    /// `places` with the merit that each has in the place of an effect, which is left out of the first of two fits: what it explains beside
-    /// that effect, too, is no reason to put it there.
-    fn in_place(
-        &self,
-        places: impl Iterator<Item = Winner>,
-        [without, all]: [&Fit; 2],
-        weighing: &Weighing,
-    ) -> impl Iterator<Item = Winner> {
-        places.filter_map(move |winner| self.exact(without, weighing, winner)).map(move |mut winner| {
-            let block = &self.hypotheses[winner.hypothesis].block;
-            let beside = self.system.exact_score(all, block).map_or(0.0, |score| score.gain);
-            winner.merit -= beside.max(0.0);
-            winner
-        })
-    }
-
     /// Hypotheses that explain nearly as much in the place of the effect number `index`; those at the same joint that are far from linear, in
     /// the shape in which they explain most there. What did not prove itself beside that effect may well stand in its place.
     pub fn rivals_of(&mut self, index: usize) -> Vec<usize> {
@@ -561,90 +390,6 @@ impl Search<'_, '_> {
         }
         self.chosen.splice(replaced, new);
         self.settle()
-    }
-
-    /// Drops what is not physical beside the others, or else the weakest effect if the others made it idle; whether one was dropped.
-    pub(super) fn drop_one(&mut self) -> Option<bool> {
-        self.update_gains()?;
-        if self.drop_unphysical()? {
-            return Some(true);
-        }
-        let fit = self.system.fit(&self.active(None))?;
-        if let Some(index) = self.weakest(|index| !self.is_material(&fit, index)) {
-            self.bar(index);
-            return Some(true);
-        }
-        let dropped = self.weakest(|index| self.margin(index) < 0.0);
-        if let Some(index) = dropped {
-            self.chosen.remove(index);
-        }
-        Some(dropped.is_some())
-    }
-
-    /// Where an effect is not physical beside the others, drops the weakest of those without which it is, itself among them, and bars it:
-    /// it would come back as strong, and do the same again.
-    fn drop_unphysical(&mut self) -> Option<bool> {
-        let fit = self.system.fit(&self.active(None))?;
-        let Some(victim) = self.weakest(|index| !self.is_sayable(&fit, index)) else { return Some(false) };
-        let restores = |index: usize| {
-            let without = || self.system.fit(&self.active(Some(index)));
-            index == victim || without().is_some_and(|fit| self.is_sayable(&fit, victim))
-        };
-        let dropped = self.weakest(restores).unwrap_or(victim);
-        self.bar(dropped);
-        Some(true)
-    }
-
-    /// Whether an arm can have all that was taken in.
-    pub fn is_possible(&self) -> bool {
-        self.system.fit(&self.active(None)).is_some_and(|fit| self.is_possible_with(&fit))
-    }
-
-    /// Whether an arm can have all that was taken in with the coefficients of `fit`.
-    pub fn is_possible_with(&self, fit: &Fit) -> bool {
-        (0..self.chosen.len()).all(|index| self.is_sayable(fit, index))
-    }
-
-    /// Whether the effect number `index` is physical in `fit`, an arm file can say it, and an arm can have it beside those before it.
-    fn is_sayable(&self, fit: &Fit, index: usize) -> bool {
-        let arm = self.case.stages[0].arm();
-        let placed = |index: usize| self.named(index).placed(arm, &self.coefficients(fit, index));
-        let Some(one) = placed(index) else { return false };
-        let before: Vec<Placed> = (0..index).filter_map(placed).collect();
-        changed(arm, before.iter().chain([&one])).is_ok() || changed(arm, &before).is_err()
-    }
-
-    /// Whether the effect number `index` says enough in `fit` to be a finding.
-    fn is_material(&self, fit: &Fit, index: usize) -> bool {
-        let beta = DVector::from_vec(self.coefficients(fit, index));
-        self.system.is_material(&self.named(index).block, &beta)
-    }
-
-    /// By how much the effect number `index` explains more than counts.
-    fn margin(&self, index: usize) -> f64 {
-        self.chosen[index].gain - self.threshold(self.named(index))
-    }
-
-    /// Whether the effect number `index` explains less than counts.
-    pub(super) fn is_idle(&self, index: usize) -> bool {
-        self.margin(index) < 0.0
-    }
-
-    /// The effect that explains least of those that are `such`.
-    fn weakest(&self, such: impl Fn(usize) -> bool) -> Option<usize> {
-        let among = (0..self.chosen.len()).filter(|&index| such(index));
-        among.min_by(|&a, &b| self.margin(a).total_cmp(&self.margin(b)))
-    }
-
-    /// Weights and gains under what was taken in, less what is not physical under these.
-    pub fn settle(&mut self) -> Option<()> {
-        self.weigh_anew()?;
-        self.update_gains()?;
-        while self.drop_unphysical()? {
-            self.weigh_anew()?;
-            self.update_gains()?;
-        }
-        Some(())
     }
 }
 

@@ -6,8 +6,9 @@ use freeplay_laws::ABOUT;
 
 use super::case::Weighing;
 use super::hypothesis::Hypothesis;
+use super::places::Winner;
 use super::search::{Search, TOLD_APART};
-use super::select::{CLOSE, HINT, LEAST_GAIN, Winner, plainness};
+use super::select::{CLOSE, HINT, LEAST_GAIN, plainness};
 use super::system::Fit;
 use super::trial::squares;
 
