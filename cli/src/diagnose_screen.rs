@@ -5,12 +5,12 @@ use std::fmt::Write as _;
 
 use clap::builder::styling::Style;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
-use freeplay_diagnosis::{Diagnosis, Effect, Fit, Untestable, Verdict};
+use freeplay_diagnosis::{Diagnosis, Fit, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
 
 use crate::diagnose::{View, file_name};
-use crate::diagnose_report::title;
+use crate::diagnose_report::{channels, in_words, kind_title, reasons, title};
 use crate::units::{people, written};
 use crate::voice::{GOOD, OPEN, painted};
 
@@ -100,15 +100,7 @@ fn painted_verdict(verdict: Verdict) -> String {
 
 /// What can't be told, reasons shared by several kinds said once.
 fn untestable(diagnosis: &Diagnosis) -> Vec<String> {
-    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
-    for Untestable { kind, because, .. } in &diagnosis.untestable {
-        let title = kind_title(kind);
-        match reasons.iter_mut().find(|(known, _)| known == because) {
-            Some((_, titles)) if titles.contains(&title) => {}
-            Some((_, titles)) => titles.push(title),
-            None => reasons.push((because, vec![title])),
-        }
-    }
+    let mut reasons = reasons(diagnosis);
     reasons.sort_by_key(|(_, titles)| std::cmp::Reverse(titles.len()));
     let more = reasons.len().saturating_sub(UNTESTABLE);
     let mut lines: Vec<String> = reasons
@@ -138,16 +130,9 @@ fn whereabouts(diagnosis: &Diagnosis) -> String {
 
 /// What is missing, joint by joint in the order of the arm, and the law of each kind once.
 fn findings(diagnosis: &Diagnosis) -> String {
-    let joints: Vec<&str> = diagnosis.model.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
-    let place = |effect: &&Effect| {
-        let joint = effect.joint.as_deref();
-        joint.and_then(|joint| joints.iter().position(|name| *name == joint)).unwrap_or(joints.len())
-    };
-    let mut effects: Vec<&Effect> = diagnosis.effects.iter().collect();
-    effects.sort_by_key(place);
     let mut table = plain_table();
     let (mut last, mut laws) = (None, BTreeMap::new());
-    for effect in effects {
+    for effect in diagnosis.along_the_arm() {
         let joint = effect.joint.as_deref().unwrap_or("whole arm");
         let evidence = &effect.evidence;
         let [low, high] = evidence.held_out_gain.ci95.map(|share| 100.0 * share);
@@ -179,9 +164,8 @@ fn alternatives(diagnosis: &Diagnosis) -> String {
         diagnosis.alternatives.iter().partition(|other| other.indistinguishable);
     let mut table = plain_table();
     for other in open.into_iter().chain(ruled_out.into_iter().take(RULED_OUT)) {
-        let (named, place) = other.instead_of.split_once(' ').unwrap_or((&other.instead_of, ""));
         table.add_row(vec![
-            format!("{} {place}", kind_title(named)),
+            in_words(&other.instead_of),
             title(other.kind, other.joint.as_deref()),
             other.why_not.clone(),
         ]);
@@ -189,19 +173,9 @@ fn alternatives(diagnosis: &Diagnosis) -> String {
     under("OR ELSE", "what could stand in the place of what was found", table)
 }
 
-/// What people call a kind.
-fn kind_title(kind: &str) -> &str {
-    freeplay_laws::kind(kind).map_or(kind, |kind| kind.title)
-}
-
 /// The held-out errors for the channels in which something was found.
 fn errors(fit: &Fit, diagnosis: &Diagnosis) -> String {
-    let mut channels: Vec<&String> = diagnosis.effects.iter().flat_map(|e| &e.evidence.channels).collect();
-    if channels.is_empty() {
-        channels = diagnosis.location.iter().flat_map(|place| &place.channels).collect();
-    }
-    channels.sort_unstable();
-    channels.dedup();
+    let channels = channels(diagnosis);
     if channels.is_empty() {
         return String::new();
     }
@@ -219,7 +193,7 @@ fn errors(fit: &Fit, diagnosis: &Diagnosis) -> String {
 }
 
 /// Every model as a bar.
-fn bars(fit: &Fit, channels: &[&String]) -> String {
+fn bars(fit: &Fit, channels: &[&str]) -> String {
     let mut text = String::new();
     for &channel in channels {
         let rows = [
@@ -242,7 +216,7 @@ fn bars(fit: &Fit, channels: &[&String]) -> String {
 }
 
 /// One line a channel.
-fn one_line_each(fit: &Fit, channels: &[&String]) -> String {
+fn one_line_each(fit: &Fit, channels: &[&str]) -> String {
     let mut table = plain_table();
     table.set_header(["", "as given", "re-tuned", "black box", "found", "floor", ""]);
     for &channel in channels {

@@ -24,9 +24,14 @@ pub fn section(subject: &Subject) -> Option<Section> {
     Some(section)
 }
 
+/// What people call a kind.
+pub fn kind_title(kind: &str) -> &str {
+    freeplay_laws::kind(kind).map_or(kind, |kind| kind.title)
+}
+
 /// Kind and place, for headings: `coulomb friction of elbow`.
 pub fn title(kind: &str, joint: Option<&str>) -> String {
-    let name = freeplay_laws::kind(kind).map_or(kind, |kind| kind.title);
+    let name = kind_title(kind);
     match joint {
         Some(joint) => format!("{name} of {joint}"),
         None => format!("{name} of the whole arm"),

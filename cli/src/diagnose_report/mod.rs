@@ -18,8 +18,9 @@ use freeplay_report::{Block, Cell, Column, Document, Figure, Section, Table, Ver
 
 use crate::units::{people, written};
 
-pub use findings::title;
+pub use findings::{kind_title, title};
 pub use picture::{of as pictures, strongest_map};
+pub use rest::{in_words, reasons};
 
 /// What a report is about.
 pub struct Subject<'a> {
@@ -88,7 +89,7 @@ fn overview(diagnosis: &Diagnosis) -> Vec<Block> {
 }
 
 /// The channels that the findings are about: those in which effects show, else those that are located.
-pub(super) fn channels(diagnosis: &Diagnosis) -> Vec<&str> {
+pub fn channels(diagnosis: &Diagnosis) -> Vec<&str> {
     let mut names: Vec<&str> =
         diagnosis.effects.iter().flat_map(|e| &e.evidence.channels).map(String::as_str).collect();
     if names.is_empty() {

@@ -5,7 +5,7 @@ use freeplay_diagnosis::Diagnosis;
 use freeplay_report::{Block, Cell, Column, Section, Table, Verdict};
 
 use super::Subject;
-use super::findings::title;
+use super::findings::{kind_title, title};
 use crate::units::power_of_ten;
 
 /// Most rows of the table of evidence.
@@ -42,10 +42,9 @@ pub fn alternatives(diagnosis: &Diagnosis) -> Option<Section> {
 }
 
 /// `coulomb_friction of elbow` with the name that people give the kind.
-fn in_words(effect: &str) -> String {
+pub fn in_words(effect: &str) -> String {
     let (kind, place) = effect.split_once(' ').unwrap_or((effect, ""));
-    let name = freeplay_laws::kind(kind).map_or(kind, |kind| kind.title);
-    format!("{name} {place}").trim_end().to_owned()
+    format!("{} {place}", kind_title(kind)).trim_end().to_owned()
 }
 
 /// What these recordings can't show, with the reason.
@@ -57,15 +56,7 @@ pub fn untestable(diagnosis: &Diagnosis) -> Option<Section> {
     if !diagnosis.quality.is_empty() {
         section = section.with(Block::List(diagnosis.quality.clone()));
     }
-    let mut reasons: Vec<(&str, Vec<String>)> = Vec::new();
-    for one in &diagnosis.untestable {
-        let name = freeplay_laws::kind(one.kind).map_or(one.kind, |kind| kind.title).to_owned();
-        match reasons.iter_mut().find(|(because, _)| *because == one.because) {
-            Some((_, names)) if names.contains(&name) => {}
-            Some((_, names)) => names.push(name),
-            None => reasons.push((&one.because, vec![name])),
-        }
-    }
+    let reasons = reasons(diagnosis);
     if reasons.is_empty() {
         return Some(section);
     }
@@ -76,6 +67,20 @@ pub fn untestable(diagnosis: &Diagnosis) -> Option<Section> {
         table = table.row([Cell::from(because), names.join(", ").into()]);
     }
     Some(section.with(table))
+}
+
+/// Why kinds can't be told, each reason once, with the kinds that share it.
+pub fn reasons(diagnosis: &Diagnosis) -> Vec<(&str, Vec<&str>)> {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    for one in &diagnosis.untestable {
+        let name = kind_title(one.kind);
+        match reasons.iter_mut().find(|(because, _)| *because == one.because) {
+            Some((_, names)) if names.contains(&name) => {}
+            Some((_, names)) => names.push(name),
+            None => reasons.push((&one.because, vec![name])),
+        }
+    }
+    reasons
 }
 
 /// The model with what was found, and what to do with it.

@@ -401,14 +401,14 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
 
 /// Puts the verdict into words.
 fn word(diagnosis: &mut Diagnosis) {
-    let left_out = words::left_out(&along_the_arm(diagnosis));
+    let left_out = words::left_out(&diagnosis.along_the_arm());
     diagnosis.statement = match diagnosis.verdict {
         Verdict::NothingMissing => {
             "The recording agrees with the model inside its tolerances. Nothing is missing that this motion could show.".to_owned()
         }
         Verdict::Named => left_out,
         Verdict::OneOf => left_out + &words::open(&diagnosis.alternatives),
-        Verdict::Unknown => unknown(&along_the_arm(diagnosis)),
+        Verdict::Unknown => unknown(&diagnosis.along_the_arm()),
         Verdict::InsufficientData => diagnosis.statement.clone(),
     };
     if diagnosis.verdict == Verdict::OneOf {
@@ -418,19 +418,10 @@ fn word(diagnosis: &mut Diagnosis) {
     }
 }
 
-/// The effects in the order of the arm's joints, what sits on the whole arm last.
-fn along_the_arm(diagnosis: &Diagnosis) -> Vec<Effect> {
-    let joints = diagnosis.model.arm.joints();
-    let place = |effect: &Effect| joints.iter().position(|joint| Some(&joint.name) == effect.joint.as_ref());
-    let mut effects = diagnosis.effects.clone();
-    effects.sort_by_key(|effect| place(effect).unwrap_or(joints.len()));
-    effects
-}
-
 /// What is said where more is missing than has a name: that, what it looks like, and what has a name.
-fn unknown(effects: &[Effect]) -> String {
+fn unknown(effects: &[&Effect]) -> String {
     let is_named = |effect: &&Effect| kind(effect.kind).is_some_and(Kind::is_catalogued);
-    let (named, nameless): (Vec<&Effect>, Vec<&Effect>) = effects.iter().partition(is_named);
+    let (named, nameless): (Vec<&Effect>, Vec<&Effect>) = effects.iter().copied().partition(is_named);
     let mut words = "Something is missing from the model that no effect of the catalogue says well enough; it is located, and an unnamed correction \
                      says how much it is."
         .to_owned();
@@ -438,7 +429,6 @@ fn unknown(effects: &[Effect]) -> String {
         words.push_str(&format!(" It looks like this: {}", like.statement));
     }
     if !named.is_empty() {
-        let named: Vec<Effect> = named.into_iter().cloned().collect();
         words.push_str(&format!(" Part of it has a name. {}", words::left_out(&named)));
     }
     words

@@ -217,6 +217,18 @@ pub struct Diagnosis {
     pub model: ArmFile,
 }
 
+impl Diagnosis {
+    /// The effects in the order of the arm's joints, what sits on the whole arm last.
+    pub fn along_the_arm(&self) -> Vec<&Effect> {
+        let joints = self.model.arm.joints();
+        let place =
+            |effect: &&Effect| joints.iter().position(|joint| Some(&joint.name) == effect.joint.as_ref());
+        let mut effects: Vec<&Effect> = self.effects.iter().collect();
+        effects.sort_by_key(|effect| place(effect).unwrap_or(joints.len()));
+        effects
+    }
+}
+
 /// An effect that the recordings can't show.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Untestable {

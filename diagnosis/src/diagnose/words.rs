@@ -126,11 +126,11 @@ pub(crate) fn statement(phrase: &str, joint: Option<&str>) -> String {
 }
 
 /// One sentence on all effects: with their numbers if they are few, else by kind and place.
-pub(crate) fn left_out(effects: &[Effect]) -> String {
+pub(crate) fn left_out(effects: &[&Effect]) -> String {
     let known = |effect: &Effect| kind(effect.kind).map_or(effect.kind, |kind| kind.title).to_owned();
     if effects.len() <= FEW {
         let with_numbers = |effect: &Effect| format!("{}{}", effect.phrase, on(effect.joint.as_deref()));
-        let all: Vec<String> = effects.iter().map(with_numbers).collect();
+        let all: Vec<String> = effects.iter().copied().map(with_numbers).collect();
         return format!("The model leaves out {}.", listed(&all));
     }
     let mut kinds: Vec<(String, Vec<String>)> = Vec::new();
