@@ -25,7 +25,7 @@ use crate::voice;
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
 const NEXT_S: f64 = 16.0;
 const NEXT_REACH: f64 = 1.2;
-const NEXT_CANDIDATES: usize = 24;
+const NEXT_CANDIDATES: usize = 16;
 
 /// Locates where a recording and a model differ, names the physics left out, models it and shows the fit improve, or says why not.
 ///

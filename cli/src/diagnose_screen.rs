@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use clap::builder::styling::Style;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
-use freeplay_diagnosis::{Diagnosis, Fit, Verdict};
+use freeplay_diagnosis::{Diagnosis, Fit, TO_TELL, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
 
@@ -24,6 +24,8 @@ const FEW: usize = 2;
 /// Most lines of what the recording can't show, and of what else it could be.
 const UNTESTABLE: usize = 3;
 const RULED_OUT: usize = 4;
+/// Most lines of what would tell one effect from another.
+const SEPARATIONS: usize = 4;
 
 /// The screen.
 pub fn text(view: &View) -> String {
@@ -50,7 +52,12 @@ pub fn text(view: &View) -> String {
 
 fn next(view: &View) -> String {
     let mut text = String::from("\n");
-    for (index, next) in view.diagnosis.next.iter().enumerate() {
+    let (pairs, motions): (Vec<&String>, Vec<&String>) =
+        view.diagnosis.next.iter().partition(|next| next.starts_with(TO_TELL));
+    let more = pairs.len().saturating_sub(SEPARATIONS);
+    let more = (more > 0).then(|| format!("{more} more pairs of this kind are in the report"));
+    let lines = pairs.into_iter().take(SEPARATIONS).chain(&more).chain(motions);
+    for (index, next) in lines.enumerate() {
         text.push_str(&wrapped(if index == 0 { "NEXT" } else { "" }, MARGIN, next));
     }
     match view.out() {

@@ -44,8 +44,8 @@ pub use comparison::{ChannelError, Comparison, SCHEMA, compare};
 pub use diagnose::{
     Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Effect,
     Evidence, EvidenceRow, Excitation, ExciteError, ExciteSettings, Fit, Fourier, Gain, Location, Map,
-    Parameter, Passage, Rival, Rmse, Tolerances, Trace, Tuned, Untestable, Used, Variable, Verdict, diagnose,
-    excite,
+    Parameter, Passage, Rival, Rmse, TO_TELL, Tolerances, Trace, Tuned, Untestable, Used, Variable, Verdict,
+    diagnose, excite,
 };
 pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};

@@ -140,6 +140,48 @@ fn a_torque_that_is_read_late_is_no_low_pass() {
     assert!(effect.evidence.stability > 0.8);
 }
 
+/// The file names no friction: what is late, and what is clipped, is the torque with the friction that was found, too.
+#[test]
+fn a_delay_and_a_limit_act_on_the_friction_that_was_found() {
+    let links = ["shoulder", "elbow"].map(|name| link(name, JointKind::Revolute, JointFriction::default()));
+    let arm = arm(links.to_vec());
+    let friction = [
+        table("coulomb_friction", Some("shoulder"), "coulomb = 8.0"),
+        table("coulomb_friction", Some("elbow"), "coulomb = 6.0"),
+        table("viscous_friction", Some("elbow"), "viscous = 4.0"),
+    ];
+    for (measures, joint, text, name, exact) in [
+        ("time_delay", None, "channel = \"torque\"\ndelay = 0.02", "delay", 0.02),
+        ("actuator_saturation", Some("elbow"), "limit = 12.0", "limit", 12.0),
+    ] {
+        let all: Vec<EffectTable> = friction.iter().cloned().chain([table(measures, joint, text)]).collect();
+        let recordings = [recorded("one", &arm, &all, 0.0), recorded("two", &arm, &all, 30.0)];
+        let diagnosis = diagnosed(&arm, &recordings);
+        println!("{}", diagnosis.statement);
+        assert_eq!((diagnosis.verdict, diagnosis.effects.len()), (Verdict::Named, 4));
+        let effect = diagnosis.effects.iter().find(|effect| effect.kind == measures).expect("it");
+        let found = effect.parameters[name].value.as_float().expect("a number");
+        println!("{measures}: {found:.5} for {exact}");
+        assert!((found / exact - 1.0).abs() < 0.05);
+    }
+}
+
+/// A link that is lighter, and has its centre of mass elsewhere, as an arm file from a drawing often has it.
+#[test]
+fn a_centre_of_mass_that_is_elsewhere_is_found() {
+    let paper = freeplay_arm::paper_arm().arm;
+    let joint = paper.joints()[2].name.clone();
+    let mass = table("link_mass", Some(&joint), "scale = 0.8\ncom_shift = [0.04, -0.06, 0.05]");
+    let recordings = [
+        recorded("one", &paper, std::slice::from_ref(&mass), 0.0),
+        recorded("two", &paper, std::slice::from_ref(&mass), 30.0),
+    ];
+    let effect = only(&diagnosed(&paper, &recordings), "link_mass");
+    let found = effect.parameters["scale"].value.as_float().expect("a number");
+    println!("{found:.4} times as heavy for 0.8, {:?}", effect.parameters["com_shift"].value);
+    assert_eq!(effect.joint, Some(joint));
+}
+
 /// As a shaft with its own share on each joint it would need negative friction of both beside it.
 #[test]
 fn a_coupling_that_acts_across_only_is_one_effect() {

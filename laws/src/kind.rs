@@ -58,7 +58,8 @@ pub struct Kind {
     pub name: &'static str,
     /// What a mechanical engineer calls it.
     pub title: &'static str,
-    /// The same with its numbers, as the object of "the model leaves out": the names of parameters in braces stand for their values.
+    /// The same with its numbers, as the object of "the model leaves out": the names of parameters in braces stand for their values. What is in brackets
+    /// is left out where one of its numbers is not there.
     pub words: &'static str,
     /// Where it can sit.
     pub site: Site,

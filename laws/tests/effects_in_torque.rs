@@ -106,6 +106,9 @@ fn the_mass_of_a_link_scales_its_torque_and_a_gain_divides_it() {
     let (q, v) = ([0.0, 0.7], [0.3, -0.2]);
     let weight = q.map(|q: f64| -MASS * G * 0.5 * q.cos());
     each_close("mass", &torque("link_mass", "scale = 1.1", &q, &v), &weight.map(|w| 0.1 * w), 1e-12);
+    // The centre goes from 0.5 to 0.6 m.
+    let shifted = torque("link_mass", "scale = 1.5\ncom_shift = [0.1, 0.0, 0.0]", &q, &v);
+    each_close("shifted", &shifted, &weight.map(|w| (1.5 * 0.6 / 0.5 - 1.0) * w), 1e-12);
     each_close("gain", &torque("torque_gain", "gain = 1.25", &q, &v), &weight.map(|w| -0.2 * w), 1e-12);
     each_close("offset", &torque("torque_offset", "offset = -0.4", &q, &v), &[-0.4, -0.4], 1e-12);
 }

@@ -146,7 +146,7 @@ fn trial(kind: &str, joints: usize) -> Option<(&'static str, f64)> {
         "presliding_friction" => ("stiffness = 200.0\nshare = 0.0\ncoulomb = 5.0", 0.05),
         "quadratic_drag" => ("coefficient = 3.0", 2e-3),
         "rotor_inertia" => ("inertia = 0.8", 2e-3),
-        "link_mass" => ("scale = 1.2", 2e-3),
+        "link_mass" => ("scale = 1.2\ncom_shift = [0.01, -0.03, 0.02]", 2e-3),
         "base_tilt" => ("roll = 0.02\npitch = -0.03\ntracker = \"level\"", 2e-3),
         "link_length" => ("offset = 0.01", 2e-3),
         "link_flexure" => ("stiffness = 1e6", 0.02),

@@ -11,6 +11,7 @@ use super::moment::{happens_in, in_each, plain};
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
 use super::system::{Block, Column, Score, System, dot};
+use super::upon::acted_on;
 use crate::residual::{Channel, Kind};
 
 /// One effect at one place in one shape.
@@ -21,6 +22,9 @@ pub(crate) struct Hypothesis {
     pub joint: Option<usize>,
     /// Its shape.
     pub shape: Table,
+    /// Whether it changes what is read of a machine by limits or memory, and so acts on what all other laws say. (A gain does, too, but laid upon a law
+    /// it could stand in for that.)
+    pub measures: bool,
     /// Its terms that the motion shows, in the order of the block's columns.
     pub terms: Vec<Term>,
     /// Where these are among all terms of the law; the others are zero.
@@ -42,6 +46,15 @@ impl Hypothesis {
         let mut all = vec![0.0; self.all];
         self.shown.iter().zip(coefficients).for_each(|(&place, coefficient)| all[place] = *coefficient);
         self.kind.compose(&plain(shape), &all)
+    }
+
+    /// Its shape with the law taken about these coefficients of the terms shown.
+    pub fn shape_around(&self, coefficients: &[f64]) -> Table {
+        let mut all = vec![0.0; self.all];
+        self.shown.iter().zip(coefficients).for_each(|(&place, coefficient)| all[place] = *coefficient);
+        let mut shape = self.shape.clone();
+        shape.insert(AROUND.to_owned(), all.into());
+        shape
     }
 
     /// The table of an arm file that switches it on with these coefficients of the terms shown.
@@ -166,6 +179,7 @@ pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<
             let fastest = fastest(case, joint);
             let mut shapes = (kind.shapes)(&Place { scene: fastest.baseline(kind).scene(), joint });
             shapes.extend(in_each(case, kind, joint));
+            shapes.extend(reached(case, kind, joint));
             let before = all.len();
             let mut refused = None;
             for shape in shapes {
@@ -181,6 +195,24 @@ pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<
         }
     }
     (all, untestable)
+}
+
+/// Share of the samples whose torque is beyond what is taken for the greatest that was reached: noise and spikes.
+const BEYOND: f64 = 0.005;
+
+/// Name of the parameter of a law that nothing measured goes beyond.
+const LIMIT: &str = "limit";
+
+/// The shape of a `kind` with a limit that is the greatest torque of `joint` in the recordings of `case`.
+fn reached(case: &Case, kind: &EffectKind, joint: Option<usize>) -> Option<Table> {
+    kind.parameter(LIMIT)?;
+    let torques = case.stages.iter().flat_map(|stage| &stage.channels);
+    let torques = torques.filter(|channel| joint.is_some_and(|joint| channel.kind == Kind::Torque(joint)));
+    let mut sizes: Vec<f64> = torques.flat_map(|channel| channel.measured.iter().map(|x| x.abs())).collect();
+    let beyond = (BEYOND * sizes.len() as f64) as usize;
+    let at = sizes.len().checked_sub(1 + beyond)?;
+    let (_, reached, _) = sizes.select_nth_unstable_by(at, f64::total_cmp);
+    Some([(LIMIT.to_owned(), (*reached).into())].into_iter().collect())
 }
 
 /// The recording in which `joint` moves fastest, which spans the speeds and loads that shapes are laid out over; for the whole arm the first.
@@ -248,7 +280,11 @@ pub(crate) fn hypothesis(
     }
     let terms: Vec<Term> = shown.iter().map(|&place| terms[place].clone()).collect();
     let block = block.held(limits(&terms));
-    Ok(Some(Hypothesis { kind, joint, shape, terms, shown, all, block }))
+    let arm = case.stages[0].arm();
+    let measures = kind.rough
+        && Placed::new(&table(kind, joint, arm, terms[0].plus.clone()), arm)
+            .is_ok_and(|placed| placed.effect.measures());
+    Ok(Some(Hypothesis { kind, joint, shape, measures, terms, shown, all, block }))
 }
 
 /// Share of the squares of what is left of a channel from which on what a law says there can be looked for in it.
@@ -269,7 +305,7 @@ fn is_refuted(
         return Ok(false);
     }
     for stage in &case.stages {
-        let Some(term) = stage.terms(kind, joint, &plain(shape))?.into_iter().next() else { continue };
+        let Some(term) = stage.terms(kind, joint, &plain(shape), &[])?.into_iter().next() else { continue };
         let answer =
             stage.answer(&Placed::new(&table(kind, joint, stage.arm(), term.0.plus), stage.arm())?)?;
         for (channel, said) in stage.channels.iter().zip(answer).filter(|(channel, _)| is_elsewhere(channel))
@@ -293,6 +329,44 @@ fn limits(terms: &[Term]) -> Vec<[f64; 2]> {
     terms.iter().map(|term| if term.held { [term.least, term.most] } else { free }).collect()
 }
 
+/// Name of the entry in a shape that lists the coefficients of all terms about which a law of several terms is taken: with these, what the columns say
+/// together is then what the law says.
+pub(crate) const AROUND: &str = "around";
+
+/// Adds to the `columns` of `kind` at `joint` what the law says beyond their sum with the coefficients `around`, each by its share of that sum.
+fn take_around(
+    case: &Case,
+    (kind, joint): (&'static EffectKind, Option<usize>),
+    shape: &Table,
+    columns: &mut [Column],
+) -> Result<(), LawError> {
+    let Some(around) = shape.get(AROUND).and_then(toml::Value::as_array) else { return Ok(()) };
+    let around: Vec<f64> = around.iter().filter_map(toml::Value::as_float).collect();
+    let parameters = kind.compose(&plain(shape), &around);
+    let answer = |stage: &Stage| -> Result<Answer, LawError> {
+        stage.answer(&Placed::new(&table(kind, joint, stage.arm(), parameters.clone()), stage.arm())?)
+    };
+    let answers = case.stages.iter().map(answer).collect::<Result<_, _>>()?;
+    let mut beyond: Vec<Vec<f64>> =
+        case.centred(case.column(answers)).into_iter().map(Option::unwrap_or_default).collect();
+    let square = |column: &Column| column.iter().flatten().flatten().map(|x| x * x).sum::<f64>();
+    let said: Vec<f64> = columns.iter().zip(&around).map(|(column, c)| c * square(column)).collect();
+    let all: f64 = said.iter().zip(&around).map(|(said, c)| said * c).sum();
+    for (column, c) in columns.iter().zip(&around) {
+        for (beyond, part) in beyond.iter_mut().zip(column) {
+            let part = part.iter().flatten();
+            beyond.iter_mut().zip(part).for_each(|(beyond, x)| *beyond -= c * x);
+        }
+    }
+    for (column, said) in columns.iter_mut().zip(said).filter(|_| all > 0.0) {
+        for (part, beyond) in column.iter_mut().zip(&beyond) {
+            let part = part.iter_mut().flatten();
+            part.zip(beyond).for_each(|(x, beyond)| *x += said / all * beyond);
+        }
+    }
+    Ok(())
+}
+
 /// All terms of a law and their columns, those of link encoders less their means.
 fn columns(
     case: &Case,
@@ -304,7 +378,7 @@ fn columns(
     let mut answers: Vec<Vec<Answer>> = Vec::new();
     for (number, stage) in case.stages.iter().enumerate() {
         let (of_stage, mut said): (Vec<Term>, Vec<Answer>) =
-            stage.terms(kind, joint, &plain(shape))?.into_iter().unzip();
+            stage.terms(kind, joint, &plain(shape), &acted_on(shape, stage.arm()))?.into_iter().unzip();
         if !happens_in(shape, stage) {
             said.iter_mut().for_each(|said| said.fill(None));
         }
@@ -314,5 +388,8 @@ fn columns(
         }
         answers.iter_mut().zip(said).for_each(|(answers, said)| answers.push(said));
     }
-    Ok((terms, answers.into_iter().map(|answers| case.centred(case.column(answers))).collect()))
+    let mut columns: Vec<Column> =
+        answers.into_iter().map(|answers| case.centred(case.column(answers))).collect();
+    take_around(case, (kind, joint), shape, &mut columns)?;
+    Ok((terms, columns))
 }

@@ -7,7 +7,8 @@
 //! - `counted`: how much each row counts.
 //! - `case`, `system` and `scores`: all recordings stacked; the linear system behind every question; what blocks of columns explain there.
 //! - `quality`: what the recordings are good for.
-//! - `hypothesis` and `moment`: each kind of effect at each place in each shape, and what happens in one recording alone.
+//! - `hypothesis`, `moment` and `upon`: each kind of effect at each place in each shape; what happens in one recording alone, and what acts on what other
+//!   laws say.
 //! - `noise`, `twins` and `floor`: what is found in nothing.
 //! - `search`, `places`, `select`, `backward`, `refine` and `simplify`: which effects explain what the model leaves, in which shape, and with no more law than there is;
 //!   `validate`: whether they do so where they were not fitted.
@@ -54,6 +55,7 @@ mod tolerance;
 mod trial;
 mod twins;
 mod universal;
+mod upon;
 mod validate;
 mod variables;
 mod words;
@@ -69,3 +71,4 @@ pub use report::{
 pub use show::Gain;
 pub use tolerance::Tolerances;
 pub use variables::Variable;
+pub use words::TO_TELL;

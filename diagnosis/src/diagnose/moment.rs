@@ -4,9 +4,10 @@ use freeplay_laws::{Kind, Place};
 use toml::{Table, Value};
 
 use super::case::Case;
-use super::hypothesis::hypothesis;
+use super::hypothesis::{AROUND, hypothesis};
 use super::search::Search;
 use super::stage::Stage;
+use super::upon::UPON;
 
 /// Name of the entry in a shape that says in which recording alone it happens.
 const ONLY: &str = "only";
@@ -15,6 +16,8 @@ const ONLY: &str = "only";
 pub(crate) fn plain(shape: &Table) -> Table {
     let mut plain = shape.clone();
     plain.remove(ONLY);
+    plain.remove(UPON);
+    plain.remove(AROUND);
     plain
 }
 

@@ -70,10 +70,12 @@ impl<'a, 'b> Judge<'a, 'b> {
             if let Some(plain) = plain.filter(|plain| plain.size < most) {
                 let joint = &search.case.stages[0].arm().joints()[joint].name;
                 let words: Vec<String> = rare.into_iter().map(|at| search.hypothesis_in_words(at)).collect();
-                progress(&format!(
-                    "{joint} has what every joint has; no more than that was {}",
-                    words.join(", ")
-                ));
+                let instead = if words.is_empty() {
+                    String::new()
+                } else {
+                    format!(" in the place of {}", words.join(", "))
+                };
+                progress(&format!("{joint} has what every joint has{instead}"));
                 best = plain;
             }
         }
@@ -177,11 +179,22 @@ impl Search<'_, '_> {
             .filter(|&at| kept.iter().all(|it| it.hypothesis != at))
             .collect();
         self.chosen = kept;
-        let plain: Vec<Chosen> = plain.into_iter().map(|at| self.admit(at)).collect();
-        self.chosen.extend(plain);
+        let added: Vec<Chosen> = plain.iter().map(|&at| self.admit(at)).collect();
+        self.chosen.extend(added);
         self.weigh_anew()?;
-        while !all_of_it && self.drop_one()? {}
+        while !all_of_it && self.drop_idle_of(&plain)? {}
         self.settle()
+    }
+
+    /// Drops the weakest of the `hypotheses` that were taken in, if it does not count; whether it did.
+    fn drop_idle_of(&mut self, hypotheses: &[usize]) -> Option<bool> {
+        self.update_gains()?;
+        let is_of = |index: usize| hypotheses.contains(&self.chosen[index].hypothesis);
+        let dropped = self.weakest(|index| is_of(index) && self.is_idle(index));
+        if let Some(index) = dropped {
+            self.chosen.remove(index);
+        }
+        Some(dropped.is_some())
     }
 
     /// Whether the hypothesis number `at` is one of `kinds` at `joint`.

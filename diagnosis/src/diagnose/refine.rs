@@ -111,10 +111,10 @@ impl Search<'_, '_> {
     /// linear, as a spring that swings, is taken about the best of many first.
     fn centre(&mut self, index: usize) -> Option<bool> {
         let at = self.chosen[index].hypothesis;
-        if self.hypotheses[at].size() != 1 {
-            return Some(false);
-        }
         let fit = self.system.fit(&self.active(Some(index)))?;
+        if self.hypotheses[at].size() != 1 {
+            return Some(self.centre_many(&fit, at));
+        }
         let mut moved = false;
         for _ in 0..MOST_CENTRES {
             let Some(centred) = self.centred(&fit, at) else { break };
@@ -128,6 +128,30 @@ impl Search<'_, '_> {
             moved = true;
         }
         Some(moved)
+    }
+
+    /// Takes all terms of a smooth law about the coefficients that they have beside `fit`, as long as that explains more: a centre of mass that is
+    /// far off turns the tensor of its link, too. Whether it did.
+    fn centre_many(&mut self, fit: &Fit, at: usize) -> bool {
+        let mut moved = false;
+        for _ in 0..MOST_CENTRES {
+            let now = &self.hypotheses[at];
+            if now.kind.rough {
+                break;
+            }
+            let Some(score) = self.system.exact_score(fit, &now.block) else { break };
+            let shape = now.shape_around(score.beta.as_slice());
+            let Ok(Some(other)) = hypothesis(self.case, &self.system, now.kind, now.joint, shape) else {
+                break;
+            };
+            let there = self.system.exact_score(fit, &other.block).filter(|there| other.is_physical(there));
+            if there.is_none_or(|there| there.gain <= score.gain + SETTLED) {
+                break;
+            }
+            self.hypotheses[at] = other;
+            moved = true;
+        }
+        moved
     }
 
     /// Takes the hypothesis number `at`, which is not taken in, about the coefficient with which it explains most beside `fit`, if it is far from

@@ -45,20 +45,33 @@ impl Search<'_, '_> {
     /// Chooses the effects; `None` if a fit is singular. `progress` is told what was taken in.
     pub fn run(&mut self, progress: &mut dyn FnMut(&str)) -> Option<()> {
         self.weigh_anew()?;
-        self.improve_validated(progress)?;
+        self.improve_all(progress)?;
         if self.chosen.len() > 1 {
             progress("searching from the friction of every joint");
             let first = std::mem::take(&mut self.chosen);
             self.barred.clear();
             self.take_usual()?;
-            self.improve_validated(progress)?;
+            self.improve_all(progress)?;
             self.keep_better(first)?;
         }
         self.look_beneath(progress)?;
         if self.merge(progress)? {
             self.look_beneath(progress)?;
         }
-        self.settle()
+        self.agree()
+    }
+
+    /// Improves, and once more with laws of a measurement that act on what the others say.
+    fn improve_all(&mut self, progress: &mut dyn FnMut(&str)) -> Option<()> {
+        self.improve_validated(progress)?;
+        if self.lay_upon_others()? {
+            let before: Vec<usize> = self.chosen.iter().map(|it| it.hypothesis).collect();
+            self.improve_validated(progress)?;
+            if !self.chosen.iter().map(|it| it.hypothesis).eq(before) {
+                self.lay_upon_others()?;
+            }
+        }
+        Some(())
     }
 
     /// Moves shapes off their grid, and searches on in what these leave: the edges of a push that were off by a little hide what is small.
@@ -285,8 +298,7 @@ impl Search<'_, '_> {
             let mut places = self.by_place(&fit, &weighing, Some(index));
             let plainer = places.values().filter(|rival| rival.merit > CLOSE * merit);
             let mut refined = self.refine_plainer(index, &fit, plainer);
-            refined |=
-                self.centre_near(index, &fit, places.values().filter(|rival| rival.merit > NEARLY * merit));
+            refined |= self.centre_near(index, &fit, merit, places.values());
             if refined {
                 places = self.by_place(&fit, &weighing, Some(index));
             }

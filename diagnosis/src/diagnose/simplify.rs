@@ -8,7 +8,7 @@ use super::case::Weighing;
 use super::hypothesis::Hypothesis;
 use super::places::Winner;
 use super::search::{Search, TOLD_APART};
-use super::select::{CLOSE, HINT, LEAST_GAIN, plainness};
+use super::select::{CLOSE, HINT, LEAST_GAIN, NEARLY, plainness};
 use super::system::Fit;
 use super::trial::squares;
 
@@ -127,20 +127,25 @@ impl Search<'_, '_> {
         moved
     }
 
-    /// Takes those `rivals` that are far from linear about the coefficient with which they explain most beside `fit`, if the effect number `index`
-    /// was so taken, which `fit` lacks: a delay is not compared for small delays with a low-pass as slow as it is. Whether any was.
+    /// Takes those `rivals` that explain nearly the `merit` of the effect number `index` and are far from linear about the coefficient with which
+    /// they explain most beside `fit`, which lacks that one, if it was so taken: a delay is not compared for small delays with a low-pass as slow as it
+    /// is. Of two laws of a measurement a hint is enough. Whether any was.
     pub(super) fn centre_near<'w>(
         &mut self,
         index: usize,
         fit: &Fit,
+        merit: f64,
         rivals: impl Iterator<Item = &'w Winner>,
     ) -> bool {
         let is_centred = |search: &Self, at: usize| search.hypotheses[at].shape.contains_key(ABOUT);
         if !is_centred(self, self.chosen[index].hypothesis) {
             return false;
         }
+        let measures = self.named(index).measures;
+        let least = |at: usize| if measures && self.hypotheses[at].measures { HINT } else { NEARLY };
+        let near = rivals.filter(|rival| rival.merit > least(rival.hypothesis) * merit);
         let near: Vec<usize> =
-            rivals.map(|rival| rival.hypothesis).filter(|&at| !is_centred(self, at)).collect();
+            near.map(|rival| rival.hypothesis).filter(|&at| !is_centred(self, at)).collect();
         near.into_iter().filter(|&at| self.take_about(fit, at)).count() > 0
     }
 
@@ -178,7 +183,8 @@ impl Search<'_, '_> {
             let Some(merits) = members.iter().map(|&at| merit_of(at)).collect::<Option<Vec<f64>>>() else {
                 continue;
             };
-            let together: f64 = merits.iter().sum();
+            // One delay may stand for what many low-passes say a little better, each with a number of its own.
+            let together = merits.iter().sum::<f64>() - TOLD_APART * (members.len() - 1) as f64;
             if together > best.as_ref().map_or(merit + TOLD_APART, |(most, _)| *most) {
                 best = Some((together, members));
             }

@@ -148,7 +148,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// The answers to each term of the effect `kind` at `joint` with `shape`.
+    /// The answers to each term of the effect `kind` at `joint` with `shape`, a law of a measurement acting on what the laws `upon` say.
     ///
     /// # Errors
     /// See [`LawError`].
@@ -157,10 +157,14 @@ impl<'a> Stage<'a> {
         kind: &'static EffectKind,
         joint: Option<usize>,
         shape: &Table,
+        upon: &[Placed],
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let terms_of = |shape: &Table| -> Result<Vec<(Term, Answer)>, LawError> {
             let found = self.found.borrow();
-            let columns = if found.is_empty() || found.iter().any(|placed| placed.kind.name == kind.name) {
+            let columns = if !upon.is_empty() {
+                let upon: Vec<&Placed> = upon.iter().collect();
+                kind.columns(&self.baseline(kind).upon(&upon)?, joint, shape)?
+            } else if found.is_empty() || found.iter().any(|placed| placed.kind.name == kind.name) {
                 kind.columns(self.baseline(kind), joint, shape)?
             } else {
                 let found: Vec<&Placed> = found.iter().collect();

@@ -7,6 +7,9 @@ use freeplay_laws::{Kind as EffectKind, kind};
 use super::locate::Map;
 use super::report::{Alternative, Effect, Parameter};
 
+/// How a sentence begins that says what would tell one effect from another.
+pub const TO_TELL: &str = "to tell";
+
 /// Up to how many findings a verdict repeats with their numbers.
 const FEW: usize = 3;
 
@@ -74,7 +77,7 @@ fn value(parameter: &Parameter) -> String {
 /// What the model leaves out, with its numbers: `Coulomb friction of 9.1 ± 0.3 N·m`. Numbers that the kind's own words don't have follow if they were
 /// identified.
 pub(crate) fn phrase(kind: &EffectKind, parameters: &BTreeMap<String, Parameter>) -> String {
-    let (mut words, mut further) = (kind.words.to_owned(), Vec::new());
+    let (mut words, mut further) = (without_optional(kind.words, parameters), Vec::new());
     for (name, parameter) in parameters {
         let place = format!("{{{name}}}");
         if words.contains(&place) {
@@ -87,6 +90,17 @@ pub(crate) fn phrase(kind: &EffectKind, parameters: &BTreeMap<String, Parameter>
         words = format!("{words} ({})", further.join(", "));
     }
     if is_less(kind, parameters) { format!("{words}, which is less than the model has") } else { words }
+}
+
+/// `words` with what is in brackets as far as `parameters` has its number.
+fn without_optional(words: &str, parameters: &BTreeMap<String, Parameter>) -> String {
+    let Some((before, (optional, after))) =
+        words.split_once('[').and_then(|(before, rest)| Some((before, rest.split_once(']')?)))
+    else {
+        return words.to_owned();
+    };
+    let is_known = parameters.keys().any(|name| optional.contains(&format!("{{{name}}}")));
+    format!("{before}{}{after}", if is_known { optional } else { "" })
 }
 
 /// Whether what is extra to the model's own is below zero, all of it.
@@ -171,7 +185,7 @@ pub(crate) fn open(alternatives: &[Alternative]) -> String {
 /// What would tell `other` from the effect in whose place it was weighed.
 pub(crate) fn to_tell(other: &Alternative) -> String {
     let [named, rival] = pair(other);
-    format!("to tell {named} from {rival}: {}", other.what_would_separate)
+    format!("{TO_TELL} {named} from {rival}: {}", other.what_would_separate)
 }
 
 /// Where in the motion a residual is, by its strongest map.
@@ -226,6 +240,14 @@ mod tests {
         assert_eq!(
             phrase(kind("backlash"), &parameters(&gap)),
             "a gap of 4.180 ± 0.090 mm in the gear (friction 13230 ± 170 N)"
+        );
+        let mut heavier = parameters(&[("scale", 0.8, "1", 0.02)]);
+        assert_eq!(phrase(kind("link_mass"), &heavier), "a link 0.800 ± 0.020 times as heavy");
+        let shift = Parameter { value: vec![0.04, -0.06, 0.05].into(), unit: "m".into(), ci95: None };
+        heavier.insert("com_shift".to_owned(), shift);
+        assert_eq!(
+            phrase(kind("link_mass"), &heavier),
+            "a link 0.800 ± 0.020 times as heavy, its centre of mass off by (40.0, -60.0, 50.0) mm"
         );
         assert_eq!(
             phrase(kind("viscous_friction"), &parameters(&[("viscous", -0.88, "N*m*s/rad", 0.08)])),

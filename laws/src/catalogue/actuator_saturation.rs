@@ -27,7 +27,7 @@ pub static KIND: Kind = Kind {
             .or(1.0),
     ],
     seen: Seen::TORQUE,
-    rough: false,
+    rough: true,
     equation: "|τ| ≤ L",
     source: "Khalil 2002, §1.2.7",
     signature: "the torque stays below one value, to one side only, and only where much is asked",

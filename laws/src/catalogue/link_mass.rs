@@ -1,14 +1,19 @@
-//! A link that is heavier or lighter than the model says.
+//! A link that is heavier or lighter than the model says, or has its centre of mass elsewhere.
 //!
-//! Law: mass and inertia of the link that the joint moves are `scale` times the model's, its centre of mass stays. Gravity and inertia
-//! show on that joint and on all before it.
-//! Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9.2. The term is `scale` − 1.
+//! Law: mass and inertia of the link that the joint moves are `scale` times the model's, m = s m₀ and J = s J₀ about the centre of mass,
+//! which lies d \[m\] off the model's in the link's frame, or where it was. Gravity and inertia show on that joint and on all before it.
+//! Source: Khalil & Dombre 2002, Modeling, Identification and Control of Robots, §9.2: the torque is linear in mass and first moments.
+//! Terms: s − 1 and, where the centre of mass is searched for, too, s d, whose columns leave out the tensor's part in d² until the law is
+//! taken around what was found. The last link has no such shape: what is fastened to it, a payload, says the same.
+
+use nalgebra::Vector3;
+use toml::{Table, Value};
 
 use crate::LawError;
-use crate::basis::{Term, Terms, with};
+use crate::basis::{Place, Term, Terms, with};
 use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -16,12 +21,15 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "link_mass",
     title: "mass of the link",
-    words: "a link {scale} times as heavy",
+    words: "a link {scale} times as heavy[, its centre of mass off by {com_shift}]",
     site: Site::Joint,
-    parameters: &[Parameter::number("scale", "true over modelled mass and inertia", "1", [0.0, 1e3])],
+    parameters: &[
+        Parameter::number("scale", "true over modelled mass and inertia", "1", [0.0, 1e3]),
+        Parameter::vector(SHIFT, "its centre of mass less the model's, in the link's frame", "m").or_zero(),
+    ],
     seen: Seen::TORQUE,
     rough: false,
-    equation: "m = s m₀, J = s J₀ of one link",
+    equation: "m = s m₀, J = s J₀, c = c₀ + d of one link",
     source: "Khalil & Dombre 2002, §9.2",
     signature: "gravity and inertia of one link are off by one factor, on its joint and all before it",
     confounders: &[
@@ -33,20 +41,68 @@ pub static KIND: Kind = Kind {
     contains: &[],
     needs: &[Need::Torque],
     terms: Terms {
-        list: |_, _, shape| {
-            // A link of three times its mass, or a third of it, is another link.
-            vec![Term::new("excess", "1", [-2.0 / 3.0, 2.0], with(shape, [("scale", 1.5)])).stepped(0.5)]
+        list: terms,
+        compose: |_, shape, coefficients| {
+            let scale = 1.0 + coefficients[0];
+            let mut table = with(&Table::new(), [("scale", scale)]);
+            if shape.contains_key(SHIFT) {
+                table.insert(SHIFT.to_owned(), vector([1, 2, 3].map(|i| coefficients[i] / scale)));
+            }
+            table
         },
-        compose: |_, shape, coefficients| with(shape, [("scale", 1.0 + coefficients[0])]),
     },
-    shapes: one_shape,
-    build: |values| Ok(Box::new(LinkMass { joint: values.joint()?, scale: values.number("scale")? })),
+    shapes,
+    build: |values| {
+        let shift = values.vector(SHIFT)?.into();
+        Ok(Box::new(LinkMass { joint: values.joint()?, scale: values.number("scale")?, shift }))
+    },
 };
+
+/// The parameter that says where the centre of mass lies; in a shape, that it is searched for.
+const SHIFT: &str = "com_shift";
+
+/// How far off a centre of mass may be searched for, m.
+const FARTHEST: f64 = 1.0;
+
+/// The mass alone; and with its place, if something is carried after the link.
+fn shapes(place: &Place) -> Vec<Table> {
+    let mut shapes = vec![Table::new()];
+    let is_last = place.joint.is_none_or(|joint| joint + 1 == place.scene.arm.dof());
+    if !is_last && place.joint().is_some_and(|joint| joint.inertia.mass > 0.0) {
+        shapes.push([(SHIFT.to_owned(), Value::Boolean(true))].into_iter().collect());
+    }
+    shapes
+}
+
+fn vector(of: [f64; 3]) -> Value {
+    Value::Array(of.into_iter().map(Value::Float).collect())
+}
+
+fn terms(_: &Kind, _: &Place, shape: &Table) -> Vec<Term> {
+    /// Way of the centre of mass, m: the part in its square is the same on both sides and cancels in the difference.
+    const LEVER: f64 = 0.1;
+    // A link of three times its mass, or a third of it, is another link.
+    let heavier = with(&Table::new(), [("scale", 1.5)]);
+    let mut terms = vec![Term::new("excess", "1", [-2.0 / 3.0, 2.0], heavier).stepped(0.5)];
+    if shape.contains_key(SHIFT) {
+        for (axis, name) in ["shift_x", "shift_y", "shift_z"].into_iter().enumerate() {
+            let at = |way: f64| {
+                let mut table = with(&Table::new(), [("scale", 1.0)]);
+                table.insert(SHIFT.to_owned(), vector([0, 1, 2].map(|i| if i == axis { way } else { 0.0 })));
+                table
+            };
+            let off = Term::new(name, "m", [-FARTHEST, FARTHEST], at(LEVER));
+            terms.push(off.less(at(-LEVER)).stepped(2.0 * LEVER));
+        }
+    }
+    terms
+}
 
 #[derive(Clone, Copy, Debug)]
 struct LinkMass {
     joint: usize,
     scale: f64,
+    shift: Vector3<f64>,
 }
 
 impl Effect for LinkMass {
@@ -54,6 +110,7 @@ impl Effect for LinkMass {
         let inertia = &mut parts.joints[self.joint].inertia;
         inertia.mass *= self.scale;
         inertia.about_com *= self.scale;
+        inertia.com += self.shift;
         Ok(())
     }
 

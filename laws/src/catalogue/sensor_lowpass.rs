@@ -28,7 +28,7 @@ pub static KIND: Kind = Kind {
     site: Site::Joint,
     parameters: &[Parameter::number("cutoff", "frequency at which 71 % pass", "Hz", [1e-3, MOST])],
     seen: Seen::TORQUE,
-    rough: false,
+    rough: true,
     equation: "ẏ/(2π f_c) + y = τ",
     source: "Franklin, Powell & Workman 1998, §4.3",
     signature: "fast changes of the torque are smaller and late; slow ones are as they should be",
