@@ -22,9 +22,8 @@ pub(crate) struct Hypothesis {
     pub joint: Option<usize>,
     /// Its shape.
     pub shape: Table,
-    /// Whether it changes what is read of a machine by limits or memory, and so acts on what all other laws say. (A gain does, too, but laid upon a law
-    /// it could stand in for that.)
-    pub measures: bool,
+    /// Whether it changes what is read of a machine.
+    pub is_read: bool,
     /// Its terms that the motion shows, in the order of the block's columns.
     pub terms: Vec<Term>,
     /// Where these are among all terms of the law; the others are zero.
@@ -39,6 +38,12 @@ impl Hypothesis {
     /// Number of coefficients.
     pub fn size(&self) -> usize {
         self.terms.len()
+    }
+
+    /// Whether it changes what is read of a machine by a limit or with memory, and so acts on what all laws of the machine say. (A gain does, too, but laid
+    /// upon a law it would stand in for that.)
+    pub fn measures(&self) -> bool {
+        self.is_read && self.kind.rough
     }
 
     /// The parameters for these coefficients of the terms shown, with the shape `shape`.
@@ -281,10 +286,9 @@ pub(crate) fn hypothesis(
     let terms: Vec<Term> = shown.iter().map(|&place| terms[place].clone()).collect();
     let block = block.held(limits(&terms));
     let arm = case.stages[0].arm();
-    let measures = kind.rough
-        && Placed::new(&table(kind, joint, arm, terms[0].plus.clone()), arm)
-            .is_ok_and(|placed| placed.effect.measures());
-    Ok(Some(Hypothesis { kind, joint, shape, measures, terms, shown, all, block }))
+    let is_read = Placed::new(&table(kind, joint, arm, terms[0].plus.clone()), arm)
+        .is_ok_and(|placed| placed.effect.measures());
+    Ok(Some(Hypothesis { kind, joint, shape, is_read, terms, shown, all, block }))
 }
 
 /// Share of the squares of what is left of a channel from which on what a law says there can be looked for in it.

@@ -141,8 +141,8 @@ impl Search<'_, '_> {
         if !is_centred(self, self.chosen[index].hypothesis) {
             return false;
         }
-        let measures = self.named(index).measures;
-        let least = |at: usize| if measures && self.hypotheses[at].measures { HINT } else { NEARLY };
+        let measures = self.named(index).measures();
+        let least = |at: usize| if measures && self.hypotheses[at].measures() { HINT } else { NEARLY };
         let near = rivals.filter(|rival| rival.merit > least(rival.hypothesis) * merit);
         let near: Vec<usize> =
             near.map(|rival| rival.hypothesis).filter(|&at| !is_centred(self, at)).collect();

@@ -48,7 +48,7 @@ impl Search<'_, '_> {
     pub fn agree(&mut self) -> Option<()> {
         for _ in 0..ROUNDS {
             let (measures, others): (Vec<usize>, Vec<usize>) =
-                (0..self.chosen.len()).partition(|&index| self.named(index).measures);
+                (0..self.chosen.len()).partition(|&index| self.named(index).measures());
             let is_read = |&index: &usize| measures.iter().any(|&it| self.named(it).meets(self.named(index)));
             let (read, apart): (Vec<usize>, Vec<usize>) = others.into_iter().partition(is_read);
             let apart: Vec<usize> = apart.into_iter().map(|index| self.chosen[index].hypothesis).collect();
@@ -59,12 +59,12 @@ impl Search<'_, '_> {
         self.settle()
     }
 
-    /// Lets the laws of a measurement act on what was taken in; whether any law but these was. `None` if a fit is singular.
+    /// Lets the laws of a measurement act on what was taken in of the machine itself; whether anything was. `None` if a fit is singular.
     pub(super) fn lay_upon_others(&mut self) -> Option<bool> {
         let fit = self.system.fit(&self.active(None))?;
         let arm = self.case.stages[0].arm();
         let others: Vec<EffectTable> = (0..self.chosen.len())
-            .filter(|&index| !self.named(index).measures)
+            .filter(|&index| !self.named(index).is_read)
             .filter_map(|index| {
                 let coefficients = self.coefficients(&fit, index);
                 self.named(index).placed(arm, &coefficients)?;
@@ -76,7 +76,7 @@ impl Search<'_, '_> {
         }
         for at in 0..self.hypotheses.len() {
             let now = &self.hypotheses[at];
-            if !now.measures {
+            if !now.measures() {
                 continue;
             }
             let shape = laid_upon(now.shape.clone(), &others);
@@ -86,7 +86,7 @@ impl Search<'_, '_> {
             }
         }
         for index in 0..self.chosen.len() {
-            if self.named(index).measures {
+            if self.named(index).measures() {
                 self.take_shape(index);
             }
         }
