@@ -47,6 +47,11 @@ fn recorded(name: &str, arm: &Arm, tables: &[EffectTable], begin: f64) -> Record
     Recording::new(Path::new(name), columns).expect("a recording")
 }
 
+/// Two recordings of `arm` with the effects of `tables`, in motions that differ.
+fn in_two_motions(arm: &Arm, tables: &[EffectTable]) -> [Recording; 2] {
+    [recorded("one", arm, tables, 0.0), recorded("two", arm, tables, 30.0)]
+}
+
 fn table(kind: &str, joint: Option<&str>, parameters: &str) -> EffectTable {
     let parameters: Table = parameters.parse().expect("parameters");
     EffectTable { kind: kind.to_owned(), joint: joint.map(str::to_owned), parameters, line: 0 }
@@ -74,7 +79,7 @@ fn nothing_is_missing_from_a_perfect_recording_without_noise() {
     for (arm, recordings) in [
         (two_joints(), vec![recorded("one", &two_joints(), &[], 0.0)]),
         (two_joints(), vec![shaking]),
-        (paper.clone(), vec![recorded("one", &paper, &[], 0.0), recorded("two", &paper, &[], 30.0)]),
+        (paper.clone(), in_two_motions(&paper, &[]).into()),
     ] {
         let diagnosis = diagnosed(&arm, &recordings);
         println!("{}: {}", recordings[0].origin.display(), diagnosis.statement);
@@ -100,10 +105,7 @@ fn a_push_in_one_of_two_recordings_is_named() {
 fn a_coupling_without_inertia_and_dry_friction_is_named() {
     let coupling = table("joint_coupling", Some("elbow"), "with = \"shoulder\"\nviscous = 1.5\nsign = 1.0");
     let arm = two_joints();
-    let recordings = [
-        recorded("one", &arm, std::slice::from_ref(&coupling), 0.0),
-        recorded("two", &arm, std::slice::from_ref(&coupling), 30.0),
-    ];
+    let recordings = in_two_motions(&arm, std::slice::from_ref(&coupling));
     let effect = only(&diagnosed(&arm, &recordings), "joint_coupling");
     let found = effect.parameters["viscous"].value.as_float().expect("a number");
     println!("{found:.3} N*m*s/rad for 1.5");
@@ -114,10 +116,7 @@ fn a_coupling_without_inertia_and_dry_friction_is_named() {
 fn one_delay_of_all_torques_is_not_a_low_pass_of_each() {
     let delay = table("time_delay", None, "channel = \"torque\"\ndelay = 0.006");
     let paper = freeplay_arm::paper_arm().arm;
-    let recordings = [
-        recorded("one", &paper, std::slice::from_ref(&delay), 0.0),
-        recorded("two", &paper, std::slice::from_ref(&delay), 30.0),
-    ];
+    let recordings = in_two_motions(&paper, std::slice::from_ref(&delay));
     let effect = only(&diagnosed(&paper, &recordings), "time_delay");
     let found = effect.parameters["delay"].value.as_float().expect("a number");
     println!("{:.2} ms for 6", 1e3 * found);
@@ -129,10 +128,7 @@ fn one_delay_of_all_torques_is_not_a_low_pass_of_each() {
 fn a_torque_that_is_read_late_is_no_low_pass() {
     let delay = table("time_delay", None, "channel = \"torque\"\ndelay = 0.035");
     let arm = two_joints();
-    let recordings = [
-        recorded("one", &arm, std::slice::from_ref(&delay), 0.0),
-        recorded("two", &arm, std::slice::from_ref(&delay), 30.0),
-    ];
+    let recordings = in_two_motions(&arm, std::slice::from_ref(&delay));
     let effect = only(&diagnosed(&arm, &recordings), "time_delay");
     let found = effect.parameters["delay"].value.as_float().expect("a number");
     println!("{:.2} ms for 35; stable in {:.3} of the bootstraps", 1e3 * found, effect.evidence.stability);
@@ -155,7 +151,7 @@ fn a_delay_and_a_limit_act_on_the_friction_that_was_found() {
         ("actuator_saturation", Some("elbow"), "limit = 12.0", "limit", 12.0),
     ] {
         let all: Vec<EffectTable> = friction.iter().cloned().chain([table(measures, joint, text)]).collect();
-        let recordings = [recorded("one", &arm, &all, 0.0), recorded("two", &arm, &all, 30.0)];
+        let recordings = in_two_motions(&arm, &all);
         let diagnosis = diagnosed(&arm, &recordings);
         println!("{}", diagnosis.statement);
         assert_eq!((diagnosis.verdict, diagnosis.effects.len()), (Verdict::Named, 4));
@@ -172,10 +168,7 @@ fn a_centre_of_mass_that_is_elsewhere_is_found() {
     let paper = freeplay_arm::paper_arm().arm;
     let joint = paper.joints()[2].name.clone();
     let mass = table("link_mass", Some(&joint), "scale = 0.8\ncom_shift = [0.04, -0.06, 0.05]");
-    let recordings = [
-        recorded("one", &paper, std::slice::from_ref(&mass), 0.0),
-        recorded("two", &paper, std::slice::from_ref(&mass), 30.0),
-    ];
+    let recordings = in_two_motions(&paper, std::slice::from_ref(&mass));
     let effect = only(&diagnosed(&paper, &recordings), "link_mass");
     let found = effect.parameters["scale"].value.as_float().expect("a number");
     println!("{found:.4} times as heavy for 0.8, {:?}", effect.parameters["com_shift"].value);
@@ -189,10 +182,7 @@ fn a_coupling_that_acts_across_only_is_one_effect() {
         "with = \"shoulder\"\ninertia = 0.05\nviscous = 1.5\ncoulomb = 0.6\nsign = -1.0\nform = \"cross\"";
     let coupling = table("joint_coupling", Some("elbow"), text);
     let arm = two_joints();
-    let recordings = [
-        recorded("one", &arm, std::slice::from_ref(&coupling), 0.0),
-        recorded("two", &arm, std::slice::from_ref(&coupling), 30.0),
-    ];
+    let recordings = in_two_motions(&arm, std::slice::from_ref(&coupling));
     let effect = only(&diagnosed(&arm, &recordings), "joint_coupling");
     assert_eq!(effect.parameters["form"].value.as_str(), Some("cross"));
     for (name, exact, off) in [("inertia", 0.05, 0.2), ("viscous", 1.5, 0.05), ("coulomb", 0.6, 0.1)] {
@@ -210,7 +200,7 @@ fn friction_grows_with_the_load_of_a_payload_that_was_found() {
         table("payload", None, "mass = 3.0\ncom = [0.0, 0.0, 0.3]"),
         table("load_dependent_friction", Some("shoulder"), "coefficient = 0.2"),
     ];
-    let recordings = [recorded("one", &arm, &both, 0.0), recorded("two", &arm, &both, 30.0)];
+    let recordings = in_two_motions(&arm, &both);
     let diagnosis = diagnosed(&arm, &recordings);
     println!("{}", diagnosis.statement);
     let named = |kind: &str| diagnosis.effects.iter().find(|effect| effect.kind == kind).expect(kind);
@@ -228,10 +218,7 @@ fn friction_grows_with_the_load_of_a_payload_that_was_found() {
 fn friction_that_differs_by_direction_is_one_effect() {
     let asymmetric = table("asymmetric_friction", Some("elbow"), "positive = 3.0\nnegative = 1.5");
     let arm = two_joints();
-    let recordings = [
-        recorded("one", &arm, std::slice::from_ref(&asymmetric), 0.0),
-        recorded("two", &arm, std::slice::from_ref(&asymmetric), 30.0),
-    ];
+    let recordings = in_two_motions(&arm, std::slice::from_ref(&asymmetric));
     let effect = only(&diagnosed(&arm, &recordings), "asymmetric_friction");
     for (name, exact) in [("positive", 3.0), ("negative", 1.5)] {
         let found = effect.parameters[name].value.as_float().expect("a number");

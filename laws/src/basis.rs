@@ -163,6 +163,16 @@ pub fn with<'a>(shape: &Table, values: impl IntoIterator<Item = (&'a str, f64)>)
     table
 }
 
+/// A vector as an arm file has it.
+pub fn vector(of: [f64; 3]) -> Value {
+    Value::Array(of.into_iter().map(Value::Float).collect())
+}
+
+/// A vector of `length` along the axis number `axis`.
+pub fn along(axis: usize, length: f64) -> [f64; 3] {
+    std::array::from_fn(|i| if i == axis { length } else { 0.0 })
+}
+
 impl Kind {
     /// The effect of this kind with `parameters`, sitting at `joint` (an index; `None`: on the whole arm) of the scene's arm.
     ///

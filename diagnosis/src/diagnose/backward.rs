@@ -18,7 +18,7 @@ impl Search<'_, '_> {
             self.bar(index);
             return Some(true);
         }
-        let dropped = self.weakest(|index| self.margin(index) < 0.0);
+        let dropped = self.weakest(|index| self.is_idle(index));
         if let Some(index) = dropped {
             self.chosen.remove(index);
         }

@@ -10,7 +10,7 @@ use super::case::{Case, take_mean_off};
 use super::moment::{happens_in, in_each, plain};
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
-use super::system::{Block, Column, Score, System, dot};
+use super::system::{Block, Column, Score, System, dot, sum_of};
 use super::upon::acted_on;
 use crate::residual::{Channel, Kind};
 
@@ -48,17 +48,20 @@ impl Hypothesis {
 
     /// The parameters for these coefficients of the terms shown, with the shape `shape`.
     pub fn compose(&self, shape: &Table, coefficients: &[f64]) -> Table {
+        self.kind.compose(&plain(shape), &self.of_all(coefficients))
+    }
+
+    /// The coefficients of all terms of the law for these of the terms shown.
+    fn of_all(&self, coefficients: &[f64]) -> Vec<f64> {
         let mut all = vec![0.0; self.all];
         self.shown.iter().zip(coefficients).for_each(|(&place, coefficient)| all[place] = *coefficient);
-        self.kind.compose(&plain(shape), &all)
+        all
     }
 
     /// Its shape with the law taken about these coefficients of the terms shown.
     pub fn shape_around(&self, coefficients: &[f64]) -> Table {
-        let mut all = vec![0.0; self.all];
-        self.shown.iter().zip(coefficients).for_each(|(&place, coefficient)| all[place] = *coefficient);
         let mut shape = self.shape.clone();
-        shape.insert(AROUND.to_owned(), all.into());
+        shape.insert(AROUND.to_owned(), self.of_all(coefficients).into());
         shape
     }
 
@@ -356,11 +359,9 @@ fn take_around(
     let square = |column: &Column| column.iter().flatten().flatten().map(|x| x * x).sum::<f64>();
     let said: Vec<f64> = columns.iter().zip(&around).map(|(column, c)| c * square(column)).collect();
     let all: f64 = said.iter().zip(&around).map(|(said, c)| said * c).sum();
-    for (column, c) in columns.iter().zip(&around) {
-        for (beyond, part) in beyond.iter_mut().zip(column) {
-            let part = part.iter().flatten();
-            beyond.iter_mut().zip(part).for_each(|(beyond, x)| *beyond -= c * x);
-        }
+    let sum = sum_of(columns.iter().zip(around), beyond.len());
+    for (beyond, sum) in beyond.iter_mut().zip(&sum) {
+        beyond.iter_mut().zip(sum).for_each(|(beyond, x)| *beyond -= x);
     }
     for (column, said) in columns.iter_mut().zip(said).filter(|_| all > 0.0) {
         for (part, beyond) in column.iter_mut().zip(&beyond) {

@@ -161,14 +161,13 @@ impl<'a> Stage<'a> {
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let terms_of = |shape: &Table| -> Result<Vec<(Term, Answer)>, LawError> {
             let found = self.found.borrow();
-            let columns = if !upon.is_empty() {
-                let upon: Vec<&Placed> = upon.iter().collect();
-                kind.columns(&self.baseline(kind).upon(&upon)?, joint, shape)?
-            } else if found.is_empty() || found.iter().any(|placed| placed.kind.name == kind.name) {
+            let beneath = if upon.is_empty() { found.as_slice() } else { upon };
+            let is_itself = upon.is_empty() && found.iter().any(|placed| placed.kind.name == kind.name);
+            let columns = if beneath.is_empty() || is_itself {
                 kind.columns(self.baseline(kind), joint, shape)?
             } else {
-                let found: Vec<&Placed> = found.iter().collect();
-                kind.columns(&self.baseline(kind).upon(&found)?, joint, shape)?
+                let beneath: Vec<&Placed> = beneath.iter().collect();
+                kind.columns(&self.baseline(kind).upon(&beneath)?, joint, shape)?
             };
             Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
         };

@@ -4,9 +4,9 @@
 //! Source: De Luca & Mattone 2005, ICRA, Eq. 4 (collisions as generalised forces Jᵀ f).
 
 use nalgebra::Vector3;
-use toml::{Table, Value};
+use toml::Table;
 
-use crate::basis::{Place, Term, Terms, with};
+use crate::basis::{Place, Term, Terms, along, vector, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, ToolForce};
@@ -40,11 +40,7 @@ pub static KIND: Kind = Kind {
     needs: &[Need::Torque],
     terms: Terms {
         list: |_, _, shape| {
-            let push = |axis: usize| {
-                let mut force = [0.0; 3];
-                force[axis] = 1.0;
-                table(shape, force)
-            };
+            let push = |axis: usize| table(shape, along(axis, 1.0));
             let names = ["force_x", "force_y", "force_z"];
             (0..3).map(|axis| Term::new(names[axis], "N", [-1e6, 1e6], push(axis))).collect()
         },
@@ -60,7 +56,7 @@ pub static KIND: Kind = Kind {
 
 fn table(shape: &Table, force: [f64; 3]) -> Table {
     let mut table = shape.clone();
-    table.insert("force".to_owned(), Value::Array(force.into_iter().map(Value::Float).collect()));
+    table.insert("force".to_owned(), vector(force));
     table
 }
 

@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use toml::{Table, Value};
 
 use crate::LawError;
-use crate::basis::{Place, Term, Terms, with};
+use crate::basis::{Place, Term, Terms, along, vector, with};
 use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
 use crate::kind::{Kind, Seen, Site};
@@ -74,10 +74,6 @@ fn shapes(place: &Place) -> Vec<Table> {
     shapes
 }
 
-fn vector(of: [f64; 3]) -> Value {
-    Value::Array(of.into_iter().map(Value::Float).collect())
-}
-
 fn terms(_: &Kind, _: &Place, shape: &Table) -> Vec<Term> {
     /// Way of the centre of mass, m: the part in its square is the same on both sides and cancels in the difference.
     const LEVER: f64 = 0.1;
@@ -88,7 +84,7 @@ fn terms(_: &Kind, _: &Place, shape: &Table) -> Vec<Term> {
         for (axis, name) in ["shift_x", "shift_y", "shift_z"].into_iter().enumerate() {
             let at = |way: f64| {
                 let mut table = with(&Table::new(), [("scale", 1.0)]);
-                table.insert(SHIFT.to_owned(), vector([0, 1, 2].map(|i| if i == axis { way } else { 0.0 })));
+                table.insert(SHIFT.to_owned(), vector(along(axis, way)));
                 table
             };
             let off = Term::new(name, "m", [-FARTHEST, FARTHEST], at(LEVER));

@@ -12,7 +12,7 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 use toml::{Table, Value};
 
 use crate::LawError;
-use crate::basis::{Place, Term, Terms};
+use crate::basis::{Place, Term, Terms, along, vector};
 use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
 use crate::kind::{Kind, Seen, Site};
@@ -65,7 +65,6 @@ const NAMES: [&str; 10] = ["mass", "moment_x", "moment_y", "moment_z", "xx", "yy
 
 /// A table of parameters.
 fn body(mass: f64, com: [f64; 3], moments: [f64; 3], products: [f64; 3]) -> Table {
-    let vector = |v: [f64; 3]| Value::Array(v.into_iter().map(Value::Float).collect());
     [
         ("mass", Value::Float(mass)),
         ("com", vector(com)),
@@ -75,10 +74,6 @@ fn body(mass: f64, com: [f64; 3], moments: [f64; 3], products: [f64; 3]) -> Tabl
     .into_iter()
     .map(|(name, value)| (name.to_owned(), value))
     .collect()
-}
-
-fn unit(axis: usize, length: f64) -> [f64; 3] {
-    std::array::from_fn(|i| if i == axis { length } else { 0.0 })
 }
 
 /// How many terms `shape` asks for.
@@ -94,17 +89,17 @@ fn terms(_: &Kind, place: &Place, shape: &Table) -> Vec<Term> {
     let (free, tensor) = ([-1e6, 1e6], "kg*m^2");
     let mut terms = vec![Term::new(NAMES[0], "kg", [-carried, 1e4], body(1.0, none, none, none))];
     for axis in 0..3 {
-        let at = |lever| body(1.0, unit(axis, lever), none, none);
+        let at = |lever| body(1.0, along(axis, lever), none, none);
         terms.push(Term::new(NAMES[1 + axis], "kg*m", free, at(LEVER)).less(at(-LEVER)).stepped(2.0 * LEVER));
     }
     if count(shape) == 10 {
         // Every body of these tables can exist: a product is seen beside moments that carry it.
         let round = [1.0; 3];
         for axis in 0..3 {
-            terms.push(Term::new(NAMES[4 + axis], tensor, free, body(0.0, none, unit(axis, 1.0), none)));
+            terms.push(Term::new(NAMES[4 + axis], tensor, free, body(0.0, none, along(axis, 1.0), none)));
         }
         for pair in 0..3 {
-            let with_product = body(0.0, none, round, unit(pair, 0.5));
+            let with_product = body(0.0, none, round, along(pair, 0.5));
             let without = body(0.0, none, round, none);
             terms.push(Term::new(NAMES[7 + pair], tensor, free, with_product).less(without).stepped(0.5));
         }
