@@ -136,6 +136,19 @@ fn a_torque_that_is_read_late_is_no_low_pass() {
     assert!(effect.evidence.stability > 0.8);
 }
 
+/// What a slow low-pass leaves of friction that jumps is no multiple of what a fast one takes from it.
+#[test]
+fn a_slow_low_pass_of_a_torque_with_friction_is_found() {
+    let joint = |name| link(name, JointKind::Revolute, JointFriction { viscous: 2.0, coulomb: 6.0 });
+    let arm = arm(["shoulder", "elbow"].map(joint).to_vec());
+    let slow = table("sensor_lowpass", Some("elbow"), "cutoff = 1.0");
+    let recordings = in_two_motions(&arm, std::slice::from_ref(&slow));
+    let effect = only(&diagnosed(&arm, &recordings), "sensor_lowpass");
+    let found = effect.parameters["cutoff"].value.as_float().expect("a number");
+    println!("{found:.4} Hz for 1, margin 5 %");
+    assert!((found - 1.0).abs() < 0.05);
+}
+
 /// The file names no friction: what is late, and what is clipped, is the torque with the friction that was found, too.
 #[test]
 fn a_delay_and_a_limit_act_on_the_friction_that_was_found() {

@@ -2,6 +2,7 @@
 
 use std::cell::OnceCell;
 use std::fmt::Debug;
+use std::rc::Rc;
 
 use freeplay_arm::Arm;
 
@@ -47,7 +48,7 @@ pub struct Baseline<'a> {
     nominal: &'a Arm,
     effects: Vec<&'a Placed>,
     low_pass: &'a LowPassed<'a>,
-    scene: Scene<'a>,
+    scene: Rc<Scene<'a>>,
     shift: Vec<Vec<f64>>,
     /// Before the sensors.
     plain: Prediction,
@@ -105,7 +106,7 @@ impl<'a> Baseline<'a> {
             nominal: arm,
             effects,
             low_pass,
-            scene,
+            scene: Rc::new(scene),
             shift,
             plain,
             measured,
@@ -141,7 +142,33 @@ impl<'a> Baseline<'a> {
         'a: 'b,
     {
         let effects: Vec<&'b Placed> = self.effects.iter().chain(more).copied().collect();
-        Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass)
+        let (scene, points) = (&self.scene, self.scene.motion.len());
+        let mut parts = ArmParts::of(&scene.arm);
+        more.iter().try_for_each(|placed| placed.effect.arm(&mut parts))?;
+        let mut shift = Columns::zero(scene.arm.dof(), points);
+        more.iter().for_each(|placed| placed.effect.shift(scene, &mut shift));
+        if !parts.are_of(&scene.arm) || shift.all_written().next().is_some() {
+            return Baseline::new(self.nominal, &effects, scene.motion, self.low_pass);
+        }
+        // The same arm along the same motion: what they say is all that there is to work out.
+        let mut plain = self.plain.clone();
+        for placed in more {
+            say(placed, self.low_pass, &mut plain.torque, |effect, torque| effect.torque(scene, torque));
+            say(placed, self.low_pass, &mut plain.tool, |effect, tool| effect.displace(scene, tool));
+        }
+        let mut measured = plain.clone();
+        effects.iter().for_each(|placed| placed.effect.measure(scene, &mut measured));
+        Ok(Baseline {
+            nominal: self.nominal,
+            effects,
+            low_pass: self.low_pass,
+            scene: Rc::clone(scene),
+            shift: self.shift.clone(),
+            plain,
+            measured,
+            torque_sensitivity: OnceCell::new(),
+            tool_sensitivity: OnceCell::new(),
+        })
     }
 
     /// What `placed` would change, beside the effects that are in: exact where it changes the arm or the torque, to first order where

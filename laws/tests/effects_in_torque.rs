@@ -6,7 +6,7 @@ mod common;
 use std::f64::consts::{E, FRAC_PI_2, PI};
 
 use freeplay_arm::JointKind::Revolute;
-use freeplay_laws::{DriveFriction, DriveState, Injection, Site, Trajectory};
+use freeplay_laws::{Baseline, DriveFriction, DriveState, Injection, Site, Trajectory};
 
 use common::{added, arm, close, effect, motion, one_link, samples};
 
@@ -348,5 +348,29 @@ fn friction_behind_a_gap_is_missing_after_a_reversal() {
         let expected = friction + weight(point, lag);
         close(&format!("{way} rad after the reversal"), shown.torque[0][point], expected, 1e-9);
         close("link", shown.link[0][point], -lag, 1e-9);
+    }
+}
+
+/// What is added to a prediction is the same whether the scene is built anew or not: with laws that leave the arm as it is, and one that changes it.
+#[test]
+fn more_effects_upon_a_baseline_say_what_they_say_from_the_start() {
+    let arm = one_link(Revolute, MASS);
+    let all = [
+        effect(&arm, "viscous_friction", Some(0), "viscous = 1.5"),
+        effect(&arm, "coulomb_friction", Some(0), "coulomb = 3.0"),
+        effect(&arm, "actuator_saturation", Some(0), "limit = 4.0"),
+        effect(&arm, "payload", None, "mass = 0.3\ncom = [0.1, 0.0, 0.0]"),
+    ];
+    let motion = samples(&[0.0, 0.3, 1.2, 2.0], &[-2.0, 0.5, 1.0, 3.0]);
+    let as_it_is = |column: &[f64]| column.to_vec();
+    for more in [1..2, 1..3, 1..4] {
+        let (first, more): (Vec<_>, Vec<_>) = (vec![&all[0]], all[more].iter().collect());
+        let upon = Baseline::new(&arm, &first, &motion, &as_it_is).unwrap().with(&more).unwrap();
+        let from_the_start: Vec<_> = first.into_iter().chain(more).collect();
+        let exact = Baseline::new(&arm, &from_the_start, &motion, &as_it_is).unwrap();
+        each_close("torque", &upon.torque[0], &exact.prediction().torque[0], 1e-12);
+        for (upon, exact) in upon.tool.iter().zip(&exact.prediction().tool) {
+            each_close("tool", upon, exact, 1e-12);
+        }
     }
 }

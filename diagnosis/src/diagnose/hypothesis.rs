@@ -102,9 +102,11 @@ impl Hypothesis {
         self.kind.name == other.kind.name && self.joint == other.joint
     }
 
-    /// Whether `other` is a special case of it, at the same place.
+    /// Whether `other` is a special case of it, at the same place: a plainer law, or the same with fewer numbers to fit.
     pub fn contains(&self, other: &Hypothesis) -> bool {
-        self.joint == other.joint && self.kind.contains.iter().any(|(kind, _)| *kind == other.kind.name)
+        let is_plainer = |kind: &str| self.kind.contains.iter().any(|(plainer, _)| *plainer == kind);
+        let is_shorter = self.kind.name == other.kind.name && self.size() > other.size();
+        self.joint == other.joint && (is_shorter || is_plainer(other.kind.name))
     }
 
     /// Whether the coefficients of `score` are physical.

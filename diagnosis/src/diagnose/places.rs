@@ -112,20 +112,23 @@ impl Search<'_, '_> {
 
     /// The effect of the hypothesis number `but` in the other shape in which it explains most and is physical.
     fn exact_in_another_shape(&self, fit: &Fit, weighing: &Weighing, but: usize) -> Option<Winner> {
-        let others = &fit.active[self.nuisances().len()..];
-        let in_shape = |at: usize| {
-            let hypothesis = &self.hypotheses[at];
-            let score = self.system.exact_score(fit, &hypothesis.block)?;
-            let merit = self.merit(hypothesis, score.gain, weighing);
-            let may_stand = merit > 0.0
-                && hypothesis.is_physical(&score)
-                && self.system.is_material(&hypothesis.block, &score.beta)
-                && self.system.is_apart(others, &hypothesis.block);
-            may_stand.then_some(Winner { hypothesis: at, score, merit })
-        };
         let is_other = |&at: &usize| at != but && self.hypotheses[at].same_effect(&self.hypotheses[but]);
-        let shapes = (0..self.hypotheses.len()).filter(is_other).filter_map(in_shape);
+        let shapes =
+            (0..self.hypotheses.len()).filter(is_other).filter_map(|at| self.in_its_shape(fit, weighing, at));
         shapes.max_by(|a, b| a.merit.total_cmp(&b.merit))
+    }
+
+    /// The hypothesis number `at` beside `fit`, if it is physical there, says anything and is told from what was taken in.
+    pub(super) fn in_its_shape(&self, fit: &Fit, weighing: &Weighing, at: usize) -> Option<Winner> {
+        let hypothesis = &self.hypotheses[at];
+        let score = self.system.exact_score(fit, &hypothesis.block)?;
+        let merit = self.merit(hypothesis, score.gain, weighing);
+        let others = &fit.active[self.nuisances().len()..];
+        let may_stand = merit > 0.0
+            && hypothesis.is_physical(&score)
+            && self.system.is_material(&hypothesis.block, &score.beta)
+            && self.system.is_apart(others, &hypothesis.block);
+        may_stand.then_some(Winner { hypothesis: at, score, merit })
     }
 
     /// The strongest member of the strongest kind, of all that count: the kind whose members explain most together where they show in different

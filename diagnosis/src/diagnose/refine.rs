@@ -109,7 +109,7 @@ impl Search<'_, '_> {
 
     /// Takes the only term of a law about the coefficient that it has, as long as that explains more; whether it did. A law that is far from
     /// linear, as a spring that swings, is taken about the best of many first.
-    fn centre(&mut self, index: usize) -> Option<bool> {
+    pub(super) fn centre(&mut self, index: usize) -> Option<bool> {
         let at = self.chosen[index].hypothesis;
         let fit = self.system.fit(&self.active(Some(index)))?;
         if self.hypotheses[at].size() != 1 {

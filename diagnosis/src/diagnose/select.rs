@@ -8,6 +8,7 @@ use freeplay_laws::{ABOUT, START};
 use super::hypothesis::Hypothesis;
 use super::places::Winner;
 use super::search::{Chosen, Search, TOLD_APART};
+use super::simplify::no_better;
 use super::system::Fit;
 use super::validate::{Validation, is_above_the_floor, is_brief_and_weak};
 
@@ -214,6 +215,10 @@ impl Search<'_, '_> {
         let chosen = self.admit(winner.hypothesis);
         self.chosen.push(Chosen { gain: winner.score.gain, ..chosen });
         let last = self.chosen.len() - 1;
+        // Of a few coefficients about which it is asked for, to its own: what stands in its place later is taken about its own, too.
+        if self.named(last).shape.contains_key(ABOUT) && self.centre(last)? {
+            self.take_shape(last);
+        }
         let validated = Validation::of(self)?.gain(last);
         progress(&format!(
             "+ {} ({:.0}; validated {:.2})",
@@ -305,7 +310,7 @@ impl Search<'_, '_> {
             if let Some(plain) = self.special_case(index, &left, &fit, &weighing, &places) {
                 let was = self.in_words(index);
                 self.chosen[index] = self.admit(plain);
-                progress(&format!("{was} is no better than {}", self.in_words(index)));
+                progress(&no_better(&was, &self.in_words(index)));
                 moved = true;
                 continue;
             }

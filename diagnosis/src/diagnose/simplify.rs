@@ -15,6 +15,19 @@ use super::trial::squares;
 /// A law is followed well that leaves no more than this share of what it says: what is left is no reason for a richer one.
 pub(super) const FOLLOWED: f64 = 0.03;
 
+/// By which share of its merit many effects have to say more than one that stands for all of them: one cause is likelier than several that happen to
+/// have the same number.
+const MORE_OF_MANY: f64 = 0.02;
+
+/// That an effect gave way to a plainer one, in words.
+pub(super) fn no_better(was: &str, now: &str) -> String {
+    if was == now {
+        format!("{was}: fewer of its numbers say as much")
+    } else {
+        format!("{was} is no better than {now}")
+    }
+}
+
 impl Search<'_, '_> {
     /// Puts its special case in the place of the effect number `index` where that says as much, or one effect in the place of it and of
     /// one behind it; whether anything moved.
@@ -29,7 +42,7 @@ impl Search<'_, '_> {
         };
         let was = self.in_words(index);
         self.chosen[index] = self.admit(plain);
-        progress(&format!("{was} is no better than {}", self.in_words(index)));
+        progress(&no_better(&was, &self.in_words(index)));
         self.settle()?;
         Some(true)
     }
@@ -44,9 +57,14 @@ impl Search<'_, '_> {
         weighing: &Weighing,
         places: &BTreeMap<(&'static str, Option<usize>), Winner>,
     ) -> Option<usize> {
-        let inside = places.values().filter(|w| self.named(index).contains(&self.hypotheses[w.hypothesis]));
+        let named = self.named(index);
+        let inside = places.values().filter(|winner| named.contains(&self.hypotheses[winner.hypothesis]));
         let inside = inside.cloned().filter_map(|winner| self.exact(fit, weighing, winner));
-        self.as_good(index, left, fit, inside)
+        // Of the same law only the strongest shape is among the places.
+        let is_shorter = |other: &Hypothesis| other.same_effect(named) && named.contains(other);
+        let shorter = (0..self.hypotheses.len()).filter(|&at| is_shorter(&self.hypotheses[at]));
+        let shorter = shorter.filter_map(|at| self.in_its_shape(fit, weighing, at));
+        self.as_good(index, left, fit, shorter.chain(inside))
     }
 
     /// The hypothesis among the special cases `inside` of the effect number `index` that does as well in its place. `left` is what all
@@ -137,15 +155,13 @@ impl Search<'_, '_> {
         merit: f64,
         rivals: impl Iterator<Item = &'w Winner>,
     ) -> bool {
-        let is_centred = |search: &Self, at: usize| search.hypotheses[at].shape.contains_key(ABOUT);
-        if !is_centred(self, self.chosen[index].hypothesis) {
+        if !self.named(index).shape.contains_key(ABOUT) {
             return false;
         }
         let measures = self.named(index).measures();
         let least = |at: usize| if measures && self.hypotheses[at].measures() { HINT } else { NEARLY };
         let near = rivals.filter(|rival| rival.merit > least(rival.hypothesis) * merit);
-        let near: Vec<usize> =
-            near.map(|rival| rival.hypothesis).filter(|&at| !is_centred(self, at)).collect();
+        let near: Vec<usize> = near.map(|rival| rival.hypothesis).collect();
         near.into_iter().filter(|&at| self.take_about(fit, at)).count() > 0
     }
 
@@ -185,7 +201,8 @@ impl Search<'_, '_> {
             };
             // One delay may stand for what many low-passes say a little better, each with a number of its own.
             let together = merits.iter().sum::<f64>() - TOLD_APART * (members.len() - 1) as f64;
-            if together > best.as_ref().map_or(merit + TOLD_APART, |(most, _)| *most) {
+            let least = merit + (MORE_OF_MANY * merit).max(TOLD_APART);
+            if together > best.as_ref().map_or(least, |(most, _)| *most) {
                 best = Some((together, members));
             }
         }

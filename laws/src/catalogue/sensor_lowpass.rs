@@ -7,10 +7,12 @@
 
 use std::f64::consts::TAU;
 
+use toml::Table;
+
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{ABOUT, Kind, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::{Prediction, Scene};
@@ -19,6 +21,10 @@ use crate::scene::{Prediction, Scene};
 const MOST: f64 = 1e6;
 /// Greatest time constant that a diagnosis believes, s: a drive that shows less than 0.8 Hz of its torque shows nothing of it.
 const BELIEVED: f64 = 0.2;
+
+/// Time constants about which the law is taken, s, beside small ones: what a slow low-pass leaves of friction that jumps is no multiple of what a fast one
+/// takes from it.
+const SLOW: [f64; 3] = [0.02, 0.06, 0.16];
 
 /// The entry.
 pub static KIND: Kind = Kind {
@@ -50,7 +56,10 @@ pub static KIND: Kind = Kind {
             with(shape, [("cutoff", (1.0 / (TAU * coefficients[0].max(0.0))).min(MOST))])
         },
     },
-    shapes: one_shape,
+    shapes: |place| {
+        let slow = SLOW.map(|time_constant| with(&Table::new(), [(ABOUT, time_constant)]));
+        one_shape(place).into_iter().chain(slow).collect()
+    },
     build: |values| {
         let lag = Lag { time_constant: 1.0 / (TAU * values.number("cutoff")?), last: None };
         Ok(Box::new(SensorLowpass { joint: values.joint()?, lag }))

@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{ABOUT, Kind, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::{Prediction, Scene, Trajectory};
@@ -21,6 +21,10 @@ const CHANNELS: &[&str] = &["torque", "tool", "link", "position"];
 const MOST: f64 = 0.1;
 /// Greatest delay that is believed of the encoders in the loops of a machine, s: with more, none of these would hold.
 const IN_LOOP: f64 = 0.015;
+/// Delays about which the law is taken, s, beside small ones: of what jumps, a long delay is no multiple of a short one.
+const LONG: [f64; 3] = [0.01, 0.03, 0.08];
+/// Name of the parameter that says which channels are late.
+const CHANNEL: &str = "channel";
 /// Ticks that the plant remembers.
 const TICKS: usize = 1024;
 
@@ -32,7 +36,7 @@ pub static KIND: Kind = Kind {
     site: Site::Arm,
     parameters: &[
         Parameter::number("delay", "how late the channel is", "s", [0.0, MOST]),
-        Parameter { name: "channel", meaning: "which channels are late", range: Range::Word(CHANNELS) },
+        Parameter { name: CHANNEL, meaning: "which channels are late", range: Range::Word(CHANNELS) },
     ],
     seen: Seen::BOTH,
     rough: true,
@@ -51,22 +55,29 @@ pub static KIND: Kind = Kind {
         list: |_, _, shape| {
             /// Well below a period of anything that is recorded.
             const STEP: f64 = 1e-5;
-            let is_in_loop = shape.get("channel").and_then(Value::as_str) == Some("position");
-            let most = if is_in_loop { IN_LOOP } else { MOST };
-            vec![Term::new("delay", "s", [0.0, most], with(shape, [("delay", STEP)])).stepped(STEP)]
+            vec![Term::new("delay", "s", [0.0, most(shape)], with(shape, [("delay", STEP)])).stepped(STEP)]
         },
         compose: |_, shape, coefficients| with(shape, [("delay", coefficients[0])]),
     },
     shapes: |_| {
-        let shape =
-            |word: &&str| -> Table { [("channel".to_owned(), Value::from(*word))].into_iter().collect() };
-        CHANNELS.iter().map(shape).collect()
+        let of_channel = |word: &&str| -> Vec<Table> {
+            let small: Table = [(CHANNEL.to_owned(), Value::from(*word))].into_iter().collect();
+            let long = LONG.iter().filter(|delay| **delay <= most(&small));
+            let long = long.map(|delay| with(&small, [(ABOUT, *delay)]));
+            std::iter::once(small.clone()).chain(long).collect()
+        };
+        CHANNELS.iter().flat_map(of_channel).collect()
     },
     build: |values| {
-        let (delay, channel) = (values.number("delay")?, values.word("channel")?);
+        let (delay, channel) = (values.number("delay")?, values.word(CHANNEL)?);
         Ok(Box::new(TimeDelay { delay, channel, joints: values.arm().dof() }))
     },
 };
+
+/// The greatest delay that is believed of the channels of `shape`, s.
+fn most(shape: &Table) -> f64 {
+    if shape.get(CHANNEL).and_then(Value::as_str) == Some("position") { IN_LOOP } else { MOST }
+}
 
 #[derive(Clone, Copy, Debug)]
 struct TimeDelay {
