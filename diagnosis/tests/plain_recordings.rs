@@ -139,7 +139,7 @@ fn a_torque_that_is_read_late_is_no_low_pass() {
 /// What a slow low-pass leaves of friction that jumps is no multiple of what a fast one takes from it.
 #[test]
 fn a_slow_low_pass_of_a_torque_with_friction_is_found() {
-    let joint = |name| link(name, JointKind::Revolute, JointFriction { viscous: 2.0, coulomb: 6.0 });
+    let joint = |name| link(name, JointKind::Revolute, JointFriction { viscous: 0.0, coulomb: 30.0 });
     let arm = arm(["shoulder", "elbow"].map(joint).to_vec());
     let slow = table("sensor_lowpass", Some("elbow"), "cutoff = 1.0");
     let recordings = in_two_motions(&arm, std::slice::from_ref(&slow));
