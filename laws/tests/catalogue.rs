@@ -5,8 +5,8 @@ mod common;
 
 use freeplay_arm::{Arm, EffectTable, parse_toml, to_toml};
 use freeplay_laws::{
-    Absent, Baseline, Change, Columns, DriveState, Kind, Place, Placed, Prediction, Range, Readings, Role,
-    Scene, Site, Trajectory, kinds,
+    ABOUT, Absent, Baseline, Change, Columns, DriveState, Kind, Place, Placed, Prediction, Range, Readings,
+    Role, Scene, Site, Trajectory, kinds,
 };
 use toml::{Table, Value};
 
@@ -29,9 +29,10 @@ fn site(kind: &Kind) -> Option<usize> {
     (kind.site != Site::Arm).then_some(JOINT)
 }
 
-/// A shape of `kind` from the middle of those to be searched.
+/// A shape of `kind` from the middle of those to be searched, of a law that is taken about several coefficients for small ones.
 fn shape(kind: &Kind, place: &Place) -> Table {
-    let shapes = (kind.shapes)(place);
+    let shapes = (kind.shapes)(place).into_iter();
+    let shapes: Vec<Table> = shapes.filter(|shape| !shape.contains_key(ABOUT)).collect();
     assert!(!shapes.is_empty(), "{} has no shape to search on a rich motion", kind.name);
     // The last of backlash's is the one of gap and stiffness, that of a payload the one with all ten terms.
     // The first of radial play is a journal at rest: a flight through another clearance takes another course.
