@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use freeplay_arm::{Joint, JointKind};
 
-use crate::basis::{Place, Term, Terms};
+use crate::basis::{Place, Term, Terms, with};
 use crate::beyond::BEYOND_CATALOGUE;
 use crate::catalogue::CATALOGUE;
 use crate::effect::Effect;
@@ -109,6 +109,12 @@ pub fn kind(name: &str) -> Option<&'static Kind> {
 /// The shapes of an effect that has one only.
 pub fn one_shape(_: &Place) -> Vec<toml::Table> {
     vec![toml::Table::new()]
+}
+
+/// `shape` for small coefficients of its only term, and [`ABOUT`] each of `coefficients`, for a law that is far from linear.
+pub fn small_and_about(shape: toml::Table, coefficients: impl IntoIterator<Item = f64>) -> Vec<toml::Table> {
+    let about = coefficients.into_iter().map(|about| with(&shape, [(ABOUT, about)]));
+    std::iter::once(shape.clone()).chain(about).collect()
 }
 
 impl Kind {

@@ -99,20 +99,32 @@ impl<'a> Baseline<'a> {
         add(&mut positions, &tool);
         let tool = <[Vec<f64>; 3]>::try_from(positions).unwrap_or_default();
         let plain = Prediction { torque: total, friction, tool, link };
+        Ok(Self::read(arm, effects.to_vec(), low_pass, Rc::new(scene), shift, plain))
+    }
+
+    /// The baseline whose prediction before the sensors is `plain`.
+    fn read(
+        nominal: &'a Arm,
+        effects: Vec<&'a Placed>,
+        low_pass: &'a LowPassed<'a>,
+        scene: Rc<Scene<'a>>,
+        shift: Vec<Vec<f64>>,
+        plain: Prediction,
+    ) -> Baseline<'a> {
         let mut measured = plain.clone();
         effects.iter().for_each(|placed| placed.effect.measure(&scene, &mut measured));
-        let effects = effects.to_vec();
-        Ok(Baseline {
-            nominal: arm,
+        let (torque_sensitivity, tool_sensitivity) = (OnceCell::new(), OnceCell::new());
+        Baseline {
+            nominal,
             effects,
             low_pass,
-            scene: Rc::new(scene),
+            scene,
             shift,
             plain,
             measured,
-            torque_sensitivity: OnceCell::new(),
-            tool_sensitivity: OnceCell::new(),
-        })
+            torque_sensitivity,
+            tool_sensitivity,
+        }
     }
 
     /// The arm with the effects that change it, its motion and load.
@@ -142,33 +154,26 @@ impl<'a> Baseline<'a> {
         'a: 'b,
     {
         let effects: Vec<&'b Placed> = self.effects.iter().chain(more).copied().collect();
-        let (scene, points) = (&self.scene, self.scene.motion.len());
-        let mut parts = ArmParts::of(&scene.arm);
-        more.iter().try_for_each(|placed| placed.effect.arm(&mut parts))?;
-        let mut shift = Columns::zero(scene.arm.dof(), points);
-        more.iter().for_each(|placed| placed.effect.shift(scene, &mut shift));
-        if !parts.are_of(&scene.arm) || shift.all_written().next().is_some() {
-            return Baseline::new(self.nominal, &effects, scene.motion, self.low_pass);
+        let anew = || Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass);
+        if self.is_changed_by(more)? {
+            return anew();
         }
-        // The same arm along the same motion: what they say is all that there is to work out.
+        // The same arm along the same motion: if no link is shifted, what they say is all that there is to work out.
+        let said: Vec<Change> = more.iter().map(|placed| self.said(placed)).collect();
+        if said.iter().any(|said| said.link.all_written().next().is_some()) {
+            return anew();
+        }
         let mut plain = self.plain.clone();
-        for placed in more {
-            say(placed, self.low_pass, &mut plain.torque, |effect, torque| effect.torque(scene, torque));
-            say(placed, self.low_pass, &mut plain.tool, |effect, tool| effect.displace(scene, tool));
-        }
-        let mut measured = plain.clone();
-        effects.iter().for_each(|placed| placed.effect.measure(scene, &mut measured));
-        Ok(Baseline {
-            nominal: self.nominal,
-            effects,
-            low_pass: self.low_pass,
-            scene: Rc::clone(scene),
-            shift: self.shift.clone(),
-            plain,
-            measured,
-            torque_sensitivity: OnceCell::new(),
-            tool_sensitivity: OnceCell::new(),
-        })
+        said.iter().for_each(|said| plain.add(said));
+        let (scene, shift) = (Rc::clone(&self.scene), self.shift.clone());
+        Ok(Baseline::read(self.nominal, effects, self.low_pass, scene, shift, plain))
+    }
+
+    /// Whether `more` effects make another arm.
+    fn is_changed_by(&self, more: &[&Placed]) -> Result<bool, LawError> {
+        let mut parts = ArmParts::of(&self.scene.arm);
+        more.iter().try_for_each(|placed| placed.effect.arm(&mut parts))?;
+        Ok(!parts.are_of(&self.scene.arm))
     }
 
     /// What `placed` would change, beside the effects that are in: exact where it changes the arm or the torque, to first order where
@@ -177,9 +182,7 @@ impl<'a> Baseline<'a> {
     /// # Errors
     /// [`LawError::Changed`] if it leaves no possible arm.
     pub fn change(&self, placed: &Placed) -> Result<Change, LawError> {
-        let mut parts = ArmParts::of(&self.scene.arm);
-        placed.effect.arm(&mut parts)?;
-        if !parts.are_of(&self.scene.arm) {
+        if self.is_changed_by(&[placed])? {
             let effects: Vec<&Placed> = self.effects.iter().copied().chain([placed]).collect();
             let changed = Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass)?.measured;
             return Ok(Change::between(&self.measured, changed));
@@ -195,16 +198,22 @@ impl<'a> Baseline<'a> {
         Ok(Change::between(&self.measured, changed))
     }
 
-    /// What an effect that leaves the arm as it is changes before the sensors.
-    fn plain_change(&self, placed: &Placed) -> Change {
-        let (scene, points) = (&self.scene, self.scene.motion.len());
-        let mut change = Change::none(scene.arm.dof(), points);
-        placed.effect.apply(scene, &mut change);
+    /// What an effect that leaves the arm as it is says itself, without what its shifts of links do to torques and tool.
+    fn said(&self, placed: &Placed) -> Change {
+        let mut said = Change::none(self.scene.arm.dof(), self.scene.motion.len());
+        placed.effect.apply(&self.scene, &mut said);
         if placed.kind.rough {
-            for columns in change.parts_mut() {
+            for columns in said.parts_mut() {
                 columns.change_written(|column| *column = (self.low_pass)(column));
             }
         }
+        said
+    }
+
+    /// What an effect that leaves the arm as it is changes before the sensors.
+    fn plain_change(&self, placed: &Placed) -> Change {
+        let (scene, points) = (&self.scene, self.scene.motion.len());
+        let mut change = self.said(placed);
         for (joint, shift) in change.link.all_written() {
             let sensitivity =
                 self.tool_sensitivity.get_or_init(|| tool_sensitivity(&scene.arm, &self.plain.link));

@@ -8,7 +8,6 @@ use freeplay_laws::{ABOUT, START};
 use super::hypothesis::Hypothesis;
 use super::places::Winner;
 use super::search::{Chosen, Search, TOLD_APART};
-use super::simplify::no_better;
 use super::system::Fit;
 use super::validate::{Validation, is_above_the_floor, is_brief_and_weak};
 
@@ -308,9 +307,7 @@ impl Search<'_, '_> {
                 places = self.by_place(&fit, &weighing, Some(index));
             }
             if let Some(plain) = self.special_case(index, &left, &fit, &weighing, &places) {
-                let was = self.in_words(index);
-                self.chosen[index] = self.admit(plain);
-                progress(&no_better(&was, &self.in_words(index)));
+                self.give_way(index, plain, progress);
                 moved = true;
                 continue;
             }

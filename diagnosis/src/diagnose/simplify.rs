@@ -19,15 +19,6 @@ pub(super) const FOLLOWED: f64 = 0.03;
 /// have the same number.
 const MORE_OF_MANY: f64 = 0.02;
 
-/// That an effect gave way to a plainer one, in words.
-pub(super) fn no_better(was: &str, now: &str) -> String {
-    if was == now {
-        format!("{was}: fewer of its numbers say as much")
-    } else {
-        format!("{was} is no better than {now}")
-    }
-}
-
 impl Search<'_, '_> {
     /// Puts its special case in the place of the effect number `index` where that says as much, or one effect in the place of it and of
     /// one behind it; whether anything moved.
@@ -40,11 +31,21 @@ impl Search<'_, '_> {
         let Some(plain) = self.special_case(index, &left, &fit, &weighing, &places) else {
             return self.merge_at(index, progress);
         };
-        let was = self.in_words(index);
-        self.chosen[index] = self.admit(plain);
-        progress(&no_better(&was, &self.in_words(index)));
+        self.give_way(index, plain, progress);
         self.settle()?;
         Some(true)
+    }
+
+    /// Puts its special case, the hypothesis number `plain`, in the place of the effect number `index`.
+    pub(super) fn give_way(&mut self, index: usize, plain: usize, progress: &mut dyn FnMut(&str)) {
+        let was = self.in_words(index);
+        self.chosen[index] = self.admit(plain);
+        let now = self.in_words(index);
+        progress(&if was == now {
+            format!("{was}: fewer of its numbers say as much")
+        } else {
+            format!("{was} is no better than {now}")
+        });
     }
 
     /// The special case among `places` of the effect number `index` that says as much in its place. `left` is what all effects leave, `fit` has
@@ -58,13 +59,16 @@ impl Search<'_, '_> {
         places: &BTreeMap<(&'static str, Option<usize>), Winner>,
     ) -> Option<usize> {
         let named = self.named(index);
-        let inside = places.values().filter(|winner| named.contains(&self.hypotheses[winner.hypothesis]));
-        let inside = inside.cloned().filter_map(|winner| self.exact(fit, weighing, winner));
-        // Of the same law only the strongest shape is among the places.
-        let is_shorter = |other: &Hypothesis| other.same_effect(named) && named.contains(other);
-        let shorter = (0..self.hypotheses.len()).filter(|&at| is_shorter(&self.hypotheses[at]));
+        let inside = |at: usize, is_same: bool| {
+            let other = &self.hypotheses[at];
+            named.contains(other) && named.same_effect(other) == is_same
+        };
+        // Of the same law only the strongest shape is among the places, and where that is not physical it is another one, which may be no shorter.
+        let shorter = (0..self.hypotheses.len()).filter(|&at| inside(at, true));
         let shorter = shorter.filter_map(|at| self.in_its_shape(fit, weighing, at));
-        self.as_good(index, left, fit, shorter.chain(inside))
+        let plainer = places.values().filter(|winner| inside(winner.hypothesis, false));
+        let plainer = plainer.cloned().filter_map(|winner| self.exact(fit, weighing, winner));
+        self.as_good(index, left, fit, shorter.chain(plainer))
     }
 
     /// The hypothesis among the special cases `inside` of the effect number `index` that does as well in its place. `left` is what all
@@ -188,6 +192,7 @@ impl Search<'_, '_> {
                 of_kind.push(winner.hypothesis);
             }
         }
+        let least = merit + (MORE_OF_MANY * merit).max(TOLD_APART);
         let mut best: Option<(f64, Vec<usize>)> = None;
         for members in kinds.into_values().filter(|members| members.len() > 1) {
             members.iter().filter(|&&at| self.take_about(fit, at)).count();
@@ -201,7 +206,6 @@ impl Search<'_, '_> {
             };
             // One delay may stand for what many low-passes say a little better, each with a number of its own.
             let together = merits.iter().sum::<f64>() - TOLD_APART * (members.len() - 1) as f64;
-            let least = merit + (MORE_OF_MANY * merit).max(TOLD_APART);
             if together > best.as_ref().map_or(least, |(most, _)| *most) {
                 best = Some((together, members));
             }

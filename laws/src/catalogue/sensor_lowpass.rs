@@ -12,7 +12,7 @@ use toml::Table;
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{ABOUT, Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Seen, Site, small_and_about};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::{Prediction, Scene};
@@ -56,10 +56,7 @@ pub static KIND: Kind = Kind {
             with(shape, [("cutoff", (1.0 / (TAU * coefficients[0].max(0.0))).min(MOST))])
         },
     },
-    shapes: |place| {
-        let slow = SLOW.map(|time_constant| with(&Table::new(), [(ABOUT, time_constant)]));
-        one_shape(place).into_iter().chain(slow).collect()
-    },
+    shapes: |_| small_and_about(Table::new(), SLOW),
     build: |values| {
         let lag = Lag { time_constant: 1.0 / (TAU * values.number("cutoff")?), last: None };
         Ok(Box::new(SensorLowpass { joint: values.joint()?, lag }))

@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{ABOUT, Kind, Seen, Site};
+use crate::kind::{Kind, Seen, Site, small_and_about};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::{Prediction, Scene, Trajectory};
@@ -62,9 +62,8 @@ pub static KIND: Kind = Kind {
     shapes: |_| {
         let of_channel = |word: &&str| -> Vec<Table> {
             let small: Table = [(CHANNEL.to_owned(), Value::from(*word))].into_iter().collect();
-            let long = LONG.iter().filter(|delay| **delay <= most(&small));
-            let long = long.map(|delay| with(&small, [(ABOUT, *delay)]));
-            std::iter::once(small.clone()).chain(long).collect()
+            let most = most(&small);
+            small_and_about(small, LONG.into_iter().filter(|delay| *delay <= most))
         };
         CHANNELS.iter().flat_map(of_channel).collect()
     },
