@@ -3,7 +3,7 @@
 use freeplay_laws::ABOUT;
 
 use super::hypothesis::{Hypothesis, hypothesis};
-use super::search::Search;
+use super::search::{Chosen, Search};
 use super::system::{Fit, Score};
 
 /// Factors by which the numbers of a shape are moved.
@@ -212,6 +212,6 @@ impl Search<'_, '_> {
         let moved = self.admit(at);
         // In whatever shape, what has a name is no tolerance any more.
         self.system.inherit(&self.chosen[index].columns, &moved.columns);
-        self.chosen[index] = moved;
+        self.chosen[index] = Chosen { gain: self.chosen[index].gain, ..moved };
     }
 }
