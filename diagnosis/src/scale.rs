@@ -37,13 +37,13 @@ impl Scale {
 }
 
 /// A note where most torques of `channels` are the model's times a constant far from one, with the same sign.
-pub(crate) fn of_channels(channels: &[Channel]) -> Option<String> {
+pub(crate) fn of_channels<'c>(channels: impl Iterator<Item = &'c Channel>) -> Option<String> {
     let tally = |channel: &Channel| {
         let mut tally = ChannelTally::like(channel);
         tally.add(channel);
         tally
     };
-    of_tallies(&channels.iter().map(tally).collect::<Vec<_>>())
+    of_tallies(&channels.map(tally).collect::<Vec<_>>())
 }
 
 /// The same for channels that came part by part.

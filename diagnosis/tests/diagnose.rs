@@ -23,6 +23,11 @@ fn nominal_friction(_: usize, v: f64) -> f64 {
     2.0 * v + 1.5 * v.signum()
 }
 
+/// 0.8 N·m more dry friction of the elbow than its file says.
+fn dry_elbow(joint: usize, v: f64) -> f64 {
+    nominal_friction(joint, v) + if joint == 1 { 0.8 * v.signum() } else { 0.0 }
+}
+
 fn file(arm: Arm) -> ArmFile {
     ArmFile { arm, effects: Vec::new(), ignored: Vec::new() }
 }
@@ -79,9 +84,7 @@ fn nothing_is_found_in_perfect_recordings() {
 #[test]
 fn coulomb_friction_is_named_at_its_joint_with_its_size() {
     let model = two_joints();
-    let more =
-        |joint: usize, v: f64| nominal_friction(joint, v) + if joint == 1 { 0.8 * v.signum() } else { 0.0 };
-    let diagnosis = diagnosed(&model, &[recording(measured(&inside(&model, 7), 20.0, more, 7))]);
+    let diagnosis = diagnosed(&model, &[recording(measured(&inside(&model, 7), 20.0, dry_elbow, 7))]);
     println!("{:?}: {}", diagnosis.verdict, diagnosis.statement);
     let [effect] = diagnosis.effects.as_slice() else { panic!("one effect: {:?}", diagnosis.effects) };
     assert_eq!((effect.kind, effect.joint.as_deref()), ("coulomb_friction", Some("elbow")));
@@ -97,14 +100,41 @@ fn coulomb_friction_is_named_at_its_joint_with_its_size() {
     assert_eq!(diagnosis.model.effects.len(), 1);
 }
 
+/// A torque that a drive does not report is none of 0 N·m: nothing is found in it, and what the other joint lacks is.
+#[test]
+fn a_torque_that_is_stuck_is_no_measurement() {
+    let model = two_joints();
+    let with_stuck = |stuck: &[&str]| {
+        let made = measured(&inside(&model, 7), 20.0, dry_elbow, 7);
+        let mut made = ["x", "y", "z"].into_iter().fold(made, without);
+        for (_, column) in made.iter_mut().filter(|(name, _)| stuck.contains(&name.as_str())) {
+            column
+                .iter_mut()
+                .enumerate()
+                .for_each(|(k, x)| *x = if k % 9 == 0 { 0.1 * x.round() } else { 0.0 });
+        }
+        diagnosed(&model, &[recording(made)])
+    };
+    let diagnosis = with_stuck(&["tau1"]);
+    println!("{:?}: {} {:?}", diagnosis.verdict, diagnosis.statement, diagnosis.quality);
+    let found: Vec<_> =
+        diagnosis.effects.iter().map(|effect| (effect.kind, effect.joint.as_deref())).collect();
+    assert_eq!(found, [("coulomb_friction", Some("elbow"))]);
+    assert!(diagnosis.quality.iter().any(|note| note.starts_with("tau1 stays at 0 N*m in 8")));
+    assert!(diagnosis.untestable.iter().any(|one| one.because == "tau1 is no measurement"));
+    assert_eq!(diagnosis.fit.expect("a fit").before.keys().collect::<Vec<_>>(), ["tau2"]);
+    let nothing = with_stuck(&["tau1", "tau2"]);
+    println!("{:?}: {}", nothing.verdict, nothing.statement);
+    assert_eq!(nothing.verdict, Verdict::InsufficientData);
+}
+
 /// While the elbow rests its friction is not seen: the recording in which it moves takes part in the fit wherever it stands.
 #[test]
 fn what_the_last_recording_alone_shows_is_named() {
     let (model, machine) = (two_joints(), inside(&two_joints(), 9));
-    let more =
-        |joint: usize, v: f64| nominal_friction(joint, v) + if joint == 1 { 0.8 * v.signum() } else { 0.0 };
-    let resting = with_noise(columns_along(sines_of_all_but_the_last, &machine, &even(16.0, 200.0), more), 1);
-    let moving = measured(&machine, 16.0, more, 2);
+    let resting =
+        with_noise(columns_along(sines_of_all_but_the_last, &machine, &even(16.0, 200.0), dry_elbow), 1);
+    let moving = measured(&machine, 16.0, dry_elbow, 2);
     for recordings in [[moving.clone(), resting.clone()], [resting, moving]] {
         let diagnosis = diagnosed(&model, &recordings.map(recording));
         println!("{:?}: {} {:?}", diagnosis.verdict, diagnosis.statement, diagnosis.quality);
@@ -144,10 +174,8 @@ fn what_shakes_at_times_does_not_bend_the_numbers() {
 #[test]
 fn the_model_of_a_diagnosis_is_tuned_inside_its_tolerances() {
     let (model, machine) = (two_joints(), inside(&two_joints(), 11));
-    let more =
-        |joint: usize, v: f64| nominal_friction(joint, v) + if joint == 1 { 0.8 * v.signum() } else { 0.0 };
-    let diagnosis = diagnosed(&model, &[recording(measured(&machine, 20.0, more, 11))]);
-    let later = recording(measured(&machine, 12.0, more, 12));
+    let diagnosis = diagnosed(&model, &[recording(measured(&machine, 20.0, dry_elbow, 11))]);
+    let later = recording(measured(&machine, 12.0, dry_elbow, 12));
     let error = |file: &ArmFile| {
         let effects = Effects::of(file).expect("effects").placed;
         let (compared, _) = compare(&file.arm, &effects, &later, &Settings::default()).expect("a comparison");

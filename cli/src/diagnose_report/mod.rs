@@ -97,6 +97,7 @@ pub fn channels(diagnosis: &Diagnosis) -> Vec<&str> {
     }
     names.sort_unstable();
     names.dedup();
+    names.retain(|name| diagnosis.fit.as_ref().is_some_and(|fit| fit.units.contains_key(*name)));
     names
 }
 

@@ -142,12 +142,14 @@ impl<'a> Case<'a> {
         (channel / self.per_stage(), channel % self.per_stage())
     }
 
-    /// Stacks one answer a stage into a column, with the rows that don't count set to zero.
+    /// Stacks one answer a stage into a column, with the rows that don't count set to zero; nothing where none counts.
     pub fn column(&self, answers: Vec<Answer>) -> Column {
         let mut column: Column = answers.into_iter().flatten().collect();
         for (part, kept) in column.iter_mut().zip(&self.kept) {
-            if let Some(part) = part {
-                part.iter_mut().zip(kept).for_each(|(x, kept)| *x *= kept);
+            match part {
+                Some(_) if kept.iter().all(|kept| *kept == 0.0) => *part = None,
+                Some(part) => part.iter_mut().zip(kept).for_each(|(x, kept)| *x *= kept),
+                None => {}
             }
         }
         column

@@ -303,11 +303,14 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
     fn location(&self, maps: &[Map], errors: &HeldOut) -> Vec<Location> {
         let channels = &self.search.case.stages[0].channels;
         let left = self.judge.held.rms(&errors.retuned);
-        let beyond: Vec<f64> = left
-            .iter()
-            .zip(&self.judge.floor.transferred)
-            .map(|(left, floor)| ((left / floor.max(f64::MIN_POSITIVE)).powi(2) - 1.0).max(0.0))
-            .collect();
+        let beyond: Vec<f64> =
+            left.iter()
+                .zip(&self.judge.floor.transferred)
+                .zip(self.counts())
+                .map(|((left, floor), counts)| {
+                    if counts { ((left / floor.max(f64::MIN_POSITIVE)).powi(2) - 1.0).max(0.0) } else { 0.0 }
+                })
+                .collect();
         let all: f64 = beyond.iter().sum();
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
         for (index, channel) in channels.iter().enumerate() {
@@ -343,10 +346,18 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         location
     }
 
+    /// Which channels of a stage have rows that count in the held-out data.
+    fn counts(&self) -> Vec<bool> {
+        self.judge.held.by_channel(&self.judge.held.rows()).iter().map(|rows| *rows > 0.0).collect()
+    }
+
     fn fit(&self, errors: &HeldOut, black_box: &[Vec<f64>], channels: &[usize]) -> Fit {
         let described = &self.search.case.stages[0].channels;
+        // Of a channel without a row that counts there is no error.
+        let counts = self.counts();
         let table = |values: Vec<f64>| -> BTreeMap<String, Rmse> {
-            described.iter().zip(values).map(|(c, rmse)| (c.name.clone(), Rmse { rmse })).collect()
+            let all = described.iter().zip(values).enumerate().filter(|(c, _)| counts[*c]);
+            all.map(|(_, (channel, rmse))| (channel.name.clone(), Rmse { rmse })).collect()
         };
         let rms = |rows: &[Vec<f64>]| table(self.judge.held.rms(rows));
         let gain = |after: &[Vec<f64>]| {
@@ -363,7 +374,10 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             data: self.data.to_owned(),
             gain: gain(&errors.tuned_after).filter(|_| !self.proofs.is_empty()),
             black_box_gain: gain(black_box),
-            units: described.iter().map(|c| (c.name.clone(), c.unit)).collect(),
+            units: (0..described.len())
+                .filter(|c| counts[*c])
+                .map(|c| (described[c].name.clone(), described[c].unit))
+                .collect(),
         }
     }
 

@@ -30,6 +30,10 @@ pub(crate) struct Counted {
 }
 
 impl Counted {
+    fn none(points: usize) -> Self {
+        Self { rows: vec![0.0; points], doubt: vec![0.0; points] }
+    }
+
     fn all(points: usize) -> Self {
         Self { rows: vec![1.0; points], doubt: vec![0.0; points] }
     }
@@ -45,12 +49,15 @@ impl Counted {
     }
 }
 
-/// How much each row of the channel number `channel` of `stage` counts, 0 to 1: of a torque, nothing while its joint stands; the less, the
+/// How much each row of the channel number `channel` of `stage` counts, 0 to 1: of a torque, nothing if it is stuck or while its joint stands; the less, the
 /// more the dry friction that the model knows is undecided, where the joint sticks or turns; the less, the faster the model's torque
 /// changes for the rate; and the less, the more of it the low-pass on the motion hides.
 pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Counted {
     let points = stage.motion().len();
     let Kind::Torque(joint) = stage.channels[channel].kind else { return Counted::all(points) };
+    if stage.ground.is_stuck(Kind::Torque(joint)) {
+        return Counted::none(points);
+    }
     let (v, a) = (&stage.whole().v[joint], &stage.whole().a[joint]);
     let treatment = &stage.ground.treatment;
     let (rate_hz, cutoff_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
@@ -60,7 +67,7 @@ pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Counted {
     let creeping = UNMOVED * stage.ground.noises.positions[joint].deviation * rate_hz / reach.max(1) as f64;
     let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
     if dry > 0.0 && rests(stage, joint) {
-        return Counted { rows: vec![0.0; points], doubt: vec![0.0; points] };
+        return Counted::none(points);
     }
     // Where it turns, and not on the whole: a joint that goes straight to and fro turns in a small part of its time.
     let usual = Moments::of(a).rms;

@@ -133,7 +133,9 @@ fn judged_on(
     let fitted = Case::new(stages_of(&file.arm, &known, &fitted)?, &settings.tolerances);
     let held = Case::new(stages_of(&file.arm, &known, &held)?, &settings.tolerances);
     notes.extend(quality::notes(&fitted));
-    notes.extend(fitted.stages.first().and_then(|stage| scale::of_channels(&stage.channels)));
+    notes.extend(fitted.stages.first().and_then(|stage| {
+        scale::of_channels(stage.channels.iter().filter(|channel| !stage.ground.is_stuck(channel.kind)))
+    }));
     progress("laying out what might be missing");
     let system = fitted.system(fitted.target());
     let (hypotheses, untestable) = hypotheses(&fitted, &system);

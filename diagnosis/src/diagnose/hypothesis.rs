@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use freeplay_arm::{Arm, EffectTable};
 use freeplay_laws::{Kind as EffectKind, LawError, Place, Placed, Recorded, START, Site, Term, kinds};
+use freeplay_recording::Group;
 use toml::Table;
 
 use super::case::{Case, take_mean_off};
@@ -199,12 +200,23 @@ pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<
                 }
             }
             if all.len() == before {
+                let because = refused.or_else(|| no_torque_of(case, joint));
                 untestable
-                    .push(can_not(refused.unwrap_or_else(|| "this motion shows nothing of it".to_owned())));
+                    .push(can_not(because.unwrap_or_else(|| "this motion shows nothing of it".to_owned())));
             }
         }
     }
     (all, untestable)
+}
+
+/// That the torque of `joint` is no measurement in any recording of `case`, in words: the same for all such joints.
+fn no_torque_of(case: &Case, joint: Option<usize>) -> Option<String> {
+    let is_stuck = |j| case.stages.iter().all(|stage| stage.ground.is_stuck(Kind::Torque(j)));
+    joint.filter(|joint| is_stuck(*joint))?;
+    let stuck: Vec<String> =
+        (0..case.stages[0].arm().dof()).filter(|j| is_stuck(*j)).map(|j| Group::Torque.column(j)).collect();
+    let is = if stuck.len() > 1 { "are" } else { "is" };
+    Some(format!("{} {is} no measurement", stuck.join(", ")))
 }
 
 /// Share of the samples whose torque is beyond what is taken for the greatest that was reached: noise and spikes.
@@ -309,16 +321,21 @@ fn is_refuted(
     joint: Option<usize>,
     shape: &Table,
 ) -> Result<bool, LawError> {
-    let is_elsewhere = |channel: &Channel| joint.is_none_or(|joint| channel.kind != Kind::Torque(joint));
-    if !shape.contains_key(START) || !case.stages[0].channels.iter().any(is_elsewhere) {
+    let is_elsewhere = |stage: &Stage, channel: &Channel| {
+        joint.is_none_or(|joint| channel.kind != Kind::Torque(joint)) && !stage.ground.is_stuck(channel.kind)
+    };
+    if !shape.contains_key(START) {
         return Ok(false);
     }
     for stage in &case.stages {
+        if !stage.channels.iter().any(|channel| is_elsewhere(stage, channel)) {
+            continue;
+        }
         let Some(term) = stage.terms(kind, joint, &plain(shape), &[])?.into_iter().next() else { continue };
         let answer =
             stage.answer(&Placed::new(&table(kind, joint, stage.arm(), term.0.plus), stage.arm())?)?;
-        for (channel, said) in stage.channels.iter().zip(answer).filter(|(channel, _)| is_elsewhere(channel))
-        {
+        let elsewhere = stage.channels.iter().zip(answer).filter(|(channel, _)| is_elsewhere(stage, channel));
+        for (channel, said) in elsewhere {
             let Some(mut said) = said else { continue };
             let mut left = channel.residual();
             take_mean_off(&mut said);

@@ -4,7 +4,7 @@
 //! - `stage`: one recording made ready, and what any effect would add to each channel of it.
 //! - `tolerance`: how far a machine may be from its model without that being a finding.
 //! - `universal`: the unnamed correction, which competes with every named effect.
-//! - `counted`: how much each row counts.
+//! - `stuck` and `counted`: torques that are no measurement; how much each row counts.
 //! - `case`, `system` and `scores`: all recordings stacked; the linear system behind every question; what blocks of columns explain there.
 //! - `quality`: what the recordings are good for.
 //! - `hypothesis`, `moment` and `upon`: each kind of effect at each place in each shape; what happens in one recording alone, and what acts on what other
@@ -50,6 +50,7 @@ mod select;
 mod show;
 mod simplify;
 mod stage;
+mod stuck;
 mod system;
 mod tolerance;
 mod trial;

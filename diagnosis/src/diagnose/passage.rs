@@ -111,10 +111,11 @@ pub(crate) fn noise(search: &Search) -> BTreeMap<String, ChannelNoise> {
     let stage = &search.case.stages[0];
     let stretches = &stage.motion().stretches;
     let lasts: f64 = stretches.iter().map(|s| stage.motion().step(s) * s.len() as f64).sum();
-    let channels = stage.channels.iter().enumerate();
+    let rows = search.case.rows();
+    let channels = stage.channels.iter().enumerate().filter(|(c, _)| rows[*c] > 0.0);
     let of = |(c, channel): (usize, &crate::residual::Channel)| {
         let floor = search.null.floor.get(c).copied().unwrap_or(0.0);
-        let share = search.case.rows()[c] / stage.motion().len().max(1) as f64;
+        let share = rows[c] / stage.motion().len().max(1) as f64;
         let noise = ChannelNoise {
             deviation: weighing.deviation[c].max(floor),
             per_second: weighing.effective[c] / (lasts * share).max(1e-9),

@@ -4,8 +4,9 @@ use freeplay_arm::Arm;
 
 use super::case::Case;
 use super::noise::Noise;
-use super::stage::Ground;
-use crate::residual::Kind;
+use super::stage::{Ground, Stage};
+use super::stuck::Stuck;
+use crate::residual::{Channel, Kind};
 use crate::statistics::Moments;
 
 /// Least length of what a fit rests on, s.
@@ -39,16 +40,28 @@ pub(crate) fn lack(arm: &Arm, fitted: &[Ground], held: &[Ground]) -> Option<Stri
     if !(0..arm.dof()).any(moves) {
         return Some("no joint moves; record a motion of the joints in question".to_owned());
     }
+    let is_silent = |ground: &Ground| ground.channels.iter().all(|channel| ground.is_stuck(channel.kind));
+    if fitted.iter().all(is_silent) {
+        return Some(
+            "every torque stays at one value while its joint moves, and nothing else was recorded beside the motion; record measured torques \
+             or currents times the torque constant, or the tool's position"
+                .to_owned(),
+        );
+    }
     None
 }
 
-/// What a reader should know of the recordings: noise, rounding, standing joints, constant channels.
+/// What a reader should know of the recordings: noise, rounding, standing joints, torques that are stuck.
 pub(crate) fn notes(case: &Case) -> Vec<String> {
     let mut notes = Vec::new();
     for (number, stage) in case.stages.iter().enumerate() {
         let mut rounded = Vec::new();
         for (index, (channel, noise)) in stage.channels.iter().zip(&stage.ground.noises.channels).enumerate()
         {
+            if let Some(words) = no_measurement(stage, channel) {
+                notes.push(words);
+                continue;
+            }
             let spread = Moments::of(&channel.measured).std;
             if spread <= 1e-9 * Moments::of(&channel.measured).rms || spread == 0.0 {
                 notes.push(format!("{} is constant: nothing is to be seen in it", channel.name));
@@ -71,6 +84,19 @@ pub(crate) fn notes(case: &Case) -> Vec<String> {
         }
     }
     notes
+}
+
+/// What is said of a `channel` of `stage` that is no measurement; `None` of one that is.
+pub(crate) fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
+    let Kind::Torque(joint) = channel.kind else { return None };
+    let Stuck { at, share } = stage.ground.stuck[joint]?;
+    Some(format!(
+        "{} stays at {at} {} in {:.0} % of the rows in which {} moves: that is no measurement of its torque, and it is left out",
+        channel.name,
+        channel.unit,
+        100.0 * share,
+        stage.arm().joints()[joint].name
+    ))
 }
 
 /// Rounding that is a tenth of the signal's spread.

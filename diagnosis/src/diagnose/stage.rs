@@ -12,6 +12,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use toml::Table;
 
 use super::noise::Noises;
+use super::stuck::Stuck;
 use super::system::dot;
 use crate::begin::{BEGINNINGS, LEAST_LESS, begun};
 use crate::error::ResidualError;
@@ -34,9 +35,11 @@ pub(crate) struct Ground<'a> {
     /// The motion on all grid points, for laws that jump or remember.
     pub whole: Trajectory,
     /// Measured, channel by channel.
-    channels: Vec<Channel>,
+    pub channels: Vec<Channel>,
     /// How noisy what was measured is.
     pub noises: Noises,
+    /// Torques that are no measurement, by joint.
+    pub stuck: Vec<Option<Stuck>>,
     /// What the low-pass on the motion takes from the model.
     pub sharpening: Sharpening,
     treated: Box<LowPass>,
@@ -55,10 +58,35 @@ impl<'a> Ground<'a> {
         let sharpening = Sharpening::of(arm, recording, &treatment, &whole);
         let channels = residuals_along(arm, &[], recording, &treatment, &whole, &sharpening)?.channels;
         let noises = Noises::of(recording, &treatment, &channels, &sharpening.unresolved);
+        let stuck = Stuck::of(recording, &treatment, &whole);
         let own = treatment.clone();
         let treated = Box::new(move |column: &[f64]| own.low_pass(column));
         let as_it_is = Box::new(|column: &[f64]| column.to_vec());
-        Ok(Self { recording, treatment, motion, whole, channels, noises, sharpening, treated, as_it_is })
+        Ok(Self {
+            recording,
+            treatment,
+            motion,
+            whole,
+            channels,
+            noises,
+            stuck,
+            sharpening,
+            treated,
+            as_it_is,
+        })
+    }
+
+    /// The same for a `recording` of whose torques only their number matters: those of a motion that is planned are all zero.
+    ///
+    /// # Errors
+    /// See [`ResidualError`].
+    pub fn planned(arm: &Arm, recording: &'a Recording, settings: &Settings) -> Result<Self, ResidualError> {
+        Ok(Self { stuck: vec![None; arm.dof()], ..Self::new(arm, recording, settings)? })
+    }
+
+    /// Whether the channel that should measure `kind` is no measurement.
+    pub fn is_stuck(&self, kind: Kind) -> bool {
+        matches!(kind, Kind::Torque(joint) if self.stuck[joint].is_some())
     }
 }
 

@@ -136,7 +136,7 @@ impl Scales<'_> {
         recording: &Recording,
         ask: impl FnOnce(&Weighed) -> Result<T, ExciteError>,
     ) -> Result<T, ExciteError> {
-        let ground = Ground::new(self.arm, recording, &Settings::default())?;
+        let ground = Ground::planned(self.arm, recording, &Settings::default())?;
         let stage = Stage::new(self.arm, self.known, &ground)?;
         let case = Case::new(vec![stage], self.tolerances);
         let mut system = case.system(case.kept.iter().map(|kept| vec![0.0; kept.len()]).collect());

@@ -1,0 +1,97 @@
+//! Torques that are stuck at one value while their joint moves: no measurement, whatever the model says of them.
+
+use freeplay_laws::Trajectory;
+use freeplay_recording::Recording;
+
+use crate::motion::Treatment;
+
+/// A joint moves, and drives its load, where speed and acceleration are above this share of their greatest.
+const MOVES: f64 = 0.02;
+/// Share of such rows, forwards and backwards, at the same value.
+const SHARE: f64 = 0.7;
+/// Fewest rows of a direction that say anything of it.
+const FEWEST: usize = 20;
+
+/// The value at which a torque is stuck.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stuck {
+    /// The value, unit of the torque.
+    pub at: f64,
+    /// Share of the rows in which its joint moves.
+    pub share: f64,
+}
+
+impl Stuck {
+    /// By joint, along the motion `whole` of all grid points; `None` where the torque answers, or there is none.
+    pub fn of(recording: &Recording, treatment: &Treatment, whole: &Trajectory) -> Vec<Option<Self>> {
+        let Some(torques) = &recording.tau else { return vec![None; recording.joints()] };
+        let of_joint = |(joint, torque): (usize, &Vec<f64>)| {
+            Self::along(&treatment.whole_column(recording, torque), &whole.v[joint], &whole.a[joint])
+        };
+        torques.iter().enumerate().map(of_joint).collect()
+    }
+
+    /// Of a torque whose joint has the velocities `v` and accelerations `a`. A drive in a steady motion may well have a steady torque, and dry friction
+    /// another one each way: neither is stuck.
+    fn along(torque: &[f64], v: &[f64], a: &[f64]) -> Option<Self> {
+        let least = |x: &[f64]| MOVES * x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let (slow, steady) = (least(v), least(a));
+        let drives = |&k: &usize| v[k].abs() > slow && a[k].abs() > steady;
+        let (forwards, backwards): (Vec<usize>, Vec<usize>) =
+            (0..torque.len()).filter(drives).partition(|&k| v[k] > 0.0);
+        let there: Vec<f64> = forwards.iter().chain(&backwards).map(|&k| torque[k]).collect();
+        if there.len() < FEWEST {
+            let first = *torque.first()? + 0.0;
+            return torque.iter().all(|x| *x == first).then_some(Self { at: first, share: 1.0 });
+        }
+        // Plus zero, of two zeros.
+        let at = most_common(&there) + 0.0;
+        let share = |rows: &[usize]| {
+            rows.iter().filter(|&&k| torque[k] == at).count() as f64 / rows.len().max(1) as f64
+        };
+        let each_way = [&forwards, &backwards].into_iter().filter(|rows| rows.len() >= FEWEST);
+        let is_stuck = each_way.map(|rows| share(rows)).all(|share| share > SHARE);
+        let all = there.iter().filter(|x| **x == at).count() as f64 / there.len() as f64;
+        is_stuck.then_some(Self { at, share: all })
+    }
+}
+
+/// The value that most of `x` have, by Boyer and Moore's vote (1991); any where none has more than half.
+fn most_common(x: &[f64]) -> f64 {
+    let vote = |(value, count): (f64, usize), x: &f64| match count {
+        0 => (*x, 1),
+        _ if *x == value => (value, count + 1),
+        _ => (value, count - 1),
+    };
+    x.iter().fold((f64::NAN, 0), vote).0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Stuck;
+
+    const POINTS: usize = 1000;
+
+    fn along(torque: impl Fn(usize) -> f64) -> Option<Stuck> {
+        let at = |k: usize| 0.02 * k as f64;
+        let torque: Vec<f64> = (0..POINTS).map(torque).collect();
+        let v: Vec<f64> = (0..POINTS).map(|k| at(k).cos()).collect();
+        let a: Vec<f64> = (0..POINTS).map(|k| -at(k).sin()).collect();
+        Stuck::along(&torque, &v, &a)
+    }
+
+    #[test]
+    fn a_torque_that_hardly_ever_answers_is_stuck() {
+        let mostly = along(|k| if k % 8 == 0 { 0.03 * (k % 24) as f64 } else { 0.0 });
+        println!("{mostly:?}");
+        assert!(mostly.is_some_and(|stuck| stuck.at == 0.0 && stuck.share > 0.85));
+        assert!(along(|_| 3.5).is_some_and(|stuck| stuck.at == 3.5 && stuck.share == 1.0));
+    }
+
+    #[test]
+    fn friction_and_coarse_rounding_are_no_stuck_torque() {
+        assert_eq!(along(|k| (0.02 * k as f64).cos().signum()), None, "dry friction alone");
+        assert_eq!(along(|k| (0.02 * k as f64).cos().round()), None, "rounded to three values");
+        assert_eq!(along(|k| (0.02 * k as f64).sin()), None);
+    }
+}
