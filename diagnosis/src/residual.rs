@@ -93,9 +93,8 @@ pub(crate) fn residuals_along(
 ) -> Result<Residuals, ResidualError> {
     let low_pass = |column: &[f64]| treatment.low_pass(column);
     let sharp = |effects: &[&Placed]| {
-        let mut prediction = Baseline::new(arm, effects, whole, &low_pass)?.prediction().clone();
-        prediction.add(&sharpening.more);
-        Ok(prediction)
+        let baseline = Baseline::with_hidden(arm, effects, whole, &low_pass, Some(&sharpening.more))?;
+        Ok(baseline.prediction().clone())
     };
     let measured = |joint: usize| recording.tau.as_ref().map(|tau| treatment.smooth(recording, &tau[joint]));
     let left = |prediction: &Prediction, joint: usize| {

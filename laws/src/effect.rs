@@ -49,6 +49,11 @@ pub trait Effect: Debug + Send + Sync {
     /// Changes what is measured: gains, offsets, delays.
     fn measure(&self, _scene: &Scene, _prediction: &mut Prediction) {}
 
+    /// Whether [`Effect::measure`] makes corners, which a low-pass on what was measured rounds.
+    fn bends(&self) -> bool {
+        false
+    }
+
     /// The same with its memory standing at `start` as a motion begins, −1 to 1 between its stops; `None` if it has none that a recording leaves
     /// open, or if it was told.
     fn begun(&self, _start: f64) -> Option<Box<dyn Effect>> {

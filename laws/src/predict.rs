@@ -48,6 +48,8 @@ pub struct Baseline<'a> {
     nominal: &'a Arm,
     effects: Vec<&'a Placed>,
     low_pass: &'a LowPassed<'a>,
+    /// What `motion`, which a low-pass made smooth, hides of the machine.
+    hidden: Option<&'a Change>,
     scene: Rc<Scene<'a>>,
     shift: Vec<Vec<f64>>,
     /// Before the sensors.
@@ -77,6 +79,21 @@ impl<'a> Baseline<'a> {
         motion: &'a Trajectory,
         low_pass: &'a LowPassed<'a>,
     ) -> Result<Baseline<'a>, LawError> {
+        Self::with_hidden(arm, effects, motion, low_pass, None)
+    }
+
+    /// The same for a machine that says `hidden` beyond what the arm says along `motion`: where a low-pass made the motion smooth, what the machine did in
+    /// its corners. Its sensors see that, too.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if an effect leaves no possible arm.
+    pub fn with_hidden(
+        arm: &'a Arm,
+        effects: &[&'a Placed],
+        motion: &'a Trajectory,
+        low_pass: &'a LowPassed<'a>,
+        hidden: Option<&'a Change>,
+    ) -> Result<Baseline<'a>, LawError> {
         let scene = Scene::new(changed(arm, effects.iter().copied())?, motion);
         let arm_now = &scene.arm;
         let mut shift = vec![vec![0.0; motion.len()]; arm.dof()];
@@ -98,26 +115,28 @@ impl<'a> Baseline<'a> {
         let mut positions = tool_positions(arm_now, &link);
         add(&mut positions, &tool);
         let tool = <[Vec<f64>; 3]>::try_from(positions).unwrap_or_default();
-        let plain = Prediction { torque: total, friction, tool, link };
-        Ok(Self::read(arm, effects.to_vec(), low_pass, Rc::new(scene), shift, plain))
+        let mut plain = Prediction { torque: total, friction, tool, link };
+        hidden.into_iter().for_each(|hidden| plain.add(hidden));
+        Ok(Self::read(arm, effects.to_vec(), (low_pass, hidden), Rc::new(scene), shift, plain))
     }
 
     /// The baseline whose prediction before the sensors is `plain`.
     fn read(
         nominal: &'a Arm,
         effects: Vec<&'a Placed>,
-        low_pass: &'a LowPassed<'a>,
+        (low_pass, hidden): (&'a LowPassed<'a>, Option<&'a Change>),
         scene: Rc<Scene<'a>>,
         shift: Vec<Vec<f64>>,
         plain: Prediction,
     ) -> Baseline<'a> {
         let mut measured = plain.clone();
-        effects.iter().for_each(|placed| placed.effect.measure(&scene, &mut measured));
+        effects.iter().for_each(|placed| sense(placed, &scene, low_pass, &mut measured));
         let (torque_sensitivity, tool_sensitivity) = (OnceCell::new(), OnceCell::new());
         Baseline {
             nominal,
             effects,
             low_pass,
+            hidden,
             scene,
             shift,
             plain,
@@ -137,6 +156,11 @@ impl<'a> Baseline<'a> {
         &self.measured
     }
 
+    /// Changes `prediction` as the sensors of `placed` do.
+    pub fn sense(&self, placed: &Placed, prediction: &mut Prediction) {
+        sense(placed, &self.scene, self.low_pass, prediction);
+    }
+
     /// The prediction with `more` effects behind those that are in.
     ///
     /// # Errors
@@ -154,7 +178,7 @@ impl<'a> Baseline<'a> {
         'a: 'b,
     {
         let effects: Vec<&'b Placed> = self.effects.iter().chain(more).copied().collect();
-        let anew = || Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass);
+        let anew = || self.anew(&effects);
         if self.is_changed_by(more)? {
             return anew();
         }
@@ -166,7 +190,15 @@ impl<'a> Baseline<'a> {
         let mut plain = self.plain.clone();
         said.iter().for_each(|said| plain.add(said));
         let (scene, shift) = (Rc::clone(&self.scene), self.shift.clone());
-        Ok(Baseline::read(self.nominal, effects, self.low_pass, scene, shift, plain))
+        Ok(Baseline::read(self.nominal, effects, (self.low_pass, self.hidden), scene, shift, plain))
+    }
+
+    /// The baseline of the same machine with `effects`.
+    fn anew<'b>(&self, effects: &[&'b Placed]) -> Result<Baseline<'b>, LawError>
+    where
+        'a: 'b,
+    {
+        Baseline::with_hidden(self.nominal, effects, self.scene.motion, self.low_pass, self.hidden)
     }
 
     /// Whether `more` effects make another arm.
@@ -184,8 +216,7 @@ impl<'a> Baseline<'a> {
     pub fn change(&self, placed: &Placed) -> Result<Change, LawError> {
         if self.is_changed_by(&[placed])? {
             let effects: Vec<&Placed> = self.effects.iter().copied().chain([placed]).collect();
-            let changed = Baseline::new(self.nominal, &effects, self.scene.motion, self.low_pass)?.measured;
-            return Ok(Change::between(&self.measured, changed));
+            return Ok(Change::between(&self.measured, self.anew(&effects)?.measured));
         }
         let change = self.plain_change(placed);
         let effects = self.effects.iter().copied().chain([placed]);
@@ -194,7 +225,7 @@ impl<'a> Baseline<'a> {
         }
         let mut changed = self.plain.clone();
         changed.add(&change);
-        effects.for_each(|placed| placed.effect.measure(&self.scene, &mut changed));
+        effects.for_each(|placed| self.sense(placed, &mut changed));
         Ok(Change::between(&self.measured, changed))
     }
 
@@ -264,6 +295,23 @@ fn say(
     }
     for (index, said) in said.all_written() {
         channels[index].iter_mut().zip(said).for_each(|(channel, said)| *channel += said);
+    }
+}
+
+/// Changes `prediction` as the sensors of `placed` do; where these make corners, what they change is filtered.
+fn sense(placed: &Placed, scene: &Scene, low_pass: &LowPassed, prediction: &mut Prediction) {
+    if !placed.effect.bends() {
+        return placed.effect.measure(scene, prediction);
+    }
+    let before = prediction.clone();
+    placed.effect.measure(scene, prediction);
+    for (now, before) in prediction.columns_mut().zip(before.columns()).filter(|(now, before)| now != before)
+    {
+        let change: Vec<f64> = now.iter().zip(before).map(|(now, before)| now - before).collect();
+        now.iter_mut()
+            .zip(before)
+            .zip(low_pass(&change))
+            .for_each(|((now, before), change)| *now = before + change);
     }
 }
 

@@ -207,6 +207,17 @@ impl<'a> Case<'a> {
 
     /// The system of the nuisances for `target`.
     pub fn system(&self, target: Vec<Vec<f64>>) -> System {
+        self.system_behind(target, None)
+    }
+
+    /// The same behind sensors that let through the `shares` of what each channel would show, by row.
+    pub fn system_behind(&self, target: Vec<Vec<f64>>, shares: Option<&[Vec<f64>]>) -> System {
+        let behind = |mut column: Column| {
+            for (part, shares) in column.iter_mut().zip(shares.into_iter().flatten()) {
+                part.iter_mut().flatten().zip(shares).for_each(|(x, share)| *x *= share);
+            }
+            column
+        };
         let count = self.nuisances.first().map_or(0, Vec::len);
         let mut base = Vec::new();
         let mut precision = Vec::new();
@@ -218,11 +229,11 @@ impl<'a> Case<'a> {
                     let nothing = || vec![None; self.per_stage()];
                     let answers =
                         (0..self.stages.len()).map(|s| if s == stage { of_stage(s) } else { nothing() });
-                    base.push(self.column(answers.collect()));
+                    base.push(behind(self.column(answers.collect())));
                     precision.push(1e-12);
                 }
             } else {
-                base.push(self.column((0..self.stages.len()).map(of_stage).collect()));
+                base.push(behind(self.column((0..self.stages.len()).map(of_stage).collect())));
                 precision.push(1.0);
             }
         }

@@ -167,7 +167,10 @@ fn judged_on(
     let whole = of_whole.as_deref().map(case).transpose()?;
     let others: Vec<&Case> = whole.iter().chain([&held]).collect();
     search.lay_upon_found(&others)?.ok_or(DiagnoseError::Singular)?;
-    let whole = whole.as_ref().map(|case| search.laid_on(case, &case.system(case.target()))).transpose()?;
+    // Without a whole, the numbers are those of the search, unless tolerances have to go through sensors.
+    let is_behind = (0..search.chosen.len()).any(|index| search.named(index).is_read);
+    let given = whole.as_ref().or(is_behind.then_some(&fitted));
+    let whole = given.map(|case| search.given_on(case)).transpose()?.flatten();
     let whole = whole.filter(Search::is_possible);
     let of_whole = whole.as_ref().and_then(Numbers::of);
     let numbers = Numbers::of(&search).ok_or(DiagnoseError::Singular)?;

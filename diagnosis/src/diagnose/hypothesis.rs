@@ -225,16 +225,33 @@ const BEYOND: f64 = 0.005;
 /// Name of the parameter of a law that nothing measured goes beyond.
 const LIMIT: &str = "limit";
 
-/// The shape of a `kind` with a limit that is the greatest torque of `joint` in the recordings of `case`.
+/// A drive at its limit gives this share of it at least…
+const AT_LIMIT: f64 = 0.7;
+/// …wherever the model wants this much more than the limit, but for half of the time: the model lacks something.
+const WANTED: f64 = 1.3;
+
+/// The shape of a `kind` with a limit that is the greatest torque of `joint` in the recordings of `case`; `None` if the drive hardly ever gives that much
+/// where the model wants more.
 fn reached(case: &Case, kind: &EffectKind, joint: Option<usize>) -> Option<Table> {
     kind.parameter(LIMIT)?;
-    let torques = case.stages.iter().flat_map(|stage| &stage.channels);
-    let torques = torques.filter(|channel| joint.is_some_and(|joint| channel.kind == Kind::Torque(joint)));
-    let mut sizes: Vec<f64> = torques.flat_map(|channel| channel.measured.iter().map(|x| x.abs())).collect();
+    let torques: Vec<&Channel> = case
+        .stages
+        .iter()
+        .flat_map(|stage| &stage.channels)
+        .filter(|channel| joint.is_some_and(|joint| channel.kind == Kind::Torque(joint)))
+        .collect();
+    let mut sizes: Vec<f64> =
+        torques.iter().flat_map(|channel| channel.measured.iter().map(|x| x.abs())).collect();
     let beyond = (BEYOND * sizes.len() as f64) as usize;
     let at = sizes.len().checked_sub(1 + beyond)?;
-    let (_, reached, _) = sizes.select_nth_unstable_by(at, f64::total_cmp);
-    Some([(LIMIT.to_owned(), (*reached).into())].into_iter().collect())
+    let (_, &mut reached, _) = sizes.select_nth_unstable_by(at, f64::total_cmp);
+    let rows = torques.iter().flat_map(|channel| channel.measured.iter().zip(&channel.model));
+    let wanted: Vec<bool> = rows
+        .filter(|(_, model)| model.abs() > WANTED * reached)
+        .map(|(measured, model)| measured * model.signum() > AT_LIMIT * reached)
+        .collect();
+    let given = wanted.iter().filter(|given| **given).count();
+    (2 * given >= wanted.len()).then(|| [(LIMIT.to_owned(), reached.into())].into_iter().collect())
 }
 
 /// The recording in which `joint` moves fastest, which spans the speeds and loads that shapes are laid out over; for the whole arm the first.

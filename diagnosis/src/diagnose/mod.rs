@@ -15,6 +15,7 @@
 //! - `show`, `trial`, `judge` and `other_choices`: what they are worth on held-out data, and whether others are worth more.
 //! - `excess`: whether more is left than noise explains.
 //! - `variables` and `passage`: what pictures are drawn from.
+//! - `through`: what the sensors let through of the machine's tolerances.
 //! - `robust`: numbers that a few rows don't bend.
 //! - `interval`, `numbers`, `rivals`, `locate`, `words`, `conclude`, `report`: what is said.
 //! - `engine`: all of it.
@@ -52,6 +53,7 @@ mod simplify;
 mod stage;
 mod stuck;
 mod system;
+mod through;
 mod tolerance;
 mod trial;
 mod twins;

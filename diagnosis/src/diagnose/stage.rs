@@ -113,12 +113,11 @@ impl<'a> Stage<'a> {
     /// [`LawError::Changed`] if these leave no possible arm.
     pub fn new(arm: &'a Arm, effects: &[&'a Placed], ground: &'a Ground<'a>) -> Result<Self, LawError> {
         let smooth = Baseline::new(arm, effects, &ground.motion, &*ground.as_it_is)?;
-        let rough = Baseline::new(arm, effects, &ground.whole, &*ground.treated)?;
+        let hidden = Some(&ground.sharpening.more);
+        let rough = Baseline::with_hidden(arm, effects, &ground.whole, &*ground.treated, hidden)?;
         let mut channels = ground.channels.clone();
-        let mut sharp = rough.prediction().clone();
-        sharp.add(&ground.sharpening.more);
         for channel in &mut channels {
-            channel.model = ground.treatment.keep(column_of(&sharp, channel.kind));
+            channel.model = ground.treatment.keep(column_of(rough.prediction(), channel.kind));
         }
         let now = &smooth.scene().arm;
         let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
@@ -239,11 +238,7 @@ impl<'a> Stage<'a> {
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
     pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
-        let with = |more: &[&Placed]| {
-            let mut sharp = self.rough.with(more)?;
-            sharp.add(&self.ground.sharpening.more);
-            Ok(sharp)
-        };
+        let with = |more: &[&Placed]| self.rough.with(more);
         let torque_left = |sharp: &Prediction, joint: usize| {
             let torque = &self.channels[self.number_of(Kind::Torque(joint))?];
             let model = self.ground.treatment.keep(&sharp.torque[joint]);
@@ -255,6 +250,23 @@ impl<'a> Stage<'a> {
             channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect()
         };
         Ok(self.channels.iter().map(left).collect())
+    }
+
+    /// The model on all grid points with `more` effects.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn upon<'b>(&self, more: &[&'b Placed]) -> Result<Baseline<'b>, LawError>
+    where
+        'a: 'b,
+    {
+        self.rough.upon(more)
+    }
+
+    /// `prediction`, on all grid points, channel by channel on the kept ones.
+    pub fn kept_of(&self, prediction: &Prediction) -> Vec<Vec<f64>> {
+        let kept = |channel: &Channel| self.ground.treatment.keep(column_of(prediction, channel.kind));
+        self.channels.iter().map(kept).collect()
     }
 
     fn answer_of(&self, kind: &EffectKind, change: &Change) -> Answer {

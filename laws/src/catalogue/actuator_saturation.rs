@@ -78,6 +78,10 @@ impl Effect for ActuatorSaturation {
         true
     }
 
+    fn bends(&self) -> bool {
+        true
+    }
+
     fn measure(&self, _scene: &Scene, prediction: &mut Prediction) {
         for torque in &mut prediction.torque[self.joint] {
             *torque -= self.share * (*torque - torque.clamp(-self.limit, self.limit));
