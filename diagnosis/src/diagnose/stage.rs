@@ -102,6 +102,8 @@ pub(crate) struct Stage<'a> {
     rough: Baseline<'a>,
     /// Torque and tool of the rigid arm on the kept points.
     rigid: (Vec<Vec<f64>>, Vec<Vec<f64>>),
+    /// The effects that the arm file has.
+    known: Vec<&'a Placed>,
     /// What was found to change the arm: what other laws do follows the arm with it.
     found: RefCell<Vec<Placed>>,
 }
@@ -121,7 +123,8 @@ impl<'a> Stage<'a> {
         }
         let now = &smooth.scene().arm;
         let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
-        Ok(Self { ground, channels, smooth, rough, rigid, found: RefCell::default() })
+        let known = effects.to_vec();
+        Ok(Self { ground, channels, smooth, rough, rigid, known, found: RefCell::default() })
     }
 
     /// Lets the columns of other laws follow the arm with what was `found` to change it: friction that grows with the load grows with that of a
@@ -133,6 +136,11 @@ impl<'a> Stage<'a> {
     /// The arm with the effects that change it.
     pub fn arm(&self) -> &Arm {
         &self.smooth.scene().arm
+    }
+
+    /// The effects that the arm file has.
+    pub fn known(&self) -> &[&'a Placed] {
+        &self.known
     }
 
     /// The motion on the kept points.

@@ -1,5 +1,6 @@
 //! How far a machine may be from its model without that being a finding.
 
+use freeplay_arm::{Joint, JointKind};
 use freeplay_laws::{ArmParts, DriveFriction};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
@@ -12,13 +13,13 @@ use crate::residual::Kind;
 pub struct Tolerances {
     /// Mass of a link, as a fraction.
     pub mass: f64,
-    /// Inertia of a link about its centre of mass, as a fraction.
+    /// Inertia of a link about its centre of mass, and of a rotor that the model names, as a fraction.
     pub inertia: f64,
-    /// Friction that the model names, as a fraction.
+    /// Friction that the model names, its laws in the arm file included, as a fraction.
     pub friction: f64,
     /// Zero of an encoder, rad (m for a slide).
     pub zero: f64,
-    /// Length between joints, and position of the tool, m.
+    /// Length between joints, position of the tool and of a link's centre of mass along each axis, m.
     pub length: f64,
     /// Delay of the torques, of the tracker and of the link encoders against the joint encoders, s.
     pub delay: f64,
@@ -55,6 +56,10 @@ pub(crate) enum Of {
     Mass(usize),
     /// Inertia of a link about its centre of mass.
     Inertia(usize),
+    /// Centre of mass of a link, along a direction of its frame.
+    Centre(usize, Vector3<f64>),
+    /// Inertia of a rotor that the model names.
+    Rotor(usize),
     /// Length between a joint and the one before.
     Length(usize),
     /// Length of the tool.
@@ -63,6 +68,8 @@ pub(crate) enum Of {
     Viscous(usize),
     /// Coulomb friction that the model names.
     Coulomb(usize),
+    /// The strength of a law that the arm file has.
+    Law,
     /// Zero of an encoder.
     Zero,
     /// What belongs to the measurement.
@@ -72,7 +79,15 @@ pub(crate) enum Of {
 impl Of {
     /// Whether it changes the rigid arm.
     pub fn is_rigid(self) -> bool {
-        matches!(self, Self::Mass(_) | Self::Inertia(_) | Self::Length(_) | Self::Tool)
+        matches!(
+            self,
+            Self::Mass(_)
+                | Self::Inertia(_)
+                | Self::Centre(..)
+                | Self::Rotor(_)
+                | Self::Length(_)
+                | Self::Tool
+        )
     }
 
     /// Changes `parts` by so many standard `deviations` of it; what an arm file does not say leaves them as they are.
@@ -81,11 +96,13 @@ impl Of {
         match self {
             Self::Mass(joint) => parts.joints[joint].inertia.mass *= 1.0 + by(tolerances.mass),
             Self::Inertia(joint) => parts.joints[joint].inertia.about_com *= 1.0 + by(tolerances.inertia),
+            Self::Centre(joint, along) => parts.joints[joint].inertia.com += by(tolerances.length) * along,
+            Self::Rotor(joint) => parts.joints[joint].rotor_inertia *= 1.0 + by(tolerances.inertia),
             Self::Length(joint) => lengthen(&mut parts.joints[joint].placement, by(tolerances.length)),
             Self::Tool => lengthen(&mut parts.tool, by(tolerances.length)),
             Self::Viscous(joint) => parts.joints[joint].friction.viscous *= 1.0 + by(tolerances.friction),
             Self::Coulomb(joint) => parts.joints[joint].friction.coulomb *= 1.0 + by(tolerances.friction),
-            Self::Zero | Self::Measurement => {}
+            Self::Law | Self::Zero | Self::Measurement => {}
         }
     }
 }
@@ -94,13 +111,14 @@ impl Of {
 pub(crate) fn nuisances(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let mut all = of_links(stage, tolerances);
     all.extend(of_friction(stage, tolerances));
+    all.extend(of_laws(stage, tolerances));
     all.extend(of_zeros(stage, tolerances));
     all.extend(of_delays(stage, tolerances));
     all.extend(of_tracker(stage, tolerances));
     all
 }
 
-/// Masses, inertias and lengths.
+/// Masses, centres of mass, inertias and lengths.
 fn of_links(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let nominal = stage.arm();
     let mut all = Vec::new();
@@ -109,9 +127,7 @@ fn of_links(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         of.change(&mut parts, tolerances, 1.0);
         if let Ok(arm) = parts.into_arm(nominal.name()) {
             let answer = stage.rigid_answer(&arm, None);
-            if answer.iter().any(Option::is_some) {
-                all.push(Nuisance { name, answer, free: false, of });
-            }
+            all.push(Nuisance { name, answer, free: false, of });
         }
     };
     for (index, joint) in nominal.joints().iter().enumerate() {
@@ -119,9 +135,30 @@ fn of_links(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         vary(format!("mass of link {name}"), Of::Mass(index));
         vary(format!("inertia of link {name}"), Of::Inertia(index));
         vary(format!("length before {name}"), Of::Length(index));
+        if joint.rotor_inertia > 0.0 {
+            vary(format!("rotor of {name}"), Of::Rotor(index));
+        }
+        if joint.inertia.mass > 0.0 {
+            across(joint)
+                .into_iter()
+                .for_each(|along| vary(format!("centre of mass of link {name}"), Of::Centre(index, along)));
+        }
     }
     vary("length of the tool".to_owned(), Of::Tool);
     all
+}
+
+/// Directions in which the centre of mass of the link of `joint` shows: along the axis, and where the joint slides, it is the link before that has
+/// it elsewhere.
+fn across(joint: &Joint) -> Vec<Vector3<f64>> {
+    match joint.kind {
+        JointKind::Prismatic => Vec::new(),
+        JointKind::Revolute => {
+            let axis = joint.axis.into_inner();
+            let across = axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize();
+            vec![across, axis.cross(&across)]
+        }
+    }
 }
 
 /// Adds `amount` to the length of a way that has one.
@@ -158,6 +195,42 @@ fn of_friction(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
 fn on_torque(stage: &Stage, index: usize, name: String, column: &[f64], of: Of) -> Nuisance {
     let answer = stage.by_channel(|kind| (kind == Kind::Torque(index)).then(|| column.to_vec()));
     Nuisance { name, answer, free: false, of }
+}
+
+/// Laws of the arm file whose strength is as uncertain as friction.
+const FRICTIONS: [&str; 8] = [
+    "coulomb_friction",
+    "viscous_friction",
+    "quadratic_drag",
+    "stribeck_friction",
+    "asymmetric_friction",
+    "load_dependent_friction",
+    "position_dependent_friction",
+    "presliding_friction",
+];
+/// Those that are as uncertain as an inertia.
+const INERTIAS: [&str; 1] = ["rotor_inertia"];
+
+/// The strength of the laws that the arm file has; what they change of the arm is in its own numbers.
+fn of_laws(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
+    let tolerance = |kind: &str| {
+        let friction = FRICTIONS.contains(&kind).then_some(tolerances.friction);
+        friction.or(INERTIAS.contains(&kind).then_some(tolerances.inertia))
+    };
+    let mut all = Vec::new();
+    for placed in stage.known() {
+        let Some(tolerance) = tolerance(placed.kind.name) else { continue };
+        // As much of it once more, but for the share.
+        let Ok(mut answer) = stage.answer(placed) else { continue };
+        answer.iter_mut().flatten().flatten().for_each(|x| *x *= EVEN * tolerance);
+        all.push(Nuisance {
+            name: format!("{} in the arm file", placed.kind.title),
+            answer,
+            free: false,
+            of: Of::Law,
+        });
+    }
+    all
 }
 
 /// Zeros of the encoders.

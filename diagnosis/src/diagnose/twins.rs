@@ -82,6 +82,8 @@ impl Drawn {
         for joint in &mut parts.joints {
             joint.inertia.mass *= 1.0 + spread * tolerances.mass * within(rng);
             joint.inertia.about_com *= 1.0 + spread * tolerances.inertia * within(rng);
+            joint.inertia.com += Vector3::from_fn(|_, _| spread * tolerances.length * within(rng));
+            joint.rotor_inertia *= 1.0 + spread * tolerances.inertia * within(rng);
             lengthen(&mut joint.placement.translation.vector, spread * tolerances.length * within(rng));
         }
         lengthen(&mut parts.tool.translation.vector, spread * tolerances.length * within(rng));
