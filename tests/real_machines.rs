@@ -79,7 +79,7 @@ fn margins(set: &Set) -> Option<Vec<(&'static str, f64)>> {
     }
     let rows = set.lowest.iter().map(|&(channel, lowest)| {
         let rmse = |row: &str| diagnosis["fit"][row][channel]["rmse"].as_f64().expect("a number");
-        let ours = rmse("after_retuned");
+        let ours = rmse("after");
         let share = ours / lowest;
         println!(
             "  {channel}: {:10.3} as given, lowest known {lowest:10.3}, ours {ours:10.3}, {:+.0} %",

@@ -206,7 +206,7 @@ fn bars(fit: &Fit, channels: &[&str]) -> String {
         let rows = [
             ("model as given", OPEN, &fit.before),
             ("parameters re-tuned", Style::new(), &fit.retuned),
-            ("with what was found", GOOD, &fit.after_retuned),
+            ("with what was found", GOOD, &fit.after),
             ("black box (splines)", Style::new(), &fit.black_box),
         ];
         let longest = rows.iter().map(|(_, _, table)| table[channel].rmse).fold(f64::MIN_POSITIVE, f64::max);
@@ -227,7 +227,7 @@ fn one_line_each(fit: &Fit, channels: &[&str]) -> String {
     let mut table = plain_table();
     table.set_header(["", "as given", "re-tuned", "black box", "found", "floor", ""]);
     for &channel in channels {
-        let all = [&fit.before, &fit.retuned, &fit.black_box, &fit.after_retuned, &fit.noise_floor];
+        let all = [&fit.before, &fit.retuned, &fit.black_box, &fit.after, &fit.noise_floor];
         let all = all.map(|table| table[channel].rmse);
         let longest = all.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
         let (scale, unit) = people(fit.units.get(channel).copied().unwrap_or(""), longest);

@@ -167,8 +167,19 @@ impl Kind {
     /// Whether the number `name` of a shape has values between those that [`Kind::shapes`] lists.
     pub fn refines(&self, name: &str) -> bool {
         let is_choice = |range: &Range| matches!(range, Range::Number { role: Role::Choice, .. });
-        ![ABOUT, NOMINAL, START].contains(&name)
+        ![ABOUT, NOMINAL].contains(&name)
+            && !(name == START && self.takes_as_given(START))
             && !self.parameters.iter().any(|parameter| parameter.name == name && is_choice(&parameter.range))
+    }
+
+    /// Whether `name` is a parameter that no recording tells: its value is a usual one.
+    pub fn takes_as_given(&self, name: &str) -> bool {
+        self.parameter(name).is_some_and(|parameter| {
+            matches!(
+                parameter.range,
+                Range::Number { role: Role::Given, .. } | Range::Vector { role: Role::Given, .. }
+            )
+        })
     }
 
     /// The terms of the effect at `place` with `shape`, one of [`Kind::shapes`], which may say [`ABOUT`] which coefficient.

@@ -195,8 +195,8 @@ fn errors(diagnosis: &Diagnosis) -> BTreeMap<String, Errors> {
         let errors = Errors {
             floor: of(&fit.noise_floor, channel),
             before: of(&fit.before, channel),
-            after: of(&fit.after, channel),
-            after_tuned: of(&fit.after_retuned, channel),
+            after: of(&fit.after_as_given, channel),
+            after_tuned: of(&fit.after, channel),
             tuned: of(&fit.retuned, channel),
             black_box: of(&fit.black_box, channel),
         };

@@ -159,7 +159,7 @@ fn errors(outcome: &Outcome) -> Option<(String, String, f64, f64)> {
     let far =
         |channel: &&String| fit.before[*channel].rmse / fit.noise_floor[*channel].rmse.max(f64::MIN_POSITIVE);
     let channel = channels.max_by(|a, b| far(a).total_cmp(&far(b)))?;
-    let (before, after) = (fit.before[channel].rmse, fit.after_retuned[channel].rmse);
+    let (before, after) = (fit.before[channel].rmse, fit.after[channel].rmse);
     let (scale, unit) = people(fit.units[channel], before);
     Some((channel.clone(), unit, before * scale, after * scale))
 }

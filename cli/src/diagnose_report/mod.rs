@@ -118,7 +118,7 @@ fn tiles(diagnosis: &Diagnosis) -> Vec<Figure> {
     tiles.truncate(4);
     let Some(fit) = &diagnosis.fit else { return tiles };
     let (Some(gain), Some(first)) = (fit.gain, channels(diagnosis).first().copied()) else { return tiles };
-    let (before, after) = (fit.before[first].rmse, fit.after_retuned[first].rmse);
+    let (before, after) = (fit.before[first].rmse, fit.after[first].rmse);
     let (scale, unit) = people(fit.units[first], before);
     tiles.push(
         Figure::new(format!("error of {first}, held out"), written(after * scale), unit)

@@ -87,7 +87,7 @@ impl Score {
         if let Some(fit) = &diagnosis.fit {
             for channel in &effect.evidence.channels {
                 let of = |table: &BTreeMap<String, freeplay_diagnosis::Rmse>| table[channel].rmse;
-                let (before, after, floor) = (of(&fit.before), of(&fit.after_retuned), of(&fit.noise_floor));
+                let (before, after, floor) = (of(&fit.before), of(&fit.after), of(&fit.noise_floor));
                 if before > 1.05 * floor {
                     self.closed.push((before - after) / (before - floor));
                 }
@@ -131,7 +131,7 @@ fn above_the_floor(diagnosis: &Diagnosis) -> Option<String> {
             table.iter().map(|(channel, left)| (left.rmse / fit.noise_floor[channel].rmse, channel.clone()));
         ratios.max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::NAN, String::new()))
     };
-    let (before, after) = (worst(&fit.retuned), worst(&fit.after_retuned));
+    let (before, after) = (worst(&fit.retuned), worst(&fit.after));
     Some(format!("[{:.2} {} to {:.2} {} floors]", before.0, before.1, after.0, after.1))
 }
 

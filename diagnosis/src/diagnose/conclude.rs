@@ -366,9 +366,9 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         Fit {
             noise_floor: table(self.judge.floor.transferred.clone()),
             before: rms(&errors.before),
-            after: rms(&errors.after),
+            after: rms(&errors.tuned_after),
             retuned: rms(&errors.retuned),
-            after_retuned: rms(&errors.tuned_after),
+            after_as_given: rms(&errors.after),
             black_box: rms(black_box),
             held_out: true,
             data: self.data.to_owned(),

@@ -8,7 +8,7 @@ use freeplay_recording::Group;
 use toml::Table;
 
 use super::case::{Case, take_mean_off};
-use super::moment::{happens_in, in_each, plain};
+use super::moment::{happens_in, in_each, plain, struck};
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
 use super::system::{Block, Column, Score, System, dot, sum_of};
@@ -190,6 +190,7 @@ pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<
             let fastest = fastest(case, joint);
             let mut shapes = (kind.shapes)(&Place { scene: fastest.baseline(kind).scene(), joint });
             shapes.extend(in_each(case, kind, joint));
+            shapes.extend(struck(case, kind));
             shapes.extend(reached(case, kind, joint));
             let before = all.len();
             let mut refused = None;
@@ -341,7 +342,7 @@ fn is_refuted(
     let is_elsewhere = |stage: &Stage, channel: &Channel| {
         joint.is_none_or(|joint| channel.kind != Kind::Torque(joint)) && !stage.ground.is_stuck(channel.kind)
     };
-    if !shape.contains_key(START) {
+    if !(kind.takes_as_given(START) && shape.contains_key(START)) {
         return Ok(false);
     }
     for stage in &case.stages {

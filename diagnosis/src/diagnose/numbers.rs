@@ -88,7 +88,7 @@ pub(crate) fn parameters(
             let parameter = Parameter {
                 value: value.clone(),
                 unit: named.kind.unit(name, joint).to_owned(),
-                ci95: interval(name),
+                ci95: interval(name).filter(|_| !named.kind.takes_as_given(name)),
             };
             (name.clone(), parameter)
         })

@@ -130,12 +130,12 @@ pub struct Fit {
     pub noise_floor: BTreeMap<String, Rmse>,
     /// The model as given.
     pub before: BTreeMap<String, Rmse>,
-    /// The model with the named effects, as it is written.
+    /// The model that is given out: with the named effects, its parameters tuned inside their tolerances.
     pub after: BTreeMap<String, Rmse>,
     /// The model with its parameters tuned inside their tolerances, nothing added.
     pub retuned: BTreeMap<String, Rmse>,
-    /// With the named effects and tuned.
-    pub after_retuned: BTreeMap<String, Rmse>,
+    /// The model as given with the named effects, nothing tuned.
+    pub after_as_given: BTreeMap<String, Rmse>,
     /// Tuned, with an unnamed correction.
     pub black_box: BTreeMap<String, Rmse>,
     /// Whether these data took no part in the fit.

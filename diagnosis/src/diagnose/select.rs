@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_laws::{ABOUT, START};
+use freeplay_laws::ABOUT;
 
 use super::hypothesis::Hypothesis;
 use super::places::Winner;
@@ -409,9 +409,8 @@ impl Search<'_, '_> {
 
 /// How plain a law is: fewer numbers are plainer.
 pub(super) fn plainness(hypothesis: &Hypothesis) -> usize {
-    let numbers = hypothesis
-        .shape
-        .iter()
-        .filter(|(name, value)| value.is_float() && ![ABOUT, START].contains(&name.as_str()));
+    let numbers = hypothesis.shape.iter().filter(|(name, value)| {
+        value.is_float() && name.as_str() != ABOUT && !hypothesis.kind.takes_as_given(name)
+    });
     hypothesis.size() + numbers.count()
 }
