@@ -101,6 +101,12 @@ pub enum ResidualError {
 impl ResidualError {
     /// The error in words for the diagnosis of `recordings`, of which it met a part.
     pub(crate) fn in_a_diagnosis(&self, recordings: &[Recording]) -> String {
+        if let Self::Stamps { origin, .. } = self {
+            return format!(
+                "{}: hardly anything is left of it in which the arm moves; record at least {ENOUGH_S:.0} s of motion",
+                origin.display()
+            );
+        }
         let Self::TooShort { origin, longest_s, needed_s, cutoff_hz } = self else { return self.to_string() };
         let whole = recordings.iter().find(|recording| recording.origin == *origin);
         let whole_s = whole.map_or(*longest_s, Recording::duration);

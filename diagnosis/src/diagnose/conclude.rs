@@ -58,15 +58,17 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         quality: Vec<String>,
         lack: String,
     ) -> Diagnosis {
+        // What it lacks; what to do.
+        let (why, advice) = lack.rsplit_once("; ").unwrap_or((&lack, "record another motion"));
         Diagnosis {
             schema: DIAGNOSIS_SCHEMA,
             verdict: Verdict::InsufficientData,
-            statement: format!("These recordings can't tell: {lack}."),
+            statement: format!("These recordings can't tell: {why}."),
             location: Vec::new(),
             effects: Vec::new(),
             alternatives: Vec::new(),
             fit: None,
-            next: vec![lack],
+            next: vec![advice.to_owned()],
             untestable: Vec::new(),
             quality,
             evidence: Vec::new(),

@@ -55,11 +55,11 @@ pub(crate) fn lack(arm: &Arm, fitted: &[Ground], held: &[Ground]) -> Option<Stri
 pub(crate) fn notes(case: &Case) -> Vec<String> {
     let mut notes = Vec::new();
     for (number, stage) in case.stages.iter().enumerate() {
-        let mut rounded = Vec::new();
+        let (mut stuck, mut rounded, mut partly) = (Vec::new(), Vec::new(), Vec::new());
         for (index, (channel, noise)) in stage.channels.iter().zip(&stage.ground.noises.channels).enumerate()
         {
             if let Some(words) = no_measurement(stage, channel) {
-                notes.push(words);
+                stuck.push(words);
                 continue;
             }
             let spread = Moments::of(&channel.measured).std;
@@ -72,12 +72,18 @@ pub(crate) fn notes(case: &Case) -> Vec<String> {
             let kept = &case.kept[number * case.per_stage() + index];
             let left_out = 1.0 - kept.iter().sum::<f64>() / kept.len().max(1) as f64;
             if let (Kind::Torque(joint), true) = (channel.kind, left_out > 0.02) {
-                notes.push(format!(
-                    "{}: {:.0} % of its torque does not count: where it stands still, dry friction may hold any part of it; where it jerks, the samples say too little",
-                    stage.arm().joints()[joint].name,
-                    100.0 * left_out
-                ));
+                partly.push(format!("{:.0} % of {}", 100.0 * left_out, stage.arm().joints()[joint].name));
             }
+        }
+        if !stuck.is_empty() {
+            notes.push(format!("no measurement of a torque, and left out: {}", stuck.join(", ")));
+        }
+        if !partly.is_empty() {
+            notes.push(format!(
+                "these rows of a torque do not count: {}; where a joint stands still, dry friction may hold any part of it, and where it jerks, the samples \
+                 say too little",
+                partly.join(", ")
+            ));
         }
         if !rounded.is_empty() {
             notes.push(format!("rounded coarsely: {}", rounded.join(", ")));
@@ -86,12 +92,12 @@ pub(crate) fn notes(case: &Case) -> Vec<String> {
     notes
 }
 
-/// What is said of a `channel` of `stage` that is no measurement; `None` of one that is.
-pub(crate) fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
+/// Where a `channel` of `stage` that is no measurement is stuck; `None` of one that is a measurement.
+fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
     let Kind::Torque(joint) = channel.kind else { return None };
     let Stuck { at, share } = stage.ground.stuck[joint]?;
     Some(format!(
-        "{} stays at {at} {} in {:.0} % of the rows in which {} moves: that is no measurement of its torque, and it is left out",
+        "{} stays at {at} {} in {:.0} % of the rows in which {} moves",
         channel.name,
         channel.unit,
         100.0 * share,
