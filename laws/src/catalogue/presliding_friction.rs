@@ -14,7 +14,7 @@ use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, NOMINAL, Seen, Site};
+use crate::kind::{Kind, NOMINAL, START, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -38,6 +38,14 @@ pub static KIND: Kind = Kind {
             .prismatic("N*s/m")
             .or(0.0)
             .given(),
+        Parameter::number(
+            START,
+            "how far the bristles are bent as a motion begins, of what the level bends them: −1 back, 1 forward",
+            "1",
+            [-1.0, 1.0],
+        )
+        .or_else("straight, or as the torque of a recording has it")
+        .given(),
     ],
     seen: Seen::TORQUE,
     rough: true,
@@ -66,12 +74,16 @@ pub static KIND: Kind = Kind {
         let bristles =
             Bristles { stiffness, damping: values.number("damping")?, level: level.max(0.0), z: 0.0 };
         let replaced = DriveFriction { viscous: 0.0, coulomb: share * nominal.coulomb, ..nominal };
-        Ok(Box::new(Presliding { joint: values.joint()?, bristles, replaced }))
+        let start = values.optional(START)?;
+        Ok(Box::new(Presliding { joint: values.joint()?, bristles, replaced, start }))
     },
 };
 
 /// Name of a shape's entry: the way δ over which friction builds up.
 const DISPLACEMENT: &str = "displacement";
+
+/// A displacement that is a greater share of the way takes the bristles of a motion's beginning far into it.
+const LONG: f64 = 0.02;
 
 /// Displacements δ from what half a dozen samples around a reversal can show to half of the way.
 fn displacements(place: &Place) -> Vec<Table> {
@@ -83,7 +95,11 @@ fn displacements(place: &Place) -> Vec<Table> {
     }
     let nominal = place.joint().map_or(0.0, |joint| joint.friction.coulomb);
     let ways = std::iter::successors(Some(way / 3000.0), |way| Some(2.0 * way)).take_while(|x| 2.0 * x < way);
-    ways.map(|x| with(&Table::new(), [(DISPLACEMENT, x), (NOMINAL, nominal)])).collect()
+    let shape = |x: f64| {
+        let shape = with(&Table::new(), [(DISPLACEMENT, x), (NOMINAL, nominal)]);
+        if x > LONG * way { with(&shape, [(START, 0.0)]) } else { shape }
+    };
+    ways.map(shape).collect()
 }
 
 fn number(shape: &Table, name: &str) -> f64 {
@@ -118,7 +134,11 @@ fn compose(_: &Kind, shape: &Table, coefficients: &[f64]) -> Table {
     let (share, coulomb) = (share - beyond, coulomb + beyond * nominal);
     let level = share * nominal + coulomb;
     let stiffness = (level / number(shape, DISPLACEMENT)).clamp(1e-6, 1e12);
-    with(&Table::new(), [("stiffness", stiffness), ("share", share), ("coulomb", coulomb)])
+    let table = with(&Table::new(), [("stiffness", stiffness), ("share", share), ("coulomb", coulomb)]);
+    match number(shape, START) {
+        0.0 => table,
+        start => with(&table, [(START, start)]),
+    }
 }
 
 /// Bristles that deflect.
@@ -154,14 +174,24 @@ struct Presliding {
     bristles: Bristles,
     /// The part of the nominal friction that does not jump any more.
     replaced: DriveFriction,
+    /// How far the bristles are bent as a motion begins, −1 to 1; `None` if no file says so.
+    start: Option<f64>,
+}
+
+impl Presliding {
+    /// The bristles as a motion begins.
+    fn first(&self) -> Bristles {
+        let bend = self.start.unwrap_or(0.0) * self.bristles.level / self.bristles.stiffness;
+        Bristles { z: bend, ..self.bristles }
+    }
 }
 
 impl Effect for Presliding {
     fn torque(&self, scene: &Scene, torque: &mut Columns) {
         let (q, v) = (&scene.motion.q[self.joint], &scene.motion.v[self.joint]);
         for stretch in &scene.motion.stretches {
-            // What came before is not known: the bristles are taken as straight.
-            let mut bristles = self.bristles;
+            // What came before is not known.
+            let mut bristles = self.first();
             for point in stretch.clone() {
                 let moved = if point > stretch.start { q[point] - q[point - 1] } else { 0.0 };
                 torque[self.joint][point] +=
@@ -170,8 +200,13 @@ impl Effect for Presliding {
         }
     }
 
+    fn begun(&self, start: f64) -> Option<Box<dyn Effect>> {
+        let begun = || -> Box<dyn Effect> { Box::new(Presliding { start: Some(start), ..*self }) };
+        (self.bristles.level > 0.0 && self.start.is_none()).then(begun)
+    }
+
     fn inject(&self, injection: &mut Injection) {
-        injection.drives.push(Box::new(*self));
+        injection.drives.push(Box::new(Presliding { bristles: self.first(), ..*self }));
     }
 }
 
@@ -182,6 +217,6 @@ impl DriveLaw for Presliding {
     }
 
     fn restart(&mut self) {
-        self.bristles.z = 0.0;
+        self.bristles = self.first();
     }
 }
