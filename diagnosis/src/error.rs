@@ -99,6 +99,17 @@ pub enum ResidualError {
 }
 
 impl ResidualError {
+    /// Whether it is that a part of one of `recordings` is too little, not that one of these is none.
+    pub(crate) fn is_of_a_part(&self, recordings: &[Recording]) -> bool {
+        match self {
+            Self::TooShort { .. } => true,
+            Self::Stamps { origin, samples, .. } => {
+                recordings.iter().any(|whole| whole.origin == *origin && whole.len() > *samples)
+            }
+            _ => false,
+        }
+    }
+
     /// The error in words for the diagnosis of `recordings`, of which it met a part.
     pub(crate) fn in_a_diagnosis(&self, recordings: &[Recording]) -> String {
         if let Self::Stamps { origin, .. } = self {

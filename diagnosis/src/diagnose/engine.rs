@@ -120,8 +120,7 @@ fn judged_on(
         |recordings| -> Result<Vec<Ground>, ResidualError> { grounds_of(&file.arm, recordings, settings) };
     let (fitted, held) = match (grounds(&parts.fitted), grounds(&parts.held)) {
         (Ok(fitted), Ok(held)) => (fitted, held),
-        (Err(short @ (ResidualError::TooShort { .. } | ResidualError::Stamps { .. })), _)
-        | (_, Err(short @ (ResidualError::TooShort { .. } | ResidualError::Stamps { .. }))) => {
+        (Err(short), _) | (_, Err(short)) if short.is_of_a_part(recordings) => {
             return Ok(Conclusion::insufficient(file, settings, notes, short.in_a_diagnosis(recordings)));
         }
         (Err(error), _) | (_, Err(error)) => return Err(error.into()),
