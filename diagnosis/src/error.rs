@@ -98,13 +98,16 @@ pub enum ResidualError {
     },
 }
 
+/// Fewest samples of a recording that a time grid is laid through.
+const FEWEST: usize = 4;
+
 impl ResidualError {
     /// Whether it is that a part of one of `recordings` is too little, not that one of these is none.
     pub(crate) fn is_of_a_part(&self, recordings: &[Recording]) -> bool {
         match self {
             Self::TooShort { .. } => true,
-            Self::Stamps { origin, samples, .. } => {
-                recordings.iter().any(|whole| whole.origin == *origin && whole.len() > *samples)
+            Self::Stamps { origin, .. } => {
+                recordings.iter().any(|whole| whole.origin == *origin && whole.len() >= FEWEST)
             }
             _ => false,
         }
