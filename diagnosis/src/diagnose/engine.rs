@@ -118,13 +118,15 @@ fn judged_on(
     progress("treating the recordings");
     let grounds =
         |recordings| -> Result<Vec<Ground>, ResidualError> { grounds_of(&file.arm, recordings, settings) };
-    let (fitted, held) = match (grounds(&parts.fitted), grounds(&parts.held)) {
+    let (fitted, mut held) = match (grounds(&parts.fitted), grounds(&parts.held)) {
         (Ok(fitted), Ok(held)) => (fitted, held),
         (Err(short), _) | (_, Err(short)) if short.is_of_a_part(recordings) => {
             return Ok(Conclusion::insufficient(file, settings, notes, short.in_a_diagnosis(recordings)));
         }
         (Err(error), _) | (_, Err(error)) => return Err(error.into()),
     };
+    // What was no measurement in all of the fit has nothing to be judged by.
+    held.iter_mut().for_each(|held| held.silence_as(&fitted));
     notes.extend(fitted.iter().flat_map(|ground| ground.treatment.notes().to_vec()));
     if let Some(lack) = quality::lack(&file.arm, &fitted, &held) {
         return Ok(Conclusion::insufficient(file, settings, notes, lack));

@@ -84,6 +84,14 @@ impl<'a> Ground<'a> {
         Ok(Self { stuck: vec![None; arm.dof()], ..Self::new(arm, recording, settings)? })
     }
 
+    /// Leaves out the torques that are no measurement in any of the `others`.
+    pub fn silence_as(&mut self, others: &[Ground]) {
+        for (joint, stuck) in self.stuck.iter_mut().enumerate() {
+            let everywhere: Option<Vec<Stuck>> = others.iter().map(|other| other.stuck[joint]).collect();
+            *stuck = everywhere.and_then(|all| all.first().copied()).or(*stuck);
+        }
+    }
+
     /// Whether the channel that should measure `kind` is no measurement.
     pub fn is_stuck(&self, kind: Kind) -> bool {
         matches!(kind, Kind::Torque(joint) if self.stuck[joint].is_some())
