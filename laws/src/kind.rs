@@ -167,9 +167,9 @@ impl Kind {
     /// Whether the number `name` of a shape has values between those that [`Kind::shapes`] lists.
     pub fn refines(&self, name: &str) -> bool {
         let is_choice = |range: &Range| matches!(range, Range::Number { role: Role::Choice, .. });
-        ![ABOUT, NOMINAL].contains(&name)
-            && !(name == START && self.takes_as_given(START))
-            && !self.parameters.iter().any(|parameter| parameter.name == name && is_choice(&parameter.range))
+        let is_state = name == START && self.takes_as_given(START);
+        let is_chosen = self.parameter(name).is_some_and(|parameter| is_choice(&parameter.range));
+        !(is_state || is_chosen || [ABOUT, NOMINAL].contains(&name))
     }
 
     /// Whether `name` is a parameter that no recording tells: its value is a usual one.
