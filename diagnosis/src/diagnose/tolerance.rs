@@ -19,7 +19,7 @@ pub struct Tolerances {
     pub friction: f64,
     /// Zero of an encoder, rad (m for a slide).
     pub zero: f64,
-    /// Length between joints, position of the tool and of a link's centre of mass along each axis, m.
+    /// Length between joints, position of the tool, and distance of a link's centre of mass from where it should be, m; along each axis of that 1/√3 as much.
     pub length: f64,
     /// Delay of the torques, of the tracker and of the link encoders against the joint encoders, s.
     pub delay: f64,
@@ -34,7 +34,7 @@ impl Default for Tolerances {
 }
 
 /// Standard deviation of a quantity spread evenly over ±1: 1/√3.
-const EVEN: f64 = 0.577_350_269_189_625_8;
+pub(crate) const EVEN: f64 = 0.577_350_269_189_625_8;
 
 /// A nuisance: a direction in which the machine may differ from its model, scaled so that its prior is a normal of variance one.
 #[derive(Debug)]
@@ -96,7 +96,9 @@ impl Of {
         match self {
             Self::Mass(joint) => parts.joints[joint].inertia.mass *= 1.0 + by(tolerances.mass),
             Self::Inertia(joint) => parts.joints[joint].inertia.about_com *= 1.0 + by(tolerances.inertia),
-            Self::Centre(joint, along) => parts.joints[joint].inertia.com += by(tolerances.length) * along,
+            Self::Centre(joint, along) => {
+                parts.joints[joint].inertia.com += EVEN * by(tolerances.length) * along
+            }
             Self::Rotor(joint) => parts.joints[joint].rotor_inertia *= 1.0 + by(tolerances.inertia),
             Self::Length(joint) => lengthen(&mut parts.joints[joint].placement, by(tolerances.length)),
             Self::Tool => lengthen(&mut parts.tool, by(tolerances.length)),

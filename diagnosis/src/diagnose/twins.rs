@@ -11,7 +11,7 @@ use super::case::Case;
 use super::noise::{Noise, normal, normals};
 use super::stage::Stage;
 use super::system::subtract;
-use super::tolerance::{Of, Tolerances};
+use super::tolerance::{EVEN, Of, Tolerances};
 use crate::filter::derivatives;
 use crate::residual::Kind;
 
@@ -78,16 +78,15 @@ struct Drawn {
 impl Drawn {
     fn new(nominal: &Arm, tolerances: &Tolerances, rng: &mut ChaCha8Rng) -> Self {
         let mut parts = ArmParts::of(nominal);
-        let spread = 1.0 / 3_f64.sqrt();
         for joint in &mut parts.joints {
-            joint.inertia.mass *= 1.0 + spread * tolerances.mass * within(rng);
-            joint.inertia.about_com *= 1.0 + spread * tolerances.inertia * within(rng);
-            joint.inertia.com += Vector3::from_fn(|_, _| spread * tolerances.length * within(rng));
-            joint.rotor_inertia *= 1.0 + spread * tolerances.inertia * within(rng);
-            lengthen(&mut joint.placement.translation.vector, spread * tolerances.length * within(rng));
+            joint.inertia.mass *= 1.0 + EVEN * tolerances.mass * within(rng);
+            joint.inertia.about_com *= 1.0 + EVEN * tolerances.inertia * within(rng);
+            joint.inertia.com += Vector3::from_fn(|_, _| EVEN * EVEN * tolerances.length * within(rng));
+            joint.rotor_inertia *= 1.0 + EVEN * tolerances.inertia * within(rng);
+            lengthen(&mut joint.placement.translation.vector, EVEN * tolerances.length * within(rng));
         }
-        lengthen(&mut parts.tool.translation.vector, spread * tolerances.length * within(rng));
-        let zeros = (0..nominal.dof()).map(|_| spread * tolerances.zero * within(rng)).collect();
+        lengthen(&mut parts.tool.translation.vector, EVEN * tolerances.length * within(rng));
+        let zeros = (0..nominal.dof()).map(|_| EVEN * tolerances.zero * within(rng)).collect();
         Self { arm: parts.into_arm(nominal.name()).unwrap_or_else(|_| nominal.clone()), zeros }
     }
 
