@@ -137,9 +137,8 @@ fn judged_on(
     notes.extend(fitted.stages.first().and_then(|stage| {
         scale::of_channels(stage.channels.iter().filter(|channel| !stage.ground.is_stuck(channel.kind)))
     }));
-    progress("laying out what might be missing");
     let system = fitted.system(fitted.target());
-    let (hypotheses, untestable) = hypotheses(&fitted, &system);
+    let (hypotheses, untestable) = hypotheses(&fitted, &system, progress);
     progress("asking twins of the model what is found in nothing");
     let null = null(&fitted, &system, &hypotheses, &settings.tolerances, settings.twins, settings.seed)
         .ok_or(DiagnoseError::Singular)?;

@@ -160,11 +160,22 @@ pub(crate) fn places(kind: &EffectKind, arm: &Arm) -> Vec<Option<usize>> {
     }
 }
 
+/// After so many laws it is said how many are laid out.
+const TOLD: usize = 2;
+
 /// All hypotheses that the recordings of `case` can show, and those that they can't, or can't tell from others.
-pub(crate) fn hypotheses(case: &Case, system: &System) -> (Vec<Hypothesis>, Vec<Untestable>) {
+pub(crate) fn hypotheses(
+    case: &Case,
+    system: &System,
+    progress: &mut dyn FnMut(&str),
+) -> (Vec<Hypothesis>, Vec<Untestable>) {
     let (mut all, mut untestable) = (Vec::new(), Vec::new());
     let arm = case.stages[0].arm();
-    for kind in kinds() {
+    let count = kinds().count();
+    for (number, kind) in kinds().enumerate() {
+        if number.is_multiple_of(TOLD) {
+            progress(&format!("laying out what might be missing: {number} of {count} laws"));
+        }
         for joint in places(kind, arm) {
             let because = |lacks: &dyn Fn(&Place, &Recorded) -> Option<String>| {
                 let stages = case.stages.iter();
