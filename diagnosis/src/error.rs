@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use freeplay_recording::Recording;
 use thiserror::Error;
 
+use crate::grid::FEWEST;
+
 /// Length of recordings that a diagnosis asks for where there is too little, s.
 const ENOUGH_S: f64 = 10.0;
 /// Share of a single recording that the shortest of its parts is, which are fitted and judged apart; of several each is used as it is.
@@ -42,7 +44,7 @@ pub enum ResidualError {
         joints: usize,
     },
     /// Time stamps that no grid can be laid through.
-    #[error("{}: {samples} sample(s) over {duration_s:.3e} s make no time grid; record at least 4 samples", origin.display())]
+    #[error("{}: {samples} sample(s) over {duration_s:.3e} s make no time grid; record at least {} samples", origin.display(), FEWEST)]
     Stamps {
         /// The recording.
         origin: PathBuf,
@@ -97,9 +99,6 @@ pub enum ResidualError {
         channel: String,
     },
 }
-
-/// Fewest samples of a recording that a time grid is laid through.
-const FEWEST: usize = 4;
 
 impl ResidualError {
     /// Whether it is that a part of one of `recordings` is too little, not that one of these is none.

@@ -11,6 +11,8 @@ use crate::statistics::{roughness, span};
 
 /// A step this many times longer than the tenth-longest per cent of steps is a gap: nothing is interpolated across it.
 const GAP_STEPS: f64 = 10.0;
+/// Fewest samples of a recording that a grid is laid through.
+pub(crate) const FEWEST: usize = 4;
 /// Stamps that are nowhere farther than this share of a step from a uniform grid are taken as uniform.
 const EVEN: f64 = 0.02;
 /// Where neighbouring steps differ by more than this factor, interpolation uses the straight line.
@@ -75,7 +77,7 @@ impl Grid {
 
     /// The grid of samples taken at `t`; `None` for fewer than four, or numbers out of range.
     fn of(t: &[f64]) -> Option<Self> {
-        if t.len() < 4 {
+        if t.len() < FEWEST {
             return None;
         }
         let mut steps: Vec<f64> = t.windows(2).map(|w| w[1] - w[0]).collect();

@@ -305,14 +305,11 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
     fn location(&self, maps: &[Map], errors: &HeldOut) -> Vec<Location> {
         let channels = &self.search.case.stages[0].channels;
         let left = self.judge.held.rms(&errors.retuned);
-        let beyond: Vec<f64> =
-            left.iter()
-                .zip(&self.judge.floor.transferred)
-                .zip(self.counts())
-                .map(|((left, floor), counts)| {
-                    if counts { ((left / floor.max(f64::MIN_POSITIVE)).powi(2) - 1.0).max(0.0) } else { 0.0 }
-                })
-                .collect();
+        let floors = &self.judge.floor.transferred;
+        let beyond = |((left, floor), counts): ((&f64, &f64), bool)| {
+            if counts { ((left / floor.max(f64::MIN_POSITIVE)).powi(2) - 1.0).max(0.0) } else { 0.0 }
+        };
+        let beyond: Vec<f64> = left.iter().zip(floors).zip(self.counts()).map(beyond).collect();
         let all: f64 = beyond.iter().sum();
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
         for (index, channel) in channels.iter().enumerate() {
@@ -353,14 +350,16 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         self.judge.held.by_channel(&self.judge.held.rows()).iter().map(|rows| *rows > 0.0).collect()
     }
 
+    /// `values`, one a channel of a stage, by the names of the channels; of one without a row that counts there is none.
+    fn by_name<T>(&self, values: impl Iterator<Item = T>) -> BTreeMap<String, T> {
+        let channels = self.search.case.stages[0].channels.iter().zip(self.counts());
+        let counted = channels.zip(values).filter(|((_, counts), _)| *counts);
+        counted.map(|((channel, _), value)| (channel.name.clone(), value)).collect()
+    }
+
     fn fit(&self, errors: &HeldOut, black_box: &[Vec<f64>], channels: &[usize]) -> Fit {
         let described = &self.search.case.stages[0].channels;
-        // Of a channel without a row that counts there is no error.
-        let counts = self.counts();
-        let table = |values: Vec<f64>| -> BTreeMap<String, Rmse> {
-            let all = described.iter().zip(values).enumerate().filter(|(c, _)| counts[*c]);
-            all.map(|(_, (channel, rmse))| (channel.name.clone(), Rmse { rmse })).collect()
-        };
+        let table = |values: Vec<f64>| self.by_name(values.into_iter().map(|rmse| Rmse { rmse }));
         let rms = |rows: &[Vec<f64>]| table(self.judge.held.rms(rows));
         let gain = |after: &[Vec<f64>]| {
             (!channels.is_empty()).then(|| self.judge.gain(self.search, channels, &errors.retuned, after))
@@ -376,10 +375,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             data: self.data.to_owned(),
             gain: gain(&errors.tuned_after).filter(|_| !self.proofs.is_empty()),
             black_box_gain: gain(black_box),
-            units: (0..described.len())
-                .filter(|c| counts[*c])
-                .map(|c| (described[c].name.clone(), described[c].unit))
-                .collect(),
+            units: self.by_name(described.iter().map(|channel| channel.unit)),
         }
     }
 

@@ -22,6 +22,9 @@ use crate::residual::{Channel, Kind, Sharpening, residuals_along, square_of_diff
 /// What something adds to each channel of a stage; `None` where it adds nothing.
 pub(crate) type Answer = Vec<Option<Vec<f64>>>;
 
+/// By how much all signals are raised to see how much of it comes through: N·m (N), m, rad.
+const RAISED: f64 = 1e-6;
+
 type LowPass = dyn Fn(&[f64]) -> Vec<f64>;
 
 /// One recording under its treatment: what a [`Stage`] stands on.
@@ -261,26 +264,33 @@ impl<'a> Stage<'a> {
             Some(square_of_difference(&torque.measured, &model))
         };
         let sharp = begun(more, with, torque_left)?;
-        let left = |channel: &Channel| -> Vec<f64> {
-            let model = self.ground.treatment.keep(column_of(&sharp, channel.kind));
+        let left = |(channel, model): (&Channel, Vec<f64>)| -> Vec<f64> {
             channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect()
         };
-        Ok(self.channels.iter().map(left).collect())
+        Ok(self.channels.iter().zip(self.kept_of(&sharp)).map(left).collect())
     }
 
-    /// The model on all grid points with `more` effects.
+    /// Which share of a small change each channel shows behind the laws `sensors`, beside what the laws `machine` say, on the kept points.
     ///
     /// # Errors
-    /// [`LawError::Changed`] if they leave no possible arm.
-    pub fn upon<'b>(&self, more: &[&'b Placed]) -> Result<Baseline<'b>, LawError>
-    where
-        'a: 'b,
-    {
-        self.rough.upon(more)
+    /// [`LawError::Changed`] if the laws leave no possible arm.
+    pub fn let_through(&self, machine: &[Placed], sensors: &[Placed]) -> Result<Vec<Vec<f64>>, LawError> {
+        let said = self.rough.upon(&machine.iter().collect::<Vec<_>>())?;
+        let mut here = said.prediction().clone();
+        let mut raised = here.clone();
+        raised.columns_mut().flatten().for_each(|x| *x += RAISED);
+        for placed in sensors {
+            said.sense(placed, &mut here);
+            said.sense(placed, &mut raised);
+        }
+        let share = |(raised, here): (Vec<f64>, Vec<f64>)| {
+            raised.iter().zip(here).map(|(raised, here)| (raised - here) / RAISED).collect()
+        };
+        Ok(self.kept_of(&raised).into_iter().zip(self.kept_of(&here)).map(share).collect())
     }
 
     /// `prediction`, on all grid points, channel by channel on the kept ones.
-    pub fn kept_of(&self, prediction: &Prediction) -> Vec<Vec<f64>> {
+    fn kept_of(&self, prediction: &Prediction) -> Vec<Vec<f64>> {
         let kept = |channel: &Channel| self.ground.treatment.keep(column_of(prediction, channel.kind));
         self.channels.iter().map(kept).collect()
     }

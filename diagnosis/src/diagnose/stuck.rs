@@ -39,31 +39,30 @@ impl Stuck {
         let drives = |&k: &usize| v[k].abs() > slow && a[k].abs() > steady;
         let (forwards, backwards): (Vec<usize>, Vec<usize>) =
             (0..torque.len()).filter(drives).partition(|&k| v[k] > 0.0);
-        let there: Vec<f64> = forwards.iter().chain(&backwards).map(|&k| torque[k]).collect();
-        if there.len() < FEWEST {
+        let both = [forwards.as_slice(), &backwards].concat();
+        if both.len() < FEWEST {
             let first = *torque.first()? + 0.0;
             return torque.iter().all(|x| *x == first).then_some(Self { at: first, share: 1.0 });
         }
         // Plus zero, of two zeros.
-        let at = most_common(&there) + 0.0;
+        let at = most_common(both.iter().map(|&k| torque[k])) + 0.0;
         let share = |rows: &[usize]| {
             rows.iter().filter(|&&k| torque[k] == at).count() as f64 / rows.len().max(1) as f64
         };
         let each_way = [&forwards, &backwards].into_iter().filter(|rows| rows.len() >= FEWEST);
         let is_stuck = each_way.map(|rows| share(rows)).all(|share| share > SHARE);
-        let all = there.iter().filter(|x| **x == at).count() as f64 / there.len() as f64;
-        is_stuck.then_some(Self { at, share: all })
+        is_stuck.then(|| Self { at, share: share(&both) })
     }
 }
 
 /// The value that most of `x` have, by Boyer and Moore's vote (1991); any where none has more than half.
-fn most_common(x: &[f64]) -> f64 {
-    let vote = |(value, count): (f64, usize), x: &f64| match count {
-        0 => (*x, 1),
-        _ if *x == value => (value, count + 1),
+fn most_common(x: impl Iterator<Item = f64>) -> f64 {
+    let vote = |(value, count): (f64, usize), x: f64| match count {
+        0 => (x, 1),
+        _ if x == value => (value, count + 1),
         _ => (value, count - 1),
     };
-    x.iter().fold((f64::NAN, 0), vote).0
+    x.fold((f64::NAN, 0), vote).0
 }
 
 #[cfg(test)]

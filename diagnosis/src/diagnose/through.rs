@@ -5,33 +5,9 @@ use freeplay_laws::{LawError, Placed};
 
 use super::case::Case;
 use super::search::Search;
-use super::stage::Stage;
 
-/// By how much all signals are raised to see how much of it comes through: N·m (N), m, rad.
-const RAISED: f64 = 1e-6;
 /// How often the shape of a law of the sensors and what it lets through are brought into agreement.
 const ROUNDS: usize = 3;
-
-impl Stage<'_> {
-    /// Which share of a small change each channel shows behind the laws `sensors`, beside what the laws `machine` say, on the kept points.
-    ///
-    /// # Errors
-    /// [`LawError::Changed`] if the laws leave no possible arm.
-    fn let_through(&self, machine: &[Placed], sensors: &[Placed]) -> Result<Vec<Vec<f64>>, LawError> {
-        let said = self.upon(&machine.iter().collect::<Vec<_>>())?;
-        let mut here = said.prediction().clone();
-        let mut raised = here.clone();
-        raised.columns_mut().flatten().for_each(|x| *x += RAISED);
-        for placed in sensors {
-            said.sense(placed, &mut here);
-            said.sense(placed, &mut raised);
-        }
-        let share = |(raised, here): (Vec<f64>, Vec<f64>)| {
-            raised.iter().zip(here).map(|(raised, here)| (raised - here) / RAISED).collect()
-        };
-        Ok(self.kept_of(&raised).into_iter().zip(self.kept_of(&here)).map(share).collect())
-    }
-}
 
 impl<'a> Search<'a, '_> {
     /// What was taken in, laid on `case` for its numbers: the tolerances there go through the laws of the sensors. `None` if a fit is singular.
