@@ -60,6 +60,10 @@ mod train;
 mod units;
 mod voice;
 
+/// A diagnosis makes and drops thousands of columns; the system's allocator gives each back to the kernel.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
 fn main() -> std::process::ExitCode {
     match args::dispatch() {
         Ok(exit) => exit.into(),

@@ -248,7 +248,7 @@ impl Search<'_, '_> {
         Some(false)
     }
 
-    /// What explains as much as the effects of both numbers together; `None` inside if nothing does.
+    /// What explains as much as the effects of both numbers together, with no more numbers; `None` inside if nothing does.
     fn one_for_two(&mut self, pair: [usize; 2]) -> Option<Option<usize>> {
         let fit = self.system.fit(&self.active_without(pair))?;
         let all = self.system.fit(&self.active(None))?;
@@ -257,8 +257,10 @@ impl Search<'_, '_> {
         let costs: f64 = pair.iter().map(|&index| self.cost(self.named(index), &weighing)).sum();
         let both = fit.left - all.left - costs;
         let places = self.by_place(&fit, &weighing, Some(pair[0]));
+        let most: usize = pair.iter().map(|&index| plainness(self.named(index))).sum();
         let is_hint = |winner: &&Winner| {
-            winner.merit > HINT * both && self.hypotheses[winner.hypothesis].meets(self.named(pair[1]))
+            let one = &self.hypotheses[winner.hypothesis];
+            winner.merit > HINT * both && plainness(one) <= most && one.meets(self.named(pair[1]))
         };
         let exact = places.values().filter(is_hint).cloned().filter_map(|it| self.exact(&fit, &weighing, it));
         let near: Vec<usize> =

@@ -1,7 +1,8 @@
 //! Coulomb friction that differs between the two directions of a joint.
 //!
-//! Law: τ = F₊ for q̇ > 0 and −F₋ for q̇ < 0, with F₊ and F₋ \[N·m\] both against the motion and extra to what the arm file names. While
-//! the joint moves this is Coulomb friction (F₊ + F₋)/2 with the offset (F₊ − F₋)/2: motion cannot tell the three apart, standstill can.
+//! Law: τ = F₊ for q̇ > 0 and −F₋ for q̇ < 0, with F₊ and F₋ \[N·m\] both against the motion and extra to what the arm file names. This is
+//! Coulomb friction (F₊ + F₋)/2 with the offset (F₊ − F₋)/2: no motion tells them apart. A joint at rest takes any torque from −F₋ to F₊; the
+//! law passes through the middle, as it does with the two.
 //! Source: Armstrong-Hélouvry 1991, Control of Machines with Friction, §2.
 
 use crate::basis::Terms;
@@ -38,13 +39,13 @@ pub static KIND: Kind = Kind {
     source: "Armstrong-Hélouvry 1991",
     signature: "the torque steps where the velocity changes sign, by different amounts to the two sides",
     confounders: &[
-        ("torque_offset", "with Coulomb friction it is the same while the joint moves: report the class"),
+        ("torque_offset", "with Coulomb friction it is the same: report the class"),
         ("coulomb_friction", "is the same in both directions"),
         ("joint_spring", "changes with the position"),
     ],
     contains: &[
         ("coulomb_friction", "positive = negative"),
-        ("torque_offset", "positive = −negative, while the joint moves"),
+        ("torque_offset", "positive = −negative"),
     ],
     needs: &[Need::Torque, Need::Motion, Need::Reversals(1)],
     terms: Terms::EXTRA_COULOMB,
@@ -64,6 +65,6 @@ struct Asymmetric {
 
 impl JointLaw for Asymmetric {
     fn resisting(&self, at: &Instant) -> f64 {
-        at.sign * if at.sign > 0.0 { self.positive } else { self.negative }
+        0.5 * (at.sign * (self.positive + self.negative) + self.positive - self.negative)
     }
 }

@@ -140,8 +140,7 @@ pub fn excite(
     let scales = Scales { arm, known: &known, noise: &settings.noise, tolerances: &settings.tolerances };
     let (rivals, before) = match seen {
         Some(recording) => {
-            let matched = scales.matched(recording, rivals)?;
-            let before = scales.of_recording(recording, &matched)?;
+            let (matched, before) = scales.matched(recording, rivals)?;
             (matched, Some(before))
         }
         None => (rivals.to_vec(), None),

@@ -76,33 +76,33 @@ impl Scales<'_> {
     /// # Errors
     /// See [`ExciteError`].
     pub fn odds(&self, motion: &Trajectory, rivals: &[Rival]) -> Result<Vec<f64>, ExciteError> {
-        self.of_recording(&self.blank(motion)?, rivals)
+        self.on(&self.blank(motion)?, |weighed| self.odds_on(weighed, rivals))
     }
 
-    /// The same of the motion that `recording` holds.
+    /// The odds on the motion of `weighed`.
+    fn odds_on(&self, weighed: &Weighed, rivals: &[Rival]) -> Result<Vec<f64>, ExciteError> {
+        let (first, others) = rivals.split_first().ok_or(ExciteError::TooFew)?;
+        let of_first = self.signal(weighed, first)?;
+        let mut odds = Vec::new();
+        for other in others {
+            let of_other = self.signal(weighed, other)?;
+            let one = weighed.left(&of_first, other)?;
+            let two = weighed.left(&of_other, first)?;
+            odds.push(one.min(two));
+        }
+        Ok(odds)
+    }
+
+    /// The parameters with which each rival but the first says best what the first says of `recording` (those that have theirs keep them),
+    /// and the odds that the motion of `recording` brings for these.
     ///
     /// # Errors
     /// See [`ExciteError`].
-    pub fn of_recording(&self, recording: &Recording, rivals: &[Rival]) -> Result<Vec<f64>, ExciteError> {
-        self.on(recording, |weighed| {
-            let (first, others) = rivals.split_first().ok_or(ExciteError::TooFew)?;
-            let of_first = self.signal(weighed, first)?;
-            let mut odds = Vec::new();
-            for other in others {
-                let of_other = self.signal(weighed, other)?;
-                let one = weighed.left(&of_first, other)?;
-                let two = weighed.left(&of_other, first)?;
-                odds.push(one.min(two));
-            }
-            Ok(odds)
-        })
-    }
-
-    /// The parameters with which each rival but the first says best what the first says of `recording`; those that have theirs keep them.
-    ///
-    /// # Errors
-    /// See [`ExciteError`].
-    pub fn matched(&self, recording: &Recording, rivals: &[Rival]) -> Result<Vec<Rival>, ExciteError> {
+    pub fn matched(
+        &self,
+        recording: &Recording,
+        rivals: &[Rival],
+    ) -> Result<(Vec<Rival>, Vec<f64>), ExciteError> {
         self.on(recording, |weighed| {
             let (first, others) = rivals.split_first().ok_or(ExciteError::TooFew)?;
             let signal = self.signal(weighed, first)?;
@@ -114,7 +114,8 @@ impl Scales<'_> {
                 };
                 all.push(Rival { parameters, ..other.clone() });
             }
-            Ok(all)
+            let odds = self.odds_on(weighed, &all)?;
+            Ok((all, odds))
         })
     }
 
