@@ -7,11 +7,12 @@ use std::rc::Rc;
 use freeplay_arm::Arm;
 use freeplay_laws::{LawError, Placed};
 
+use super::columns::Column;
 use super::counted::rows_that_count;
 use super::noise::effective_samples;
 use super::show::rms;
 use super::stage::{Answer, Stage};
-use super::system::{Column, System};
+use super::system::System;
 use super::tolerance::{Nuisance, Tolerances, nuisances};
 use super::universal::{Knots, Transfer, Universal};
 use crate::residual::Kind;

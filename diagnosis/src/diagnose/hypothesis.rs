@@ -8,10 +8,11 @@ use freeplay_recording::Group;
 use toml::Table;
 
 use super::case::{Case, take_mean_off};
+use super::columns::{Column, dot, sum_of};
 use super::moment::{happens_in, in_each, plain, struck};
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
-use super::system::{Block, Column, Score, System, dot, sum_of};
+use super::system::{Block, Score, System};
 use super::upon::acted_on;
 use crate::residual::{Channel, Kind};
 

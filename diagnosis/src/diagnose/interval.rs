@@ -6,8 +6,9 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Case;
+use super::columns::dot;
 use super::noise::normal as normal_number;
-use super::system::{Fit, System, dot};
+use super::system::{Fit, System};
 
 /// Length of a block, s.
 const BLOCK_S: f64 = 0.5;

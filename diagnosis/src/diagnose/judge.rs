@@ -2,39 +2,22 @@
 //!
 //! Of an only recording each part is held out in turn (Stone 1974): a joint that hardly turns in the last of them is judged by the others.
 
-use freeplay_laws::{LawError, Placed};
+use freeplay_laws::LawError;
 
 use super::case::Case;
+use super::columns::{less, subtract};
 use super::engine::DiagnoseSettings;
 use super::floor::HeldFloor;
-use super::search::{Search, Standing, TOLD_APART};
+use super::search::{Search, Standing};
 use super::show::{Compared, Gain, HeldOut, gain};
-use super::system::{Fit, System, less, subtract};
+use super::system::{Fit, System};
 use super::trial::{Proof, Trial, proof};
-use super::validate::{Validation, is_plain};
-
-/// How often the search goes on after effects did not prove themselves.
-const RENEWALS: usize = 4;
-/// Least share of the error that an effect takes away beside the others, which the cross-validation has passed.
-const LEAST_HELD_OUT: f64 = 0.08;
-
-/// The same where far more than noise is left, if the interval of that share is above zero.
-const LEAST_OF_MUCH: f64 = 0.03;
-
-/// Share of the error of the data of the fit, each part foretold from the others, that an effect takes away which held-out data may leave open.
-const LEAST_FORETOLD: f64 = 0.3;
-
-/// The same of an effect that held-out data can't show, as a push: any leavings can be had a little smaller by one at the right moment.
-const LEAST_ON_FIT: f64 = 0.25;
 
 /// By which share of the error of one channel something else has to leave less to take the place of an effect.
 const LEAST_LESS: f64 = 0.05;
 
-/// By which share of the error of one channel the data of the fit may be foretold worse with that.
-const MOST_LOST: f64 = 0.1;
-
 /// From how many times the noise on what is left of a channel shows that the model is wrong there.
-const FAR: f64 = 3.0;
+pub(super) const FAR: f64 = 3.0;
 
 /// Another parting of the only recording.
 pub(crate) struct Turn<'a> {
@@ -42,15 +25,6 @@ pub(crate) struct Turn<'a> {
     pub fitted: Case<'a>,
     /// What is held out.
     pub held: Case<'a>,
-}
-
-/// Which of several effects that don't prove themselves goes first.
-#[derive(Clone, Copy)]
-enum Order {
-    /// The one that brings least where it shows.
-    WeakestFirst,
-    /// The one without which the errors of all channels are least: what brings least itself may only suffer from that one.
-    LeastMissedFirst,
 }
 
 /// What proved itself.
@@ -209,191 +183,14 @@ impl<'a, 'b> Judge<'a, 'b> {
         LEAST_LESS / self.held.per_stage().max(1) as f64
     }
 
-    /// Drops effects that don't prove themselves and searches for others in their place, a few times, then for what leaves less.
-    fn sift_one(
-        &self,
-        search: &mut Search<'a, 'b>,
-        progress: &mut dyn FnMut(&str),
-    ) -> Result<Option<Sifted>, LawError> {
-        let mut best: Option<Sifted> = None;
-        for renewal in 0..=RENEWALS {
-            let before = search.chosen.len();
-            self.confine(search)?;
-            let Some(sifted) = self.drop_unproven(search, progress)? else { return Ok(None) };
-            let is_last = sifted.proofs.len() == before || renewal == RENEWALS;
-            best = Some(sifted.or_smaller(best));
-            if is_last {
-                break;
-            }
-            if search.improve_validated(progress).is_none() {
-                return Ok(None);
-            }
-        }
-        let Some(mut best) = best else { return Ok(None) };
-        let (mut place, mut in_vain) = (0, 0);
-        while !best.proofs.is_empty() && in_vain <= best.proofs.len() {
-            search.go_back(best.standing.clone());
-            let better = self.better(&best, place, search, progress)?;
-            in_vain = if better.is_some() { 0 } else { in_vain + 1 };
-            best = better.unwrap_or(best);
-            place = (place + 1) % (best.proofs.len() + 1);
-        }
-        search.go_back(best.standing.clone());
-        best = self.decided(best, search, progress)?;
-        self.together(best, search, progress)
-    }
-
-    /// Confines what happens at a time to one recording where it is plain there and leaves less of the held-out data so.
-    fn confine(&self, search: &mut Search<'a, 'b>) -> Result<(), LawError> {
-        for index in 0..search.chosen.len() {
-            let (standing, size_of) = (search.standing(), |trials: &[Trial]| size(trials, None));
-            let everywhere = self.tried(search, size_of)?;
-            if search.confine(index)
-                && !(is_plain(search, index) == Some(true) && self.tried(search, size_of)? < everywhere)
-            {
-                search.go_back(standing);
-            }
-        }
-        Ok(())
-    }
-
-    /// `best`, where `search` stands, without what makes the model worse as soon as all laws act at once, as in an arm file: a limit of a drive that was
-    /// fitted to what the model alone asks for clips what the other laws say, too.
-    fn together(
-        &self,
-        mut best: Sifted,
-        search: &mut Search<'a, 'b>,
-        progress: &mut dyn FnMut(&str),
-    ) -> Result<Option<Sifted>, LawError> {
-        while let Some(index) = self.in_the_way(search)? {
-            progress(&format!("{} makes the whole model worse", search.in_words(index)));
-            search.veto(index);
-            if search.settle().is_none() {
-                return Ok(None);
-            }
-            let Some(sifted) = self.drop_unproven(search, progress)? else { return Ok(None) };
-            best = sifted;
-        }
-        Ok(Some(best))
-    }
-
-    /// The effect on a measurement without which all laws at once leave less of the held-out channels in which it shows.
-    fn in_the_way(&self, search: &Search<'a, 'b>) -> Result<Option<usize>, LawError> {
-        let arm = self.held.stages[0].arm();
-        let Some(fit) = search.system.fit(&search.active(None)) else { return Ok(None) };
-        let chosen = 0..search.chosen.len();
-        let placed: Option<Vec<Placed>> =
-            chosen.map(|index| search.named(index).placed(arm, &search.coefficients(&fit, index))).collect();
-        let Some(placed) = placed else { return Ok(None) };
-        if placed.len() < 2 || !placed.iter().any(|placed| placed.effect.measures()) {
-            return Ok(None);
-        }
-        let all: Vec<&Placed> = placed.iter().collect();
-        let with = self.held.left_with(&all)?;
-        let weights = self.held.weights_as(&search.system.weights);
-        for index in (0..placed.len()).filter(|&index| placed[index].effect.measures()) {
-            let mut others = all.clone();
-            others.remove(index);
-            let without = self.held.left_with(&others)?;
-            let here: Vec<usize> =
-                search.named(index).channels().map(|c| c % self.held.per_stage()).collect();
-            let left = |rows: &[Vec<f64>]| -> f64 {
-                let counted = |c: usize| self.held.kept[c].iter().zip(&rows[c]).map(|(kept, x)| kept * x * x);
-                self.held.all_of(&here).into_iter().map(|c| weights[c] * counted(c).sum::<f64>()).sum()
-            };
-            if left(&with) > left(&without) {
-                return Ok(Some(index));
-            }
-        }
-        Ok(None)
-    }
-
-    /// `best`, where `search` stands, with what says as much where it was fitted, and surely more of held-out data, in the place of each effect.
-    fn decided(
-        &self,
-        mut best: Sifted,
-        search: &mut Search<'a, 'b>,
-        progress: &mut dyn FnMut(&str),
-    ) -> Result<Sifted, LawError> {
-        for index in 0..best.proofs.len() {
-            let rivals = self.rivals(search, index)?;
-            let Some(rival) = rivals.first().filter(|rival| rival.behind < -TOLD_APART) else { continue };
-            let is_richer = search.hypotheses[rival.hypothesis].contains(search.named(index));
-            if is_richer && self.is_followed(search, index)? {
-                continue;
-            }
-            let was = search.in_words(index);
-            if search.put(index, &[rival.hypothesis]).is_some()
-                && let Some(sifted) = self.drop_unproven(search, progress)?
-                && sifted.proofs.len() == best.proofs.len()
-            {
-                progress(&format!("held-out data decide for {} against {was}", search.in_words(index)));
-                best = sifted;
-            }
-            search.go_back(best.standing.clone());
-        }
-        Ok(best)
-    }
-
-    /// What leaves less of the held-out data than `best`, where `search` stands: with something that explains nearly as much in the place of
-    /// the effect number `place`; behind the last, with friction or an offset that sits on every joint of a real machine, or all of these that one
-    /// joint lacks, beside the others, if the data of the fit say something of it, too. What these foretell clearly worse does not come in.
-    fn better(
-        &self,
-        best: &Sifted,
-        place: usize,
-        search: &mut Search<'a, 'b>,
-        progress: &mut dyn FnMut(&str),
-    ) -> Result<Option<Sifted>, LawError> {
-        let is_further = place == best.proofs.len();
-        let candidates = if is_further { search.usual_left() } else { search.rivals_of(place) };
-        let mut candidates = self.where_much_is_left(search, candidates)?;
-        if !is_further && self.is_followed(search, place)? {
-            candidates.retain(|&one| !search.hypotheses[one].contains(search.named(place)));
-        }
-        let together = if is_further { search.by_joint(&candidates) } else { Vec::new() };
-        let most = best.size - self.least_less();
-        let before = foretold(search);
-        let mut smallest: Option<(f64, Vec<usize>)> = None;
-        for hypotheses in candidates.into_iter().map(|one| vec![one]).chain(together) {
-            search.go_back(best.standing.clone());
-            let is_idle = |search: &Search| search.chosen.get(place).is_none_or(|it| it.gain < TOLD_APART);
-            if search.put(place, &hypotheses).is_none() || is_further && is_idle(search) {
-                continue;
-            }
-            let Some(size) = self.tried(search, |trials| size(trials, None))? else { continue };
-            let lost = before.zip(foretold(search)).map_or(0.0, |(before, now)| now - before);
-            let is_borne_out = lost < MOST_LOST / self.held.per_stage().max(1) as f64;
-            if is_borne_out && size < most && smallest.as_ref().is_none_or(|(least, _)| size < *least) {
-                smallest = Some((size, hypotheses));
-            }
-        }
-        let Some((_, hypotheses)) = smallest else { return Ok(None) };
-        search.go_back(best.standing.clone());
-        let was = (!is_further).then(|| search.in_words(place));
-        if search.put(place, &hypotheses).is_none() {
-            return Ok(None);
-        }
-        let sifted = self.drop_unproven(search, progress)?.filter(|sifted| sifted.size < most);
-        if sifted.is_some() {
-            let words: Vec<String> = hypotheses.iter().map(|one| search.hypothesis_in_words(*one)).collect();
-            let of_whom = was.map_or_else(|| "without".to_owned(), |was| format!("with {was} in its place"));
-            progress(&format!(
-                "{} leaves less of the held-out data than is left {of_whom}",
-                words.join(", ")
-            ));
-        }
-        Ok(sifted)
-    }
-
     /// Whether the machine follows the law of the effect number `index` of `search` on the held-out data.
-    fn is_followed(&self, search: &Search<'a, 'b>, index: usize) -> Result<bool, LawError> {
+    pub(super) fn is_followed(&self, search: &Search<'a, 'b>, index: usize) -> Result<bool, LawError> {
         let trial = Trial::new(search, self.held, &self.system, &self.floor.tuned_there)?;
         Ok(trial.and_then(|trial| trial.is_followed(index)) == Some(true))
     }
 
     /// Those of `hypotheses` that show where far more than noise is left of the held-out data.
-    fn where_much_is_left(
+    pub(super) fn where_much_is_left(
         &self,
         search: &Search<'a, 'b>,
         hypotheses: Vec<usize>,
@@ -439,72 +236,6 @@ impl<'a, 'b> Judge<'a, 'b> {
         Ok(ask(&trials))
     }
 
-    /// Drops effects that don't prove themselves, in that of two orders which leaves the smaller errors.
-    pub(super) fn drop_unproven(
-        &self,
-        search: &mut Search<'a, 'b>,
-        progress: &mut dyn FnMut(&str),
-    ) -> Result<Option<Sifted>, LawError> {
-        let all = search.standing();
-        let Some((weakest_first, has_choice)) = self.drop_in(Order::WeakestFirst, search, progress)? else {
-            return Ok(None);
-        };
-        if !has_choice {
-            return Ok(Some(weakest_first));
-        }
-        search.go_back(all);
-        let least_missed_first = self.drop_in(Order::LeastMissedFirst, search, progress)?;
-        let Some((least_missed_first, _)) = least_missed_first else { return Ok(None) };
-        let smaller = least_missed_first.or_smaller(Some(weakest_first));
-        search.go_back(smaller.standing.clone());
-        Ok(Some(smaller))
-    }
-
-    /// Drops effects that don't prove themselves, one after another: without it the others may. Whether there ever was one more than that
-    /// which was dropped.
-    fn drop_in(
-        &self,
-        order: Order,
-        search: &mut Search<'a, 'b>,
-        progress: &mut dyn FnMut(&str),
-    ) -> Result<Option<(Sifted, bool)>, LawError> {
-        let mut has_choice = false;
-        loop {
-            let judged = self.tried(search, |trials| {
-                let chosen = 0..search.chosen.len();
-                let proofs: Vec<Proof> =
-                    chosen.map(|index| proof(trials, index, self.seed)).collect::<Option<_>>()?;
-                let mut dropped: Option<(f64, usize)> = None;
-                let validation = Validation::of(search)?;
-                let stands = |index: usize| {
-                    is_proven(&proofs[index], trials) || is_borne_out(&proofs[index], validation.gain(index))
-                };
-                let unproven: Vec<usize> = (0..proofs.len()).filter(|&index| !stands(index)).collect();
-                for &index in &unproven {
-                    let worth = match order {
-                        Order::WeakestFirst => proofs[index].gain.value,
-                        Order::LeastMissedFirst => size(trials, Some(index))?,
-                    };
-                    if dropped.is_none_or(|(least, _)| worth < least) {
-                        dropped = Some((worth, index));
-                    }
-                }
-                Some((proofs, dropped, size(trials, None)?, unproven.len() > 1))
-            })?;
-            let Some((proofs, dropped, size, are_more)) = judged else { return Ok(None) };
-            let Some((_, index)) = dropped else {
-                return Ok(Some((Sifted { size, standing: search.standing(), proofs }, has_choice)));
-            };
-            has_choice |= are_more;
-            let [low, high] = proofs[index].gain.ci95.map(|share| 100.0 * share);
-            progress(&format!("{} does not prove itself: {low:.0} to {high:.0} %", search.in_words(index)));
-            search.veto(index);
-            if search.settle().is_none() {
-                return Ok(None);
-            }
-        }
-    }
-
     /// Gain over all `channels` (numbers within a stage) of `after` against `before`.
     pub fn gain(&self, search: &Search, channels: &[usize], before: &[Vec<f64>], after: &[Vec<f64>]) -> Gain {
         let (channels, weights) = (self.held.all_of(channels), self.held.weights_as(&search.system.weights));
@@ -541,30 +272,6 @@ impl<'a, 'b> Judge<'a, 'b> {
         };
         Ok(tuned(&without).zip(tuned(&with)).map(|(without, with)| [without, with]))
     }
-}
-
-/// Whether an effect proves itself with that: it takes away enough of the error, or surely some of a large one.
-fn is_proven(proof: &Proof, trials: &[Trial]) -> bool {
-    if !proof.held_out {
-        return proof.gain.value >= LEAST_ON_FIT;
-    }
-    let is_far = || trials.iter().any(|trial| trial.is_left(&proof.channels, FAR));
-    let surely = proof.gain.value >= LEAST_OF_MUCH && proof.gain.ci95[0] > 0.0;
-    proof.gain.value >= LEAST_HELD_OUT || surely && is_far()
-}
-
-/// Whether held-out data leave an effect open that the data of the fit bear out, part by part foretold from the others: a stretch in which a joint
-/// turns one way only can't tell friction from an offset, and is no case against either.
-fn is_borne_out(proof: &Proof, foretold: Option<f64>) -> bool {
-    proof.held_out
-        && proof.gain.ci95[1] > LEAST_HELD_OUT
-        && foretold.is_some_and(|gain| gain > LEAST_FORETOLD)
-}
-
-/// How large the errors of the data of the fit are where each part is foretold from the others: the mean logarithm over the channels.
-fn foretold(search: &Search) -> Option<f64> {
-    let channels = search.case.kept.len().max(1) as f64;
-    Validation::of(search).map(|validation| validation.size() / channels)
 }
 
 /// Mean of the sizes of `trials` without the effect number `left_out`.

@@ -5,14 +5,15 @@
 //! - `tolerance`: how far a machine may be from its model without that being a finding.
 //! - `universal`: the unnamed correction, which competes with every named effect.
 //! - `stuck` and `counted`: torques that are no measurement; how much each row counts.
-//! - `case`, `system` and `scores`: all recordings stacked; the linear system behind every question; what blocks of columns explain there.
+//! - `case`, `columns`, `bounded`, `system` and `scores`: all recordings stacked; their columns; least squares inside bounds; the linear system behind
+//!   every question; what blocks of columns explain there.
 //! - `quality`: what the recordings are good for.
 //! - `hypothesis`, `moment` and `upon`: each kind of effect at each place in each shape; what happens in one recording alone, and what acts on what other
 //!   laws say.
 //! - `noise`, `twins` and `floor`: what is found in nothing.
 //! - `search`, `places`, `select`, `backward`, `refine` and `simplify`: which effects explain what the model leaves, in which shape, and with no more law than there is;
 //!   `validate`: whether they do so where they were not fitted.
-//! - `show`, `trial`, `judge` and `other_choices`: what they are worth on held-out data, and whether others are worth more.
+//! - `show`, `trial`, `judge`, `proven`, `sift` and `other_choices`: what they are worth on held-out data, and whether others are worth more.
 //! - `excess`: whether more is left than noise explains.
 //! - `variables` and `passage`: what pictures are drawn from.
 //! - `through`: what the sensors let through of the machine's tolerances.
@@ -22,7 +23,9 @@
 //! - `excite`: the next motion, where two causes remain.
 
 mod backward;
+mod bounded;
 mod case;
+mod columns;
 mod conclude;
 mod counted;
 mod engine;
@@ -40,6 +43,7 @@ mod other_choices;
 mod parts;
 mod passage;
 mod places;
+mod proven;
 mod quality;
 mod refine;
 mod report;
@@ -49,6 +53,7 @@ mod scores;
 mod search;
 mod select;
 mod show;
+mod sift;
 mod simplify;
 mod stage;
 mod stuck;

@@ -155,7 +155,7 @@ pub(crate) fn effective_samples(x: &[f64]) -> f64 {
     }
     let mut sum = 0.0;
     for lag in 1..n / 4 {
-        let rho = super::system::dot(&x[lag..], &x[..n - lag]) / power;
+        let rho = super::columns::dot(&x[lag..], &x[..n - lag]) / power;
         if rho <= 0.0 {
             break;
         }

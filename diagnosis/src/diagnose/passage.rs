@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use freeplay_laws::{LawError, Trajectory};
 
 use super::case::Case;
+use super::columns::{Column, less, sum_of};
 use super::excite::ChannelNoise;
 use super::judge::Judge;
 use super::parts::file_name;
 use super::search::Search;
 use super::show::HeldOut;
-use super::system::{Column, Fit, less, sum_of};
+use super::system::Fit;
 use super::variables::{Variable, of_joint, time};
 
 /// One recording of the fit, or of the held-out data, as it was worked on.

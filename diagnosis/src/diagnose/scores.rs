@@ -5,7 +5,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, DVectorView};
 
-use super::system::{Block, Fit, Score, System, bounded};
+use super::bounded::bounded;
+use super::system::{Block, Fit, Score, System};
 
 /// Columns that are eliminated together.
 const LANES: usize = 16;

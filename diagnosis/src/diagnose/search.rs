@@ -8,8 +8,9 @@ use freeplay_laws::{ArmParts, LawError, Placed};
 use toml::Table;
 
 use super::case::{Case, Weighing};
+use super::columns::sum_of;
 use super::hypothesis::{Hypothesis, hypothesis};
-use super::system::{Fit, System, sum_of};
+use super::system::{Fit, System};
 
 /// Chance that a perfect recording makes any hypothesis as strong as the threshold.
 const ALARM: f64 = 1e-4;

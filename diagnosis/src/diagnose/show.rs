@@ -4,7 +4,8 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::{Case, take_mean_off};
-use super::system::{Column, System, subtract};
+use super::columns::{Column, subtract};
+use super::system::System;
 use super::trial::free;
 
 /// Length of a block of the bootstrap, s.

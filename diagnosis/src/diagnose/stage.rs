@@ -11,9 +11,9 @@ use freeplay_recording::Recording;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use toml::Table;
 
+use super::columns::dot;
 use super::noise::Noises;
 use super::stuck::Stuck;
-use super::system::dot;
 use crate::begin::{BEGINNINGS, LEAST_LESS, begun};
 use crate::error::ResidualError;
 use crate::motion::{Settings, Treatment};

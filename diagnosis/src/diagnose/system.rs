@@ -8,8 +8,8 @@ use std::rc::Rc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-/// A column: its rows by channel, `None` where it is zero.
-pub(crate) type Column = Vec<Option<Vec<f64>>>;
+use super::bounded::{Bounded, bounded};
+use super::columns::{Column, against, gram, gram_of, subtract};
 
 /// Inner products of blocks of columns, one matrix a channel.
 type ByChannel = Vec<DMatrix<f64>>;
@@ -491,117 +491,4 @@ impl Shown {
         in_order.for_each(|(sum, number)| *sum += weight * number);
         self.others[c].iter().for_each(|&(place, among_all)| sums[place] += weight * numbers[among_all]);
     }
-}
-
-/// The least of ηᵀNη − 2bᵀη with some η inside their bounds.
-pub(crate) struct Bounded {
-    free: Vec<usize>,
-    factor: Cholesky<f64, Dyn>,
-    /// The coefficients.
-    pub eta: DVector<f64>,
-    /// By how much it is below zero.
-    fall: f64,
-}
-
-/// Solves `normal` η = `right`; what goes beyond its limits is held there, and the rest is solved again.
-pub(crate) fn bounded(normal: &DMatrix<f64>, right: &DVector<f64>, limits: &[[f64; 2]]) -> Option<Bounded> {
-    let n = limits.len();
-    let mut free: Vec<usize> = (0..n).collect();
-    let mut eta = DVector::zeros(n);
-    loop {
-        let m = free.len();
-        let held: Vec<usize> = (0..n).filter(|k| !free.contains(k)).collect();
-        let part = DMatrix::from_fn(m, m, |i, j| normal[(free[i], free[j])]);
-        let pull = |i: usize| held.iter().map(|&k| normal[(free[i], k)] * eta[k]).sum::<f64>();
-        let factor = Cholesky::new(part)?;
-        let solved = factor.solve(&DVector::from_fn(m, |i, _| right[free[i]] - pull(i)));
-        free.iter().zip(solved.iter()).for_each(|(&k, x)| eta[k] = *x);
-        let is_beyond = |k: &usize| {
-            let [least, most] = limits[*k];
-            let margin = 1e-9 * eta[*k].abs();
-            eta[*k] < least - margin || eta[*k] > most + margin
-        };
-        let beyond: Vec<usize> = free.iter().copied().filter(is_beyond).collect();
-        if beyond.is_empty() {
-            let fall = 2.0 * right.dot(&eta) - eta.dot(&(normal * &eta));
-            return Some(Bounded { free, factor, eta, fall });
-        }
-        for &k in &beyond {
-            let [least, most] = limits[k];
-            eta[k] = eta[k].clamp(least, most);
-        }
-        free.retain(|k| !beyond.contains(k));
-    }
-}
-
-/// Σ βᵢ columnᵢ by channel, of which there are `channels`; empty where no column says anything.
-pub(crate) fn sum_of<'c>(
-    columns: impl IntoIterator<Item = (&'c Column, f64)>,
-    channels: usize,
-) -> Vec<Vec<f64>> {
-    let mut said = vec![Vec::new(); channels];
-    for (column, beta) in columns {
-        for (said, part) in said.iter_mut().zip(column) {
-            let Some(part) = part else { continue };
-            said.resize(part.len(), 0.0);
-            said.iter_mut().zip(part).for_each(|(said, x)| *said += beta * x);
-        }
-    }
-    said
-}
-
-/// `rows` less what is `said` of them.
-pub(crate) fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let pairs = rows.iter().zip(said);
-    pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
-}
-
-/// Subtracts `factor` times `column` from `rows`.
-pub(crate) fn subtract(rows: &mut [Vec<f64>], column: &Column, factor: f64) {
-    for (rows, part) in rows.iter_mut().zip(column) {
-        if let Some(part) = part {
-            rows.iter_mut().zip(part).for_each(|(row, x)| *row -= factor * x);
-        }
-    }
-}
-
-/// [`gram`] of `columns` with themselves.
-fn gram_of(columns: &[Column], channel: usize) -> DMatrix<f64> {
-    let mut gram = DMatrix::zeros(columns.len(), columns.len());
-    for (i, left) in columns.iter().enumerate() {
-        let Some(left) = &left[channel] else { continue };
-        for (j, right) in columns[..=i].iter().enumerate() {
-            let Some(right) = &right[channel] else { continue };
-            let product = dot(left, right);
-            (gram[(i, j)], gram[(j, i)]) = (product, product);
-        }
-    }
-    gram
-}
-
-fn gram(left: &[Column], right: &[Column], channel: usize) -> DMatrix<f64> {
-    DMatrix::from_fn(left.len(), right.len(), |i, j| match (&left[i][channel], &right[j][channel]) {
-        (Some(a), Some(b)) => dot(a, b),
-        _ => 0.0,
-    })
-}
-
-fn against(columns: &[Column], target: &[Vec<f64>], channel: usize) -> DVector<f64> {
-    DVector::from_fn(columns.len(), |i, _| {
-        columns[i][channel].as_ref().map_or(0.0, |part| dot(part, &target[channel]))
-    })
-}
-
-/// Inner product in four sums, which the processor takes at once.
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (fours_a, rest_a) = a.as_chunks::<4>();
-    let (fours_b, rest_b) = b.as_chunks::<4>();
-    let mut sums = [0.0; 4];
-    for (a, b) in fours_a.iter().zip(fours_b) {
-        for k in 0..4 {
-            sums[k] += a[k] * b[k];
-        }
-    }
-    let rest: f64 = rest_a.iter().zip(rest_b).map(|(a, b)| a * b).sum();
-    sums.iter().sum::<f64>() + rest
 }

@@ -5,10 +5,11 @@ use std::rc::Rc;
 use freeplay_laws::LawError;
 
 use super::case::Case;
+use super::columns::{Column, sum_of};
 use super::search::Search;
 use super::show::{Coefficients, Compared, Gain, HeldOut, gain, held_out};
 use super::simplify::FOLLOWED;
-use super::system::{Column, Fit, System, sum_of};
+use super::system::{Fit, System};
 
 /// Least share of the error that a finding takes away where it shows.
 const LEAST_GAIN: f64 = 0.05;

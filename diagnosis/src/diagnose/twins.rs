@@ -8,9 +8,9 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::case::Case;
+use super::columns::subtract;
 use super::noise::{Noise, normal, normals};
 use super::stage::Stage;
-use super::system::subtract;
 use super::tolerance::{EVEN, Of, Tolerances};
 use crate::filter::derivatives;
 use crate::residual::Kind;

@@ -4,8 +4,8 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
+use super::columns::dot;
 use super::stage::Stage;
-use super::system::dot;
 use super::tolerance::Nuisance;
 use crate::residual::Kind;
 

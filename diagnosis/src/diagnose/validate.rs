@@ -8,9 +8,10 @@ use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::bounded::bounded;
+use super::columns::dot;
 use super::search::Search;
 use super::show::rms;
-use super::system::{bounded, dot};
 
 /// From so many recordings on, a part is a recording: another motion is a harder test than another stretch of the same.
 const LEAST_RECORDINGS: usize = 3;
@@ -61,7 +62,7 @@ impl Acting {
             for row in 0..with[channel].len() {
                 all += 1.0;
                 let said =
-                    |column: &super::system::Column| column[channel].as_ref().map_or(0.0, |part| part[row]);
+                    |column: &super::columns::Column| column[channel].as_ref().map_or(0.0, |part| part[row]);
                 if named.block.columns.iter().any(|column| said(column) != 0.0) {
                     acts += 1.0;
                     before += system.weights[channel] * without[channel][row].powi(2);

@@ -43,10 +43,7 @@ pub static KIND: Kind = Kind {
         ("coulomb_friction", "is the same in both directions"),
         ("joint_spring", "changes with the position"),
     ],
-    contains: &[
-        ("coulomb_friction", "positive = negative"),
-        ("torque_offset", "positive = −negative"),
-    ],
+    contains: &[("coulomb_friction", "positive = negative"), ("torque_offset", "positive = −negative")],
     needs: &[Need::Torque, Need::Motion, Need::Reversals(1)],
     terms: Terms::EXTRA_COULOMB,
     shapes: one_shape,
