@@ -36,6 +36,10 @@ const SIGNIFICANT: f64 = 0.05;
 /// From how many times the noise on what is left of a channel is taken for more than what tolerances leave, if nothing explains it.
 const ABOVE_FLOOR: f64 = 1.5;
 
+/// The parameter that says how often a wave repeats, and the ratio of the ends of its interval from which on it says nothing.
+const PERIODS: &str = "periods";
+const LEAST_TOLD: f64 = 3.0;
+
 /// All that a conclusion rests on.
 pub(crate) struct Conclusion<'c, 'a, 'b> {
     pub file: &'c ArmFile,
@@ -109,7 +113,10 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             return Ok(None);
         };
         let Some(excess) = Excess::of(self.search, self.judge)? else { return Ok(None) };
-        let verdict = self.verdict(&errors, &channels, &fit, &excess, &alternatives, &location);
+        let verdict = match self.verdict(&errors, &channels, &fit, &excess, &alternatives, &location) {
+            Verdict::Named | Verdict::OneOf if effects.iter().any(is_bend) => Verdict::Unknown,
+            verdict => verdict,
+        };
         let mut model = self.file.clone();
         if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) {
             if !tables.is_empty() {
@@ -409,6 +416,12 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         }
         if undecided { Verdict::OneOf } else { Verdict::Named }
     }
+}
+
+/// Whether `effect` is a wave of which nobody can say how often it repeats: a curve that a piece of a wave happens to follow.
+fn is_bend(effect: &Effect) -> bool {
+    let periods = effect.parameters.get(PERIODS).and_then(|periods| periods.ci95);
+    periods.is_some_and(|[low, high]| high > LEAST_TOLD * low)
 }
 
 /// Puts the verdict into words.

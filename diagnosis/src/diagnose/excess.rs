@@ -14,6 +14,11 @@ const FAR: f64 = 8.0;
 /// Greatest share of the squares beyond the floor that naming may leave.
 const LEFT: f64 = 0.4;
 
+/// A channel below this many times the floor is followed to its noise.
+const FOLLOWED: f64 = 1.5;
+/// Greatest share of the squares beyond the floor that naming may leave of one torque of a machine that is followed to its noise elsewhere.
+const POOR: f64 = 0.0225;
+
 /// Share of its torque to which an arm follows the laws of a rigid body and of dry friction, which are idealisations.
 const IDEAL: f64 = 0.005;
 
@@ -25,6 +30,8 @@ pub(crate) struct Excess {
     before: Vec<f64>,
     /// With it.
     after: Vec<f64>,
+    /// Which of the channels of a stage are torques.
+    torques: Vec<bool>,
 }
 
 impl Excess {
@@ -50,7 +57,9 @@ impl Excess {
         let over = |rms: Vec<f64>| {
             rms.iter().zip(&floors).map(|(rms, floor)| rms / floor.max(f64::MIN_POSITIVE)).collect()
         };
-        Ok(Some(Self { before: over(before), after: over(after) }))
+        let channels = search.case.stages[0].channels.iter();
+        let torques = channels.map(|channel| matches!(channel.kind, Kind::Torque(_))).collect();
+        Ok(Some(Self { before: over(before), after: over(after), torques }))
     }
 
     /// Whether something is left that noise does not explain.
@@ -64,16 +73,24 @@ impl Excess {
         beyond(&self.after) / beyond(&self.before).max(f64::MIN_POSITIVE)
     }
 
-    /// Whether most of what is there has no name: in all channels together, or in one that has much of it, of the fit and held out together.
+    /// Whether most of what is there has no name: in all channels together, or in one that has much of it, of the fit and held out together. Of a
+    /// machine that is followed to its noise in most channels, a torque of which a law leaves far more is followed poorly: there is another law. (The
+    /// tool is not held to that: a journal that flies takes another course each time.)
     pub fn is_unnamed(&self) -> bool {
         let channels = self.after.len() / 2;
         let of = |all: &[f64], c: usize| [all[c], all[c + channels]];
         let beyond = |left: [f64; 2]| left.iter().map(|left| (left * left - 1.0).max(0.0)).sum::<f64>();
-        let stays = |c: usize| {
-            let [before, after] = [of(&self.before, c), of(&self.after, c)];
-            after.iter().any(|left| *left > FAR) && beyond(after) > LEFT * beyond(before)
+        let leaves = |c: usize, share: f64| beyond(of(&self.after, c)) > share * beyond(of(&self.before, c));
+        let is_all = |c: usize, is: fn(&f64) -> bool| of(&self.after, c).iter().all(is);
+        let stays = |c: usize| of(&self.after, c).iter().any(|left| *left > FAR) && leaves(c, LEFT);
+        // What nothing was said of is no law that is followed poorly.
+        let is_poor = |c: usize| {
+            self.torques[c] && is_all(c, |left| *left > BEYOND) && leaves(c, POOR) && !leaves(c, LEFT)
         };
-        self.is_left() && self.share_left() > LEFT || (0..channels).any(stays)
+        let followed = (0..channels).filter(|&c| is_all(c, |left| *left < FOLLOWED)).count();
+        self.is_left() && self.share_left() > LEFT
+            || (0..channels).any(stays)
+            || 2 * followed >= channels && (0..channels).any(is_poor)
     }
 }
 

@@ -25,7 +25,7 @@ pub static KIND: Kind = Kind {
     parameters: &[
         Parameter::number(
             "amount",
-            "excess of the friction at the start, as a share of the nominal",
+            "excess of the friction at the start, as a share of what the arm file has, Coulomb and viscous",
             "1",
             [-1.0, 100.0],
         ),
