@@ -162,7 +162,9 @@ fn judged_on(
     let known: Vec<usize> = search.chosen.iter().map(|chosen| chosen.hypothesis).collect();
     let proofs = judge.sift(&mut search, progress)?.ok_or(DiagnoseError::Singular)?;
     let proofs = judge.simplify(proofs, &known, &mut search, progress)?.ok_or(DiagnoseError::Singular)?;
+    let proofs = judge.surely(proofs, &mut search, progress)?.ok_or(DiagnoseError::Singular)?;
     search.agree().ok_or(DiagnoseError::Singular)?;
+    let is_found = !search.chosen.is_empty();
     let of_whole = grounds(&parts.whole).ok().filter(|grounds| is_found && !grounds.is_empty());
     let whole = of_whole.as_deref().map(case).transpose()?;
     let others: Vec<&Case> = whole.iter().chain([&held]).collect();

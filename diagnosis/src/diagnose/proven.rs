@@ -29,6 +29,37 @@ enum Order {
 }
 
 impl<'a, 'b> Judge<'a, 'b> {
+    /// `proofs`, those of what `search` has; none, and nothing taken in, if all of it together does not surely leave less of the held-out data: what
+    /// proved itself in some parting of the recordings may still be a likeness.
+    ///
+    /// # Errors
+    /// See [`LawError`]; `None` if a fit is singular.
+    pub fn surely(
+        &self,
+        proofs: Vec<Proof>,
+        search: &mut Search<'a, 'b>,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Option<Vec<Proof>>, LawError> {
+        if proofs.is_empty() || proofs.iter().any(|proof| !proof.held_out) {
+            return Ok(Some(proofs));
+        }
+        let Some(fit) = search.system.fit(&search.active(None)) else { return Ok(None) };
+        let Some(errors) = self.errors(search, &fit)? else { return Ok(None) };
+        let mut channels: Vec<usize> = proofs.iter().flat_map(|proof| proof.channels.clone()).collect();
+        channels.sort_unstable();
+        channels.dedup();
+        let gain = self.gain(search, &channels, &errors.retuned, &errors.tuned_after);
+        if gain.ci95[0] > 0.0 {
+            return Ok(Some(proofs));
+        }
+        let [low, high] = gain.ci95.map(|share| 100.0 * share);
+        progress(&format!(
+            "all of it takes nothing away for sure: {low:.0} to {high:.0} % of the held-out error"
+        ));
+        search.chosen.clear();
+        Ok(search.settle().map(|()| Vec::new()))
+    }
+
     /// Drops effects that don't prove themselves, in that of two orders which leaves the smaller errors.
     pub(super) fn drop_unproven(
         &self,
