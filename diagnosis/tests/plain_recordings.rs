@@ -240,6 +240,30 @@ fn friction_that_differs_by_direction_is_one_effect() {
     }
 }
 
+/// A spring in series with a damper (Maxwell 1867): ż = q̇ − z/T, τ = k z. Bristles that slide are like it, and leave far more than noise; the
+/// other joint is followed to its noise, so that idealised laws are no excuse.
+#[test]
+fn a_spring_that_relaxes_has_no_name() {
+    const STIFFNESS: f64 = 12.0;
+    const RELAXATION: f64 = 1.2;
+    let arm = two_joints();
+    let mut recordings = in_two_motions(&arm, &[]);
+    for recording in &mut recordings {
+        let (t, q) = (recording.t.clone(), recording.q[0].clone());
+        let mut deflection = 0.0;
+        for k in 1..t.len() {
+            // Exact for a speed that is constant between two samples.
+            let decay = ((t[k - 1] - t[k]) / RELAXATION).exp();
+            let speed = (q[k] - q[k - 1]) / (t[k] - t[k - 1]);
+            deflection = deflection * decay + speed * RELAXATION * (1.0 - decay);
+            recording.tau.as_mut().expect("torques")[0][k] += STIFFNESS * deflection;
+        }
+    }
+    let diagnosis = diagnosed(&arm, &recordings);
+    println!("{}", diagnosis.statement);
+    assert_eq!(diagnosis.verdict, Verdict::Unknown);
+}
+
 /// A motor that begins on a flank, in a recording that does not cross the gap for long: a comparison takes the beginning as the torque has it.
 #[test]
 fn where_a_motor_begins_in_its_gap_is_taken_from_the_torque() {

@@ -454,7 +454,10 @@ fn unknown(effects: &[&Effect]) -> String {
         words.push_str(&format!(" It looks like this: {}", like.statement));
     }
     if !named.is_empty() {
-        words.push_str(&format!(" Part of it has a name. {}", words::left_out(&named)));
+        words.push_str(&format!(
+            " Part of it has a name, or is like what has one. {}",
+            words::left_out(&named)
+        ));
     }
     words
 }

@@ -17,7 +17,7 @@ const LEFT: f64 = 0.4;
 /// A channel below this many times the floor is followed to its noise.
 const FOLLOWED: f64 = 1.5;
 /// Greatest share of the squares beyond the floor that naming may leave of one torque of a machine that is followed to its noise elsewhere.
-const POOR: f64 = 0.0225;
+const POOR: f64 = 0.0064;
 
 /// Share of its torque to which an arm follows the laws of a rigid body and of dry friction, which are idealisations.
 const IDEAL: f64 = 0.005;
