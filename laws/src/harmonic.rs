@@ -7,10 +7,13 @@ use crate::kind::Kind;
 use crate::parameter::Parameter;
 use crate::{LawError, Values};
 
+/// Name of the parameter that says how often a wave repeats.
+pub const PERIODS: &str = "periods";
+
 /// The parameters of a torque that is a [`Wave`] over the joint's position.
 pub const TORQUE_PARAMETERS: &[Parameter] = &[
     Parameter::number("amplitude", "greatest torque of the wave", "N*m", [0.0, 1e6]).prismatic("N"),
-    Parameter::number("periods", "periods N of the wave in one turn", "1/rev", [1e-3, 1e5])
+    Parameter::number(PERIODS, "periods N of the wave in one turn", "1/rev", [1e-3, 1e5])
         .prismatic("rad/m")
         .shape(),
     Parameter::number("phase", "phase φ of the wave at q = 0", "rad", [-7.0, 7.0]).or(0.0),
@@ -32,7 +35,7 @@ impl Wave {
     pub fn of(values: &Values) -> Result<Wave, LawError> {
         Ok(Wave {
             amplitude: values.number("amplitude")?,
-            periods: values.number("periods")?,
+            periods: values.number(PERIODS)?,
             phase: values.number("phase")?,
         })
     }
@@ -86,5 +89,5 @@ pub fn orders(place: &Place) -> Vec<Table> {
     let greatest = 0.2 * std::f64::consts::TAU / (motion.step(stretch) * fast);
     let step = std::f64::consts::PI / way;
     let orders = (2..MOST).map(|i| step * i as f64).take_while(|order| *order < greatest);
-    orders.map(|order| with(&Table::new(), [("periods", order)])).collect()
+    orders.map(|order| with(&Table::new(), [(PERIODS, order)])).collect()
 }

@@ -66,6 +66,7 @@ pub use drive_friction::DriveFriction;
 pub use effect::{ArmParts, Effect};
 pub use effects::{Effects, LawError, Placed};
 pub use friction::{ContactFriction, FrictionLaw};
+pub use harmonic::PERIODS;
 pub use injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw, ToolForce, Transmission};
 pub use joint_law::{AtJoint, Instant, JointLaw};
 pub use kind::{ABOUT, Kind, START, Seen, Site, kind, kinds};

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable};
-use freeplay_laws::{ArmParts, Kind, LawError, kind};
+use freeplay_laws::{ArmParts, Kind, LawError, PERIODS, kind};
 use nalgebra::DMatrix;
 
 use super::engine::DiagnoseSettings;
-use super::excess::Excess;
+use super::excess::{Excess, beyond};
 use super::hypothesis::Hypothesis;
 use super::interval::draws;
 use super::judge::Judge;
@@ -19,10 +19,10 @@ use super::report::{
     Untestable, Verdict,
 };
 use super::robust::Numbers;
-use super::search::{Chosen, Search};
+use super::search::Search;
 use super::show::HeldOut;
 use super::system::Score;
-use super::trial::Proof;
+use super::trial::{Proof, channels_of};
 use super::words;
 use crate::residual::Kind as ChannelKind;
 
@@ -36,8 +36,7 @@ const SIGNIFICANT: f64 = 0.05;
 /// From how many times the noise on what is left of a channel is taken for more than what tolerances leave, if nothing explains it.
 const ABOVE_FLOOR: f64 = 1.5;
 
-/// The parameter that says how often a wave repeats, and the ratio of the ends of its interval from which on it says nothing.
-const PERIODS: &str = "periods";
+/// Ratio of the ends of the interval of how often a wave repeats from which on it says nothing.
 const LEAST_TOLD: f64 = 3.0;
 
 /// All that a conclusion rests on.
@@ -113,9 +112,10 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             return Ok(None);
         };
         let Some(excess) = Excess::of(self.search, self.judge)? else { return Ok(None) };
-        let verdict = match self.verdict(&errors, &channels, &fit, &excess, &alternatives, &location) {
-            Verdict::Named | Verdict::OneOf if effects.iter().any(is_bend) => Verdict::Unknown,
-            verdict => verdict,
+        let verdict = if effects.iter().all(has_a_name) {
+            self.verdict(&errors, &channels, &fit, &excess, &alternatives, &location)
+        } else {
+            Verdict::Unknown
         };
         let mut model = self.file.clone();
         if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) {
@@ -291,9 +291,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
     /// Channels (numbers within a stage) in which something is: those that named effects show in, else those in which the unnamed
     /// correction finds something.
     fn judged_channels(&self, errors: &HeldOut, black_box: &[Vec<f64>]) -> Vec<usize> {
-        let mut channels: Vec<usize> = self.proofs.iter().flat_map(|proof| proof.channels.clone()).collect();
-        channels.sort_unstable();
-        channels.dedup();
+        let mut channels = channels_of(self.proofs);
         if channels.is_empty() {
             let left = self.judge.held.rms(&errors.retuned);
             let all = 0..self.search.case.per_stage();
@@ -313,10 +311,10 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         let channels = &self.search.case.stages[0].channels;
         let left = self.judge.held.rms(&errors.retuned);
         let floors = &self.judge.floor.transferred;
-        let beyond = |((left, floor), counts): ((&f64, &f64), bool)| {
-            if counts { ((left / floor.max(f64::MIN_POSITIVE)).powi(2) - 1.0).max(0.0) } else { 0.0 }
+        let of_channel = |((left, floor), counts): ((&f64, &f64), bool)| {
+            if counts { beyond(&[left / floor.max(f64::MIN_POSITIVE)]) } else { 0.0 }
         };
-        let beyond: Vec<f64> = left.iter().zip(floors).zip(self.counts()).map(beyond).collect();
+        let beyond: Vec<f64> = left.iter().zip(floors).zip(self.counts()).map(of_channel).collect();
         let all: f64 = beyond.iter().sum();
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
         for (index, channel) in channels.iter().enumerate() {
@@ -395,8 +393,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         alternatives: &[Alternative],
         location: &[Location],
     ) -> Verdict {
-        let has_a_name = |chosen: &Chosen| self.search.hypotheses[chosen.hypothesis].kind.is_catalogued();
-        if excess.is_unnamed() || !self.search.chosen.iter().all(has_a_name) {
+        if excess.is_unnamed() {
             return Verdict::Unknown;
         }
         if self.proofs.is_empty() {
@@ -418,10 +415,16 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
     }
 }
 
-/// Whether `effect` is a wave of which nobody can say how often it repeats: a curve that a piece of a wave happens to follow.
-fn is_bend(effect: &Effect) -> bool {
+/// Whether the catalogue has `effect`, and this tells it: a wave of which nobody can say how often it repeats is a curve that a piece of a wave happens
+/// to follow.
+fn has_a_name(effect: &Effect) -> bool {
     let periods = effect.parameters.get(PERIODS).and_then(|periods| periods.ci95);
-    periods.is_some_and(|[low, high]| high > LEAST_TOLD * low)
+    is_catalogued(effect) && periods.is_none_or(|[low, high]| high <= LEAST_TOLD * low)
+}
+
+/// Whether the catalogue has the kind of `effect`.
+fn is_catalogued(effect: &Effect) -> bool {
+    kind(effect.kind).is_some_and(Kind::is_catalogued)
 }
 
 /// Puts the verdict into words.
@@ -445,8 +448,8 @@ fn word(diagnosis: &mut Diagnosis) {
 
 /// What is said where more is missing than has a name: that, what it looks like, and what has a name.
 fn unknown(effects: &[&Effect]) -> String {
-    let is_named = |effect: &&Effect| kind(effect.kind).is_some_and(Kind::is_catalogued);
-    let (named, nameless): (Vec<&Effect>, Vec<&Effect>) = effects.iter().copied().partition(is_named);
+    let (named, nameless): (Vec<&Effect>, Vec<&Effect>) =
+        effects.iter().copied().partition(|effect| is_catalogued(effect));
     let mut words = "Something is missing from the model that no effect of the catalogue says well enough; it is located, and an unnamed correction \
                      says how much it is."
         .to_owned();

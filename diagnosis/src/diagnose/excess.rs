@@ -69,7 +69,6 @@ impl Excess {
 
     /// Share of the squares beyond the floor that naming leaves, by the channels' own floors.
     pub fn share_left(&self) -> f64 {
-        let beyond = |all: &[f64]| all.iter().map(|left| (left * left - 1.0).max(0.0)).sum::<f64>();
         beyond(&self.after) / beyond(&self.before).max(f64::MIN_POSITIVE)
     }
 
@@ -79,8 +78,8 @@ impl Excess {
     pub fn is_unnamed(&self) -> bool {
         let channels = self.after.len() / 2;
         let of = |all: &[f64], c: usize| [all[c], all[c + channels]];
-        let beyond = |left: [f64; 2]| left.iter().map(|left| (left * left - 1.0).max(0.0)).sum::<f64>();
-        let leaves = |c: usize, share: f64| beyond(of(&self.after, c)) > share * beyond(of(&self.before, c));
+        let leaves =
+            |c: usize, share: f64| beyond(&of(&self.after, c)) > share * beyond(&of(&self.before, c));
         let is_all = |c: usize, is: fn(&f64) -> bool| of(&self.after, c).iter().all(is);
         let stays = |c: usize| of(&self.after, c).iter().any(|left| *left > FAR) && leaves(c, LEFT);
         // What nothing was said of is no law that is followed poorly.
@@ -92,6 +91,11 @@ impl Excess {
             || (0..channels).any(stays)
             || 2 * followed >= channels && (0..channels).any(is_poor)
     }
+}
+
+/// Sum of the squares of `left`, multiples of the floor, beyond the floor.
+pub(super) fn beyond(left: &[f64]) -> f64 {
+    left.iter().map(|left| (left * left - 1.0).max(0.0)).sum()
 }
 
 /// By how much the laws may be off in each channel of a stage of `case`: the part of its torque that they are idealised by.

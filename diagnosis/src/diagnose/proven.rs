@@ -4,7 +4,7 @@ use freeplay_laws::LawError;
 
 use super::judge::{FAR, Judge, Sifted, size};
 use super::search::Search;
-use super::trial::{Proof, Trial, proof};
+use super::trial::{Proof, Trial, channels_of, proof};
 use super::validate::Validation;
 
 /// Least share of the error that an effect takes away beside the others, which the cross-validation has passed.
@@ -45,10 +45,7 @@ impl<'a, 'b> Judge<'a, 'b> {
         }
         let Some(fit) = search.system.fit(&search.active(None)) else { return Ok(None) };
         let Some(errors) = self.errors(search, &fit)? else { return Ok(None) };
-        let mut channels: Vec<usize> = proofs.iter().flat_map(|proof| proof.channels.clone()).collect();
-        channels.sort_unstable();
-        channels.dedup();
-        let gain = self.gain(search, &channels, &errors.retuned, &errors.tuned_after);
+        let gain = self.gain(search, &channels_of(&proofs), &errors.retuned, &errors.tuned_after);
         if gain.ci95[0] > 0.0 {
             return Ok(Some(proofs));
         }

@@ -1,5 +1,6 @@
 //! What a search has chosen, laid on held-out recordings: how far off the model is there, with and without each effect.
 
+use std::collections::BTreeSet;
 use std::rc::Rc;
 
 use freeplay_laws::LawError;
@@ -34,6 +35,12 @@ pub(crate) struct Proof {
     pub held_out: bool,
     /// Channels within a stage in which it shows.
     pub channels: Vec<usize>,
+}
+
+/// The channels within a stage in which effects with `proofs` show, in order.
+pub(crate) fn channels_of(proofs: &[Proof]) -> Vec<usize> {
+    let all: BTreeSet<usize> = proofs.iter().flat_map(|proof| proof.channels.iter().copied()).collect();
+    all.into_iter().collect()
 }
 
 /// What `search` has chosen on the recordings `held`.

@@ -26,10 +26,7 @@ pub static KIND: Kind = Kind {
     source: "Swevers, Verdonck & De Schutter 2007, Eq. 4",
     signature: "the torque is off by a constant",
     confounders: &[
-        (
-            "asymmetric_friction",
-            "with Coulomb friction it is the same while the joint moves: report the class",
-        ),
+        ("asymmetric_friction", "with Coulomb friction it is the same: report the class"),
         ("joint_spring", "changes with the position"),
         ("payload", "changes with the pose and shows on the joints before it"),
     ],
