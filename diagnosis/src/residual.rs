@@ -24,6 +24,26 @@ pub enum Kind {
     Link(usize),
 }
 
+impl Kind {
+    /// Its column of `prediction`.
+    pub(crate) fn of(self, prediction: &Prediction) -> &[f64] {
+        match self {
+            Kind::Torque(joint) => &prediction.torque[joint],
+            Kind::Tool(axis) => &prediction.tool[axis],
+            Kind::Link(joint) => &prediction.link[joint],
+        }
+    }
+
+    /// Its column of `recording`, if it was recorded.
+    fn measured(self, recording: &Recording) -> Option<&[f64]> {
+        Some(match self {
+            Kind::Torque(joint) => &recording.tau.as_ref()?[joint],
+            Kind::Tool(axis) => &recording.tool.as_ref()?[axis],
+            Kind::Link(joint) => recording.q_link.get(joint)?.as_ref()?,
+        })
+    }
+}
+
 /// One channel: what was measured and what the model says, point by point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Channel {
@@ -96,9 +116,9 @@ pub(crate) fn residuals_along(
         let baseline = Baseline::with_hidden(arm, effects, whole, &low_pass, Some(&sharpening.more))?;
         Ok(baseline.prediction().clone())
     };
-    let measured = |joint: usize| recording.tau.as_ref().map(|tau| treatment.smooth(recording, &tau[joint]));
-    let left = |prediction: &Prediction, joint: usize| {
-        measured(joint).map(|tau| square_of_difference(&tau, &treatment.keep(&prediction.torque[joint])))
+    let left = |prediction: &Prediction, kind: Kind| {
+        let measured = treatment.smooth(recording, kind.measured(recording)?);
+        Some(difference(&measured, &treatment.keep(kind.of(prediction))))
     };
     let effects: Vec<&Placed> = effects.iter().collect();
     let prediction = begun(&effects, sharp, left)?;
@@ -139,11 +159,6 @@ impl Sharpening {
         let unresolved = torques.iter().zip(&low).map(|(torque, low)| difference(torque, low)).collect();
         Self { more, unresolved }
     }
-}
-
-/// Σ (a − b)².
-pub(crate) fn square_of_difference(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum()
 }
 
 fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {

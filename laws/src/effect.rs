@@ -4,10 +4,13 @@ use std::fmt::Debug;
 
 use freeplay_arm::{Arm, Joint};
 use nalgebra::{Isometry3, Vector3};
+use toml::Value;
 
 use crate::LawError;
+use crate::basis::vector;
 use crate::columns::{Change, Columns};
 use crate::injection::Injection;
+use crate::play::across;
 use crate::scene::{Prediction, Scene};
 
 /// An effect with its parameters, at its place. The stages are called in the order in which they stand here; each effect does
@@ -54,14 +57,35 @@ pub trait Effect: Debug + Send + Sync {
         false
     }
 
-    /// The same with its memory standing at `start` as a motion begins, −1 to 1 between its stops; `None` if it has none that a recording leaves
-    /// open, or if it was told.
-    fn begun(&self, _start: f64) -> Option<Box<dyn Effect>> {
+    /// The same with its memory standing at `start` as a motion begins; `None` if it has none of that sort that a recording leaves open, or if it was told.
+    fn begun(&self, _start: Start) -> Option<Box<dyn Effect>> {
         None
     }
 
     /// Puts the effect into a plant. Changes of the arm are already in.
     fn inject(&self, injection: &mut Injection);
+}
+
+/// Where a memory stands as a motion begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Start {
+    /// Between two stops: −1 at the one, 1 at the other.
+    Between(f64),
+    /// In a bearing: along the two slides of [`crate::ArmWithPlay`], as shares of the clearance.
+    Within([f64; 2]),
+}
+
+impl Start {
+    /// The same as an arm file says it of `joint`.
+    pub fn said_of(self, joint: &Joint) -> Value {
+        match self {
+            Start::Between(place) => Value::Float(place),
+            Start::Within([first, second]) => {
+                let [e1, e2] = across(&joint.axis);
+                vector((first * e1.into_inner() + second * e2.into_inner()).into())
+            }
+        }
+    }
 }
 
 /// The parts of an arm, to be changed and put together again.

@@ -63,7 +63,7 @@ pub use clearance::{Clearance, ClearanceTable};
 pub use columns::{Change, Columns};
 pub use contact::{Material, NormalContact, NormalLaw, hertz_stiffness};
 pub use drive_friction::DriveFriction;
-pub use effect::{ArmParts, Effect};
+pub use effect::{ArmParts, Effect, Start};
 pub use effects::{Effects, LawError, Placed};
 pub use friction::{ContactFriction, FrictionLaw};
 pub use harmonic::PERIODS;

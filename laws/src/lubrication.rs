@@ -57,26 +57,25 @@ impl Film {
         [6.0 * self.resistance / a * radial, 12.0 * PI * self.resistance * slip / b * part]
     }
 
-    /// The rates ε̇ and εw/2, 1/s, at which the film carries the force `radial`, `tangential` (N): the inverse of [`Film::force`]. The
-    /// direction of the force turns one way with the direction of the rates, so that a bisection finds it.
+    /// The rates ε̇ and εw/2, 1/s, at which the film carries the force `radial`, `tangential` (N): the inverse of [`Film::force`]. Which way the
+    /// force points depends on which way the rates do alone, and turns with it.
     pub fn rates(&self, eps: f64, radial: f64, tangential: f64) -> [f64; 2] {
-        /// Halvings of half a turn: to 1e-12.
-        const BISECTIONS: usize = 42;
         let size = radial.hypot(tangential);
         if size == 0.0 {
             return [0.0, 0.0];
         }
         let wanted = tangential.abs().atan2(-radial);
-        let (mut low, mut high) = (0.0, PI);
-        for _ in 0..BISECTIONS {
-            let middle: f64 = 0.5 * (low + high);
-            let [r, t] = self.force(eps, middle.cos(), middle.sin());
-            if t.atan2(-r) < wanted { low = middle } else { high = middle }
-        }
-        let direction = 0.5 * (low + high);
-        let [r, t] = self.force(eps, direction.cos(), direction.sin());
+        // A thin film gives way along the wall 1/(1 − ε²) times as easily as across it: of rates so scaled the force has nearly the angle.
+        let open = 1.0 - eps * eps;
+        let force = |angle: f64| self.force(eps, open * angle.cos(), angle.sin());
+        let beyond = |angle: f64| {
+            let [r, t] = force(angle);
+            t.atan2(-r) - wanted
+        };
+        let angle = root(beyond, [0.0, PI], [-wanted, PI - wanted]);
+        let [r, t] = force(angle);
         let speed = size / r.hypot(t);
-        [speed * direction.cos(), speed * direction.sin() * tangential.signum()]
+        [speed * open * angle.cos(), speed * angle.sin() * tangential.signum()]
     }
 
     /// Force on the journal, N, in the plane's coordinates (e₂ = e₁ × axis), at `offset` (m) with `velocity` (m/s), turning at `turning`
@@ -144,4 +143,25 @@ impl Film {
         let n = if e > 0.0 { [offset[0] / e, offset[1] / e] } else { [1.0, 0.0] };
         ((e / self.clearance).clamp(1e-6, THINNEST), n, [n[1], -n[0]])
     }
+}
+
+/// The root of the rising function `f` between the ends `x`, where it is `y`: false position, with the end that stays halved (Dowell & Jarratt 1971).
+fn root(f: impl Fn(f64) -> f64, x: [f64; 2], y: [f64; 2]) -> f64 {
+    const CLOSE: f64 = 1e-12;
+    const MOST_STEPS: usize = 60;
+    let ([mut other, mut last], [mut at_other, mut at_last]) = (x, y);
+    for _ in 0..MOST_STEPS {
+        if at_last.abs() < CLOSE {
+            break;
+        }
+        let next = last - at_last * (last - other) / (at_last - at_other);
+        let at_next = f(next);
+        if at_next * at_last < 0.0 {
+            (other, at_other) = (last, at_last);
+        } else {
+            at_other *= 0.5;
+        }
+        (last, at_last) = (next, at_next);
+    }
+    last
 }

@@ -63,16 +63,10 @@ fn row(parameter: &Parameter) -> String {
             let unit =
                 if unit == prismatic_unit { (*unit).to_owned() } else { format!("{unit}, {prismatic_unit}") };
             let given = if *role == Role::Given { "; taken as given, not identified" } else { "" };
-            let absent = match absent {
-                Absent::Refused => "refused".to_owned(),
-                Absent::Is(value) => value.to_string(),
-                Absent::Means(words) => (*words).to_owned(),
-            };
-            [unit, format!("{} to {}{given}", figure(*least), figure(*most)), absent]
+            [unit, format!("{} to {}{given}", figure(*least), figure(*most)), said(absent, f64::to_string)]
         }
-        Range::Vector { unit, default, .. } => {
-            let absent = default.map_or("refused".to_owned(), |default| format!("{default:?}"));
-            [(*unit).to_owned(), "three numbers".to_owned(), absent]
+        Range::Vector { unit, absent, .. } => {
+            [(*unit).to_owned(), "three numbers".to_owned(), said(absent, |default| format!("{default:?}"))]
         }
         Range::OtherJoint => [String::new(), "the name of another joint".to_owned(), "refused".to_owned()],
         Range::Word(words) => {
@@ -83,6 +77,15 @@ fn row(parameter: &Parameter) -> String {
         Range::Table => [String::new(), "a table".to_owned(), "its defaults".to_owned()],
     };
     format!("| `{name}` | {meaning} | {unit} | {values} | {absent} |")
+}
+
+/// What it means that a file is silent, in words; a value that is taken then is written as `figure` says.
+fn said<T>(absent: &Absent<T>, figure: impl Fn(&T) -> String) -> String {
+    match absent {
+        Absent::Refused => "refused".to_owned(),
+        Absent::Is(value) => figure(value),
+        Absent::Means(words) => (*words).to_owned(),
+    }
 }
 
 /// A number as people write it.

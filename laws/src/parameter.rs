@@ -25,7 +25,7 @@ pub enum Range {
         /// Greatest value.
         most: f64,
         /// What a file that is silent means.
-        absent: Absent,
+        absent: Absent<f64>,
         /// How the effect depends on it.
         role: Role,
     },
@@ -33,8 +33,8 @@ pub enum Range {
     Vector {
         /// Unit.
         unit: &'static str,
-        /// Value taken where the file is silent; `None` if it has to be given.
-        default: Option<[f64; 3]>,
+        /// What a file that is silent means.
+        absent: Absent<[f64; 3]>,
         /// How the effect depends on it.
         role: Role,
     },
@@ -46,13 +46,13 @@ pub enum Range {
     Table,
 }
 
-/// What it means that a file does not give a number.
+/// What it means that a file does not give a value.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Absent {
-    /// The number has to be given.
+pub enum Absent<T> {
+    /// The value has to be given.
     Refused,
     /// This value.
-    Is(f64),
+    Is(T),
     /// What these words say, such as `from the material`.
     Means(&'static str),
 }
@@ -91,7 +91,7 @@ impl Parameter {
 
     /// A vector of [`Role::Linear`] that has to be given.
     pub const fn vector(name: &'static str, meaning: &'static str, unit: &'static str) -> Parameter {
-        Parameter { name, meaning, range: Range::Vector { unit, default: None, role: Role::Linear } }
+        Parameter { name, meaning, range: Range::Vector { unit, absent: Absent::Refused, role: Role::Linear } }
     }
 
     /// The same in `unit` for prismatic joints.
@@ -103,26 +103,27 @@ impl Parameter {
     }
 
     /// The same, but taken as `value` where the file is silent.
-    pub const fn or(self, value: f64) -> Parameter {
-        self.absent(Absent::Is(value))
+    pub const fn or(mut self, value: f64) -> Parameter {
+        if let Range::Number { absent, .. } = &mut self.range {
+            *absent = Absent::Is(value);
+        }
+        self
     }
 
     /// The same, but free to be left away, which means `what`.
-    pub const fn or_else(self, what: &'static str) -> Parameter {
-        self.absent(Absent::Means(what))
-    }
-
-    const fn absent(mut self, what: Absent) -> Parameter {
-        if let Range::Number { absent, .. } = &mut self.range {
-            *absent = what;
+    pub const fn or_else(mut self, what: &'static str) -> Parameter {
+        match &mut self.range {
+            Range::Number { absent, .. } => *absent = Absent::Means(what),
+            Range::Vector { absent, .. } => *absent = Absent::Means(what),
+            Range::OtherJoint | Range::Word(_) | Range::Table => {}
         }
         self
     }
 
     /// The same vector, taken as zero where the file is silent.
     pub const fn or_zero(mut self) -> Parameter {
-        if let Range::Vector { default, .. } = &mut self.range {
-            *default = Some([0.0; 3]);
+        if let Range::Vector { absent, .. } = &mut self.range {
+            *absent = Absent::Is([0.0; 3]);
         }
         self
     }

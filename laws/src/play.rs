@@ -31,7 +31,7 @@ pub struct ArmWithPlay {
 }
 
 /// The two directions across `axis`, right-handed with e₂ = e₁ × axis.
-fn across(axis: &Unit<Vector3<f64>>) -> [Unit<Vector3<f64>>; 2] {
+pub(crate) fn across(axis: &Unit<Vector3<f64>>) -> [Unit<Vector3<f64>>; 2] {
     let farthest = (0..3).fold(0, |best, i| if axis[i].abs() < axis[best].abs() - 1e-12 { i } else { best });
     let basis = Vector3::ith(farthest, 1.0);
     let first = Unit::new_normalize(basis - axis.into_inner() * axis.dot(&basis));

@@ -108,15 +108,24 @@ impl Values {
     /// # Errors
     /// [`LawError::Unreadable`] if it is missing or not three numbers.
     pub fn vector(&self, name: &str) -> Result<[f64; 3], LawError> {
+        self.optional_vector(name)?.ok_or_else(|| self.unreadable(format!("`{name}` is missing")))
+    }
+
+    /// The vector called `name`, or its default; `None` where the file is silent and that means something of its own.
+    ///
+    /// # Errors
+    /// [`LawError::Unreadable`] if it has to be given and is not, or is not three numbers.
+    pub fn optional_vector(&self, name: &str) -> Result<Option<[f64; 3]>, LawError> {
         let range = self.kind.parameter(name).map(|parameter| parameter.range);
         match (self.table.parameters.get(name), range) {
             (Some(value), _) => {
                 let numbers: Result<[f64; 3], _> = value.clone().try_into();
-                numbers.map_err(|_| {
+                numbers.map(Some).map_err(|_| {
                     self.unreadable(format!("`{name}` must be three numbers with a decimal point"))
                 })
             }
-            (None, Some(Range::Vector { default: Some(default), .. })) => Ok(default),
+            (None, Some(Range::Vector { absent: Absent::Is(default), .. })) => Ok(Some(default)),
+            (None, Some(Range::Vector { absent: Absent::Means(_), .. })) => Ok(None),
             (None, _) => Err(self.unreadable(format!("`{name}` is missing"))),
         }
     }
@@ -190,8 +199,9 @@ impl Values {
                 }
             }
             Range::Vector { .. } => {
-                let value = self.vector(name)?;
-                if !value.iter().all(|x| x.is_finite()) {
+                if let Some(value) = self.optional_vector(name)?
+                    && !value.iter().all(|x| x.is_finite())
+                {
                     return Err(self.unreadable(format!("`{name}` = {value:?} must be finite")));
                 }
             }

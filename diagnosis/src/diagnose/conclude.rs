@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable};
 use freeplay_laws::{ArmParts, Kind, LawError, PERIODS, kind};
-use nalgebra::DMatrix;
 
 use super::engine::DiagnoseSettings;
 use super::excess::{Excess, beyond};
@@ -97,8 +96,8 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         let of_fit = &self.numbers.fit;
         let Some(errors) = self.judge.errors(self.search, of_fit)? else { return Ok(None) };
         let Some(black_box) = self.judge.black_box(self.search, &errors) else { return Ok(None) };
-        let (Some(maps), Some(drawn)) = (self.maps(), self.drawn()) else { return Ok(None) };
-        let (tables, mut effects) = self.effects(&drawn);
+        let (Some(maps), Some(spread)) = (self.maps(), self.spread()) else { return Ok(None) };
+        let (tables, mut effects) = self.effects(&spread);
         let is_named = |one: &Untestable| effects.iter().any(|e| e.kind == one.kind && e.joint == one.joint);
         let untestable = untestable.into_iter().filter(|one| !is_named(one)).collect();
         let (alternatives, stabilities) = self.alternatives()?;
@@ -173,16 +172,22 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         parts.into_arm(self.arm().name()).ok()
     }
 
-    /// Draws of all active coefficients, nuisances first, then the effects in the order in which they were chosen.
-    fn drawn(&self) -> Option<DMatrix<f64>> {
-        let (search, Numbers { system, fit }) = self.given_out();
-        draws(search.case, system, fit, self.settings.seed)
+    /// Draws of each active coefficient about its value, nuisances first, then the effects in the order in which they were chosen.
+    fn spread(&self) -> Option<Vec<Vec<f64>>> {
+        let (search, numbers) = self.given_out();
+        let (system, fit) = numbers.opened(search)?;
+        let (drawn, covariance) = (draws(search.case, &system, &fit, self.settings.seed)?, system.covariance(&fit));
+        // The bootstrap does not see what the priors leave open; the fit's own covariance does not see colour.
+        let about = |(k, eta): (usize, &f64)| {
+            let column: Vec<f64> = drawn.column(k).iter().copied().collect();
+            widened(&column, *eta, covariance[(k, k)].sqrt())
+        };
+        Some(numbers.fit.eta.iter().enumerate().map(about).collect())
     }
 
     /// The named effects, as tables for an arm file and as findings.
-    fn effects(&self, drawn: &DMatrix<f64>) -> (Vec<EffectTable>, Vec<Effect>) {
-        let (search, Numbers { system, fit }) = self.given_out();
-        let covariance = system.covariance(fit);
+    fn effects(&self, spread: &[Vec<f64>]) -> (Vec<EffectTable>, Vec<Effect>) {
+        let (search, Numbers { fit, .. }) = self.given_out();
         let mut at = search.nuisances().len();
         let (mut tables, mut effects) = (Vec::new(), Vec::new());
         for (index, (chosen, proof)) in self.search.chosen.iter().zip(self.proofs).enumerate() {
@@ -191,15 +196,8 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             at = columns.end;
             let beta: Vec<f64> = columns.clone().map(|k| fit.eta[k]).collect();
             let table = hypothesis.table(self.arm(), &beta);
-            let spread: Vec<Vec<f64>> = columns
-                .clone()
-                .map(|k| {
-                    // The bootstrap does not see what the priors leave open; the fit's own covariance does not see colour.
-                    let column: Vec<f64> = drawn.column(k).iter().copied().collect();
-                    widened(&column, fit.eta[k], covariance[(k, k)].sqrt())
-                })
-                .collect();
-            let parameters = parameters(search, index, &table.parameters, &spread, self.settings.seed);
+            let spread = &spread[columns];
+            let parameters = parameters(search, index, &table.parameters, spread, self.settings.seed);
             let phrase = words::phrase(hypothesis.kind, &parameters);
             let statement = words::statement(&phrase, table.joint.as_deref());
             effects.push(Effect {

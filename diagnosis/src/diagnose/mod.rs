@@ -23,6 +23,7 @@
 //! - `excite`: the next motion, where two causes remain.
 
 mod backward;
+mod beside;
 mod bounded;
 mod case;
 mod columns;

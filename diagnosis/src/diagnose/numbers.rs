@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::DVector;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use toml::{Table, Value};
@@ -16,28 +17,45 @@ const STEPS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
 /// Greatest standard deviation of that logarithm: beyond, the motion does not tell the number.
 const VAGUE: f64 = 1.0;
 
-/// Standard deviations of the logarithms of the numbers in the shape of the effect number `index`, by the curvature of the profile of
-/// the likelihood (Venzon & Moolgavkar 1988); none for numbers that the motion does not tell.
-fn shape_deviations(search: &Search, index: usize) -> BTreeMap<String, f64> {
+/// How sure a number of a shape is.
+struct Loose {
+    /// Its name.
+    name: String,
+    /// Standard deviation of its logarithm.
+    deviation: f64,
+    /// By how much the coefficients of the terms change with that logarithm.
+    pull: DVector<f64>,
+}
+
+/// How sure the numbers in the shape of the effect number `index` are, by the curvature of the profile of the likelihood (Venzon & Moolgavkar 1988);
+/// nothing of numbers that the motion does not tell.
+fn loose(search: &Search, index: usize) -> Vec<Loose> {
     let named = search.named(index);
-    let Some(fit) = search.system.fit(&search.active(Some(index))) else { return BTreeMap::new() };
-    let gain_at = |name: &str, value: f64| {
+    let Some(fit) = search.system.fit(&search.active(Some(index))) else { return Vec::new() };
+    let score_at = |name: &str, value: f64| {
         let mut shape = named.shape.clone();
         shape.insert(name.to_owned(), Value::Float(value));
         let other = hypothesis(search.case, &search.system, named.kind, named.joint, shape).ok()??;
-        search.system.exact_score(&fit, &other.block).map(|score| score.gain)
+        let score = search.system.exact_score(&fit, &other.block)?;
+        (score.beta.len() == named.size()).then_some(score)
     };
-    let best = search.system.exact_score(&fit, &named.block).map_or(0.0, |score| score.gain);
-    let deviation = |(name, value): (&String, &Value)| {
+    let Some(best) = search.system.exact_score(&fit, &named.block) else { return Vec::new() };
+    let loose = |(name, value): (&String, &Value)| {
         let value = value.as_float().filter(|value| *value != 0.0 && named.kind.refines(name))?;
         // The gain falls by (step/deviation)².
-        let falls = STEPS.iter().filter_map(|step| Some((step, best - gain_at(name, value * step.exp())?)));
-        let (over, under) =
-            falls.fold((0.0, 0.0), |(o, u), (step, fall)| (o + step.powi(4), u + fall * step.powi(2)));
+        let (mut over, mut under, mut square) = (0.0, 0.0, 0.0);
+        let mut pull = DVector::zeros(named.size());
+        for step in STEPS {
+            let Some(score) = score_at(name, value * step.exp()) else { continue };
+            over += step.powi(4);
+            under += (best.gain - score.gain) * step.powi(2);
+            square += step.powi(2);
+            pull += step * (score.beta - &best.beta);
+        }
         let deviation = (over / under).sqrt();
-        deviation.is_finite().then(|| (name.clone(), deviation.min(VAGUE)))
+        deviation.is_finite().then(|| Loose { name: name.clone(), deviation: deviation.min(VAGUE), pull: pull / square })
     };
-    named.shape.iter().filter_map(deviation).collect()
+    named.shape.iter().filter_map(loose).collect()
 }
 
 /// `draws` about `value`, spread at least as wide as `deviation`.
@@ -61,18 +79,20 @@ pub(crate) fn parameters(
     let named = search.named(index);
     let joint = named.joint.map(|joint| &search.case.stages[0].arm().joints()[joint]);
     let count = spread.first().map_or(0, Vec::len);
-    let deviations = shape_deviations(search, index);
+    let loose = loose(search, index);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let drawn: Vec<Table> = (0..count)
         .map(|k| {
-            let beta: Vec<f64> = spread.iter().map(|column| column[k]).collect();
+            let mut beta = DVector::from_iterator(spread.len(), spread.iter().map(|column| column[k]));
             let mut shape = named.shape.clone();
-            for (name, deviation) in &deviations {
-                if let Some(Value::Float(value)) = shape.get_mut(name) {
-                    *value *= (deviation * normal(&mut rng)).exp();
+            for number in &loose {
+                let by = number.deviation * normal(&mut rng);
+                if let Some(Value::Float(value)) = shape.get_mut(&number.name) {
+                    *value *= by.exp();
                 }
+                beta.axpy(by, &number.pull, 1.0);
             }
-            named.compose(&shape, &beta)
+            named.compose(&shape, beta.as_slice())
         })
         .collect();
     let interval = |name: &str| {

@@ -6,6 +6,7 @@
 //! least Σ ρ, ρ(u) = u²/(1 + u²), starting from least squares (Geman & McClure 1985; Huber 1964 for the idea). With C = 2, noise alone makes
 //! the numbers 10 % less sure than least squares do.
 
+use super::columns::subtract;
 use super::search::Search;
 use super::system::{Fit, System};
 
@@ -19,31 +20,59 @@ const SETTLED: f64 = 0.03;
 
 /// The numbers of what was found.
 pub(crate) struct Numbers {
-    /// The columns that take part, and the target, with each row times its w.
-    pub system: System,
     /// The coefficients.
     pub fit: Fit,
+    /// w of every row, by channel; empty where all are one.
+    rows: Vec<Vec<f64>>,
 }
+
+/// Standard deviation of the prior of where a journal begins, as a share of the clearance.
+const START: f64 = 0.5;
 
 impl Numbers {
     /// The numbers of all that `search` has chosen; by least squares if these alone are possible. `None` if a fit is singular.
     pub fn of(search: &Search) -> Option<Self> {
         let active = search.active(None);
-        let least_squares = || Some(Self { system: search.system.clone(), fit: search.system.fit(&active)? });
+        let least_squares = || Some(Self { fit: search.system.fit(&active)?, rows: Vec::new() });
         let mut numbers = least_squares()?;
         if search.chosen.is_empty() {
             return Some(numbers);
         }
         for _ in 0..ROUNDS {
-            let system = search.system.with_rows(&active, &numbers.factors(search));
+            let rows = numbers.factors(search);
+            let system = search.system.with_rows(&active, &rows);
             let fit = system.fit(&active)?;
             let moved = (&fit.eta - &numbers.fit.eta).component_div(&system.deviations(&fit));
-            numbers = Self { system, fit };
+            numbers = Self { fit, rows };
             if moved.amax() < SETTLED {
                 break;
             }
         }
         if search.is_possible_with(&numbers.fit) { Some(numbers) } else { least_squares() }
+    }
+
+    /// System and fit with the places where journals begin left open, too, behind all other columns: how sure the numbers are depends on how sure these
+    /// are. The same where there are none; `None` if the fit is singular.
+    pub fn opened(&self, search: &Search) -> Option<(System, Fit)> {
+        let mut system = search.system.clone();
+        let mut active = search.active(None);
+        let left = search.system.residual(&self.fit);
+        for index in 0..search.chosen.len() {
+            let (named, beta) = (search.named(index), search.coefficients(&self.fit, index));
+            let mut rest = left.clone();
+            for (column, beta) in named.block.columns.iter().zip(&beta) {
+                subtract(&mut rest, column, -beta);
+            }
+            let slopes = named.slopes_of_start(search.case, &beta, &rest).ok()?;
+            let places = system.admit(&system.block(slopes));
+            places.iter().for_each(|&place| system.precision[place] = START.powi(-2));
+            active.extend(places);
+        }
+        if !self.rows.is_empty() {
+            system = system.with_rows(&active, &self.rows);
+        }
+        let fit = system.fit(&active)?;
+        Some((system, fit))
     }
 
     /// w of every row, by channel.

@@ -4,20 +4,20 @@ use std::cell::RefCell;
 
 use freeplay_arm::Arm;
 use freeplay_laws::{
-    Baseline, Change, Kind as EffectKind, LawError, Placed, Prediction, Recorded, START, Term, Trajectory,
-    rigid_torques, tool_positions,
+    Baseline, Change, Kind as EffectKind, LawError, Placed, Prediction, Range, Recorded, START, Start, Term,
+    Trajectory, rigid_torques, tool_positions,
 };
 use freeplay_recording::Recording;
-use nalgebra::{Cholesky, DMatrix, DVector};
 use toml::Table;
 
-use super::columns::dot;
+use super::beside::Beside;
 use super::noise::Noises;
 use super::stuck::Stuck;
-use crate::begin::{BEGINNINGS, LEAST_LESS, begun};
+use super::tolerance::Nuisance;
+use crate::begin::{begun, between, square, way, within};
 use crate::error::ResidualError;
 use crate::motion::{Settings, Treatment};
-use crate::residual::{Channel, Kind, Sharpening, residuals_along, square_of_difference};
+use crate::residual::{Channel, Kind, Sharpening, residuals_along};
 
 /// What something adds to each channel of a stage; `None` where it adds nothing.
 pub(crate) type Answer = Vec<Option<Vec<f64>>>;
@@ -130,7 +130,7 @@ impl<'a> Stage<'a> {
         let rough = Baseline::with_hidden(arm, effects, &ground.whole, &*ground.treated, hidden)?;
         let mut channels = ground.channels.clone();
         for channel in &mut channels {
-            channel.model = ground.treatment.keep(column_of(rough.prediction(), channel.kind));
+            channel.model = ground.treatment.keep(channel.kind.of(rough.prediction()));
         }
         let now = &smooth.scene().arm;
         let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
@@ -194,7 +194,8 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// The answers to each term of the effect `kind` at `joint` with `shape`, a law of a measurement acting on what the laws `upon` say.
+    /// The answers to each term of the effect `kind` at `joint` with `shape`, a law of a measurement acting on what the laws `upon` say. A memory stands as
+    /// the recording has it, beside what `nuisances` can say.
     ///
     /// # Errors
     /// See [`LawError`].
@@ -204,44 +205,96 @@ impl<'a> Stage<'a> {
         joint: Option<usize>,
         shape: &Table,
         upon: &[Placed],
+        nuisances: &[Nuisance],
     ) -> Result<Vec<(Term, Answer)>, LawError> {
-        let terms_of = |shape: &Table| -> Result<Vec<(Term, Answer)>, LawError> {
-            let found = self.found.borrow();
-            let beneath = if upon.is_empty() { found.as_slice() } else { upon };
-            let is_itself = upon.is_empty() && found.iter().any(|placed| placed.kind.name == kind.name);
-            let columns = if beneath.is_empty() || is_itself {
-                kind.columns(self.baseline(kind), joint, shape)?
-            } else {
-                let beneath: Vec<&Placed> = beneath.iter().collect();
-                kind.columns(&self.baseline(kind).upon(&beneath)?, joint, shape)?
-            };
-            Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
-        };
+        let terms_of = |shape: &Table| self.terms_begun(kind, joint, shape, upon);
         let middle = terms_of(shape)?;
-        let torque = joint.and_then(|joint| self.number_of(Kind::Torque(joint)));
-        let (Some(torque), true) = (torque, shape.contains_key(START)) else { return Ok(middle) };
-        let residual = self.channels[torque].residual();
-        let left = |terms: &[(Term, Answer)]| -> f64 {
-            least_square(
-                &residual,
-                &terms.iter().filter_map(|(_, said)| said[torque].as_deref()).collect::<Vec<_>>(),
-            )
-        };
-        let (mut least, mut best) = ((1.0 - LEAST_LESS) * left(&middle), middle);
-        for start in BEGINNINGS {
+        let (Some(joint), Some(start)) = (joint, kind.parameter(START)) else { return Ok(middle) };
+        let at = |start: Start| {
             let mut begun = shape.clone();
-            begun.insert(START.to_owned(), start.into());
-            let tried = terms_of(&begun)?;
-            let square = left(&tried);
-            // Where the first way across comes soon, the beginning does not matter.
-            if start == BEGINNINGS[0] && (square - least).abs() < LEAST_LESS * least {
-                break;
+            begun.insert(START.to_owned(), start.said_of(&self.arm().joints()[joint]));
+            terms_of(&begun).map(Some)
+        };
+        let is_open = shape.contains_key(START) && self.number_of(Kind::Torque(joint)).is_some();
+        let better = match start.range {
+            Range::Number { .. } if is_open => {
+                let beside = Beside::new(self, &[], |kind| kind == Kind::Torque(joint));
+                between(beside.left(&middle), |place| at(Start::Between(place)), |terms| beside.left(terms))?
             }
-            if square < least {
-                (least, best) = (square, tried);
+            Range::Vector { .. } if self.number_of(Kind::Tool(0)).is_some() => {
+                let beside = Beside::new(self, nuisances, |kind| matches!(kind, Kind::Tool(_)));
+                let left = |terms: &Vec<(Term, Answer)>| beside.left(terms);
+                let step = |here: &Vec<_>, nudged: [&Vec<_>; 2]| beside.step(here, nudged);
+                within(left(&middle), |place| at(Start::Within(place)), left, step)?.map(|(_, terms)| terms)
             }
-        }
-        Ok(best)
+            _ => None,
+        };
+        Ok(better.unwrap_or(middle))
+    }
+
+    /// The answers to each term of the effect `kind` at `joint`, its memory standing as `shape` says.
+    fn terms_begun(
+        &self,
+        kind: &'static EffectKind,
+        joint: Option<usize>,
+        shape: &Table,
+        upon: &[Placed],
+    ) -> Result<Vec<(Term, Answer)>, LawError> {
+        let found = self.found.borrow();
+        let beneath = if upon.is_empty() { found.as_slice() } else { upon };
+        let is_itself = upon.is_empty() && found.iter().any(|placed| placed.kind.name == kind.name);
+        let columns = if beneath.is_empty() || is_itself {
+            kind.columns(self.baseline(kind), joint, shape)?
+        } else {
+            let beneath: Vec<&Placed> = beneath.iter().collect();
+            kind.columns(&self.baseline(kind).upon(&beneath)?, joint, shape)?
+        };
+        Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
+    }
+
+    /// What the only term of a law adds to each channel per unit where its journal begins as leaves least of `rest`, by channel, with the coefficient
+    /// `beta`, and where that is, as shares of the clearance; `None` if the law does not begin in a bearing.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn begun_beside(
+        &self,
+        kind: &'static EffectKind,
+        joint: Option<usize>,
+        shape: &Table,
+        beta: f64,
+        rest: &[Vec<f64>],
+    ) -> Result<Option<([f64; 2], Answer)>, LawError> {
+        let is_bearing = |range| matches!(range, Range::Vector { .. });
+        let start = kind.parameter(START).filter(|start| is_bearing(start.range));
+        let (Some(joint), Some(_)) = (joint, start) else { return Ok(None) };
+        let at = |place: [f64; 2]| self.begun_at(kind, joint, shape, place);
+        let left = |answer: &Answer| -> Vec<f64> {
+            let said = |(rest, said): (&Vec<f64>, &Option<Vec<f64>>)| match said {
+                Some(said) => rest.iter().zip(said).map(|(rest, said)| rest - beta * said).collect(),
+                None => Vec::new(),
+            };
+            rest.iter().zip(answer).flat_map(said).collect()
+        };
+        let (square, step) = (|there: &Answer| square(&left(there)), |here: &Answer, nudged: [&Answer; 2]| way(&left(here), nudged.map(&left)));
+        within(f64::INFINITY, at, square, step)
+    }
+
+    /// What the only term of a law adds to each channel per unit where its journal begins at `place`, as shares of the clearance.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn begun_at(
+        &self,
+        kind: &'static EffectKind,
+        joint: usize,
+        shape: &Table,
+        place: [f64; 2],
+    ) -> Result<Option<Answer>, LawError> {
+        let mut begun = shape.clone();
+        begun.insert(START.to_owned(), Start::Within(place).said_of(&self.arm().joints()[joint]));
+        let first = self.terms_begun(kind, Some(joint), &begun, &[])?.into_iter().next();
+        Ok(first.map(|(_, answer)| answer))
     }
 
     /// What `placed` adds to each channel.
@@ -258,16 +311,13 @@ impl<'a> Stage<'a> {
     /// [`LawError::Changed`] if they leave no possible arm.
     pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
         let with = |more: &[&Placed]| self.rough.with(more);
-        let torque_left = |sharp: &Prediction, joint: usize| {
-            let torque = &self.channels[self.number_of(Kind::Torque(joint))?];
-            let model = self.ground.treatment.keep(&sharp.torque[joint]);
-            Some(square_of_difference(&torque.measured, &model))
-        };
-        let sharp = begun(more, with, torque_left)?;
-        let left = |(channel, model): (&Channel, Vec<f64>)| -> Vec<f64> {
+        let left = |prediction: &Prediction, channel: &Channel| -> Vec<f64> {
+            let model = self.ground.treatment.keep(channel.kind.of(prediction));
             channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect()
         };
-        Ok(self.channels.iter().zip(self.kept_of(&sharp)).map(left).collect())
+        let left_of = |prediction: &Prediction, kind: Kind| Some(left(prediction, &self.channels[self.number_of(kind)?]));
+        let best = begun(more, with, left_of)?;
+        Ok(self.channels.iter().map(|channel| left(&best, channel)).collect())
     }
 
     /// Which share of a small change each channel shows behind the laws `sensors`, beside what the laws `machine` say, on the kept points.
@@ -291,7 +341,7 @@ impl<'a> Stage<'a> {
 
     /// `prediction`, on all grid points, channel by channel on the kept ones.
     fn kept_of(&self, prediction: &Prediction) -> Vec<Vec<f64>> {
-        let kept = |channel: &Channel| self.ground.treatment.keep(column_of(prediction, channel.kind));
+        let kept = |channel: &Channel| self.ground.treatment.keep(channel.kind.of(prediction));
         self.channels.iter().map(kept).collect()
     }
 
@@ -332,23 +382,6 @@ impl<'a> Stage<'a> {
     pub fn by_channel(&self, column: impl Fn(Kind) -> Option<Vec<f64>>) -> Answer {
         self.channels.iter().map(|channel| column(channel.kind)).collect()
     }
-}
-
-fn column_of(prediction: &Prediction, kind: Kind) -> &[f64] {
-    match kind {
-        Kind::Torque(joint) => &prediction.torque[joint],
-        Kind::Tool(axis) => &prediction.tool[axis],
-        Kind::Link(joint) => &prediction.link[joint],
-    }
-}
-
-/// Squares that `columns` leave of `target` with the coefficients that leave least.
-fn least_square(target: &[f64], columns: &[&[f64]]) -> f64 {
-    let n = columns.len();
-    let gram = DMatrix::from_fn(n, n, |i, j| dot(columns[i], columns[j]));
-    let right = DVector::from_fn(n, |i, _| dot(columns[i], target));
-    let said = Cholesky::new(gram).map_or(0.0, |factor| right.dot(&factor.solve(&right)));
-    dot(target, target) - said
 }
 
 fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use freeplay_laws::LawError;
 
 use super::case::Case;
-use super::columns::{Column, sum_of};
+use super::columns::{Column, subtract, sum_of};
 use super::search::Search;
 use super::show::{Coefficients, Compared, Gain, HeldOut, gain, held_out};
 use super::simplify::FOLLOWED;
@@ -76,9 +76,27 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
             .collect::<Result<_, _>>()?;
         let Some(bare) = search.system.fit(&search.nuisances()) else { return Ok(None) };
         let bare = bare.eta.as_slice().to_vec();
-        let none = HeldOut::default();
-        let trial = Self { search, held, system, floor, laid, bare, errors: none };
-        Ok(trial.errors_without(None).map(|errors| Self { errors, ..trial }))
+        let Some(fit) = search.system.fit(&search.active(None)) else { return Ok(None) };
+        let mut trial = Self { search, held, system, floor, laid, bare, errors: HeldOut::default() };
+        trial.errors = trial.errors_of(&fit);
+        for index in 0..search.chosen.len() {
+            trial.begin(index, &search.coefficients(&fit, index), &fit)?;
+        }
+        Ok(Some(trial))
+    }
+
+    /// Lets the effect number `index` with the coefficients `beta` begin on the held-out data as is best beside the others by `fit`, if its journal may be
+    /// anywhere in its bearing then.
+    fn begin(&mut self, index: usize, beta: &[f64], fit: &Fit) -> Result<(), LawError> {
+        let mut rest = self.errors.tuned_after.clone();
+        for (column, beta) in self.laid[index].iter().zip(beta) {
+            subtract(&mut rest, column, -beta);
+        }
+        if let Some(columns) = self.search.named(index).begun_on(self.held, beta, &rest)? {
+            self.laid[index] = Rc::new(columns);
+            self.errors = self.errors_of(fit);
+        }
+        Ok(())
     }
 
     /// Errors with all effects.

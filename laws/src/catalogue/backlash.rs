@@ -23,7 +23,7 @@ use toml::{Table, Value};
 
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::{Change, Columns};
-use crate::effect::Effect;
+use crate::effect::{Effect, Start};
 use crate::flight::Flight;
 use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
 use crate::kind::{Kind, START, Seen, Site};
@@ -402,7 +402,8 @@ impl Effect for Backlash {
         });
     }
 
-    fn begun(&self, start: f64) -> Option<Box<dyn Effect>> {
+    fn begun(&self, start: Start) -> Option<Box<dyn Effect>> {
+        let Start::Between(start) = start else { return None };
         let begun = || -> Box<dyn Effect> { Box::new(Backlash { start, ..*self }) };
         (self.slides() && !self.is_begun).then(begun)
     }

@@ -8,18 +8,20 @@
 //! journal slides without friction.
 
 use freeplay_arm::Arm;
+use nalgebra::Vector3;
 use toml::Table;
 
 use super::joint_clearance::follow;
 use crate::basis::{Place, Term, Terms, with};
 use crate::bearing_load::BearingLoad;
 use crate::columns::Columns;
-use crate::effect::Effect;
+use crate::effect::{Effect, Start};
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, START, Seen, Site};
 use crate::lubrication::Film;
 use crate::needs::Need;
 use crate::parameter::Parameter;
+use crate::play::across;
 use crate::scene::Scene;
 use crate::{Clearance, ClearanceTable};
 
@@ -28,7 +30,7 @@ const RADIUS: f64 = 0.010;
 const LENGTH: f64 = 0.040;
 /// Name of the shape: C, N·s.
 const RESISTANCE: &str = "resistance";
-/// Time for which the journal is taken to have rested under the first load of a recording, s.
+/// Time for which a journal is taken to have been under the first load, from the middle on, where nobody says where it is, s.
 const BEFORE: f64 = 10.0;
 
 /// The entry.
@@ -42,6 +44,13 @@ pub static KIND: Kind = Kind {
         Parameter::number("viscosity", "dynamic viscosity of the oil", "Pa*s", [1e-9, 1e9]).shape(),
         Parameter::number("bearing_radius", "radius of the bearing", "m", [1e-4, 10.0]).or(RADIUS).given(),
         Parameter::number("bearing_length", "length of the bearing", "m", [1e-4, 10.0]).or(LENGTH).given(),
+        Parameter::vector(
+            START,
+            "where the journal is as a motion begins, joint frame, as a share of the clearance",
+            "1",
+        )
+        .or_else("where the first load takes it from the middle in 10 s, or as the tool of a recording has it")
+        .given(),
     ],
     seen: Seen::POSE,
     rough: false,
@@ -71,7 +80,8 @@ pub static KIND: Kind = Kind {
             let (clearance, resistance) =
                 (coefficients[0], shape.get(RESISTANCE).and_then(toml::Value::as_float).unwrap_or(0.0));
             let viscosity = resistance * clearance.powi(2) / (LENGTH * RADIUS.powi(3));
-            with(&Table::new(), [("clearance", clearance), ("viscosity", viscosity)])
+            let start = shape.get(START).map(|start| (START.to_owned(), start.clone()));
+            with(&start.into_iter().collect(), [("clearance", clearance), ("viscosity", viscosity)])
         },
     },
     shapes: resistances,
@@ -81,7 +91,14 @@ pub static KIND: Kind = Kind {
             Film::new(values.number("viscosity")?, values.number("bearing_length")?, radius, clearance);
         let dry = ClearanceTable { bearing_radius: radius, ..ClearanceTable::new(clearance) };
         let dry = Clearance::new(&dry).map_err(|error| error.at(values.line()))?;
-        Ok(Box::new(LubricatedClearance { arm: values.arm().clone(), joint: values.joint()?, film, dry }))
+        let joint = values.joint()?;
+        let [first, second] = across(&values.arm().joints()[joint].axis);
+        let start = values.optional_vector(START)?.map(Vector3::from);
+        if start.is_some_and(|start| start.norm() > 1.0) {
+            return Err(values.unreadable(format!("`{START}` must be at most 1 long, the wall of the bearing")));
+        }
+        let start = start.map(|start| [start.dot(&first), start.dot(&second)]);
+        Ok(Box::new(LubricatedClearance { arm: values.arm().clone(), joint, film, dry, start }))
     },
 };
 
@@ -101,21 +118,41 @@ struct LubricatedClearance {
     film: Film,
     /// The same bearing without oil, for the arm with play.
     dry: Clearance,
+    /// Where the journal is as a motion begins, along the two slides, as a share of the clearance; `None`: settled.
+    start: Option<[f64; 2]>,
+}
+
+impl LubricatedClearance {
+    /// Where the journal is as a motion begins in which it first feels `force` and turns at `turning`, m.
+    fn first(&self, force: [f64; 2], turning: f64) -> [f64; 2] {
+        let settled = || self.film.carried([0.0; 2], force, turning, BEFORE);
+        self.start.map_or_else(settled, |start| start.map(|share| share * self.film.clearance))
+    }
 }
 
 impl Effect for LubricatedClearance {
     fn displace(&self, scene: &Scene, tool: &mut Columns) {
         let mut offset = [0.0; 2];
         follow(scene, self.joint, |bearing, at| {
-            let (from, time) = if at.begins { ([0.0; 2], BEFORE) } else { (offset, at.step) };
-            offset = self.film.carried(from, at.force, at.turning, time);
+            // Where samples are missing it has gone on, nobody knows how far.
+            offset = match (at.point, at.begins) {
+                (0, _) => self.first(at.force, at.turning),
+                (_, true) => offset,
+                (_, false) => self.film.carried(offset, at.force, at.turning, at.step),
+            };
             bearing.carry(at.point, offset, tool);
         });
     }
 
+    fn begun(&self, start: Start) -> Option<Box<dyn Effect>> {
+        let Start::Within(start) = start else { return None };
+        let begun = || -> Box<dyn Effect> { Box::new(Self { start: Some(start), ..self.clone() }) };
+        self.start.is_none().then(begun)
+    }
+
     fn inject(&self, injection: &mut Injection) {
         if let Ok(bearing) = BearingLoad::new(&self.arm, self.joint, self.dry) {
-            injection.sensors.push(Box::new(Afloat { film: self.film, bearing, place: None }));
+            injection.sensors.push(Box::new(Afloat { law: self.clone(), bearing, place: None }));
         }
     }
 }
@@ -123,7 +160,7 @@ impl Effect for LubricatedClearance {
 /// The journal in the film of a plant, as the tracker sees it.
 #[derive(Clone, Debug)]
 struct Afloat {
-    film: Film,
+    law: LubricatedClearance,
     bearing: BearingLoad,
     /// Where the journal is, once there was a reading.
     place: Option<[f64; 2]>,
@@ -138,8 +175,10 @@ impl SensorLaw for Afloat {
         q.copy_from_slice(readings.q);
         v.copy_from_slice(readings.v);
         let (force, turning) = (self.bearing.force(), self.bearing.turning());
-        let (from, time) = self.place.map_or(([0.0; 2], BEFORE), |place| (place, readings.period));
-        let place = self.film.carried(from, force, turning, time);
+        let place = match self.place {
+            Some(place) => self.law.film.carried(place, force, turning, readings.period),
+            None => self.law.first(force, turning),
+        };
         self.place = Some(place);
         let moved = self.bearing.moved(place);
         readings.tool.iter_mut().zip(moved.iter()).for_each(|(tool, moved)| *tool += moved);

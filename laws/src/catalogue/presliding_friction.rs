@@ -12,7 +12,7 @@ use toml::Table;
 use crate::DriveFriction;
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
-use crate::effect::Effect;
+use crate::effect::{Effect, Start};
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::kind::{Kind, NOMINAL, START, Seen, Site};
 use crate::needs::Need;
@@ -200,7 +200,8 @@ impl Effect for Presliding {
         }
     }
 
-    fn begun(&self, start: f64) -> Option<Box<dyn Effect>> {
+    fn begun(&self, start: Start) -> Option<Box<dyn Effect>> {
+        let Start::Between(start) = start else { return None };
         let begun = || -> Box<dyn Effect> { Box::new(Presliding { start: Some(start), ..*self }) };
         (self.bristles.level > 0.0 && self.start.is_none()).then(begun)
     }
