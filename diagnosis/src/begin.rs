@@ -53,8 +53,13 @@ pub(crate) fn begun(
         } else if let (Some(_), Some(settled)) = (placed.effect.begun(Start::Within([0.0; 2])), tool(&best)) {
             let off = |(said, _): &Began| tool(said).unwrap_or_default();
             let step = |here: &Began, nudged: [&Began; 2]| way(&off(here), nudged.map(off));
-            found = within(square(&settled), |place| at(Start::Within(place)), |there| square(&off(there)), step)?
-                .map(|(_, began)| began);
+            found = within(
+                square(&settled),
+                |place| at(Start::Within(place)),
+                |there| square(&off(there)),
+                step,
+            )?
+            .map(|(_, began)| began);
         }
         if let Some((said, law)) = found {
             (best, known[index]) = (said, Some(law));

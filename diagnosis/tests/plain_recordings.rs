@@ -19,8 +19,13 @@ fn two_joints() -> Arm {
     arm(vec![link("shoulder", JointKind::Revolute, FRICTION), link("elbow", JointKind::Revolute, FRICTION)])
 }
 
-/// The recording `name` of `arm` on its sines from `begin`, s, on, with the effects of `tables`, without any noise.
+/// The recording `name` of `arm` on its sines from `begin`, s, on, with the effects of `tables`, without any noise: angles and torques.
 fn recorded(name: &str, arm: &Arm, tables: &[EffectTable], begin: f64) -> Recording {
+    Recording { tool: None, ..tracked(name, arm, tables, begin) }
+}
+
+/// The same with the tool.
+fn tracked(name: &str, arm: &Arm, tables: &[EffectTable], begin: f64) -> Recording {
     let t = even(16.0, 250.0);
     let mut motion = Trajectory {
         stretches: std::iter::once(0..t.len()).collect(),
@@ -44,6 +49,7 @@ fn recorded(name: &str, arm: &Arm, tables: &[EffectTable], begin: f64) -> Record
     let mut columns = vec![("t".to_owned(), t)];
     columns.extend(named("q", motion.q));
     columns.extend(named("tau", says.torque));
+    columns.extend(["x", "y", "z"].map(str::to_owned).into_iter().zip(says.tool));
     Recording::new(Path::new(name), columns).expect("a recording")
 }
 
@@ -289,4 +295,33 @@ fn where_a_motor_begins_in_its_gap_is_taken_from_the_torque() {
     println!("{told:.4} N*m as it was, {open:.4} left open, {wrong:.4} from the other flank");
     assert!(wrong > 10.0 * told, "the beginning matters");
     assert!((open - told).abs() < 1e-9);
+}
+
+/// A journal in thick oil that a motion finds somewhere in its bearing: both the diagnosis and a comparison take the place as the tool has it.
+#[test]
+fn where_a_journal_begins_in_oil_is_taken_from_the_tool() {
+    let arm = two_joints();
+    let film = |begin: &str| {
+        let parameters = format!("clearance = 4e-4\nviscosity = 12.0\n{begin}");
+        table("lubricated_clearance", Some("elbow"), &parameters)
+    };
+    let recording = tracked("begins above", &arm, &[film("start = [-0.5, 0.0, 0.4]")], 0.0);
+    let found = only(&diagnosed(&arm, std::slice::from_ref(&recording)), "lubricated_clearance");
+    for (name, expected, margin) in [("clearance", 4e-4, 2e-5), ("viscosity", 12.0, 1.2)] {
+        let value = found.parameters[name].value.as_float().expect("a number");
+        println!("{name} {value:.4e} for {expected:.4e}, margin {margin:.1e}");
+        assert!((value - expected).abs() < margin);
+    }
+    let left = |begin: &str| {
+        let file = ArmFile { arm: arm.clone(), effects: vec![film(begin)], ignored: Vec::new() };
+        let effects = Effects::of(&file).expect("effects");
+        let (comparison, _) =
+            compare(&arm, &effects.placed, &recording, &Settings::default()).expect("a comparison");
+        let tool =
+            comparison.channels.iter().filter(|channel| ["x", "y", "z"].contains(&channel.name.as_str()));
+        tool.map(|channel| channel.rmse.powi(2)).sum::<f64>().sqrt()
+    };
+    let (told, open, wrong) = (left("start = [-0.5, 0.0, 0.4]"), left(""), left("start = [0.5, 0.0, -0.4]"));
+    println!("{told:.1e} m as it was, {open:.1e} left open, {wrong:.1e} from the other side");
+    assert!(wrong > 1e-5 && open < 0.02 * wrong);
 }

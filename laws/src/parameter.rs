@@ -91,7 +91,11 @@ impl Parameter {
 
     /// A vector of [`Role::Linear`] that has to be given.
     pub const fn vector(name: &'static str, meaning: &'static str, unit: &'static str) -> Parameter {
-        Parameter { name, meaning, range: Range::Vector { unit, absent: Absent::Refused, role: Role::Linear } }
+        Parameter {
+            name,
+            meaning,
+            range: Range::Vector { unit, absent: Absent::Refused, role: Role::Linear },
+        }
     }
 
     /// The same in `unit` for prismatic joints.

@@ -81,7 +81,8 @@ impl Beside {
             let mut rows = right.rows_mut(n, more);
             rows += against(columns, &self.target, channel);
         }
-        let all: f64 = self.channels.iter().map(|&c| DVector::from_column_slice(&self.target[c]).norm_squared()).sum();
+        let all: f64 =
+            self.channels.iter().map(|&c| DVector::from_column_slice(&self.target[c]).norm_squared()).sum();
         match Cholesky::new(products) {
             None => (all, None),
             Some(factor) => {

@@ -176,7 +176,8 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
     fn spread(&self) -> Option<Vec<Vec<f64>>> {
         let (search, numbers) = self.given_out();
         let (system, fit) = numbers.opened(search)?;
-        let (drawn, covariance) = (draws(search.case, &system, &fit, self.settings.seed)?, system.covariance(&fit));
+        let (drawn, covariance) =
+            (draws(search.case, &system, &fit, self.settings.seed)?, system.covariance(&fit));
         // The bootstrap does not see what the priors leave open; the fit's own covariance does not see colour.
         let about = |(k, eta): (usize, &f64)| {
             let column: Vec<f64> = drawn.column(k).iter().copied().collect();

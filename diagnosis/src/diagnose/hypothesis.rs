@@ -91,7 +91,12 @@ impl Hypothesis {
     ///
     /// # Errors
     /// See [`LawError`].
-    pub fn begun_on(&self, case: &Case, beta: &[f64], rest: &[Vec<f64>]) -> Result<Option<Vec<Column>>, LawError> {
+    pub fn begun_on(
+        &self,
+        case: &Case,
+        beta: &[f64],
+        rest: &[Vec<f64>],
+    ) -> Result<Option<Vec<Column>>, LawError> {
         let begun = self.begun(case, beta, rest)?;
         Ok(begun.map(|stages| {
             let answers = stages.into_iter().map(|(_, answer)| answer).collect();
@@ -104,8 +109,15 @@ impl Hypothesis {
     ///
     /// # Errors
     /// See [`LawError`].
-    pub fn slopes_of_start(&self, case: &Case, beta: &[f64], rest: &[Vec<f64>]) -> Result<Vec<Column>, LawError> {
-        let (Some(joint), Some(begun)) = (self.joint, self.begun(case, beta, rest)?) else { return Ok(Vec::new()) };
+    pub fn slopes_of_start(
+        &self,
+        case: &Case,
+        beta: &[f64],
+        rest: &[Vec<f64>],
+    ) -> Result<Vec<Column>, LawError> {
+        let (Some(joint), Some(begun)) = (self.joint, self.begun(case, beta, rest)?) else {
+            return Ok(Vec::new());
+        };
         let nothing = || -> Vec<Answer> { vec![vec![None; case.per_stage()]; case.stages.len()] };
         let mut slopes = Vec::new();
         for (number, (stage, (place, here))) in case.stages.iter().zip(&begun).enumerate() {
@@ -121,10 +133,17 @@ impl Hypothesis {
     }
 
     /// Where a journal begins in each recording of `case` as leaves least of its `rest` with the coefficients `beta`, and what its only term says then.
-    fn begun(&self, case: &Case, beta: &[f64], rest: &[Vec<f64>]) -> Result<Option<Vec<([f64; 2], Answer)>>, LawError> {
+    fn begun(
+        &self,
+        case: &Case,
+        beta: &[f64],
+        rest: &[Vec<f64>],
+    ) -> Result<Option<Vec<([f64; 2], Answer)>>, LawError> {
         let shape = plain(&self.shape);
         let rests = rest.chunks(case.per_stage().max(1));
-        let begun = |(stage, rest): (&Stage, &[Vec<f64>])| stage.begun_beside(self.kind, self.joint, &shape, beta[0], rest);
+        let begun = |(stage, rest): (&Stage, &[Vec<f64>])| {
+            stage.begun_beside(self.kind, self.joint, &shape, beta[0], rest)
+        };
         case.stages.iter().zip(rests).map(begun).collect()
     }
 
@@ -190,7 +209,9 @@ impl Hypothesis {
 
 /// `per_unit` times what is `there` more than `here`, where both say something.
 fn slope(there: &Answer, here: &Answer, per_unit: f64) -> Answer {
-    let slope = |(there, here): (&Vec<f64>, &Vec<f64>)| there.iter().zip(here).map(|(there, here)| per_unit * (there - here)).collect();
+    let slope = |(there, here): (&Vec<f64>, &Vec<f64>)| {
+        there.iter().zip(here).map(|(there, here)| per_unit * (there - here)).collect()
+    };
     there.iter().zip(here).map(|(there, here)| there.as_ref().zip(here.as_ref()).map(slope)).collect()
 }
 
@@ -410,7 +431,9 @@ fn is_refuted(
         if !stage.channels.iter().any(|channel| is_elsewhere(stage, channel)) {
             continue;
         }
-        let Some(term) = stage.terms(kind, joint, &plain(shape), &[], &[])?.into_iter().next() else { continue };
+        let Some(term) = stage.terms(kind, joint, &plain(shape), &[], &[])?.into_iter().next() else {
+            continue;
+        };
         let answer =
             stage.answer(&Placed::new(&table(kind, joint, stage.arm(), term.0.plus), stage.arm())?)?;
         let elsewhere = stage.channels.iter().zip(answer).filter(|(channel, _)| is_elsewhere(stage, channel));

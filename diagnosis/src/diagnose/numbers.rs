@@ -53,7 +53,11 @@ fn loose(search: &Search, index: usize) -> Vec<Loose> {
             pull += step * (score.beta - &best.beta);
         }
         let deviation = (over / under).sqrt();
-        deviation.is_finite().then(|| Loose { name: name.clone(), deviation: deviation.min(VAGUE), pull: pull / square })
+        deviation.is_finite().then(|| Loose {
+            name: name.clone(),
+            deviation: deviation.min(VAGUE),
+            pull: pull / square,
+        })
     };
     named.shape.iter().filter_map(loose).collect()
 }

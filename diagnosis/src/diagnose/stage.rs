@@ -276,7 +276,10 @@ impl<'a> Stage<'a> {
             };
             rest.iter().zip(answer).flat_map(said).collect()
         };
-        let (square, step) = (|there: &Answer| square(&left(there)), |here: &Answer, nudged: [&Answer; 2]| way(&left(here), nudged.map(&left)));
+        let (square, step) = (
+            |there: &Answer| square(&left(there)),
+            |here: &Answer, nudged: [&Answer; 2]| way(&left(here), nudged.map(&left)),
+        );
         within(f64::INFINITY, at, square, step)
     }
 
@@ -315,7 +318,9 @@ impl<'a> Stage<'a> {
             let model = self.ground.treatment.keep(channel.kind.of(prediction));
             channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect()
         };
-        let left_of = |prediction: &Prediction, kind: Kind| Some(left(prediction, &self.channels[self.number_of(kind)?]));
+        let left_of = |prediction: &Prediction, kind: Kind| {
+            Some(left(prediction, &self.channels[self.number_of(kind)?]))
+        };
         let best = begun(more, with, left_of)?;
         Ok(self.channels.iter().map(|channel| left(&best, channel)).collect())
     }

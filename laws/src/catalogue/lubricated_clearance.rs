@@ -49,7 +49,9 @@ pub static KIND: Kind = Kind {
             "where the journal is as a motion begins, joint frame, as a share of the clearance",
             "1",
         )
-        .or_else("where the first load takes it from the middle in 10 s, or as the tool of a recording has it")
+        .or_else(
+            "where the first load takes it from the middle in 10 s, or as the tool of a recording has it",
+        )
         .given(),
     ],
     seen: Seen::POSE,
@@ -95,7 +97,9 @@ pub static KIND: Kind = Kind {
         let [first, second] = across(&values.arm().joints()[joint].axis);
         let start = values.optional_vector(START)?.map(Vector3::from);
         if start.is_some_and(|start| start.norm() > 1.0) {
-            return Err(values.unreadable(format!("`{START}` must be at most 1 long, the wall of the bearing")));
+            return Err(
+                values.unreadable(format!("`{START}` must be at most 1 long, the wall of the bearing"))
+            );
         }
         let start = start.map(|start| [start.dot(&first), start.dot(&second)]);
         Ok(Box::new(LubricatedClearance { arm: values.arm().clone(), joint, film, dry, start }))
