@@ -20,8 +20,8 @@ use crate::scene::Scene;
 
 /// Least compliance that is one, rad/(N·m).
 const LEAST: f64 = 1e-12;
-/// Loss from which a search starts, s: 3 % of the critical damping at 10 Hz.
-const LOSS: f64 = 1e-3;
+/// Losses from which a search starts, s: 3 and 30 % of the critical damping at 10 Hz.
+const LOSSES: [f64; 2] = [1e-3, 1e-2];
 
 /// The entry.
 pub static KIND: Kind = Kind {
@@ -64,7 +64,7 @@ pub static KIND: Kind = Kind {
         },
         compose: |_, shape, coefficients| spring(shape, coefficients[0]),
     },
-    shapes: |_| vec![with(&Table::new(), [("loss", LOSS)])],
+    shapes: |_| LOSSES.map(|loss| with(&Table::new(), [("loss", loss)])).into(),
     build: |values| {
         let (stiffness, damping) = (values.number("stiffness")?, values.number("damping")?);
         Ok(Box::new(JointElasticity { joint: values.joint()?, stiffness, damping }))
