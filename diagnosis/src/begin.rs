@@ -11,13 +11,15 @@ use crate::residual::Kind;
 /// What is tried between two stops beside the middle.
 const BEGINNINGS: [f64; 4] = [-1.0, -0.5, 0.5, 1.0];
 /// What is tried in a bearing first.
-const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [0.7, 0.0], [0.0, 0.7], [-0.7, 0.0], [0.0, -0.7]];
-/// How far a place is moved to see what that changes.
+const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]];
+/// How far a place is moved to see what that changes, and the longest step from one to a better one, both of 1 + |w|.
 const NUDGE: f64 = 0.02;
-/// The longest step from one place to a better one, most steps, and how far out they go.
 const LONGEST: f64 = 0.5;
-const MOST_STEPS: usize = 6;
-const OUTERMOST: f64 = 0.98;
+/// Most steps, and how far out they go: 0.999 of the clearance.
+const MOST_STEPS: usize = 8;
+/// Shares of a step that are tried where more is left behind the whole one.
+const SHARES_OF_A_STEP: [f64; 3] = [1.0, 0.3, 0.1];
+const OUTERMOST: f64 = 22.0;
 /// Share of the squares by which a step has to be better to be followed by another.
 const WORTH_A_STEP: f64 = 1e-5;
 
@@ -95,9 +97,36 @@ pub(crate) fn between<T, E>(
     Ok(best)
 }
 
-/// The place of a journal, as shares of the clearance, with which least is `left`, and what `at` makes of it; `None` if that is not less than the
-/// `settled` one's. From the best of a few places on, in the steps of Gauss and Newton: `step` says how far to go from what is at a place and at the
-/// same place nudged each way, in nudges.
+/// Where a journal is in its bearing: w = ε/√(1 − ε²) times the direction of its eccentricity ratio ε. A journal that is squeezed out by a steady force
+/// goes evenly in w, so that later places hang on the first nearly in proportion, at the wall, too.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct InBearing([f64; 2]);
+
+impl InBearing {
+    /// The eccentricity, as shares of the clearance.
+    pub fn eccentricity(self) -> [f64; 2] {
+        self.0.map(|x| x / (1.0 + square(&self.0)).sqrt())
+    }
+
+    /// Two places near by, one each way, away from the wall.
+    pub fn nudged(self) -> [Self; 2] {
+        [self.towards([1.0, 0.0]), self.towards([0.0, 1.0])]
+    }
+
+    /// The place so many of these nudges away, no farther than one step.
+    fn towards(self, nudges: [f64; 2]) -> Self {
+        let scale = 1.0 + square(&self.0).sqrt();
+        let way = [0, 1].map(|i| if self.0[i] > 0.0 { -nudges[i] } else { nudges[i] } * NUDGE * scale);
+        let shorter = (LONGEST * scale / square(&way).sqrt()).min(1.0);
+        let there = [0, 1].map(|i| self.0[i] + shorter * way[i]);
+        let inwards = (OUTERMOST / square(&there).sqrt()).min(1.0);
+        Self(there.map(|x| x * inwards))
+    }
+}
+
+/// The place of a journal with which least is `left`, and what `at` makes of it, which is told its eccentricity; `None` if that is not less than what the
+/// `settled` one leaves. From the best of a few places on, in the steps of Gauss and Newton: `step` says how far to go from what is at a place and at
+/// the same place nudged each way, in nudges.
 ///
 /// # Errors
 /// Those of `at`.
@@ -106,9 +135,10 @@ pub(crate) fn within<T, E>(
     at: impl Fn([f64; 2]) -> Result<Option<T>, E>,
     left: impl Fn(&T) -> f64,
     step: impl Fn(&T, [&T; 2]) -> Option<[f64; 2]>,
-) -> Result<Option<([f64; 2], T)>, E> {
-    let mut best: Option<(f64, [f64; 2], T)> = None;
-    for place in PLACES {
+) -> Result<Option<(InBearing, T)>, E> {
+    let at = |place: InBearing| at(place.eccentricity());
+    let mut best: Option<(f64, InBearing, T)> = None;
+    for place in PLACES.map(InBearing) {
         let Some(there) = at(place)? else { return Ok(None) };
         let square = left(&there);
         if best.as_ref().is_none_or(|(least, ..)| square < *least) {
@@ -117,40 +147,24 @@ pub(crate) fn within<T, E>(
     }
     let Some((mut least, mut place, mut here)) = best else { return Ok(None) };
     for _ in 0..MOST_STEPS {
-        let nudges = nudges(place);
-        let [first, second] = nudges.map(|by| at(moved(place, by)));
+        let [first, second] = place.nudged().map(&at);
         let (Some(first), Some(second)) = (first?, second?) else { break };
-        let Some([a, b]) = step(&here, [&first, &second]) else { break };
-        let way = [a * nudges[0][0], b * nudges[1][1]];
-        let shorter = (LONGEST / way[0].hypot(way[1])).min(1.0);
-        let next = inside(moved(place, way.map(|x| x * shorter)));
-        let Some(there) = at(next)? else { break };
-        let square = left(&there);
-        let is_worth_more = square < (1.0 - WORTH_A_STEP) * least;
-        if square < least {
-            (least, place, here) = (square, next, there);
+        let Some(nudges) = step(&here, [&first, &second]) else { break };
+        let before = least;
+        for share in SHARES_OF_A_STEP {
+            let next = place.towards(nudges.map(|x| share * x));
+            let Some(there) = at(next)? else { break };
+            let square = left(&there);
+            if square < least {
+                (least, place, here) = (square, next, there);
+                break;
+            }
         }
-        if !is_worth_more {
+        if least > (1.0 - WORTH_A_STEP) * before {
             break;
         }
     }
     Ok((least < settled).then_some((place, here)))
-}
-
-/// The nudges of `place`, one each way, away from the wall.
-pub(crate) fn nudges(place: [f64; 2]) -> [[f64; 2]; 2] {
-    let [first, second] = place.map(|x| if x > 0.0 { -NUDGE } else { NUDGE });
-    [[first, 0.0], [0.0, second]]
-}
-
-pub(crate) fn moved(place: [f64; 2], by: [f64; 2]) -> [f64; 2] {
-    [place[0] + by[0], place[1] + by[1]]
-}
-
-/// The nearest place that is not in the wall.
-fn inside(place: [f64; 2]) -> [f64; 2] {
-    let out = place[0].hypot(place[1]);
-    if out > OUTERMOST { place.map(|x| x * OUTERMOST / out) } else { place }
 }
 
 /// How many times the way from a place, where `here` is left, to each of two near it, where `there` is left, is best gone.

@@ -11,7 +11,7 @@ use freeplay_laws::rigid_torques;
 use freeplay_recording::Recording;
 
 use crate::filter::{LowPass, derivatives};
-use crate::motion::Treatment;
+use crate::motion::{LEAST_CUTOFF, Treatment};
 use crate::statistics::Moments;
 
 /// Bands, each a third of an octave wide: the cutoff is not lowered by more than two octaves.
@@ -20,6 +20,8 @@ const BANDS: u8 = 6;
 const MOST_ASTRAY: f64 = 0.01;
 /// A band holds noise where the motion asks for this many times the power that was measured: a drive that clips takes less away.
 const FAR_MORE: f64 = 4.0;
+/// It holds nothing else where this share of that power has nothing to do with what was measured.
+const NOTHING_ELSE: f64 = 0.8;
 
 /// The cutoff of `treatment`, Hz, lowered where noise of the motion in `recording` would make too much torque along `arm`: in the middle one of
 /// its joints, since a light wrist is no reason to blur the others.
@@ -32,20 +34,32 @@ pub(crate) fn cutoff_for(arm: &Arm, recording: &Recording, treatment: &Treatment
     let below = |column: &[f64]| -> Vec<Vec<f64>> {
         passes.iter().map(|pass| treatment.keep(&treatment.through(pass, column))).collect()
     };
-    let joints: Vec<Vec<f64>> = measured
+    let joints: Vec<Vec<Astray>> = measured
         .iter()
         .zip(&torques)
         .map(|(measured, model)| astray(&below(model), &below(&treatment.whole_column(recording, measured))))
         .collect();
-    let most = (1..passes.len())
-        .take_while(|&band| middle(joints.iter().map(|joint| joint[band - 1])) < MOST_ASTRAY)
-        .count();
+    let is_worth = |band: &usize| {
+        let of_joints = |of: fn(&Astray) -> f64| middle(joints.iter().map(|joint| of(&joint[band - 1])));
+        // Above the motions of an arm a band is kept for what it shows of friction and gaps alone.
+        let is_idle =
+            passes[*band].cutoff_hz() > LEAST_CUTOFF && of_joints(|astray| astray.of_band) > NOTHING_ELSE;
+        of_joints(|astray| astray.below) < MOST_ASTRAY && !is_idle
+    };
+    let most = (1..passes.len()).take_while(is_worth).count();
     passes.get(most).map_or(top_hz, LowPass::cutoff_hz)
 }
 
-/// Which share of a torque's variance `model` has astray from `measured`, both below each of the cutoffs from the lowest on, up to each but that
-/// one: the power that exceeds the measured one and is not coherent with it.
-fn astray(model: &[Vec<f64>], measured: &[Vec<f64>]) -> Vec<f64> {
+/// How much a model has astray from a measured torque: power that exceeds the measured one by far and is not coherent with it.
+struct Astray {
+    /// As a share of the torque's variance, below the upper end of a band.
+    below: f64,
+    /// As a share of what the model has in that band.
+    of_band: f64,
+}
+
+/// What `model` has astray from `measured`, both below each of the cutoffs from the lowest on, up to each but that one.
+fn astray(model: &[Vec<f64>], measured: &[Vec<f64>]) -> Vec<Astray> {
     let variance = |column: Option<&Vec<f64>>| column.map_or(0.0, |column| Moments::of(column).std.powi(2));
     let whole = variance(model.first()).max(variance(measured.last()));
     let band = |columns: &[Vec<f64>]| -> Vec<f64> {
@@ -58,11 +72,12 @@ fn astray(model: &[Vec<f64>], measured: &[Vec<f64>]) -> Vec<f64> {
         .map(|(model, measured)| {
             let (asked, seen) = (band(model), band(measured));
             let [of_asked, of_seen] = [&asked, &seen].map(|band| Moments::of(band).rms.powi(2));
+            let mut of_band = 0.0;
             if of_asked > FAR_MORE * of_seen {
-                let incoherent = (1.0 - coherence(&asked, &seen)) * of_asked;
-                sum += incoherent.min(of_asked - of_seen);
+                let incoherent = ((1.0 - coherence(&asked, &seen)) * of_asked).min(of_asked - of_seen);
+                (sum, of_band) = (sum + incoherent, incoherent / of_asked);
             }
-            if whole > 0.0 { sum / whole } else { 0.0 }
+            Astray { below: if whole > 0.0 { sum / whole } else { 0.0 }, of_band }
         })
         .collect()
 }

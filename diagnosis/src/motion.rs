@@ -14,7 +14,7 @@ use crate::statistics::Quantile;
 
 /// The default cutoff: this share of the sampling rate, within these bounds, Hz.
 const CUTOFF_SHARE: f64 = 0.03;
-const LEAST_CUTOFF: f64 = 10.0;
+pub(crate) const LEAST_CUTOFF: f64 = 10.0;
 const GREATEST_CUTOFF: f64 = 40.0;
 /// The fine cutoff is this many times the cutoff, but no more than this share of the rate.
 const FINE: f64 = 3.0;

@@ -7,6 +7,10 @@ use std::f64::consts::{PI, TAU};
 use freeplay_arm::{Arm, JointFriction, JointKind};
 use freeplay_diagnosis::{Settings, compare, default_cutoff_hz};
 
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+
 use common::{arm, columns, columns_along, even, link, nothing, recording, sines};
 
 const RATE_HZ: f64 = 500.0;
@@ -86,4 +90,26 @@ fn what_takes_torque_away_in_proportion_does_not() {
         println!("torque {name}: low-pass at {hz:.1} Hz");
         assert!((hz - default_cutoff_hz(RATE_HZ)).abs() < 1e-6 && !is_noted, "{name}");
     }
+}
+
+/// At a kilohertz the low-pass lets 30 Hz through, where 10⁻⁵ rad of noise are more torque than any that was measured, if not much of all of it.
+#[test]
+fn bands_above_a_motion_that_hold_noise_alone_are_left_out() {
+    const FAST_HZ: f64 = 1000.0;
+    const ENCODER: f64 = 1e-5;
+    let arm = two_joints();
+    let mut noisy = columns(&arm, &even(12.0, FAST_HZ), nothing);
+    let mut rng = ChaCha8Rng::seed_from_u64(42);
+    for (_, column) in noisy.iter_mut().filter(|(name, _)| name.starts_with('q')) {
+        for q in column {
+            let noise: f64 = StandardNormal.sample(&mut rng);
+            *q += ENCODER * noise;
+        }
+    }
+    let (hz, is_noted) = cutoff_hz(&arm, noisy, Settings::default());
+    println!(
+        "low-pass at {hz:.1} Hz, 10 to 20 Hz expected, {:.1} Hz without noise",
+        default_cutoff_hz(FAST_HZ)
+    );
+    assert!((10.0..20.0).contains(&hz) && is_noted);
 }

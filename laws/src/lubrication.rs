@@ -38,7 +38,7 @@ impl Film {
     pub fn force(&self, eps: f64, rate: f64, slip: f64) -> [f64; 2] {
         let (square, open) = (eps * eps, 1.0 - eps * eps);
         let (a, b) = ((2.0 + square) * open.powf(1.5), (2.0 + square) * open.sqrt());
-        let speed = rate.hypot(slip);
+        let speed = length(rate, slip);
         let k_rate = open.sqrt() * speed / eps;
         // (k + 3)/(k + 3/2) and k/(k + 3/2), multiplied through by |ε̇|.
         let share = |more: f64| {
@@ -60,22 +60,23 @@ impl Film {
     /// The rates ε̇ and εw/2, 1/s, at which the film carries the force `radial`, `tangential` (N): the inverse of [`Film::force`]. Which way the
     /// force points depends on which way the rates do alone, and turns with it.
     pub fn rates(&self, eps: f64, radial: f64, tangential: f64) -> [f64; 2] {
-        let size = radial.hypot(tangential);
+        let size = length(radial, tangential);
         if size == 0.0 {
             return [0.0, 0.0];
         }
-        let wanted = tangential.abs().atan2(-radial);
-        // A thin film gives way along the wall 1/(1 − ε²) times as easily as across it: of rates so scaled the force has nearly the angle.
+        let wanted = direction(-radial, tangential.abs());
+        // A thin film gives way along the wall 1/(1 − ε²) times as easily as across it: the force points nearly as rates so scaled do.
         let open = 1.0 - eps * eps;
-        let force = |angle: f64| self.force(eps, open * angle.cos(), angle.sin());
-        let beyond = |angle: f64| {
-            let [r, t] = force(angle);
-            t.atan2(-r) - wanted
+        let towards = |to: f64| [open * (1.0 - to), 1.0 - (1.0 - to).abs()];
+        let beyond = |to: f64| {
+            let [rate, slip] = towards(to);
+            let [r, t] = self.force(eps, rate, slip);
+            direction(-r, t) - wanted
         };
-        let angle = root(beyond, [0.0, PI], [-wanted, PI - wanted]);
-        let [r, t] = force(angle);
-        let speed = size / r.hypot(t);
-        [speed * open * angle.cos(), speed * angle.sin() * tangential.signum()]
+        let [rate, slip] = towards(root(beyond, [0.0, 2.0], [-wanted, 2.0 - wanted]));
+        let [r, t] = self.force(eps, rate, slip);
+        let times = size / length(r, t);
+        [times * rate, times * slip * tangential.signum()]
     }
 
     /// Force on the journal, N, in the plane's coordinates (e₂ = e₁ × axis), at `offset` (m) with `velocity` (m/s), turning at `turning`
@@ -139,10 +140,21 @@ impl Film {
 
     /// Eccentricity ratio, kept from 0 and 1, normal and tangent axis × n = (n₂, −n₁).
     fn place(&self, offset: [f64; 2]) -> (f64, [f64; 2], [f64; 2]) {
-        let e = offset[0].hypot(offset[1]);
+        let e = length(offset[0], offset[1]);
         let n = if e > 0.0 { [offset[0] / e, offset[1] / e] } else { [1.0, 0.0] };
         ((e / self.clearance).clamp(1e-6, THINNEST), n, [n[1], -n[0]])
     }
+}
+
+/// Length of a vector whose squares are no extremes.
+fn length(x: f64, y: f64) -> f64 {
+    (x * x + y * y).sqrt()
+}
+
+/// Which way a vector points whose `y` is not negative: 0 along x, 1 along y, 2 against x, and between these by the share of y in the sum of both.
+fn direction(x: f64, y: f64) -> f64 {
+    let share = y / (x.abs() + y);
+    if x >= 0.0 { share } else { 2.0 - share }
 }
 
 /// The root of the rising function `f` between the ends `x`, where it is `y`: false position, with the end that stays halved (Dowell & Jarratt 1971).

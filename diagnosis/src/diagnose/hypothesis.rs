@@ -14,7 +14,6 @@ use super::report::Untestable;
 use super::stage::{Answer, Stage};
 use super::system::{Block, Score, System};
 use super::upon::acted_on;
-use crate::begin::{moved, nudges};
 use crate::residual::{Channel, Kind};
 
 /// One effect at one place in one shape.
@@ -86,67 +85,6 @@ impl Hypothesis {
         })
     }
 
-    /// The same where a journal begins in each recording of `case` as leaves least of its `rest` with the coefficients `beta`; `None` for laws that
-    /// don't begin in a bearing.
-    ///
-    /// # Errors
-    /// See [`LawError`].
-    pub fn begun_on(
-        &self,
-        case: &Case,
-        beta: &[f64],
-        rest: &[Vec<f64>],
-    ) -> Result<Option<Vec<Column>>, LawError> {
-        let begun = self.begun(case, beta, rest)?;
-        Ok(begun.map(|stages| {
-            let answers = stages.into_iter().map(|(_, answer)| answer).collect();
-            vec![case.centred(case.column(answers))]
-        }))
-    }
-
-    /// What it says more in `case` for each number that says where a journal begins in a recording, per unit of that, a share of the clearance: two a
-    /// recording for laws that begin in a bearing.
-    ///
-    /// # Errors
-    /// See [`LawError`].
-    pub fn slopes_of_start(
-        &self,
-        case: &Case,
-        beta: &[f64],
-        rest: &[Vec<f64>],
-    ) -> Result<Vec<Column>, LawError> {
-        let (Some(joint), Some(begun)) = (self.joint, self.begun(case, beta, rest)?) else {
-            return Ok(Vec::new());
-        };
-        let nothing = || -> Vec<Answer> { vec![vec![None; case.per_stage()]; case.stages.len()] };
-        let mut slopes = Vec::new();
-        for (number, (stage, (place, here))) in case.stages.iter().zip(&begun).enumerate() {
-            for nudge in nudges(*place) {
-                let there = stage.begun_at(self.kind, joint, &plain(&self.shape), moved(*place, nudge))?;
-                let per_unit = beta[0] / (nudge[0] + nudge[1]);
-                let mut answers = nothing();
-                answers[number] = slope(&there.unwrap_or_default(), here, per_unit);
-                slopes.push(case.centred(case.column(answers)));
-            }
-        }
-        Ok(slopes)
-    }
-
-    /// Where a journal begins in each recording of `case` as leaves least of its `rest` with the coefficients `beta`, and what its only term says then.
-    fn begun(
-        &self,
-        case: &Case,
-        beta: &[f64],
-        rest: &[Vec<f64>],
-    ) -> Result<Option<Vec<([f64; 2], Answer)>>, LawError> {
-        let shape = plain(&self.shape);
-        let rests = rest.chunks(case.per_stage().max(1));
-        let begun = |(stage, rest): (&Stage, &[Vec<f64>])| {
-            stage.begun_beside(self.kind, self.joint, &shape, beta[0], rest)
-        };
-        case.stages.iter().zip(rests).map(begun).collect()
-    }
-
     /// The same effect on the rows of `case`, whose system is `system`.
     ///
     /// # Errors
@@ -205,14 +143,6 @@ impl Hypothesis {
     pub fn meets(&self, other: &Hypothesis) -> bool {
         self.channels().any(|c| other.block.shows.contains(&c))
     }
-}
-
-/// `per_unit` times what is `there` more than `here`, where both say something.
-fn slope(there: &Answer, here: &Answer, per_unit: f64) -> Answer {
-    let slope = |(there, here): (&Vec<f64>, &Vec<f64>)| {
-        there.iter().zip(here).map(|(there, here)| per_unit * (there - here)).collect()
-    };
-    there.iter().zip(here).map(|(there, here)| there.as_ref().zip(here.as_ref()).map(slope)).collect()
 }
 
 /// The table of an arm file for `kind` at `joint` with `parameters`.

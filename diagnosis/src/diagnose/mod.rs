@@ -35,6 +35,7 @@ mod excite;
 mod floor;
 mod hypothesis;
 mod interval;
+mod journal;
 mod judge;
 mod locate;
 mod moment;

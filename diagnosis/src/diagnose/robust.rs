@@ -26,8 +26,8 @@ pub(crate) struct Numbers {
     rows: Vec<Vec<f64>>,
 }
 
-/// Standard deviation of the prior of where a journal begins, as a share of the clearance.
-const START: f64 = 0.5;
+/// Standard deviation of the prior of where a journal begins, in nudges: half a bearing.
+const START: f64 = 25.0;
 
 impl Numbers {
     /// The numbers of all that `search` has chosen; by least squares if these alone are possible. `None` if a fit is singular.

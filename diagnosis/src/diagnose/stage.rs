@@ -14,7 +14,7 @@ use super::beside::Beside;
 use super::noise::Noises;
 use super::stuck::Stuck;
 use super::tolerance::Nuisance;
-use crate::begin::{begun, between, square, way, within};
+use crate::begin::{begun, between, within};
 use crate::error::ResidualError;
 use crate::motion::{Settings, Treatment};
 use crate::residual::{Channel, Kind, Sharpening, residuals_along};
@@ -250,37 +250,6 @@ impl<'a> Stage<'a> {
             kind.columns(&self.baseline(kind).upon(&beneath)?, joint, shape)?
         };
         Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
-    }
-
-    /// What the only term of a law adds to each channel per unit where its journal begins as leaves least of `rest`, by channel, with the coefficient
-    /// `beta`, and where that is, as shares of the clearance; `None` if the law does not begin in a bearing.
-    ///
-    /// # Errors
-    /// See [`LawError`].
-    pub fn begun_beside(
-        &self,
-        kind: &'static EffectKind,
-        joint: Option<usize>,
-        shape: &Table,
-        beta: f64,
-        rest: &[Vec<f64>],
-    ) -> Result<Option<([f64; 2], Answer)>, LawError> {
-        let is_bearing = |range| matches!(range, Range::Vector { .. });
-        let start = kind.parameter(START).filter(|start| is_bearing(start.range));
-        let (Some(joint), Some(_)) = (joint, start) else { return Ok(None) };
-        let at = |place: [f64; 2]| self.begun_at(kind, joint, shape, place);
-        let left = |answer: &Answer| -> Vec<f64> {
-            let said = |(rest, said): (&Vec<f64>, &Option<Vec<f64>>)| match said {
-                Some(said) => rest.iter().zip(said).map(|(rest, said)| rest - beta * said).collect(),
-                None => Vec::new(),
-            };
-            rest.iter().zip(answer).flat_map(said).collect()
-        };
-        let (square, step) = (
-            |there: &Answer| square(&left(there)),
-            |here: &Answer, nudged: [&Answer; 2]| way(&left(here), nudged.map(&left)),
-        );
-        within(f64::INFINITY, at, square, step)
     }
 
     /// What the only term of a law adds to each channel per unit where its journal begins at `place`, as shares of the clearance.
