@@ -15,16 +15,19 @@ const PLACES: [[f64; 2]; 5] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], 
 /// How far a place is moved to see what that changes, and the longest step from one to a better one, both of 1 + |w|.
 const NUDGE: f64 = 0.02;
 const LONGEST: f64 = 0.5;
-/// Most steps, and how far out they go: 0.999 of the clearance.
+/// How far out w goes: to 0.999 of the clearance.
+const OUTERMOST: f64 = 22.0;
 const MOST_STEPS: usize = 8;
 /// Shares of a step that are tried where more is left behind the whole one.
 const SHARES_OF_A_STEP: [f64; 3] = [1.0, 0.3, 0.1];
-const OUTERMOST: f64 = 22.0;
 /// Share of the squares by which a step has to be better to be followed by another.
 const WORTH_A_STEP: f64 = 1e-5;
 
 /// Share of the squares that another beginning has to take away.
 const LEAST_LESS: f64 = 0.05;
+
+/// What effects predict, and the one among them whose beginning was set.
+type Began = (Prediction, Placed);
 
 /// What `predict` says of `effects`, each memory standing as the recording has it; `left` says what a prediction leaves of what was measured of one
 /// kind, row by row, if it was.
@@ -69,9 +72,6 @@ pub(crate) fn begun(
     }
     Ok(best)
 }
-
-/// What effects predict, and the one among them whose beginning was set.
-type Began = (Prediction, Placed);
 
 /// What `at` makes of the place between two stops with which least is `left`; `None` if that is not sure to be less than what the `middle` leaves.
 ///

@@ -45,8 +45,8 @@ impl Seen {
 /// coefficient, per unit of it. For a law that is not linear, as a delay of more than a few samples, that is right where it is needed.
 pub const ABOUT: &str = "about";
 
-/// Name of a shape's entry and of a parameter: where a memory stands as a motion begins, −1 to 1 between its stops. What came before a recording is not in
-/// it, so that this is a state of each recording, not a property of the machine.
+/// Name of a shape's entry and of a parameter: where a memory stands as a motion begins, a number from −1 to 1 between its stops or a vector in its bearing,
+/// see [`crate::Start`]. What came before a recording is not in it, so that this is a state of each recording, not a property of the machine.
 pub const START: &str = "start";
 
 /// Name of the number in a shape that is the arm file's own: what the file names already of the effect.

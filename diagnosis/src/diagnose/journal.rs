@@ -10,6 +10,12 @@ use super::stage::Answer;
 use crate::begin::{InBearing, square, way, within};
 
 impl Hypothesis {
+    /// The joint in whose bearing a journal begins, if the law has one.
+    pub fn bearing(&self) -> Option<usize> {
+        let is_vector = |start: &&Parameter| matches!(start.range, Range::Vector { .. });
+        self.joint.filter(|_| self.kind.parameter(START).filter(is_vector).is_some())
+    }
+
     /// The column of its only term where a journal begins in each recording of `case` as leaves least of its `rest` with the coefficients `beta`; `None`
     /// for laws that don't begin in a bearing.
     ///
@@ -63,10 +69,7 @@ impl Hypothesis {
         beta: &[f64],
         rest: &[Vec<f64>],
     ) -> Result<Option<Vec<(InBearing, Answer)>>, LawError> {
-        let is_vector = |start: &&Parameter| matches!(start.range, Range::Vector { .. });
-        let (Some(joint), Some(_)) = (self.joint, self.kind.parameter(START).filter(is_vector)) else {
-            return Ok(None);
-        };
+        let Some(joint) = self.bearing() else { return Ok(None) };
         let (shape, per_stage) = (plain(&self.shape), case.per_stage());
         let mut all = Vec::new();
         for (number, stage) in case.stages.iter().enumerate() {

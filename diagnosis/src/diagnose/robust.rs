@@ -57,7 +57,7 @@ impl Numbers {
         let mut system = search.system.clone();
         let mut active = search.active(None);
         let left = search.system.residual(&self.fit);
-        for index in 0..search.chosen.len() {
+        for index in (0..search.chosen.len()).filter(|&index| search.named(index).bearing().is_some()) {
             let (named, beta) = (search.named(index), search.coefficients(&self.fit, index));
             let mut rest = left.clone();
             for (column, beta) in named.block.columns.iter().zip(&beta) {

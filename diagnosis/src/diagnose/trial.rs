@@ -79,14 +79,13 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         let Some(fit) = search.system.fit(&search.active(None)) else { return Ok(None) };
         let mut trial = Self { search, held, system, floor, laid, bare, errors: HeldOut::default() };
         trial.errors = trial.errors_of(&fit);
-        for index in 0..search.chosen.len() {
+        for index in (0..search.chosen.len()).filter(|&index| search.named(index).bearing().is_some()) {
             trial.begin(index, &search.coefficients(&fit, index), &fit)?;
         }
         Ok(Some(trial))
     }
 
-    /// Lets the effect number `index` with the coefficients `beta` begin on the held-out data as is best beside the others by `fit`, if its journal may be
-    /// anywhere in its bearing then.
+    /// Lets the journal of the effect number `index` with the coefficients `beta` begin on the held-out data as is best beside the others by `fit`.
     fn begin(&mut self, index: usize, beta: &[f64], fit: &Fit) -> Result<(), LawError> {
         let mut rest = self.errors.tuned_after.clone();
         for (column, beta) in self.laid[index].iter().zip(beta) {
