@@ -21,6 +21,8 @@ pub struct Injection {
     pub saturations: Vec<(usize, f64)>,
     /// Forces on the tool.
     pub forces: Vec<ToolForce>,
+    /// Where the tool is beside where the joints put it: what bends, gives or floats. Asked on the truth, before the sensors.
+    pub tool: Vec<Box<dyn SensorLaw>>,
     /// What the sensors make of the truth.
     pub sensors: Vec<Box<dyn SensorLaw>>,
 }
@@ -86,7 +88,7 @@ pub struct ToolForce {
     pub end: f64,
 }
 
-/// What a sensor makes of the truth. Called once a tick, in the order of the arm file; it may keep a memory.
+/// What a sensor makes of the truth, or what the tool does beside the joints. Called once a tick, in the order of the arm file; it may keep a memory.
 pub trait SensorLaw: Debug + Send {
     /// Changes the readings of a tick.
     fn read(&mut self, readings: &mut Readings);

@@ -64,19 +64,19 @@ impl<L: SagLaw> Effect for Sagging<L> {
 
     fn inject(&self, injection: &mut Injection) {
         let now = Instant::new(&self.arm);
-        injection.sensors.push(Box::new(Tracked { of: self.clone(), now, begun: false }));
+        injection.tool.push(Box::new(Sunk { of: self.clone(), now, begun: false }));
     }
 }
 
-/// The sag as the tracker of a plant sees it.
+/// The sag of the tool of a plant.
 #[derive(Clone, Debug)]
-struct Tracked<L> {
+struct Sunk<L> {
     of: Sagging<L>,
     now: Instant,
     begun: bool,
 }
 
-impl<L: SagLaw> SensorLaw for Tracked<L> {
+impl<L: SagLaw> SensorLaw for Sunk<L> {
     fn read(&mut self, readings: &mut Readings) {
         let now = &mut self.now;
         for (joint, v) in readings.v.iter().enumerate() {

@@ -293,7 +293,7 @@ fn late_and_filtered_sensors_of_the_plant_say_the_same() {
             let row = |columns: &[Vec<f64>]| columns.iter().map(|column| column[point]).collect::<Vec<_>>();
             let (mut q, mut v, mut link) = (row(&motion.q), row(&motion.v), row(&clean.link));
             let (mut torque, mut tool) = (row(&clean.torque), row(&clean.tool));
-            injection.sensors[0].read(&mut Readings {
+            injection.tool.iter_mut().chain(&mut injection.sensors).next().unwrap().read(&mut Readings {
                 period: 1e-3,
                 q: &mut q,
                 v: &mut v,

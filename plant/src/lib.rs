@@ -52,7 +52,7 @@ pub use ledger::Ledger;
 pub use line_up::{Cause, LineUp, LineUpSpec, PlannedSwap, Swap};
 pub use misses::{Miss, Misses, Stall};
 pub use motion::{Braking, Hermite, Motion};
-pub use plant::{Deadlines, Ending, Plant, PlantConfig, PlantError, PlantOutcome};
+pub use plant::{Deadlines, Ending, Plant, PlantConfig, PlantError, PlantOutcome, TickLaws};
 pub use rotor::ROTOR_SHARE;
 pub use sensors::{Channel, Sensors, SensorsSpec};
 pub use stages::{Stage, Stages};

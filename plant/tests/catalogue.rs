@@ -51,7 +51,8 @@ fn record(arm: &Arm, effects: &Effects, motion: &Swing) -> Recorded {
     let joints = arm.dof();
     let body = effects.changed(arm).expect("an arm");
     let mut injection = effects.injection();
-    let mut sensors = std::mem::take(&mut injection.sensors);
+    let mut sensors = std::mem::take(&mut injection.tool);
+    sensors.append(&mut injection.sensors);
     let state = || [vec![0.0; joints], vec![0.0; joints], vec![0.0; joints]];
     let posture = |k: usize| {
         let [mut q, mut v, mut a] = state();

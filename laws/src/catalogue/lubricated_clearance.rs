@@ -4,7 +4,7 @@
 //! tool is off by J e. Against a dry joint the offset is smooth and shrinks with the speed; at rest the journal sinks to the wall.
 //! Source: Pinkus & Sternlicht 1961; Flores et al. 2006, Mech. Mach. Theory 41:247. With C = μ L R³/c² fixed the offset is proportional
 //! to c: that is the term, and C the shape. Departure: a film damps the journal
-//! so much that its inertia counts for nothing; the plant too has it drift, and adds the offset to what the tracker reads. At the wall the
+//! so much that its inertia counts for nothing; the plant too has it drift, and moves the tool by the offset. At the wall the
 //! journal slides without friction.
 
 use freeplay_arm::Arm;
@@ -96,10 +96,11 @@ pub static KIND: Kind = Kind {
         let joint = values.joint()?;
         let [first, second] = across(&values.arm().joints()[joint].axis);
         let start = values.optional_vector(START)?.map(Vector3::from);
-        if start.is_some_and(|start| start.norm() > 1.0) {
-            return Err(
-                values.unreadable(format!("`{START}` must be at most 1 long, the wall of the bearing"))
+        if let Some([x, y, z]) = start.filter(|start| start.norm() > 1.0).map(<[f64; 3]>::from) {
+            let message = format!(
+                "`{START}` = [{x}, {y}, {z}] must be at most 1 long: the journal is inside its bearing"
             );
+            return Err(values.unreadable(message));
         }
         let start = start.map(|start| [start.dot(&first), start.dot(&second)]);
         Ok(Box::new(LubricatedClearance { arm: values.arm().clone(), joint, film, dry, start }))
@@ -156,12 +157,12 @@ impl Effect for LubricatedClearance {
 
     fn inject(&self, injection: &mut Injection) {
         if let Ok(bearing) = BearingLoad::new(&self.arm, self.joint, self.dry) {
-            injection.sensors.push(Box::new(Afloat { law: self.clone(), bearing, place: None }));
+            injection.tool.push(Box::new(Afloat { law: self.clone(), bearing, place: None }));
         }
     }
 }
 
-/// The journal in the film of a plant, as the tracker sees it.
+/// The journal in the film of a plant.
 #[derive(Clone, Debug)]
 struct Afloat {
     law: LubricatedClearance,

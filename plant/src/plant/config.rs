@@ -48,14 +48,14 @@ pub struct PlantConfig {
 const POSTURES: u32 = 64;
 
 impl PlantConfig {
-    /// The arm with its effects, and the laws of its sensors, for a motion along `path`.
+    /// The arm with its effects, and the laws that are asked once a tick, for a motion along `path`.
     ///
     /// # Errors
     /// See [`SystemError`].
-    pub fn system(&self, path: &JointPath) -> Result<(System, Vec<Box<dyn SensorLaw>>), SystemError> {
+    pub fn system(&self, path: &JointPath) -> Result<(System, TickLaws), SystemError> {
         let body = self.effects.changed(&self.arm)?;
         let mut injection = self.effects.injection();
-        let sensors = std::mem::take(&mut injection.sensors);
+        let [tool, sensors] = [&mut injection.tool, &mut injection.sensors].map(std::mem::take);
         let blank = vec![0.0; self.arm.dof()];
         let posture = |number: u32| {
             let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank.clone()];
@@ -68,8 +68,17 @@ impl PlantConfig {
         let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank];
         path.at(0.0, &mut q, &mut v, &mut a);
         system.start(&q, &v);
-        Ok((system, sensors))
+        Ok((system, TickLaws { tool, sensors }))
     }
+}
+
+/// The laws that are asked once a tick.
+#[derive(Debug, Default)]
+pub struct TickLaws {
+    /// Where the tool is beside where the joints put it.
+    pub tool: Vec<Box<dyn SensorLaw>>,
+    /// What the sensors make of the truth.
+    pub sensors: Vec<Box<dyn SensorLaw>>,
 }
 
 /// Why the plant stopped without finishing.

@@ -14,11 +14,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crossbeam::queue::ArrayQueue;
 use freeplay_arm::Workspace;
-use freeplay_laws::SensorLaw;
 use freeplay_path::JointPath;
 use freeplay_shm::{Backoff, Foreign, Pace, PlantLink, Schedule, State, now_ns};
 
-pub use config::{Deadlines, Ending, PlantConfig, PlantError, PlantOutcome};
+pub use config::{Deadlines, Ending, PlantConfig, PlantError, PlantOutcome, TickLaws};
 
 use crate::attendance::Attendance;
 use crate::cause::Links;
@@ -39,7 +38,7 @@ pub struct Plant {
     run: u64,
     line_up: LineUp,
     attendance: Attendance,
-    sensor_laws: Vec<Box<dyn SensorLaw>>,
+    laws: TickLaws,
     sensors: Sensors,
     queue: Arc<ArrayQueue<TickRecord>>,
     stages: Stages,

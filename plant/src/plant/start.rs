@@ -37,7 +37,7 @@ impl Plant {
             return Err(PlantError::TooManyJoints { joints });
         }
         let period = config.period_ns as f64 * 1e-9;
-        let (system, sensor_laws) = config.system(&path)?;
+        let (system, laws) = config.system(&path)?;
         let rates = config.arm.joints().iter().map(|joint| joint.limits.acceleration);
         Ok(Self {
             nominal: Workspace::new(&config.arm),
@@ -49,7 +49,7 @@ impl Plant {
                 period,
             ),
             attendance: Attendance::new(config.line_up.controllers),
-            sensor_laws,
+            laws,
             sensors: Sensors::new(&config.sensors, joints, config.seed),
             stages: Stages::new()?,
             deviation: DeviationStatistics::new(DeviationStatistics::START),

@@ -5,6 +5,7 @@ use std::time::Duration;
 use freeplay_arm::forward_kinematics;
 use freeplay_laws::Readings;
 use freeplay_shm::{Joints, MAX_JOINTS, Mode, Pace, Schedule, State, now_ns, sleep_then_spin_until};
+use nalgebra::Vector3;
 
 use crate::cause::Links;
 use crate::plant::{PUBLISHED, Plant, PlantError};
@@ -125,11 +126,12 @@ impl Plant {
         }
         let desired =
             forward_kinematics(&self.config.arm, &mut self.nominal, &self.state.reference.q[..joints]);
-        let pose = self.system.tool();
-        let deviation = pose.translation.vector - desired.translation.vector;
+        let mut tool = tool_row(&self.system.tool());
+        let mut truth = readings(&mut self.state, &mut link, &mut tool, joints, period);
+        self.laws.tool.iter_mut().for_each(|law| law.read(&mut truth));
+        let deviation = Vector3::new(tool[0], tool[1], tool[2]) - desired.translation.vector;
         self.deviation.add(time, &deviation);
         self.joint_use.add(&self.system);
-        let tool = tool_row(&pose);
         self.sense(tick, tool, &mut link);
         TickRecord {
             state: self.state,
@@ -148,17 +150,9 @@ impl Plant {
 
     /// Puts what the sensors make of the truth into the State, and the flags.
     fn sense(&mut self, tick: u64, mut tool: [f64; 7], link: &mut Joints) {
-        let joints = self.config.arm.dof();
-        let State { q, qd, tau, .. } = &mut self.state;
-        let mut readings = Readings {
-            period: self.config.period_ns as f64 * 1e-9,
-            q: &mut q[..joints],
-            v: &mut qd[..joints],
-            torque: &mut tau[..joints],
-            link: &mut link[..joints],
-            tool: &mut tool[..3],
-        };
-        self.sensor_laws.iter_mut().for_each(|law| law.read(&mut readings));
+        let (joints, period) = (self.config.arm.dof(), self.config.period_ns as f64 * 1e-9);
+        let mut readings = readings(&mut self.state, link, &mut tool, joints, period);
+        self.laws.sensors.iter_mut().for_each(|law| law.read(&mut readings));
         let Readings { q, v, torque, tool: position, .. } = readings;
         self.sensors.read(q, v, torque, position);
         let tracked = self.config.sensors.track_tool;
@@ -280,6 +274,25 @@ impl Plant {
             pending = self.queue.push(record);
         }
         self.deadlines.unrecorded += u64::from(pending.is_err());
+    }
+}
+
+/// What the laws that are asked once a tick see and change: of `joints` joints in `state` and at the links, and of the tool.
+fn readings<'a>(
+    state: &'a mut State,
+    link: &'a mut Joints,
+    tool: &'a mut [f64; 7],
+    joints: usize,
+    period: f64,
+) -> Readings<'a> {
+    let State { q, qd, tau, .. } = state;
+    Readings {
+        period,
+        q: &mut q[..joints],
+        v: &mut qd[..joints],
+        torque: &mut tau[..joints],
+        link: &mut link[..joints],
+        tool: &mut tool[..3],
     }
 }
 
