@@ -4,7 +4,7 @@
 //! Worked out before the run, by the laws that the plant and the diagnosis use: gaps and springs of transmissions shift the links,
 //! friction, springs and couplings take torque, encoders read late or off. Changes of the arm and radial play are not here:
 //! they are in [`crate::model::Model`]. Neither are pushes, clipping and faults of the torque and tool sensors, which no drive can
-//! make up for. A shift that jumps, as that of a gap does, is smoothed; its acceleration is not asked for, since the motor makes
+//! make up for, nor what bends, gives or floats between the joints and the tool. A shift that jumps, as that of a gap does, is smoothed; its acceleration is not asked for, since the motor makes
 //! it alone, without the link.
 
 use freeplay_arm::Arm;

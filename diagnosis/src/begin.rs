@@ -26,8 +26,12 @@ const WORTH_A_STEP: f64 = 1e-5;
 /// Share of the squares that another beginning has to take away.
 const LEAST_LESS: f64 = 0.05;
 
-/// What effects predict, and the one among them whose beginning was set.
-type Began = (Prediction, Placed);
+/// What effects predict, the one among them whose beginning was set, and what they leave of what tells it.
+struct Began {
+    said: Prediction,
+    law: Placed,
+    left: Vec<f64>,
+}
 
 /// What `predict` says of `effects`, each memory standing as the recording has it; `left` says what a prediction leaves of what was measured of one
 /// kind, row by row, if it was.
@@ -42,31 +46,31 @@ pub(crate) fn begun(
     let mut best = predict(effects)?;
     let mut known: Vec<Option<Placed>> = effects.iter().map(|_| None).collect();
     for (index, placed) in effects.iter().enumerate() {
+        let is_open = |start: Start| placed.effect.begun(start).is_some();
+        let is_between = is_open(Start::Between(0.0));
+        let kinds = match placed.joint {
+            Some(joint) if is_between => vec![Kind::Torque(joint)],
+            Some(_) if is_open(Start::Within([0.0; 2])) => (0..3).map(Kind::Tool).collect(),
+            _ => continue,
+        };
+        let left = |said: &Prediction| -> Option<Vec<f64>> {
+            Some(kinds.iter().map(|&kind| left(said, kind)).collect::<Option<Vec<_>>>()?.concat())
+        };
+        let Some(now) = left(&best) else { continue };
         let at = |start: Start| -> Result<Option<Began>, LawError> {
             let Some(effect) = placed.effect.begun(start) else { return Ok(None) };
             let law = Placed { kind: placed.kind, joint: placed.joint, effect, line: placed.line };
-            Ok(Some((predict(&with(effects, &known, index, &law))?, law)))
+            let said = predict(&with(effects, &known, index, &law))?;
+            Ok(left(&said).map(|left| Began { said, law, left }))
         };
-        let torque = |said: &Prediction| Some(square(&left(said, Kind::Torque(placed.joint?))?));
-        let tool = |said: &Prediction| -> Option<Vec<f64>> {
-            Some((0..3).map(|axis| left(said, Kind::Tool(axis))).collect::<Option<Vec<_>>>()?.concat())
+        let squares = |began: &Began| square(&began.left);
+        let found = if is_between {
+            between(square(&now), |place| at(Start::Between(place)), squares)?
+        } else {
+            let step = |here: &Began, nudged: [&Began; 2]| way(&here.left, nudged.map(|there| &*there.left));
+            within(square(&now), |place| at(Start::Within(place)), squares, step)?.map(|(_, began)| began)
         };
-        let mut found = None;
-        if let (Some(_), Some(middle)) = (placed.effect.begun(Start::Between(0.0)), torque(&best)) {
-            let square = |(said, _): &Began| torque(said).unwrap_or(f64::INFINITY);
-            found = between(middle, |place| at(Start::Between(place)), square)?;
-        } else if let (Some(_), Some(settled)) = (placed.effect.begun(Start::Within([0.0; 2])), tool(&best)) {
-            let off = |(said, _): &Began| tool(said).unwrap_or_default();
-            let step = |here: &Began, nudged: [&Began; 2]| way(&off(here), nudged.map(off));
-            found = within(
-                square(&settled),
-                |place| at(Start::Within(place)),
-                |there| square(&off(there)),
-                step,
-            )?
-            .map(|(_, began)| began);
-        }
-        if let Some((said, law)) = found {
+        if let Some(Began { said, law, .. }) = found {
             (best, known[index]) = (said, Some(law));
         }
     }
@@ -168,9 +172,9 @@ pub(crate) fn within<T, E>(
 }
 
 /// How many times the way from a place, where `here` is left, to each of two near it, where `there` is left, is best gone.
-pub(crate) fn way(here: &[f64], there: [Vec<f64>; 2]) -> Option<[f64; 2]> {
+pub(crate) fn way(here: &[f64], there: [&[f64]; 2]) -> Option<[f64; 2]> {
     let here = DVectorView::from(here);
-    let less = there.map(|there| here - DVectorView::from(&there[..]));
+    let less = there.map(|there| here - DVectorView::from(there));
     let less = DMatrix::from_columns(&less);
     let found = less.tr_mul(&less).cholesky()?.solve(&less.tr_mul(&here));
     Some([found[0], found[1]])

@@ -6,13 +6,15 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use super::columns::{Column, against, gram, gram_of};
 use super::stage::{Answer, Stage};
 use super::tolerance::Nuisance;
+use crate::begin::square;
 use crate::residual::Kind;
 
 /// Least squares of some channels of a recording, with the tolerances' columns in.
 pub(crate) struct Beside {
     channels: Vec<usize>,
-    /// Measured less model in all channels.
+    /// Measured less model in all channels, and its square in those.
     target: Vec<Vec<f64>>,
+    square: f64,
     tolerances: Vec<Column>,
     /// Their inner products with each other, priors included, and with the target.
     products: DMatrix<f64>,
@@ -32,7 +34,9 @@ impl Beside {
         let noise = channels.iter().map(|&c| stage.ground.noises.channels[c].deviation.powi(2)).sum::<f64>()
             / channels.len().max(1) as f64;
         let n = tolerances.len();
+        let square = channels.iter().map(|&c| square(&target[c])).sum();
         let mut all = Self {
+            square,
             products: DMatrix::from_diagonal_element(n, n, noise),
             against: DVector::zeros(n),
             channels,
@@ -81,13 +85,11 @@ impl Beside {
             let mut rows = right.rows_mut(n, more);
             rows += against(columns, &self.target, channel);
         }
-        let all: f64 =
-            self.channels.iter().map(|&c| DVector::from_column_slice(&self.target[c]).norm_squared()).sum();
         match Cholesky::new(products) {
-            None => (all, None),
+            None => (self.square, None),
             Some(factor) => {
                 let found = factor.solve(&right);
-                (all - right.dot(&found), Some(found.as_slice()[n..].to_vec()))
+                (self.square - right.dot(&found), Some(found.as_slice()[n..].to_vec()))
             }
         }
     }

@@ -36,6 +36,13 @@ pub(crate) fn subtract(rows: &mut [Vec<f64>], column: &Column, factor: f64) {
     }
 }
 
+/// What is `left` beside `columns` with the coefficients `beta`, and without them.
+pub(crate) fn left_without(left: &[Vec<f64>], columns: &[Column], beta: &[f64]) -> Vec<Vec<f64>> {
+    let mut rest = left.to_vec();
+    columns.iter().zip(beta).for_each(|(column, beta)| subtract(&mut rest, column, -beta));
+    rest
+}
+
 /// [`gram`] of `columns` with themselves.
 pub(super) fn gram_of(columns: &[Column], channel: usize) -> DMatrix<f64> {
     let mut gram = DMatrix::zeros(columns.len(), columns.len());

@@ -1,17 +1,25 @@
 //! Where a journal in oil begins once the numbers of its law are known, and how much hangs on it.
 
-use freeplay_laws::{LawError, Parameter, Range, START};
+use freeplay_laws::{LawError, Parameter, Range, START, Start};
 
 use super::case::Case;
 use super::columns::Column;
 use super::hypothesis::Hypothesis;
 use super::moment::plain;
-use super::stage::Answer;
+use super::search::Search;
+use super::stage::{Answer, Stage};
 use crate::begin::{InBearing, square, way, within};
+
+impl Search<'_, '_> {
+    /// The numbers of those effects whose journals begin in a bearing.
+    pub fn in_bearings(&self) -> Vec<usize> {
+        (0..self.chosen.len()).filter(|&index| self.named(index).bearing().is_some()).collect()
+    }
+}
 
 impl Hypothesis {
     /// The joint in whose bearing a journal begins, if the law has one.
-    pub fn bearing(&self) -> Option<usize> {
+    fn bearing(&self) -> Option<usize> {
         let is_vector = |start: &&Parameter| matches!(start.range, Range::Vector { .. });
         self.joint.filter(|_| self.kind.parameter(START).filter(is_vector).is_some())
     }
@@ -45,14 +53,14 @@ impl Hypothesis {
         beta: &[f64],
         rest: &[Vec<f64>],
     ) -> Result<Vec<Column>, LawError> {
-        let (Some(joint), Some(begun)) = (self.joint, self.begun(case, beta, rest)?) else {
+        let (Some(joint), Some(begun)) = (self.bearing(), self.begun(case, beta, rest)?) else {
             return Ok(Vec::new());
         };
         let nothing = || -> Vec<Answer> { vec![vec![None; case.per_stage()]; case.stages.len()] };
         let mut slopes = Vec::new();
         for (number, (stage, (place, here))) in case.stages.iter().zip(&begun).enumerate() {
             for nudged in place.nudged() {
-                let there = stage.begun_at(self.kind, joint, &plain(&self.shape), nudged.eccentricity())?;
+                let there = self.said_from(stage, joint, nudged.eccentricity())?;
                 let mut answers = nothing();
                 answers[number] = slope(&there.unwrap_or_default(), here, beta[0]);
                 slopes.push(case.centred(case.column(answers)));
@@ -70,7 +78,7 @@ impl Hypothesis {
         rest: &[Vec<f64>],
     ) -> Result<Option<Vec<(InBearing, Answer)>>, LawError> {
         let Some(joint) = self.bearing() else { return Ok(None) };
-        let (shape, per_stage) = (plain(&self.shape), case.per_stage());
+        let per_stage = case.per_stage();
         let mut all = Vec::new();
         for (number, stage) in case.stages.iter().enumerate() {
             let left = |answer: &Answer| -> Vec<f64> {
@@ -80,11 +88,24 @@ impl Hypothesis {
                 };
                 answer.iter().zip(number * per_stage..).filter_map(said).flatten().collect()
             };
-            let at = |place: [f64; 2]| stage.begun_at(self.kind, joint, &shape, place);
-            let step = |here: &Answer, nudged: [&Answer; 2]| way(&left(here), nudged.map(&left));
-            all.push(within(f64::INFINITY, at, |there| square(&left(there)), step)?);
+            let at = |place: [f64; 2]| -> Result<_, LawError> {
+                let answer = self.said_from(stage, joint, place)?;
+                Ok(answer.map(|answer| (left(&answer), answer)))
+            };
+            let squares = |(left, _): &(Vec<f64>, Answer)| square(left);
+            let step = |(here, _): &(Vec<f64>, Answer), nudged: [&(Vec<f64>, Answer); 2]| {
+                way(here, nudged.map(|(there, _)| &**there))
+            };
+            let found = within(f64::INFINITY, at, squares, step)?;
+            all.push(found.map(|(place, (_, answer))| (place, answer)));
         }
         Ok(all.into_iter().collect())
+    }
+
+    /// What its only term says in `stage` per unit where the journal of `joint` begins at `place`.
+    fn said_from(&self, stage: &Stage, joint: usize, place: [f64; 2]) -> Result<Option<Answer>, LawError> {
+        let terms = stage.terms_begun(self.kind, joint, &plain(&self.shape), Start::Within(place), &[])?;
+        Ok(terms.into_iter().next().map(|(_, answer)| answer))
     }
 }
 

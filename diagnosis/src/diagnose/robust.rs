@@ -6,7 +6,7 @@
 //! least Σ ρ, ρ(u) = u²/(1 + u²), starting from least squares (Geman & McClure 1985; Huber 1964 for the idea). With C = 2, noise alone makes
 //! the numbers 10 % less sure than least squares do.
 
-use super::columns::subtract;
+use super::columns::left_without;
 use super::search::Search;
 use super::system::{Fit, System};
 
@@ -27,7 +27,7 @@ pub(crate) struct Numbers {
 }
 
 /// Standard deviation of the prior of where a journal begins, in nudges: half a bearing.
-const START: f64 = 25.0;
+const ANYWHERE: f64 = 25.0;
 
 impl Numbers {
     /// The numbers of all that `search` has chosen; by least squares if these alone are possible. `None` if a fit is singular.
@@ -57,15 +57,12 @@ impl Numbers {
         let mut system = search.system.clone();
         let mut active = search.active(None);
         let left = search.system.residual(&self.fit);
-        for index in (0..search.chosen.len()).filter(|&index| search.named(index).bearing().is_some()) {
+        for index in search.in_bearings() {
             let (named, beta) = (search.named(index), search.coefficients(&self.fit, index));
-            let mut rest = left.clone();
-            for (column, beta) in named.block.columns.iter().zip(&beta) {
-                subtract(&mut rest, column, -beta);
-            }
+            let rest = left_without(&left, &named.block.columns, &beta);
             let slopes = named.slopes_of_start(search.case, &beta, &rest).ok()?;
             let places = system.admit(&system.block(slopes));
-            places.iter().for_each(|&place| system.precision[place] = START.powi(-2));
+            places.iter().for_each(|&place| system.precision[place] = ANYWHERE.powi(-2));
             active.extend(places);
         }
         if !self.rows.is_empty() {

@@ -207,14 +207,9 @@ impl<'a> Stage<'a> {
         upon: &[Placed],
         nuisances: &[Nuisance],
     ) -> Result<Vec<(Term, Answer)>, LawError> {
-        let terms_of = |shape: &Table| self.terms_begun(kind, joint, shape, upon);
-        let middle = terms_of(shape)?;
+        let middle = self.terms_as(kind, joint, shape, upon)?;
         let (Some(joint), Some(start)) = (joint, kind.parameter(START)) else { return Ok(middle) };
-        let at = |start: Start| {
-            let mut begun = shape.clone();
-            begun.insert(START.to_owned(), start.said_of(&self.arm().joints()[joint]));
-            terms_of(&begun).map(Some)
-        };
+        let at = |start: Start| self.terms_begun(kind, joint, shape, start, upon).map(Some);
         let is_open = shape.contains_key(START) && self.number_of(Kind::Torque(joint)).is_some();
         let better = match start.range {
             Range::Number { .. } if is_open => {
@@ -232,8 +227,25 @@ impl<'a> Stage<'a> {
         Ok(better.unwrap_or(middle))
     }
 
-    /// The answers to each term of the effect `kind` at `joint`, its memory standing as `shape` says.
-    fn terms_begun(
+    /// The same with its memory standing at `start`.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn terms_begun(
+        &self,
+        kind: &'static EffectKind,
+        joint: usize,
+        shape: &Table,
+        start: Start,
+        upon: &[Placed],
+    ) -> Result<Vec<(Term, Answer)>, LawError> {
+        let mut begun = shape.clone();
+        begun.insert(START.to_owned(), start.said_of(&self.arm().joints()[joint]));
+        self.terms_as(kind, Some(joint), &begun, upon)
+    }
+
+    /// The same with its memory standing as `shape` says.
+    fn terms_as(
         &self,
         kind: &'static EffectKind,
         joint: Option<usize>,
@@ -250,23 +262,6 @@ impl<'a> Stage<'a> {
             kind.columns(&self.baseline(kind).upon(&beneath)?, joint, shape)?
         };
         Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
-    }
-
-    /// What the only term of a law adds to each channel per unit where its journal begins at `place`, as shares of the clearance.
-    ///
-    /// # Errors
-    /// See [`LawError`].
-    pub fn begun_at(
-        &self,
-        kind: &'static EffectKind,
-        joint: usize,
-        shape: &Table,
-        place: [f64; 2],
-    ) -> Result<Option<Answer>, LawError> {
-        let mut begun = shape.clone();
-        begun.insert(START.to_owned(), Start::Within(place).said_of(&self.arm().joints()[joint]));
-        let first = self.terms_begun(kind, Some(joint), &begun, &[])?.into_iter().next();
-        Ok(first.map(|(_, answer)| answer))
     }
 
     /// What `placed` adds to each channel.

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use freeplay_laws::LawError;
 
 use super::case::Case;
-use super::columns::{Column, subtract, sum_of};
+use super::columns::{Column, left_without, sum_of};
 use super::search::Search;
 use super::show::{Coefficients, Compared, Gain, HeldOut, gain, held_out};
 use super::simplify::FOLLOWED;
@@ -79,7 +79,7 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
         let Some(fit) = search.system.fit(&search.active(None)) else { return Ok(None) };
         let mut trial = Self { search, held, system, floor, laid, bare, errors: HeldOut::default() };
         trial.errors = trial.errors_of(&fit);
-        for index in (0..search.chosen.len()).filter(|&index| search.named(index).bearing().is_some()) {
+        for index in search.in_bearings() {
             trial.begin(index, &search.coefficients(&fit, index), &fit)?;
         }
         Ok(Some(trial))
@@ -87,10 +87,7 @@ impl<'t, 'a, 'b> Trial<'t, 'a, 'b> {
 
     /// Lets the journal of the effect number `index` with the coefficients `beta` begin on the held-out data as is best beside the others by `fit`.
     fn begin(&mut self, index: usize, beta: &[f64], fit: &Fit) -> Result<(), LawError> {
-        let mut rest = self.errors.tuned_after.clone();
-        for (column, beta) in self.laid[index].iter().zip(beta) {
-            subtract(&mut rest, column, -beta);
-        }
+        let rest = left_without(&self.errors.tuned_after, &self.laid[index], beta);
         if let Some(columns) = self.search.named(index).begun_on(self.held, beta, &rest)? {
             self.laid[index] = Rc::new(columns);
             self.errors = self.errors_of(fit);
