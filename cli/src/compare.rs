@@ -30,7 +30,7 @@ pub struct CompareArgs {
     /// The model: an arm file (URDF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     model: String,
-    /// The recording: CSV or MCAP, from a machine or from `freeplay run`.
+    /// The recording, of any kind that `freeplay record` reads, from a machine or from `freeplay run`.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
     /// How results are printed.

@@ -1,15 +1,13 @@
 //! `freeplay record`: what is in a recording, to other forms, and from other people's forms.
 
-use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use comfy_table::{CellAlignment, Table, presets};
-use freeplay_recording::{BagOptions, Group, Mapping, Recording};
+use freeplay_recording::{BagOptions, Group, ImportOptions, Mapping, Recording};
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
-use crate::files::unreadable;
 use crate::run::Format;
 use crate::say::say;
 use crate::voice;
@@ -27,13 +25,13 @@ enum Action {
     Info(InfoArgs),
     /// Write a recording in another form: CSV, Parquet or MCAP.
     Export(ExportArgs),
-    /// Turn somebody else's recording into one of ours: a ROS 2 bag, a CSV with other columns, a libfranka log.
+    /// Turn somebody else's recording into one of ours: a ROS bag, a CSV with other columns, Parquet, NumPy, MATLAB, a robot's log.
     Import(ImportArgs),
 }
 
 #[derive(Args, Debug)]
 struct InfoArgs {
-    /// The recording, MCAP or CSV.
+    /// The recording, of any kind that can be read.
     recording: PathBuf,
     /// How results are printed.
     #[arg(long, default_value = "text")]
@@ -53,7 +51,7 @@ enum Form {
 
 #[derive(Args, Debug)]
 struct ExportArgs {
-    /// The recording, MCAP or CSV.
+    /// The recording, of any kind that can be read.
     recording: PathBuf,
     /// The form to write.
     #[arg(long)]
@@ -68,18 +66,18 @@ struct ExportArgs {
 
 #[derive(Args, Debug)]
 struct ImportArgs {
-    /// The file: an MCAP bag of ROS 2, or a CSV.
+    /// The file or folder: a ROS bag (MCAP, SQLite, ROS 1), CSV, Parquet, a LeRobot data set, .npz, .mat.
     file: PathBuf,
-    /// What the columns of the CSV mean: a mapping file; a libfranka log needs none.
+    /// What the columns mean: a mapping file; without it they are taken by their names, and the mapping is written beside the recording.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
-    /// The bag's topic of sensor_msgs/msg/JointState; without it: the only one.
+    /// The bag's topic of sensor_msgs/JointState; without it: the only one, or /joint_states.
     #[arg(long)]
     topic: Option<String>,
     /// The bag's topic of geometry_msgs/msg/PoseStamped with the tool's pose in the base frame; without it: the only one.
     #[arg(long)]
     pose_topic: Option<String>,
-    /// The bag's joints from base to tool; without it: all, in the order of the first message.
+    /// The joints from base to tool, each by its name or a part of it that no other has; without it: all, in the order of the file.
     #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
     joints: Vec<String>,
     /// The recording to write, .mcap, .csv or .parquet.
@@ -220,44 +218,30 @@ fn export(args: &ExportArgs) -> Result<Exit, Failure> {
 
 fn import(args: &ImportArgs) -> Result<Exit, Failure> {
     may_write(&args.out, &args.file, args.force)?;
-    let head = head(&args.file)?;
-    let recording = if head.starts_with(&[0x89, b'M', b'C', b'A', b'P']) {
-        let options = BagOptions {
-            topic: args.topic.clone(),
-            pose_topic: args.pose_topic.clone(),
-            joints: args.joints.clone(),
-        };
-        freeplay_recording::import_bag(&args.file, &options)
-    } else {
-        let mapping = match &args.mapping {
-            Some(path) => Mapping::load(path).map_err(Failure::input)?,
-            None if String::from_utf8_lossy(&head).contains("state.q[0]") => Mapping::libfranka(),
-            None if head.starts_with(b"t,q1") => {
-                return Err(Failure::input(format!(
-                    "{}: has the columns of a recording already: use it as it is, or freeplay record export turns it into another form",
-                    args.file.display()
-                )));
-            }
-            None => {
-                return Err(Failure::input(format!(
-                    "{}: neither an MCAP bag nor a libfranka log: say with --mapping FILE what its columns mean",
-                    args.file.display()
-                )));
-            }
-        };
-        freeplay_recording::import_csv(&args.file, &mapping)
+    let mapping = args.mapping.as_deref().map(Mapping::load).transpose().map_err(Failure::input)?;
+    let bag = BagOptions {
+        topic: args.topic.clone(),
+        pose_topic: args.pose_topic.clone(),
+        joints: args.joints.clone(),
     };
-    write(&recording.map_err(Failure::input)?, &args.out)
+    let recording = freeplay_recording::import(&args.file, &ImportOptions { mapping, bag });
+    let mut recording = recording.map_err(Failure::input)?;
+    if !args.joints.is_empty() && !is_named_as(&recording, &args.joints) {
+        recording = recording.for_joints(&args.joints).map_err(Failure::input)?;
+    }
+    let Some(guessed) = recording.guessed.take() else { return write(&recording, &args.out) };
+    let beside = args.out.with_extension("mapping.toml");
+    may_write(&beside, &args.file, args.force)?;
+    let done = write(&recording, &args.out)?;
+    crate::files::write(&beside, &guessed)?;
+    say(&format!("{guessed}\n{}: this mapping, to be corrected: freeplay record import {} --mapping {} --out … \n", beside.display(), args.file.display(), beside.display()))?;
+    Ok(done)
 }
 
-/// The first line of `file`, at most some thousand bytes.
-fn head(file: &Path) -> Result<Vec<u8>, Failure> {
-    const LONGEST: u64 = 1 << 16;
-    let failed = |error| unreadable(file, &error);
-    let mut line = Vec::new();
-    let input = BufReader::new(std::fs::File::open(file).map_err(failed)?);
-    input.take(LONGEST).read_until(b'\n', &mut line).map_err(failed)?;
-    Ok(line)
+/// Whether the joints of `recording` are those asked for, one by one.
+fn is_named_as(recording: &Recording, asked: &[String]) -> bool {
+    let names = &recording.joint_names;
+    names.len() == asked.len() && names.iter().zip(asked).all(|(name, asked)| name.contains(asked.as_str()))
 }
 
 /// Whether `out` may be written: it is not the source, and not there unless `force`.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use freeplay_arm::ArmFile;
-use freeplay_recording::{ColumnError, ReadError, Recording};
+use freeplay_recording::Recording;
 
 use crate::exit::Failure;
 use crate::voice;
@@ -16,13 +16,17 @@ const MOST_US: f64 = 3e5;
 /// No arm reaches farther, m.
 const FARTHEST_M: f64 = 30.0;
 
-/// Reads a recording of the arm in `file`, which was named `model`. What may be in another unit is noted in it.
+/// Reads a recording of the arm in `file`, which was named `model`, and pairs its joints with the arm's. What may be in another unit is noted in it.
 ///
 /// # Errors
-/// The reader's own; another number of joints; times that are no seconds.
+/// The reader's own; joints that are not the arm's; times that are no seconds.
 pub fn read(path: &Path, model: &str, file: &ArmFile) -> Result<Recording, Failure> {
-    let read = freeplay_recording::read(path, Some(file.arm.dof()));
-    let mut recording = read.map_err(|error| unreadable(&error, model, file))?;
+    let recording = freeplay_recording::read(path, None).map_err(Failure::input)?;
+    let joints: Vec<String> = file.arm.joints().iter().map(|joint| joint.name.clone()).collect();
+    let mut recording = recording.for_joints(&joints).map_err(Failure::input)?;
+    if recording.joints() != joints.len() {
+        return Err(other_number(&recording, model, file));
+    }
     check_times(&recording)?;
     recording.notes.extend(far_tool(&recording));
     voice::detail(format_args!(
@@ -36,15 +40,21 @@ pub fn read(path: &Path, model: &str, file: &ArmFile) -> Result<Recording, Failu
     Ok(recording)
 }
 
-/// The reader's error; where the number of joints differs, with what the model says of its own.
-fn unreadable(error: &ReadError, model: &str, file: &ArmFile) -> Failure {
-    let ReadError::Columns { source: ColumnError::JointCount { .. }, .. } = error else {
-        return Failure::input(error);
-    };
+/// The error of a recording with another number of joints than the model in `file`, with what that says of its own.
+fn other_number(recording: &Recording, model: &str, file: &ArmFile) -> Failure {
     let joints: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
     let locked = file.ignored.iter().filter(|note| note.contains("locked"));
     let locked: String = locked.map(|note| format!("; {note}")).collect();
-    Failure::input(format!("{error} The joints of {model} are {}{locked}", joints.join(", ")))
+    let span = |count: usize| if count == 1 { "q1".to_owned() } else { format!("q1…q{count}") };
+    Failure::input(format!(
+        "{}: expected {} joint(s) ({}), found {} ({}): is this a recording of this arm? The joints of {model} are {}{locked}",
+        recording.origin.display(),
+        joints.len(),
+        span(joints.len()),
+        recording.joints(),
+        span(recording.joints()),
+        joints.join(", ")
+    ))
 }
 
 /// Refuses times that are no seconds.

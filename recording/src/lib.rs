@@ -26,33 +26,56 @@
 //! | `qx`, `qy`, `qz`, `qw` | its orientation (optional) | – |
 //! | others | kept, not used | – |
 
+mod arrays;
+mod bag;
+mod bag_folder;
+mod cells;
+mod csv_columns;
+mod csv_form;
 mod csv_reader;
 mod csv_writer;
 mod error;
+mod foreign;
+mod guess;
+mod interpret;
 mod joint_states;
+mod joints;
+mod lerobot;
 mod line_guard;
 mod mapping;
+mod mat_reader;
 mod mcap_reader;
 mod mcap_records;
 mod mcap_writer;
+mod messages;
+mod missing;
 mod names;
+mod npz_reader;
+mod open;
+mod order;
 mod output;
 mod overview;
+mod parquet_reader;
 mod parquet_writer;
 mod read;
 mod recording;
+mod ros1_bag;
+mod sqlite_bag;
+mod squeeze;
 mod table;
 mod tick;
 mod tool_track;
+mod units;
 mod write;
 
 pub use csv_writer::CsvWriter;
 pub use error::{Place, ReadError, Row, WriteError};
 pub use joint_states::{BagOptions, import_bag};
+pub use joints::JointsError;
 pub use mapping::{Mapping, MappingError};
 pub use mcap_writer::McapWriter;
 pub use names::{ColumnError, Group};
-pub use read::{import_csv, read, read_from, read_overview};
+pub use read::{ImportOptions, import, import_csv, read, read_from, read_overview};
 pub use recording::{Absent, Event, Recording};
 pub use table::MAX_NUMBERS;
 pub use write::{Layout, RowWriter, Summary, export};

@@ -163,6 +163,14 @@ fn decompress<'b>(
         "zstd" => zstd::bulk::decompress(data, size)
             .map(Cow::Owned)
             .map_err(|error| damaged(source, offset, &format!("a chunk does not decompress: {error}")))?,
+        "lz4" => {
+            let mut records = Vec::with_capacity(size);
+            let decoder = lz4_flex::frame::FrameDecoder::new(data);
+            decoder.take(header.uncompressed_size + 1).read_to_end(&mut records).map_err(|error| {
+                damaged(source, offset, &format!("a chunk does not decompress: {error}"))
+            })?;
+            Cow::Owned(records)
+        }
         other => {
             let compression = crate::names::shorten(other);
             return Err(ReadError::Compression { file: source.file.to_path_buf(), compression });

@@ -8,13 +8,17 @@ use crate::error::ReadError;
 use crate::names::{Group, ORIENTATION, TOOL};
 use crate::table::Table;
 
-/// What was measured on one arm over one stretch of time. All columns have one value per sample; every
-/// value of a contract column is finite and `t` increases (as long as it came from [`crate::read`],
-/// [`crate::read_from`] or [`Recording::new`]).
+/// What was measured on one arm over one stretch of time. All columns have one value per sample; `t` increases, and it and
+/// the positions are finite. Every other value may be NaN, which says that it is missing there: for a while, or throughout for
+/// a joint of a group that other joints have (as long as it came from [`crate::read`], [`crate::read_from`] or [`Recording::new`]).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Recording {
     /// The file it was read from, for messages.
     pub origin: PathBuf,
+    /// Names of the joints in the order of the columns, where the file has names; else empty.
+    pub joint_names: Vec<String>,
+    /// The mapping that was guessed from the names of the columns, as a mapping file; where one had to be.
+    pub guessed: Option<String>,
     /// Time, s.
     pub t: Vec<f64>,
     /// Joint position as the robot's own encoder reads it, `[joint][sample]`, rad.
@@ -187,7 +191,7 @@ impl Recording {
     }
 
     /// The columns of one group that exist, with their names.
-    fn group(&self, group: Group) -> Vec<(String, &[f64])> {
+    pub(crate) fn group(&self, group: Group) -> Vec<(String, &[f64])> {
         let whole = match group {
             Group::Position => Some(&self.q),
             Group::Velocity => self.qd.as_ref(),
