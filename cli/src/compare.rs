@@ -305,6 +305,10 @@ fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Char
         }
         Series::line(name, &t, &y)
     };
+    let there = |values: &[f64]| -> Vec<f64> {
+        let Some(present) = &channel.present else { return values.to_vec() };
+        values.iter().zip(present).map(|(value, present)| if *present { *value } else { f64::NAN }).collect()
+    };
     let what = match channel.kind {
         Kind::Torque(_) if channel.unit == "N" => "force",
         Kind::Torque(_) => "torque",
@@ -312,10 +316,10 @@ fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Char
     };
     let chart =
         Chart::trace(label(error), Axis::new("time", "s"), Axis::new(what, unit)).group("time").in_view(0.0);
-    let difference = line("measured − model", &channel.residual());
+    let difference = line("measured − model", &there(&channel.residual()));
     if matches!(channel.kind, Kind::Torque(_)) {
         chart
-            .series(line("measured", &channel.measured))
+            .series(line("measured", &there(&channel.measured)))
             .series(line("model", &channel.model))
             .series(difference.dashed())
     } else {

@@ -66,12 +66,18 @@ fn list(text: &str) -> Option<Cell> {
     let brackets = [('[', ']'), ('(', ')'), ('{', '}')];
     let inner = brackets.iter().find_map(|(open, close)| inner.strip_prefix(*open)?.strip_suffix(*close))?;
     let parts = inner.split(|c: char| matches!(c, ',' | ';') || c.is_whitespace());
-    let parts: Vec<&str> = parts.map(unquote).filter(|part| !part.is_empty()).collect();
+    let parts: Vec<&str> = parts.map(|part| unquote(plain(part))).filter(|part| !part.is_empty()).collect();
     let numbers: Option<Vec<f64>> = parts
         .iter()
         .map(|part| part.parse().ok().or_else(|| is_nothing(part).then_some(f64::NAN)))
         .collect();
     Some(numbers.map_or_else(|| Cell::Words(parts.iter().map(ToString::to_string).collect()), Cell::List))
+}
+
+/// A number as NumPy 2 writes it in a list, `np.float64(0.5)`, without what is around it.
+fn plain(part: &str) -> &str {
+    let inner = part.strip_prefix("np.").and_then(|rest| rest.split_once('(')).map(|(_, inner)| inner);
+    inner.and_then(|inner| inner.strip_suffix(')')).unwrap_or(part)
 }
 
 /// A moment as ISO 8601 and its relatives write it: `2026-01-31T12:30:00.25+01:00`, `2026-01-31 12:30:00`, `12:30:00.25`; ns.
@@ -148,6 +154,7 @@ mod tests {
     fn cells_are_told_apart() {
         let of = |text: &str| cell(text.as_bytes(), b'.');
         assert_eq!(of("[0.1, -2 3e-1]"), Cell::List(vec![0.1, -2.0, 0.3]));
+        assert_eq!(of("[np.float64(0.5), np.float64(-1.0)]"), Cell::List(vec![0.5, -1.0]));
         assert_eq!(of("['a_1', 'b']"), Cell::Words(vec!["a_1".into(), "b".into()]));
         assert!(["", "NaN", " n/a ", "NULL", "\"\""].iter().all(|text| matches!(of(text), Cell::Number(x) if x.is_nan())));
         assert_eq!((of("0,5"), cell(b"0,5", b',')), (Cell::Text, Cell::Number(0.5)));

@@ -2,7 +2,7 @@
 
 use crate::csv_form::Form;
 use crate::error::{Place, ReadError};
-use crate::guess::{Guess, Sample, guess};
+use crate::guess::{Guess, Sample, guess, joints_of};
 use crate::mapping::{Mapped, Mapping};
 use crate::names::{Role, role};
 
@@ -35,11 +35,16 @@ pub(crate) fn interpret(
         mapped.map_err(|source| ReadError::Mapping { place: place.clone(), source })
     };
     if let Some(mapping) = mapping {
-        let (mapped, joints) = (apply(mapping, names)?, mapping.joints().to_vec());
+        let mapped = apply(mapping, names.clone())?;
+        let mut joints = mapping.joints().to_vec();
+        if joints.is_empty() && !numbered {
+            joints = joints_of(&mapped.positions(), &names, sample);
+        }
         return Ok(Interpreted { mapped, joints, guess: None });
     }
     if numbered {
-        let value = form.and_then(|form| form.first.first()).cloned().unwrap_or_default();
+        let first = sample.rows.first().and_then(|row| row.first()).map(ToString::to_string);
+        let value = form.and_then(|form| form.first.first()).cloned().or(first).unwrap_or_default();
         return Err(ReadError::NoHeader { place: place.clone(), value });
     }
     let has = |wanted: Role| names.iter().any(|name| role(name) == Ok(wanted));

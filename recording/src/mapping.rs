@@ -208,6 +208,12 @@ impl Mapped {
         Self { names, picks, time }
     }
 
+    /// The columns of the file that are the joints' positions, joint by joint.
+    pub fn positions(&self) -> Vec<usize> {
+        let place = |joint: usize| self.names.iter().position(|name| *name == Group::Position.column(joint));
+        (0..).map_while(place).map(|ours| self.picks[ours].source).collect()
+    }
+
     /// Leaves out column `place`.
     pub fn remove(&mut self, place: usize) {
         self.names.remove(place);

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Place, ReadError, Row};
 use crate::guess::Guess;
 use crate::missing::{self, LeftOut, is_missing};
-use crate::names::{Group, Role, Roles, shorten};
+use crate::names::{Group, Role, Roles, list, shorten};
 use crate::order;
 use crate::overview::Overview;
 use crate::recording::{Event, Recording};
@@ -266,6 +266,13 @@ impl Table {
     }
 
     fn describe_oddities(&mut self) {
+        let rows = self.columns[0].len() as u64;
+        let of_text = self.names.iter().zip(&self.oddities).filter(|(_, oddities)| oddities.count >= rows);
+        let of_text: Vec<String> = of_text.map(|(name, _)| name.clone()).collect();
+        if of_text.len() > 1 {
+            self.notes.push(format!("columns of text are not used: {}", list(&of_text)));
+            self.oddities.iter_mut().filter(|oddities| oddities.count >= rows).for_each(|oddities| oddities.first = None);
+        }
         for (name, oddities) in self.names.iter().zip(&self.oddities) {
             if let Some((place, text)) = &oddities.first {
                 self.notes.push(format!(

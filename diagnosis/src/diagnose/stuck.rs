@@ -4,6 +4,7 @@ use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
 
 use crate::motion::Treatment;
+use crate::presence::only;
 
 /// A joint moves, and drives its load, where speed and acceleration are above this share of their greatest.
 const MOVES: f64 = 0.02;
@@ -26,7 +27,9 @@ impl Stuck {
     pub fn of(recording: &Recording, treatment: &Treatment, whole: &Trajectory) -> Vec<Option<Self>> {
         let Some(torques) = &recording.tau else { return vec![None; recording.joints()] };
         let of_joint = |(joint, torque): (usize, &Vec<f64>)| {
-            Self::along(&treatment.whole_column(recording, torque), &whole.v[joint], &whole.a[joint])
+            let present = treatment.whole_present(recording, torque);
+            let of = |column: &[f64]| only(column, present.as_deref()).into_owned();
+            Self::along(&of(&treatment.whole_column(recording, torque)), &of(&whole.v[joint]), &of(&whole.a[joint]))
         };
         torques.iter().enumerate().map(of_joint).collect()
     }

@@ -159,6 +159,7 @@ fn family<'c>(columns: &'c [Column], quantity: Quantity, joints: Option<&[&[Stri
     };
     families.retain(is_one_each);
     let covers = |family: &[&Column]| match joints {
+        Some(joints) if is_by_order(family, joints) => joints.len(),
         Some(joints) => family.iter().filter(|column| joints.contains(&column.joint.as_slice())).count(),
         None => 1,
     };
@@ -179,9 +180,28 @@ fn family<'c>(columns: &'c [Column], quantity: Quantity, joints: Option<&[&[Stri
     Some(best)
 }
 
+/// Whether a family has numbers where the joints have names, and as many: it is in their order.
+fn is_by_order(family: &[&Column], joints: &[&[String]]) -> bool {
+    let numbered = |joint: &[String]| matches!(joint, [only] if only.parse::<u64>().is_ok());
+    family.len() == joints.len()
+        && family.iter().all(|column| numbered(&column.joint))
+        && !joints.iter().any(|joint| numbered(joint))
+}
+
 /// The column of each of `joints`.
 fn of_joints<'c>(found: &[&'c Column], joints: &[&[String]]) -> Vec<Option<&'c Column>> {
+    if is_by_order(found, joints) {
+        return found.iter().map(|column| Some(*column)).collect();
+    }
     joints.iter().map(|joint| found.iter().find(|column| column.joint == *joint).copied()).collect()
+}
+
+/// The names of the joints whose positions are the columns at `places` of a file with the columns `names`, where these or the file have any.
+pub(crate) fn joints_of(places: &[usize], names: &Names, sample: &Sample) -> Vec<String> {
+    let columns: Option<Vec<Column>> = places.iter().map(|&place| Column::of(place, &names[place])).collect();
+    let columns = columns.unwrap_or_default();
+    let columns: Vec<&Column> = columns.iter().collect();
+    if columns.is_empty() { Vec::new() } else { joint_names(&columns, names, sample).unwrap_or_default() }
 }
 
 /// The joints' names: the words that distinguish their columns, or those that stand in the file where the columns have numbers.

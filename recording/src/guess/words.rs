@@ -84,6 +84,15 @@ impl Column {
         };
         let (family, mut joint): (Vec<String>, Vec<String>) =
             words.iter().cloned().partition(|word| is_word(word) || (word == "d" && is_desired(&words)));
+        let mut family = family;
+        // A place in a list, `log.pos[0]`: all else is the name of the list.
+        if let Some((_, place)) = stem.strip_suffix(']').and_then(|stem| stem.rsplit_once('['))
+            && place.parse::<u64>().is_ok()
+        {
+            joint.pop();
+            family.append(&mut joint);
+            joint.push(place.to_owned());
+        }
         let is_number = |word: &String| word.bytes().all(|c| c.is_ascii_digit());
         if joint.iter().any(is_number) && joint.iter().all(|word| is_number(word) || word.len() == 1) {
             // `J1`, `tau_J[0]`: the letter stands for the quantity or for "joint".
@@ -187,7 +196,7 @@ mod tests {
     #[test]
     fn names_of_many_houses_are_understood() {
         use Quantity::{Current, Link, Position, Reference, Torque, Velocity};
-        let cases: [(&str, Quantity, &[&str]); 16] = [
+        let cases: [(&str, Quantity, &[&str]); 17] = [
             ("q1 [deg]", Position, &["1"]),
             ("J1 (°)", Position, &["1"]),
             ("actual_q_0", Position, &["0"]),
@@ -203,6 +212,7 @@ mod tests {
             ("observation.state[3]", Position, &["3"]),
             ("state.q_d[2]", Reference, &["2"]),
             ("I2 [A]", Current, &["2"]),
+            ("log.pos[4]", Position, &["4"]),
             ("q_link4", Link, &["4"]),
         ];
         for (name, quantity, joint) in cases {
