@@ -153,12 +153,25 @@ fn describe(recording: &Recording) -> Value {
     let (shortest, longest) = steps(recording);
     json!({
         "schema": "freeplay.recording-info/1", "file": recording.origin, "joints": recording.joints(),
+        "joint_names": recording.joint_names, "mapping": recording.guessed,
         "samples": recording.len(), "duration_s": recording.duration(), "rate_hz": recording.rate_hz(),
         "step_s": { "min": shortest, "median": recording.median_step(), "max": longest },
         "tool_tracked": recording.tool.is_some(), "columns": columns,
         "metadata": recording.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect::<serde_json::Map<_, _>>(),
         "events": recording.events, "truncated": recording.truncated, "notes": recording.notes,
     })
+}
+
+/// More columns outside the contract are named on one line.
+const MOST_OTHERS: usize = 6;
+
+/// The joints' names, where there are any.
+fn joints_in_words(recording: &Recording) -> String {
+    match recording.joint_names.as_slice() {
+        [] => String::new(),
+        [only] => format!("joint q1: {only}\n\n"),
+        names => format!("joints q1…q{}: {}\n\n", names.len(), names.join(", ")),
+    }
 }
 
 fn in_words(recording: &Recording) -> String {
@@ -173,14 +186,21 @@ fn in_words(recording: &Recording) -> String {
         shortest * 1e3,
         longest * 1e3
     );
+    text += &joints_in_words(recording);
     let mut table = Table::new();
     table.load_style(presets::NOTHING).set_header(["column", "unit", "least", "greatest", ""]);
-    for name in recording.columns() {
-        let Some(values) = recording.column(&name) else { continue };
+    let others = recording.others.len();
+    let shown = recording.columns().len() - if others > MOST_OTHERS { others } else { 0 };
+    for name in recording.columns().iter().take(shown) {
+        let Some(values) = recording.column(name) else { continue };
         let (least, most, odd) = range(values);
-        let note = if odd == 0 { String::new() } else { format!("{odd} not finite") };
+        let note = match odd {
+            0 => String::new(),
+            odd if odd == values.len() => "missing".to_owned(),
+            odd => format!("missing in {odd}"),
+        };
         let number = |value: f64| if value.is_finite() { format!("{value:.6}") } else { "–".to_owned() };
-        table.add_row([name.as_str(), unit(&name), &number(least), &number(most), &note]);
+        table.add_row([name.as_str(), unit(name), &number(least), &number(most), &note]);
     }
     for column in [2, 3] {
         if let Some(column) = table.column_mut(column) {
@@ -188,6 +208,10 @@ fn in_words(recording: &Recording) -> String {
         }
     }
     text += &format!("{table}\n");
+    if others > MOST_OTHERS {
+        let names: Vec<&str> = recording.others.iter().map(|(name, _)| name.as_str()).collect();
+        text += &format!("\n{others} other columns, not used (--format json shows their ranges): {}\n", names.join(", "));
+    }
     if !recording.metadata.is_empty() {
         let keys: Vec<&str> = recording.metadata.iter().map(|(key, _)| key.as_str()).collect();
         text += &format!("\nmetadata: {} (--format json shows them)\n", keys.join(", "));
@@ -234,7 +258,11 @@ fn import(args: &ImportArgs) -> Result<Exit, Failure> {
     may_write(&beside, &args.file, args.force)?;
     let done = write(&recording, &args.out)?;
     crate::files::write(&beside, &guessed)?;
-    say(&format!("{guessed}\n{}: this mapping, to be corrected: freeplay record import {} --mapping {} --out … \n", beside.display(), args.file.display(), beside.display()))?;
+    say(&format!(
+        "\n{guessed}\n{}: this mapping; correct what is wrong, and import again with --mapping {} --force\n",
+        beside.display(),
+        beside.display()
+    ))?;
     Ok(done)
 }
 
@@ -269,7 +297,8 @@ fn write(recording: &Recording, out: &Path) -> Result<Exit, Failure> {
         voice::note(format_args!("note: {note}"));
     }
     say(&format!(
-        "{}: {} samples of {} columns, {:.1} kB\n",
+        "{}{}: {} samples of {} columns, {:.1} kB\n",
+        joints_in_words(recording).replace("\n\n", "\n"),
         summary.file.display(),
         summary.rows,
         recording.columns().len(),

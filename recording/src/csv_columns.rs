@@ -2,7 +2,7 @@
 
 use csv::ByteRecord;
 
-use crate::cells::{Cell, cell, unquote};
+use crate::cells::{Cell, cell, number, unquote};
 use crate::csv_form::{Form, text};
 use crate::guess::Sample;
 use crate::interpret::tidy;
@@ -139,11 +139,18 @@ fn fitted(mut names: Vec<String>, cells: usize, rows: &[ByteRecord]) -> Vec<Stri
     let last_is_empty = |column: usize| rows.iter().all(|row| is_empty(row, column));
     if names.last().is_some_and(String::is_empty) && last_is_empty(names.len() - 1) {
         names.pop();
-    } else if names.len() + 1 == cells && !last_is_empty(cells - 1) {
+    } else if names.len() + 1 == cells && rows.iter().all(|row| row.len() == cells) && are_names(rows) {
         // As R writes tables: the rows have names, their column has none.
         names.insert(0, String::new());
     }
     names
+}
+
+/// Whether the first cells of `rows` are texts, or count on: names of rows.
+fn are_names(rows: &[ByteRecord]) -> bool {
+    let first = |row: &ByteRecord| number(row.get(0).unwrap_or_default(), b'.');
+    let counts = rows.windows(2).all(|pair| first(&pair[0]).zip(first(&pair[1])).is_some_and(|(a, b)| b - a == 1.0));
+    (rows.len() > 1 && counts) || rows.iter().all(|row| first(row).is_none())
 }
 
 /// What column number `column` holds, by the first of its cells that hold anything.

@@ -151,6 +151,10 @@ impl States {
             }
         }
         let all = decoded.len();
+        if states.rows.is_empty() {
+            let what = "no message has a position for each of its names; record the bag again".to_owned();
+            return Err(bag_error(topic, 1, what, source));
+        }
         if others > 0 {
             states.notes.push(format!("{others} of {all} messages of {topic} are passed over: they are of other joints"));
         }
@@ -216,7 +220,6 @@ impl States {
             table.push(&row, Row::Message(*number))?;
         }
         table.truncated = truncated;
-        table.notes.push(format!("joints q1…q{}: {}", self.joints.len(), self.joints.join(", ")));
         table.notes.extend(notes);
         table.notes.extend(self.notes);
         table.notes.extend(track.as_ref().map(|track| format!("tool: {}", track.in_words())));
