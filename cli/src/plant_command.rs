@@ -82,6 +82,8 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
             .map_err(failure)?;
     let period = setup.plant.period_ns as f64 * 1e-9;
     let tracked = scenario.sensors.track_tool;
+    let joints: Vec<&str> = setup.plant.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
+    let joints = joints.join(",");
     let columns = RunColumns::new(setup.plant.arm.dof(), plays.clone(), tracked, period)
         .with_links(plant.system().parted().next().is_some())
         .with_standbys(names.len() - 1);
@@ -93,7 +95,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     } else {
         (None, None)
     };
-    let recorder = start_recorder(args, &scenario, columns, queue, observer)?;
+    let recorder = start_recorder(args, &scenario, (columns, joints), queue, observer)?;
     let request = realtime_request(&scenario, scenario.realtime.plant_cpu);
     let granted = realtime::prepare(&request);
     let (began, clock) = (SystemTime::now(), Instant::now());
@@ -157,7 +159,7 @@ pub fn pace_name(pace: Pacing) -> &'static str {
 fn start_recorder(
     args: &PlantArgs,
     scenario: &Scenario,
-    columns: RunColumns,
+    (columns, joints): (RunColumns, String),
     queue: Arc<ArrayQueue<freeplay_plant::TickRecord>>,
     observer: Option<Observer>,
 ) -> Result<Recorder, Failure> {
@@ -171,6 +173,7 @@ fn start_recorder(
         ("freeplay".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         ("controller".to_owned(), args.name.clone()),
         ("scenario".to_owned(), scenario.to_toml().map_err(Failure::internal)?),
+        ("joints".to_owned(), joints),
     ];
     let writer = extension
         .map(|extension| {

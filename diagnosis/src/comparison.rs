@@ -140,7 +140,8 @@ pub(crate) fn in_parts(
         channels.iter_mut().zip(&residuals.channels).for_each(|(tally, channel)| tally.add(channel));
         curves.add(residuals);
     }
-    let missing: Vec<Kind> = channels.iter().filter(|channel| channel.is_missing()).map(|channel| channel.kind).collect();
+    let missing: Vec<Kind> =
+        channels.iter().filter(|channel| channel.is_missing()).map(|channel| channel.kind).collect();
     channels.retain(|channel| !channel.is_missing());
     let errors: Vec<ChannelError> = channels.iter().map(|channel| channel.error(arm)).collect();
     let mut notes = recording.notes.clone();

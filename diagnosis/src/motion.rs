@@ -293,7 +293,12 @@ impl Treatment {
     /// Standard deviation of white noise that has in the octave above the cutoff what `column`, on all grid points, has there.
     ///
     /// By a `quantile` of its size where it is `present`: what jumps now and then is no noise (Hampel 1974).
-    pub(crate) fn deviation_above(&self, column: &[f64], present: Option<&[bool]>, quantile: Quantile) -> f64 {
+    pub(crate) fn deviation_above(
+        &self,
+        column: &[f64],
+        present: Option<&[bool]>,
+        quantile: Quantile,
+    ) -> f64 {
         let (rate_hz, cutoff_hz) = (self.rate_hz(), self.filter.cutoff_hz());
         let Ok(wider) = LowPass::new(rate_hz, (2.0 * cutoff_hz).min(MOST_FINE * rate_hz)) else { return 0.0 };
         let mut band = Vec::with_capacity(column.len());

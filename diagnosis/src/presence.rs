@@ -45,7 +45,13 @@ fn runs(column: &[f64]) -> Vec<std::ops::Range<usize>> {
 impl Grid {
     /// Whether `column` of `recording` is there at each grid point of `stretch`, with `around` s on either side of what is missing; `None` if
     /// nothing is missing.
-    fn present(&self, stretch: &Stretch, recording: &Recording, column: &[f64], around: f64) -> Option<Vec<bool>> {
+    fn present(
+        &self,
+        stretch: &Stretch,
+        recording: &Recording,
+        column: &[f64],
+        around: f64,
+    ) -> Option<Vec<bool>> {
         let column = &column[stretch.rows.clone()];
         let t = stretch.times.as_deref().unwrap_or_else(|| &recording.t[stretch.rows.clone()]);
         let mut present: Option<Vec<bool>> = None;
@@ -71,7 +77,12 @@ impl Treatment {
     pub fn present(&self, recording: &Recording, column: &[f64]) -> Option<Vec<bool>> {
         let around = self.filter.settling_time();
         self.presence(recording, column, around, |stretch, present| {
-            stretch.keep.clone().step_by(self.every).map(|k| present.is_none_or(|present| present[k])).collect()
+            stretch
+                .keep
+                .clone()
+                .step_by(self.every)
+                .map(|k| present.is_none_or(|present| present[k]))
+                .collect()
         })
     }
 
@@ -105,9 +116,9 @@ impl Treatment {
 pub(crate) fn only<'v>(values: &'v [f64], present: Option<&[bool]>) -> Cow<'v, [f64]> {
     match present {
         None => Cow::Borrowed(values),
-        Some(present) => {
-            Cow::Owned(values.iter().zip(present).filter(|(_, present)| **present).map(|(value, _)| *value).collect())
-        }
+        Some(present) => Cow::Owned(
+            values.iter().zip(present).filter(|(_, present)| **present).map(|(value, _)| *value).collect(),
+        ),
     }
 }
 

@@ -79,7 +79,8 @@ impl Channel {
     /// Measured minus model without its friction; `None` if the channel has none.
     pub fn residual_without_friction(&self) -> Option<Vec<f64>> {
         let friction = self.friction.as_ref()?;
-        let without = self.residual().iter().zip(friction).map(|(residual, friction)| residual + friction).collect();
+        let without =
+            self.residual().iter().zip(friction).map(|(residual, friction)| residual + friction).collect();
         Some(masked(without, self.present.as_deref()))
     }
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{arm, columns, columns_along, even, link, nothing, recording, sines_of_all_but_the_last};
+use common::{arm, columns, columns_along, even, link, recording, sines_of_all_but_the_last};
 use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind};
 use freeplay_diagnosis::{Comparison, DiagnoseSettings, Diagnosis, Settings, Verdict, compare, diagnose};
 use freeplay_recording::Recording;
@@ -38,14 +38,21 @@ fn compared(recording: &Recording) -> Comparison {
 }
 
 fn diagnosed(recording: Recording) -> Diagnosis {
-    let file = ArmFile { arm: arm_with(0.0), effects: Vec::new(), ignored: Vec::new() };
+    diagnosed_with(arm_with(0.0), recording)
+}
+
+fn diagnosed_with(arm: Arm, recording: Recording) -> Diagnosis {
+    let file = ArmFile { arm, effects: Vec::new(), ignored: Vec::new() };
     let settings = DiagnoseSettings { twins: 8, ..DiagnoseSettings::default() };
     diagnose(&file, &[recording], &settings, &mut |_| {}).expect("a diagnosis")
 }
 
 #[test]
 fn a_torque_that_is_missing_for_a_while_leaves_its_own_rows_out_and_nothing_else() {
-    let (whole, part) = (compared(&made(|_, _| false)), compared(&made(|name, t| name == "tau2" && (8.0..10.0).contains(&t))));
+    let (whole, part) = (
+        compared(&made(|_, _| false)),
+        compared(&made(|name, t| name == "tau2" && (8.0..10.0).contains(&t))),
+    );
     assert_eq!((whole.samples, whole.channels.len()), (part.samples, part.channels.len()));
     for (whole, part) in whole.channels.iter().zip(&part.channels) {
         println!("{}: {:.5} and {:.5} {}", whole.name, whole.rmse, part.rmse, whole.unit);
@@ -60,7 +67,10 @@ fn a_torque_that_is_missing_for_a_while_leaves_its_own_rows_out_and_nothing_else
 
 #[test]
 fn a_tracker_that_loses_the_tool_is_compared_where_it_sees_it() {
-    let (whole, part) = (compared(&made(|_, _| false)), compared(&made(|name, t| ["x", "y", "z"].contains(&name) && t < 6.0)));
+    let (whole, part) = (
+        compared(&made(|_, _| false)),
+        compared(&made(|name, t| ["x", "y", "z"].contains(&name) && t < 6.0)),
+    );
     let distance = |comparison: &Comparison| comparison.tool_distance().expect("a tracker");
     println!("{:.2e} and {:.2e} m", distance(&whole), distance(&part));
     assert!((distance(&part) / distance(&whole) - 1.0).abs() < 0.2);
@@ -78,7 +88,11 @@ fn a_diagnosis_finds_the_same_beside_what_is_missing() {
     for (name, lacks) in cases {
         let part = diagnosed(made(lacks));
         let said = |diagnosis: &Diagnosis| {
-            diagnosis.effects.iter().map(|effect| (effect.kind.clone(), effect.joint.clone())).collect::<Vec<_>>()
+            diagnosis
+                .effects
+                .iter()
+                .map(|effect| (effect.kind.clone(), effect.joint.clone()))
+                .collect::<Vec<_>>()
         };
         println!("{name}: {:?} {:?}, complete {:?}", part.verdict, said(&part), said(&whole));
         assert_eq!((part.verdict, said(&part)), (Verdict::Named, said(&whole)), "{name}");
@@ -86,12 +100,16 @@ fn a_diagnosis_finds_the_same_beside_what_is_missing() {
     assert_eq!(whole.effects.len(), 1, "{:?}", whole.effects);
 }
 
+fn dry(_: usize, v: f64) -> f64 {
+    18.0 * if v == 0.0 { 0.0 } else { v.signum() }
+}
+
 /// A joint that rests under 6 N·m less than its load, which friction carries, seen through an encoder with noise.
 #[test]
 fn friction_at_rest_is_what_it_takes_and_no_more_than_it_can() {
     let t = even(SECONDS, RATE_HZ);
-    let error = |carried: f64| {
-        let mut made = columns_along(sines_of_all_but_the_last, &arm_with(0.0), &t, nothing);
+    let resting = |carried: f64| {
+        let mut made = columns_along(sines_of_all_but_the_last, &arm_with(0.0), &t, dry);
         for (name, column) in &mut made[1..] {
             let size = if name.starts_with('q') { 1e-5 } else { 0.0 };
             column.iter_mut().enumerate().for_each(|(k, x)| *x += size * noise(k + name.len()));
@@ -99,9 +117,14 @@ fn friction_at_rest_is_what_it_takes_and_no_more_than_it_can() {
                 column.iter_mut().for_each(|x| *x -= carried);
             }
         }
+        recording(made)
+    };
+    let error = |carried: f64| {
         let (comparison, _) =
-            compare(&arm_with(18.0), &[], &recording(made), &Settings::default()).expect("a comparison");
-        let [.., wrist] = comparison.channels.iter().filter(|c| c.name.starts_with("tau")).collect::<Vec<_>>()[..] else {
+            compare(&arm_with(18.0), &[], &resting(carried), &Settings::default()).expect("a comparison");
+        let [.., wrist] =
+            comparison.channels.iter().filter(|c| c.name.starts_with("tau")).collect::<Vec<_>>()[..]
+        else {
             panic!("three torques")
         };
         wrist.rmse
@@ -109,4 +132,9 @@ fn friction_at_rest_is_what_it_takes_and_no_more_than_it_can() {
     let (within, beyond) = (error(6.0), error(21.0));
     println!("off by {within:.3} N·m where friction can carry it, by {beyond:.3} N·m where it lacks 3 N·m");
     assert!(within < 0.3 && (beyond - 3.0).abs() < 0.3);
+    let diagnosis = diagnosed_with(arm_with(18.0), resting(6.0));
+    let before =
+        diagnosis.fit.as_ref().and_then(|fit| fit.before.get("tau3")).map_or(0.0, |error| error.rmse);
+    println!("{:?}, off by {before:.3} N·m before", diagnosis.verdict);
+    assert!(before < 0.5);
 }

@@ -18,13 +18,18 @@ pub(crate) fn columns(arrays: Vec<Array>, texts: Vec<Vec<String>>) -> Foreign {
     let mut foreign = Foreign::default();
     let squeezed: Vec<Array> = arrays
         .into_iter()
-        .map(|array| Array { shape: array.shape.iter().copied().filter(|&size| size != 1).collect(), ..array })
+        .map(|array| Array {
+            shape: array.shape.iter().copied().filter(|&size| size != 1).collect(),
+            ..array
+        })
         .collect();
     let mut lengths: BTreeMap<usize, usize> = BTreeMap::new();
     for size in squeezed.iter().flat_map(|array| &array.shape) {
         *lengths.entry(*size).or_default() += 1;
     }
-    let Some((&samples, _)) = lengths.iter().max_by_key(|(size, count)| (**count, **size)) else { return foreign };
+    let Some((&samples, _)) = lengths.iter().max_by_key(|(size, count)| (**count, **size)) else {
+        return foreign;
+    };
     let mut aside = Vec::new();
     for array in squeezed {
         match array.shape.as_slice() {

@@ -79,7 +79,10 @@ impl Bag {
             Kind::Ros1 => ros1_bag::add(BufReader::with_capacity(1 << 16, open(path)?.0), &source, self),
             Kind::Foreign(what) if what.contains("zstd") => self.add_compressed(path, &source),
             Kind::Foreign(what) => Err(ReadError::NotText { file: path.to_path_buf(), what }),
-            _ => Err(ReadError::Unusable { file: path.to_path_buf(), what: "no ROS bag: neither MCAP, SQLite nor ROS 1".to_owned() }),
+            _ => Err(ReadError::Unusable {
+                file: path.to_path_buf(),
+                what: "no ROS bag: neither MCAP, SQLite nor ROS 1".to_owned(),
+            }),
         }
     }
 
@@ -102,7 +105,14 @@ impl Bag {
     }
 
     /// Takes a message of `topic`, whose type is `kind`, if it is one that matters.
-    pub fn take(&mut self, topic: &str, kind: &str, encoding: Encoding, log_ns: u64, data: impl FnOnce() -> Vec<u8>) {
+    pub fn take(
+        &mut self,
+        topic: &str,
+        kind: &str,
+        encoding: Encoding,
+        log_ns: u64,
+        data: impl FnOnce() -> Vec<u8>,
+    ) {
         let of_type = match ros2_name(kind).as_str() {
             JOINT_STATE => &mut self.states,
             POSE_STAMPED => &mut self.poses,

@@ -32,7 +32,11 @@ pub(crate) fn read(path: &Path, source: &Source, bag: &mut Bag) -> Result<(), Re
         bag.add_file(file, source)?;
     }
     if !gone.is_empty() {
-        let names: Vec<String> = gone.iter().filter_map(|file| file.file_name()).map(|name| name.to_string_lossy().into_owned()).collect();
+        let names: Vec<String> = gone
+            .iter()
+            .filter_map(|file| file.file_name())
+            .map(|name| name.to_string_lossy().into_owned())
+            .collect();
         bag.notes.push(format!("files of the bag that are not there: {}", crate::names::list(&names)));
     }
     Ok(())
@@ -40,8 +44,10 @@ pub(crate) fn read(path: &Path, source: &Source, bag: &mut Bag) -> Result<(), Re
 
 /// The files that `relative_file_paths` of a `metadata.yaml` lists.
 fn named(metadata: &str) -> Vec<String> {
-    let mut lines = metadata.lines().map(str::trim).skip_while(|line| !line.starts_with("relative_file_paths:"));
-    let inline = lines.next().and_then(|line| line.split_once('[')).map(|(_, list)| list.trim_end_matches(']'));
+    let mut lines =
+        metadata.lines().map(str::trim).skip_while(|line| !line.starts_with("relative_file_paths:"));
+    let inline =
+        lines.next().and_then(|line| line.split_once('[')).map(|(_, list)| list.trim_end_matches(']'));
     let unquoted = |name: &str| name.trim().trim_matches(['"', '\'']).to_owned();
     if let Some(inline) = inline {
         return inline.split(',').map(unquoted).filter(|name| !name.is_empty()).collect();

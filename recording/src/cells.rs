@@ -67,10 +67,8 @@ fn list(text: &str) -> Option<Cell> {
     let inner = brackets.iter().find_map(|(open, close)| inner.strip_prefix(*open)?.strip_suffix(*close))?;
     let parts = inner.split(|c: char| matches!(c, ',' | ';') || c.is_whitespace());
     let parts: Vec<&str> = parts.map(|part| unquote(plain(part))).filter(|part| !part.is_empty()).collect();
-    let numbers: Option<Vec<f64>> = parts
-        .iter()
-        .map(|part| part.parse().ok().or_else(|| is_nothing(part).then_some(f64::NAN)))
-        .collect();
+    let numbers: Option<Vec<f64>> =
+        parts.iter().map(|part| part.parse().ok().or_else(|| is_nothing(part).then_some(f64::NAN))).collect();
     Some(numbers.map_or_else(|| Cell::Words(parts.iter().map(ToString::to_string).collect()), Cell::List))
 }
 
@@ -88,7 +86,9 @@ fn moment(text: &str) -> Option<i128> {
     };
     let zoned = clock.trim_end_matches('Z').trim_end_matches(" UTC");
     let (clock, offset_s) = match zoned.rfind(['+', '-']) {
-        Some(at) => (&zoned[..at], seconds(&zoned[at + 1..], 2)? * if zoned[at..].starts_with('-') { -1 } else { 1 }),
+        Some(at) => {
+            (&zoned[..at], seconds(&zoned[at + 1..], 2)? * if zoned[at..].starts_with('-') { -1 } else { 1 })
+        }
         None => (zoned, 0),
     };
     let (whole, fraction) = clock.split_once(['.', ',']).unwrap_or((clock, ""));
@@ -104,7 +104,11 @@ fn seconds(text: &str, parts: usize) -> Option<i64> {
     let joined = text.len() == 4 && parts == 2 && !text.contains(':');
     let fields: Vec<&str> = if joined { vec![&text[..2], &text[2..]] } else { text.split(':').collect() };
     let digits = |field: &&str| (1..=2).contains(&field.len()) && field.bytes().all(|c| c.is_ascii_digit());
-    if fields.len() > 3 || fields.len() < parts.min(2) || (parts == 3 && fields.len() < 2) || !fields.iter().all(digits) {
+    if fields.len() > 3
+        || fields.len() < parts.min(2)
+        || (parts == 3 && fields.len() < 2)
+        || !fields.iter().all(digits)
+    {
         return None;
     }
     let mut factor = 3600;
@@ -141,7 +145,12 @@ mod tests {
     fn moments_of_every_spelling_are_the_same() {
         let expected = moment("2024-11-20T10:00:00.25Z").expect("a moment");
         assert_eq!(expected, 1_732_096_800_250_000_000, "date -d 2024-11-20T10:00Z +%s");
-        for text in ["2024-11-20 10:00:00.250", "2024-11-20T11:00:00,25+01:00", "2024/11/20 05:00:00.25-0500", "2024-11-20 10:00:00.250000+00:00"] {
+        for text in [
+            "2024-11-20 10:00:00.250",
+            "2024-11-20T11:00:00,25+01:00",
+            "2024/11/20 05:00:00.25-0500",
+            "2024-11-20 10:00:00.250000+00:00",
+        ] {
             assert_eq!(moment(text), Some(expected), "{text}");
         }
         assert_eq!(moment("10:00:00.5").zip(moment("10:00")), Some((36_000_500_000_000, 36_000_000_000_000)));
@@ -156,7 +165,11 @@ mod tests {
         assert_eq!(of("[0.1, -2 3e-1]"), Cell::List(vec![0.1, -2.0, 0.3]));
         assert_eq!(of("[np.float64(0.5), np.float64(-1.0)]"), Cell::List(vec![0.5, -1.0]));
         assert_eq!(of("['a_1', 'b']"), Cell::Words(vec!["a_1".into(), "b".into()]));
-        assert!(["", "NaN", " n/a ", "NULL", "\"\""].iter().all(|text| matches!(of(text), Cell::Number(x) if x.is_nan())));
+        assert!(
+            ["", "NaN", " n/a ", "NULL", "\"\""]
+                .iter()
+                .all(|text| matches!(of(text), Cell::Number(x) if x.is_nan()))
+        );
         assert_eq!((of("0,5"), cell(b"0,5", b',')), (Cell::Text, Cell::Number(0.5)));
         assert_eq!(of("oops"), Cell::Text);
     }

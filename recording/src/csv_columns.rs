@@ -135,7 +135,9 @@ impl Columns {
 
 /// `names` for rows of `cells` cells: without the empty one behind a separator at the end, with one for an index that has none.
 fn fitted(mut names: Vec<String>, cells: usize, rows: &[ByteRecord]) -> Vec<String> {
-    let is_empty = |record: &ByteRecord, column: usize| record.get(column).is_none_or(|cell| cell.trim_ascii().is_empty());
+    let is_empty = |record: &ByteRecord, column: usize| {
+        record.get(column).is_none_or(|cell| cell.trim_ascii().is_empty())
+    };
     let last_is_empty = |column: usize| rows.iter().all(|row| is_empty(row, column));
     if names.last().is_some_and(String::is_empty) && last_is_empty(names.len() - 1) {
         names.pop();
@@ -149,7 +151,8 @@ fn fitted(mut names: Vec<String>, cells: usize, rows: &[ByteRecord]) -> Vec<Stri
 /// Whether the first cells of `rows` are texts, or count on: names of rows.
 fn are_names(rows: &[ByteRecord]) -> bool {
     let first = |row: &ByteRecord| number(row.get(0).unwrap_or_default(), b'.');
-    let counts = rows.windows(2).all(|pair| first(&pair[0]).zip(first(&pair[1])).is_some_and(|(a, b)| b - a == 1.0));
+    let counts =
+        rows.windows(2).all(|pair| first(&pair[0]).zip(first(&pair[1])).is_some_and(|(a, b)| b - a == 1.0));
     (rows.len() > 1 && counts) || rows.iter().all(|row| first(row).is_none())
 }
 

@@ -54,7 +54,7 @@ struct Line {
 
 impl Line {
     fn is_comment(&self) -> bool {
-        self.text.trim_start().starts_with(MARKS)
+        self.text.trim_start_matches('\u{feff}').trim_start().starts_with(MARKS)
     }
 
     fn cells(&self, separator: u8) -> Vec<String> {
@@ -82,8 +82,10 @@ impl Form {
         let form = chosen(judged, told).or_else(|| chosen(lines, told))?;
         let typical = judged.iter().map(|line| line.data_cells(form).0).max().unwrap_or(0);
         let is_data = |line: &Line| typical > 0 && 2 * line.data_cells(form).0 >= typical.max(2);
-        let is_header_told = told.skip.is_some() && lines.first().is_some_and(|line| !is_data(line) || lines.len() == 1);
-        let data = plain.iter().find(|line| is_data(line) && !(is_header_told && line.number == lines[0].number));
+        let is_header_told =
+            told.skip.is_some() && lines.first().is_some_and(|line| !is_data(line) || lines.len() == 1);
+        let data =
+            plain.iter().find(|line| is_data(line) && !(is_header_told && line.number == lines[0].number));
         let first = data.map(|line| line.cells(form.0)).unwrap_or_default();
         let above: Vec<Line> =
             lines.iter().cloned().filter(|line| data.is_none_or(|data| line.number < data.number)).collect();
@@ -113,8 +115,9 @@ fn chosen(lines: &[Line], told: Told) -> Option<(u8, u8)> {
         forms.retain(|form| form.0 != form.1);
     }
     let score = |form: (u8, u8)| {
-        let counts = lines.iter().map(|line| (line.data_cells(form), line.cells(form.0).len()));
-        let (data, held, cells) = counts.fold((0, 0, 0), |sum, ((data, held), cells)| (sum.0 + data, sum.1 + held, sum.2 + cells));
+        let counts = lines.iter().map(|line| line.data_cells(form)).filter(|(data, _)| *data > 0);
+        let (data, held) = counts.fold((0, 0), |sum, (data, held)| (sum.0 + data, sum.1 + held));
+        let cells: usize = lines.iter().map(|line| line.cells(form.0).len()).sum();
         // As many cells as can be, nearly all of them numbers; with names alone, as many names as can be.
         let share = data as f64 / held.max(1) as f64;
         (share * data as f64, cells)
@@ -130,7 +133,13 @@ fn chosen(lines: &[Line], told: Told) -> Option<(u8, u8)> {
 }
 
 /// The names in the line `header` for data of `cells` cells; a line of units below the names is joined with them.
-fn names_of(header: &Line, above: &[Line], separator: u8, cells: usize, is_told: bool) -> Option<Vec<String>> {
+fn names_of(
+    header: &Line,
+    above: &[Line],
+    separator: u8,
+    cells: usize,
+    is_told: bool,
+) -> Option<Vec<String>> {
     let names = cells_of_header(header, separator, cells);
     let before = above.iter().rev().nth(1).map(|line| cells_of_header(line, separator, cells));
     if let Some(before) = before.filter(|before| !is_told && before.len() == names.len() && names.len() > 1)
@@ -143,23 +152,28 @@ fn names_of(header: &Line, above: &[Line], separator: u8, cells: usize, is_told:
         });
         return Some(joined.collect());
     }
-    // A sentence above the data is no header: that has a name for nearly every column.
-    let is_fit = is_told || cells == 0 || (names.len() + 1 >= cells && names.len() <= cells + 1);
-    is_fit.then_some(names)
+    // A sentence above the data is no header: that has a name for every column, or for all but an index.
+    let is_near = names.len() + 1 >= cells && names.len() <= cells + 1;
+    let is_fit = if header.is_comment() { names.len() == cells } else { is_near };
+    (is_told || cells == 0 || is_fit).then_some(names)
 }
 
-/// The cells of a header, whose own separator may be another than that of the data.
+/// The cells of a header; one in a comment may be separated otherwise than the data.
 fn cells_of_header(header: &Line, separator: u8, cells: usize) -> Vec<String> {
-    let stripped = header.text.trim_start_matches('\u{feff}').trim_start().trim_start_matches(MARKS);
-    let is_comment = stripped.len() < header.text.trim_start_matches('\u{feff}').trim_start().len();
-    let text = if is_comment { stripped.trim() } else { &header.text };
+    if !header.is_comment() {
+        return split(&header.text, separator);
+    }
+    let text = header.text.trim_start_matches('\u{feff}').trim_start().trim_start_matches(MARKS).trim();
     let own = split(text, separator);
-    let fits = |names: &[String]| names.len() + 1 >= cells && names.len() <= cells + 1;
-    if fits(&own) || cells == 0 {
+    if own.len() == cells || cells == 0 {
         return own;
     }
-    let others = [b',', b';', b'\t', b' '].map(|other| split(text, other));
-    others.into_iter().find(|names| fits(names)).unwrap_or(own)
+    let others = [b',', b';', b'\t'].map(|other| split(text, other));
+    // Any sentence has blanks.
+    let words = split(text, b' ');
+    let is_time = |name: &String| name == "t" || name.to_lowercase().starts_with("time");
+    let words = Some(words).filter(|words| words.iter().any(is_time));
+    others.into_iter().chain(words).find(|names| names.len() == cells).unwrap_or(own)
 }
 
 fn is_unit(text: &str) -> bool {
@@ -193,7 +207,8 @@ fn lines(head: &[u8]) -> Vec<Line> {
     let mut lines = Vec::new();
     let (mut start, mut number) = (0, 1);
     while start < head.len() {
-        let end = head[start..].iter().position(|c| matches!(c, b'\n' | b'\r')).map_or(head.len(), |k| start + k);
+        let end =
+            head[start..].iter().position(|c| matches!(c, b'\n' | b'\r')).map_or(head.len(), |k| start + k);
         let text = text(&head[start..end]);
         if !text.trim_matches(|c: char| c.is_whitespace() || c == '\u{feff}').is_empty() {
             lines.push(Line { text, start, number });

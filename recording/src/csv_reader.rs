@@ -10,7 +10,8 @@ use crate::csv_form::{Form, Told};
 use crate::error::{ReadError, Row};
 use crate::interpret::interpret;
 use crate::line_guard::{LineGuard, LongLine, MAX_LINE};
-use crate::mapping::{Mapped, Mapping};
+use crate::mapped::Mapped;
+use crate::mapping::Mapping;
 use crate::names::shorten;
 use crate::read::Source;
 use crate::recording::Recording;
@@ -74,7 +75,8 @@ fn head(input: &mut impl Read, source: &Source) -> Result<Vec<u8>, ReadError> {
     let mut head = Vec::new();
     loop {
         let taken = input.by_ref().take(HEAD as u64).read_to_end(&mut head);
-        let taken = taken.map_err(|error| ReadError::Io { file: source.file.to_path_buf(), source: error })?;
+        let taken =
+            taken.map_err(|error| ReadError::Io { file: source.file.to_path_buf(), source: error })?;
         let ends = head.iter().filter(|byte| matches!(byte, b'\n' | b'\r')).count();
         if taken < HEAD || ends >= FEWEST_LINES || head.len() > 2 * MAX_LINE {
             return Ok(head);
@@ -104,7 +106,9 @@ fn sampled(text: &[u8], form: &Form) -> Vec<ByteRecord> {
 /// A line of comment among the data, or one with nothing in it.
 fn is_comment(record: &ByteRecord) -> bool {
     let first = record.get(0).unwrap_or_default().trim_ascii_start();
-    first.starts_with(b"#") || first.starts_with(b"%") || record.iter().all(|cell| cell.trim_ascii().is_empty())
+    first.starts_with(b"#")
+        || first.starts_with(b"%")
+        || record.iter().all(|cell| cell.trim_ascii().is_empty())
 }
 
 /// Rows on their way into a table.
@@ -164,7 +168,8 @@ impl Rows {
 /// A cell of the file's number `place` that holds text: an error in a column that is used, else noted.
 #[cold]
 fn odd_cell(mapped: &Mapped, table: &mut Table, place: usize, at: Row, text: &str) -> Result<(), ReadError> {
-    let is_from = |pick: &crate::mapping::Pick| pick.source == place || pick.rest.is_some_and(|(rest, _)| rest == place);
+    let is_from =
+        |pick: &crate::mapped::Pick| pick.source == place || pick.rest.is_some_and(|(rest, _)| rest == place);
     let Some(column) = mapped.picks.iter().position(is_from) else { return Ok(()) };
     if table.is_used(column) {
         return Err(ReadError::NotANumber {

@@ -127,7 +127,9 @@ pub enum ReadError {
         remedy: &'static str,
     },
     /// No row is left after those that lack something.
-    #[error("{place}: {what}, and so in all {rows} rows: nothing is left; record it, or name another column for it in a mapping file: freeplay record import")]
+    #[error(
+        "{place}: {what}, and so in all {rows} rows: nothing is left; record it, or name another column for it in a mapping file: freeplay record import"
+    )]
     NothingLeft {
         /// The first such row.
         place: Place,

@@ -53,7 +53,8 @@ impl Foreign {
         let place = |name: &str| self.names.iter().position(|known| known == name);
         let (Some(time), Some(episode)) = (place("timestamp"), place("episode_index")) else { return };
         let (times, episodes) = (self.columns[time].clone(), &self.columns[episode]);
-        let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+        let mut steps: Vec<f64> =
+            times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
         if steps.is_empty() {
             return;
         }
@@ -98,7 +99,8 @@ impl Foreign {
         if let Some(guess) = interpreted.guess {
             table.take_guess(guess);
         }
-        let (mut file, mut ours, mut base) = (vec![0.0; self.names.len()], vec![0.0; mapped.names.len()], None);
+        let (mut file, mut ours, mut base) =
+            (vec![0.0; self.names.len()], vec![0.0; mapped.names.len()], None);
         for k in 0..rows {
             file.iter_mut().zip(&self.columns).for_each(|(cell, column)| *cell = column[k]);
             mapped.row(&file, &mut base, &mut ours);

@@ -3,7 +3,8 @@
 use crate::csv_form::Form;
 use crate::error::{Place, ReadError};
 use crate::guess::{Guess, Sample, guess, joints_of};
-use crate::mapping::{Mapped, Mapping};
+use crate::mapped::Mapped;
+use crate::mapping::Mapping;
 use crate::names::{Role, role};
 
 /// The name of a column that holds no numbers of its own but, behind this, the names of the joints: a CSV has no other place for them.
@@ -67,7 +68,8 @@ pub(crate) fn interpret(
 /// Columns that have our names, and the joints' names where one of them carries these.
 fn own(names: Vec<String>) -> Interpreted {
     let carried = names.iter().position(|name| name.starts_with(JOINTS_COLUMN));
-    let joints = carried.map(|place| names[place][JOINTS_COLUMN.len()..].split(';').map(str::to_owned).collect());
+    let joints =
+        carried.map(|place| names[place][JOINTS_COLUMN.len()..].split(';').map(str::to_owned).collect());
     let mut mapped = Mapped::own(names);
     if let Some(place) = carried {
         mapped.remove(place);

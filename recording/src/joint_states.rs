@@ -42,7 +42,8 @@ pub(crate) fn from_bag(options: &BagOptions, source: &Source) -> Result<Recordin
     let mut bag = Bag::read(source.file, source)?;
     let topic = choose(&bag.states, options.topic.as_deref(), JOINT_STATE, "--topic", source)?;
     let Some((topic, messages)) = topic.and_then(|topic| bag.states.remove_entry(&topic)) else {
-        let topics: Vec<String> = bag.topics.iter().map(|(topic, kind)| format!("{topic} ({kind})")).collect();
+        let topics: Vec<String> =
+            bag.topics.iter().map(|(topic, kind)| format!("{topic} ({kind})")).collect();
         let (file, topics) = (source.file.to_path_buf(), list(&topics));
         return Err(ReadError::NoJointStates { file, expected: JOINT_STATE, topics });
     };
@@ -74,7 +75,8 @@ fn choose(
 ) -> Result<Option<String>, ReadError> {
     let names: Vec<String> = topics.keys().cloned().collect();
     let file = source.file.to_path_buf();
-    let like = |wanted: &str| names.iter().find(|name| name.trim_matches('/') == wanted.trim_matches('/')).cloned();
+    let like =
+        |wanted: &str| names.iter().find(|name| name.trim_matches('/') == wanted.trim_matches('/')).cloned();
     match (asked, names.as_slice()) {
         (Some(asked), _) => match like(asked) {
             Some(topic) => Ok(Some(topic)),
@@ -130,13 +132,14 @@ impl States {
         let joints = chosen_joints(&decoded, asked).map_err(|what| {
             bag_error(topic, decoded.first().map_or(1, |(message, _)| message.number), what, source)
         })?;
-        let is_there = |values: &[f64], state: &JointState| !state.name.is_empty() && values.len() == state.name.len();
+        let is_there =
+            |values: &[f64], state: &JointState| !state.name.is_empty() && values.len() == state.name.len();
         let has = |group: Group, state: &JointState| is_there(state.values(group), state);
         let of_joints = |state: &JointState| joints.iter().all(|joint| state.name.contains(joint));
         let optional = [Group::Velocity, Group::Torque];
-        let present = optional.into_iter().filter(|&group| {
-            decoded.iter().any(|(_, state)| of_joints(state) && has(group, state))
-        });
+        let present = optional
+            .into_iter()
+            .filter(|&group| decoded.iter().any(|(_, state)| of_joints(state) && has(group, state)));
         let groups: Vec<Group> = std::iter::once(Group::Position).chain(present).collect();
         let mut states = Self { joints, groups, rows: Vec::new(), notes: Vec::new() };
         let (mut others, mut lacking) = (0_u64, 0_u64);
@@ -156,7 +159,9 @@ impl States {
             return Err(bag_error(topic, 1, what, source));
         }
         if others > 0 {
-            states.notes.push(format!("{others} of {all} messages of {topic} are passed over: they are of other joints"));
+            states.notes.push(format!(
+                "{others} of {all} messages of {topic} are passed over: they are of other joints"
+            ));
         }
         if lacking > 0 {
             states.notes.push(format!(
@@ -185,10 +190,16 @@ impl States {
         if kept.is_empty() || kept.len() == count {
             return;
         }
-        let gone: Vec<String> = (0..count).filter(|joint| !kept.contains(joint)).map(|joint| self.joints[joint].clone()).collect();
+        let gone: Vec<String> = (0..count)
+            .filter(|joint| !kept.contains(joint))
+            .map(|joint| self.joints[joint].clone())
+            .collect();
         self.notes.push(format!("joints without any position are left out: {}", list(&gone)));
         for (_, _, row) in &mut self.rows {
-            *row = (0..groups).flat_map(|group| kept.iter().map(move |joint| group * count + joint)).map(|place| row[place]).collect();
+            *row = (0..groups)
+                .flat_map(|group| kept.iter().map(move |joint| group * count + joint))
+                .map(|place| row[place])
+                .collect();
         }
         self.joints = kept.iter().map(|&joint| self.joints[joint].clone()).collect();
     }

@@ -37,7 +37,8 @@ pub(crate) fn places(wanted: &[String], found: &[String]) -> Vec<Option<usize>> 
         let taken = places.clone();
         let free = |place: &usize| !taken.contains(&Some(*place));
         for (index, words) in wanted_words.iter().enumerate().filter(|(index, _)| taken[*index].is_none()) {
-            let mut candidates = (0..found.len()).filter(free).filter(|&place| is_like(words, &found_words[place]));
+            let mut candidates =
+                (0..found.len()).filter(free).filter(|&place| is_like(words, &found_words[place]));
             let (Some(only), None) = (candidates.next(), candidates.next()) else { continue };
             // No other joint that is wanted may be meant by it, too.
             let others = wanted_words.iter().enumerate().filter(|(other, _)| taken[*other].is_none());
@@ -88,8 +89,10 @@ impl Recording {
                 wanted: list(wanted),
             });
         };
-        let extra: Vec<String> =
-            (0..self.joints()).filter(|joint| !order.contains(joint)).map(|joint| self.joint_names[joint].clone()).collect();
+        let extra: Vec<String> = (0..self.joints())
+            .filter(|joint| !order.contains(joint))
+            .map(|joint| self.joint_names[joint].clone())
+            .collect();
         if order.iter().enumerate().any(|(joint, place)| joint != *place) {
             let named: Vec<String> = order.iter().map(|&place| self.joint_names[place].clone()).collect();
             self.notes.push(format!("joints are paired by name: q1…q{} are {}", order.len(), list(&named)));
@@ -113,7 +116,8 @@ impl Recording {
             *group = taken(group, order);
         }
         let names = self.joint_names.join(",");
-        if let Some((_, written)) = self.metadata.iter_mut().find(|(key, _)| key == crate::table::JOINTS_KEY) {
+        if let Some((_, written)) = self.metadata.iter_mut().find(|(key, _)| key == crate::table::JOINTS_KEY)
+        {
             *written = names;
         }
     }
@@ -130,14 +134,19 @@ mod tests {
 
     #[test]
     fn names_are_matched_whole_or_by_a_part_that_is_unique() {
-        let ur = ["elbow_joint", "shoulder_lift_joint", "shoulder_pan_joint", "wrist_1_joint", "wrist_2_joint"];
+        let ur =
+            ["elbow_joint", "shoulder_lift_joint", "shoulder_pan_joint", "wrist_1_joint", "wrist_2_joint"];
         let all = [Some(2), Some(1), Some(0), Some(3), Some(4)];
-        let wanted = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint"];
+        let wanted =
+            ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint"];
         assert_eq!(of(&wanted, &ur), all);
         assert_eq!(of(&wanted.map(|name| format!("ur5e_{name}")).each_ref().map(String::as_str), &ur), all);
         assert_eq!(of(&["shoulder_pan", "lift", "elbow", "wrist_1", "2"], &ur), all);
         assert_eq!(of(&["joint_1", "joint_2"], &["panda_joint2", "panda_joint1"]), [Some(1), Some(0)]);
         assert_eq!(of(&["shoulder"], &ur), [None], "two are meant");
-        assert_eq!(of(&["joint1", "joint2"], &["left/joint1", "right/joint1", "left/joint2"]), [None, Some(2)]);
+        assert_eq!(
+            of(&["joint1", "joint2"], &["left/joint1", "right/joint1", "left/joint2"]),
+            [None, Some(2)]
+        );
     }
 }

@@ -47,7 +47,8 @@ pub(crate) fn read_folder(path: &Path, source: &Source) -> Result<Foreign, ReadE
 
 /// Names what the lists of one episode hold, where a data set is around it.
 pub(crate) fn name_episode(foreign: &mut Foreign, path: &Path) {
-    let info = path.ancestors().skip(1).take(ABOVE).map(|folder| folder.join(INFO)).find(|info| info.is_file());
+    let info =
+        path.ancestors().skip(1).take(ABOVE).map(|folder| folder.join(INFO)).find(|info| info.is_file());
     if let Some(info) = info {
         name_lists(foreign, &info);
     }

@@ -27,16 +27,20 @@ const DEEPEST: usize = 8;
 /// # Errors
 /// [`ReadError::Unusable`] for a file that is damaged or has no numbers.
 pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> {
-    let unusable = |what: &str| ReadError::Unusable { file: source.file.to_path_buf(), what: what.to_owned() };
+    let unusable =
+        |what: &str| ReadError::Unusable { file: source.file.to_path_buf(), what: what.to_owned() };
     let damaged = || unusable("this MAT-file is cut or damaged; save it again");
     let is_big = bytes.get(126..HEADER).ok_or_else(damaged)? == b"MI";
-    let mut found = Found { is_big, arrays: Vec::new(), texts: Vec::new(), room: source.limit.saturating_mul(8) };
+    let mut found =
+        Found { is_big, arrays: Vec::new(), texts: Vec::new(), room: source.limit.saturating_mul(8) };
     let mut rest = &bytes[HEADER..];
     while let Some(element) = found.element(&mut rest) {
         found.variable(&element, 0).ok_or_else(damaged)?;
     }
     if found.arrays.is_empty() {
-        return Err(unusable("no arrays of numbers in this MAT-file; save some: save('run.mat', '-v7', 't', 'q', 'tau')"));
+        return Err(unusable(
+            "no arrays of numbers in this MAT-file; save some: save('run.mat', '-v7', 't', 'q', 'tau')",
+        ));
     }
     Ok(columns(found.arrays, found.texts))
 }

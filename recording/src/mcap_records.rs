@@ -166,9 +166,10 @@ fn decompress<'b>(
         "lz4" => {
             let mut records = Vec::with_capacity(size);
             let decoder = lz4_flex::frame::FrameDecoder::new(data);
-            decoder.take(header.uncompressed_size + 1).read_to_end(&mut records).map_err(|error| {
-                damaged(source, offset, &format!("a chunk does not decompress: {error}"))
-            })?;
+            decoder
+                .take(header.uncompressed_size + 1)
+                .read_to_end(&mut records)
+                .map_err(|error| damaged(source, offset, &format!("a chunk does not decompress: {error}")))?;
             Cow::Owned(records)
         }
         other => {

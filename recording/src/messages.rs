@@ -78,7 +78,13 @@ impl Stamped for JointState {
         for _ in 0..count {
             name.push(body.string()?);
         }
-        Some(Self { header, name, position: body.numbers()?, velocity: body.numbers()?, effort: body.numbers()? })
+        Some(Self {
+            header,
+            name,
+            position: body.numbers()?,
+            velocity: body.numbers()?,
+            effort: body.numbers()?,
+        })
     }
 }
 

@@ -52,7 +52,11 @@ pub(crate) fn in_words(recording: &Recording) -> Option<String> {
     let samples = recording.len();
     let words = runs(recording).into_iter().map(|(first, last, count)| {
         let name = if first == last { first } else { format!("{first}…{last}") };
-        if count == samples { format!("{name} throughout") } else { format!("{name} in {count} of {samples} samples") }
+        if count == samples {
+            format!("{name} throughout")
+        } else {
+            format!("{name} in {count} of {samples} samples")
+        }
     });
     let words: Vec<String> = words.collect();
     (!words.is_empty()).then(|| format!("missing, and not used where missing: {}", words.join(", ")))
@@ -79,12 +83,14 @@ fn runs(recording: &Recording) -> Vec<(String, String, usize)> {
 /// The columns of the contract that may lack numbers, set by set.
 fn sets(recording: &Recording) -> Vec<Vec<(String, &[f64])>> {
     let groups = Group::ALL.into_iter().map(|group| recording.group(group));
-    let tool = recording.tool.iter().flat_map(|tool| {
-        TOOL.iter().map(ToString::to_string).zip(tool.iter().map(Vec::as_slice))
-    });
-    let orientation = recording.orientation.iter().flat_map(|parts| {
-        ORIENTATION.iter().map(ToString::to_string).zip(parts.iter().map(Vec::as_slice))
-    });
+    let tool = recording
+        .tool
+        .iter()
+        .flat_map(|tool| TOOL.iter().map(ToString::to_string).zip(tool.iter().map(Vec::as_slice)));
+    let orientation = recording
+        .orientation
+        .iter()
+        .flat_map(|parts| ORIENTATION.iter().map(ToString::to_string).zip(parts.iter().map(Vec::as_slice)));
     groups.chain([tool.collect(), orientation.collect()]).collect()
 }
 

@@ -26,9 +26,12 @@ enum Held {
 /// [`ReadError::Unusable`] for an archive without arrays, or one that is damaged.
 pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> {
     let unusable = |what: String| ReadError::Unusable { file: source.file.to_path_buf(), what };
-    let damaged = |error: &dyn std::fmt::Display| unusable(format!("this archive can't be read: {error}; write it again"));
+    let damaged = |error: &dyn std::fmt::Display| {
+        unusable(format!("this archive can't be read: {error}; write it again"))
+    };
     let archive = ZipArchive::from_slice(bytes).map_err(|error| damaged(&error))?;
-    let (mut arrays, mut texts, mut aside, mut entries) = (Vec::new(), Vec::new(), Vec::new(), archive.entries());
+    let (mut arrays, mut texts, mut aside, mut entries) =
+        (Vec::new(), Vec::new(), Vec::new(), archive.entries());
     let mut room = source.limit.saturating_mul(8);
     while let Some(entry) = entries.next_entry().map_err(|error| damaged(&error))? {
         let path = entry.file_path();
@@ -38,11 +41,19 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
         let mut data = Vec::new();
         let inflated = match entry.compression_method() {
             CompressionMethod::STORE => held.data().take(room + 1).read_to_end(&mut data),
-            CompressionMethod::DEFLATE => flate2::read::DeflateDecoder::new(held.data()).take(room + 1).read_to_end(&mut data),
-            other => return Err(unusable(format!("{path} is compressed by {other:?}; write it with numpy.savez_compressed"))),
+            CompressionMethod::DEFLATE => {
+                flate2::read::DeflateDecoder::new(held.data()).take(room + 1).read_to_end(&mut data)
+            }
+            other => {
+                return Err(unusable(format!(
+                    "{path} is compressed by {other:?}; write it with numpy.savez_compressed"
+                )));
+            }
         };
         inflated.map_err(|error| damaged(&error))?;
-        room = room.checked_sub(data.len() as u64).ok_or_else(|| unusable("its arrays are larger than what is read; write fewer rows".to_owned()))?;
+        room = room.checked_sub(data.len() as u64).ok_or_else(|| {
+            unusable("its arrays are larger than what is read; write fewer rows".to_owned())
+        })?;
         match array(name, &data).map_err(|what| unusable(format!("{path}: {what}")))? {
             Held::Numbers(array) => arrays.push(array),
             Held::Texts(text) => texts.push(text),
@@ -85,8 +96,12 @@ fn array(name: &str, data: &[u8]) -> Result<Held, String> {
     let kind = value_of(header, "descr").ok_or("its header has no descr")?.trim_matches(['\'', '"']);
     let is_fortran = value_of(header, "fortran_order").is_some_and(|text| text.starts_with("True"));
     let shape = value_of(header, "shape").ok_or("its header has no shape")?;
-    let shape: Vec<usize> = shape.trim_matches(['(', ')']).split(',').filter_map(|size| size.trim().parse().ok()).collect();
-    let count = shape.iter().try_fold(1_usize, |count, size| count.checked_mul(*size)).ok_or("its shape is too large")?;
+    let shape: Vec<usize> =
+        shape.trim_matches(['(', ')']).split(',').filter_map(|size| size.trim().parse().ok()).collect();
+    let count = shape
+        .iter()
+        .try_fold(1_usize, |count, size| count.checked_mul(*size))
+        .ok_or("its shape is too large")?;
     let (order, letter) = kind.split_at(usize::from(kind.starts_with(['<', '>', '|', '='])));
     if let Some(length) = letter.strip_prefix('U').and_then(|length| length.parse::<usize>().ok()) {
         return Ok(Held::Texts(texts(body, count, length, order == ">")));
@@ -156,7 +171,8 @@ fn number_of(letter: &str) -> Option<(usize, fn([u8; 8]) -> f64)> {
 fn texts(body: &[u8], count: usize, length: usize, is_big: bool) -> Vec<String> {
     let character = |cell: &[u8]| {
         let bytes = [cell[0], cell[1], cell[2], cell[3]];
-        char::from_u32(if is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }).filter(|c| *c != '\0')
+        char::from_u32(if is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+            .filter(|c| *c != '\0')
     };
     let text = |cell: &[u8]| cell.chunks_exact(4).filter_map(character).collect();
     body.chunks_exact((4 * length).max(4)).take(count).map(text).collect()

@@ -61,7 +61,9 @@ impl Kind {
             _ if head.starts_with(mcap::MAGIC) => Self::Mcap,
             _ if head.starts_with(b"SQLite format 3\0") => Self::Sqlite,
             _ if head.starts_with(b"#ROSBAG V2") => Self::Ros1,
-            _ if head.starts_with(b"#ROSBAG") => Self::Foreign("a ROS bag of an old version: `rosbag fix` it first"),
+            _ if head.starts_with(b"#ROSBAG") => {
+                Self::Foreign("a ROS bag of an old version: `rosbag fix` it first")
+            }
             _ if head.starts_with(b"PAR1") => Self::Parquet,
             _ if head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06") => Self::Zip,
             _ if head.starts_with(b"\x93NUMPY") => Self::Npy,
@@ -76,7 +78,9 @@ impl Kind {
                 Self::Foreign("an Arrow or Feather file: write it as Parquet, in Python DataFrame.to_parquet")
             }
             _ if head.starts_with(b"ULog") => Self::Foreign("a PX4 log: convert it with `ulog2csv`"),
-            _ if head.starts_with(b"\x80") && head.get(1).is_some_and(|version| (2..=5).contains(version)) => {
+            _ if head.starts_with(b"\x80")
+                && head.get(1).is_some_and(|version| (2..=5).contains(version)) =>
+            {
                 Self::Foreign("a Python pickle: write it as .npz or Parquet, in Python DataFrame.to_parquet")
             }
             _ if head.starts_with(b"\xd0\xcf\x11\xe0") => Self::Foreign("an old Excel file: save it as CSV"),
@@ -85,7 +89,9 @@ impl Kind {
             [0x28, 0xb5, 0x2f, 0xfd, ..] => Self::Foreign("compressed by zstd: unzstd it first"),
             [b'B', b'Z', b'h', ..] => Self::Foreign("compressed by bzip2: bunzip2 it first"),
             [0xfd, b'7', b'z', b'X', b'Z', ..] => Self::Foreign("compressed by xz: unxz it first"),
-            [b'{', ..] | [b'[', b'{', ..] => Self::Foreign("JSON: write it as CSV, in Python pandas.read_json(…).to_csv"),
+            [b'{', ..] | [b'[', b'{', ..] => {
+                Self::Foreign("JSON: write it as CSV, in Python pandas.read_json(…).to_csv")
+            }
             [b'<', b'?' | b'!' | b'a'..=b'z', ..] => Self::Foreign("XML, such as the model of a robot"),
             _ => Self::Text,
         }

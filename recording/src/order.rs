@@ -36,7 +36,8 @@ pub(crate) fn sort(columns: &mut [Vec<f64>], time: usize, positions: &[usize]) -
     order.dedup_by(|later, earlier| t[*later] == t[*earlier]);
     let file: Vec<usize> = (0..t.len()).collect();
     let way = |order: &[usize]| -> f64 {
-        let of = |column: &Vec<f64>| order.windows(2).map(|w| (column[w[1]] - column[w[0]]).abs()).sum::<f64>();
+        let of =
+            |column: &Vec<f64>| order.windows(2).map(|w| (column[w[1]] - column[w[0]]).abs()).sum::<f64>();
         positions.iter().map(|&position| of(&columns[position])).sum()
     };
     if way(&order) > MIXED * way(&file) {

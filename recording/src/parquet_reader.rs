@@ -59,7 +59,8 @@ pub(crate) fn read(file: File, source: &Source) -> Result<Foreign, ReadError> {
 /// The name of a column, without what only says that there is a list.
 fn name(column: &ColumnDescriptor) -> String {
     let parts = column.path().parts();
-    let named = parts.iter().enumerate().filter(|(place, part)| *place == 0 || !OF_LISTS.contains(&part.as_str()));
+    let named =
+        parts.iter().enumerate().filter(|(place, part)| *place == 0 || !OF_LISTS.contains(&part.as_str()));
     named.map(|(_, part)| part.as_str()).collect::<Vec<_>>().join(".")
 }
 
@@ -76,7 +77,12 @@ impl Leaf {
     /// The column number `column`; none if it holds no numbers, or lists of lists.
     fn of(reader: &SerializedFileReader<File>, column: usize) -> Result<Option<Self>, ParquetError> {
         let descriptor = reader.metadata().file_metadata().schema_descr().column(column);
-        let mut raw = Raw { is_list: descriptor.max_rep_level() == 1, descriptor, values: Vec::new(), widths: Vec::new() };
+        let mut raw = Raw {
+            is_list: descriptor.max_rep_level() == 1,
+            descriptor,
+            values: Vec::new(),
+            widths: Vec::new(),
+        };
         if raw.descriptor.max_rep_level() > 1 {
             return Ok(None);
         }
@@ -88,12 +94,16 @@ impl Leaf {
                 ColumnReader::DoubleColumnReader(values) => raw.take(values, |value| *value)?,
                 ColumnReader::FloatColumnReader(values) => raw.take(values, |value| f64::from(*value))?,
                 ColumnReader::Int32ColumnReader(values) => raw.take(values, |value| f64::from(*value))?,
-                ColumnReader::BoolColumnReader(values) => raw.take(values, |value| f64::from(u8::from(*value)))?,
+                ColumnReader::BoolColumnReader(values) => {
+                    raw.take(values, |value| f64::from(u8::from(*value)))?
+                }
                 ColumnReader::Int64ColumnReader(values) => match second {
                     Some(second) => raw.take(values, |value| moment(*value, second))?,
                     None => raw.take(values, |value| *value as f64)?,
                 },
-                ColumnReader::Int96ColumnReader(values) => raw.take(values, |value| moment(value.to_nanos(), 1e9))?,
+                ColumnReader::Int96ColumnReader(values) => {
+                    raw.take(values, |value| moment(value.to_nanos(), 1e9))?
+                }
                 ColumnReader::ByteArrayColumnReader(_) | ColumnReader::FixedLenByteArrayColumnReader(_) => {
                     return Ok(None);
                 }

@@ -124,7 +124,9 @@ fn read_as(source: &Source, options: &ImportOptions) -> Result<Recording, ReadEr
             other => other,
         },
         Kind::Sqlite | Kind::Ros1 => from_bag(&options.bag, source),
-        Kind::Foreign(what) if what.contains("zstd") && is_named_as_bag(path) => from_bag(&options.bag, source),
+        Kind::Foreign(what) if what.contains("zstd") && is_named_as_bag(path) => {
+            from_bag(&options.bag, source)
+        }
         Kind::Parquet => {
             let mut foreign = parquet_reader::read(reopened(path)?, source)?;
             lerobot::name_episode(&mut foreign, path);

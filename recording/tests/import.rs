@@ -246,7 +246,10 @@ fn joint_states_are_read_by_name_and_poses_come_to_their_times() {
     assert!(x[0].is_nan());
     assert_close(&x[1..], &[0.5, 1.5]);
     let said = recording.notes.join("; ");
-    for words in ["3 of 6 messages of /joint_states are passed over: they are of other joints", "x…z in 1 of 3 samples"] {
+    for words in [
+        "3 of 6 messages of /joint_states are passed over: they are of other joints",
+        "x…z in 1 of 3 samples",
+    ] {
         assert!(said.contains(words), "{words}: {said}");
     }
 }

@@ -15,7 +15,9 @@ fn available() -> bool {
     let script = "import numpy, pandas, pyarrow, rosbags.rosbag2, scipy.io";
     let found = python().args(["-c", script]).output().is_ok_and(|output| output.status.success());
     if !found {
-        println!("skipped: no Python with numpy, pandas, pyarrow, rosbags and scipy; FREEPLAY_PYTHON names one");
+        println!(
+            "skipped: no Python with numpy, pandas, pyarrow, rosbags and scipy; FREEPLAY_PYTHON names one"
+        );
     }
     found
 }
@@ -55,12 +57,31 @@ fn every_form_has_the_right_joints() {
     let output = python().arg(script).arg(folder.path()).output().expect("it starts");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let files = [
-        "plain.npz", "deflated.npz", "plain.mat", "struct.mat", "dated.csv", "german.csv", "counted.csv", "dated.parquet",
-        "snappy.parquet", "zstd.parquet", "gzip.parquet", "lz4.parquet", "None.parquet", "lerobot", "bag_sqlite3",
-        "bag_sqlite3/bag_sqlite3.db3", "bag_mcap", "bag_mcap/bag_mcap.mcap", "ros1_none.bag", "ros1_lz4.bag", "ros1_bz2.bag",
+        "plain.npz",
+        "deflated.npz",
+        "plain.mat",
+        "struct.mat",
+        "dated.csv",
+        "german.csv",
+        "counted.csv",
+        "dated.parquet",
+        "snappy.parquet",
+        "zstd.parquet",
+        "gzip.parquet",
+        "lz4.parquet",
+        "None.parquet",
+        "lerobot",
+        "bag_sqlite3",
+        "bag_sqlite3/bag_sqlite3.db3",
+        "bag_mcap",
+        "bag_mcap/bag_mcap.mcap",
+        "ros1_none.bag",
+        "ros1_lz4.bag",
+        "ros1_bz2.bag",
     ];
     for name in files {
-        let recording = read(&folder.path().join(name), None).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let recording =
+            read(&folder.path().join(name), None).unwrap_or_else(|error| panic!("{name}: {error}"));
         check(name, recording);
     }
     // Under a name that says something else.

@@ -289,6 +289,7 @@ impl<'a> Case<'a> {
 
 /// Takes their mean off those `rows` that are `kept`; the others are zero.
 pub(crate) fn take_mean_off(rows: &mut [f64], kept: &[f64]) {
-    let mean = rows.iter().zip(kept).map(|(x, kept)| x * kept).sum::<f64>() / kept.iter().sum::<f64>().max(1.0);
+    let mean =
+        rows.iter().zip(kept).map(|(x, kept)| x * kept).sum::<f64>() / kept.iter().sum::<f64>().max(1.0);
     rows.iter_mut().zip(kept).for_each(|(x, kept)| *x = (*x - mean) * kept);
 }

@@ -29,7 +29,11 @@ impl Stuck {
         let of_joint = |(joint, torque): (usize, &Vec<f64>)| {
             let present = treatment.whole_present(recording, torque);
             let of = |column: &[f64]| only(column, present.as_deref()).into_owned();
-            Self::along(&of(&treatment.whole_column(recording, torque)), &of(&whole.v[joint]), &of(&whole.a[joint]))
+            Self::along(
+                &of(&treatment.whole_column(recording, torque)),
+                &of(&whole.v[joint]),
+                &of(&whole.a[joint]),
+            )
         };
         torques.iter().enumerate().map(of_joint).collect()
     }

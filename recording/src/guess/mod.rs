@@ -35,7 +35,8 @@ impl Sample {
 
     /// Whether the column may be a time: its numbers are not all the same, and don't mostly run back.
     fn goes_on(&self, place: usize) -> bool {
-        let values: Vec<f64> = self.rows.iter().map(|row| row[place]).filter(|value| value.is_finite()).collect();
+        let values: Vec<f64> =
+            self.rows.iter().map(|row| row[place]).filter(|value| value.is_finite()).collect();
         let up = values.windows(2).filter(|pair| pair[1] > pair[0]).count();
         values.len() < 2 || 2 * up >= values.len() - 1
     }
@@ -63,7 +64,10 @@ pub(crate) fn guess(file: &str, names: &Names, sample: &Sample, form: Option<&Fo
     let positions = family(&columns, Quantity::Position, None)?;
     let joints: Vec<&[String]> = positions.iter().map(|column| column.joint.as_slice()).collect();
     let mut text = Text { toml: String::new(), words: Vec::new(), names };
-    let _ = writeln!(text.toml, "# How the columns of {file} are taken. Correct what is wrong, and give it back with --mapping.");
+    let _ = writeln!(
+        text.toml,
+        "# How the columns of {file} are taken. Correct what is wrong, and give it back with --mapping."
+    );
     if let Some(form) = form.filter(|form| (form.separator, form.decimal) != (b',', b'.')) {
         let _ = writeln!(text.toml, "separator = {}", quoted(&char::from(form.separator).to_string()));
         let _ = writeln!(text.toml, "decimal = {}", quoted(&char::from(form.decimal).to_string()));
@@ -74,7 +78,9 @@ pub(crate) fn guess(file: &str, names: &Names, sample: &Sample, form: Option<&Fo
     let units: Vec<&str> = time.columns.iter().map(|(_, unit)| *unit).collect();
     text.table("t", &time.columns.iter().map(|(place, _)| Some(*place)).collect::<Vec<_>>(), &units, "");
     text.quantity("q", &positions.iter().map(|column| Some(*column)).collect::<Vec<_>>(), "");
-    for (key, quantity) in [("qd", Quantity::Velocity), ("q_ref", Quantity::Reference), ("q_link", Quantity::Link)] {
+    for (key, quantity) in
+        [("qd", Quantity::Velocity), ("q_ref", Quantity::Reference), ("q_link", Quantity::Link)]
+    {
         if let Some(found) = family(&columns, quantity, Some(&joints)) {
             text.quantity(key, &of_joints(&found, &joints), "");
         }
@@ -146,7 +152,11 @@ impl Text<'_> {
 
 /// The columns of `quantity` that belong together; of several families the one that covers most of `joints`, or says most plainly that
 /// it is what was measured. Columns of joints that are numbered are sorted by number.
-fn family<'c>(columns: &'c [Column], quantity: Quantity, joints: Option<&[&[String]]>) -> Option<Vec<&'c Column>> {
+fn family<'c>(
+    columns: &'c [Column],
+    quantity: Quantity,
+    joints: Option<&[&[String]]>,
+) -> Option<Vec<&'c Column>> {
     let mut families: Vec<Vec<&Column>> = Vec::new();
     for column in columns.iter().filter(|column| column.quantity == quantity) {
         match families.iter_mut().find(|family| family[0].family == column.family) {

@@ -19,7 +19,9 @@ impl Time {
     pub fn of(names: &Names, sample: &Sample) -> Option<Self> {
         let single = names.iter().enumerate().filter_map(|(place, name)| single(place, name, sample));
         let candidates = split(names).into_iter().chain(single);
-        let goes = |time: &Time| time.columns.len() == 2 || time.columns.iter().all(|(place, _)| sample.goes_on(*place));
+        let goes = |time: &Time| {
+            time.columns.len() == 2 || time.columns.iter().all(|(place, _)| sample.goes_on(*place))
+        };
         // Of equals the first.
         candidates.filter(goes).fold(None, |best: Option<Time>, time| {
             if best.as_ref().is_none_or(|best| time.score > best.score) { Some(time) } else { best }
@@ -34,7 +36,8 @@ fn split(names: &Names) -> Option<Time> {
     let seconds = parted.iter().enumerate().filter(|(_, words)| ends(words, &SECONDS));
     let pairs = seconds.filter_map(|(place, words)| {
         let stem = &words[..words.len() - 1];
-        let rest = parted.iter().position(|other| ends(other, &NANOSECONDS) && &other[..other.len() - 1] == stem)?;
+        let rest =
+            parted.iter().position(|other| ends(other, &NANOSECONDS) && &other[..other.len() - 1] == stem)?;
         Some(Time { columns: vec![(place, "s"), (rest, "ns")], score: 5 })
     });
     pairs.into_iter().next()

@@ -3,33 +3,139 @@
 use crate::units::{Unit, without_unit};
 
 const POSITION: [&str; 16] = [
-    "q", "qpos", "pos", "position", "positions", "posn", "jpos", "angle", "angles", "ang", "theta", "qj", "winkel",
-    "lage", "rotation", "degrees",
+    "q",
+    "qpos",
+    "pos",
+    "position",
+    "positions",
+    "posn",
+    "jpos",
+    "angle",
+    "angles",
+    "ang",
+    "theta",
+    "qj",
+    "winkel",
+    "lage",
+    "rotation",
+    "degrees",
 ];
-const VELOCITY: [&str; 12] = [
-    "qd", "dq", "vel", "vels", "velocity", "velocities", "speed", "speeds", "qdot", "qvel", "omega", "jvel",
-];
+const VELOCITY: [&str; 12] =
+    ["qd", "dq", "vel", "vels", "velocity", "velocities", "speed", "speeds", "qdot", "qvel", "omega", "jvel"];
 const TORQUE: [&str; 12] = [
-    "tau", "torque", "torques", "trq", "effort", "efforts", "eff", "moment", "moments", "drehmoment", "jtrq", "tq",
+    "tau",
+    "torque",
+    "torques",
+    "trq",
+    "effort",
+    "efforts",
+    "eff",
+    "moment",
+    "moments",
+    "drehmoment",
+    "jtrq",
+    "tq",
 ];
 const CURRENT: [&str; 6] = ["current", "currents", "curr", "cur", "strom", "amps"];
 const REFERENCE: [&str; 20] = [
-    "ref", "reference", "references", "target", "targets", "desired", "des", "cmd", "command", "commands", "commanded",
-    "setpoint", "setpoints", "goal", "sp", "set", "soll", "demand", "action", "nominal",
+    "ref",
+    "reference",
+    "references",
+    "target",
+    "targets",
+    "desired",
+    "des",
+    "cmd",
+    "command",
+    "commands",
+    "commanded",
+    "setpoint",
+    "setpoints",
+    "goal",
+    "sp",
+    "set",
+    "soll",
+    "demand",
+    "action",
+    "nominal",
 ];
 const MEASURED: [&str; 10] =
     ["actual", "act", "measured", "meas", "msr", "feedback", "fb", "ist", "present", "observed"];
+/// The side of a link, of a position.
+const LINK: [&str; 3] = ["link", "links", "secondary"];
 /// Words that say nothing of which joint it is.
 const NEUTRAL: [&str; 24] = [
-    "joint", "joints", "jnt", "state", "states", "observation", "obs", "field", "data", "value", "values", "msg", "robot",
-    "motor", "axis", "ax", "sensor", "enc", "encoder", "dynamic", "input", "output", "signal", "channel",
+    "joint",
+    "joints",
+    "jnt",
+    "state",
+    "states",
+    "observation",
+    "obs",
+    "field",
+    "data",
+    "value",
+    "values",
+    "msg",
+    "robot",
+    "motor",
+    "axis",
+    "ax",
+    "sensor",
+    "enc",
+    "encoder",
+    "dynamic",
+    "input",
+    "output",
+    "signal",
+    "channel",
 ];
 /// Words of quantities that a recording does not use.
 const OTHER: [&str; 44] = [
-    "error", "err", "errors", "temp", "temperature", "temperatures", "voltage", "ext", "external", "acc", "accel",
-    "acceleration", "accelerations", "qdd", "ddq", "ddtheta", "dtheta", "jerk", "mode", "status", "limit", "limits", "min", "max", "tcp",
-    "pose", "tool", "cartesian", "wrench", "dtau", "hat", "gravity", "std", "var", "power", "energy", "seq", "episode", "frame",
-    "task", "window", "covariance", "control", "images",
+    "error",
+    "err",
+    "errors",
+    "temp",
+    "temperature",
+    "temperatures",
+    "voltage",
+    "ext",
+    "external",
+    "acc",
+    "accel",
+    "acceleration",
+    "accelerations",
+    "qdd",
+    "ddq",
+    "ddtheta",
+    "dtheta",
+    "jerk",
+    "mode",
+    "status",
+    "limit",
+    "limits",
+    "min",
+    "max",
+    "tcp",
+    "pose",
+    "tool",
+    "cartesian",
+    "wrench",
+    "dtau",
+    "hat",
+    "gravity",
+    "std",
+    "var",
+    "power",
+    "energy",
+    "seq",
+    "episode",
+    "frame",
+    "task",
+    "window",
+    "covariance",
+    "control",
+    "images",
 ];
 
 /// What a column is about.
@@ -82,8 +188,11 @@ impl Column {
                 .iter()
                 .any(|of| of.contains(&word))
         };
-        let (family, mut joint): (Vec<String>, Vec<String>) =
-            words.iter().cloned().partition(|word| is_word(word) || (word == "d" && is_desired(&words)));
+        let (family, mut joint): (Vec<String>, Vec<String>) = words.iter().cloned().partition(|word| {
+            is_word(word)
+                || (word == "d" && is_desired(&words))
+                || (quantity == Quantity::Link && LINK.contains(&word.as_str()))
+        });
         let mut family = family;
         // A place in a list, `log.pos[0]`: all else is the name of the list.
         if let Some((_, place)) = stem.strip_suffix(']').and_then(|stem| stem.rsplit_once('['))
@@ -114,7 +223,9 @@ impl Column {
 
 /// Whether a `d` among `words` stands for "desired", as in `q_d`.
 fn is_desired(words: &[String]) -> bool {
-    words.windows(2).any(|pair| pair[1] == "d" && ["q", "dq", "tau", "j", "theta"].contains(&pair[0].as_str()))
+    words
+        .windows(2)
+        .any(|pair| pair[1] == "d" && ["q", "dq", "tau", "j", "theta"].contains(&pair[0].as_str()))
 }
 
 /// What `words` and the unit behind them are about, and how plainly they say it.
@@ -147,9 +258,7 @@ fn quantity(words: &[String], unit: Option<Unit>) -> Option<(Quantity, u8)> {
     match base {
         (Quantity::Position, strength) if is_reference => Some((Quantity::Reference, strength)),
         _ if is_reference => None,
-        (Quantity::Position, strength) if has(&["link", "links", "secondary"]) && strength > 2 => {
-            Some((Quantity::Link, strength))
-        }
+        (Quantity::Position, strength) if has(&LINK) && strength > 2 => Some((Quantity::Link, strength)),
         base => Some(base),
     }
 }
@@ -217,9 +326,14 @@ mod tests {
         ];
         for (name, quantity, joint) in cases {
             let column = Column::of(0, name).expect(name);
-            assert_eq!((column.quantity, column.joint.as_slice()), (quantity, joint.map_strings().as_slice()), "{name}");
+            assert_eq!(
+                (column.quantity, column.joint.as_slice()),
+                (quantity, joint.map_strings().as_slice()),
+                "{name}"
+            );
         }
-        for name in ["actual_TCP_pose_0", "target_qd_1", "joint_temperatures_0", "mode", "tau_ext_1", "time"] {
+        for name in ["actual_TCP_pose_0", "target_qd_1", "joint_temperatures_0", "mode", "tau_ext_1", "time"]
+        {
             assert_eq!(Column::of(0, name), None, "{name}");
         }
     }
