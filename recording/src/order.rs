@@ -33,7 +33,6 @@ pub(crate) fn sort(columns: &mut [Vec<f64>], time: usize, positions: &[usize]) -
     let mut order: Vec<usize> = (0..t.len()).collect();
     // Stable: of rows with one stamp the first in the file stays.
     order.sort_by(|&a, &b| t[a].total_cmp(&t[b]));
-    order.dedup_by(|later, earlier| t[*later] == t[*earlier]);
     let file: Vec<usize> = (0..t.len()).collect();
     let way = |order: &[usize]| -> f64 {
         let of =
@@ -43,6 +42,8 @@ pub(crate) fn sort(columns: &mut [Vec<f64>], time: usize, positions: &[usize]) -
     if way(&order) > MIXED * way(&file) {
         return None;
     }
+    // Behind the look at the way: two motions with the same stamps are no repeats.
+    order.dedup_by(|later, earlier| t[*later] == t[*earlier]);
     let repeated = (t.len() - order.len()) as u64;
     for column in columns.iter_mut() {
         *column = order.iter().map(|&row| column[row]).collect();

@@ -68,7 +68,7 @@ const CELLS: [(&str, &str); 12] = [
         "run.csv:1: no header: the first line begins with \"0.0\"; put the column names first, e.g. t,q1,q2, or name the columns by number in a mapping file (columns = \"1\") for freeplay record import",
     ),
     (
-        "t,q1\n0,1\n0.01,0\n0.02,1\n0,0.1\n0.01,-9\n0.02,0.3\n",
+        "t,q1\n0,0\n0.01,0.1\n0.02,0.2\n0,5\n0.01,5.1\n0.02,5.2\n",
         "run.csv:5: column t: 0.0 does not come after 0.02 in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each",
     ),
 ];
