@@ -347,7 +347,8 @@ fn recording(header: &str, line: usize, row: &str) -> String {
 fn bad_recordings() {
     let header = "t,q1,q2,tau1,tau2";
     let text = recording(header, 19, "0.17,0,0,1,high");
-    let nan = (0..400).fold(format!("{header}\n"), |csv, k| csv + &format!("{},nan,0,1,2\n", 0.01 * f64::from(k)));
+    let nan =
+        (0..400).fold(format!("{header}\n"), |csv, k| csv + &format!("{},nan,0,1,2\n", 0.01 * f64::from(k)));
     let (joints, bare) = (recording("t,q1,q2,q3,q4", 0, ""), recording("t,q1,q2,a,b", 0, ""));
     let gap = recording("t,q1,q3,tau1,tau2", 0, "");
     let short: String = recording(header, 0, "").lines().take(4).map(|line| format!("{line}\n")).collect();
@@ -359,7 +360,13 @@ fn bad_recordings() {
     let stamped = format!("{header}\n{stamped}");
     let bare_numbers = good[header.len() + 1..].to_owned();
     let cases: [Case; 14] = [
-        ("NaN", &[("r.csv", &nan)], &given, 3, &["r.csv:2", "q1 holds no number", "all 400 rows", "nothing is left"]),
+        (
+            "NaN",
+            &[("r.csv", &nan)],
+            &given,
+            3,
+            &["r.csv:2", "q1 holds no number", "all 400 rows", "nothing is left"],
+        ),
         ("text", &[("r.csv", &text)], &given, 3, &["r.csv:19", "tau2", "\"high\""]),
         ("no header", &[("r.csv", &bare_numbers)], &given, 3, &["r.csv:1: no header", "t,q1,q2", "mapping"]),
         (
@@ -387,7 +394,13 @@ fn bad_recordings() {
         ("short", &[("r.csv", &short)], &given, 3, &["r.csv: 3 sample", "at least 4"]),
         ("empty", &[("r.csv", "")], &given, 3, &["r.csv: the file is empty", "t,q1,q2"]),
         ("missing", &[], &given, 3, &["r.csv: No such file", "check the path"]),
-        ("folder", &[], &["--model", "two.urdf", "--recording", "."], 3, &["is a folder", "name one recording in it"]),
+        (
+            "folder",
+            &[],
+            &["--model", "two.urdf", "--recording", "."],
+            3,
+            &["is a folder", "name one recording in it"],
+        ),
         (
             "filter",
             &[("r.csv", &good)],

@@ -76,14 +76,13 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let link = PlantLink::open(&address, names.len(), offer).map_err(Failure::internal)?;
     let queue = Arc::new(ArrayQueue::new(QUEUE));
     let plays: Vec<String> = setup.plays().into_iter().map(|(joint, _)| joint).collect();
-    let joints = setup.arm().joints().iter().map(|joint| joint.name.clone()).collect();
+    let joints: Vec<String> = setup.arm().joints().iter().map(|joint| joint.name.clone()).collect();
+    let joint_names = joints.join(",");
     let mut plant =
         Plant::new(setup.plant.clone(), Arc::clone(&setup.path), link, address.run(), Arc::clone(&queue))
             .map_err(failure)?;
     let period = setup.plant.period_ns as f64 * 1e-9;
     let tracked = scenario.sensors.track_tool;
-    let joints: Vec<&str> = setup.plant.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
-    let joints = joints.join(",");
     let columns = RunColumns::new(setup.plant.arm.dof(), plays.clone(), tracked, period)
         .with_links(plant.system().parted().next().is_some())
         .with_standbys(names.len() - 1);
@@ -95,7 +94,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     } else {
         (None, None)
     };
-    let recorder = start_recorder(args, &scenario, (columns, joints), queue, observer)?;
+    let recorder = start_recorder(args, &scenario, (columns, joint_names), queue, observer)?;
     let request = realtime_request(&scenario, scenario.realtime.plant_cpu);
     let granted = realtime::prepare(&request);
     let (began, clock) = (SystemTime::now(), Instant::now());

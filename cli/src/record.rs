@@ -210,7 +210,10 @@ fn in_words(recording: &Recording) -> String {
     text += &format!("{table}\n");
     if others > MOST_OTHERS {
         let names: Vec<&str> = recording.others.iter().map(|(name, _)| name.as_str()).collect();
-        text += &format!("\n{others} other columns, not used (--format json shows their ranges): {}\n", names.join(", "));
+        text += &format!(
+            "\n{others} other columns, not used (--format json shows their ranges): {}\n",
+            names.join(", ")
+        );
     }
     if !recording.metadata.is_empty() {
         let keys: Vec<&str> = recording.metadata.iter().map(|(key, _)| key.as_str()).collect();

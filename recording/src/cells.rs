@@ -101,7 +101,7 @@ fn moment(text: &str) -> Option<i128> {
 
 /// Seconds of `12:30:05` or, with fewer `parts`, of `12:30` and `1230`.
 fn seconds(text: &str, parts: usize) -> Option<i64> {
-    let joined = text.len() == 4 && parts == 2 && !text.contains(':');
+    let joined = text.is_ascii() && text.len() == 4 && parts == 2 && !text.contains(':');
     let fields: Vec<&str> = if joined { vec![&text[..2], &text[2..]] } else { text.split(':').collect() };
     let digits = |field: &&str| (1..=2).contains(&field.len()) && field.bytes().all(|c| c.is_ascii_digit());
     if fields.len() > 3

@@ -5,7 +5,7 @@ use crate::error::{Place, ReadError};
 use crate::guess::{Guess, Sample, guess, joints_of};
 use crate::mapped::Mapped;
 use crate::mapping::Mapping;
-use crate::names::{Role, role};
+use crate::names::{Role, role, shorten};
 
 /// The name of a column that holds no numbers of its own but, behind this, the names of the joints: a CSV has no other place for them.
 pub(crate) const JOINTS_COLUMN: &str = "joints=";
@@ -46,7 +46,7 @@ pub(crate) fn interpret(
     if numbered {
         let first = sample.rows.first().and_then(|row| row.first()).map(ToString::to_string);
         let value = form.and_then(|form| form.first.first()).cloned().or(first).unwrap_or_default();
-        return Err(ReadError::NoHeader { place: place.clone(), value });
+        return Err(ReadError::NoHeader { place: place.clone(), value: shorten(&value) });
     }
     let has = |wanted: Role| names.iter().any(|name| role(name) == Ok(wanted));
     let is_own = has(Role::Time) && has(Role::Joint(crate::names::Group::Position, 0));

@@ -228,6 +228,10 @@ fn wrong_use_of_a_writer_is_an_error() {
         assert_eq!(writer.event(&event).is_err(), name.ends_with("mcap"));
         assert_eq!(writer.finish().expect("it goes on").rows, 1);
         let read = read(&path, None).expect("and for a reader it is missing");
-        assert!(read.tau.is_none() && read.notes.iter().any(|note| note.contains("tau1 throughout")), "{:?}", read.notes);
+        assert!(
+            read.tau.is_none() && read.notes.iter().any(|note| note.contains("tau1 throughout")),
+            "{:?}",
+            read.notes
+        );
     }
 }
