@@ -199,7 +199,12 @@ fn split(line: &str, separator: u8) -> Vec<String> {
             cell.push(c);
         }
     }
-    cells.iter().map(|text| unquote(text).to_owned()).collect()
+    let plain = |text: &String| {
+        let plain = unquote(text);
+        // Within quotes a quote is doubled.
+        if text.contains("\"\"") { plain.replace("\"\"", "\"") } else { plain.to_owned() }
+    };
+    cells.iter().map(plain).collect()
 }
 
 /// The lines of `head` that are not blank.
