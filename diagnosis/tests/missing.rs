@@ -77,10 +77,13 @@ fn a_tracker_that_loses_the_tool_is_compared_where_it_sees_it() {
     assert_eq!(whole.channels[..3], part.channels[..3]);
 }
 
+/// Whether a column is missing at a time, s.
+type Lacks = fn(&str, f64) -> bool;
+
 #[test]
 fn a_diagnosis_finds_the_same_beside_what_is_missing() {
     let whole = diagnosed(made(|_, _| false));
-    let cases: [(&str, fn(&str, f64) -> bool); 3] = [
+    let cases: [(&str, Lacks); 3] = [
         ("tau1 for 2 s", |name, t| name == "tau1" && (8.0..10.0).contains(&t)),
         ("tau2 for 2 s", |name, t| name == "tau2" && (8.0..10.0).contains(&t)),
         ("tau3 throughout, x for a while", |name, t| name == "tau3" || (name == "x" && t > 15.0)),
@@ -88,11 +91,7 @@ fn a_diagnosis_finds_the_same_beside_what_is_missing() {
     for (name, lacks) in cases {
         let part = diagnosed(made(lacks));
         let said = |diagnosis: &Diagnosis| {
-            diagnosis
-                .effects
-                .iter()
-                .map(|effect| (effect.kind.clone(), effect.joint.clone()))
-                .collect::<Vec<_>>()
+            diagnosis.effects.iter().map(|effect| (effect.kind, effect.joint.clone())).collect::<Vec<_>>()
         };
         println!("{name}: {:?} {:?}, complete {:?}", part.verdict, said(&part), said(&whole));
         assert_eq!((part.verdict, said(&part)), (Verdict::Named, said(&whole)), "{name}");

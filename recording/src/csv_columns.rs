@@ -158,9 +158,9 @@ fn are_names(rows: &[ByteRecord]) -> bool {
 
 /// What column number `column` holds, by the first of its cells that hold anything.
 fn held(rows: &[ByteRecord], column: usize, decimal: u8) -> Held {
-    let cells = rows.iter().filter_map(|row| row.get(column)).map(|bytes| cell(bytes, decimal));
+    let mut cells = rows.iter().filter_map(|row| row.get(column)).map(|bytes| cell(bytes, decimal));
     let is_nothing = |cell: &Cell| matches!(cell, Cell::Number(value) if value.is_nan());
-    match cells.filter(|cell| !is_nothing(cell)).next() {
+    match cells.find(|cell| !is_nothing(cell)) {
         None | Some(Cell::Number(_)) => Held::Numbers,
         Some(Cell::Moment(_)) => Held::Moments,
         Some(Cell::List(values)) => Held::Lists(values.len().max(1)),

@@ -77,7 +77,7 @@ impl Form {
         let lines = all.as_slice();
         let skip = told.skip.unwrap_or(0).min(lines.len().saturating_sub(1));
         let lines = lines.get(skip..)?;
-        let plain: Vec<Line> = lines.iter().cloned().filter(|line| !line.is_comment()).collect();
+        let plain: Vec<Line> = lines.iter().filter(|line| !line.is_comment()).cloned().collect();
         let judged = &plain[plain.len().saturating_sub(JUDGED)..];
         let form = chosen(judged, told).or_else(|| chosen(lines, told))?;
         let typical = judged.iter().map(|line| line.data_cells(form).0).max().unwrap_or(0);
@@ -88,7 +88,7 @@ impl Form {
             plain.iter().find(|line| is_data(line) && !(is_header_told && line.number == lines[0].number));
         let first = data.map(|line| line.cells(form.0)).unwrap_or_default();
         let above: Vec<Line> =
-            lines.iter().cloned().filter(|line| data.is_none_or(|data| line.number < data.number)).collect();
+            lines.iter().filter(|line| data.is_none_or(|data| line.number < data.number)).cloned().collect();
         let header = if is_header_told { lines.first() } else { above.last() };
         let names = header.and_then(|line| names_of(line, &above, form.0, first.len(), is_header_told));
         let end = lines.last().map_or((head.len(), 1), |line| (head.len(), line.number + 1));

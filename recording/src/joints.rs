@@ -25,6 +25,9 @@ pub enum JointsError {
     },
 }
 
+/// Whether the words of two names are alike.
+type Like = fn(&[String], &[String]) -> bool;
+
 /// The place of each of `wanted` among `found`: by the whole name, else by a part of it that no other has (`shoulder_pan` of
 /// `ur5e_shoulder_pan_joint`, or the other way round). The word "joint" does not count.
 pub(crate) fn places(wanted: &[String], found: &[String]) -> Vec<Option<usize>> {
@@ -32,7 +35,7 @@ pub(crate) fn places(wanted: &[String], found: &[String]) -> Vec<Option<usize>> 
     let found_words: Vec<Vec<String>> = found.iter().map(|name| essential(name)).collect();
     let mut places: Vec<Option<usize>> =
         wanted.iter().map(|name| found.iter().position(|other| other == name)).collect();
-    let like: [fn(&[String], &[String]) -> bool; 2] = [|a, b| a == b, |a, b| holds(a, b) || holds(b, a)];
+    let like: [Like; 2] = [|a, b| a == b, |a, b| holds(a, b) || holds(b, a)];
     for is_like in like {
         let taken = places.clone();
         let free = |place: &usize| !taken.contains(&Some(*place));

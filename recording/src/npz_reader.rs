@@ -150,8 +150,11 @@ fn value_of<'h>(header: &'h str, key: &str) -> Option<&'h str> {
     Some(&behind[..end])
 }
 
+/// The number in eight bytes.
+type Number = fn([u8; 8]) -> f64;
+
 /// Bytes of a number of the type `letter`, and the number in eight of them, the least first.
-fn number_of(letter: &str) -> Option<(usize, fn([u8; 8]) -> f64)> {
+fn number_of(letter: &str) -> Option<(usize, Number)> {
     Some(match letter {
         "f8" => (8, f64::from_le_bytes),
         "f4" => (4, |b| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))),

@@ -34,12 +34,8 @@ pub(crate) fn add(mut input: impl Read, source: &Source, bag: &mut Bag) -> Resul
     io::copy(&mut (&mut input).take(MAGIC.len() as u64), &mut io::sink()).map_err(failed)?;
     let mut connections = Connections::new();
     let mut offset = MAGIC.len() as u64;
-    loop {
-        let (Some(header), Some(data)) =
-            (block(&mut input).map_err(failed)?, block(&mut input).map_err(failed)?)
-        else {
-            break;
-        };
+    while let Some(header) = block(&mut input).map_err(failed)? {
+        let Some(data) = block(&mut input).map_err(failed)? else { break };
         let record = Record { header: &header, data: &data };
         if record.kind() == Some(CHUNK) {
             let inner = record.inflated(source)?.map_err(|what| damaged(offset, &what))?;
