@@ -4,6 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::Command;
 
+use serde_json::Value;
+
 type Edges = BTreeMap<String, BTreeSet<String>>;
 
 fn root() -> &'static Path {
@@ -14,23 +16,39 @@ fn short(name: &str) -> String {
     name.trim_start_matches("freeplay-").to_owned()
 }
 
-/// The edges that cargo knows, development dependencies left out.
-fn actual() -> Edges {
+/// The packages of the workspace by their short names, as cargo describes them.
+fn packages() -> BTreeMap<String, Value> {
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
         .current_dir(root())
         .output()
         .expect("cargo runs");
-    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).expect("metadata is JSON");
-    let edges_of = |package: &serde_json::Value| {
-        let dependencies = package["dependencies"].as_array().expect("dependencies");
-        let ours = dependencies.iter().filter(|d| d["path"].is_string() && d["kind"].is_null());
-        ours.map(|d| short(d["name"].as_str().expect("name"))).collect()
-    };
+    let metadata: Value = serde_json::from_slice(&output.stdout).expect("metadata is JSON");
     let packages = metadata["packages"].as_array().expect("packages");
-    packages
-        .iter()
-        .map(|package| (short(package["name"].as_str().expect("name")), edges_of(package)))
+    packages.iter().map(|package| (short(package["name"].as_str().expect("name")), package.clone())).collect()
+}
+
+/// The crates of the workspace that `package` depends on, development dependencies left out.
+fn edges_of(package: &Value) -> BTreeSet<String> {
+    let dependencies = package["dependencies"].as_array().expect("dependencies");
+    let ours = dependencies.iter().filter(|d| d["path"].is_string() && d["kind"].is_null());
+    ours.map(|d| short(d["name"].as_str().expect("name"))).collect()
+}
+
+/// The edges that cargo knows.
+fn actual() -> Edges {
+    packages().iter().map(|(name, package)| (name.clone(), edges_of(package))).collect()
+}
+
+/// The text of all Rust files in `folder` and below.
+fn sources(folder: &Path) -> String {
+    let entries = std::fs::read_dir(folder).expect("a folder").map(|entry| entry.expect("an entry").path());
+    entries
+        .map(|path| match path.extension() {
+            _ if path.is_dir() => sources(&path),
+            Some(extension) if extension == "rs" => std::fs::read_to_string(&path).expect("text"),
+            _ => String::new(),
+        })
         .collect()
 }
 
@@ -59,6 +77,27 @@ fn crates_depend_on_each_other_as_the_architecture_says() {
     for (name, uses) in &actual {
         let extra: Vec<_> = uses.difference(&allowed[name]).collect();
         assert!(extra.is_empty(), "{name} uses {extra:?}, which ARCHITECTURE.md does not allow");
+        let idle: Vec<_> = allowed[name].difference(uses).collect();
+        assert!(
+            idle.is_empty(),
+            "ARCHITECTURE.md allows {name} to use {idle:?}, which it does not: strike them off"
+        );
+    }
+}
+
+#[test]
+fn every_dependency_on_another_crate_is_used() {
+    for (name, package) in &packages() {
+        let folder = Path::new(package["manifest_path"].as_str().expect("a path")).with_file_name("src");
+        let text = sources(&folder);
+        for other in edges_of(package) {
+            let named = format!("freeplay_{other}::");
+            assert!(
+                text.contains(&named),
+                "{name} depends on {other}, which no file in {} names",
+                folder.display()
+            );
+        }
     }
 }
 
@@ -89,4 +128,14 @@ fn the_concealed_machines_share_no_law_with_their_judge() {
         assert!(!reached.contains(judge), "concealed can name {judge}: {reached:?}");
     }
     assert!(!reached_from("diagnosis").contains("concealed"), "the judge can name the generator");
+}
+
+#[test]
+fn the_products_do_not_know_each_other() {
+    for product in ["exam", "proof", "paper"] {
+        let reached = reached_from(product);
+        for other in ["exam", "proof", "paper", "freeplay"].iter().filter(|other| **other != product) {
+            assert!(!reached.contains(*other), "{product} can name {other}: {reached:?}");
+        }
+    }
 }

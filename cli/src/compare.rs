@@ -7,19 +7,19 @@ use clap::Args;
 use comfy_table::{CellAlignment, presets};
 use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_diagnosis::{Channel, ChannelError, Comparison, Kind, Residuals, Settings};
+use freeplay_harness::setup::load_model;
 use freeplay_laws::Effects;
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, NOTHING, number};
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Section, Series, Table, Verdict};
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::write;
+use freeplay_terminal::messages;
+use freeplay_terminal::output::say;
 use serde_json::{Value, json};
 
-use crate::exit::{Exit, Failure};
-use crate::files::write;
-use crate::recorded;
-use crate::run::Format;
-use crate::say::say;
-use crate::setup::load_model;
-use crate::voice;
+use crate::inputs;
 
 /// Compares a recording with what a model makes of the recorded motion.
 ///
@@ -54,9 +54,9 @@ pub struct CompareArgs {
 pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let file = load_model(&args.model)?;
     let effects = Effects::of(&file).map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
-    let recording = recorded::read(&args.recording, &args.model, &file)?;
+    let recording = inputs::recording(&args.recording, &args.model, &file)?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
-    voice::doing(format_args!("comparing {} samples", recording.len()));
+    messages::doing(format_args!("comparing {} samples", recording.len()));
     let (comparison, residuals) =
         freeplay_diagnosis::compare(&file.arm, &effects.placed, &recording, &settings)
             .map_err(Failure::input)?;
@@ -91,7 +91,7 @@ impl View<'_> {
 
     /// Writes the report and the JSON into `out`; the report's path.
     fn write(&self, out: &Path, residuals: &Residuals, json: &Value) -> Result<PathBuf, Failure> {
-        crate::files::make_folder(out)?;
+        freeplay_terminal::files::make_folder(out)?;
         write(&out.join("compare.json"), &format!("{json:#}\n"))?;
         let path = out.join("report.html");
         write(&path, &self.document(residuals).to_html())?;

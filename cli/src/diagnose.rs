@@ -4,23 +4,23 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use freeplay_arm::{ArmFile, to_toml};
+use freeplay_diagnosis::page::{Subject, document};
 use freeplay_diagnosis::{
     DiagnoseError, DiagnoseSettings, Diagnosis, ExciteSettings, Settings, Tolerances, beyond_limits,
     diagnose as diagnosed,
 };
+use freeplay_harness::setup::load_model;
 use freeplay_recording::Recording;
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::{Folder, write};
+use freeplay_terminal::messages;
+use freeplay_terminal::output::{say, show};
 use serde_json::Value;
 
-use crate::diagnose_report::{Subject, document};
 use crate::diagnose_screen;
 use crate::excite::{self, Question};
-use crate::exit::{Exit, Failure};
-use crate::files::{Folder, write};
-use crate::recorded;
-use crate::run::Format;
-use crate::say::{say, show};
-use crate::setup::load_model;
-use crate::voice;
+use crate::inputs;
 
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
 const NEXT_S: f64 = 16.0;
@@ -104,13 +104,13 @@ impl DiagnoseArgs {
 /// Bad input: a file that can't be read, another number of joints, nothing to compare, recordings with different columns.
 pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let settings = args.settings()?;
-    recorded::only_once(&args.recording)?;
+    inputs::only_once(&args.recording)?;
     let file = load_model(&args.model)?;
-    let read = |path: &PathBuf| recorded::read(path, &args.model, &file);
+    let read = |path: &PathBuf| inputs::recording(path, &args.model, &file);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
     // Before what takes minutes.
     let _reserved = args.out.as_deref().map(Folder::reserve).transpose()?;
-    let found = diagnosed(&file, &recordings, &settings, &mut |what| voice::doing(what));
+    let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::doing(what));
     let mut diagnosis = found.map_err(|error| match error {
         DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
         other => Failure::input(other),
@@ -208,7 +208,7 @@ impl View<'_> {
 
     /// Writes diagnosis.json, model.toml and report.html into `out`.
     fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
-        crate::files::make_folder(out)?;
+        freeplay_terminal::files::make_folder(out)?;
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
         write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))?;
         let View { args, file, diagnosis, .. } = self;

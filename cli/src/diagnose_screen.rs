@@ -5,14 +5,14 @@ use std::fmt::Write as _;
 
 use clap::builder::styling::Style;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use freeplay_diagnosis::page::{channels, in_words, kind_title, reasons, title};
 use freeplay_diagnosis::{Diagnosis, Fit, TO_TELL, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
+use freeplay_report::units::{people, written};
+use freeplay_terminal::messages::{GOOD, OPEN, painted};
 
 use crate::diagnose::{View, file_name};
-use crate::diagnose_report::{channels, in_words, kind_title, reasons, title};
-use crate::units::{people, written};
-use crate::voice::{GOOD, OPEN, painted};
 
 /// Width of the screen and of what stands before a line, characters.
 const WIDTH: usize = 118;

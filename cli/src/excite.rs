@@ -6,23 +6,23 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use freeplay_arm::ArmFile;
+use freeplay_diagnosis::page::title;
 use freeplay_diagnosis::{
     ChannelNoise, Diagnosis, Effect, Excitation, ExciteError, ExciteSettings, Rival, Tolerances,
     excite as sought,
 };
+use freeplay_harness::setup::load_model;
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_recording::Recording;
+use freeplay_report::units::power_of_ten;
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::{Folder, read_json, write};
+use freeplay_terminal::messages;
+use freeplay_terminal::output::say;
 use serde_json::Value;
 
-use crate::diagnose_report::title;
-use crate::exit::{Exit, Failure};
-use crate::files::{Folder, read_json, write};
-use crate::recorded;
-use crate::run::Format;
-use crate::say::say;
-use crate::setup::load_model;
-use crate::units::power_of_ten;
-use crate::voice;
+use crate::inputs;
 
 /// Rows a second of the path that is written.
 const RATE: f64 = 200.0;
@@ -103,7 +103,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     let model = model.ok_or_else(|| Failure::usage("name a diagnosis.json, or --model with --kinds"))?;
     let file = load_model(&model)?;
     let seen = found.as_ref().and_then(|found| found.recordings.first());
-    let seen = seen.map(|path| recorded::read(path, &model, &file)).transpose()?;
+    let seen = seen.map(|path| inputs::recording(path, &model, &file)).transpose()?;
     let rivals = match &found {
         _ if !args.kinds.is_empty() => named(args, &file)?,
         Some(found) => found.rivals(&file)?,
@@ -140,8 +140,8 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
 /// # Errors
 /// Bad input, or no safe motion.
 pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation, Failure> {
-    voice::detail(format_args!("weighing {} motions", settings.candidates));
-    let bar = voice::bar(settings.candidates as u64, "weighing motions {bar:30} {pos}/{len}  {msg}");
+    messages::detail(format_args!("weighing {} motions", settings.candidates));
+    let bar = messages::bar(settings.candidates as u64, "weighing motions {bar:30} {pos}/{len}  {msg}");
     let found = sought(question.file, &question.rivals, question.seen, settings, &mut |number, _, best| {
         bar.set_position(number as u64);
         bar.set_message(format!("best {} : 1", power_of_ten(best)));
@@ -312,7 +312,7 @@ fn usual_noise(file: &ArmFile) -> BTreeMap<String, ChannelNoise> {
 /// # Errors
 /// A file that can't be written.
 pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -> Result<PathBuf, Failure> {
-    crate::files::make_folder(out)?;
+    freeplay_terminal::files::make_folder(out)?;
     let motion = found.motion.trajectory(RATE);
     let mut rows = String::from("t");
     (1..=file.arm.dof()).for_each(|joint| {

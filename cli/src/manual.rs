@@ -4,10 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap_complete::Shell;
-
-use crate::exit::{Exit, Failure};
-use crate::files::{make_folder, unwritable};
-use crate::say::say;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::{make_folder, unwritable};
+use freeplay_terminal::output::say;
 
 /// The exit codes, for `--help`, `freeplay help exit-codes` and the manual.
 pub const EXIT_CODES: &str = "\

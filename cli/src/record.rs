@@ -6,13 +6,12 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueEnum};
 use comfy_table::{CellAlignment, Table, presets};
 use freeplay_recording::{BagOptions, Group, Mapping, Recording};
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::unreadable;
+use freeplay_terminal::messages;
+use freeplay_terminal::output::say;
 use serde_json::{Value, json};
-
-use crate::exit::{Exit, Failure};
-use crate::files::unreadable;
-use crate::run::Format;
-use crate::say::say;
-use crate::voice;
 
 /// Looks into recordings and turns them into other forms.
 #[derive(Args, Debug)]
@@ -282,7 +281,7 @@ fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
 fn write(recording: &Recording, out: &Path) -> Result<Exit, Failure> {
     let summary = freeplay_recording::export(recording, out).map_err(Failure::input)?;
     for note in &recording.notes {
-        voice::note(format_args!("note: {note}"));
+        messages::note(format_args!("note: {note}"));
     }
     say(&format!(
         "{}: {} samples of {} columns, {:.1} kB\n",

@@ -18,6 +18,8 @@
 //!   [`DiagnoseSettings`] with [`Tolerances`] say what is asked, [`DiagnoseError`] why there is no answer.
 //! - [`excite`]: the next motion, an [`Excitation`] of the family [`Fourier`], that separates causes ([`Rival`]s) which a recording could
 //!   not; [`ExciteSettings`] with the [`ChannelNoise`] say what is asked, [`Used`] how safe it is, [`ExciteError`] why there is none.
+//! - [`page`]: a diagnosis as an HTML report, and the words for its parts.
+//! - [`recorded`]: a recording of the arm that a model describes, with checks of its units.
 //! - [`ResidualError`]: why a recording and a model can't be compared.
 
 mod begin;
@@ -34,6 +36,8 @@ mod long;
 mod made;
 mod motion;
 mod notes;
+pub mod page;
+pub mod recorded;
 mod residual;
 mod scale;
 mod stamps;

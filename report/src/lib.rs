@@ -15,6 +15,7 @@
 //! - [`Film`] of [`Scene`]s with [`Moving`] parts: a figure that is played over time, and a still on paper.
 //! - [`thin`]: fewer points, every peak kept; done by itself so that a report stays below about 5 MB.
 //! - [`text`]: how a number is written, for every table of the project, on paper and in the terminal.
+//! - [`units`]: values in the unit in which a person reads them.
 //! - [`ReportError`]: why a report could not be written.
 //!
 //! ```
@@ -54,6 +55,7 @@ mod svg;
 mod table;
 pub mod text;
 mod thin;
+pub mod units;
 
 pub use chart::{Axis, Chart, Mark, Scale, Series, Style};
 pub use document::{Block, Document, Figure, ReportError, Section, Verdict};

@@ -1,0 +1,155 @@
+//! A recording of the arm that a model describes: read, and looked at for what stands in another unit than it should.
+
+use std::path::{Path, PathBuf};
+
+use freeplay_arm::ArmFile;
+use freeplay_recording::{ColumnError, ReadError, Recording};
+use thiserror::Error;
+
+/// A recording with longer steps shows nothing of how an arm moves, s: its times are no seconds.
+const LONGEST_STEP_S: f64 = 1.0;
+/// Median steps up to which times count as milliseconds, and as microseconds; beyond, nanoseconds. Taken for a rate of 3 Hz to 1 kHz.
+const MOST_MS: f64 = 300.0;
+const MOST_US: f64 = 3e5;
+/// No arm reaches farther, m.
+const FARTHEST_M: f64 = 30.0;
+
+/// Why a recording cannot be compared with a model.
+#[derive(Debug, Error)]
+pub enum RecordedError {
+    /// The file cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The recording has another number of joints than the model.
+    #[error("{error} The joints of {model} are {joints}{locked}")]
+    Joints {
+        /// The reader's error.
+        error: Box<ReadError>,
+        /// The model as it was named.
+        model: String,
+        /// The model's joints.
+        joints: String,
+        /// The model's locked joints, in words.
+        locked: String,
+    },
+    /// The times are in another unit than seconds.
+    #[error(
+        "{}: column t: rows are {step} apart, and times are in seconds; are these {unit}? give seconds (divide by {per_second}), or say the unit in a mapping file: freeplay record import",
+        file.display()
+    )]
+    NotSeconds {
+        /// The recording.
+        file: PathBuf,
+        /// The median of the steps, in the file's unit.
+        step: f64,
+        /// The unit that they seem to have.
+        unit: &'static str,
+        /// How many of it make a second.
+        per_second: &'static str,
+    },
+    /// One recording is named twice.
+    #[error("--recording {}: is given twice, and what is held out has to be another one: name each once", file.display())]
+    Twice {
+        /// The recording.
+        file: PathBuf,
+    },
+}
+
+/// Reads a recording of the arm in `file`, which was named `model`. What may be in another unit is noted in it.
+///
+/// # Errors
+/// The reader's own; another number of joints; times that are no seconds.
+pub fn read(path: &Path, model: &str, file: &ArmFile) -> Result<Recording, RecordedError> {
+    let read = freeplay_recording::read(path, Some(file.arm.dof()));
+    let mut recording = read.map_err(|error| unreadable(error, model, file))?;
+    check_times(&recording)?;
+    recording.notes.extend(far_tool(&recording));
+    Ok(recording)
+}
+
+/// The reader's error; where the number of joints differs, with what the model says of its own.
+fn unreadable(error: ReadError, model: &str, file: &ArmFile) -> RecordedError {
+    let ReadError::Columns { source: ColumnError::JointCount { .. }, .. } = error else {
+        return error.into();
+    };
+    let joints: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
+    let locked = file.ignored.iter().filter(|note| note.contains("locked"));
+    let locked: String = locked.map(|note| format!("; {note}")).collect();
+    RecordedError::Joints { error: error.into(), model: model.to_owned(), joints: joints.join(", "), locked }
+}
+
+/// Refuses times that are no seconds.
+fn check_times(recording: &Recording) -> Result<(), RecordedError> {
+    let step = recording.median_step();
+    if step < LONGEST_STEP_S {
+        return Ok(());
+    }
+    let (unit, per_second) = match step {
+        step if step < MOST_MS => ("milliseconds", "1e3"),
+        step if step < MOST_US => ("microseconds", "1e6"),
+        _ => ("nanoseconds", "1e9"),
+    };
+    Err(RecordedError::NotSeconds { file: recording.origin.clone(), step, unit, per_second })
+}
+
+/// A tool that is farther away than any arm reaches.
+fn far_tool(recording: &Recording) -> Option<String> {
+    let farthest = |axis: &Vec<f64>| axis.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let most = recording.tool.iter().flatten().map(farthest).fold(0.0, f64::max);
+    (most > FARTHEST_M)
+        .then(|| format!("x, y, z go up to {most:.0} m from the base: millimetres? they should be in m"))
+}
+
+/// Refuses a recording that is given twice: it would be held out from a fit that has seen it.
+///
+/// # Errors
+/// The recording.
+pub fn only_once(recordings: &[PathBuf]) -> Result<(), RecordedError> {
+    let real = |path: &PathBuf| std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
+    let all: Vec<PathBuf> = recordings.iter().map(real).collect();
+    let twice = (0..all.len()).find(|&place| all[..place].contains(&all[place]));
+    twice.map_or(Ok(()), |place| Err(RecordedError::Twice { file: recordings[place].clone() }))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use freeplay_recording::Recording;
+
+    use super::{check_times, far_tool};
+
+    fn recording(step: f64, x: f64) -> Recording {
+        let rows = 0..10;
+        let of = |value: &dyn Fn(f64) -> f64| rows.clone().map(|k| value(f64::from(k))).collect();
+        let columns: [(&str, Vec<f64>); 5] = [
+            ("t", of(&|k| 1.7e9 + k * step)),
+            ("q1", of(&|k| k)),
+            ("x", of(&|_| x)),
+            ("y", of(&|_| 0.0)),
+            ("z", of(&|_| -x)),
+        ];
+        let columns = columns.into_iter().map(|(name, values)| (name.to_owned(), values)).collect();
+        Recording::new(Path::new("run.csv"), columns).expect("a recording")
+    }
+
+    #[test]
+    fn times_that_are_no_seconds_are_refused_with_the_unit_that_they_seem_to_be_in() {
+        for step in [1e-4, 0.02, 0.5] {
+            assert!(check_times(&recording(step, 1.0)).is_ok(), "{step}");
+        }
+        let cases =
+            [(4.0, "milliseconds"), (100.0, "milliseconds"), (1e3, "microseconds"), (4e6, "nanoseconds")];
+        for (step, unit) in cases {
+            let said = check_times(&recording(step, 1.0)).expect_err("refused").to_string();
+            assert!(said.contains("run.csv: column t") && said.contains(unit), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_tool_in_millimetres_is_noted() {
+        assert_eq!(far_tool(&recording(0.01, 2.1)), None);
+        let said = far_tool(&recording(0.01, 812.0)).expect("a note");
+        assert!(said.contains("812 m") && said.contains("millimetres"), "{said}");
+    }
+}

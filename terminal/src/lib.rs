@@ -1,0 +1,19 @@
+//! What every command does at its edges, towards a person, a shell and the system.
+//!
+//! - [`exit`]: the exit codes, and [`Failure`](exit::Failure), the error that ends a command with one of them.
+//! - [`arguments`]: values of options that several commands share.
+//! - [`output`]: results, on standard output.
+//! - [`messages`]: progress, notes, details and colour, on standard error.
+//! - [`files`]: files that a person names, and errors that say what to do.
+//! - [`process`]: signals, parents and child processes.
+//! - [`parallel`]: the same work for many cases, on several cores.
+//! - [`hex`]: bytes as text.
+
+pub mod arguments;
+pub mod exit;
+pub mod files;
+pub mod hex;
+pub mod messages;
+pub mod output;
+pub mod parallel;
+pub mod process;
