@@ -2,7 +2,7 @@
 //!
 //! - [`swap_command`] and `swap_measures`: what a swap of controllers costs.
 //! - [`faults`]: faults injected on purpose, and what comes of each.
-//! - [`bench`]: how long every stage of the loop takes.
+//! - [`mod@bench`]: how long every stage of the loop takes.
 
 pub mod bench;
 pub mod faults;
