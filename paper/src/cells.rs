@@ -3,7 +3,7 @@
 //! Every cell is a lockstep run of the paper's arm in torque mode with ideal sensors, in this process. Five parts: the paper's
 //! clearances and times on smooth, softly and sharply cornered paths; the same without a tracked tool; the controllers' clearance 10 %
 //! too small and too large; and two joints with play at once. The verdict: `narx-qp` is at least as good as `quasi-static` and as no
-//! compensation in RMS and maximum, to [`HARMLESS`], and what it commands stays within the limits of the joints.
+//! compensation in RMS and maximum, to `HARMLESS`, and what it commands stays within the limits of the joints.
 
 use std::fmt::Write as _;
 

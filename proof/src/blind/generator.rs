@@ -98,7 +98,7 @@ pub enum Line {
     },
 }
 
-/// The process: reads an [`Order`] from standard input, writes the cases, and each [`Line`] to standard output.
+/// The process: reads an order from standard input, writes the cases, and one line for each to standard output.
 ///
 /// # Errors
 /// An order that can't be read; a data sheet or a file that can't be written.
