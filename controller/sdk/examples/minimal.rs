@@ -1,13 +1,17 @@
 //! A controller of one's own, to copy: gravity compensation and a PD law on each joint.
 //!
-//! Build it with `cargo build --release -p freeplay-controller --example minimal` and let a run use it:
-//! `freeplay run --controller target/release/examples/minimal`. In a crate of your own, depend on `freeplay-controller`,
-//! `freeplay-arm` and `freeplay-shm`.
+//! Build it with `cargo build --release -p freeplay-controller-sdk --example minimal` and let a run use it:
+//! `freeplay run --controller target/release/examples/minimal`. A crate of your own depends on `freeplay-controller-sdk` and
+//! `freeplay-shm`, and on `freeplay-arm` where it wants dynamics.
 
+use std::error::Error;
+use std::path::Path;
 use std::process::ExitCode;
 
-use freeplay_arm::{Arm, Workspace, crba, gravity_torque};
-use freeplay_controller::{Answer, Controller, ControllerError, Gains, Model, RunInfo, Task, serve};
+use freeplay_arm::{Arm, Workspace, crba, gravity_torque, load, paper_arm};
+use freeplay_controller_sdk::{
+    Answer, Controller, ControllerError, Gains, PAPER_MODEL, RunInfo, Task, serve,
+};
 use freeplay_shm::State;
 use nalgebra::DMatrix;
 
@@ -22,7 +26,8 @@ impl Controller for PdGravity {
     }
 
     fn start(&mut self, task: &Task, run: &RunInfo) -> Result<(), ControllerError> {
-        let arm = Model::load(task, run)?.arm;
+        let arm = model(task).map_err(ControllerError::Custom)?;
+        task.check(arm.dof(), run)?;
         let (workspace, mass) = (Workspace::new(&arm), DMatrix::zeros(arm.dof(), arm.dof()));
         self.ready = Some((arm, workspace, mass, task.gains));
         Ok(())
@@ -40,6 +45,15 @@ impl Controller for PdGravity {
             answer.value[joint] += mass[(joint, joint)] * feedback;
         }
     }
+}
+
+/// The arm that the task names, under the task's gravity.
+fn model(task: &Task) -> Result<Arm, Box<dyn Error + Send + Sync>> {
+    let file = if task.model == PAPER_MODEL { paper_arm() } else { load(Path::new(&task.model))? };
+    Ok(match task.gravity {
+        Some(gravity) => file.arm.with_gravity(gravity.into()),
+        None => file.arm,
+    })
 }
 
 fn main() -> ExitCode {

@@ -1,13 +1,8 @@
 //! What a controller is: one trait, and what it is told and asked.
 
-use freeplay_arm::{ArmError, ModelError};
-use freeplay_laws::LawError;
-use freeplay_path::PathError;
 use freeplay_shm::{CommandStatus, Joints, MAX_JOINTS, Mode, Pace, State};
 use thiserror::Error;
 
-use crate::horizon::HorizonError;
-use crate::qp::QpError;
 use crate::task::{Task, TaskError};
 
 /// A controller: it is started once with its task and then answers one state after another.
@@ -107,35 +102,6 @@ pub enum ControllerError {
     /// The task file cannot be used.
     #[error(transparent)]
     Task(#[from] TaskError),
-    /// The arm file cannot be used.
-    #[error(transparent)]
-    Model(#[from] ModelError),
-    /// The arm with play cannot be built.
-    #[error(transparent)]
-    Arm(#[from] ArmError),
-    /// An effect of the arm file cannot be used.
-    #[error("the controller's model: {0}")]
-    Law(#[from] LawError),
-    /// The reference motion cannot be planned on the model.
-    #[error("the controller's reference motion: {0}")]
-    Path(#[from] PathError),
-    /// The compensation programme cannot be set up.
-    #[error(transparent)]
-    Qp(#[from] QpError),
-    /// The compensation's horizon cannot be set up.
-    #[error(transparent)]
-    Horizon(#[from] HorizonError),
-    /// The file with a network's weights cannot be used.
-    #[error(transparent)]
-    Weights(#[from] freeplay_predictor::weight_file::WeightFileError),
-    /// The weights are for something else.
-    #[error("{file}: {source}")]
-    OtherWeights {
-        /// The weight file.
-        file: String,
-        /// What they are for.
-        source: Box<freeplay_predictor::weight_file::MismatchError>,
-    },
     /// The model has another number of joints than the plant's arm.
     #[error(
         "the model {model} has {found} joints, the plant's arm has {expected}: give the controller a model of the same joints"
@@ -158,7 +124,7 @@ pub enum ControllerError {
         /// The plant's value.
         plant: String,
     },
-    /// A controller of the user's own that cannot start.
+    /// A fault of the controller's own: its model, its options, its set-up.
     #[error("{0}")]
     Custom(Box<dyn std::error::Error + Send + Sync>),
 }
