@@ -327,6 +327,55 @@ fn every_field_is_bound() {
     println!("{counts:#?}");
 }
 
+/// The same of a folder that someone else sealed, with commitments of the earlier construction, before and after its truth is told.
+#[test]
+fn every_field_is_bound_of_a_folder_of_someone_else() {
+    let folder = two_shards();
+    let path = |name: &str| folder.path().join(name);
+    let receipt = read(&path("1/receipt.json"));
+    std::fs::rename(path("1/sealed"), path("third")).expect("a folder");
+    let (name, case) = receipt["cases"].as_object().and_then(|cases| cases.iter().next()).expect("a case");
+    let (salt, truth) = ("00ff", case["truth"].to_string());
+    let mut digest = Sha256::new();
+    for text in [salt, truth.as_str()] {
+        digest.update((text.len() as u64).to_le_bytes());
+        digest.update(text);
+    }
+    let commitment: String = digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+    let mut told = case["truth"].clone();
+    told["salt"] = json!(salt);
+    std::fs::write(path("third/commitments.json"), json!({ name: commitment }).to_string()).expect("a file");
+    std::fs::write(path("truth.json"), json!({ "cases": { name: told } }).to_string()).expect("a file");
+    let mut other = told.clone();
+    other["effects"] = json!([]);
+    std::fs::write(path("other.json"), json!({ "cases": { name: other } }).to_string()).expect("a file");
+    let twice = format!("{{ \"cases\": {{}}, \"cases\": {} }}", json!({ name: told }));
+    std::fs::write(path("twice.json"), twice).expect("a file");
+    blind_to(0, folder.path(), &["--analyse", "third", "--quiet"]);
+    let refused = |truth: &str, why: &str| {
+        let said = blind_to(3, folder.path(), &["--score", "third", truth]);
+        assert!(said.contains(why), "{said}");
+    };
+    refused("other.json", "is not the one committed to");
+    refused("twice.json", "stands twice");
+    let before = read(&path("third/receipt.json"));
+    blind_to(0, folder.path(), &["--verify", "third/receipt.json"]);
+    blind_to(0, folder.path(), &["--score", "third", "truth.json", "--quiet"]);
+    blind_to(0, folder.path(), &["--verify", "third/receipt.json"]);
+    for (which, receipt) in [("before", before.clone()), ("after", read(&path("third/receipt.json")))] {
+        let all = variations(&receipt, true);
+        let missed = uncaught(&all, folder.path());
+        println!("{which} the truth is told: {} variations, {} not caught", all.len(), missed.len());
+        assert!(missed.is_empty(), "{which}: {missed:#?}");
+    }
+    // An answer that changed since is not scored.
+    let mut changed = before;
+    changed["cases"][name]["answer"]["verdict"] = json!("unknown");
+    changed["sha256"] = hash_of(&changed).into();
+    std::fs::write(path("third/receipt.json"), changed.to_string()).expect("a receipt");
+    refused("truth.json", "committed to were");
+}
+
 /// The construction of the hashes, written anew from its description, gives every hash of real receipts; and so does the Python of the docs.
 #[test]
 fn a_third_person_computes_the_same_hashes() {

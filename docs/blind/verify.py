@@ -23,7 +23,8 @@ cases, wrong, sealed = receipt["cases"], [], []
 for part in receipt["parts"]:
     mine = {name: cases[name] for name in part["sealed"]}
     sealed += mine
-    wrong += [f"truth of {n}" for n, c in part["commitments"].items() if c != sha256("truth", [mine[n]["salt"], mine[n]["truth"]])]
+    revealed = any(stage["name"] == "reveal" for stage in part["stages"])
+    wrong += [f"truth of {n}" for n, c in part["commitments"].items() if revealed and n in mine and c != sha256("truth", [mine[n]["salt"], mine[n]["truth"]])]
     brought = {
         "freeze": [part["program"], part["machine"]],
         "seed": part["draw"],

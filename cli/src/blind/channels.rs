@@ -81,8 +81,11 @@ pub fn all(lures: &Lures, inherited: &Inherited, parted: &Parted) -> BTreeMap<St
     states.into_iter().map(|(name, how)| (name.to_owned(), state(how))).collect()
 }
 
-/// The canary, the folder that it is in, the root.
+/// The canary and the folder that it is in.
 fn files(canary: Option<&Path>) -> Option<String> {
+    if canary.is_none() {
+        return Some("not tried: the parent holds no file".to_owned());
+    }
     let folder = canary.and_then(Path::parent);
     let read = canary.filter(|canary| std::fs::read(canary).is_ok());
     let listed = folder.filter(|folder| std::fs::read_dir(folder).is_ok());
@@ -157,7 +160,8 @@ fn network(port: Option<u16>) -> Option<String> {
 }
 
 fn abstract_sockets(name: Option<&str>) -> Option<String> {
-    let address = SocketAddr::from_abstract_name(name?).ok()?;
+    let Some(name) = name else { return Some("not tried: the parent holds no socket".to_owned()) };
+    let address = SocketAddr::from_abstract_name(name).ok()?;
     UnixStream::connect_addr(&address).ok()?;
     Some("an abstract socket of the parent was reached".to_owned())
 }

@@ -15,9 +15,9 @@ use super::generator::{Line, Order, made};
 use super::lures::Held;
 use super::receipt::{Draw, Part, Program, Receipt, Record, SCHEMA};
 use super::verify::{broken, checks};
-use super::{BlindArgs, hash, history};
+use super::{BlindArgs, hash, history, strict};
 use crate::exit::Failure;
-use crate::files::{make_folder, read_json, unreadable};
+use crate::files::{make_folder, unreadable, unwritable};
 use crate::hex::hex;
 use crate::voice;
 
@@ -142,6 +142,12 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
     let Some(draw) = part.draw.as_ref() else { return Ok(Withheld::new()) };
     // Beside the sealed cases: what is made is copied there in an order that tells nothing.
     let making = folder.join("making");
+    if making.exists() {
+        let path = making.display();
+        return Err(Failure::input(format!(
+            "{path} is left of a set that was broken off; remove it or choose another --out"
+        )));
+    }
     make_folder(&making)?;
     let order = Order {
         seed: draw.seed,
@@ -154,7 +160,12 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
     };
     let bar = bar(draw.quota.cases() / draw.shard[1], "generating");
     let start = Instant::now();
-    let lines = made(&order, &bar)?;
+    let lines = made(&order, &bar);
+    if lines.is_err() {
+        // What was made is of no use without its truth; the error says what went wrong.
+        let _ = std::fs::remove_dir_all(&making);
+    }
+    let lines = lines?;
     bar.finish_and_clear();
     part.seconds[0] = start.elapsed().as_secs_f64();
     let mut withheld = Withheld::new();
@@ -168,7 +179,7 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
             Line::NotMade { asked, why } => part.not_made.push(format!("{asked}: {why}")),
         }
     }
-    arrange(&making, &cases).map_err(|error| Failure::input(format!("{}: {error}", cases.display())))?;
+    arrange(&making, &cases).map_err(|error| unwritable(&cases, &error))?;
     part.sealed = sealed(&cases)?;
     part.not_made.sort_unstable();
     Ok(withheld)
@@ -208,7 +219,7 @@ pub fn answered(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
     part.sealed = sealed(folder)?;
     let path = folder.join("commitments.json");
     if path.is_file() {
-        part.commitments = read_json(&path, "the hashes of the truths by case")?;
+        part.commitments = strict::read(&path, "the hashes of the truths by case")?;
     }
     part.finish("seal", &BTreeMap::new());
     ask(args, folder, part)
@@ -225,7 +236,7 @@ pub fn opened(folder: &Path, truth: &Path) -> Result<Receipt, Failure> {
         return Err(Failure::input(format!("{}: {}: {}", path.display(), check.what, check.found)));
     }
     let shown = truth.display();
-    let truths: Value = read_json(truth, "the truths by case, as in docs/blind")?;
+    let truths: Value = strict::read(truth, "the truths by case, as in docs/blind")?;
     let Some(truths) = truths["cases"].as_object() else {
         return Err(Failure::input(format!(
             "{shown}: no table \"cases\" of the truths by the name of the folder"

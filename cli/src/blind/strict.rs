@@ -1,9 +1,15 @@
 //! JSON in which no key stands twice. A reader that takes the last of two lets one file say two things.
 
 use std::fmt;
+use std::path::Path;
 
-use serde::de::{Deserialize, DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
+use serde::de::{
+    Deserialize, DeserializeOwned, DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor,
+};
 use serde_json::{Map, Number, Value};
+
+use crate::exit::Failure;
+use crate::files::read_text;
 
 /// The value of `text`.
 ///
@@ -11,6 +17,20 @@ use serde_json::{Map, Number, Value};
 /// Syntax, or a key that stands twice, with line and column; the latter has the category [`serde_json::error::Category::Data`].
 pub fn parse(text: &str) -> Result<Value, serde_json::Error> {
     serde_json::from_str::<Strict>(text).map(|strict| strict.0)
+}
+
+/// The JSON in a file that should be `what`, as [`crate::files::read_json`], without keys that stand twice.
+///
+/// # Errors
+/// A file that can't be read; what is wrong with line and column, and what to give instead.
+pub fn read<T: DeserializeOwned>(path: &Path, what: &str) -> Result<T, Failure> {
+    let wrong = |why: String| Failure::input(format!("{}: {why}; give {what}", path.display()));
+    let text = read_text(path)?;
+    if text.trim().is_empty() {
+        return Err(wrong("the file is empty".to_owned()));
+    }
+    let value = parse(&text).map_err(|error| wrong(error.to_string()))?;
+    serde_json::from_value(value).map_err(|error| wrong(error.to_string()))
 }
 
 struct Strict(Value);
