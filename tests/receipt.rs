@@ -202,6 +202,7 @@ fn written(value: &Value, at: &str, twice: &str) -> String {
 /// Every variation of `receipt`; with `anew` the hash of the whole is computed anew, as a cheat would who knows of that one alone.
 fn variations(receipt: &Value, anew: bool) -> Vec<Variation> {
     let mut all = Vec::new();
+    let unchanged = canonical(receipt);
     let mut places = Vec::new();
     pointers(receipt, "", &mut places);
     for place in &places {
@@ -212,7 +213,7 @@ fn variations(receipt: &Value, anew: bool) -> Vec<Variation> {
             if anew && changed.get("sha256").is_some() {
                 changed["sha256"] = hash_of(&changed).into();
             }
-            if canonical(&changed) != canonical(receipt) {
+            if canonical(&changed) != unchanged {
                 all.push(Variation { what: format!("{what} {place}"), text: changed.to_string() });
             }
         };
