@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::analyst::FILES;
 use super::answer::Answer;
 use super::hash;
+use super::lures::Held;
 
 /// How often an analyst is looked after.
 const LOOK: Duration = Duration::from_millis(10);
@@ -42,9 +43,9 @@ pub fn sealed(folder: &Path) -> Result<Sealed, Failure> {
     for entry in std::fs::read_dir(folder).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
         if path.join(FILES[0]).is_file() {
-            let files = FILES.iter().map(|file| path.join(file)).filter(|path| path.is_file());
-            let files = files.map(|file| Ok((name(&file), seal(&file)?)));
-            cases.insert(name(&path), files.collect::<Result<_, Failure>>()?);
+            let mut files = BTreeMap::new();
+            seal_below(&path, "", &mut files)?;
+            cases.insert(name(&path), files);
         }
     }
     if cases.is_empty() {
@@ -57,6 +58,27 @@ pub fn sealed(folder: &Path) -> Result<Sealed, Failure> {
     Ok(cases)
 }
 
+/// Seals every file below `folder`, for an analyst can read them all; `prefix` stands before their names.
+fn seal_below(folder: &Path, prefix: &str, files: &mut BTreeMap<String, SealedFile>) -> Result<(), Failure> {
+    let failed = |error| unreadable(folder, &error);
+    for entry in std::fs::read_dir(folder).map_err(failed)? {
+        let entry = entry.map_err(failed)?;
+        let (path, kind) = (entry.path(), entry.file_type().map_err(failed)?);
+        let named = format!("{prefix}{}", name(&path));
+        if kind.is_dir() {
+            seal_below(&path, &format!("{named}/"), files)?;
+        } else if kind.is_file() {
+            files.insert(named, seal(&path)?);
+        } else {
+            let shown = path.display();
+            return Err(Failure::input(format!(
+                "{shown}: no file of its own; put a copy of the file in its place"
+            )));
+        }
+    }
+    Ok(())
+}
+
 fn seal(file: &Path) -> Result<SealedFile, Failure> {
     let bytes = std::fs::metadata(file).map_err(|error| unreadable(file, &error))?.len();
     Ok(SealedFile { sha256: hash::of_file(file)?, bytes })
@@ -66,14 +88,23 @@ fn name(path: &Path) -> String {
     path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 
+/// How many analysts gave `answers` behind what, in words.
+pub fn isolation<'a>(answers: impl Iterator<Item = &'a Answer>) -> BTreeMap<String, usize> {
+    let mut counts = BTreeMap::new();
+    for answer in answers {
+        *counts.entry(answer.isolation.words()).or_default() += 1;
+    }
+    counts
+}
+
 /// How the analysts work.
 pub struct Analysts {
     /// How many at a time.
     pub jobs: usize,
     /// How long each may take.
     pub patience: Duration,
-    /// A file that none of them may be able to read.
-    pub canary: Option<PathBuf>,
+    /// What none of them may be able to reach.
+    pub lures: Held,
 }
 
 impl Analysts {
@@ -100,9 +131,7 @@ impl Analysts {
         let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
         command.arg("blind-analyst").args(["--with-parent", &std::process::id().to_string()]);
         command.env_clear().current_dir(case);
-        if let Some(canary) = &self.canary {
-            command.arg("--canary").arg(std::path::absolute(canary).map_err(Failure::internal)?);
-        }
+        self.lures.tell(&mut command);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child =
             Running(command.spawn().map_err(|error| Failure::internal(format!("analyst: {error}")))?);

@@ -10,6 +10,7 @@ use freeplay_terminal::process::end_with_parent;
 use rustix::time::{ClockId, clock_gettime};
 
 use super::answer::Answer;
+use super::channels::Lures;
 use super::sandbox;
 
 /// The files of a case, by name: the model that is given, and two recordings of one machine.
@@ -24,6 +25,12 @@ pub struct AnalystArgs {
     /// A file that this process must not be able to read.
     #[arg(long, value_name = "FILE")]
     canary: Option<PathBuf>,
+    /// An abstract socket that it must not be able to reach.
+    #[arg(long, value_name = "NAME")]
+    socket: Option<String>,
+    /// A TCP port of this machine that it must not be able to reach.
+    #[arg(long, value_name = "PORT")]
+    port: Option<u16>,
 }
 
 /// Answers, as JSON on standard output.
@@ -32,7 +39,8 @@ pub struct AnalystArgs {
 /// Standard output can't be written.
 pub fn analyst(args: &AnalystArgs) -> Result<Exit, Failure> {
     end_with_parent(args.with_parent)?;
-    let isolation = sandbox::enter(args.canary.as_deref());
+    let lures = Lures { canary: args.canary.clone(), socket: args.socket.clone(), port: args.port };
+    let isolation = sandbox::enter(&lures);
     let mut answer = answer().unwrap_or_else(Answer::failed);
     answer.isolation = isolation;
     let clock = clock_gettime(ClockId::ProcessCPUTime);

@@ -14,11 +14,10 @@ use freeplay_terminal::parallel::on_cores;
 use freeplay_terminal::process::Running;
 use freeplay_terminal::process::end_with_parent;
 use indicatif::ProgressBar;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::names::name;
 use super::truth::at;
 
 /// Makes sealed recordings as standard input asks; `freeplay blind` starts it.
@@ -38,6 +37,8 @@ pub struct Order {
     pub quota: Quota,
     /// What is swept instead of drawn at random.
     pub matrix: Option<Matrix>,
+    /// The key that the names of their folders follow from.
+    pub names: String,
     /// Which part of the cases: every `shard[1]`-th, from the `shard[0]`-th on, counted from 1.
     pub shard: [usize; 2],
     /// Where the cases are written.
@@ -108,37 +109,22 @@ pub fn generate(args: &GenerateArgs) -> Result<Exit, Failure> {
     std::io::stdin().read_to_string(&mut text).map_err(Failure::input)?;
     let order: Order = serde_json::from_str(&text).map_err(Failure::input)?;
     let cases = order.cases().map_err(Failure::internal)?;
-    let names = names(order.seed, cases.len());
     let [shard, shards] = order.shard;
     let mine: Vec<usize> = (0..cases.len()).filter(|index| index % shards == shard - 1).collect();
     on_cores(order.jobs, mine.len(), |at| {
         let index = mine[at];
+        let name = name(&order.names, index);
         let line = match order.make(&cases[index]) {
             Ok(made) => {
-                write_sealed(&order.folder.join(&names[index]), &made).map_err(Failure::input)?;
+                write_sealed(&order.folder.join(&name), &made).map_err(Failure::input)?;
                 let truth = serde_json::to_value(&made.truth).map_err(Failure::internal)?;
-                Line::Made { name: names[index].clone(), truth }
+                Line::Made { name, truth }
             }
             Err(error) => Line::NotMade { asked: order.asked(&cases[index]), why: error.to_string() },
         };
         say(&(serde_json::to_string(&line).map_err(Failure::internal)? + "\n"))
     })?;
     Ok(Exit::Done)
-}
-
-/// Names of folders: twelve digits each that tell nothing, no two alike.
-fn names(seed: u64, count: usize) -> Vec<String> {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    // A stream of its own: the cases are drawn from the same seed.
-    rng.set_stream(u64::from_le_bytes(*b"names of"));
-    let mut names = Vec::with_capacity(count);
-    while names.len() < count {
-        let name = format!("{:012x}", rng.random::<u64>() >> 16);
-        if !names.contains(&name) {
-            names.push(name);
-        }
-    }
-    names
 }
 
 /// Has `order` made by a process of its own; what it made, by name, and what it did not.
@@ -185,18 +171,4 @@ pub fn without_times(folder: &Path) -> std::io::Result<()> {
         std::fs::File::open(&path)?.set_times(times.set_accessed(one).set_modified(one))?;
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use std::collections::BTreeSet;
-
-    #[test]
-    fn names_are_unlike_and_follow_the_seed() {
-        let some = super::names(4, 2000);
-        assert_eq!(some.iter().collect::<BTreeSet<_>>().len(), 2000);
-        assert!(some.iter().all(|name| name.len() == 12));
-        assert_eq!(some, super::names(4, 2000));
-        assert_ne!(some, super::names(5, 2000));
-    }
 }

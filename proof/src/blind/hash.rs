@@ -9,8 +9,10 @@ use freeplay_terminal::hex::hex;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
+use super::canonical::canonical;
+
 /// SHA-256 of `parts` one after the other, each with its length before it, as hexadecimal digits.
-pub fn of(parts: &[&[u8]]) -> String {
+fn of(parts: &[&[u8]]) -> String {
     let mut hash = Sha256::new();
     for part in parts {
         hash.update((part.len() as u64).to_le_bytes());
@@ -61,17 +63,24 @@ pub fn catalogue() -> Value {
 
 /// SHA-256 of the catalogue's definition.
 pub fn of_catalogue() -> String {
-    of_json(&catalogue())
+    of_json("catalogue", &catalogue())
 }
 
-/// SHA-256 of `value` as compact JSON.
-pub fn of_json(value: &Value) -> String {
-    of(&[value.to_string().as_bytes()])
+/// SHA-256 of the word `purpose`, a newline and the canonical text of `value`. The purpose keeps a hash of one thing from standing for
+/// another.
+pub fn of_json(purpose: &str, value: &Value) -> String {
+    hex(&Sha256::digest(format!("{purpose}\n{}", canonical(value))))
 }
 
-/// The commitment to the truth of one case: its salt, then the truth as compact JSON.
+/// The commitment to the truth of one case.
 pub fn commitment(salt: &str, truth: &Value) -> String {
-    of(&[salt.as_bytes(), truth.to_string().as_bytes()])
+    of_json("truth", &json!([salt, truth]))
+}
+
+/// Whether `commitment` is one to `truth`, also by the earlier construction, in which someone may have sealed a folder: the salt and the
+/// truth as compact JSON, in the order of its keys, each with its length before it.
+pub fn commits(found: &str, salt: &str, truth: &Value) -> bool {
+    found == commitment(salt, truth) || found == of(&[salt.as_bytes(), truth.to_string().as_bytes()])
 }
 
 #[cfg(test)]
@@ -97,5 +106,8 @@ mod tests {
         assert_ne!(this, super::commitment("00fe", &truth));
         assert_ne!(this, super::commitment("00ff", &json!({ "effects": [1] })));
         assert_ne!(super::of(&[b"ab", b"c"]), super::of(&[b"a", b"bc"]));
+        assert_ne!(super::of_json("truth", &truth), super::of_json("answers", &truth));
+        let earlier = super::of(&[b"00ff", br#"{"effects":[]}"#]);
+        assert!(super::commits(&earlier, "00ff", &truth) && !super::commits(&earlier, "00fe", &truth));
     }
 }

@@ -3,13 +3,17 @@
 //! Freeze, seed, generate, seal, analyse once, commit to the answers, reveal, score. Generator and analysts are processes of their
 //! own; the truth is in the memory of their parent alone until the answers are committed to.
 //!
-//! Modules in the order of the protocol: `hash` (what is frozen), `sweep` (what is asked for), `generator`, `analysis` (who is asked), `analyst`, `sandbox` and
-//! `answer` (who answers, where and what), `truth`, `score`, `interval`, `tally`, `confusion`, `controls` and `leak` (what it is worth),
-//! `receipt`, `verify` and `history` (what stays), `screen`, `document` and `matrix` (what a person sees).
+//! Modules in the order of the protocol: `hash` and `canonical` (what is frozen), `sweep` (what is asked for), `generator`, `names` and `arrange` (the
+//! sealed folder), `analysis` and `lures` (who is asked, and held off what), `analyst` and `answer` (who answers what), `sandbox`, `namespaces` and `channels`
+//! (where), `truth`, `score`, `interval`, `tally`, `confusion`, `controls` and `leak` (what it is worth), `receipt`, `strict`, `verify`, `verification`, `merge` and `history`
+//! (what stays), `screen`, `document` and `matrix` (what a person sees).
 
 mod analysis;
 mod analyst;
 mod answer;
+mod arrange;
+mod canonical;
+mod channels;
 mod confusion;
 mod controls;
 mod document;
@@ -18,26 +22,32 @@ mod hash;
 mod history;
 mod interval;
 mod leak;
+mod lures;
 mod matrix;
+mod merge;
+mod names;
+mod namespaces;
 mod protocol;
 mod receipt;
 mod sandbox;
 mod score;
 mod screen;
+mod strict;
 mod sweep;
 mod tally;
 mod truth;
+mod verification;
 mod verify;
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use freeplay_terminal::arguments::Format;
-use freeplay_terminal::arguments::at_least_one;
+use freeplay_terminal::arguments::{Format, at_least_one};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::check_target;
 use freeplay_terminal::output::say;
+use rustix::process::{DumpableBehavior, set_dumpable_behavior};
 use serde_json::json;
 
 use receipt::Receipt;
@@ -76,9 +86,9 @@ pub struct BlindArgs {
     /// Score the answers of --analyse DIR by TRUTH, a JSON file. Writes DIR/receipt.json and DIR/report.html.
     #[arg(long, value_names = ["DIR", "TRUTH"], num_args = 2, conflicts_with_all = ["full", "matrix", "seed", "merge", "analyse"])]
     score: Vec<PathBuf>,
-    /// Compute every hash of a receipt anew.
-    #[arg(long, value_name = "RECEIPT", conflicts_with_all = ["full", "matrix", "seed", "merge", "analyse", "score"])]
-    verify: Option<PathBuf>,
+    /// Compute every hash of receipts anew; with --history, also whether the list has their seals.
+    #[arg(long, value_name = "RECEIPT", num_args = 1.., conflicts_with_all = ["full", "matrix", "seed", "merge", "analyse", "score"])]
+    verify: Vec<PathBuf>,
     /// Folder for the sealed recordings, receipt.json and report.html; must be empty. Without it: out/blind-TIME.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -131,11 +141,12 @@ impl BlindArgs {
 /// # Errors
 /// Bad input; a folder that can't be written; a process that can't be started.
 pub fn blind(args: &BlindArgs) -> Result<Exit, Failure> {
+    if !args.verify.is_empty() {
+        return verification::verify(&args.verify, args.history.as_deref(), args.format);
+    }
     // Before what takes minutes.
     args.history.as_deref().map_or(Ok(()), check_target)?;
-    if let Some(path) = &args.verify {
-        return verify(args, path);
-    }
+    private()?;
     if let Some(folder) = &args.analyse {
         return analyse(args, folder);
     }
@@ -146,7 +157,7 @@ pub fn blind(args: &BlindArgs) -> Result<Exit, Failure> {
             let receipt = protocol::whole(args, &folder)?;
             (folder, receipt)
         }
-        _ => (args.folder(), merged(&args.merge)?),
+        _ => (args.folder(), merge::merged(&args.merge)?),
     };
     publish(args, &folder, receipt)
 }
@@ -167,8 +178,7 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
     let report = folder.join("report.html");
     freeplay_terminal::files::write(&report, &document::document(&receipt, &judged, &score).to_html())?;
     if let (Some(list), [part]) = (&args.history, receipt.parts.as_slice()) {
-        let seal = part.stages.iter().find(|stage| stage.name == "seal");
-        history::scored(list, seal.map_or("", |stage| stage.chain.as_str()), &score)?;
+        history::scored(list, part.seal(), &receipt.sha256, &score)?;
     }
     match args.format {
         Format::Json => say(&format!("{:#}\n", receipt.score))?,
@@ -179,7 +189,7 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
 
 /// Answers for the sealed `folder` of someone else.
 fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
-    let receipt = protocol::answered(args, folder)?;
+    let mut receipt = protocol::answered(args, folder)?;
     let path = folder.join("receipt.json");
     receipt.write(&path)?;
     match args.format {
@@ -189,56 +199,9 @@ fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-fn verify(args: &BlindArgs, path: &Path) -> Result<Exit, Failure> {
-    let receipt = Receipt::read(path)?;
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let sealed = if receipt.parts.iter().all(|part| part.draw.is_some()) {
-        folder.join("sealed")
-    } else {
-        folder.into()
-    };
-    let checks = verify::checks(&receipt, &sealed)?;
-    let good = checks.iter().all(|check| check.good != Some(false));
-    match args.format {
-        Format::Json => {
-            let rows = checks.iter().map(|c| json!({ "what": c.what, "good": c.good, "found": c.found }));
-            say(&format!("{:#}\n", json!({ "good": good, "checks": rows.collect::<Vec<_>>() })))?;
-        }
-        Format::Text => say(&verify::text(&checks))?,
-    }
-    Ok(if good { Exit::Done } else { Exit::Verdict })
-}
-
-/// The receipts in `folders` as one.
-fn merged(folders: &[PathBuf]) -> Result<Receipt, Failure> {
-    let mut all: Option<Receipt> = None;
-    for folder in folders {
-        let path = folder.join("receipt.json");
-        let receipt = Receipt::read(&path)?;
-        let checks = verify::checks(&receipt, &folder.join("sealed"))?;
-        // Another program may have made it; all that binds truths, answers and score has to hold.
-        let broken = checks.iter().find(|check| check.good == Some(false) && check.what != "program");
-        if let Some(check) = broken {
-            return Err(Failure::input(format!("{}: {}: {}", path.display(), check.what, check.found)));
-        }
-        match &mut all {
-            None => all = Some(receipt),
-            Some(all) => {
-                if receipt.parts[0].program != all.parts[0].program {
-                    let what =
-                        "was made by another program or catalogue than the first: shards have to be of one";
-                    return Err(Failure::input(format!("{}: {what}", path.display())));
-                }
-                if let Some(name) = receipt.cases.keys().find(|name| all.cases.contains_key(*name)) {
-                    return Err(Failure::input(format!(
-                        "{}: case {name} is in two receipts",
-                        path.display()
-                    )));
-                }
-                all.parts.extend(receipt.parts);
-                all.cases.extend(receipt.cases);
-            }
-        }
-    }
-    all.ok_or_else(|| Failure::usage("--merge needs folders"))
+/// Keeps what this process knows from its children and from others of the same user: no open file is inherited by whom it starts, and its
+/// memory can't be read without privilege.
+fn private() -> Result<(), Failure> {
+    close_fds::set_fds_cloexec(3, &[]);
+    set_dumpable_behavior(DumpableBehavior::NotDumpable).map_err(Failure::internal)
 }

@@ -6,17 +6,20 @@ use std::time::Instant;
 
 use freeplay_concealed::Quota;
 use freeplay_terminal::exit::Failure;
-use freeplay_terminal::files::{make_folder, read_json, unreadable};
+use freeplay_terminal::files::{make_folder, unreadable, unwritable};
 use freeplay_terminal::hex::hex;
 use freeplay_terminal::messages;
 use indicatif::ProgressBar;
 use rustix::rand::{GetRandomFlags, getrandom};
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use super::analysis::{Analysts, sealed};
-use super::generator::{Line, Order, made, without_times};
+use super::analysis::{Analysts, isolation, sealed};
+use super::arrange::arrange;
+use super::generator::{Line, Order, made};
+use super::lures::Held;
 use super::receipt::{Draw, Part, Program, Receipt, Record, SCHEMA};
-use super::{BlindArgs, hash, history};
+use super::verify::{broken, checks};
+use super::{BlindArgs, hash, history, strict};
 
 /// Bytes of a salt.
 const SALT: usize = 16;
@@ -63,7 +66,7 @@ fn frozen() -> Result<Part, Failure> {
         machine: machine(),
         stages: Vec::new(),
     };
-    part.complete("freeze", &json!(part.program));
+    part.finish("freeze", &BTreeMap::new());
     Ok(part)
 }
 
@@ -98,11 +101,12 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
         None => Quota::small(args.cases),
     };
     let shard = [args.shard.0, args.shard.1];
-    part.draw = Some(Draw { seed, seed_from: seed_from.to_owned(), quota, shard, matrix });
-    part.complete("seed", &json!(part.draw));
+    let names = hex(&random::<SALT>()?);
+    part.draw = Some(Draw { seed, seed_from: seed_from.to_owned(), names, quota, shard, matrix });
+    part.finish("seed", &BTreeMap::new());
     tell("seed", &format!("{seed}, from {seed_from}"));
     let withheld = generate(args, folder, &mut part)?;
-    let commitment = part.complete("seal", &json!([part.sealed, part.commitments, part.not_made]));
+    let commitment = part.finish("seal", &BTreeMap::new());
     tell(
         "sealed",
         &format!("{} cases, truth withheld, commitment {}", part.sealed.len(), short(&commitment)),
@@ -117,8 +121,7 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
             (record.salt, record.truth) = (salt, truth);
         }
     }
-    let truths = part.brought(&receipt.cases).remove("reveal").unwrap_or_default();
-    part.complete("reveal", &truths);
+    part.finish("reveal", &receipt.cases);
     let kept = part.records(&receipt.cases).all(|(name, record)| {
         part.commitments.get(name) == Some(&hash::commitment(&record.salt, &record.truth))
     });
@@ -137,17 +140,32 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
         )));
     }
     let Some(draw) = part.draw.as_ref() else { return Ok(Withheld::new()) };
+    // Beside the sealed cases: what is made is copied there in an order that tells nothing.
+    let making = folder.join("making");
+    if making.exists() {
+        let path = making.display();
+        return Err(Failure::input(format!(
+            "{path} is left of a set that was broken off; remove it or choose another --out"
+        )));
+    }
+    make_folder(&making)?;
     let order = Order {
         seed: draw.seed,
+        names: draw.names.clone(),
         quota: draw.quota,
         matrix: draw.matrix.clone(),
         shard: draw.shard,
-        folder: cases.clone(),
+        folder: making.clone(),
         jobs: args.jobs(),
     };
     let bar = bar(draw.quota.cases() / draw.shard[1], "generating");
     let start = Instant::now();
-    let lines = made(&order, &bar)?;
+    let lines = made(&order, &bar);
+    if lines.is_err() {
+        // What was made is of no use without its truth; the error says what went wrong.
+        let _ = std::fs::remove_dir_all(&making);
+    }
+    let lines = lines?;
     bar.finish_and_clear();
     part.seconds[0] = start.elapsed().as_secs_f64();
     let mut withheld = Withheld::new();
@@ -161,7 +179,7 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
             Line::NotMade { asked, why } => part.not_made.push(format!("{asked}: {why}")),
         }
     }
-    without_times(&cases).map_err(|error| Failure::input(format!("{}: {error}", cases.display())))?;
+    arrange(&making, &cases).map_err(|error| unwritable(&cases, &error))?;
     part.sealed = sealed(&cases)?;
     part.not_made.sort_unstable();
     Ok(withheld)
@@ -169,43 +187,27 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
 
 /// Asks an analyst for each case of `cases` and commits to the answers.
 fn ask(args: &BlindArgs, cases: &Path, mut part: Part) -> Result<Receipt, Failure> {
-    // Beside the sealed cases, where the truth would be if it were anywhere: no analyst may be able to read it.
-    let canary = cases.join("canary");
-    let secret = hex(&random::<SALT>()?);
-    freeplay_terminal::files::write(&canary, &secret)?;
-    let analysts = Analysts { jobs: args.jobs(), patience: args.patience(), canary: Some(canary.clone()) };
+    let lures = Held::beside(cases, &hex(&random::<SALT>()?))?;
+    let analysts = Analysts { jobs: args.jobs(), patience: args.patience(), lures };
     let bar = bar(part.sealed.len(), "analysing");
     let start = Instant::now();
     let answers = analysts.answers(cases, &part.sealed, &bar)?;
     bar.finish_and_clear();
     part.seconds[1] = start.elapsed().as_secs_f64();
-    // It is of no use any more; a folder that can't be written to was refused before.
-    let _ = std::fs::remove_file(&canary);
-    for answer in answers.values() {
-        *part.isolation.entry(isolation(answer)).or_default() += 1;
-    }
+    drop(analysts);
+    part.isolation = isolation(answers.values());
     let record =
         |(name, answer)| (name, Record { salt: String::new(), truth: Value::Null, answer, outcome: None });
     let cases: BTreeMap<String, Record> = answers.into_iter().map(record).collect();
     part.answers = part.hash_of_answers(&cases);
-    part.complete("answer", &json!(part.answers));
+    part.finish("answer", &cases);
     let (seconds, hash) = (part.seconds[1], super::verify::start(&part.answers));
     tell("analysed", &format!("once in {seconds:.0} s, answers committed {hash}"));
     for (words, count) in &part.isolation {
         tell("", &format!("{count} analysts behind {words}"));
     }
-    Ok(Receipt { schema: SCHEMA.to_owned(), parts: vec![part], cases, score: Value::Null })
-}
-
-/// What kept an analyst from the truth, in words.
-fn isolation(answer: &super::answer::Answer) -> String {
-    let isolation = &answer.isolation;
-    if isolation.mechanism.is_empty() {
-        return "unknown: no answer".to_owned();
-    }
-    let refused = |refused| if refused { "refused" } else { "OPEN" };
-    let (canary, parent) = (refused(isolation.canary_refused), refused(isolation.parent_refused));
-    format!("{} (canary {canary}, memory of the parent {parent})", isolation.mechanism)
+    let (schema, sha256) = (SCHEMA.to_owned(), String::new());
+    Ok(Receipt { schema, parts: vec![part], cases, score: Value::Null, sha256 })
 }
 
 /// The answers for the sealed `folder` of someone else, with the commitments in its `commitments.json`, if there is one.
@@ -217,9 +219,9 @@ pub fn answered(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
     part.sealed = sealed(folder)?;
     let path = folder.join("commitments.json");
     if path.is_file() {
-        part.commitments = read_json(&path, "the hashes of the truths by case")?;
+        part.commitments = strict::read(&path, "the hashes of the truths by case")?;
     }
-    part.complete("seal", &json!([part.sealed, part.commitments, part.not_made]));
+    part.finish("seal", &BTreeMap::new());
     ask(args, folder, part)
 }
 
@@ -228,9 +230,13 @@ pub fn answered(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
 /// # Errors
 /// Answers that were not given, or changed since; a truth file that is none, or misses a case.
 pub fn opened(folder: &Path, truth: &Path) -> Result<Receipt, Failure> {
-    let mut receipt = Receipt::read(&folder.join("receipt.json"))?;
+    let path = folder.join("receipt.json");
+    let mut receipt = Receipt::read(&path)?;
+    if let Some(check) = broken(&checks(&receipt, folder, &Program::this()?)?) {
+        return Err(Failure::input(format!("{}: {}: {}", path.display(), check.what, check.found)));
+    }
     let shown = truth.display();
-    let truths: Value = read_json(truth, "the truths by case, as in docs/blind")?;
+    let truths: Value = strict::read(truth, "the truths by case, as in docs/blind")?;
     let Some(truths) = truths["cases"].as_object() else {
         return Err(Failure::input(format!(
             "{shown}: no table \"cases\" of the truths by the name of the folder"
@@ -246,8 +252,15 @@ pub fn opened(folder: &Path, truth: &Path) -> Result<Receipt, Failure> {
         record.truth = case;
     }
     let Some(part) = receipt.parts.first_mut() else { return Ok(receipt) };
-    let truths = part.brought(&receipt.cases).remove("reveal").unwrap_or_default();
     part.stages.retain(|stage| stage.name != "reveal");
-    part.complete("reveal", &truths);
+    part.finish("reveal", &receipt.cases);
+    let kept = |name: &String, record: &Record| {
+        part.commitments.get(name).is_none_or(|found| hash::commits(found, &record.salt, &record.truth))
+    };
+    if let Some((name, _)) = part.records(&receipt.cases).find(|(name, record)| !kept(name, record)) {
+        return Err(Failure::input(format!(
+            "{shown}: the truth of {name} is not the one committed to in commitments.json"
+        )));
+    }
     Ok(receipt)
 }

@@ -5,19 +5,25 @@ use std::path::Path;
 
 use freeplay_concealed::{Matrix, Quota};
 use freeplay_terminal::exit::Failure;
-use freeplay_terminal::files::read_json;
+use freeplay_terminal::files::read_text;
 use serde::{Deserialize, Serialize};
+use serde_json::error::Category;
 use serde_json::{Value, json};
 
 use super::analysis::Sealed;
 use super::answer::Answer;
-use super::hash;
+use super::canonical::difference;
 use super::score::Outcome;
 use super::tally::Judged;
 use super::truth::Truth;
+use super::{hash, strict};
 
 /// The schema of a [`Receipt`].
-pub const SCHEMA: &str = "freeplay.receipt/1";
+pub const SCHEMA: &str = "freeplay.receipt/2";
+/// The schema before, whose hashes left out fields.
+const EARLIER: &str = "freeplay.receipt/1";
+/// What a person should give for a receipt.
+const WANTED: &str = "give a receipt.json that freeplay blind left";
 
 /// What was done, from freeze to score.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -28,9 +34,10 @@ pub struct Receipt {
     pub parts: Vec<Part>,
     /// The cases of all parts, by the name of their folder.
     pub cases: BTreeMap<String, Record>,
-    /// The score; nothing before the reveal.
-    #[serde(default)]
+    /// The score; null before the reveal.
     pub score: Value,
+    /// SHA-256 of all fields above.
+    pub sha256: String,
 }
 
 /// One protocol.
@@ -52,7 +59,7 @@ pub struct Part {
     pub answers: String,
     /// Time of the generation and of the analysis, s.
     pub seconds: [f64; 2],
-    /// Processor and kernel.
+    /// Processor and kernel, as this machine says.
     pub machine: String,
     /// The stages with their chain.
     pub stages: Vec<Stage>,
@@ -87,6 +94,8 @@ pub struct Draw {
     pub seed: u64,
     /// Where it came from: the operating system after the freeze, or the command line.
     pub seed_from: String,
+    /// The key that the names of the folders follow from; always from the operating system.
+    pub names: String,
     /// How many cases of which sort, over all shards.
     pub quota: Quota,
     /// Which shard, and of how many.
@@ -124,9 +133,9 @@ pub struct Stage {
 
 impl Part {
     /// Appends a stage to the chain; its hash.
-    pub fn complete(&mut self, name: &str, brought: &Value) -> String {
-        let before = self.stages.last().map_or("", |stage| stage.chain.as_str());
-        let (at, brought) = (now(), hash::of_json(brought));
+    fn complete(&mut self, name: &str, brought: &Value) -> String {
+        let before = self.chain();
+        let (at, brought) = (now(), hash::of_json(name, brought));
         let chain = link(before, name, &at, &brought);
         self.stages.push(Stage { name: name.to_owned(), at, brought, chain: chain.clone() });
         chain
@@ -137,12 +146,34 @@ impl Part {
         let truths: BTreeMap<_, _> =
             self.records(cases).map(|(name, record)| (name, (&record.salt, &record.truth))).collect();
         BTreeMap::from([
-            ("freeze", json!(self.program)),
+            ("freeze", json!([self.program, self.machine])),
             ("seed", json!(self.draw)),
-            ("seal", json!([self.sealed, self.commitments, self.not_made])),
-            ("answer", json!(self.answers)),
+            ("seal", json!([self.sealed, self.commitments, self.not_made, self.seconds[0]])),
+            ("answer", json!([self.answers, self.isolation, self.seconds[1]])),
             ("reveal", json!(truths)),
         ])
+    }
+
+    /// Completes the stage `name` with what it has to have brought; its hash.
+    pub fn finish(&mut self, name: &str, cases: &BTreeMap<String, Record>) -> String {
+        let brought = self.brought(cases).remove(name).unwrap_or_default();
+        self.complete(name, &brought)
+    }
+
+    /// Whether the truth of its cases was revealed.
+    pub fn is_open(&self) -> bool {
+        self.stages.iter().any(|stage| stage.name == "reveal")
+    }
+
+    /// The last hash of the chain.
+    pub fn chain(&self) -> &str {
+        self.stages.last().map_or("", |stage| stage.chain.as_str())
+    }
+
+    /// The hash of the chain at the seal, which whoever wants to check it later notes down.
+    pub fn seal(&self) -> &str {
+        let seal = self.stages.iter().find(|stage| stage.name == "seal");
+        seal.map_or("", |stage| stage.chain.as_str())
     }
 
     /// The cases of this part.
@@ -157,13 +188,13 @@ impl Part {
     pub fn hash_of_answers(&self, cases: &BTreeMap<String, Record>) -> String {
         let answers: BTreeMap<_, _> =
             self.records(cases).map(|(name, record)| (name, &record.answer)).collect();
-        hash::of_json(&json!(answers))
+        hash::of_json("answers", &json!(answers))
     }
 }
 
 /// A link of the chain.
 pub fn link(before: &str, name: &str, at: &str, brought: &str) -> String {
-    hash::of(&[before, name, at, brought].map(str::as_bytes))
+    hash::of_json("chain", &json!([before, name, at, brought]))
 }
 
 /// Date and time, UTC.
@@ -173,26 +204,78 @@ pub fn now() -> String {
     format!("{date}T{hour:02}:{minute:02}:{second:02}Z")
 }
 
+/// What a file holds that should be a receipt.
+pub enum Form {
+    /// A receipt, whose hashes may or may not hold.
+    Receipt(Box<Receipt>),
+    /// None, and why.
+    Wrong(String),
+}
+
+impl Form {
+    /// The form of the file `path`. Every field has to be there, once, and no other.
+    ///
+    /// # Errors
+    /// A file that can't be read, is no JSON, or was written by the schema before.
+    pub fn of(path: &Path) -> Result<Self, Failure> {
+        let shown = path.display();
+        let value = match strict::parse(&read_text(path)?) {
+            Ok(value) => value,
+            Err(error) if error.classify() == Category::Data => return Ok(Form::Wrong(error.to_string())),
+            Err(error) => return Err(Failure::input(format!("{shown}: {error}; {WANTED}"))),
+        };
+        if value["schema"] == EARLIER {
+            let program = value["parts"][0]["program"]["sha256"].as_str().unwrap_or("of its first part");
+            return Err(Failure::input(format!(
+                "{shown}: schema {EARLIER}, where {SCHEMA} is understood; verify it with the program that made it, whose SHA-256 is \
+                 {program}"
+            )));
+        }
+        if value["schema"] != SCHEMA {
+            return Ok(Form::Wrong(format!("schema {}, where \"{SCHEMA}\" is understood", value["schema"])));
+        }
+        let receipt: Receipt = match serde_json::from_value(value.clone()) {
+            Ok(receipt) => receipt,
+            Err(error) => return Ok(Form::Wrong(error.to_string())),
+        };
+        let known = serde_json::to_value(&receipt).map_err(Failure::internal)?;
+        Ok(match difference(&value, &known) {
+            Some(pointer) => Form::Wrong(format!("{pointer} is no field of a receipt, or not of its type")),
+            None => Form::Receipt(Box::new(receipt)),
+        })
+    }
+}
+
 impl Receipt {
     /// Reads the receipt `path`.
     ///
     /// # Errors
-    /// A file that can't be read, or is no receipt.
+    /// As [`Form::of`]; a file that is no receipt.
     pub fn read(path: &Path) -> Result<Self, Failure> {
-        let shown = path.display();
-        let receipt: Self = read_json(path, "a receipt.json that freeplay blind left")?;
-        if receipt.schema == SCHEMA {
-            Ok(receipt)
-        } else {
-            Err(Failure::input(format!("{shown}: schema {}, where {SCHEMA} is understood", receipt.schema)))
+        match Form::of(path)? {
+            Form::Receipt(receipt) => Ok(*receipt),
+            Form::Wrong(why) => Err(Failure::input(format!("{}: {why}; {WANTED}", path.display()))),
         }
     }
 
-    /// Writes it to `path`.
+    /// SHA-256 of all fields but `sha256`.
+    ///
+    /// # Errors
+    /// A receipt that is no JSON.
+    pub fn hash(&self) -> Result<String, Failure> {
+        let mut value = serde_json::to_value(self).map_err(Failure::internal)?;
+        if let Some(fields) = value.as_object_mut() {
+            fields.shift_remove("sha256");
+        }
+        Ok(hash::of_json("receipt", &value))
+    }
+
+    /// Writes it to `path`, with its hash.
     ///
     /// # Errors
     /// A file that can't be written.
-    pub fn write(&self, path: &Path) -> Result<(), Failure> {
+    pub fn write(&mut self, path: &Path) -> Result<(), Failure> {
+        self.sha256 = self.hash()?;
         let text = serde_json::to_string(self).map_err(Failure::internal)?;
         freeplay_terminal::files::write(path, &(text + "\n"))
     }

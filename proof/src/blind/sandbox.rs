@@ -1,18 +1,23 @@
-//! Where an analyst works: it can read the folder of its case, and nothing else of the file system.
+//! Where an analyst works: it can read the folder of its case, and reaches nothing else.
 //!
-//! Landlock (Salaün 2017; Linux 5.13) takes all other rights from this process for good: files, and where the kernel knows how, the
-//! network, signals to others and their memory. A canary outside the folder is tried afterwards: what counts is that it can't be read.
+//! Two layers, each taken from this process for good. Namespaces part its file system, network, System V memory and credentials from all
+//! others (`namespaces`). Landlock (Salaün 2017; Linux 5.13) leaves it the right to read the folder, and no other right over files,
+//! sockets and signals. A kernel may refuse either; so each channel is tried afterwards (`channels`), and what counts is that it is closed.
 
-use std::path::Path;
+use std::collections::BTreeMap;
 
 use landlock::{
-    ABI, Access, AccessFs, AccessNet, PathBeneath, PathFd, Ruleset, RulesetAttr, RulesetCreatedAttr,
-    RulesetStatus, Scope,
+    ABI, Access, AccessFs, AccessNet, LandlockStatus, PathBeneath, PathFd, RestrictionStatus, Ruleset,
+    RulesetAttr, RulesetCreatedAttr, Scope,
 };
+use rustix::process::{DumpableBehavior, set_dumpable_behavior};
 use serde::{Deserialize, Serialize};
 
+use super::channels::{self, Lures};
+use super::namespaces;
+
 /// The newest rules that are asked for; an older kernel keeps those that it knows.
-const RULES: ABI = ABI::V6;
+const RULES: ABI = ABI::V9;
 
 /// What keeps an analyst from the truth, as it found it itself.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,32 +28,74 @@ pub struct Isolation {
     pub canary_refused: bool,
     /// Whether the parent's memory could not be opened.
     pub parent_refused: bool,
+    /// Every channel by its name: `closed`, or `open: ` and how.
+    pub channels: BTreeMap<String, String>,
 }
 
-/// Gives up all rights but to read the working folder, and tries the `canary` and the parent's memory.
-pub fn enter(canary: Option<&Path>) -> Isolation {
-    let mechanism = match restrict() {
-        Ok(RulesetStatus::FullyEnforced) => "landlock, all rules",
-        Ok(RulesetStatus::PartiallyEnforced) => "landlock, the rules that this kernel knows",
-        Ok(_) => "none: this kernel has no landlock",
-        Err(_) => "none: landlock refused",
-    };
-    let parent = format!("/proc/{}/mem", std::os::unix::process::parent_id());
-    Isolation {
-        mechanism: mechanism.to_owned(),
-        canary_refused: canary.is_some_and(|canary| std::fs::read(canary).is_err()),
-        parent_refused: std::fs::File::open(parent).is_err(),
+impl Isolation {
+    /// In a few words.
+    pub fn words(&self) -> String {
+        if self.mechanism.is_empty() {
+            return "unknown: no answer".to_owned();
+        }
+        let refused = |refused| if refused { "refused" } else { "OPEN" };
+        let (canary, parent) = (refused(self.canary_refused), refused(self.parent_refused));
+        let open = self.channels.iter().filter(|(_, state)| *state != channels::CLOSED);
+        let open: Vec<&str> = open.map(|(name, _)| name.as_str()).collect();
+        let closed = self.channels.len() - open.len();
+        let mut words = format!(
+            "{} (canary {canary}, memory of the parent {parent}; {closed} channels closed",
+            self.mechanism
+        );
+        if !open.is_empty() {
+            words += &format!("; open: {}", open.join(", "));
+        }
+        words + ")"
     }
 }
 
-/// Any failure is the same to the caller: there is no sandbox.
-fn restrict() -> Result<RulesetStatus, Box<dyn std::error::Error>> {
-    let here = PathFd::new(".")?;
+/// Gives up all rights but to read the working folder, and tries every channel to `lures` and to the parent.
+pub fn enter(lures: &Lures) -> Isolation {
+    let inherited = channels::inherited();
+    let namespaces = namespaces::enter();
+    let landlock = restrict();
+    // Siblings of the same user may not look into this process. It is about itself alone: no error is told.
+    let _ = set_dumpable_behavior(DumpableBehavior::NotDumpable);
+    let channels = channels::all(lures, &inherited, &namespaces);
+    let closed = |name: &str| channels.get(name).is_some_and(|state| state == channels::CLOSED);
+    Isolation {
+        mechanism: mechanism(landlock, &namespaces),
+        canary_refused: lures.canary.is_some() && closed("files"),
+        parent_refused: closed("memory"),
+        channels,
+    }
+}
+
+fn mechanism(landlock: Option<RestrictionStatus>, namespaces: &namespaces::Parted) -> String {
+    let landlock = match landlock.map(|status| status.landlock) {
+        Some(LandlockStatus::Available { effective_abi, .. }) => {
+            Ok(format!("landlock {}", effective_abi as i32))
+        }
+        Some(_) => Err("this kernel has no landlock"),
+        None => Err("landlock refused"),
+    };
+    match (landlock, namespaces) {
+        (Ok(landlock), parted) => format!("{landlock}, {}", parted.words()),
+        // Where files are closed by neither layer, that is no isolation.
+        (Err(why), parted) if parted.root => format!("{}; {why}", parted.words()),
+        (Err(why), parted) => format!("none: {why}, {}", parted.words()),
+    }
+}
+
+/// Any failure is the same to the caller: there are no rules.
+fn restrict() -> Option<RestrictionStatus> {
+    let here = PathFd::new(".").ok()?;
     let created = Ruleset::default()
-        .handle_access(AccessFs::from_all(RULES))?
-        .handle_access(AccessNet::from_all(RULES))?
-        .scope(Scope::from_all(RULES))?
-        .create()?;
-    let status = created.add_rule(PathBeneath::new(here, AccessFs::from_read(RULES)))?.restrict_self()?;
-    Ok(status.ruleset)
+        .handle_access(AccessFs::from_all(RULES))
+        .and_then(|rules| rules.handle_access(AccessNet::from_all(RULES)))
+        .and_then(|rules| rules.scope(Scope::from_all(RULES)))
+        .and_then(Ruleset::create)
+        .ok()?;
+    let readable = AccessFs::ReadFile | AccessFs::ReadDir;
+    created.add_rule(PathBeneath::new(here, readable)).and_then(|rules| rules.restrict_self()).ok()
 }
