@@ -75,6 +75,9 @@ enum Command {
     /// The process of a built-in controller; `freeplay run` starts it.
     #[command(hide = true)]
     Controller(crate::controller_command::ControllerArgs),
+    /// The process that ends a controller with its run; `freeplay run` starts it.
+    #[command(hide = true)]
+    Guard,
     /// A yardstick of `freeplay bench`, which starts it.
     #[command(hide = true)]
     Yardstick(crate::bench::YardstickArgs),
@@ -88,6 +91,10 @@ pub fn dispatch() -> Result<Exit, Failure> {
     let command = with_negative_numbers(Cli::command()).color(color_among(std::env::args_os()));
     let cli = Cli::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit());
     cli.common.apply();
+    // A controller leaves its run in order, an executable has its own ways.
+    if !matches!(cli.command, Command::Controller(_)) {
+        crate::process::end_on_signals()?;
+    }
     match cli.command {
         Command::Run(args) => crate::run::run(&args),
         Command::Compare(args) => crate::compare::compare(&args),
@@ -114,6 +121,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Completions(args) => crate::manual::completions(&args, Cli::command()),
         Command::Man(args) => crate::manual::man(&args, Cli::command()),
         Command::ExitCodes => crate::manual::exit_codes(),
+        Command::Guard => crate::guard::guard(),
         Command::Plant(args) => crate::plant_command::plant(&args),
         Command::Controller(args) => crate::controller_command::controller(&args),
     }

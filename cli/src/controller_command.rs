@@ -47,7 +47,7 @@ pub struct ControllerArgs {
 /// # Errors
 /// An unknown name, an executable that can't be started, a run that can't be joined, a task that can't be used.
 pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
-    args.with_parent.map_or(Ok(()), crate::process::end_with_parent)?;
+    args.with_parent.map_or(Ok(()), crate::process::die_with_parent)?;
     if let Some(plan) = &args.faults {
         return crate::faults::saboteur::relay(args, plan);
     }

@@ -1,12 +1,14 @@
 //! The `freeplay` command.
 //!
-//! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run` and `processes` (the parent),
+//! Modules in the order of a run: `args` (what was typed), `scenario` and `setup` (what runs), `run`, `processes` and `guard` (the parent),
 //! `plant_command` and `controller_command` (its children), `columns` and `recorder` (what is kept), `summary`,
 //! `histogram_files`, `screen`, `live` and `run_report` (what a person sees); `swaps` (who is in charge when), `swap_command` and
 //! `swap_measures` (what a swap costs); `bench` and `doctor` (timing, and whether the machine is fit for it); `diagnose` and
 //! `diagnose_report` (what is missing from a model), `excite` (the next motion), `demo` (the loop closed), `blind` (the proof on concealed
 //! effects); `cells` and `bound` (how far a correction gets); `compare`, `replay`, `reference_runs` and `reproduce` beside them; `record`,
 //! `scenario_command` and `manual` run nothing. `voice` and `say` are how all of them speak.
+
+use std::io::Write;
 
 mod args;
 mod bench;
@@ -27,6 +29,7 @@ mod excite;
 mod exit;
 mod faults;
 mod files;
+mod guard;
 mod hex;
 mod histogram_files;
 mod live;
@@ -68,7 +71,8 @@ fn main() -> std::process::ExitCode {
     match args::dispatch() {
         Ok(exit) => exit.into(),
         Err(failure) => {
-            eprintln!("freeplay: {failure}");
+            // A terminal that has hung up takes no words.
+            let _ = writeln!(std::io::stderr(), "freeplay: {failure}");
             failure.exit.into()
         }
     }

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 use std::process::Child;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
@@ -85,6 +87,8 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     let setup = Setup::new(&scenario)?;
     let task = setup.write_task(&scenario, folder.path())?;
     let contestant = Contestant::of(&args.against)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    crate::process::stop_on_signals(&stop)?;
     let root = RunRoot::create().map_err(Failure::internal)?;
     let offer = Offer {
         joints: recording.joints(),
@@ -96,11 +100,9 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     };
     let mut link = PlantLink::open(root.address(), 1, offer).map_err(Failure::internal)?;
     let mut controller = start_controller(&scenario, &contestant, root.address())?;
-    let outcome = feed(&mut link, &mut controller, &recording, &setup, root.address().run(), &args.against);
-    // It may have ended by itself.
-    let _ = controller.kill();
-    let _ = controller.wait();
-    let difference = outcome?;
+    let outcome = feed(&mut link, &mut controller.0, &recording, &setup, root.address().run(), &stop);
+    drop(controller);
+    let difference = Difference { controller: args.against.clone(), ..outcome? };
     match args.format {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&difference).map_err(Failure::internal)?))?
@@ -133,13 +135,16 @@ fn feed(
     recording: &Recording,
     setup: &Setup,
     run: u64,
-    name: &str,
+    stop: &AtomicBool,
 ) -> Result<Difference, Failure> {
     greet(link, controller)?;
-    let mut difference =
-        Difference { schema: "freeplay.replay/1", controller: name.to_owned(), ..Difference::default() };
+    let mut difference = Difference { schema: "freeplay.replay/1", ..Difference::default() };
     let joints = recording.joints();
     for index in 0..recording.len() {
+        if stop.load(Ordering::Relaxed) {
+            let message = format!("interrupted before tick {index}");
+            return Err(Failure { exit: Exit::Interrupted, message });
+        }
         let state = state_at(recording, index, run, setup.plant.mode, setup.plant.period_ns);
         let mut state =
             state.ok_or_else(|| Failure::input("the recording lacks columns that `freeplay run` writes"))?;

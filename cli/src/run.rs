@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use clap::{Args, ValueEnum};
 use freeplay_controller::BUILT_IN;
-use freeplay_shm::{Address, RunRoot};
+use freeplay_shm::RunRoot;
 use indicatif::ProgressBar;
 use rustix::fs::{Access, access};
 use serde_json::json;
@@ -185,6 +185,10 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
         let ended = play_watched(&scenario, contestant, &files, args.controller_delay, &stop, watch);
         progress.finish_and_clear();
         match ended {
+            Err(error) if stop.load(Ordering::Relaxed) => {
+                // It was asked to end, and so it does, whatever came of it.
+                voice::note(&error.message);
+            }
             Err(error) => {
                 failure = Some(error);
                 break;
@@ -372,8 +376,8 @@ fn play_watched(
         .chain(scenario.standby.iter().map(|asked| Contestant::of(asked)))
         .collect::<Result<_, _>>()?;
     let root = RunRoot::create().map_err(Failure::internal)?;
-    let ended = processes(scenario, &members, files, root.address(), delay, stop, watch)?;
-    let exit = exit_of(&ended, contestant)?;
+    let ended = processes(scenario, &members, files, &root, delay, stop, watch)?;
+    let exit = exit_of(&ended, &members, left.exists())?;
     match std::fs::read_to_string(&left) {
         Ok(text) => {
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
@@ -399,15 +403,13 @@ fn processes(
     scenario: &Scenario,
     members: &[Contestant],
     files: &Files,
-    address: &Address,
+    root: &RunRoot,
     delay: f64,
     stop: &AtomicBool,
     mut watch: Option<Watch>,
 ) -> Result<Ended, Failure> {
-    let wait = Duration::from_secs_f64(delay.abs().min(60.0));
-    let start = |slot: usize, stderr: Stdio| {
-        start_in_slot(scenario, &members[slot], slot, address, stderr).map(Running)
-    };
+    let (address, wait) = (root.address(), Duration::from_secs_f64(delay.abs().min(60.0)));
+    let start = |slot: usize, stderr: Stdio| start_in_slot(scenario, &members[slot], slot, address, stderr);
     let stderr = |watch: &Option<Watch>| watch.as_ref().map_or_else(|| Ok(Stdio::inherit()), Watch::stderr);
     let start_all = |watch: &Option<Watch>| -> Result<Vec<Running>, Failure> {
         (0..members.len()).map(|slot| start(slot, stderr(watch)?)).collect()
@@ -417,7 +419,7 @@ fn processes(
         controllers = start_all(&watch)?;
         std::thread::sleep(wait);
     }
-    let mut plant = Running(match &mut watch {
+    let mut plant = Running::alone(match &mut watch {
         Some(watch) => start_watched_plant(&members[0], files, address, watch)?,
         None => start_plant(&members[0], files, address)?,
     });
@@ -425,7 +427,7 @@ fn processes(
         std::thread::sleep(wait);
         controllers = start_all(&watch)?;
     }
-    let ended = supervise(&mut plant.0, &mut controllers, stop, |controllers| {
+    let ended = supervise(root, &mut plant.0, &mut controllers, stop, |controllers| {
         if let Some(watch) = &mut watch {
             stop.fetch_or(watch.look(controllers, &start)?, Ordering::Relaxed);
         }

@@ -167,7 +167,9 @@ impl Stand<'_> {
             process.arg("--out").arg(path);
         }
         let child = process.stdin(Stdio::null()).stdout(Stdio::null()).spawn();
-        child.map(Running).map_err(|error| Failure::internal(format!("cannot start a yardstick: {error}")))
+        child
+            .map(Running::alone)
+            .map_err(|error| Failure::internal(format!("cannot start a yardstick: {error}")))
     }
 }
 

@@ -9,7 +9,7 @@ use rustix::time::{ClockId, clock_gettime};
 use super::answer::Answer;
 use super::sandbox;
 use crate::exit::{Exit, Failure};
-use crate::process::end_with_parent;
+use crate::process::die_with_parent;
 use crate::say::say;
 
 /// The files of a case, by name: the model that is given, and two recordings of one machine.
@@ -31,7 +31,7 @@ pub struct AnalystArgs {
 /// # Errors
 /// Standard output can't be written.
 pub fn analyst(args: &AnalystArgs) -> Result<Exit, Failure> {
-    end_with_parent(args.with_parent)?;
+    die_with_parent(args.with_parent)?;
     let isolation = sandbox::enter(args.canary.as_deref());
     let mut answer = answer().unwrap_or_else(Answer::failed);
     answer.isolation = isolation;

@@ -55,8 +55,8 @@ fn plant_killed(scenario: &Scenario, examined: &Contestant, out: &Path) -> Resul
     };
     let files = Files::write(&scenario, &Setup::new(&scenario)?, &out.join("plant-killed"))?;
     let root = RunRoot::create().map_err(Failure::internal)?;
-    let mut plant = Running(start_plant(examined, &files, root.address())?);
-    let mut controller = Running(start_controller(&scenario, examined, root.address())?);
+    let mut plant = Running::alone(start_plant(examined, &files, root.address())?);
+    let mut controller = start_controller(&scenario, examined, root.address())?;
     let recording = files.out.join(format!("{}.mcap", examined.name()));
     let begun = Instant::now();
     while freeplay_recording::read(&recording, None).is_err() && begun.elapsed() < LONGEST {
@@ -102,7 +102,7 @@ fn memory_full(controller: &str, size: &str, out: &Path) -> Result<Surrounding, 
     command.arg("--out").arg(&folder).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let untried = |why: &str| Surrounding { fault, holds: None, found: why.to_owned() };
     let Ok(child) = command.spawn() else { return Ok(untried("not tried: no unshare here")) };
-    let mut run = Running(child);
+    let mut run = Running::alone(child);
     let status = ends(&mut run.0)?;
     if !folder.join("mounted").exists() {
         return Ok(untried("not tried: this user may not mount a small shared memory"));
