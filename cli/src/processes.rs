@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use freeplay_controller::serve::SLOT_ENV;
-use freeplay_shm::{Address, RUN_ENV, RunRoot};
+use freeplay_shm::{Address, LinkError, RUN_ENV, RunRoot};
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::exit::{Exit, Failure};
@@ -32,7 +32,22 @@ impl Drop for Running {
         // Errors here mean that the child is gone already, which is what is wanted.
         let _ = self.0.kill();
         let _ = self.0.wait();
+        drop(self.1.take());
     }
+}
+
+/// Makes a new run in shared memory.
+///
+/// # Errors
+/// A place for it that another user has taken or could take, or that is none; else what the system says.
+pub fn new_run() -> Result<RunRoot, Failure> {
+    RunRoot::create().map_err(|error| match &error {
+        LinkError::NotPrivate { .. } | LinkError::NoFolder { .. } | LinkError::Open { .. } => {
+            Failure::input(error)
+        }
+        LinkError::BadAddress { .. } => Failure::input(error),
+        _ => Failure::internal(error),
+    })
 }
 
 /// Starts the plant of a run with the controller `contestant` in charge.

@@ -8,12 +8,12 @@ use std::time::Duration;
 
 use clap::Args;
 use freeplay_recording::Recording;
-use freeplay_shm::{Backoff, Command, Greeting, Offer, Pace, PlantLink, RunRoot, now_ns};
+use freeplay_shm::{Backoff, Command, Greeting, Offer, Pace, PlantLink, now_ns};
 use serde::Serialize;
 
 use crate::columns::state_at;
 use crate::exit::{Exit, Failure};
-use crate::processes::start_controller;
+use crate::processes::{new_run, start_controller};
 use crate::run::{Contestant, Format};
 use crate::say::say;
 use crate::scenario::{Pacing, Scenario};
@@ -89,7 +89,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     let contestant = Contestant::of(&args.against)?;
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
-    let root = RunRoot::create().map_err(Failure::internal)?;
+    let root = new_run()?;
     let offer = Offer {
         joints: recording.joints(),
         mode: setup.plant.mode,

@@ -21,7 +21,7 @@ use crate::hex::hex;
 use crate::live::{Title, Watch};
 use crate::plant_command::pace_name;
 use crate::processes::{
-    Ended, Running, exit as exit_of, start_in_slot, start_plant, start_watched_plant, supervise,
+    Ended, Running, exit as exit_of, new_run, start_in_slot, start_plant, start_watched_plant, supervise,
 };
 use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
@@ -375,7 +375,7 @@ fn play_watched(
     let members: Vec<Contestant> = std::iter::once(Ok(contestant.clone()))
         .chain(scenario.standby.iter().map(|asked| Contestant::of(asked)))
         .collect::<Result<_, _>>()?;
-    let root = RunRoot::create().map_err(Failure::internal)?;
+    let root = new_run()?;
     let ended = processes(scenario, &members, files, &root, delay, stop, watch)?;
     let exit = exit_of(&ended, &members, left.exists())?;
     match std::fs::read_to_string(&left) {

@@ -1,7 +1,7 @@
 //! [`Folder`]: a directory held open. Everything below it is reached through the open directory, never through a path, and no
 //! link is followed: whoever exchanges a name between a check and the use of what was checked redirects nothing.
 
-use std::ffi::CString;
+use std::ffi::{CStr, CString};
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::MetadataExt;
@@ -79,12 +79,14 @@ impl Folder {
         statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW).ok()
     }
 
-    /// The names in it, in no order; none if it can't be read.
-    pub(crate) fn names(&self) -> impl Iterator<Item = CString> + use<> {
+    /// The names in it that are `wanted`, in no order; none if it can't be read.
+    pub(crate) fn names(&self, wanted: impl Fn(&CStr) -> bool) -> Vec<CString> {
         let entries = Dir::read_from(&self.0).into_iter().flatten().flatten();
+        let is_in = |name: &CStr| !matches!(name.to_bytes(), b"." | b"..");
         entries
+            .filter(|entry| is_in(entry.file_name()) && wanted(entry.file_name()))
             .map(|entry| entry.file_name().to_owned())
-            .filter(|name| !matches!(name.as_bytes(), b"." | b".."))
+            .collect()
     }
 
     /// Removes the file `name`, whatever it is, but no directory.
@@ -104,7 +106,7 @@ impl Folder {
         if folder.0.metadata()?.dev() != self.0.metadata()?.dev() {
             return Err(ErrorKind::CrossesDevices.into());
         }
-        for name in folder.names() {
+        for name in folder.names(|_| true) {
             match unlinkat(&folder.0, &name, AtFlags::empty()) {
                 // Linux says the first of a directory, POSIX the second. What stays keeps the directory from being removed.
                 Err(Errno::ISDIR | Errno::PERM) => drop(folder.remove_tree(&*name)),

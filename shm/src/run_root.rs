@@ -12,6 +12,7 @@
 //! others, and lies directly in a folder of runs that is the same; see [`crate::folder`] for how it is reached.
 
 use std::collections::BTreeSet;
+use std::ffi::CStr;
 use std::fs::{self, DirBuilder};
 use std::io::{self, ErrorKind};
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
@@ -213,8 +214,10 @@ fn see_private(folder: &Folder, path: &Path) -> Result<(), LinkError> {
 /// Removes the runs that no longer live, those in the folder `all`, where that is there and `held` open, and those that have left a
 /// mark, and returns their ids.
 fn sweep(all: &Path, held: Option<&Folder>, segments: &Segments) -> Vec<String> {
-    let names = held.into_iter().flat_map(Folder::names).filter_map(|name| name.into_string().ok());
-    let here: Vec<String> = names.filter(|id| is_run_id(id) && is_dead_in(held, id) == Some(true)).collect();
+    let is_run = |name: &CStr| name.to_str().is_ok_and(is_run_id);
+    let names = held.into_iter().flat_map(|held| held.names(is_run));
+    let names = names.filter_map(|name| name.into_string().ok());
+    let here: Vec<String> = names.filter(|id| is_dead_in(held, id) == Some(true)).collect();
     let mut dead: Vec<(Option<&Folder>, &str)> = here.iter().map(|id| (held, &**id)).collect();
     let marked: Vec<Address> =
         segments.marked().into_iter().filter(|address| is_run_id(address.id())).collect();

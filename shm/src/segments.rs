@@ -48,11 +48,8 @@ impl Segments {
 
     /// The runs of this user that have left a mark, be they dead or alive.
     pub(crate) fn marked(&self) -> Vec<Address> {
-        let marks = self.0.names().filter(|name| {
-            let id = run_of(name);
-            id.is_some_and(|id| name.to_bytes() == mark_of(id).as_bytes())
-        });
-        marks.filter_map(|mark| self.read_mark(&mark)).collect()
+        let marks = self.0.names(is_mark);
+        marks.into_iter().filter_map(|mark| self.read_mark(&mark)).collect()
     }
 
     /// The address in the file `mark`, if that is a mark of this user and of the run that it is named after.
@@ -101,7 +98,8 @@ impl Segments {
     /// for such a segment for ever (`posix_shared_memory::Builder::open_impl` tries again on an empty segment, whatever its
     /// timeout), also when it cleans up after the dead.
     pub(crate) fn remove_unborn(&self, address: &Address) {
-        let mut unborn: Vec<CString> = self.of(address).filter(|name| self.is_empty(name)).collect();
+        let mut unborn: Vec<CString> = self.of(address);
+        unborn.retain(|name| self.is_empty(name));
         for _ in 0..BIRTH_MS {
             if unborn.is_empty() {
                 return;
@@ -116,11 +114,8 @@ impl Segments {
 
     /// Removes all segments of the runs `ids` but their marks.
     pub(crate) fn remove_all(&self, ids: &BTreeSet<String>) {
-        let theirs = self.0.names().filter(|name| {
-            let id = run_of(name).filter(|id| ids.contains(*id));
-            id.is_some_and(|id| name.to_bytes() != mark_of(id).as_bytes())
-        });
-        theirs.for_each(|name| self.remove_own(&name));
+        let is_theirs = |name: &CStr| run_of(name).is_some_and(|id| ids.contains(id)) && !is_mark(name);
+        self.0.names(is_theirs).iter().for_each(|name| self.remove_own(name));
     }
 
     /// Removes the marks of the runs `ids`. The last thing to go: without it, nobody finds what is left.
@@ -138,9 +133,9 @@ impl Segments {
         }
     }
 
-    fn of(&self, address: &Address) -> impl Iterator<Item = CString> + use<> {
+    fn of(&self, address: &Address) -> Vec<CString> {
         let prefix = address.prefix();
-        self.0.names().filter(move |name| name.to_bytes().starts_with(prefix.as_bytes()))
+        self.0.names(|name| name.to_bytes().starts_with(prefix.as_bytes()))
     }
 
     fn is_empty(&self, name: &CStr) -> bool {
@@ -151,6 +146,12 @@ impl Segments {
 /// Name of the mark of the run `id`.
 fn mark_of(id: &str) -> String {
     format!("{PREFIX}{id}_{MARK}")
+}
+
+/// Whether `name` is that of a mark.
+fn is_mark(name: &CStr) -> bool {
+    let run = name.to_bytes().strip_suffix(MARK.as_bytes()).and_then(|rest| rest.strip_suffix(b"_"));
+    run.is_some_and(|run| run.starts_with(PREFIX.as_bytes()) && !run.contains(&b'_'))
 }
 
 /// The id of the run whose segment has this `name`.

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command as Process, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use freeplay_shm::{Address, RunRoot};
+use freeplay_shm::Address;
 use hdrhistogram::Histogram;
 
 use crate::exit::Failure;
 use crate::files::make_folder;
 use crate::histogram_files::read_hlog;
-use crate::processes::Running;
+use crate::processes::{Running, new_run};
 use crate::run::{Contestant, Files, play, play_unseen};
 use crate::scenario::Scenario;
 use crate::setup::Setup;
@@ -114,7 +114,7 @@ impl Stand<'_> {
     }
 
     fn clock(&self) -> Result<ByStage, Failure> {
-        let root = RunRoot::create().map_err(Failure::internal)?;
+        let root = new_run()?;
         let path = self.out.join("blocks").join("clock.hlog");
         self.make_folder()?;
         let cpu = self.scenario.realtime.plant_cpu;
@@ -124,7 +124,7 @@ impl Stand<'_> {
     }
 
     fn exchange(&self) -> Result<ByStage, Failure> {
-        let root = RunRoot::create().map_err(Failure::internal)?;
+        let root = new_run()?;
         let path = self.out.join("blocks").join("exchange.hlog");
         self.make_folder()?;
         let realtime = &self.scenario.realtime;

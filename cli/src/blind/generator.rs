@@ -170,9 +170,11 @@ pub fn made(order: &Order, bar: &ProgressBar) -> Result<Vec<Line>, Failure> {
         let Some(how) = killed else { return Ok(lines) };
         remove_unfinished(&order.folder, &lines)?;
         let cases = order.cases().map_err(Failure::internal)?;
-        // One that is killed before it begins anything would be killed again.
-        let lost =
-            if begun.is_empty() { order.open(cases.len()) } else { (&begun - &ended).into_iter().collect() };
+        let mut lost: Vec<usize> = (&begun - &ended).into_iter().collect();
+        if begun.is_empty() {
+            // Whatever kills it before it begins anything: every attempt costs a case, so there is an end.
+            lost.extend(order.open(cases.len()).first());
+        }
         lines.extend(lost.iter().map(|&index| Line::NotMade {
             asked: order.asked(&cases[index]),
             why: format!("the generator was killed over it ({how})"),

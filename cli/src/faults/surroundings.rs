@@ -4,12 +4,11 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use freeplay_shm::RunRoot;
 use serde::Serialize;
 
 use crate::exit::Failure;
 use crate::files::make_folder;
-use crate::processes::{Running, start_controller, start_plant};
+use crate::processes::{Running, new_run, start_controller, start_plant};
 use crate::run::{Contestant, Files};
 use crate::scenario::{RecordingKind, Scenario};
 use crate::setup::Setup;
@@ -54,7 +53,7 @@ fn plant_killed(scenario: &Scenario, examined: &Contestant, out: &Path) -> Resul
         ..scenario.clone()
     };
     let files = Files::write(&scenario, &Setup::new(&scenario)?, &out.join("plant-killed"))?;
-    let root = RunRoot::create().map_err(Failure::internal)?;
+    let root = new_run()?;
     let mut plant = Running::alone(start_plant(examined, &files, root.address())?);
     let mut controller = start_controller(&scenario, examined, root.address())?;
     let recording = files.out.join(format!("{}.mcap", examined.name()));
