@@ -117,9 +117,12 @@ impl Started {
 
     /// The id of its child process whose command line holds `word`.
     pub fn child_with(&self, word: &str) -> u32 {
-        let list = format!("/proc/{0}/task/{0}/children", self.pid());
+        // The system lists children by the thread that started them.
+        let threads = format!("/proc/{}/task", self.pid());
         self.until(word, || {
-            let ids = std::fs::read_to_string(&list).ok()?;
+            let lists = std::fs::read_dir(&threads).ok()?.flatten();
+            let ids: String =
+                lists.filter_map(|it| std::fs::read_to_string(it.path().join("children")).ok()).collect();
             let mut ids = ids.split_whitespace().filter_map(|id| id.parse().ok());
             ids.find(|id: &u32| {
                 std::fs::read_to_string(format!("/proc/{id}/cmdline"))
