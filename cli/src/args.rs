@@ -88,13 +88,10 @@ enum Command {
 /// # Errors
 /// What the command could not do, with the exit code.
 pub fn dispatch() -> Result<Exit, Failure> {
+    crate::process::end_on_signals()?;
     let command = with_negative_numbers(Cli::command()).color(color_among(std::env::args_os()));
     let cli = Cli::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit());
     cli.common.apply();
-    // A controller leaves its run in order, an executable has its own ways.
-    if !matches!(cli.command, Command::Controller(_)) {
-        crate::process::end_on_signals()?;
-    }
     match cli.command {
         Command::Run(args) => crate::run::run(&args),
         Command::Compare(args) => crate::compare::compare(&args),

@@ -48,6 +48,8 @@ pub struct ControllerArgs {
 /// An unknown name, an executable that can't be started, a run that can't be joined, a task that can't be used.
 pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
     args.with_parent.map_or(Ok(()), crate::process::die_with_parent)?;
+    // A controller leaves its run in order; an executable has its own ways.
+    crate::process::leave_signals_alone();
     if let Some(plan) = &args.faults {
         return crate::faults::saboteur::relay(args, plan);
     }

@@ -38,10 +38,15 @@ pub fn stop_on_signals(stop: &Arc<AtomicBool>) -> Result<(), Failure> {
     // Nobody reads the flag: that the signal is handled is enough for the write to return.
     register(SIGXFSZ, Arc::default()).map_err(Failure::internal)?;
     // Last, so that no signal in between is lost.
+    leave_signals_alone();
+    Ok(())
+}
+
+/// Ends what [`end_on_signals`] has begun.
+pub fn leave_signals_alone() {
     if let Some(at_once) = ENDS_AT_ONCE.get() {
         at_once.store(false, Ordering::Relaxed);
     }
-    Ok(())
 }
 
 /// The signals that ask a process to end. Whoever was started with SIGHUP ignored, as `nohup` does, goes on without a terminal.

@@ -30,6 +30,9 @@ use crate::setup::Setup;
 use crate::summary::{RunSummary, SCHEMA};
 use crate::{run_report, screen, swaps, voice};
 
+/// How much is shown of what the processes of a run that did not begin had to say, bytes: a screenful.
+const LAST_WORDS: usize = 2000;
+
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub enum Format {
@@ -378,6 +381,11 @@ fn play_watched(
     let root = new_run()?;
     let ended = processes(scenario, &members, files, &root, delay, stop, watch)?;
     let exit = exit_of(&ended, &members, left.exists())?;
+    if exit != Exit::Done && !left.exists() {
+        for line in last_lines(&said(contestant, files)) {
+            voice::note(line);
+        }
+    }
     match std::fs::read_to_string(&left) {
         Ok(text) => {
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
@@ -396,6 +404,15 @@ fn play_watched(
         Err(_) if exit != Exit::Done => Ok((exit, None)),
         Err(error) => Err(Failure::internal(format!("{}: {error}", left.display()))),
     }
+}
+
+/// The end of what the processes of a run that was watched on a screen had to say; nothing where they could say it themselves.
+/// Control characters are escaped.
+fn last_lines(said: &Path) -> Vec<String> {
+    let text = std::fs::read(said).unwrap_or_default();
+    let text = String::from_utf8_lossy(&text[text.len().saturating_sub(LAST_WORDS)..]).into_owned();
+    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.lines().map(|line| line.chars().map(escaped).collect()).collect()
 }
 
 /// Starts the processes of a run, the first of `members` in charge, and waits until it has ended.

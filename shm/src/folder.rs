@@ -107,10 +107,9 @@ impl Folder {
             return Err(ErrorKind::CrossesDevices.into());
         }
         for name in folder.names(|_| true) {
-            match unlinkat(&folder.0, &name, AtFlags::empty()) {
-                // Linux says the first of a directory, POSIX the second. What stays keeps the directory from being removed.
-                Err(Errno::ISDIR | Errno::PERM) => drop(folder.remove_tree(&*name)),
-                _ => (),
+            // Linux says the first of a directory, POSIX the second. What stays keeps the directory from being removed.
+            if let Err(Errno::ISDIR | Errno::PERM) = unlinkat(&folder.0, &name, AtFlags::empty()) {
+                let _ = folder.remove_tree(&*name);
             }
         }
         self.remove_empty(name)
