@@ -108,6 +108,9 @@ pub enum Line {
     },
 }
 
+/// What the process tells of a case: its place in the draw, and what came of it, which is nothing yet when it is begun.
+type Told = (usize, Option<Line>);
+
 /// The process: reads an [`Order`] from standard input and writes the cases. Of each it tells its place in the draw on standard
 /// output, when it is begun, and again with the [`Line`] that says what came of it.
 ///
@@ -121,8 +124,7 @@ pub fn generate(args: &GenerateArgs) -> Result<Exit, Failure> {
     let cases = order.cases().map_err(Failure::internal)?;
     let names = names(order.seed, cases.len());
     let open = order.open(cases.len());
-    let tell =
-        |line: &(usize, Option<Line>)| say(&(serde_json::to_string(line).map_err(Failure::internal)? + "\n"));
+    let tell = |line: &Told| say(&(serde_json::to_string(line).map_err(Failure::internal)? + "\n"));
     on_cores(order.jobs, open.len(), |at| {
         let index = open[at];
         tell(&(index, None))?;
@@ -187,10 +189,7 @@ pub fn made(order: &Order, bar: &ProgressBar) -> Result<Vec<Line>, Failure> {
 }
 
 /// What one process told of `order`, each with the place in the draw; and how it ended, if it was killed.
-fn made_until_killed(
-    order: &Order,
-    bar: &ProgressBar,
-) -> Result<(Vec<(usize, Option<Line>)>, Option<ExitStatus>), Failure> {
+fn made_until_killed(order: &Order, bar: &ProgressBar) -> Result<(Vec<Told>, Option<ExitStatus>), Failure> {
     let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
     command.arg("blind-generate").args(["--with-parent", &std::process::id().to_string()]);
     command.stdin(Stdio::piped()).stdout(Stdio::piped());
@@ -203,7 +202,7 @@ fn made_until_killed(
     let mut garbled = None;
     if let Some(pipe) = child.0.stdout.take() {
         for line in BufReader::new(pipe).split(b'\n') {
-            match serde_json::from_slice::<(usize, Option<Line>)>(&line.map_err(Failure::internal)?) {
+            match serde_json::from_slice::<Told>(&line.map_err(Failure::internal)?) {
                 Ok(line) => {
                     bar.inc(u64::from(line.1.is_some()));
                     told.push(line);
