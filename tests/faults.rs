@@ -253,8 +253,13 @@ fn a_controller_that_never_comes_is_told_by_name() {
         ("nobody", "", 2, &["no controller \"nobody\"", "computed-torque", "give the path"]),
         ("./nobody", "", 3, &["controller ./nobody", "no such executable"]),
         (&plain, "", 3, &["plain", "not executable", "chmod +x"]),
-        (&broken, "", 5, &["cannot start the controller", "broken", "no controller came within 2s"]),
-        (&faulty, "leave", 5, &["no controller came within 2s", "ended before the run did (exit code 7)"]),
+        (&broken, "", 5, &["cannot start the controller", "broken", "ended before it joined the run"]),
+        (
+            &faulty,
+            "leave",
+            5,
+            &["its process ended before it joined", "ended before it joined the run (exit code 7)"],
+        ),
         (&faulty, "mute", 5, &["no controller came within 2s", "did not answer in time"]),
         (
             &faulty,

@@ -75,6 +75,9 @@ enum Command {
     /// The process of a built-in controller; `freeplay run` starts it.
     #[command(hide = true)]
     Controller(freeplay_harness::controller_command::ControllerArgs),
+    /// The process that ends a controller with its run; `freeplay run` starts it.
+    #[command(hide = true)]
+    Guard,
     /// A yardstick of `freeplay bench`, which starts it.
     #[command(hide = true)]
     Yardstick(freeplay_exam::bench::YardstickArgs),
@@ -85,6 +88,7 @@ enum Command {
 /// # Errors
 /// What the command could not do, with the exit code.
 pub fn dispatch() -> Result<Exit, Failure> {
+    freeplay_terminal::process::end_on_signals()?;
     let command = with_negative_numbers(Cli::command()).color(color_among(std::env::args_os()));
     let cli = Cli::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit());
     cli.common.apply();
@@ -114,6 +118,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Completions(args) => crate::manual::completions(&args, Cli::command()),
         Command::Man(args) => crate::manual::man(&args, Cli::command()),
         Command::ExitCodes => crate::manual::exit_codes(),
+        Command::Guard => freeplay_terminal::guard::guard(),
         Command::Plant(args) => freeplay_harness::plant_command::plant(&args),
         Command::Controller(args) => crate::controller::controller(&args),
     }

@@ -3,6 +3,8 @@
 //! Modules: `args` (the command line), `manual`; `compare`, `diagnose` with `diagnose_screen`, `excite`, `inputs` (models beside
 //! recordings); `record`, `scenario_command`, `controller`.
 
+use std::io::Write;
+
 mod args;
 mod compare;
 mod controller;
@@ -22,7 +24,8 @@ fn main() -> std::process::ExitCode {
     match args::dispatch() {
         Ok(exit) => exit.into(),
         Err(failure) => {
-            eprintln!("freeplay: {failure}");
+            // A terminal that has hung up takes no words.
+            let _ = writeln!(std::io::stderr(), "freeplay: {failure}");
             failure.exit.into()
         }
     }

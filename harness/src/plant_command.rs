@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::time::{Instant, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use clap::Args;
 use crossbeam::queue::ArrayQueue;
@@ -21,6 +21,9 @@ use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::setup::{Setup, realtime_request};
 use crate::summary::{RunFacts, RunSummary};
 use crate::swaps;
+
+/// How long controllers that the system kills may keep their seats.
+const LAST_SEAT: Duration = Duration::from_millis(100);
 
 /// Plays the machine of one run; `freeplay run` starts it.
 #[derive(Args, Debug)]
@@ -56,9 +59,7 @@ pub struct PlantArgs {
 /// # Errors
 /// Bad input; no controller; a motion that can't be integrated.
 pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
-    args.with_parent.map_or(Ok(()), freeplay_terminal::process::end_with_parent)?;
-    let stop = Arc::new(AtomicBool::new(false));
-    freeplay_terminal::process::stop_on_signals(&stop)?;
+    args.with_parent.map_or(Ok(()), freeplay_terminal::process::stop_with_parent)?;
     let scenario = Scenario::load(Some(&args.scenario), &[]).map_err(Failure::input)?;
     let mut setup = Setup::new(&scenario)?;
     let names = swaps::names(args.controller.as_deref().unwrap_or(&args.name), &scenario.standby);
@@ -73,6 +74,9 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
         ticks: setup.plant.ticks,
         task: args.task.display().to_string(),
     };
+    // Until now nothing has to be left in order: a signal has ended this process at once, also amidst long preparations.
+    let stop = Arc::new(AtomicBool::new(false));
+    freeplay_terminal::process::stop_on_signals(&stop)?;
     let link = PlantLink::open(&address, names.len(), offer).map_err(Failure::internal)?;
     let queue = Arc::new(ArrayQueue::new(QUEUE));
     let plays: Vec<String> = setup.plays().into_iter().map(|(joint, _)| joint).collect();
@@ -140,10 +144,23 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     write(&args.out.join(format!("{}.json", args.name)), &text)?;
     write_hlog(&args.out.join(format!("{}.hlog", args.name)), plant.stages(), began, clock.elapsed())?;
     write_hgrm(&args.out, &args.name, plant.stages())?;
+    if args.with_parent.is_some_and(|parent| !freeplay_terminal::process::lives(parent)) {
+        // The system kills the controllers of a killed run. Who is last in a run removes it.
+        await_free_seats(&plant);
+    }
     Ok(match exit(&outcome) {
         Exit::Done if fault.is_some() => Exit::Input,
         exit => exit,
     })
+}
+
+/// Waits until no controller of `plant` lives, but not for long.
+fn await_free_seats(plant: &Plant) {
+    let begun = Instant::now();
+    let slots = 0..plant.line_up().len();
+    while slots.clone().any(|slot| plant.is_held(slot)) && begun.elapsed() < LAST_SEAT {
+        std::thread::sleep(Duration::from_millis(1));
+    }
 }
 
 /// "lockstep" or "realtime".
@@ -185,7 +202,7 @@ fn failure(error: PlantError) -> Failure {
     match error {
         // Somebody came but did not fit: that is a matter of configuration.
         PlantError::NoController { ref refused, .. } if !refused.is_empty() => Failure::input(error),
-        PlantError::NoController { .. } => Failure::peer(error),
+        PlantError::NoController { .. } | PlantError::ControllerEnded { .. } => Failure::peer(error),
         PlantError::Law(_) | PlantError::TooManyJoints { .. } => Failure::input(error),
         PlantError::System(_) => Failure { exit: Exit::Verdict, message: error.to_string() },
         PlantError::Link(_) | PlantError::Histogram(_) => Failure::internal(error),

@@ -1,5 +1,6 @@
 //! The processes of one run: how they are started, looked after and ended.
 
+use std::io::Write;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -7,14 +8,29 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use freeplay_controller::serve::SLOT_ENV;
-use freeplay_shm::{Address, RUN_ENV};
+use freeplay_shm::{Address, LinkError, RUN_ENV, RunRoot};
 use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::guard::Group;
 use freeplay_terminal::process::Running;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::live::Watch;
 use crate::run::{Contestant, Files};
 use crate::scenario::{Pacing, Scenario};
+
+/// Makes a new run in shared memory.
+///
+/// # Errors
+/// A place for it that another user has taken or could take, or that is none; else what the system says.
+pub fn new_run() -> Result<RunRoot, Failure> {
+    RunRoot::create().map_err(|error| match &error {
+        LinkError::NotPrivate { .. } | LinkError::NoFolder { .. } | LinkError::Open { .. } => {
+            Failure::input(error)
+        }
+        LinkError::BadAddress { .. } => Failure::input(error),
+        _ => Failure::internal(error),
+    })
+}
 
 /// Starts the plant of a run with the controller `contestant` in charge.
 ///
@@ -71,7 +87,7 @@ pub fn start_controller(
     scenario: &Scenario,
     contestant: &Contestant,
     address: &Address,
-) -> Result<Child, Failure> {
+) -> Result<Running, Failure> {
     start_in_slot(scenario, contestant, 0, address, Stdio::inherit())
 }
 
@@ -85,8 +101,13 @@ pub fn start_in_slot(
     slot: usize,
     address: &Address,
     stderr: Stdio,
-) -> Result<Child, Failure> {
-    controller_command(scenario, contestant, slot)?
+) -> Result<Running, Failure> {
+    let mut command = controller_command(scenario, contestant, slot)?;
+    let group = contestant.executable.is_some().then(Group::start).transpose()?;
+    if let Some(group) = &group {
+        group.take(&mut command);
+    }
+    let child = command
         .env(RUN_ENV, address.to_string())
         .env(SLOT_ENV, slot.to_string())
         .stdin(Stdio::null())
@@ -95,7 +116,8 @@ pub fn start_in_slot(
         .spawn()
         .map_err(|error| {
             Failure::peer(format!("cannot start the controller {}: {error}", contestant.asked()))
-        })
+        })?;
+    Ok(Running::new(child, group))
 }
 
 /// This program, which an executable takes over: so it ends with this process, too.
@@ -138,28 +160,35 @@ const LAST_ANSWER: Duration = Duration::from_millis(300);
 /// How the processes of a run ended.
 pub struct Ended {
     plant: ExitStatus,
-    /// The controller that began, if it ended before the plant did.
-    controller: Option<ExitStatus>,
+    /// The controllers by slot, if they ended before the plant did.
+    controllers: Vec<Option<ExitStatus>>,
 }
 
-/// Waits for the plant; `look` is called again and again meanwhile. Without a controller the plant brakes and plays the run to
-/// its end, or gives up when nobody came.
+/// Waits for the plant of `root`; `look` is called again and again meanwhile. Without a controller the plant brakes and plays the
+/// run to its end, or gives up when nobody came; it is told of controllers that will not come.
 ///
 /// # Errors
 /// A plant that does not end; what `look` says.
 pub fn supervise(
+    root: &RunRoot,
     plant: &mut Child,
     controllers: &mut [Running],
     stop: &AtomicBool,
     mut look: impl FnMut(&mut [Running]) -> Result<(), Failure>,
 ) -> Result<Ended, Failure> {
-    let (mut asked_to_stop, mut controller_left): (Option<Instant>, Option<ExitStatus>) = (None, None);
+    let mut asked_to_stop: Option<Instant> = None;
+    let mut left: Vec<Option<ExitStatus>> = vec![None; controllers.len()];
     loop {
         if let Some(status) = plant.try_wait().map_err(Failure::internal)? {
-            return Ok(Ended { plant: status, controller: controller_left });
+            return Ok(Ended { plant: status, controllers: left });
         }
-        if let Some(Running(controller)) = controllers.first_mut() {
-            controller_left = controller_left.or(controller.try_wait().map_err(Failure::internal)?);
+        for (slot, (left, controller)) in left.iter_mut().zip(controllers.iter_mut()).enumerate() {
+            if left.is_none() {
+                *left = controller.0.try_wait().map_err(Failure::internal)?;
+                if left.is_some() {
+                    root.tell_ended(slot);
+                }
+            }
         }
         look(controllers)?;
         if stop.load(Ordering::Relaxed) {
@@ -186,11 +215,16 @@ fn terminate(child: &Child) {
     }
 }
 
-/// What a run of `contestant` came to, from how its processes `ended`.
+/// Says what is wrong, to a terminal that may have hung up.
+fn complain(words: &str) {
+    let _ = writeln!(std::io::stderr(), "freeplay: {words}");
+}
+
+/// What a run of `members`, the first in charge, came to, from how its processes `ended`; `has_begun` if all of them came.
 ///
 /// # Errors
 /// A plant that failed.
-pub fn exit(ended: &Ended, contestant: &Contestant) -> Result<Exit, Failure> {
+pub fn exit(ended: &Ended, members: &[Contestant], has_begun: bool) -> Result<Exit, Failure> {
     let said = |status: ExitStatus| match status.code() {
         Some(code) => format!("exit code {code}"),
         None => format!("{status}"),
@@ -200,13 +234,28 @@ pub fn exit(ended: &Ended, contestant: &Contestant) -> Result<Exit, Failure> {
         Some(1) => Ok(Exit::Verdict),
         Some(3) => Ok(Exit::Input),
         Some(5) => {
-            let how = match ended.controller {
-                Some(status) if !status.success() => format!("ended before the run did ({})", said(status)),
-                _ => "did not answer in time".to_owned(),
-            };
-            eprintln!("freeplay: the controller {} {how}", contestant.asked());
+            let first = ended.controllers.first().copied().flatten();
+            for (member, status) in members.iter().zip(&ended.controllers) {
+                if let (Some(status), false) = (status, has_begun) {
+                    let status = said(*status);
+                    eprintln!(
+                        "freeplay: the controller {} ended before it joined the run ({status})",
+                        member.asked()
+                    );
+                }
+            }
+            if has_begun || ended.controllers.iter().all(Option::is_none) {
+                let how = match first {
+                    Some(status) if !status.success() => {
+                        format!("ended before the run did ({})", said(status))
+                    }
+                    _ => "did not answer in time".to_owned(),
+                };
+                let asked = members.first().map_or("", Contestant::asked);
+                complain(&format!("the controller {asked} {how}"));
+            }
             // By the contract of exit codes it had said what is wrong with its input.
-            let refused = ended.controller.and_then(|status| status.code()) == Some(3);
+            let refused = first.and_then(|status| status.code()) == Some(3);
             Ok(if refused { Exit::Input } else { Exit::Peer })
         }
         Some(130) => Ok(Exit::Interrupted),

@@ -2,18 +2,20 @@
 
 use std::path::PathBuf;
 use std::process::Child;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use clap::Args;
 use freeplay_recording::Recording;
-use freeplay_shm::{Backoff, Command, Greeting, Offer, Pace, PlantLink, RunRoot, now_ns};
+use freeplay_shm::{Backoff, Command, Greeting, Offer, Pace, PlantLink, now_ns};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::output::say;
 use serde::Serialize;
 
 use crate::columns::state_at;
-use crate::processes::start_controller;
+use crate::processes::{new_run, start_controller};
 use crate::run::Contestant;
 use crate::scenario::{Pacing, Scenario};
 use crate::setup::Setup;
@@ -86,7 +88,9 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     let setup = Setup::new(&scenario)?;
     let task = setup.write_task(&scenario, folder.path())?;
     let contestant = Contestant::of(&args.against)?;
-    let root = RunRoot::create().map_err(Failure::internal)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    freeplay_terminal::process::stop_on_signals(&stop)?;
+    let root = new_run()?;
     let offer = Offer {
         joints: recording.joints(),
         mode: setup.plant.mode,
@@ -97,11 +101,9 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     };
     let mut link = PlantLink::open(root.address(), 1, offer).map_err(Failure::internal)?;
     let mut controller = start_controller(&scenario, &contestant, root.address())?;
-    let outcome = feed(&mut link, &mut controller, &recording, &setup, root.address().run(), &args.against);
-    // It may have ended by itself.
-    let _ = controller.kill();
-    let _ = controller.wait();
-    let difference = outcome?;
+    let outcome = feed(&mut link, &mut controller.0, &recording, &setup, root.address().run(), &stop);
+    drop(controller);
+    let difference = Difference { controller: args.against.clone(), ..outcome? };
     match args.format {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&difference).map_err(Failure::internal)?))?
@@ -134,13 +136,16 @@ fn feed(
     recording: &Recording,
     setup: &Setup,
     run: u64,
-    name: &str,
+    stop: &AtomicBool,
 ) -> Result<Difference, Failure> {
     greet(link, controller)?;
-    let mut difference =
-        Difference { schema: "freeplay.replay/1", controller: name.to_owned(), ..Difference::default() };
+    let mut difference = Difference { schema: "freeplay.replay/1", ..Difference::default() };
     let joints = recording.joints();
     for index in 0..recording.len() {
+        if stop.load(Ordering::Relaxed) {
+            let message = format!("interrupted before tick {index}");
+            return Err(Failure { exit: Exit::Interrupted, message });
+        }
         let state = state_at(recording, index, run, setup.plant.mode, setup.plant.period_ns);
         let mut state =
             state.ok_or_else(|| Failure::input("the recording lacks columns that `freeplay run` writes"))?;

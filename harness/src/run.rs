@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::Args;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
-use freeplay_shm::{Address, RunRoot};
+use freeplay_shm::RunRoot;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
@@ -24,14 +24,17 @@ use sha2::{Digest, Sha256};
 
 use crate::live::{Title, Watch};
 use crate::plant_command::pace_name;
-use crate::processes::{Ended, exit as exit_of, start_in_slot, start_plant, start_watched_plant, supervise};
-use crate::run_report;
+use crate::processes::{
+    Ended, exit as exit_of, new_run, start_in_slot, start_plant, start_watched_plant, supervise,
+};
 use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
 use crate::scenario_place::located;
-use crate::screen;
 use crate::setup::Setup;
 use crate::summary::{RunSummary, SCHEMA};
-use crate::swaps;
+use crate::{run_report, screen, swaps};
+
+/// How much is shown of what the processes of a run that did not begin had to say, bytes: a screenful.
+const LAST_WORDS: usize = 2000;
 
 /// Runs a scenario.
 #[derive(Args, Debug)]
@@ -178,6 +181,10 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
         let ended = play_watched(&scenario, contestant, &files, args.controller_delay, &stop, watch);
         progress.finish_and_clear();
         match ended {
+            Err(error) if stop.load(Ordering::Relaxed) => {
+                // It was asked to end, and so it does, whatever came of it.
+                messages::note(&error.message);
+            }
             Err(error) => {
                 failure = Some(error);
                 break;
@@ -364,9 +371,14 @@ fn play_watched(
     let members: Vec<Contestant> = std::iter::once(Ok(contestant.clone()))
         .chain(scenario.standby.iter().map(|asked| Contestant::of(asked)))
         .collect::<Result<_, _>>()?;
-    let root = RunRoot::create().map_err(Failure::internal)?;
-    let ended = processes(scenario, &members, files, root.address(), delay, stop, watch)?;
-    let exit = exit_of(&ended, contestant)?;
+    let root = new_run()?;
+    let ended = processes(scenario, &members, files, &root, delay, stop, watch)?;
+    let exit = exit_of(&ended, &members, left.exists())?;
+    if exit != Exit::Done && !left.exists() {
+        for line in last_lines(&said(contestant, files)) {
+            messages::note(line);
+        }
+    }
     match std::fs::read_to_string(&left) {
         Ok(text) => {
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
@@ -387,20 +399,27 @@ fn play_watched(
     }
 }
 
+/// The end of what the processes of a run that was watched on a screen had to say; nothing where they could say it themselves.
+/// Control characters are escaped.
+fn last_lines(said: &Path) -> Vec<String> {
+    let text = std::fs::read(said).unwrap_or_default();
+    let text = String::from_utf8_lossy(&text[text.len().saturating_sub(LAST_WORDS)..]).into_owned();
+    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.lines().map(|line| line.chars().map(escaped).collect()).collect()
+}
+
 /// Starts the processes of a run, the first of `members` in charge, and waits until it has ended.
 fn processes(
     scenario: &Scenario,
     members: &[Contestant],
     files: &Files,
-    address: &Address,
+    root: &RunRoot,
     delay: f64,
     stop: &AtomicBool,
     mut watch: Option<Watch>,
 ) -> Result<Ended, Failure> {
-    let wait = Duration::from_secs_f64(delay.abs().min(60.0));
-    let start = |slot: usize, stderr: Stdio| {
-        start_in_slot(scenario, &members[slot], slot, address, stderr).map(Running)
-    };
+    let (address, wait) = (root.address(), Duration::from_secs_f64(delay.abs().min(60.0)));
+    let start = |slot: usize, stderr: Stdio| start_in_slot(scenario, &members[slot], slot, address, stderr);
     let stderr = |watch: &Option<Watch>| watch.as_ref().map_or_else(|| Ok(Stdio::inherit()), Watch::stderr);
     let start_all = |watch: &Option<Watch>| -> Result<Vec<Running>, Failure> {
         (0..members.len()).map(|slot| start(slot, stderr(watch)?)).collect()
@@ -410,7 +429,7 @@ fn processes(
         controllers = start_all(&watch)?;
         std::thread::sleep(wait);
     }
-    let mut plant = Running(match &mut watch {
+    let mut plant = Running::alone(match &mut watch {
         Some(watch) => start_watched_plant(&members[0], files, address, watch)?,
         None => start_plant(&members[0], files, address)?,
     });
@@ -418,7 +437,7 @@ fn processes(
         std::thread::sleep(wait);
         controllers = start_all(&watch)?;
     }
-    let ended = supervise(&mut plant.0, &mut controllers, stop, |controllers| {
+    let ended = supervise(root, &mut plant.0, &mut controllers, stop, |controllers| {
         if let Some(watch) = &mut watch {
             stop.fetch_or(watch.look(controllers, &start)?, Ordering::Relaxed);
         }

@@ -6,12 +6,14 @@
 //! - [`messages`]: progress, notes, details and colour, on standard error.
 //! - [`files`]: files that a person names, and errors that say what to do.
 //! - [`process`]: signals, parents and child processes.
+//! - [`guard`]: the process that ends an executable, with all that it has started, with its run.
 //! - [`parallel`]: the same work for many cases, on several cores.
 //! - [`hex`]: bytes as text.
 
 pub mod arguments;
 pub mod exit;
 pub mod files;
+pub mod guard;
 pub mod hex;
 pub mod messages;
 pub mod output;

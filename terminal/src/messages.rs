@@ -4,6 +4,7 @@
 
 use std::ffi::OsString;
 use std::fmt::Display;
+use std::io::Write;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
@@ -79,7 +80,8 @@ pub fn is_coloured() -> bool {
 /// Says something worth knowing beside the results, unless --quiet.
 pub fn note(words: impl Display) {
     if !is_quiet() {
-        eprintln!("{words}");
+        // A terminal that has hung up takes no words.
+        let _ = writeln!(std::io::stderr(), "{words}");
     }
 }
 

@@ -6,11 +6,12 @@ use std::process::{Command as Process, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use freeplay_harness::histogram_files::read_hlog;
+use freeplay_harness::processes::new_run;
 use freeplay_harness::run::{Contestant, Files, play, play_unseen};
 use freeplay_harness::scenario::Scenario;
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
-use freeplay_shm::{Address, RunRoot};
+use freeplay_shm::Address;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::make_folder;
 use freeplay_terminal::process::Running;
@@ -113,7 +114,7 @@ impl Stand<'_> {
     }
 
     fn clock(&self) -> Result<ByStage, Failure> {
-        let root = RunRoot::create().map_err(Failure::internal)?;
+        let root = new_run()?;
         let path = self.out.join("blocks").join("clock.hlog");
         self.make_folder()?;
         let cpu = self.scenario.realtime.plant_cpu;
@@ -123,7 +124,7 @@ impl Stand<'_> {
     }
 
     fn exchange(&self) -> Result<ByStage, Failure> {
-        let root = RunRoot::create().map_err(Failure::internal)?;
+        let root = new_run()?;
         let path = self.out.join("blocks").join("exchange.hlog");
         self.make_folder()?;
         let realtime = &self.scenario.realtime;
@@ -166,7 +167,9 @@ impl Stand<'_> {
             process.arg("--out").arg(path);
         }
         let child = process.stdin(Stdio::null()).stdout(Stdio::null()).spawn();
-        child.map(Running).map_err(|error| Failure::internal(format!("cannot start a yardstick: {error}")))
+        child
+            .map(Running::alone)
+            .map_err(|error| Failure::internal(format!("cannot start a yardstick: {error}")))
     }
 }
 

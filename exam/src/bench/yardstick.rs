@@ -72,7 +72,7 @@ pub struct YardstickArgs {
 /// # Errors
 /// A run that can't be joined; a peer that does not come; a file that can't be written.
 pub fn yardstick(args: &YardstickArgs) -> Result<Exit, Failure> {
-    args.with_parent.map_or(Ok(()), freeplay_terminal::process::end_with_parent)?;
+    args.with_parent.map_or(Ok(()), freeplay_terminal::process::die_with_parent)?;
     let address = Address::parse(&args.run).map_err(Failure::usage)?;
     let request = RtRequest { priority: args.priority, cpu: args.cpu, lock_memory: args.lock_memory };
     let mut stages = Stages::new().map_err(Failure::internal)?;

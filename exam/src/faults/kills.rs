@@ -47,6 +47,8 @@ struct Tally {
     recordings_that_do_not_open: u32,
     /// Kills after which something was left in shared memory, for the next run to sweep.
     left_and_swept: u32,
+    /// How long the processes of a killed run outlived it at most, ms.
+    slowest_orphan_ms: f64,
     /// Files of all these runs that are in shared memory at the end.
     files_left: usize,
     #[serde(skip)]
@@ -93,9 +95,12 @@ fn kill_one(
     let mut run = start(controller, &folder, &["duration=6", "recording=mcap", "patience=2"])?;
     let begun = Instant::now();
     let mut struck = false;
-    while !struck && begun.elapsed() < after + Duration::from_millis(200) {
+    // On a busy machine the victim comes late.
+    while !struck && begun.elapsed() < LONGEST && run.try_wait().map_err(Failure::internal)?.is_none() {
         std::thread::sleep(after.saturating_sub(begun.elapsed()).max(LOOK));
+        let orphans = if victim == Victim::Run { children_of(run.id()) } else { Vec::new() };
         struck = pid_of(victim, run.id()).is_some_and(kill);
+        tally.slowest_orphan_ms = tally.slowest_orphan_ms.max(outlive_ms(&orphans));
     }
     tally.kills += 1;
     tally.struck += u32::from(struck);
@@ -164,11 +169,30 @@ fn pid_of(victim: Victim, run: u32) -> Option<u32> {
         Victim::Plant => "plant",
         Victim::Controller => "controller",
     };
-    let children = std::fs::read_to_string(format!("/proc/{run}/task/{run}/children")).ok()?;
-    children.split_whitespace().filter_map(|id| id.parse().ok()).find(|id: &u32| {
+    children_of(run).into_iter().find(|id| {
         let line = std::fs::read_to_string(format!("/proc/{id}/cmdline")).unwrap_or_default();
         line.split('\0').nth(1) == Some(word)
     })
+}
+
+/// The processes that the process `run` has started and that live.
+fn children_of(run: u32) -> Vec<u32> {
+    let children = std::fs::read_to_string(format!("/proc/{run}/task/{run}/children")).unwrap_or_default();
+    children.split_whitespace().filter_map(|id| id.parse().ok()).collect()
+}
+
+/// How long it takes until none of the processes `orphans` runs, ms; one that has ended and that nobody has asked for is no more.
+fn outlive_ms(orphans: &[u32]) -> f64 {
+    let begun = Instant::now();
+    let runs = |pid: &u32| {
+        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+        // The state follows the name, which is in brackets.
+        stat.rsplit_once(") ").is_some_and(|(_, rest)| !rest.starts_with(['Z', 'X']))
+    };
+    while orphans.iter().any(runs) && begun.elapsed() < LONGEST {
+        std::thread::sleep(LOOK);
+    }
+    if orphans.is_empty() { 0.0 } else { begun.elapsed().as_secs_f64() * 1e3 }
 }
 
 fn kill(pid: u32) -> bool {

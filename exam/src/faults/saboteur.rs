@@ -14,7 +14,7 @@ use std::time::Duration;
 use freeplay_harness::controller_command::ControllerArgs;
 use freeplay_shm::{
     Address, Backoff, Command, ControllerLink, Greeting, Hello, LinkError, Offer, Pace, PlantLink, RUN_ENV,
-    RtRequest, RunRoot, State, Welcome, now_ns, realtime, sleep_then_spin_until,
+    RtRequest, State, Welcome, now_ns, realtime, sleep_then_spin_until,
 };
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::read_json;
@@ -24,6 +24,7 @@ use rustix::process::{Pid, Signal, getpid, kill_process};
 
 use crate::faults::kinds::{Injection, Kind, Plan};
 use crate::faults::spoil::Spoiler;
+use freeplay_harness::processes::new_run;
 
 /// How long to wait for the plant's welcome and for the controller's hello.
 const PATIENCE: Duration = Duration::from_secs(10);
@@ -50,7 +51,7 @@ pub fn relay(args: &ControllerArgs, plan: &Path) -> Result<Exit, Failure> {
     let name = args.name.file_name().unwrap_or(args.name.as_os_str()).to_string_lossy();
     let hello = Hello::new(&name, args.slot, 0);
     let (outer, welcome) = ControllerLink::connect(&address, hello, PATIENCE).map_err(link_failure)?;
-    let root = RunRoot::create().map_err(Failure::internal)?;
+    let root = new_run()?;
     let offer = offer(&welcome).ok_or_else(|| Failure::input("the plant's welcome is of another version"))?;
     let pace = offer.pace;
     let mut inner = PlantLink::open(root.address(), 1, offer).map_err(Failure::internal)?;

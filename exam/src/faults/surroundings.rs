@@ -4,11 +4,10 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use freeplay_harness::processes::{start_controller, start_plant};
+use freeplay_harness::processes::{new_run, start_controller, start_plant};
 use freeplay_harness::run::{Contestant, Files};
 use freeplay_harness::scenario::{RecordingKind, Scenario};
 use freeplay_harness::setup::Setup;
-use freeplay_shm::RunRoot;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::make_folder;
 use freeplay_terminal::process::Running;
@@ -54,9 +53,9 @@ fn plant_killed(scenario: &Scenario, examined: &Contestant, out: &Path) -> Resul
         ..scenario.clone()
     };
     let files = Files::write(&scenario, &Setup::new(&scenario)?, &out.join("plant-killed"))?;
-    let root = RunRoot::create().map_err(Failure::internal)?;
-    let mut plant = Running(start_plant(examined, &files, root.address())?);
-    let mut controller = Running(start_controller(&scenario, examined, root.address())?);
+    let root = new_run()?;
+    let mut plant = Running::alone(start_plant(examined, &files, root.address())?);
+    let mut controller = start_controller(&scenario, examined, root.address())?;
     let recording = files.out.join(format!("{}.mcap", examined.name()));
     let begun = Instant::now();
     while freeplay_recording::read(&recording, None).is_err() && begun.elapsed() < LONGEST {
@@ -102,7 +101,7 @@ fn memory_full(controller: &str, size: &str, out: &Path) -> Result<Surrounding, 
     command.arg("--out").arg(&folder).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
     let untried = |why: &str| Surrounding { fault, holds: None, found: why.to_owned() };
     let Ok(child) = command.spawn() else { return Ok(untried("not tried: no unshare here")) };
-    let mut run = Running(child);
+    let mut run = Running::alone(child);
     let status = ends(&mut run.0)?;
     if !folder.join("mounted").exists() {
         return Ok(untried("not tried: this user may not mount a small shared memory"));

@@ -112,6 +112,17 @@ pub enum PlantError {
         /// Who knocked and was refused.
         refused: Vec<String>,
     },
+    /// The process of a controller ended before it came.
+    #[error("no controller to wait for in {}: its process ended before it joined the run", said_slots(.slots))]
+    ControllerEnded {
+        /// The slots that stay empty.
+        slots: Vec<usize>,
+    },
+}
+
+fn said_slots(slots: &[usize]) -> String {
+    let numbers: Vec<String> = slots.iter().map(ToString::to_string).collect();
+    format!("slot {}", numbers.join(", "))
 }
 
 fn said_missing(missing: &[usize]) -> String {

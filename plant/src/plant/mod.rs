@@ -152,6 +152,11 @@ impl Plant {
         self.link.foreign(slot)
     }
 
+    /// Whether a living controller holds `slot`.
+    pub fn is_held(&self, slot: usize) -> bool {
+        self.link.is_held(slot)
+    }
+
     /// Number of joints of the arm.
     pub fn joints(&self) -> usize {
         self.config.arm.dof()

@@ -94,6 +94,9 @@ impl Plant {
         let deadline = now_ns() + self.config.patience.as_nanos() as u64;
         let mut names: Vec<Option<String>> = vec![None; self.line_up.len()];
         while !stop.load(Ordering::Relaxed) {
+            // Asked before the last look at the door: whoever was refused has ended, too.
+            let ended: Vec<usize> =
+                (0..names.len()).filter(|&slot| names[slot].is_none() && self.link.has_ended(slot)).collect();
             for greeting in self.link.greet()? {
                 match greeting {
                     Greeting::Accepted { slot, name, pid } => {
@@ -106,7 +109,11 @@ impl Plant {
             if names.iter().all(Option::is_some) {
                 return Ok(Some(names.into_iter().flatten().collect()));
             }
-            if now_ns() > deadline {
+            let ended: Vec<usize> = ended.into_iter().filter(|&slot| names[slot].is_none()).collect();
+            if !ended.is_empty() && refused.is_empty() {
+                return Err(PlantError::ControllerEnded { slots: ended });
+            }
+            if now_ns() > deadline || !ended.is_empty() {
                 let several = names.len() > 1;
                 return Err(PlantError::NoController {
                     missing: (0..names.len()).filter(|&slot| several && names[slot].is_none()).collect(),

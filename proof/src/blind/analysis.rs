@@ -134,7 +134,7 @@ impl Analysts {
         self.lures.tell(&mut command);
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::null());
         let mut child =
-            Running(command.spawn().map_err(|error| Failure::internal(format!("analyst: {error}")))?);
+            Running::alone(command.spawn().map_err(|error| Failure::internal(format!("analyst: {error}")))?);
         let Some(mut pipe) = child.0.stdout.take() else {
             return Err(Failure::internal("an analyst has no standard output"));
         };
@@ -146,10 +146,10 @@ impl Analysts {
         drop(child);
         let said =
             reader.join().map_err(|_| Failure::internal("the reader of an analyst's answer panicked"))?;
-        let text = said.map_err(Failure::internal)?;
-        Ok(match ended {
-            Err(why) => Answer::failed(why),
-            Ok(()) => serde_json::from_str(&text)
+        Ok(match (ended, said) {
+            (Err(why), _) => Answer::failed(why),
+            (Ok(()), Err(error)) => Answer::failed(format!("its answer can't be read: {error}")),
+            (Ok(()), Ok(text)) => serde_json::from_str(&text)
                 .unwrap_or_else(|error| Answer::failed(format!("its answer can't be read: {error}"))),
         })
     }

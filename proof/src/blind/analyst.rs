@@ -6,7 +6,7 @@ use clap::Args;
 use freeplay_diagnosis::{DiagnoseSettings, diagnose};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::output::say;
-use freeplay_terminal::process::end_with_parent;
+use freeplay_terminal::process::die_with_parent;
 use rustix::time::{ClockId, clock_gettime};
 
 use super::answer::Answer;
@@ -38,7 +38,7 @@ pub struct AnalystArgs {
 /// # Errors
 /// Standard output can't be written.
 pub fn analyst(args: &AnalystArgs) -> Result<Exit, Failure> {
-    end_with_parent(args.with_parent)?;
+    die_with_parent(args.with_parent)?;
     let lures = Lures { canary: args.canary.clone(), socket: args.socket.clone(), port: args.port };
     let isolation = sandbox::enter(&lures);
     let mut answer = answer().unwrap_or_else(Answer::failed);

@@ -1,6 +1,6 @@
 //! The protocol from freeze to reveal.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::time::Instant;
 
@@ -157,6 +157,7 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
         shard: draw.shard,
         folder: making.clone(),
         jobs: args.jobs(),
+        done: BTreeSet::new(),
     };
     let bar = bar(draw.quota.cases() / draw.shard[1], "generating");
     let start = Instant::now();
