@@ -58,6 +58,7 @@ mod swap_measures;
 mod swaps;
 mod train;
 mod units;
+mod verdict;
 mod voice;
 
 /// A diagnosis makes and drops thousands of columns; the system's allocator gives each back to the kernel.

@@ -87,7 +87,7 @@ fn play(fault: &Fault) -> Result<ExitCode, Failure> {
             continue;
         };
         backoff.reset();
-        let mut command = answer(&mut good, &state);
+        let mut command = answer(&mut good, &state, options.slot);
         if fault.holds(state.tick) {
             misbehave(fault, &run);
             spoil(&fault.name, &state, &mut command);
@@ -102,7 +102,7 @@ fn play(fault: &Fault) -> Result<ExitCode, Failure> {
     }
 }
 
-fn answer(good: &mut ComputedTorque, state: &State) -> Command {
+fn answer(good: &mut ComputedTorque, state: &State, slot: u32) -> Command {
     let (received_ns, mut answer) = (now_ns(), Answer::BLANK);
     good.answer(state, &mut answer);
     Command {
@@ -111,7 +111,7 @@ fn answer(good: &mut ComputedTorque, state: &State) -> Command {
         value: answer.value,
         velocity: answer.velocity,
         acceleration: answer.acceleration,
-        ..Command::answer_to(state, 0)
+        ..Command::answer_to(state, slot)
     }
 }
 
