@@ -75,6 +75,9 @@ pub fn refused(refusal: &Refusal, joints: &[Joint], names: &[String]) -> Value {
 /// A number as a person reads it: four digits.
 fn number(value: &Value) -> String {
     let value = value.as_f64().unwrap_or(f64::NAN);
+    if value.abs() >= 1e7 {
+        return format!("{value:.3e}");
+    }
     let size = if value == 0.0 { 0 } else { value.abs().log10().floor() as i32 };
     let digits = usize::try_from(3 - size).unwrap_or(0).min(9);
     format!("{value:.digits$}")
@@ -82,7 +85,8 @@ fn number(value: &Value) -> String {
 
 /// What was beyond which limit: "joint_6: speed 11.31 rad/s, limit 11.24 rad/s"; nothing where `value` names no joint.
 pub fn limit_words(value: &Value) -> Option<String> {
-    let (joint, unit) = (value["joint"].as_str()?, value["unit"].as_str()?.replace('*', "·").replace("^2", "²"));
+    let (joint, unit) =
+        (value["joint"].as_str()?, value["unit"].as_str()?.replace('*', "·").replace("^2", "²"));
     let quantity = match value["quantity"].as_str()? {
         "tracking" => "distance from its reference".to_owned(),
         "position" if value["reason"] == "position" => "would come to rest at".to_owned(),
@@ -126,11 +130,9 @@ mod tests {
             "unit": "rad/s", "tick": 123,
         });
         assert_eq!(value, expected);
-        assert_eq!(
-            limit_words(&value).as_deref(),
-            Some("joint_6: speed 11.31 rad/s, limit 11.23 rad/s")
-        );
-        let silent = Stop { reason: StopReason::Rejected(freeplay_plant::Rejection::Missing), excess: None, ..stop };
+        assert_eq!(limit_words(&value).as_deref(), Some("joint_6: speed 11.31 rad/s, limit 11.23 rad/s"));
+        let silent =
+            Stop { reason: StopReason::Rejected(freeplay_plant::Rejection::Missing), excess: None, ..stop };
         let value = stopped(&silent, arm.joints());
         assert_eq!((&value["reason"], &value["joint"]), (&json!("missing"), &json!(null)));
         assert_eq!(limit_words(&value), None);

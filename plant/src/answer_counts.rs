@@ -44,7 +44,8 @@ mod tests {
         for (status, times) in [(0, 5), (1, 4), (2, 3), (3, 2), (77, 1)] {
             (0..times).for_each(|_| counts.add(status));
         }
-        let expected = AnswerCounts { ok: 5, qp_failed: 4, qp_limit: 3, no_answer: 2, unknown: 1, implausible_times: 0 };
+        let expected =
+            AnswerCounts { ok: 5, qp_failed: 4, qp_limit: 3, no_answer: 2, unknown: 1, implausible_times: 0 };
         assert_eq!(counts, expected);
     }
 }

@@ -40,11 +40,41 @@ impl Quantity {
     pub fn unit(self, kind: JointKind) -> &'static str {
         let turns = kind == JointKind::Revolute;
         match self {
-            Self::Position | Self::Tracking => if turns { "rad" } else { "m" },
-            Self::Speed => if turns { "rad/s" } else { "m/s" },
-            Self::Acceleration => if turns { "rad/s^2" } else { "m/s^2" },
-            Self::Torque => if turns { "N*m" } else { "N" },
-            Self::TorqueRate => if turns { "N*m/s" } else { "N/s" },
+            Self::Position | Self::Tracking => {
+                if turns {
+                    "rad"
+                } else {
+                    "m"
+                }
+            }
+            Self::Speed => {
+                if turns {
+                    "rad/s"
+                } else {
+                    "m/s"
+                }
+            }
+            Self::Acceleration => {
+                if turns {
+                    "rad/s^2"
+                } else {
+                    "m/s^2"
+                }
+            }
+            Self::Torque => {
+                if turns {
+                    "N*m"
+                } else {
+                    "N"
+                }
+            }
+            Self::TorqueRate => {
+                if turns {
+                    "N*m/s"
+                } else {
+                    "N/s"
+                }
+            }
         }
     }
 }

@@ -119,7 +119,10 @@ impl GateLimits {
                 Mode::Torque => (-of.effort, of.effort, torque_rate[i] * period),
                 Mode::Driven => (of.lower, of.upper, of.velocity * period),
             };
-            (limits.speed[i], limits.acceleration[i]) = (of.velocity, of.acceleration);
+            // An arm file without acceleration limits still has speeds: no joint goes from one to the other within less than a tick.
+            let reversal = 2.0 * of.velocity / period;
+            let acceleration = if of.acceleration.is_finite() { of.acceleration } else { reversal };
+            (limits.speed[i], limits.acceleration[i]) = (of.velocity, acceleration);
         }
         limits
     }
@@ -238,7 +241,10 @@ impl Gate {
 
     /// Forgets a controller whose place another process has taken; the counts stay.
     pub fn renew(&mut self) {
-        *self = Self { rejected: self.rejected, ..Self::new(self.limits.clone(), self.run, self.slot, self.joints) };
+        *self = Self {
+            rejected: self.rejected,
+            ..Self::new(self.limits.clone(), self.run, self.slot, self.joints)
+        };
     }
 
     /// The limits.

@@ -19,8 +19,8 @@
 use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS, Mode};
 use serde::Serialize;
 
-use crate::witnesses::{PROBATION, Witnesses};
 use crate::excess::{Excess, Refusal};
+use crate::witnesses::{PROBATION, Witnesses};
 use crate::{Applied, Blend, Comparison, Gate, GateLimits, Rejection};
 
 /// Fail-overs that are kept; more are counted.

@@ -63,7 +63,9 @@ impl ReflexSpec {
     pub fn fault(&self, joints: usize) -> Option<String> {
         for (key, value) in [("speed", self.speed), ("acceleration", self.acceleration)] {
             if value.is_nan() || value <= 0.0 {
-                return Some(format!("reflex.{key} = {value} is out of range; it must be above 0 (inf switches it off)"));
+                return Some(format!(
+                    "reflex.{key} = {value} is out of range; it must be above 0 (inf switches it off)"
+                ));
             }
         }
         for (key, values) in [("tracking", &self.tracking), ("torque_rate", &self.torque_rate)] {
@@ -75,7 +77,9 @@ impl ReflexSpec {
                 ));
             }
             if let Some(value) = values.iter().find(|value| value.is_nan() || **value <= 0.0) {
-                return Some(format!("reflex.{key} = {value} is out of range; it must be above 0 (inf switches it off)"));
+                return Some(format!(
+                    "reflex.{key} = {value} is out of range; it must be above 0 (inf switches it off)"
+                ));
             }
         }
         None
@@ -126,7 +130,8 @@ impl ReflexLimits {
         };
         let along = Along::of(arm, postures, |joint| {
             let of = &arm.joints()[joint].limits;
-            let acceleration = if of.acceleration.is_finite() { of.acceleration } else { of.velocity / period };
+            let acceleration =
+                if of.acceleration.is_finite() { of.acceleration } else { of.velocity / period };
             2.0 * (acceleration + natural_frequency * of.velocity)
         });
         for (i, joint) in arm.joints().iter().enumerate().take(MAX_JOINTS) {
@@ -197,8 +202,7 @@ impl Along {
             for joint in 0..n {
                 // A joint that is not moved by another says nothing, however fast that one may be.
                 let coupled = (0..n).filter(|&other| mass[(joint, other)] != 0.0);
-                let change: f64 =
-                    coupled.map(|other| mass[(joint, other)].abs() * acceleration(other)).sum();
+                let change: f64 = coupled.map(|other| mass[(joint, other)].abs() * acceleration(other)).sum();
                 along.change[joint] = along.change[joint].max(change);
                 along.inertia[joint] = along.inertia[joint].max(mass[(joint, joint)]);
                 along.lever[joint] = along.lever[joint].max(lever.fixed_view::<3, 1>(0, joint).norm());
