@@ -16,6 +16,10 @@
 //!   an acceleration beyond the limit that lasts does not.
 //! - **tracking**: a feedback of natural frequency ω answers the error e with a speed of ω e. The reference and the joint, each at
 //!   its speed limit, part with 2 v_max; an error beyond 2 v_max/ω asks for a speed that neither has.
+//! - **torque rate** (kept by the gate): the greatest change that a sound controller asks for in a tick reverses every joint from its greatest
+//!   deceleration to its greatest acceleration and answers an impact that gives each of them its speed limit: the mass matrix times
+//!   2 (a_max + ω v_max). Without an acceleration limit a_max is v_max/T: nothing goes from rest to full speed within less than a tick T.
+//!   A heavy joint, whose effort limit is just what its acceleration needs, may thus change by all of it; a light one by a small part.
 
 use freeplay_arm::{Arm, Workspace, crba, jacobian};
 use freeplay_shm::{Joints, MAX_JOINTS};
@@ -27,8 +31,6 @@ use crate::excess::{Excess, Quantity};
 
 /// Deceleration of a braking joint whose file names neither acceleration nor effort limit, rad/s² (m/s²).
 const BRAKE_RATE: f64 = 10.0;
-/// Ticks that pass from a torque to the brakes that answer what it did: it is in force for one, and measured at its end.
-const REACTION_TICKS: f64 = 2.0;
 
 /// When an arm is stopped for what it does. `inf` switches a limit off.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -44,7 +46,7 @@ pub struct ReflexSpec {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tracking: Option<Vec<f64>>,
     /// Greatest rate of each joint's commanded torque, N·m/s (N/s); absent: what reverses the greatest accelerations and answers the
-    /// greatest speed error in one tick, and no more than the effort limit in two ticks.
+    /// greatest speed error in one tick, and no more than the effort limit in one tick.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub torque_rate: Option<Vec<f64>>,
 }
@@ -148,7 +150,7 @@ impl ReflexLimits {
             limits.tracking[i] = own(&spec.tracking).unwrap_or(2.0 * of.velocity / natural_frequency);
             limits.torque_rate[i] = own(&spec.torque_rate).unwrap_or_else(|| {
                 let needed = along.change[i] + 2.0 * joint.friction.coulomb;
-                needed.min(of.effort / REACTION_TICKS) / period
+                needed.min(of.effort) / period
             });
             limits.braking[i] = match (of.acceleration.is_finite(), of.effort.is_finite()) {
                 (true, _) => of.acceleration,
@@ -325,7 +327,7 @@ mod tests {
         let effort = paper_arm().arm.joints().iter().map(|joint| joint.limits.effort).collect::<Vec<_>>();
         println!("N·m/s: {:?}", &limits.torque_rate[..6]);
         // Heavy joints may need all the rate there is; a light one needs a small part of it.
-        assert_eq!(limits.torque_rate[0], effort[0] / 2.0 / PERIOD);
+        assert_eq!(limits.torque_rate[0], effort[0] / PERIOD);
         assert!(limits.torque_rate[5] < 0.1 * effort[5] / PERIOD, "{}", limits.torque_rate[5]);
         assert!(limits.torque_rate[6].is_infinite() && limits.deviation > 0.1, "{}", limits.deviation);
         let given = ReflexSpec { torque_rate: Some(vec![5.0; 6]), ..ReflexSpec::default() };
