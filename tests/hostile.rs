@@ -255,3 +255,18 @@ fn times_that_cannot_be_are_counted_and_left_out_of_the_latencies() {
     assert_eq!(run["latency_us"]["compute"]["count"], 100);
     assert!(ran.stdout().contains("answers whose times cannot be, left out of the latencies: 300"));
 }
+
+#[test]
+fn limits_that_cannot_be_are_refused_before_anything_runs() {
+    let cases = [
+        ("speed=-1", "reflex.speed = -1 is out of range; it must be above 0"),
+        ("acceleration=nan", "reflex.acceleration = NaN is out of range"),
+        ("tracking=[0.1]", "reflex.tracking has 1 values; the arm has 6 joints"),
+        ("torque_rate=[1,1,0,1,1,1]", "reflex.torque_rate = 0 is out of range"),
+    ];
+    for (given, said) in cases {
+        let ran = under("none", &["--set", &format!("reflex.{given}")]).run().expect(3);
+        assert!(ran.stderr().contains(said), "{given}: {}", ran.dump());
+        assert!(!ran.out().exists(), "{given}: nothing is written");
+    }
+}

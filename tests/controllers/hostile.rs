@@ -69,16 +69,16 @@ impl Hostile {
     /// Torques: `ride` goes to the limits step by step, `push` always with the motion, `shake` from limit to limit, `leap` all at once.
     fn push(&mut self, state: &State, command: &mut Command) {
         let before = self.sent.last().map_or(command.value, |last| last.value);
-        for joint in 0..JOINTS {
+        for (joint, before) in before.into_iter().enumerate().take(JOINTS) {
             let effort = self.limits[joint].effort;
             let target = effort
                 * match self.strategy.as_str() {
                     "push" => 1.0_f64.copysign(state.qd[joint]),
-                    "shake" if state.tick % 2 == 0 => -self.direction[joint],
+                    "shake" if state.tick.is_multiple_of(2) => -self.direction[joint],
                     _ => self.direction[joint],
                 };
             let step = if self.strategy == "leap" { 2.0 } else { self.share[joint] } * effort;
-            command.value[joint] = target.clamp(before[joint] - step, before[joint] + step);
+            command.value[joint] = target.clamp(before - step, before + step);
         }
     }
 
@@ -88,7 +88,7 @@ impl Hostile {
             let limits = &self.limits[joint];
             let from = self.sent.last().map_or(state.q[joint], |last| last.value[joint]);
             let speed = self.sent.last().map_or(state.qd[joint], |last| last.velocity[joint]);
-            let turn = if self.strategy == "shake" && state.tick % 2 == 0 { -1.0 } else { 1.0 };
+            let turn = if self.strategy == "shake" && state.tick.is_multiple_of(2) { -1.0 } else { 1.0 };
             let towards = turn * self.direction[joint];
             // No faster than the acceleration limit allows, so that the gate may let it pass.
             let change = limits.acceleration * PERIOD * self.share[joint].sqrt();
