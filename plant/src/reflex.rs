@@ -29,7 +29,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::excess::{Excess, Quantity};
 
-/// Deceleration of a braking joint whose file names neither acceleration nor effort limit, rad/s² (m/s²).
+/// Deceleration of a braking joint whose file names neither acceleration nor effort limit, and the least of one whose file names an effort
+/// limit alone (of zero, as some do), rad/s² (m/s²).
 const BRAKE_RATE: f64 = 10.0;
 
 /// When an arm is stopped for what it does. `inf` switches a limit off.
@@ -154,7 +155,7 @@ impl ReflexLimits {
             });
             limits.braking[i] = match (of.acceleration.is_finite(), of.effort.is_finite()) {
                 (true, _) => of.acceleration,
-                (false, true) => of.effort / along.inertia[i],
+                (false, true) => (of.effort / along.inertia[i]).max(BRAKE_RATE),
                 (false, false) => BRAKE_RATE,
             };
             limits.deviation += along.lever[i] * limits.tracking[i];
@@ -319,6 +320,21 @@ mod tests {
         let excess = reflexes.watch(&joints, &reference).expect("too far");
         assert_eq!((excess.quantity, excess.joint), (Quantity::Tracking, 2));
         assert!((excess.limit - 0.108).abs() < 1e-12 && excess.value > excess.limit);
+    }
+
+    #[test]
+    fn without_acceleration_limits_the_effort_brakes() {
+        let urdf = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/arm.urdf");
+        let arm = freeplay_arm::load(urdf.as_ref()).expect("the arm").arm;
+        let limits = ReflexLimits::of(&arm, &ReflexSpec::default(), 50.0, PERIOD, &[vec![0.0; 6]]);
+        println!("rad/s²: {:?}", &limits.braking[..6]);
+        // 100 N·m on 0.0021 kg·m² about the last joint, 3000 N·m on some tens about the first.
+        assert!((4e4..6e4).contains(&limits.braking[5]), "{}", limits.braking[5]);
+        assert!((30.0..300.0).contains(&limits.braking[0]), "{}", limits.braking[0]);
+        assert!(limits.acceleration[..6].iter().all(|limit| limit.is_infinite()));
+        assert!(
+            self::limits(&ReflexSpec::default()).braking[..6] == [80.0, 80.0, 100.0, 200.0, 200.0, 200.0]
+        );
     }
 
     #[test]
