@@ -106,6 +106,8 @@ pub struct ReflexLimits {
     pub torque_rate: Joints,
     /// Deceleration of the brakes, rad/s² (m/s²): the acceleration limit; without one, what the effort limit gives the joint's inertia.
     pub braking: Joints,
+    /// Way to rest under the brakes over the square of the speed, rad·s²/rad² (s²/m): kept, since it is asked for in every sub-step.
+    pub stopping: Joints,
     /// Distance from where the perfect arm would have it within which the tool is while every joint is within `tracking`, m.
     pub deviation: f64,
 }
@@ -129,6 +131,7 @@ impl ReflexLimits {
             tracking: none,
             torque_rate: none,
             braking: [BRAKE_RATE; MAX_JOINTS],
+            stopping: [0.5 / BRAKE_RATE; MAX_JOINTS],
             deviation: 0.0,
         };
         let along = Along::of(arm, postures, |joint| {
@@ -158,19 +161,30 @@ impl ReflexLimits {
                 (false, true) => (of.effort / along.inertia[i]).max(BRAKE_RATE),
                 (false, false) => BRAKE_RATE,
             };
+            limits.stopping[i] = 0.5 / limits.braking[i];
             limits.deviation += along.lever[i] * limits.tracking[i];
         }
         limits
     }
 
+    /// Whether `joint` at `[q, v, a]`, looked at again after `step` s, may be within its limits of speed and position; only where this fails is
+    /// [`Self::excess`] asked.
+    #[inline]
+    pub(crate) fn is_clear(&self, joint: usize, [q, v, a]: [f64; 3], step: f64) -> bool {
+        let rest = q + v * v.abs() * self.stopping[joint];
+        let [lower, upper] = &self.range;
+        (v + a * step).abs() <= self.speed[joint] && rest <= upper[joint] && rest >= lower[joint]
+    }
+
     /// What is wrong with `joint` at `[q, v, a]`, looked at again after `step` s.
+    #[inline]
     pub(crate) fn excess(&self, joint: usize, [q, v, a]: [f64; 3], step: f64) -> Option<Excess> {
         let next = v + a * step;
         let excess = |quantity, value, limit| Some(Excess { quantity, joint, value, limit });
         if next.abs() > self.speed[joint] {
             return excess(Quantity::Speed, next.abs(), self.speed[joint]);
         }
-        let rest = q + 0.5 * v * v.abs() / self.braking[joint];
+        let rest = q + v * v.abs() * self.stopping[joint];
         let [lower, upper] = [self.range[0][joint], self.range[1][joint]];
         if rest > upper && v > 0.0 {
             return excess(Quantity::Position, rest, upper);

@@ -260,6 +260,10 @@ impl System {
         let step = self.period / f64::from(self.substeps);
         for substep in 0..self.substeps {
             self.numbered_substep(substep, input);
+            let is_clear = |joint| limits.is_clear(joint, self.joint(joint), step);
+            if (0..self.motor.len()).all(is_clear) {
+                continue;
+            }
             let free = (0..self.motor.len()).filter(|&joint| !input.driven[joint]);
             let found = free.filter_map(|joint| limits.excess(joint, self.joint(joint), step)).next();
             if found.is_none() {
