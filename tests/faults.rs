@@ -109,7 +109,7 @@ fn recording(ran: &Ran) -> Recording {
 }
 
 /// Each fault of a command: what it is called in `FREEPLAY_FAULT`, in which mode, and how the gate counts it.
-const COMMAND_FAULTS: [(&str, &str, &str); 19] = [
+const COMMAND_FAULTS: [(&str, &str, &str); 23] = [
     ("nan", "torque", "not_finite"),
     ("nan", "driven", "not_finite"),
     ("infinite", "torque", "not_finite"),
@@ -129,6 +129,10 @@ const COMMAND_FAULTS: [(&str, &str, &str); 19] = [
     ("other_kind", "torque", "malformed"),
     ("other_kind", "driven", "malformed"),
     ("no_answer", "torque", "no_answer"),
+    ("other_slot", "torque", "malformed"),
+    ("other_status", "driven", "malformed"),
+    ("nan_deviation", "torque", "not_finite"),
+    ("nan_unused", "driven", "not_finite"),
 ];
 
 /// Plays some of [`COMMAND_FAULTS`]: five bad commands are bridged, lasting ones close the brakes.

@@ -7,6 +7,7 @@
 //! - [`run`] and [`processes`]: the parent process.
 //! - [`plant_command`] and [`controller_command`]: its children; `load` delays the answers of a controller.
 //! - [`columns`], `recorder`, [`histogram_files`], [`summary`]: the recording, the latencies and the results.
+//! - `verdict`: whether a run was sound, and the words for what stopped an arm.
 //! - `live`: the view of a run in the terminal.
 //! - `screen`, `run_report`, `run_film`, [`report_command`]: the table and the reports.
 //! - [`replay`]: the recorded states of a run, given to a new controller process.
@@ -30,3 +31,4 @@ mod screen;
 pub mod setup;
 pub mod summary;
 pub mod swaps;
+mod verdict;

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use clap::Args;
 use crossbeam::queue::ArrayQueue;
-use freeplay_plant::{Ending, Plant, PlantError, PlantOutcome};
+use freeplay_plant::{Ending, Plant, PlantError, PlantOutcome, Rejection, StopReason};
 use freeplay_recording::RowWriter;
 use freeplay_shm::{Address, Offer, PlantLink, realtime};
 use freeplay_terminal::exit::{Exit, Failure};
@@ -149,6 +149,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
         await_free_seats(&plant);
     }
     Ok(match exit(&outcome) {
+        Exit::Done if summary.verdict == "failed" => Exit::Verdict,
         Exit::Done if fault.is_some() => Exit::Input,
         exit => exit,
     })
@@ -212,7 +213,7 @@ fn failure(error: PlantError) -> Failure {
 fn exit(outcome: &PlantOutcome) -> Exit {
     match outcome.ending {
         Ending::Finished => Exit::Done,
-        Ending::Braked { reason: freeplay_plant::Rejection::Missing, .. } => Exit::Peer,
+        Ending::Braked { reason: StopReason::Rejected(Rejection::Missing), .. } => Exit::Peer,
         Ending::Braked { .. } | Ending::Diverged { .. } => Exit::Verdict,
         Ending::Interrupted { .. } => Exit::Interrupted,
     }

@@ -124,7 +124,8 @@ fn length(mm: f64) -> (String, &'static str) {
 pub fn overview(played: &[Played]) -> Vec<Block> {
     let verdict = |run: &Played| {
         let summary = run.summary;
-        let ok = summary.ending.as_str() == Some("finished");
+        let finished = summary.ending.as_str() == Some("finished");
+        let ok = finished && summary.verdict != "failed";
         let words = if ok {
             let [(rms, rms_unit), (max, max_unit)] =
                 ["rms_after_start", "max_after_start"].map(|key| length(mm(&summary.deviation_mm[key])));
@@ -134,7 +135,10 @@ pub fn overview(played: &[Played]) -> Vec<Block> {
             )
         } else {
             let how = crate::screen::ending(summary).unwrap_or_else(|| summary.ending.to_string());
-            format!("{}: did not finish under control: {how}", run.name())
+            let failures = summary.failures.iter().filter_map(crate::verdict::failure_words);
+            let all: Vec<String> = (!finished).then_some(how).into_iter().chain(failures).collect();
+            let what = if finished { "finished, and failed" } else { "did not finish under control" };
+            format!("{}: {what}: {}", run.name(), all.join("; "))
         };
         Block::Verdict(Verdict::passed(ok), words)
     };

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use freeplay_controller::Gains;
 use freeplay_laws::ClearanceTable;
 use freeplay_path::PathSpec;
-use freeplay_plant::SensorsSpec;
+use freeplay_plant::{ReflexSpec, SensorsSpec};
 use freeplay_terminal::files::how_to_read;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -153,6 +153,8 @@ pub struct Scenario {
     pub controller: ControllerTable,
     /// What is asked of the operating system.
     pub realtime: RealtimeTable,
+    /// When the arm is stopped for what it does: speed, acceleration, position and tracking error of its joints, and the rate of torques.
+    pub reflex: ReflexSpec,
     /// When the standbys contradict the controller in charge; absent: never.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compare: Option<CompareTable>,
@@ -187,6 +189,7 @@ impl Default for Scenario {
             sensors: SensorsSpec::default(),
             controller: ControllerTable::default(),
             realtime: RealtimeTable::default(),
+            reflex: ReflexSpec::default(),
             compare: None,
             swap: Vec::new(),
         }

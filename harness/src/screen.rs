@@ -10,6 +10,7 @@ use crate::plant_command::pace_name;
 use crate::scenario::Scenario;
 use crate::setup::Setup;
 use crate::summary::RunSummary;
+use crate::verdict::{failure_words, limit_words};
 
 /// Fail-overs that are told one by one.
 const MOST_FAIL_OVERS: usize = 10;
@@ -197,7 +198,16 @@ pub fn ending(run: &RunSummary) -> Option<String> {
     let of = |how: &str| run.ending.get(how);
     if let Some(braked) = of("braked") {
         let reason = braked["reason"].as_str().unwrap_or("?").replace('_', " ");
-        return Some(format!("the brakes closed at tick {}: last command {reason}", braked["tick"]));
+        let limit = limit_words(&run.stopped);
+        return Some(match limit {
+            Some(limit) if run.stopped["reason"] == run.stopped["quantity"] => {
+                format!("the arm was stopped at tick {}: {limit}", braked["tick"])
+            }
+            Some(limit) => {
+                format!("the brakes closed at tick {}: last command {reason} ({limit})", braked["tick"])
+            }
+            None => format!("the brakes closed at tick {}: last command {reason}", braked["tick"]),
+        });
     }
     of("interrupted").map(|interrupted| format!("interrupted after {} ticks", interrupted["tick"]))
 }
@@ -206,6 +216,7 @@ pub fn ending(run: &RunSummary) -> Option<String> {
 fn remarks(run: &RunSummary) -> Vec<String> {
     let mut remarks = run.notes.clone();
     remarks.extend(ending(run));
+    remarks.extend(run.failures.iter().filter_map(failure_words).map(|words| format!("failed: {words}")));
     if let Some(rejected) = run.gate["rejected"].as_object() {
         let counted: Vec<String> = rejected
             .iter()
@@ -216,6 +227,7 @@ fn remarks(run: &RunSummary) -> Vec<String> {
             remarks.push(format!("commands that did not pass the gate: {}", counted.join(", ")));
         }
     }
+    remarks.extend(first_refusal(&run.gate["first"]));
     for (key, said) in [("qp_failed", "had no solution"), ("qp_limit", "stopped at its limit of iterations")]
     {
         let count = run.answers[key].as_u64().unwrap_or(0);
@@ -223,11 +235,27 @@ fn remarks(run: &RunSummary) -> Vec<String> {
             remarks.push(format!("answers whose quadratic programme {said}: {count}"));
         }
     }
+    let implausible = run.answers["implausible_times"].as_u64().unwrap_or(0);
+    if implausible > 0 {
+        remarks.push(format!("answers whose times cannot be, left out of the latencies: {implausible}"));
+    }
     remarks.extend(swap_remarks(run));
     if run.deadlines["unrecorded"].as_u64().unwrap_or(0) > 0 {
         remarks.push(format!("ticks missing in the recording: {}", run.deadlines["unrecorded"]));
     }
     remarks
+}
+
+/// The first command that was refused for a limit, in words.
+fn first_refusal(first: &Value) -> Option<String> {
+    let limit = limit_words(first)?;
+    let (controller, tick) = (first["controller"].as_str()?, &first["tick"]);
+    let reason = first["reason"].as_str()?.replace('_', " ");
+    Some(if first["takes_over"] == true {
+        format!("tick {tick}: the hand-over to {controller} was refused as {reason} ({limit})")
+    } else {
+        format!("tick {tick}: the first command refused was {controller}'s, {reason} ({limit})")
+    })
 }
 
 /// Who took over from whom.

@@ -119,7 +119,12 @@ impl Setup {
             answer_patience: scenario.answer_patience.map(Duration::from_secs_f64),
             evidence: scenario.realtime.evidence,
             line_up: LineUpSpec::default(),
+            reflex: scenario.reflex.clone(),
+            natural_frequency: scenario.controller.gains.natural_frequency,
         };
+        if let Some(fault) = scenario.reflex.fault(truth.arm.dof()) {
+            return Err(Failure::input(format!("scenario: {fault}")));
+        }
         check_step(&plant, &path)?;
         Ok(Self { plant, path: Arc::new(path), truth })
     }

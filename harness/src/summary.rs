@@ -8,6 +8,8 @@ use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
+use crate::verdict;
+
 /// The schema of `summary.json`.
 pub const SCHEMA: &str = "freeplay.summary/1";
 
@@ -24,6 +26,15 @@ pub struct RunSummary {
     pub ticks: u64,
     /// How the run ended.
     pub ending: Value,
+    /// "passed", "failed" or "interrupted".
+    #[serde(default)]
+    pub verdict: String,
+    /// The rules that were not kept.
+    #[serde(default)]
+    pub failures: Vec<Value>,
+    /// What stopped the arm: reason, quantity, joint, value, limit, unit and tick; null if it was not stopped.
+    #[serde(default)]
+    pub stopped: Value,
     /// SHA-256 of every State and Command.
     pub state_hash: String,
     /// The tool's deviation, mm.
@@ -203,12 +214,20 @@ impl RunSummary {
         let foreign: u64 = (0..plant.line_up().len()).map(|slot| plant.foreign(slot).commands).sum();
         gate.insert("foreign".to_owned(), json!(foreign));
         let ledger = plant.system().ledger();
+        let joints = plant.arm().joints();
+        let first =
+            plant.line_up().first_refusal().map(|first| verdict::refused(first, joints, &facts.controllers));
+        let torque_rate = &plant.reflex_limits().torque_rate[..joints.len()];
+        let (verdict, failures) = verdict::verdict(plant, facts.ending);
         Self {
             files: facts.controller.clone(),
             controller: facts.controller,
             pace: facts.pace,
             ticks: facts.ticks,
             ending: json!(facts.ending),
+            verdict: verdict.to_owned(),
+            failures,
+            stopped: json!(plant.stopped().map(|stop| verdict::stopped(stop, joints))),
             state_hash: facts.state_hash,
             deviation_mm: deviations(plant),
             contact: contacts(plant, &facts.plays),
@@ -217,7 +236,7 @@ impl RunSummary {
             answers: json!(plant.answers()),
             energy: json!({ "ledger": ledger, "residual": ledger.residual() }),
             deadlines: deadlines(plant),
-            gate: json!({ "rejected": gate }),
+            gate: json!({ "rejected": gate, "first": first, "torque_rate": torque_rate }),
             line_up: line_up(plant, &facts.controllers),
             latency_us: latencies(plant.stages()),
             realtime: json!(facts.realtime),

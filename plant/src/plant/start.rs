@@ -13,12 +13,9 @@ use crate::attendance::Attendance;
 use crate::cause::Links;
 use crate::plant::{Deadlines, PUBLISHED, Plant, PlantConfig, PlantError};
 use crate::{
-    AnswerCounts, Applied, Braking, DeviationStatistics, GateLimits, Hermite, JointUse, LineUp, Sensors,
-    Stages, TickRecord, Wishes,
+    AnswerCounts, Applied, Braking, DeviationStatistics, GateLimits, Hermite, JointUse, LineUp, Reflexes,
+    Sensors, Stages, TickRecord, Wishes,
 };
-
-/// Deceleration of a braking joint whose file names no acceleration limit, rad/s² (m/s²).
-const BRAKE_RATE: f64 = 10.0;
 
 impl Plant {
     /// A plant at the start of `path`, with its end of the run open and nobody greeted yet.
@@ -38,12 +35,12 @@ impl Plant {
         }
         let period = config.period_ns as f64 * 1e-9;
         let (system, laws) = config.system(&path)?;
-        let rates = config.arm.joints().iter().map(|joint| joint.limits.acceleration);
+        let limits = config.reflex_limits(&path)?;
         Ok(Self {
             nominal: Workspace::new(&config.arm),
             line_up: LineUp::new(
                 &config.line_up,
-                GateLimits::of(&config.arm, config.mode, period, config.hold),
+                GateLimits::of(&config.arm, config.mode, period, config.hold, &limits.torque_rate),
                 run,
                 joints,
                 period,
@@ -58,13 +55,13 @@ impl Plant {
             deadlines: Deadlines::default(),
             applied: Applied::Guided,
             motion: Hermite::new(joints),
-            brakes: Braking::new(
-                rates.map(|rate| if rate.is_finite() { rate } else { BRAKE_RATE }).collect(),
-            ),
+            brakes: Braking::new(limits.braking[..joints].to_vec()),
             driven: vec![true; joints],
             torque: vec![0.0; joints],
             state: State::new(run, joints),
-            braked: None,
+            reflexes: Reflexes::new(limits, period),
+            measured: vec![[0.0; 3]; joints],
+            stopped: None,
             backoff: Backoff::for_this_machine(),
             peak_base_force: 0.0,
             wishes: Wishes::default(),
