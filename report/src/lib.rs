@@ -15,6 +15,7 @@
 //! - [`Film`] of [`Scene`]s with [`Moving`] parts: a figure that is played over time, and a still on paper.
 //! - [`thin`]: fewer points, every peak kept; done by itself so that a report stays below about 5 MB.
 //! - [`text`]: how a number is written, for every table of the project, on paper and in the terminal.
+//! - [`visible`] and [`one_line`]: text without characters that a reader could not see, for pages, figures and the terminal.
 //! - [`ReportError`]: why a report could not be written.
 //!
 //! ```
@@ -54,6 +55,7 @@ mod svg;
 mod table;
 pub mod text;
 mod thin;
+mod visible;
 
 pub use chart::{Axis, Chart, Mark, Scale, Series, Style};
 pub use document::{Block, Document, Figure, ReportError, Section, Verdict};
@@ -61,3 +63,4 @@ pub use drawing::Drawing;
 pub use film::{Film, Moving, Scene};
 pub use table::{Best, Cell, Column, Content, Table};
 pub use thin::thin;
+pub use visible::{is_visible, one_line, visible};
