@@ -20,10 +20,10 @@ use serde::Serialize;
 use crate::args::above_zero;
 use crate::closed_loop::{ClosedLoop, Plays, task};
 use crate::exit::{Exit, Failure};
+use crate::progress;
 use crate::run::Format;
 use crate::say::say;
 use crate::simulation::on_all_cores;
-use crate::voice;
 
 /// A difference that no tool tracker sees, mm.
 const HARMLESS: f64 = 1e-4;
@@ -209,7 +209,7 @@ pub fn cells(args: &CellsArgs) -> Result<Exit, Failure> {
         let words = format!("--after {}: give 0 s to below the shortest --period, {shortest} s", args.after);
         return Err(Failure::usage(words));
     }
-    let bar = voice::bar(all.len() as u64, "cells {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(all.len() as u64, "cells {bar:30} {pos}/{len} {elapsed}");
     let rows = on_all_cores(all.len(), |index| {
         let row = all[index].clone().row(options.clone());
         bar.inc(1);

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use freeplay_arm::{ArmFile, to_toml};
+use freeplay_controller::task::PAPER_MODEL;
 use freeplay_diagnosis::{
     DiagnoseError, DiagnoseSettings, Diagnosis, ExciteSettings, Settings, Tolerances, beyond_limits,
     diagnose as diagnosed,
@@ -15,11 +16,13 @@ use crate::diagnose_report::{Subject, document};
 use crate::diagnose_screen;
 use crate::excite::{self, Question};
 use crate::exit::{Exit, Failure};
-use crate::files::{Folder, write};
+use crate::files::{Folder, check_target, write};
+use crate::paste::seen_from;
 use crate::recorded;
 use crate::run::Format;
 use crate::say::{say, show};
 use crate::setup::load_model;
+use crate::target::{asked_file, folder_of};
 use crate::voice;
 
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
@@ -43,8 +46,9 @@ pub struct DiagnoseArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing, tuned inside its tolerances.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing, tuned inside its tolerances; a name that
+    /// ends in .toml or .json is the file of the model, or of the diagnosis, alone.
+    #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
     /// Seed of the twins and of all intervals.
     #[arg(long, default_value_t = 1)]
@@ -109,7 +113,9 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let read = |path: &PathBuf| recorded::read(path, &args.model, &file);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
     // Before what takes minutes.
-    let _reserved = args.out.as_deref().map(Folder::reserve).transpose()?;
+    let _reserved =
+        args.out.as_deref().filter(|out| target(out).is_none()).map(Folder::reserve).transpose()?;
+    args.out.as_deref().filter(|out| target(out).is_some()).map(check_target).transpose()?;
     let found = diagnosed(&file, &recordings, &settings, &mut |what| voice::doing(what));
     let mut diagnosis = found.map_err(|error| match error {
         DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
@@ -149,7 +155,8 @@ fn next_motion(
     recordings: &[Recording],
     diagnosis: &Diagnosis,
 ) -> Result<Option<String>, Failure> {
-    let (Some(out), Some(seen)) = (&args.out, recordings.first()) else { return Ok(None) };
+    let folder = args.out.as_deref().filter(|out| target(out).is_none());
+    let (Some(out), Some(seen)) = (folder, recordings.first()) else { return Ok(None) };
     let rivals = excite::rivals(diagnosis, file)?;
     if rivals.len() < 2 {
         return Ok(None);
@@ -187,7 +194,12 @@ pub struct View<'a> {
 impl View<'_> {
     /// The folder of results.
     pub fn out(&self) -> Option<&Path> {
-        self.args.out.as_deref()
+        self.args.out.as_deref().filter(|out| target(out).is_none())
+    }
+
+    /// The single file of results.
+    pub fn file(&self) -> Option<&Path> {
+        self.args.out.as_deref().filter(|out| target(out).is_some())
     }
 
     /// The recording that is held out, as it was named.
@@ -199,22 +211,42 @@ impl View<'_> {
     fn json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.diagnosis).map_err(Failure::internal)?;
         value["inputs"] = serde_json::json!({ "model": self.args.model, "recordings": self.args.recording });
-        if let Some(out) = &self.args.out {
-            value["model"] = serde_json::json!(out.join("model.toml"));
+        if self.args.out.is_some() {
+            value["model"] = serde_json::json!("model.toml");
             value["report"] = serde_json::json!("report.html");
         }
         Ok(value)
     }
 
-    /// Writes diagnosis.json, model.toml and report.html into `out`.
+    /// Writes diagnosis.json, model.toml and report.html into the folder `out`, or the one of them that the ending of the file `out` asks
+    /// for. Paths in a diagnosis.json are those seen from its folder.
     fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
-        crate::files::make_folder(out)?;
+        let folder = target(out).map_or(out, |_| folder_of(out));
+        crate::files::make_folder(folder)?;
+        let mut moved = json.clone();
+        if self.args.model != PAPER_MODEL {
+            moved["inputs"]["model"] = serde_json::json!(seen_from(folder, Path::new(&self.args.model)));
+        }
+        let recordings: Vec<PathBuf> =
+            self.args.recording.iter().map(|path| seen_from(folder, path)).collect();
+        moved["inputs"]["recordings"] = serde_json::json!(recordings);
+        let json = moved;
+        match target(out) {
+            Some("toml") => return write(out, &to_toml(&self.diagnosis.model)),
+            Some(_) => return write(out, &format!("{json:#}\n")),
+            None => {}
+        }
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
         write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))?;
         let View { args, file, diagnosis, .. } = self;
-        let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis };
+        let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis, out };
         write(&out.join("report.html"), &document(&subject).to_html())
     }
+}
+
+/// The single file of results that `out` asks for.
+fn target(out: &Path) -> Option<&'static str> {
+    asked_file(out, &["toml", "json"])
 }
 
 /// The name of its file.

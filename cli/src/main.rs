@@ -27,13 +27,18 @@ mod excite;
 mod exit;
 mod faults;
 mod files;
+mod gains;
+mod help;
 mod hex;
 mod histogram_files;
 mod live;
 mod manual;
+mod outside;
+mod paste;
 mod plant_command;
 mod process;
 mod processes;
+mod progress;
 mod record;
 mod recorded;
 mod recorder;
@@ -56,6 +61,7 @@ mod summary;
 mod swap_command;
 mod swap_measures;
 mod swaps;
+mod target;
 mod train;
 mod units;
 mod voice;
@@ -68,7 +74,7 @@ fn main() -> std::process::ExitCode {
     match args::dispatch() {
         Ok(exit) => exit.into(),
         Err(failure) => {
-            eprintln!("freeplay: {failure}");
+            voice::fault(&failure);
             failure.exit.into()
         }
     }

@@ -20,7 +20,7 @@ use crate::recorder::{QUEUE, Recorder};
 use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::setup::{Setup, realtime_request};
 use crate::summary::{RunFacts, RunSummary};
-use crate::swaps;
+use crate::{swaps, voice};
 
 /// Plays the machine of one run; `freeplay run` starts it.
 #[derive(Args, Debug)]
@@ -107,7 +107,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let fault = kept.fault.map(|fault| format!("the recording ends early: {fault}"));
     if let Some(fault) = &fault {
         // At once: where the disk is full, there may be no summary to carry it.
-        eprintln!("freeplay: {fault}");
+        voice::fault(fault);
     }
     let mut notes = outcome.refused.iter().map(|who| format!("refused: {who}")).collect::<Vec<_>>();
     notes.extend(fault.clone());

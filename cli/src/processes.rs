@@ -14,6 +14,7 @@ use crate::exit::{Exit, Failure};
 use crate::live::Watch;
 use crate::run::{Contestant, Files};
 use crate::scenario::{Pacing, Scenario};
+use crate::voice;
 
 /// A child process; ended when this is dropped.
 pub struct Running(pub Child);
@@ -214,7 +215,7 @@ pub fn exit(ended: &Ended, contestant: &Contestant) -> Result<Exit, Failure> {
                 Some(status) if !status.success() => format!("ended before the run did ({})", said(status)),
                 _ => "did not answer in time".to_owned(),
             };
-            eprintln!("freeplay: the controller {} {how}", contestant.asked());
+            voice::fault(format_args!("the controller {} {how}", contestant.asked()));
             // By the contract of exit codes it had said what is wrong with its input.
             let refused = ended.controller.and_then(|status| status.code()) == Some(3);
             Ok(if refused { Exit::Input } else { Exit::Peer })

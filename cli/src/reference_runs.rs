@@ -19,7 +19,7 @@ use crate::run::Format;
 use crate::say::say;
 use crate::scenario::Drive;
 use crate::simulation::{Scene, Simulation, TICK, on_all_cores};
-use crate::voice;
+use crate::{progress, voice};
 
 /// The reference, as it was handed over.
 const REFERENCE: &str = include_str!("../data/reference_runs.csv");
@@ -302,7 +302,7 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
         let words = "give a part of one, such as lissajous or T12; without --only there are all";
         return Err(Failure::usage(format!("no reference run has {:?} in its name; {words}", args.only)));
     }
-    let bar = voice::bar(rows.len() as u64, "reference runs {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(rows.len() as u64, "reference runs {bar:30} {pos}/{len} {elapsed}");
     let figures = on_all_cores(rows.len(), |index| {
         let figures = simulate(&rows[index], args.substeps, 0.0);
         bar.inc(1);

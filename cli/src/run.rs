@@ -28,7 +28,7 @@ use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
 use crate::scenario_place::located;
 use crate::setup::Setup;
 use crate::summary::{RunSummary, SCHEMA};
-use crate::{run_report, screen, swaps, voice};
+use crate::{gains, progress, run_report, screen, swaps, voice};
 
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -154,7 +154,10 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     if args.live && voice::is_quiet() {
         return Err(Failure::usage("--live cannot be used with --quiet: choose one of them"));
     }
-    let scenario = effective(args)?;
+    let mut scenario = effective(args)?;
+    if let Some(found) = gains::settle(&mut scenario)? {
+        voice::note(found);
+    }
     if args.show {
         say(&scenario.to_toml().map_err(Failure::internal)?)?;
         return Ok(Exit::Done);
@@ -178,10 +181,24 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     let files = Files::write(&scenario, &setup, &out)?;
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
+    stands_still(&setup).into_iter().for_each(voice::note);
     let (mut runs, mut exit, mut failure) = (Vec::new(), Exit::Done, None);
     for contestant in &contestants {
         let progress = progress(args.live, contestant, &setup, scenario.pace);
-        let watch = args.live.then(|| watch(contestant, &scenario, &setup, &files)).transpose()?;
+        let watch = if args.live {
+            Some(watch(contestant, &scenario, &setup, &files)?)
+        } else {
+            // Where a terminal shows how far the run is, the plant tells it.
+            let is_told = scenario.pace == Pacing::Lockstep && !progress.is_hidden();
+            is_told.then(|| {
+                Watch::behind(
+                    progress.clone(),
+                    title(contestant, &scenario, &setup),
+                    &said(contestant, &files),
+                )
+            })
+        };
+        let left = watch.as_ref().map(Watch::left);
         let ended = play_watched(&scenario, contestant, &files, args.controller_delay, &stop, watch);
         progress.finish_and_clear();
         match ended {
@@ -195,7 +212,13 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
             }
         }
         if stop.load(Ordering::Relaxed) {
-            exit = Exit::Interrupted;
+            // Who leaves the live view by its key has seen enough: that is no interruption.
+            let is_left = left.is_some_and(|left| left.load(Ordering::Relaxed));
+            exit = match exit {
+                Exit::Done | Exit::Interrupted if is_left => Exit::Done,
+                Exit::Verdict if is_left => Exit::Verdict,
+                _ => Exit::Interrupted,
+            };
             break;
         }
     }
@@ -204,6 +227,19 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
         finish(args, &scenario, &setup, &files.out, &runs)?;
     }
     failure.map_or(Ok(exit), Err)
+}
+
+/// What is to be known of a run that lasts longer than its path.
+fn stands_still(setup: &Setup) -> Option<String> {
+    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9;
+    let path = setup.path.duration();
+    (seconds > path + setup.plant.period_ns as f64 * 1e-9).then(|| {
+        let laps = (seconds / path).ceil();
+        format!(
+            "the path ends after {path} s: from then on the arm stands still until the run ends at {seconds} s \
+             (path.laps = {laps} would repeat it)"
+        )
+    })
 }
 
 /// A watch for the run of `contestant`.
@@ -243,6 +279,7 @@ fn title(contestant: &Contestant, scenario: &Scenario, setup: &Setup) -> Title {
         period: setup.plant.period_ns as f64 * 1e-9,
         controllers: swaps::names(&contestant.asked, &scenario.standby),
         plays: setup.plays(),
+        patience: scenario.patience,
     }
 }
 
@@ -443,9 +480,12 @@ fn progress(is_watched: bool, contestant: &Contestant, setup: &Setup, pace: Paci
     if is_watched {
         return ProgressBar::hidden();
     }
-    let bar = voice::spinner("{spinner} {msg} {elapsed}").with_message(words);
-    bar.enable_steady_tick(Duration::from_millis(120));
-    bar
+    match pace {
+        Pacing::Lockstep => {
+            progress::bar(setup.plant.ticks, "{msg} {bar:30} {percent} % {elapsed}").with_message(words)
+        }
+        Pacing::Realtime => progress::clock(words, seconds),
+    }
 }
 
 /// Writes the summary and the report, and prints what a person, or a program, wants to see.

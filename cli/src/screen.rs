@@ -6,6 +6,7 @@ use std::path::Path;
 use comfy_table::{CellAlignment, Table, presets};
 use serde_json::Value;
 
+use crate::paste::pasted;
 use crate::plant_command::pace_name;
 use crate::scenario::Scenario;
 use crate::setup::Setup;
@@ -34,15 +35,13 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
             let _ = writeln!(text, "{}: {note}", run.controller);
         }
     }
-    let here = std::env::current_dir().unwrap_or_default();
-    let shown = |path: &Path| path.strip_prefix(&here).unwrap_or(path).display().to_string();
-    let _ = writeln!(text, "report      {}", shown(report));
-    let _ = writeln!(text, "summary     {}", shown(&out.join("summary.json")));
+    let _ = writeln!(text, "report      {}", pasted(report));
+    let _ = writeln!(text, "summary     {}", pasted(&out.join("summary.json")));
     if let Some(run) = runs.last() {
         if let Some(recording) = &run.recording {
-            let _ = writeln!(text, "recording   {}   (one a controller)", shown(&out.join(recording)));
+            let _ = writeln!(text, "recording   {}   (one a controller)", pasted(&out.join(recording)));
         }
-        let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", shown(out));
+        let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", pasted(out));
     }
     let _ = writeln!(
         text,
@@ -151,7 +150,7 @@ fn row(run: &RunSummary, joint: Option<&str>) -> Vec<String> {
 }
 
 /// Share of a run in free flight from which on a journal does not come to rest.
-const BOUNCING: f64 = 0.25;
+pub const BOUNCING: f64 = 0.25;
 
 /// The joints whose journals do not come to rest, and what may be tried: in light arms feedback may throw them again and again.
 fn bounces(scenario: &Scenario, run: &RunSummary) -> Vec<String> {

@@ -22,7 +22,7 @@ use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::setup::Setup;
 use crate::summary::RunSummary;
 use crate::swap_measures::{Alone, Measured, SETTLING, measure, steady_change};
-use crate::{swaps, voice};
+use crate::{progress, swaps, voice};
 
 /// The schema of `swap.json`.
 const SCHEMA: &str = "freeplay.swap/1";
@@ -95,7 +95,7 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     let stage = Stage { scenario, out, stop, seed: args.seed.unwrap_or(1) };
-    let bar = voice::bar(args.swaps.into(), "swaps {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(args.swaps.into(), "swaps {bar:30} {pos}/{len} {elapsed}");
     let ended = stage.play_all(args.swaps, args.per_run, &bar);
     bar.finish_and_clear();
     let played = ended?;

@@ -112,7 +112,10 @@ impl<'a> ChartData<'a> {
     /// The JSON, fit for a `script` element: `<`, `>` and `&` are written as escapes.
     pub(crate) fn to_json(&self) -> String {
         let json = serde_json::to_string(self).expect("numbers and strings alone always make JSON");
-        json.replace('<', "\\u003c").replace('>', "\\u003e").replace('&', "\\u0026")
+        crate::visible::visible_json(&json)
+            .replace('<', "\\u003c")
+            .replace('>', "\\u003e")
+            .replace('&', "\\u0026")
     }
 
     fn add(&mut self, chart: &Chart, series: &'a Series, colours: &Colours<'_>, most: usize) {

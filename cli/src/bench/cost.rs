@@ -13,10 +13,10 @@ use crate::bench::blocks::{ByStage, Stand};
 use crate::bench::figures::{QUANTILES, Ratio, add};
 use crate::exit::{Exit, Failure};
 use crate::files::write;
+use crate::progress;
 use crate::run::Format;
 use crate::say::say;
 use crate::scenario::RecordingKind;
-use crate::voice;
 
 /// The schema of `cost.json`.
 const SCHEMA: &str = "freeplay.cost/1";
@@ -129,7 +129,7 @@ impl Told {
 /// A run that fails; results that can't be written.
 pub fn cost(stand: &Stand, pairs: usize, format: Format) -> Result<Exit, Failure> {
     let contestant = stand.contestants.first().ok_or_else(|| Failure::usage("no controller"))?;
-    let bar = voice::bar(pairs as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(pairs as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
     let mut measured: [Measured; KINDS] = Default::default();
     for number in 0..pairs {
         let mut order = Looking::ALL;

@@ -30,11 +30,11 @@ use crate::bench::blocks::{Block, Stand};
 use crate::bench::figures::{Compared, Ratio, caught_up, ratios};
 use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
+use crate::progress;
 use crate::run::{Contestant, Format, default_folder, load};
 use crate::say::{say, show};
 use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::summary::RunSummary;
-use crate::voice;
 
 /// Missed ticks that are bridged: a bench measures the stall of a machine and does not end at it.
 const HOLD: u32 = 1000;
@@ -229,7 +229,7 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
         return cost::cost(&stand, args.pairs, args.format);
     }
     let steps = args.load.len() * contestants.len();
-    let bar = voice::bar((args.pairs + steps) as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar((args.pairs + steps) as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
     let played = play(args, &stand, &bar);
     bar.finish_and_clear();
     let Some(Played { blocks, cliff }) = played? else { return Ok(Exit::Interrupted) };

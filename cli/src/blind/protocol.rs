@@ -16,7 +16,7 @@ use super::{BlindArgs, hash, history};
 use crate::exit::Failure;
 use crate::files::{make_folder, read_json, unreadable};
 use crate::hex::hex;
-use crate::voice;
+use crate::{progress, voice};
 
 /// Bytes of a salt.
 const SALT: usize = 16;
@@ -38,8 +38,7 @@ fn random<const N: usize>() -> Result<[u8; N], Failure> {
 
 /// A bar on standard error with the time that remains.
 fn bar(length: usize, what: &'static str) -> ProgressBar {
-    let bar =
-        voice::bar(length as u64, "{msg:<10} {bar:30} {pos}/{len} {elapsed}, {eta} left").with_message(what);
+    let bar = progress::bar(length as u64, "{msg:<10} {bar:30} {pos}/{len} {elapsed}").with_message(what);
     bar.tick();
     bar
 }

@@ -17,10 +17,10 @@ use serde_json::Value;
 use crate::diagnose_report::{outcome as in_words, title};
 use crate::exit::{Exit, Failure};
 use crate::files::check_target;
+use crate::progress;
 use crate::run::{Format, default_folder};
 use crate::say::say;
 use crate::units::{people, written};
-use crate::voice;
 use cases::Case;
 use play::{CONTROLLER, Outcome, outcome};
 
@@ -108,7 +108,7 @@ fn all(
     out: &std::path::Path,
     stop: &AtomicBool,
 ) -> Result<Vec<Outcome>, Failure> {
-    let bar = voice::bar(cases.len() as u64, "playing and diagnosing {bar:30} {pos}/{len}  {msg}");
+    let bar = progress::bar(cases.len() as u64, "playing and diagnosing {bar:30} {pos}/{len}  {msg}");
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<(usize, Result<Outcome, Failure>)>> = Mutex::new(Vec::new());
     let work = || {

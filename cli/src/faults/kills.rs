@@ -16,6 +16,7 @@ use serde_json::json;
 use crate::exit::{Exit, Failure};
 use crate::files::write;
 use crate::say::say;
+use crate::voice;
 
 /// Within this time after the start the kill comes, ms: start-up takes most of it.
 const LATEST_MS: f64 = 900.0;
@@ -116,7 +117,7 @@ fn kill_one(
             // It opens: it was killed before its first tick was written.
             Err(ReadError::NoSamples { .. } | ReadError::Empty { .. }) => {}
             Err(error) => {
-                eprintln!("freeplay: {}: {error}", path.display());
+                voice::fault(format_args!("{}: {error}", path.display()));
                 tally.recordings_that_do_not_open += 1;
             }
         }

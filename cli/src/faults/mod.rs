@@ -22,10 +22,10 @@ use clap::Args;
 use crate::exit::{Exit, Failure};
 use crate::faults::exam::Exam;
 use crate::faults::kinds::Kind;
+use crate::progress;
 use crate::run::{Contestant, Format, default_folder, load};
 use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind};
-use crate::voice;
 
 /// Examines a controller.
 #[derive(Args, Debug)]
@@ -82,7 +82,8 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
         return kills::kill_runs(&args.controller, count, args.seed, &out, &stop);
     }
     let kinds = if args.kind.is_empty() { Kind::ALL.to_vec() } else { args.kind.clone() };
-    let bar = voice::bar(u64::from(args.seeds) * kinds.len() as u64, "faults {bar:30} {pos}/{len} {elapsed}");
+    let bar =
+        progress::bar(u64::from(args.seeds) * kinds.len() as u64, "faults {bar:30} {pos}/{len} {elapsed}");
     let mut exam =
         Exam::new(scenario, examined, args.standby.clone(), args.seed, out.clone(), Arc::clone(&stop))?;
     let verdicts = exam.examine(&kinds, args.seeds, &bar);

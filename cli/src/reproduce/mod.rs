@@ -35,7 +35,7 @@ use crate::run::Format;
 use crate::say::say;
 use crate::scenario::Drive;
 use crate::simulation::on_all_cores;
-use crate::voice;
+use crate::{progress, voice};
 use case::{CLEARANCES, Case, PERIODS, Scope};
 use claim::Claim;
 use compensation::Played;
@@ -223,7 +223,7 @@ fn over<T: Send>(
     work: impl Fn(usize) -> Result<T, Failure> + Sync,
 ) -> Result<Vec<T>, Failure> {
     voice::detail(stage);
-    let bar = voice::bar(count as u64, "{msg:<22} {bar:30} {pos}/{len} {elapsed}").with_message(stage);
+    let bar = progress::bar(count as u64, "{msg:<22} {bar:30} {pos}/{len} {elapsed}").with_message(stage);
     bar.tick();
     let done = on_all_cores(count, |index| {
         let result = work(index);

@@ -27,7 +27,7 @@ use crate::train::collect::{Collected, Observer, collect};
 use crate::train::scenarios::{RunSpec, Subject};
 use crate::train::series::View;
 use crate::train::table::Figures;
-use crate::voice;
+use crate::{progress, voice};
 
 /// Steady contact is the same over and over: every so many windows of it train.
 const STEADY_SHARE: usize = 6;
@@ -162,7 +162,7 @@ fn gather(subject: &Subject, specs: &[RunSpec], observer: Observer<'_>) -> Resul
 }
 
 fn bar(length: u64, what: &str) -> ProgressBar {
-    voice::bar(length, &format!("{what} {{bar:30}} {{pos}}/{{len}} {{elapsed}} {{msg}}"))
+    progress::bar(length, &format!("{what} {{bar:30}} {{pos}}/{{len}} {{elapsed}} {{msg}}"))
 }
 
 fn training(args: &TrainArgs, subject: &Subject) -> Result<Training, Failure> {
