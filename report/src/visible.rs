@@ -44,26 +44,6 @@ pub fn is_visible(c: char) -> bool {
     written.next() == Some(c) && !FILLERS.contains(&c)
 }
 
-/// The JSON text `json` as `serde_json` writes it, with the same escapes within its strings as [`one_line`] makes: whoever reads it back
-/// and shows a string shows nothing hidden.
-pub(crate) fn visible_json(json: &str) -> String {
-    let mut written = String::with_capacity(json.len());
-    let mut rest = json.chars();
-    while let Some(c) = rest.next() {
-        match c {
-            '\\' => match rest.next() {
-                Some(c @ ('"' | '\\')) => written.extend(['\\', c]),
-                // The writer escapes nothing else but control characters.
-                Some(c) => written.extend(['\\', '\\', c]),
-                None => written.push('\\'),
-            },
-            c if is_visible(c) => written.push(c),
-            c => written.push_str(&one_line(&c.to_string()).replace('\\', "\\\\")),
-        }
-    }
-    written
-}
-
 fn escaped(text: &str, is_kept: impl Fn(char) -> bool) -> Cow<'_, str> {
     if text.chars().all(&is_kept) {
         return Cow::Borrowed(text);
@@ -109,14 +89,6 @@ mod tests {
         for text in ["Gelenk_1 ✓ – ± µm █ ⠋ │", "cafe\u{301}", "関節", "\"q\\u\""] {
             assert_eq!(one_line(text), text);
         }
-    }
-
-    #[test]
-    fn strings_of_a_script_are_shown_without_hidden_characters() {
-        let name = "a\u{1b}[2J\n\u{202e}\u{9b}\"q\" \\u";
-        let json = super::visible_json(&serde_json::json!([name, 0.25]).to_string());
-        let read: serde_json::Value = serde_json::from_str(&json).unwrap();
-        assert_eq!(read, serde_json::json!([one_line(name), 0.25]));
     }
 
     #[test]

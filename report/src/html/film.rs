@@ -45,8 +45,7 @@ pub(crate) fn film(film: &Film, context: &Context<'_>) -> Markup {
         first,
         scenes: film.scenes.iter().map(scene_data).collect(),
     };
-    let json = serde_json::to_string(&data).unwrap_or_default();
-    let json = crate::visible::visible_json(&json).replace('<', "\\u003c");
+    let json = serde_json::to_string(&data).unwrap_or_default().replace('<', "\\u003c");
     html! {
         figure.film {
             figcaption { (inline(&film.title)) }
