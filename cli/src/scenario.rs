@@ -260,8 +260,8 @@ impl Scenario {
             None => (Self::default(), toml::Table::new()),
             Some(path) => Self::read(path)?,
         };
-        let chosen = |keys: &[&str]| keys.iter().any(|key| is_given(&given, sets, key));
-        let (has_path, has_gains) = (chosen(&SHAPING), chosen(&["controller.gains"]));
+        let chosen = |key| is_given(&given, sets, key);
+        let (has_path, has_gains) = (chosen("path"), chosen("controller.gains"));
         let mut scenario = if sets.is_empty() { scenario } else { scenario.set(given, sets)? };
         scenario.has_gains = has_gains;
         // The path by default lies where the paper's arm reaches; every other arm can swing its joints.
@@ -366,9 +366,6 @@ impl Scenario {
         Ok(toml::to_string(self)?)
     }
 }
-
-/// Keys that say where a path lies: with one of them, the path is the one that was asked for.
-const SHAPING: [&str; 6] = ["path.kind", "path.centre", "path.size", "path.rpy", "path.file", "path.blend"];
 
 /// Whether `key` is in the file's table `given` or in one of the changes `sets`.
 fn is_given(given: &toml::Table, sets: &[String], key: &str) -> bool {
