@@ -36,6 +36,14 @@ pub enum ArmError {
         /// Position in the chain, from 1.
         number: usize,
     },
+    /// A joint whose name has a line break, so that no table and no message can carry it.
+    #[error("joint number {number} is called {name:?}; remove the line break from its name")]
+    NameOfLines {
+        /// Position in the chain, from 1.
+        number: usize,
+        /// The name.
+        name: String,
+    },
     /// A value outside its range, NaN or infinite.
     #[error("{}: {quantity} is {value}, but must be {must}", joint.as_ref().map_or("the arm".to_owned(), |name| format!("joint `{name}`")))]
     Value {
@@ -78,6 +86,7 @@ impl ArmError {
             ArmError::NoJoints
             | ArmError::TooManyJoints { .. }
             | ArmError::EmptyName { .. }
+            | ArmError::NameOfLines { .. }
             | ArmError::NoSuchJoint { .. } => None,
         }
     }

@@ -1,15 +1,17 @@
 //! What was typed.
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use freeplay_report::one_line;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::messages::{Common, color_among};
 
+use crate::help::grouped;
 use crate::manual::EXIT_CODES;
 
 /// Controller-in-the-loop harness for robot arms whose joints have play.
 #[derive(Parser, Debug)]
-#[command(name = "freeplay", version = env!("FREEPLAY_VERSION"), after_help = EXIT_CODES, max_term_width = 110)]
-struct Cli {
+#[command(name = "freeplay", version = env!("FREEPLAY_VERSION"), after_help = EXIT_CODES, max_term_width = 0)]
+pub struct Cli {
     #[command(flatten)]
     common: Common,
     #[command(subcommand)]
@@ -89,8 +91,8 @@ enum Command {
 /// What the command could not do, with the exit code.
 pub fn dispatch() -> Result<Exit, Failure> {
     freeplay_terminal::process::end_on_signals()?;
-    let command = with_negative_numbers(Cli::command()).color(color_among(std::env::args_os()));
-    let cli = Cli::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit());
+    let parsed = understood().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = parsed.unwrap_or_else(|error| quit(error));
     cli.common.apply();
     match cli.command {
         Command::Run(args) => freeplay_harness::run::run(&args),
@@ -122,6 +124,22 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Plant(args) => freeplay_harness::plant_command::plant(&args),
         Command::Controller(args) => crate::controller::controller(&args),
     }
+}
+
+/// The command line that is understood.
+fn understood() -> clap::Command {
+    with_negative_numbers(grouped(Cli::command())).color(color_among(std::env::args_os()))
+}
+
+/// Shows help, the version or what is wrong with the command line, and ends the program.
+fn quit(error: clap::Error) -> ! {
+    let words: Vec<String> =
+        std::env::args_os().map(|word| one_line(&word.to_string_lossy()).into_owned()).collect();
+    // An argument that speaks to the terminal is as wrong when it is escaped, and then it can be shown.
+    let shown = understood().try_get_matches_from(words).err().unwrap_or(error);
+    // Where neither output can be written there is nobody to tell.
+    let _ = shown.print();
+    std::process::exit(shown.exit_code())
 }
 
 /// Lets `-1` be a value of every option, so that what is said of it is its range and not that there is no option `-1`.

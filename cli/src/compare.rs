@@ -20,6 +20,8 @@ use freeplay_terminal::output::say;
 use serde_json::{Value, json};
 
 use crate::inputs;
+use freeplay_report::paste::pasted;
+use freeplay_terminal::target::asked_file;
 
 /// Compares a recording with what a model makes of the recorded motion.
 ///
@@ -36,8 +38,9 @@ pub struct CompareArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Folder for report.html, with measured against model for every joint, and compare.json.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for report.html, with measured against model for every joint, and compare.json; a name that ends in .html or .json is the
+    /// file of one of them alone.
+    #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
     /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz, or less where the motion is noisy.
     #[arg(long, value_name = "HZ")]
@@ -89,12 +92,19 @@ impl View<'_> {
         Ok(value)
     }
 
-    /// Writes the report and the JSON into `out`; the report's path.
+    /// Writes the report and the JSON into the folder `out`, or the one of them that the ending of the file `out` asks for; the path of the
+    /// report, or of that file.
     fn write(&self, out: &Path, residuals: &Residuals, json: &Value) -> Result<PathBuf, Failure> {
+        let (page, data) = (|| self.document(residuals).to_html(), || format!("{json:#}\n"));
+        match asked_file(out, &["html", "json"]) {
+            Some("html") => return write(out, &page()).map(|()| out.to_owned()),
+            Some(_) => return write(out, &data()).map(|()| out.to_owned()),
+            None => {}
+        }
         freeplay_terminal::files::make_folder(out)?;
-        write(&out.join("compare.json"), &format!("{json:#}\n"))?;
+        write(&out.join("compare.json"), &data())?;
         let path = out.join("report.html");
-        write(&path, &self.document(residuals).to_html())?;
+        write(&path, &page())?;
         Ok(path)
     }
 
@@ -111,7 +121,7 @@ impl View<'_> {
             let _ = writeln!(text, "note: {remark}");
         }
         let next = match report {
-            Some(path) => format!("report      {}", path.display()),
+            Some(path) => format!("report      {}", pasted(path)),
             None => "next        add --out DIR for the curves, measured against model; --lowpass HZ for another filter".into(),
         };
         let _ = writeln!(text, "{next}");

@@ -9,18 +9,19 @@ use freeplay_diagnosis::{
     DiagnoseError, DiagnoseSettings, Diagnosis, ExciteSettings, Settings, Tolerances, beyond_limits,
     diagnose as diagnosed,
 };
-use freeplay_harness::setup::load_model;
+use freeplay_harness::setup::{PAPER_MODEL, load_model};
 use freeplay_recording::Recording;
+use freeplay_report::paste::seen_from;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::files::{Folder, write};
+use freeplay_terminal::files::{Folder, check_target, write};
 use freeplay_terminal::messages;
 use freeplay_terminal::output::{say, show};
 use serde_json::Value;
 
-use crate::diagnose_screen;
 use crate::excite::{self, Question};
-use crate::inputs;
+use crate::{diagnose_screen, inputs};
+use freeplay_terminal::target::{asked_file, folder_of};
 
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
 const NEXT_S: f64 = 16.0;
@@ -43,8 +44,9 @@ pub struct DiagnoseArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing, tuned inside its tolerances.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing, tuned inside its tolerances; a name that
+    /// ends in .toml or .json is the file of the model, or of the diagnosis, alone.
+    #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
     /// Seed of the twins and of all intervals.
     #[arg(long, default_value_t = 1)]
@@ -109,7 +111,9 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let read = |path: &PathBuf| inputs::recording(path, &args.model, &file);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
     // Before what takes minutes.
-    let _reserved = args.out.as_deref().map(Folder::reserve).transpose()?;
+    let _reserved =
+        args.out.as_deref().filter(|out| target(out).is_none()).map(Folder::reserve).transpose()?;
+    args.out.as_deref().filter(|out| target(out).is_some()).map(check_target).transpose()?;
     let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::doing(what));
     let mut diagnosis = found.map_err(|error| match error {
         DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
@@ -149,7 +153,8 @@ fn next_motion(
     recordings: &[Recording],
     diagnosis: &Diagnosis,
 ) -> Result<Option<String>, Failure> {
-    let (Some(out), Some(seen)) = (&args.out, recordings.first()) else { return Ok(None) };
+    let folder = args.out.as_deref().filter(|out| target(out).is_none());
+    let (Some(out), Some(seen)) = (folder, recordings.first()) else { return Ok(None) };
     let rivals = excite::rivals(diagnosis, file)?;
     if rivals.len() < 2 {
         return Ok(None);
@@ -187,7 +192,12 @@ pub struct View<'a> {
 impl View<'_> {
     /// The folder of results.
     pub fn out(&self) -> Option<&Path> {
-        self.args.out.as_deref()
+        self.args.out.as_deref().filter(|out| target(out).is_none())
+    }
+
+    /// The single file of results.
+    pub fn file(&self) -> Option<&Path> {
+        self.args.out.as_deref().filter(|out| target(out).is_some())
     }
 
     /// The recording that is held out, as it was named.
@@ -199,22 +209,42 @@ impl View<'_> {
     fn json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.diagnosis).map_err(Failure::internal)?;
         value["inputs"] = serde_json::json!({ "model": self.args.model, "recordings": self.args.recording });
-        if let Some(out) = &self.args.out {
-            value["model"] = serde_json::json!(out.join("model.toml"));
+        if self.args.out.is_some() {
+            value["model"] = serde_json::json!("model.toml");
             value["report"] = serde_json::json!("report.html");
         }
         Ok(value)
     }
 
-    /// Writes diagnosis.json, model.toml and report.html into `out`.
+    /// Writes diagnosis.json, model.toml and report.html into the folder `out`, or the one of them that the ending of the file `out` asks
+    /// for. Paths in a diagnosis.json are those seen from its folder.
     fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
-        freeplay_terminal::files::make_folder(out)?;
+        let folder = target(out).map_or(out, |_| folder_of(out));
+        freeplay_terminal::files::make_folder(folder)?;
+        let mut moved = json.clone();
+        if self.args.model != PAPER_MODEL {
+            moved["inputs"]["model"] = serde_json::json!(seen_from(folder, Path::new(&self.args.model)));
+        }
+        let recordings: Vec<PathBuf> =
+            self.args.recording.iter().map(|path| seen_from(folder, path)).collect();
+        moved["inputs"]["recordings"] = serde_json::json!(recordings);
+        let json = moved;
+        match target(out) {
+            Some("toml") => return write(out, &to_toml(&self.diagnosis.model)),
+            Some(_) => return write(out, &format!("{json:#}\n")),
+            None => {}
+        }
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
         write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))?;
         let View { args, file, diagnosis, .. } = self;
-        let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis };
+        let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis, out };
         write(&out.join("report.html"), &document(&subject).to_html())
     }
+}
+
+/// The single file of results that `out` asks for.
+fn target(out: &Path) -> Option<&'static str> {
+    asked_file(out, &["toml", "json"])
 }
 
 /// The name of its file.

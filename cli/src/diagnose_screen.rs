@@ -10,12 +10,13 @@ use freeplay_diagnosis::{Diagnosis, Fit, TO_TELL, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
 use freeplay_report::units::{people, written};
-use freeplay_terminal::messages::{GOOD, OPEN, painted};
+use freeplay_terminal::messages::{GOOD, OPEN, painted, width};
 
 use crate::diagnose::{View, file_name};
+use freeplay_report::paste::pasted;
+use freeplay_terminal::outside::on_one_line;
 
-/// Width of the screen and of what stands before a line, characters.
-const WIDTH: usize = 118;
+/// Width of what stands before a line, characters.
 const MARGIN: usize = 9;
 /// Width of the longest bar, characters.
 const BAR: f64 = 24.0;
@@ -62,12 +63,14 @@ fn next(view: &View) -> String {
     }
     match view.out() {
         Some(out) => {
-            let (model, recording) = (out.join("model.toml"), view.last_recording().display());
-            let model = model.display();
+            let (model, recording) = (pasted(&out.join("model.toml")), pasted(view.last_recording()));
             let _ = writeln!(text, "{:MARGIN$}{model}", "MODEL");
             let _ = writeln!(text, "{:MARGIN$}freeplay compare --model {model} --recording {recording}", "");
-            let _ = writeln!(text, "{:MARGIN$}freeplay run --model {model} --set path.kind=joint_sine", "");
-            let _ = writeln!(text, "{:MARGIN$}{}", "REPORT", out.join("report.html").display());
+            let _ = writeln!(text, "{:MARGIN$}freeplay run --model {model}", "");
+            let _ = writeln!(text, "{:MARGIN$}{}", "REPORT", pasted(&out.join("report.html")));
+        }
+        None if view.file().is_some() => {
+            let _ = writeln!(text, "{:MARGIN$}{}", "FILE", view.file().map_or_else(String::new, pasted));
         }
         None => text.push_str(&wrapped(
             "REPORT",
@@ -244,7 +247,7 @@ fn plain_table() -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     table.set_content_arrangement(ContentArrangement::Dynamic);
-    table.set_width(WIDTH as u16 - MARGIN as u16);
+    table.set_width((width() - MARGIN) as u16);
     table
 }
 
@@ -274,6 +277,7 @@ fn percent(share: f64) -> String {
 /// `words` behind `word`, in lines of the screen's width, all but the first `margin` characters in.
 fn wrapped(word: &str, margin: usize, words: &str) -> String {
     let (first, others) = (format!("{word:margin$}"), " ".repeat(margin));
-    let options = textwrap::Options::new(WIDTH).initial_indent(&first).subsequent_indent(&others);
-    textwrap::fill(words, options) + "\n"
+    let options = textwrap::Options::new(width()).initial_indent(&first).subsequent_indent(&others);
+    // Wrapping would take a name with a line break in it apart.
+    textwrap::fill(&on_one_line(words), options) + "\n"
 }

@@ -11,15 +11,17 @@ use freeplay_diagnosis::{
     ChannelNoise, Diagnosis, Effect, Excitation, ExciteError, ExciteSettings, Rival, Tolerances,
     excite as sought,
 };
-use freeplay_harness::setup::load_model;
+use freeplay_harness::setup::{PAPER_MODEL, load_model};
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_recording::Recording;
+use freeplay_report::paste::{pasted, seen_from};
 use freeplay_report::units::power_of_ten;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{Folder, read_json, write};
-use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
+use freeplay_terminal::target::{asked_file, folder_of};
+use freeplay_terminal::{messages, progress};
 use serde_json::Value;
 
 use crate::inputs;
@@ -54,8 +56,8 @@ pub struct ExciteArgs {
     /// The joint that they may sit at; none for effects of the whole arm.
     #[arg(long, requires = "kinds")]
     joint: Option<String>,
-    /// Folder for excite.csv and excite.toml.
-    #[arg(long, value_name = "DIR", default_value = "out")]
+    /// Folder for excite.csv and excite.toml; a name that ends in .toml is the file of the scenario, with its rows beside it.
+    #[arg(long, value_name = "DIR|FILE", default_value = "out")]
     out: PathBuf,
     /// How long the motion takes, s.
     #[arg(long, default_value_t = 16.0, value_name = "S")]
@@ -125,7 +127,8 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     };
     let question = Question { file: &file, rivals, seen: seen.as_ref() };
     // Before what takes minutes.
-    let _reserved = Folder::reserve(&args.out)?;
+    let is_file = asked_file(&args.out, &["toml"]).is_some();
+    let _reserved = Folder::reserve(if is_file { folder_of(&args.out) } else { &args.out })?;
     let found = seek(&question, &settings)?;
     let path = write_path(&found, &model, &file, &args.out)?;
     match args.format {
@@ -141,7 +144,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
 /// Bad input, or no safe motion.
 pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation, Failure> {
     messages::detail(format_args!("weighing {} motions", settings.candidates));
-    let bar = messages::bar(settings.candidates as u64, "weighing motions {bar:30} {pos}/{len}  {msg}");
+    let bar = progress::bar(settings.candidates as u64, "weighing motions {bar:30} {pos}/{len}  {msg}");
     let found = sought(question.file, &question.rivals, question.seen, settings, &mut |number, _, best| {
         bar.set_position(number as u64);
         bar.set_message(format!("best {} : 1", power_of_ten(best)));
@@ -228,10 +231,14 @@ impl Found {
             let known = ChannelNoise { deviation: number("deviation"), per_second: number("per_second") };
             noise.insert(channel.clone(), known);
         }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        // One that was moved without its inputs may still be used from where these were named.
+        let beside =
+            |name: &str| Some(folder.join(name)).filter(|path| path.exists()).unwrap_or_else(|| name.into());
         Ok(Self {
             path: path.to_owned(),
-            model: model.to_owned(),
-            recordings: recordings.filter_map(Value::as_str).map(PathBuf::from).collect(),
+            model: if model == PAPER_MODEL { model.to_owned() } else { beside(model).display().to_string() },
+            recordings: recordings.filter_map(Value::as_str).map(beside).collect(),
             noise,
             json,
         })
@@ -307,12 +314,15 @@ fn usual_noise(file: &ArmFile) -> BTreeMap<String, ChannelNoise> {
     noise
 }
 
-/// Writes excite.csv and excite.toml into `out` and lets the path be planned as the plant would; the scenario's path.
+/// Writes excite.csv and excite.toml into the folder `out`, or the file `out` that ends in .toml and its rows beside it, and lets the path be planned as the plant would; the scenario's path.
 ///
 /// # Errors
 /// A file that can't be written.
 pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -> Result<PathBuf, Failure> {
-    freeplay_terminal::files::make_folder(out)?;
+    let is_file = asked_file(out, &["toml"]).is_some();
+    let folder = if is_file { folder_of(out) } else { out };
+    let scenario_file = if is_file { out.to_owned() } else { out.join("excite.toml") };
+    freeplay_terminal::files::make_folder(folder)?;
     let motion = found.motion.trajectory(RATE);
     let mut rows = String::from("t");
     (1..=file.arm.dof()).for_each(|joint| {
@@ -325,15 +335,18 @@ pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -
         }
     }
     rows.push('\n');
-    let csv = std::path::absolute(out.join("excite.csv")).map_err(Failure::input)?;
+    let csv = std::path::absolute(scenario_file.with_extension("csv")).map_err(Failure::input)?;
     write(&csv, &rows)?;
     let spec = PathSpec { kind: PathKind::File, file: Some(csv.clone()), ..PathSpec::default() };
     JointPath::plan(&file.arm, &spec, 1000.0).map_err(Failure::internal)?;
     let mut scenario = toml::Table::new();
-    scenario.insert("model".to_owned(), model.into());
+    // A scenario's paths are those seen from its own folder.
+    let seen = if model == PAPER_MODEL { PathBuf::from(model) } else { seen_from(folder, Path::new(model)) };
+    scenario.insert("model".to_owned(), seen.display().to_string().into());
+    let rows_name = csv.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut path = toml::Table::new();
     path.insert("kind".to_owned(), "file".into());
-    path.insert("file".to_owned(), csv.display().to_string().into());
+    path.insert("file".to_owned(), rows_name.into());
     scenario.insert("path".to_owned(), toml::Value::Table(path));
     let names: Vec<String> = found.rivals.iter().map(|rival| name(rival, file)).collect();
     let text = format!(
@@ -342,9 +355,8 @@ pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -
         power_of_ten(least(&found.log_odds)),
         toml::to_string(&scenario).map_err(Failure::internal)?
     );
-    let scenario = out.join("excite.toml");
-    write(&scenario, &text)?;
-    Ok(scenario)
+    write(&scenario_file, &text)?;
+    Ok(scenario_file)
 }
 
 /// Kind and place of a cause.
@@ -361,7 +373,7 @@ pub fn sentence(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     let names: Vec<String> = found.rivals.iter().map(|rival| name(rival, file)).collect();
     format!(
         "the motion in {} ({:.0} s) would separate {} with odds of about {} : 1",
-        path.display(),
+        pasted(path),
         found.motion.duration,
         names.join(" and "),
         power_of_ten(least(&found.log_odds))
@@ -395,9 +407,9 @@ fn text(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     let _ = writeln!(
         text,
         "path    {}   {:.0} s, from rest to rest\nnext    freeplay run {}",
-        path.with_extension("csv").display(),
+        pasted(&path.with_extension("csv")),
         found.motion.duration,
-        path.display()
+        pasted(path)
     );
     text
 }

@@ -3,14 +3,13 @@
 //! Modules: `args` (the command line), `manual`; `compare`, `diagnose` with `diagnose_screen`, `excite`, `inputs` (models beside
 //! recordings); `record`, `scenario_command`, `controller`.
 
-use std::io::Write;
-
 mod args;
 mod compare;
 mod controller;
 mod diagnose;
 mod diagnose_screen;
 mod excite;
+mod help;
 mod inputs;
 mod manual;
 mod record;
@@ -24,8 +23,7 @@ fn main() -> std::process::ExitCode {
     match args::dispatch() {
         Ok(exit) => exit.into(),
         Err(failure) => {
-            // A terminal that has hung up takes no words.
-            let _ = writeln!(std::io::stderr(), "freeplay: {failure}");
+            freeplay_terminal::messages::fault(&failure);
             failure.exit.into()
         }
     }

@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use clap_complete::Shell;
+use freeplay_report::paste::pasted;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{make_folder, unwritable};
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{raw, say};
 
 /// The exit codes, for `--help`, `freeplay help exit-codes` and the manual.
 pub const EXIT_CODES: &str = "\
@@ -42,7 +43,7 @@ pub struct ManArgs {
 pub fn completions(args: &CompletionsArgs, mut command: clap::Command) -> Result<Exit, Failure> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut command, "freeplay", &mut text);
-    say(&String::from_utf8_lossy(&text))?;
+    raw(&String::from_utf8_lossy(&text))?;
     Ok(Exit::Done)
 }
 
@@ -54,12 +55,16 @@ pub fn man(args: &ManArgs, command: clap::Command) -> Result<Exit, Failure> {
     let Some(out) = &args.out else {
         let mut page = Vec::new();
         clap_mangen::Man::new(command).render(&mut page).map_err(Failure::internal)?;
-        say(&String::from_utf8_lossy(&page))?;
+        raw(&String::from_utf8_lossy(&page))?;
         return Ok(Exit::Done);
     };
     make_folder(out)?;
     clap_mangen::generate_to(command, out).map_err(|error| unwritable(out, &error))?;
-    say(&format!("{}: freeplay.1 and a page for each command; man -l {0}/freeplay.1\n", out.display()))?;
+    say(&format!(
+        "{}: freeplay.1 and a page for each command; man -l {1}\n",
+        out.display(),
+        pasted(&out.join("freeplay.1"))
+    ))?;
     Ok(Exit::Done)
 }
 

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueEnum};
 use comfy_table::{CellAlignment, Table, presets};
 use freeplay_recording::{BagOptions, Group, Mapping, Recording};
+use freeplay_report::one_line;
+use freeplay_report::text::{Digits, NOTHING, number};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::unreadable;
@@ -128,34 +130,48 @@ fn unit(column: &str) -> &'static str {
     }
 }
 
-/// Least and greatest finite value, and how many are not finite.
-fn range(values: &[f64]) -> (f64, f64, usize) {
-    let finite = values.iter().copied().filter(|value| value.is_finite());
-    let (least, most) = finite
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (least.min(value), most.max(value)));
-    (least, most, values.iter().filter(|value| !value.is_finite()).count())
+/// Least and greatest finite value where there is one, and how many values are not finite.
+fn range(values: &[f64]) -> (Option<[f64; 2]>, usize) {
+    let finite = || values.iter().copied().filter(|value| value.is_finite());
+    let least_and_most = finite().reduce(f64::min).zip(finite().reduce(f64::max));
+    (least_and_most.map(|(least, most)| [least, most]), values.len() - finite().count())
 }
 
-fn steps(recording: &Recording) -> (f64, f64) {
-    let (least, most, _) = range(&recording.t.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>());
-    (least, most)
+/// Shortest and longest step, s; none for less than two samples.
+fn steps(recording: &Recording) -> Option<[f64; 2]> {
+    range(&recording.t.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>()).0
+}
+
+/// Duration, s, and rate, Hz; none where less than two samples, or times beyond all measure, have none.
+fn timing(recording: &Recording) -> Option<(f64, f64)> {
+    let (duration, rate) = (recording.duration(), recording.rate_hz());
+    (recording.len() > 1 && duration.is_finite() && rate.is_finite()).then_some((duration, rate))
+}
+
+/// The number of samples in words.
+fn samples(recording: &Recording) -> String {
+    match recording.len() {
+        1 => "1 sample".to_owned(),
+        count => format!("{count} samples"),
+    }
 }
 
 fn describe(recording: &Recording) -> Value {
     let columns: Vec<Value> = recording
-        .columns()
-        .iter()
-        .filter_map(|name| Some((name, recording.column(name)?)))
+        .named()
         .map(|(name, values)| {
-            let (least, most, odd) = range(values);
-            json!({ "name": name, "unit": unit(name), "min": least, "max": most, "not_finite": odd })
+            let (range, odd) = range(values);
+            let [least, most] = range.map_or([None; 2], |range| range.map(Some));
+            json!({ "name": name, "unit": unit(&name), "min": least, "max": most, "not_finite": odd })
         })
         .collect();
-    let (shortest, longest) = steps(recording);
+    let [shortest, longest] = steps(recording).map_or([None; 2], |steps| steps.map(Some));
+    let timing = timing(recording);
+    let median = timing.map(|_| recording.median_step());
     json!({
         "schema": "freeplay.recording-info/1", "file": recording.origin, "joints": recording.joints(),
-        "samples": recording.len(), "duration_s": recording.duration(), "rate_hz": recording.rate_hz(),
-        "step_s": { "min": shortest, "median": recording.median_step(), "max": longest },
+        "samples": recording.len(), "duration_s": timing.map(|(duration, _)| duration), "rate_hz": timing.map(|(_, rate)| rate),
+        "step_s": { "min": shortest, "median": median, "max": longest },
         "tool_tracked": recording.tool.is_some(), "columns": columns,
         "metadata": recording.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect::<serde_json::Map<_, _>>(),
         "events": recording.events, "truncated": recording.truncated, "notes": recording.notes,
@@ -163,25 +179,32 @@ fn describe(recording: &Recording) -> Value {
 }
 
 fn in_words(recording: &Recording) -> String {
-    let (shortest, longest) = steps(recording);
+    let fixed = |value: f64, decimals| number(value, Digits::Fixed(decimals));
+    let pace = match (timing(recording), steps(recording)) {
+        (Some((duration, rate)), Some([shortest, longest])) => format!(
+            "{} s at {} Hz (steps {} to {} ms)",
+            fixed(duration, 3),
+            fixed(rate, 1),
+            fixed(shortest * 1e3, 3),
+            fixed(longest * 1e3, 3)
+        ),
+        _ if recording.len() < 2 => "no duration and no rate: that takes two samples".to_owned(),
+        _ => "no duration and no rate: its times are beyond what a number holds".to_owned(),
+    };
     let mut text = format!(
-        "{}: {} joints, {} samples, {:.3} s at {:.1} Hz (steps {:.3} to {:.3} ms)\n\n",
+        "{}: {} joints, {}, {pace}\n\n",
         recording.origin.display(),
         recording.joints(),
-        recording.len(),
-        recording.duration(),
-        recording.rate_hz(),
-        shortest * 1e3,
-        longest * 1e3
+        samples(recording),
     );
     let mut table = Table::new();
     table.load_style(presets::NOTHING).set_header(["column", "unit", "least", "greatest", ""]);
-    for name in recording.columns() {
-        let Some(values) = recording.column(&name) else { continue };
-        let (least, most, odd) = range(values);
+    for (name, values) in recording.named() {
+        let (range, odd) = range(values);
         let note = if odd == 0 { String::new() } else { format!("{odd} not finite") };
-        let number = |value: f64| if value.is_finite() { format!("{value:.6}") } else { "–".to_owned() };
-        table.add_row([name.as_str(), unit(&name), &number(least), &number(most), &note]);
+        let [least, most] =
+            range.map_or([(); 2].map(|()| NOTHING.to_owned()), |both| both.map(|value| fixed(value, 6)));
+        table.add_row([name.as_str(), unit(&name), &least, &most, &note]);
     }
     for column in [2, 3] {
         if let Some(column) = table.column_mut(column) {
@@ -191,13 +214,13 @@ fn in_words(recording: &Recording) -> String {
     text += &format!("{table}\n");
     if !recording.metadata.is_empty() {
         let keys: Vec<&str> = recording.metadata.iter().map(|(key, _)| key.as_str()).collect();
-        text += &format!("\nmetadata: {} (--format json shows them)\n", keys.join(", "));
+        text += &format!("\nmetadata: {} (--format json shows them)\n", one_line(&keys.join(", ")));
     }
     for event in &recording.events {
-        text += &format!("mark at {:.3} s: {}: {}\n", event.t, event.kind, event.text);
+        text += &format!("mark at {:.3} s: {}: {}\n", event.t, one_line(&event.kind), one_line(&event.text));
     }
     for note in &recording.notes {
-        text += &format!("note: {note}\n");
+        text += &format!("note: {}\n", one_line(note));
     }
     text
 }
@@ -284,9 +307,9 @@ fn write(recording: &Recording, out: &Path) -> Result<Exit, Failure> {
         messages::note(format_args!("note: {note}"));
     }
     say(&format!(
-        "{}: {} samples of {} columns, {:.1} kB\n",
+        "{}: {} of {} columns, {:.1} kB\n",
         summary.file.display(),
-        summary.rows,
+        samples(recording),
         recording.columns().len(),
         summary.bytes as f64 * 1e-3
     ))?;

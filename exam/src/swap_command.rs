@@ -18,8 +18,8 @@ use freeplay_recording::Recording;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
-use freeplay_terminal::messages;
 use freeplay_terminal::output::{say, show};
+use freeplay_terminal::{messages, progress};
 use indicatif::ProgressBar;
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -97,7 +97,7 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     let stage = Stage { scenario, out, stop, seed: args.seed.unwrap_or(1) };
-    let bar = messages::bar(args.swaps.into(), "swaps {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(args.swaps.into(), "swaps {bar:30} {pos}/{len} {elapsed}");
     let ended = stage.play_all(args.swaps, args.per_run, &bar);
     bar.finish_and_clear();
     let played = ended?;

@@ -5,6 +5,7 @@
 //! - [`scenario`] and `scenario_place`: what was asked for, and where in the file; [`setup`] makes of it what runs.
 //! - [`swaps`]: which controller is active, and when that changes.
 //! - [`run`] and [`processes`]: the parent process.
+//! - `gains`: the feedback with which the journals of a light arm rest, by trial.
 //! - [`plant_command`] and [`controller_command`]: its children; `load` delays the answers of a controller.
 //! - [`columns`], `recorder`, [`histogram_files`], [`summary`]: the recording, the latencies and the results.
 //! - `verdict`: whether a run was sound, and the words for what stopped an arm.
@@ -14,6 +15,7 @@
 
 pub mod columns;
 pub mod controller_command;
+mod gains;
 pub mod histogram_files;
 mod live;
 mod load;

@@ -21,6 +21,7 @@ use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::setup::{Setup, realtime_request};
 use crate::summary::{RunFacts, RunSummary};
 use crate::swaps;
+use freeplay_terminal::messages;
 
 /// How long controllers that the system kills may keep their seats.
 const LAST_SEAT: Duration = Duration::from_millis(100);
@@ -111,7 +112,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let fault = kept.fault.map(|fault| format!("the recording ends early: {fault}"));
     if let Some(fault) = &fault {
         // At once: where the disk is full, there may be no summary to carry it.
-        eprintln!("freeplay: {fault}");
+        messages::fault(fault);
     }
     let mut notes = outcome.refused.iter().map(|who| format!("refused: {who}")).collect::<Vec<_>>();
     notes.extend(fault.clone());

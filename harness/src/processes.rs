@@ -1,6 +1,5 @@
 //! The processes of one run: how they are started, looked after and ended.
 
-use std::io::Write;
 use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -17,6 +16,7 @@ use rustix::process::{Pid, Signal, kill_process};
 use crate::live::Watch;
 use crate::run::{Contestant, Files};
 use crate::scenario::{Pacing, Scenario};
+use freeplay_terminal::messages;
 
 /// Makes a new run in shared memory.
 ///
@@ -215,11 +215,6 @@ fn terminate(child: &Child) {
     }
 }
 
-/// Says what is wrong, to a terminal that may have hung up.
-fn complain(words: &str) {
-    let _ = writeln!(std::io::stderr(), "freeplay: {words}");
-}
-
 /// What a run of `members`, the first in charge, came to, from how its processes `ended`; `has_begun` if all of them came.
 ///
 /// # Errors
@@ -238,10 +233,10 @@ pub fn exit(ended: &Ended, members: &[Contestant], has_begun: bool) -> Result<Ex
             for (member, status) in members.iter().zip(&ended.controllers) {
                 if let (Some(status), false) = (status, has_begun) {
                     let status = said(*status);
-                    eprintln!(
-                        "freeplay: the controller {} ended before it joined the run ({status})",
+                    messages::fault(format_args!(
+                        "the controller {} ended before it joined the run ({status})",
                         member.asked()
-                    );
+                    ));
                 }
             }
             if has_begun || ended.controllers.iter().all(Option::is_none) {
@@ -252,7 +247,7 @@ pub fn exit(ended: &Ended, members: &[Contestant], has_begun: bool) -> Result<Ex
                     _ => "did not answer in time".to_owned(),
                 };
                 let asked = members.first().map_or("", Contestant::asked);
-                complain(&format!("the controller {asked} {how}"));
+                messages::fault(format_args!("the controller {asked} {how}"));
             }
             // By the contract of exit codes it had said what is wrong with its input.
             let refused = first.and_then(|status| status.code()) == Some(3);

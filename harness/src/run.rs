@@ -14,9 +14,9 @@ use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
 use freeplay_terminal::hex::hex;
-use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
 use freeplay_terminal::process::Running;
+use freeplay_terminal::{messages, progress};
 use indicatif::ProgressBar;
 use rustix::fs::{Access, access};
 use serde_json::json;
@@ -31,7 +31,8 @@ use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
 use crate::scenario_place::located;
 use crate::setup::Setup;
 use crate::summary::{RunSummary, SCHEMA};
-use crate::{run_report, screen, swaps};
+
+use crate::{gains, run_report, screen, swaps};
 
 /// How much is shown of what the processes of a run that did not begin had to say, bytes: a screenful.
 const LAST_WORDS: usize = 2000;
@@ -150,7 +151,10 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     if args.live && messages::is_quiet() {
         return Err(Failure::usage("--live cannot be used with --quiet: choose one of them"));
     }
-    let scenario = effective(args)?;
+    let mut scenario = effective(args)?;
+    if let Some(found) = gains::settle(&mut scenario)? {
+        messages::note(found);
+    }
     if args.show {
         say(&scenario.to_toml().map_err(Failure::internal)?)?;
         return Ok(Exit::Done);
@@ -174,10 +178,24 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     let files = Files::write(&scenario, &setup, &out)?;
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
+    stands_still(&setup).into_iter().for_each(messages::note);
     let (mut runs, mut exit, mut failure) = (Vec::new(), Exit::Done, None);
     for contestant in &contestants {
         let progress = progress(args.live, contestant, &setup, scenario.pace);
-        let watch = args.live.then(|| watch(contestant, &scenario, &setup, &files)).transpose()?;
+        let watch = if args.live {
+            Some(watch(contestant, &scenario, &setup, &files)?)
+        } else {
+            // Where a terminal shows how far the run is, the plant tells it.
+            let is_told = scenario.pace == Pacing::Lockstep && !progress.is_hidden();
+            is_told.then(|| {
+                Watch::behind(
+                    progress.clone(),
+                    title(contestant, &scenario, &setup),
+                    &said(contestant, &files),
+                )
+            })
+        };
+        let left = watch.as_ref().map(Watch::left);
         let ended = play_watched(&scenario, contestant, &files, args.controller_delay, &stop, watch);
         progress.finish_and_clear();
         match ended {
@@ -195,7 +213,13 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
             }
         }
         if stop.load(Ordering::Relaxed) {
-            exit = Exit::Interrupted;
+            // Who leaves the live view by its key has seen enough: that is no interruption.
+            let is_left = left.is_some_and(|left| left.load(Ordering::Relaxed));
+            exit = match exit {
+                Exit::Done | Exit::Interrupted if is_left => Exit::Done,
+                Exit::Verdict if is_left => Exit::Verdict,
+                _ => Exit::Interrupted,
+            };
             break;
         }
     }
@@ -204,6 +228,19 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
         finish(args, &scenario, &setup, &files.out, &runs)?;
     }
     failure.map_or(Ok(exit), Err)
+}
+
+/// What is to be known of a run that lasts longer than its path.
+fn stands_still(setup: &Setup) -> Option<String> {
+    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9;
+    let path = setup.path.duration();
+    (seconds > path + setup.plant.period_ns as f64 * 1e-9).then(|| {
+        let laps = (seconds / path).ceil();
+        format!(
+            "the path ends after {path} s: from then on the arm stands still until the run ends at {seconds} s \
+             (path.laps = {laps} would repeat it)"
+        )
+    })
 }
 
 /// A watch for the run of `contestant`.
@@ -243,6 +280,7 @@ fn title(contestant: &Contestant, scenario: &Scenario, setup: &Setup) -> Title {
         period: setup.plant.period_ns as f64 * 1e-9,
         controllers: swaps::names(&contestant.asked, &scenario.standby),
         plays: setup.plays(),
+        patience: scenario.patience,
     }
 }
 
@@ -455,9 +493,12 @@ fn progress(is_watched: bool, contestant: &Contestant, setup: &Setup, pace: Paci
     if is_watched {
         return ProgressBar::hidden();
     }
-    let bar = messages::spinner("{spinner} {msg} {elapsed}").with_message(words);
-    bar.enable_steady_tick(Duration::from_millis(120));
-    bar
+    match pace {
+        Pacing::Lockstep => {
+            progress::bar(setup.plant.ticks, "{msg} {bar:30} {percent} % {elapsed}").with_message(words)
+        }
+        Pacing::Realtime => progress::clock(words, seconds),
+    }
 }
 
 /// Writes the summary and the report, and prints what a person, or a program, wants to see.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use freeplay_recording::{Recording, read_overview};
+use freeplay_report::text::{Digits, number};
 use freeplay_report::{
     Axis, Block, Cell, Chart, Column, Document, Figure, Mark, Section, Series, Table, Verdict,
 };
@@ -19,6 +20,8 @@ use crate::summary::RunSummary;
 
 /// Rows of a recording that a report is drawn from; of a longer one, an overview with all peaks.
 const MOST_ROWS: usize = 40_000;
+/// Digits of a deviation, wherever it stands in the report.
+const DIGITS: Digits = Digits::Significant(3);
 
 /// One controller's run with what it left.
 pub struct Played<'a> {
@@ -115,9 +118,9 @@ fn mm(value: &Value) -> f64 {
     value.as_f64().unwrap_or(f64::NAN)
 }
 
-/// A length of `mm` mm as a person reads it, with its unit: what is below 10 µm is said in µm, not as zero.
-fn length(mm: f64) -> (String, &'static str) {
-    if mm.abs() < 0.01 { (format!("{:.2}", 1e3 * mm), "µm") } else { (format!("{mm:.4}"), "mm") }
+/// A length of `mm` mm as the tables below have it: the same unit and the same digits.
+fn length(mm: f64) -> String {
+    number(mm, DIGITS)
 }
 
 /// How each ended, and how far its tool was off.
@@ -127,10 +130,10 @@ pub fn overview(played: &[Played]) -> Vec<Block> {
         let finished = summary.ending.as_str() == Some("finished");
         let ok = finished && summary.verdict != "failed";
         let words = if ok {
-            let [(rms, rms_unit), (max, max_unit)] =
+            let [rms, max] =
                 ["rms_after_start", "max_after_start"].map(|key| length(mm(&summary.deviation_mm[key])));
             format!(
-                "{}: finished; tool deviation {rms} {rms_unit} RMS, {max} {max_unit} at most after the first 0.5 s",
+                "{}: finished; tool deviation {rms} mm RMS, {max} mm at most after the first 0.5 s",
                 run.name(),
             )
         } else {
@@ -143,8 +146,7 @@ pub fn overview(played: &[Played]) -> Vec<Block> {
         Block::Verdict(Verdict::passed(ok), words)
     };
     let figure = |run: &Played| {
-        let (rms, unit) = length(mm(&run.summary.deviation_mm["rms_after_start"]));
-        Figure::new(run.name(), rms, format!("{unit} RMS"))
+        Figure::new(run.name(), length(mm(&run.summary.deviation_mm["rms_after_start"])), "mm RMS")
     };
     let mut blocks: Vec<Block> = played.iter().map(verdict).collect();
     blocks.push(Block::Figures(played.iter().map(figure).collect()));
@@ -165,13 +167,13 @@ fn chart(played: &[Played], title: &str, axis: Axis, column: &str, scale: f64) -
 pub fn deviation(played: &[Played]) -> Section {
     let mut table = Table::new("Tool deviation: true tool minus the perfect arm on the desired joints")
         .column(Column::text("controller"))
-        .column(Column::number("rms", "mm").fixed(4).group("after 0.5 s").lowest())
-        .column(Column::number("max", "mm").fixed(4).group("after 0.5 s").lowest())
-        .column(Column::number("rms", "mm").fixed(4).group("whole run"))
-        .column(Column::number("max", "mm").fixed(4).group("whole run"))
-        .column(Column::number("x rms", "mm").fixed(4).group("axes, after 0.5 s"))
-        .column(Column::number("y rms", "mm").fixed(4).group("axes, after 0.5 s"))
-        .column(Column::number("z rms", "mm").fixed(4).group("axes, after 0.5 s"));
+        .column(Column::number("rms", "mm").significant(3).group("after 0.5 s").lowest())
+        .column(Column::number("max", "mm").significant(3).group("after 0.5 s").lowest())
+        .column(Column::number("rms", "mm").significant(3).group("whole run"))
+        .column(Column::number("max", "mm").significant(3).group("whole run"))
+        .column(Column::number("x rms", "mm").significant(3).group("axes, after 0.5 s"))
+        .column(Column::number("y rms", "mm").significant(3).group("axes, after 0.5 s"))
+        .column(Column::number("z rms", "mm").significant(3).group("axes, after 0.5 s"));
     for run in played {
         let d = &run.summary.deviation_mm;
         let axis = |name: &str| Cell::from(mm(&d["axes"][name]["rms_after_start"]));

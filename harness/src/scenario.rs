@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 
 use freeplay_controller::Gains;
 use freeplay_laws::ClearanceTable;
-use freeplay_path::PathSpec;
+use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::{ReflexSpec, SensorsSpec};
+use freeplay_report::paste::pasted;
 use freeplay_terminal::files::how_to_read;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -161,6 +162,10 @@ pub struct Scenario {
     /// Changes of the controller at given ticks.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub swap: Vec<SwapTable>,
+    /// Whether somebody has chosen the feedback: what nobody chose may follow from the model.
+    #[serde(skip)]
+    #[schemars(skip)]
+    pub has_gains: bool,
 }
 
 impl Default for Scenario {
@@ -192,6 +197,7 @@ impl Default for Scenario {
             reflex: ReflexSpec::default(),
             compare: None,
             swap: Vec::new(),
+            has_gains: false,
         }
     }
 }
@@ -208,7 +214,7 @@ pub enum ScenarioError {
         source: std::io::Error,
     },
     /// An arm where a scenario was expected.
-    #[error("{0} is an arm, not a scenario: give it as one, as in freeplay run --model {0} --set path.kind=joint_sine", path.display())]
+    #[error("{0} is an arm, not a scenario: give it as one, as in freeplay run --model {command}", path.display(), command = pasted(path))]
     Arm {
         /// The file.
         path: PathBuf,
@@ -257,7 +263,14 @@ impl Scenario {
             None => (Self::default(), toml::Table::new()),
             Some(path) => Self::read(path)?,
         };
-        let scenario = if sets.is_empty() { scenario } else { scenario.set(given, sets)? };
+        let chosen = |key| is_given(&given, sets, key);
+        let (has_path, has_gains) = (chosen("path"), chosen("controller.gains"));
+        let mut scenario = if sets.is_empty() { scenario } else { scenario.set(given, sets)? };
+        scenario.has_gains = has_gains;
+        // The path by default lies where the paper's arm reaches; every other arm can swing its joints.
+        if scenario.model != freeplay_controller::task::PAPER_MODEL && !has_path {
+            scenario.path.kind = PathKind::JointSine;
+        }
         scenario.check()?;
         Ok(scenario)
     }
@@ -355,6 +368,18 @@ impl Scenario {
     pub fn to_toml(&self) -> Result<String, ScenarioError> {
         Ok(toml::to_string(self)?)
     }
+}
+
+/// Whether `key` is in the file's table `given` or in one of the changes `sets`.
+fn is_given(given: &toml::Table, sets: &[String], key: &str) -> bool {
+    let mut parts = key.split('.');
+    let first = parts.next().and_then(|part| given.get(part));
+    let in_file = parts.try_fold(first, |value, part| Some(value?.get(part)));
+    let is_set = |set: &String| {
+        let name = set.split('=').next().unwrap_or_default().trim();
+        name == key || name.starts_with(&format!("{key}.")) || key.starts_with(&format!("{name}."))
+    };
+    in_file.flatten().is_some() || sets.iter().any(is_set)
 }
 
 /// The model `name` as seen from `folder`; the paper's arm is in no folder.

@@ -11,6 +11,7 @@ use crate::scenario::Scenario;
 use crate::setup::Setup;
 use crate::summary::RunSummary;
 use crate::verdict::{failure_words, limit_words};
+use freeplay_report::paste::pasted;
 
 /// Fail-overs that are told one by one.
 const MOST_FAIL_OVERS: usize = 10;
@@ -35,15 +36,13 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
             let _ = writeln!(text, "{}: {note}", run.controller);
         }
     }
-    let here = std::env::current_dir().unwrap_or_default();
-    let shown = |path: &Path| path.strip_prefix(&here).unwrap_or(path).display().to_string();
-    let _ = writeln!(text, "report      {}", shown(report));
-    let _ = writeln!(text, "summary     {}", shown(&out.join("summary.json")));
+    let _ = writeln!(text, "report      {}", pasted(report));
+    let _ = writeln!(text, "summary     {}", pasted(&out.join("summary.json")));
     if let Some(run) = runs.last() {
         if let Some(recording) = &run.recording {
-            let _ = writeln!(text, "recording   {}   (one a controller)", shown(&out.join(recording)));
+            let _ = writeln!(text, "recording   {}   (one a controller)", pasted(&out.join(recording)));
         }
-        let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", shown(out));
+        let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", pasted(out));
     }
     let _ = writeln!(
         text,
@@ -152,7 +151,7 @@ fn row(run: &RunSummary, joint: Option<&str>) -> Vec<String> {
 }
 
 /// Share of a run in free flight from which on a journal does not come to rest.
-const BOUNCING: f64 = 0.25;
+pub const BOUNCING: f64 = 0.25;
 
 /// The joints whose journals do not come to rest, and what may be tried: in light arms feedback may throw them again and again.
 fn bounces(scenario: &Scenario, run: &RunSummary) -> Vec<String> {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable};
-use freeplay_controller::task::PAPER_MODEL;
+pub use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{LimitsFrom, Task, TaskMode};
 use freeplay_laws::{Clearance, Effects, LawError, Placed};
 use freeplay_path::JointPath;

@@ -15,12 +15,11 @@ use freeplay_controller::narx_qp::NARX_QP;
 use freeplay_controller::quasi_static::QUASI_STATIC;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::{DeviationStatistics, UsedByJoint};
-use freeplay_terminal::arguments::Format;
-use freeplay_terminal::arguments::above_zero;
+use freeplay_terminal::arguments::{Format, above_zero};
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
 use freeplay_terminal::parallel::on_all_cores;
+use freeplay_terminal::progress;
 use serde::Serialize;
 
 use crate::closed_loop::{ClosedLoop, Plays, task};
@@ -209,7 +208,7 @@ pub fn cells(args: &CellsArgs) -> Result<Exit, Failure> {
         let words = format!("--after {}: give 0 s to below the shortest --period, {shortest} s", args.after);
         return Err(Failure::usage(words));
     }
-    let bar = messages::bar(all.len() as u64, "cells {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(all.len() as u64, "cells {bar:30} {pos}/{len} {elapsed}");
     let rows = on_all_cores(all.len(), |index| {
         let row = all[index].clone().row(options.clone());
         bar.inc(1);

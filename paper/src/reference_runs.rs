@@ -15,9 +15,9 @@ use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::DeviationStatistics;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
 use freeplay_terminal::parallel::on_all_cores;
+use freeplay_terminal::{messages, progress};
 use serde::{Deserialize, Serialize};
 
 use crate::simulation::{Scene, Simulation, TICK};
@@ -303,7 +303,7 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
         let words = "give a part of one, such as lissajous or T12; without --only there are all";
         return Err(Failure::usage(format!("no reference run has {:?} in its name; {words}", args.only)));
     }
-    let bar = messages::bar(rows.len() as u64, "reference runs {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(rows.len() as u64, "reference runs {bar:30} {pos}/{len} {elapsed}");
     let figures = on_all_cores(rows.len(), |index| {
         let figures = simulate(&rows[index], args.substeps, 0.0);
         bar.inc(1);

@@ -146,7 +146,7 @@ pub enum ColumnError {
 }
 
 /// What `name` means; a joint's number 0 is an error, since it would shift every joint by one.
-fn role(name: &str) -> Result<Role, ColumnError> {
+pub(crate) fn role(name: &str) -> Result<Role, ColumnError> {
     if name == "t" {
         return Ok(Role::Time);
     }
@@ -223,18 +223,21 @@ fn count_joints(present: &HashSet<Role>, names: &[String]) -> Result<usize, Colu
 
 /// Each group has the joints of `q`, all of them unless it is the link-side encoder.
 fn check_groups(roles: &[Role], present: &HashSet<Role>, joints: usize) -> Result<(), ColumnError> {
+    let gap_in = |group| match group {
+        Group::Link => None,
+        group => (0..joints).find(|j| !present.contains(&Role::Joint(group, *j))),
+    };
+    // Looked for once per group: a search per column would take the square of the number of columns.
+    let gaps = Group::ALL.map(|group| (group, gap_in(group)));
     for role in roles {
         let Role::Joint(group, joint) = *role else { continue };
         if joint >= joints {
             let column = group.column(joint);
             return Err(ColumnError::NoSuchJoint { column, joint: joint + 1, joints });
         }
-        if group == Group::Link {
-            continue;
-        }
-        if let Some(gap) = (0..joints).find(|j| !present.contains(&Role::Joint(group, *j))) {
+        if let Some((_, Some(gap))) = gaps.iter().find(|(known, _)| *known == group) {
             return Err(ColumnError::Incomplete {
-                missing: group.column(gap),
+                missing: group.column(*gap),
                 present: group.column(joint),
                 whole: format!("{}…{}", group.column(0), group.column(joints - 1)),
             });

@@ -4,16 +4,23 @@
 
 use std::ffi::OsString;
 use std::fmt::Display;
-use std::io::Write;
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use clap::builder::styling::{AnsiColor, Style};
 use clap::{Args, ColorChoice, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
+use freeplay_report::one_line;
 
-/// A command that takes longer tells what it is doing.
+use crate::output::tell;
+use crate::progress;
+
+/// Where there is no terminal, a command that takes longer tells what it is doing.
 const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Width of text where there is no terminal, characters.
+const WIDTH: usize = 118;
+/// Tables and texts need this width even where the terminal is narrower.
+const LEAST_WIDTH: usize = 40;
 
 /// As it should be.
 pub const GOOD: Style = AnsiColor::Green.on_default().bold();
@@ -21,6 +28,9 @@ pub const GOOD: Style = AnsiColor::Green.on_default().bold();
 pub const OPEN: Style = AnsiColor::Yellow.on_default().bold();
 /// Not as it should be.
 pub const BAD: Style = AnsiColor::Red.on_default().bold();
+
+/// The styles of [`painted`] words, which alone may speak to the terminal.
+pub const STYLES: [Style; 3] = [GOOD, OPEN, BAD];
 
 /// What every command understands.
 #[derive(Args, Clone, Copy, Debug)]
@@ -72,6 +82,12 @@ pub fn is_quiet() -> bool {
     VOICE.get().is_some_and(|voice| voice.asked.quiet)
 }
 
+/// Width of what a person reads, characters: the terminal's, else [`WIDTH`].
+pub fn width() -> usize {
+    let terminal = terminal_size::terminal_size_of(std::io::stdout());
+    terminal.map_or(WIDTH, |(terminal_size::Width(width), _)| usize::from(width).max(LEAST_WIDTH))
+}
+
 /// Whether what goes to standard output has colour.
 pub fn is_coloured() -> bool {
     anstream::AutoStream::choice(&std::io::stdout()) != anstream::ColorChoice::Never
@@ -80,9 +96,13 @@ pub fn is_coloured() -> bool {
 /// Says something worth knowing beside the results, unless --quiet.
 pub fn note(words: impl Display) {
     if !is_quiet() {
-        // A terminal that has hung up takes no words.
-        let _ = writeln!(std::io::stderr(), "{words}");
+        tell(&one_line(&words.to_string()));
     }
+}
+
+/// Says on standard error what went wrong, also with --quiet.
+pub fn fault(words: impl Display) {
+    tell(&format!("freeplay: {words}"));
 }
 
 /// Says what was done, with --verbose, after the seconds since the start.
@@ -94,35 +114,19 @@ pub fn detail(words: impl Display) {
 
 /// Says what is being done: of a command that takes long, or with --verbose; not with --quiet.
 pub fn doing(words: impl Display) {
-    let wanted = |voice: &&Voice| voice.asked.verbose || voice.begun.elapsed() > PATIENCE;
-    if let Some(voice) = VOICE.get().filter(|voice| !voice.asked.quiet).filter(wanted) {
+    let Some(voice) = VOICE.get().filter(|voice| !voice.asked.quiet) else { return };
+    if !voice.asked.verbose && progress::step(&one_line(&words.to_string())) {
+        return;
+    }
+    if voice.asked.verbose || voice.begun.elapsed() > PATIENCE {
         voice.tell(words);
     }
 }
 
 impl Voice {
     fn tell(&self, words: impl Display) {
-        eprintln!("{:5.1} s  {words}", self.begun.elapsed().as_secs_f64());
-    }
-}
-
-/// A bar on standard error up to `length`, which looks as the `template` of `indicatif` says; not with --quiet, and seen on a terminal alone.
-pub fn bar(length: u64, template: &str) -> ProgressBar {
-    dressed(ProgressBar::new(length), template)
-}
-
-/// The same for what has no length: a line that moves.
-pub fn spinner(template: &str) -> ProgressBar {
-    dressed(ProgressBar::new_spinner(), template)
-}
-
-fn dressed(bar: ProgressBar, template: &str) -> ProgressBar {
-    if is_quiet() {
-        return ProgressBar::hidden();
-    }
-    match ProgressStyle::with_template(template) {
-        Ok(style) => bar.with_style(style),
-        Err(_) => bar,
+        let line = format!("{:5.1} s  {words}", self.begun.elapsed().as_secs_f64());
+        tell(&one_line(&line));
     }
 }
 

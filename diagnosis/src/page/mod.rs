@@ -10,13 +10,14 @@ mod picture;
 mod points;
 mod rest;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use freeplay_arm::ArmFile;
 use freeplay_report::units::{people, written};
 use freeplay_report::{Block, Cell, Column, Document, Figure, Section, Table, Verdict};
 
 use crate::{Diagnosis, Verdict as Outcome};
+use freeplay_report::paste::pasted;
 
 pub use findings::{kind_title, title};
 pub use picture::{of as pictures, strongest_map};
@@ -32,6 +33,8 @@ pub struct Subject<'a> {
     pub recordings: &'a [PathBuf],
     /// What was found.
     pub diagnosis: &'a Diagnosis,
+    /// The folder of results.
+    pub out: &'a Path,
 }
 
 /// The page.
@@ -55,10 +58,11 @@ pub fn document(subject: &Subject) -> Document {
         rest::judged(diagnosis),
     ];
     sections.into_iter().flatten().fold(document, Document::section).footer(format!(
-        "{} twins, seed {}; `freeplay diagnose --model {model} --recording {}`",
+        "{} twins, seed {}; `freeplay diagnose --model {} --recording {}`",
         diagnosis.twins,
         diagnosis.seed,
-        names.join(" ")
+        pasted(Path::new(model)),
+        recordings.iter().map(|path| pasted(path)).collect::<Vec<_>>().join(" ")
     ))
 }
 

@@ -7,6 +7,7 @@ use freeplay_report::{Block, Cell, Column, Section, Table, Verdict};
 use super::Subject;
 use super::findings::{kind_title, title};
 use crate::Diagnosis;
+use freeplay_report::paste::pasted;
 
 /// Most rows of the table of evidence.
 const ROWS: usize = 40;
@@ -96,10 +97,9 @@ pub fn model(subject: &Subject) -> Option<Section> {
             .with(Block::Code(effects.trim_end().to_owned()))
     };
     if let Some(recording) = subject.recordings.last() {
-        let commands = format!(
-            "freeplay compare --model model.toml --recording {}\nfreeplay run --model model.toml",
-            recording.display()
-        );
+        let (model, recording) = (pasted(&subject.out.join("model.toml")), pasted(recording));
+        let commands =
+            format!("freeplay compare --model {model} --recording {recording}\nfreeplay run --model {model}");
         section = section.with(Block::Code(commands));
     }
     Some(

@@ -8,8 +8,8 @@ use freeplay_harness::scenario::RecordingKind;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
-use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
+use freeplay_terminal::progress;
 use hdrhistogram::Histogram;
 use serde::Serialize;
 use serde_json::json;
@@ -129,7 +129,7 @@ impl Told {
 /// A run that fails; results that can't be written.
 pub fn cost(stand: &Stand, pairs: usize, format: Format) -> Result<Exit, Failure> {
     let contestant = stand.contestants.first().ok_or_else(|| Failure::usage("no controller"))?;
-    let bar = messages::bar(pairs as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(pairs as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
     let mut measured: [Measured; KINDS] = Default::default();
     for number in 0..pairs {
         let mut order = Looking::ALL;

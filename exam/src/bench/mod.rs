@@ -22,8 +22,8 @@ use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
 use freeplay_harness::summary::RunSummary;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::messages;
 use freeplay_terminal::output::{say, show};
+use freeplay_terminal::progress;
 use indicatif::ProgressBar;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::Serialize;
@@ -228,7 +228,7 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
         return cost::cost(&stand, args.pairs, args.format);
     }
     let steps = args.load.len() * contestants.len();
-    let bar = messages::bar((args.pairs + steps) as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar((args.pairs + steps) as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
     let played = play(args, &stand, &bar);
     bar.finish_and_clear();
     let Some(Played { blocks, cliff }) = played? else { return Ok(Exit::Interrupted) };

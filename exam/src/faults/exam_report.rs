@@ -217,7 +217,8 @@ impl<'a> Report<'a> {
                 format!("{failures} of {} kinds of fault were not met as they should be", self.verdicts.len())
             }
         };
-        let mut table = Table::new("What goes wrong, and what comes of it")
+        // Two tables: side by side their columns would be wider than most windows.
+        let mut table = Table::new("What goes wrong, and how it is detected")
             .column(Column::text("fault"))
             .column(Column::text("verdict"))
             .column(Column::text("expected"))
@@ -225,9 +226,11 @@ impl<'a> Report<'a> {
             .column(Column::number("in contact", ""))
             .column(Column::text("detected"))
             .column(Column::text("slowest, ticks"))
-            .column(Column::text("standby in force at once, soon"))
-            .column(Column::text("as"))
-            .column(Column::text("in force meanwhile"))
+            .column(Column::text("detected as").wrapping());
+        let mut after = Table::new("What follows")
+            .column(Column::text("fault"))
+            .column(Column::text("standby at once, soon"))
+            .column(Column::text("in force meanwhile").wrapping())
             .column(Column::text("in charge next"))
             .column(Column::number("held", "ticks"))
             .column(Column::number("deviation", "mm").fixed(4))
@@ -241,8 +244,11 @@ impl<'a> Report<'a> {
                 (verdict.in_contact as u64).into(),
                 detected(verdict).into(),
                 slowest(verdict).into(),
-                taken_over(verdict).into(),
                 counted(&verdict.reasons).into(),
+            ]);
+            after = after.row([
+                Cell::from(verdict.kind.name()),
+                taken_over(verdict).into(),
                 counted(&verdict.applied).into(),
                 counted(&verdict.next_in_charge).into(),
                 verdict.most_held.into(),
@@ -252,8 +258,10 @@ impl<'a> Report<'a> {
         }
         let table = table.note(
             "Detected are so many of those that could be judged: the controller was in charge and the machine missed no deadline around the fault; \
-             in parentheses the faults that fell on such a stall and are counted apart. Ticks are counted from the first faulty answer to the tick in which something else was in force: 1 is at once. \
-             The standby is in force at once if its answer to the tick that lacked one was, soon if one of the next two was. \
+             in parentheses the faults that fell on such a stall and are counted apart. Ticks are counted from the first faulty answer to the tick in which something else was in force: 1 is at once.",
+        );
+        let after = after.note(
+            "The standby is in force at once if its answer to the tick that lacked one was, soon if one of the next two was. \
              The deviation is the tool's greatest until the next fault, beside the greatest of either controller alone in the same ticks.",
         );
         let mut others = Table::new("Faults that are not the controller's")
@@ -265,10 +273,14 @@ impl<'a> Report<'a> {
                 found.holds.map_or_else(|| Cell::from("–"), |holds| Cell::verdict(Mark::passed(holds)));
             others = others.row([Cell::from(found.fault), verdict, found.found.as_str().into()]);
         }
+        let mut section = Section::new("Faults").with(table).with(after);
+        if !self.surroundings.is_empty() {
+            section = section.with(others);
+        }
         Document::new(format!("Exam of {}", self.examined))
             .subtitle(format!("beside {}, {}", self.standby, pace_name(self.scenario.pace)))
             .overview(Block::Verdict(Mark::passed(failures == 0), words))
-            .section(Section::new("Faults").with(table).with(others))
+            .section(section)
             .footer(format!("freeplay {}", env!("CARGO_PKG_VERSION")))
             .to_html()
     }

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use freeplay_recording::ReadError;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
+use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -120,7 +121,7 @@ fn kill_one(
             // It opens: it was killed before its first tick was written.
             Err(ReadError::NoSamples { .. } | ReadError::Empty { .. }) => {}
             Err(error) => {
-                eprintln!("freeplay: {}: {error}", path.display());
+                messages::fault(format_args!("{}: {error}", path.display()));
                 tally.recordings_that_do_not_open += 1;
             }
         }

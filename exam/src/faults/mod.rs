@@ -22,8 +22,8 @@ use freeplay_harness::run::{Contestant, default_folder, load};
 use freeplay_harness::scenario::{Pacing, RecordingKind};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
+use freeplay_terminal::progress;
 
 use crate::faults::exam::Exam;
 use crate::faults::kinds::Kind;
@@ -84,7 +84,7 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     }
     let kinds = if args.kind.is_empty() { Kind::ALL.to_vec() } else { args.kind.clone() };
     let bar =
-        messages::bar(u64::from(args.seeds) * kinds.len() as u64, "faults {bar:30} {pos}/{len} {elapsed}");
+        progress::bar(u64::from(args.seeds) * kinds.len() as u64, "faults {bar:30} {pos}/{len} {elapsed}");
     let mut exam =
         Exam::new(scenario, examined, args.standby.clone(), args.seed, out.clone(), Arc::clone(&stop))?;
     let verdicts = exam.examine(&kinds, args.seeds, &bar);

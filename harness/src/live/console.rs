@@ -8,6 +8,7 @@ use freeplay_plant::{Wish, Wishes};
 use freeplay_terminal::exit::Failure;
 
 use super::Glance;
+use freeplay_terminal::messages::fault;
 
 /// Glances that may wait for the parent; more are not sent.
 const WAITING: usize = 8;
@@ -45,8 +46,8 @@ impl Console {
                     let Ok(line) = line else { return };
                     match serde_json::from_str::<Wish>(&line) {
                         Ok(wish) if wishes.ask(wish) => {}
-                        Ok(wish) => eprintln!("freeplay: {wish:?} is dropped: too many wishes wait"),
-                        Err(error) => eprintln!("freeplay: not a wish: {line:?}: {error}"),
+                        Ok(wish) => fault(format_args!("{wish:?} is dropped: too many wishes wait")),
+                        Err(error) => fault(format_args!("not a wish: {line:?}: {error}")),
                     }
                 }
             })

@@ -10,6 +10,10 @@ use super::Glance;
 const TRACE: usize = 4000;
 /// Points of an orbit that are kept.
 const ORBIT: usize = 250;
+/// Name of the rejection of an answer that is not there.
+const MISSING: &str = "missing";
+/// So long without a tick is worth a word, s.
+const LONG: f64 = 1.0;
 /// Events that are kept.
 const EVENTS: usize = 64;
 
@@ -26,6 +30,20 @@ pub struct Title {
     pub controllers: Vec<String>,
     /// The joints with play: name, and radial clearance in m.
     pub plays: Vec<(String, f64)>,
+    /// How long the plant waits for a controller, s.
+    pub patience: f64,
+}
+
+/// How the process of a controller fares.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fate {
+    /// It runs, or waits for its turn.
+    #[default]
+    Runs,
+    /// It is stopped: it neither answers nor ends.
+    Hangs,
+    /// It has ended.
+    Ended,
 }
 
 /// What has been seen.
@@ -41,13 +59,57 @@ pub struct Dashboard {
     pub orbits: Vec<VecDeque<[f64; 2]>>,
     /// Time, s, and what happened.
     pub events: VecDeque<(f64, String)>,
+    /// How the controllers' processes fare, by slot.
+    pub fates: Vec<Fate>,
+    /// How long nothing new has been seen, s.
+    pub still: f64,
+    /// Whether what is in force stands in for answers that are missing.
+    is_unanswered: bool,
 }
 
 impl Dashboard {
     /// Nothing seen yet.
     pub fn new(title: Title) -> Self {
         let orbits = vec![VecDeque::with_capacity(ORBIT); title.plays.len()];
-        Self { title, now: None, trace: VecDeque::new(), orbits, events: VecDeque::new() }
+        let fates = vec![Fate::Runs; title.controllers.len()];
+        Self {
+            title,
+            now: None,
+            trace: VecDeque::new(),
+            orbits,
+            events: VecDeque::new(),
+            fates,
+            still: 0.0,
+            is_unanswered: false,
+        }
+    }
+
+    /// How the controller in `slot` fares: one in charge that lives and does not answer hangs.
+    pub fn fate(&self, slot: usize) -> Fate {
+        let is_in_charge = self.now.as_ref().is_some_and(|now| now.in_charge == slot);
+        match self.fates.get(slot).copied().unwrap_or_default() {
+            Fate::Runs if is_in_charge && self.is_unanswered => Fate::Hangs,
+            fate => fate,
+        }
+    }
+
+    /// What the run waits for, where nothing new has been seen for [`LONG`].
+    pub fn waits(&self) -> Option<String> {
+        let (still, patience) = (self.still, self.title.patience);
+        let Some(now) = &self.now else {
+            let who = self.title.controllers.join(", ");
+            return Some(format!(
+                "waiting for the plant and for {who} to start: {still:.0} s of at most {patience} s"
+            ));
+        };
+        let name = self.controller(now.in_charge);
+        (still >= LONG).then(|| match self.fate(now.in_charge) {
+            Fate::Hangs => format!(
+                "no tick for {still:.0} s: {name} hangs, and the plant waits at most {patience} s for it"
+            ),
+            Fate::Ended => format!("no tick for {still:.0} s: {name} has ended"),
+            _ => format!("no tick for {still:.0} s: waiting for an answer of {name}, at most {patience} s"),
+        })
     }
 
     /// Time of the last look, s.
@@ -95,6 +157,13 @@ impl Dashboard {
                 Applied::Hold => events.push("the last command is held".to_owned()),
                 Applied::Brake => events.push("the brakes are closed".to_owned()),
             }
+        }
+        let missing = |glance: &Glance| glance.rejected.get(MISSING).copied().unwrap_or(0);
+        if now.applied == Applied::Command {
+            self.is_unanswered = false;
+        } else if missing(now) > missing(before) && !self.is_unanswered {
+            self.is_unanswered = true;
+            events.push(format!("{} does not answer", self.controller(now.in_charge)));
         }
         for (reason, &count) in &now.rejected {
             let more = count - before.rejected.get(reason).copied().unwrap_or(0);
@@ -146,7 +215,7 @@ fn push<T>(queue: &mut VecDeque<T>, value: T, most: usize) {
 pub mod tests {
     use std::collections::BTreeMap;
 
-    use freeplay_plant::Applied;
+    use freeplay_plant::{Applied, Rejection};
 
     use super::{Dashboard, Title};
     use crate::live::{ContactMode, Glance, PlayGlance, StageGlance};
@@ -159,6 +228,7 @@ pub mod tests {
             period: 1e-3,
             controllers: vec!["first".to_owned(), "second".to_owned()],
             plays: vec![("joint_5".to_owned(), 0.6e-3)],
+            patience: 5.0,
         })
     }
 
@@ -203,6 +273,25 @@ pub mod tests {
             ["second in charge, before it first", "the last command is held", "3 × not finite", "mark 1"]
         );
         assert!(board.events.iter().all(|(time, _)| (time - 1.5).abs() < 1e-12));
+    }
+
+    #[test]
+    fn what_a_run_waits_for_has_a_name() {
+        let mut board = board();
+        assert!(board.waits().is_some_and(|words| words.contains("first, second to start")));
+        board.look(glance(100));
+        assert_eq!(board.waits(), None);
+        board.still = 3.0;
+        assert!(board.waits().is_some_and(|words| words.contains("waiting for an answer of first")));
+        board.fates[0] = super::Fate::Hangs;
+        assert!(board.waits().is_some_and(|words| words.contains("first hangs")));
+        board.fates[0] = super::Fate::Runs;
+        assert_eq!(board.fate(0), super::Fate::Runs);
+        let missing = [(Rejection::Missing.name().to_owned(), 20)].into();
+        board.look(Glance { applied: Applied::Hold, rejected: missing, ..glance(200) });
+        assert_eq!(board.fate(0), super::Fate::Hangs, "it lives and does not answer");
+        board.look(glance(300));
+        assert_eq!(board.fate(0), super::Fate::Runs);
     }
 
     #[test]

@@ -12,7 +12,7 @@ use ratatui::widgets::{
 };
 
 use super::keys::HELP;
-use super::{ContactMode, Dashboard, Glance};
+use super::{ContactMode, Dashboard, Fate, Glance};
 
 /// Length of the trace that is shown, s.
 const WINDOW: f64 = 6.0;
@@ -40,8 +40,11 @@ pub fn draw(frame: &mut Frame, board: &Dashboard, colours: bool) {
     let [latencies, events] = Layout::horizontal([Constraint::Length(56), Constraint::Min(24)]).areas(foot);
     stages(frame, board.now.as_ref(), latencies, ink);
     happenings(frame, board, events);
-    let words = if board.now.is_some() { HELP } else { "waiting for the controllers · q quit" };
-    frame.render_widget(Line::from(words).style(ink.dim()), help);
+    let line = match board.waits() {
+        Some(words) => Line::from(format!("{words} · q quit")).style(ink.of(Color::Yellow)),
+        None => Line::from(HELP).style(ink.dim()),
+    };
+    frame.render_widget(line, help);
 }
 
 /// Colours, or none.
@@ -156,7 +159,12 @@ fn line_up(frame: &mut Frame, board: &Dashboard, area: Rect, ink: Ink) {
             "{} {}  {name}{}",
             if leads { "▶" } else { " " },
             slot + 1,
-            if leads { "  in charge" } else { "  standby" }
+            match (board.fate(slot), leads) {
+                (Fate::Ended, _) => "  ended",
+                (Fate::Hangs, _) => "  hangs: no answer",
+                (_, true) => "  in charge",
+                (_, false) => "  standby",
+            }
         );
         ListItem::new(text).style(if leads { ink.of(Color::Green).patch(ink.bold()) } else { Style::new() })
     });

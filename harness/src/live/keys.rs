@@ -24,6 +24,10 @@ pub enum Action {
     Mark,
     /// End the run, its recording closed properly.
     Quit,
+    /// The same as an interruption.
+    Interrupt,
+    /// Nothing: the key has no meaning here.
+    Nothing(KeyCode),
 }
 
 impl Action {
@@ -33,7 +37,7 @@ impl Action {
             return None;
         }
         match key.code {
-            KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => Some(Self::Quit),
+            KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => Some(Self::Interrupt),
             KeyCode::Char(digit @ '1'..='8') => Some(Self::Swap(digit as usize - '1' as usize)),
             KeyCode::Char('k') => Some(Self::Kill),
             KeyCode::Char('h') => Some(Self::Hang),
@@ -41,7 +45,7 @@ impl Action {
             KeyCode::Char('r') => Some(Self::Restart),
             KeyCode::Char('m') => Some(Self::Mark),
             KeyCode::Char('q') | KeyCode::Esc => Some(Self::Quit),
-            _ => None,
+            other => Some(Self::Nothing(other)),
         }
     }
 
@@ -71,9 +75,9 @@ mod tests {
         let key = |code, modifiers| Action::of(KeyEvent::new(code, modifiers));
         assert_eq!(key(KeyCode::Char('1'), KeyModifiers::NONE), Some(Action::Swap(0)));
         assert_eq!(key(KeyCode::Char('8'), KeyModifiers::NONE), Some(Action::Swap(7)));
-        assert_eq!(key(KeyCode::Char('9'), KeyModifiers::NONE), None);
-        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::NONE), None);
-        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), Some(Action::Quit));
+        assert_eq!(key(KeyCode::Char('9'), KeyModifiers::NONE), Some(Action::Nothing(KeyCode::Char('9'))));
+        assert_eq!(key(KeyCode::Up, KeyModifiers::NONE), Some(Action::Nothing(KeyCode::Up)));
+        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), Some(Action::Interrupt));
         assert_eq!(key(KeyCode::Esc, KeyModifiers::NONE), Some(Action::Quit));
     }
 }

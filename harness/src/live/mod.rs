@@ -18,7 +18,7 @@ mod observer;
 mod watch;
 
 pub use console::Console;
-pub use dashboard::{Dashboard, Title};
+pub use dashboard::{Dashboard, Fate, Title};
 pub use draw::draw;
 pub use glance::{ContactMode, Glance, PlayGlance, StageGlance};
 pub use keys::Action;

@@ -4,19 +4,24 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use freeplay_plant::Wish;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::messages::is_coloured;
+use freeplay_terminal::output::tell;
 use freeplay_terminal::process::Running;
+use indicatif::ProgressBar;
 use ratatui::backend::TestBackend;
 use ratatui::crossterm::style::force_color_output;
 use ratatui::{DefaultTerminal, Terminal};
 use rustix::process::{Pid, Signal, kill_process};
 
-use super::{Action, Dashboard, Glance, PICTURE, Title, draw};
+use super::keys::HELP;
+use super::{Action, Dashboard, Fate, Glance, PICTURE, Title, draw};
 
 /// Time between two lines.
 const LINE: Duration = Duration::from_secs(1);
@@ -27,6 +32,8 @@ enum Face {
     Screen(Box<DefaultTerminal>),
     /// A line a second on standard error.
     Lines,
+    /// A bar that shows how far the run is.
+    Bar(ProgressBar),
     /// The picture that a terminal would show, drawn as often, and shown to nobody.
     Unseen(Box<Terminal<TestBackend>>),
 }
@@ -46,6 +53,10 @@ pub struct Watch {
     plant: Option<ChildStdin>,
     glances: Option<Receiver<Glance>>,
     stopped: Vec<usize>,
+    /// When something new was seen last.
+    seen: Instant,
+    /// Whether the person has left by a key.
+    left: Arc<AtomicBool>,
 }
 
 impl Watch {
@@ -76,6 +87,16 @@ impl Watch {
         Ok(Self::with(Face::Unseen(Box::new(terminal)), title, said))
     }
 
+    /// A watch that moves `bar` up to the ticks of the run `title`.
+    pub fn behind(bar: ProgressBar, title: Title, said: &Path) -> Self {
+        Self::with(Face::Bar(bar), title, said)
+    }
+
+    /// Becomes true once the person has left by a key.
+    pub fn left(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.left)
+    }
+
     fn with(face: Face, title: Title, said: &Path) -> Self {
         Self {
             face,
@@ -86,6 +107,8 @@ impl Watch {
             plant: None,
             glances: None,
             stopped: Vec::new(),
+            seen: Instant::now(),
+            left: Arc::default(),
         }
     }
 
@@ -95,7 +118,7 @@ impl Watch {
     /// A file that can't be written.
     pub fn stderr(&self) -> Result<Stdio, Failure> {
         Ok(match &self.face {
-            Face::Lines | Face::Unseen(_) => Stdio::inherit(),
+            Face::Lines | Face::Bar(_) | Face::Unseen(_) => Stdio::inherit(),
             Face::Screen(_) => {
                 File::options().create(true).append(true).open(&self.said).map_err(Failure::input)?.into()
             }
@@ -133,11 +156,15 @@ impl Watch {
     ) -> Result<bool, Failure> {
         while let Some(glance) = self.glances.as_ref().and_then(|glances| glances.try_recv().ok()) {
             self.board.look(glance);
+            self.seen = Instant::now();
         }
+        self.board.still = self.seen.elapsed().as_secs_f64();
+        self.board.fates = controllers.iter_mut().map(fate).collect();
         let mut quits = false;
         if matches!(self.face, Face::Screen(_)) {
             for action in Action::pressed().map_err(Failure::internal)? {
-                quits |= action == Action::Quit;
+                quits |= matches!(action, Action::Quit | Action::Interrupt);
+                self.left.fetch_or(action == Action::Quit, Ordering::Relaxed);
                 self.act(action, controllers, restart)?;
             }
         }
@@ -168,8 +195,17 @@ impl Watch {
             Face::Lines => {
                 let tick = self.board.now.as_ref().map(|now| now.tick).filter(|&tick| tick > 0);
                 if tick > self.told {
-                    eprintln!("{}", self.board.line());
+                    tell(&self.board.line());
                     self.told = tick;
+                } else if let Some(words) =
+                    self.board.waits().filter(|_| self.board.still >= LINE.as_secs_f64())
+                {
+                    tell(&words);
+                }
+            }
+            Face::Bar(bar) => {
+                if let Some(now) = &self.board.now {
+                    bar.set_position(now.tick);
                 }
             }
             Face::Screen(terminal) => {
@@ -201,6 +237,9 @@ impl Watch {
             }
             Action::Spoil => self.wish(Wish::Spoil, format!("an answer of {name} is spoiled")),
             Action::Mark => self.wish(Wish::Mark, "asked for a mark".to_owned()),
+            Action::Kill | Action::Hang if self.board.fates.get(in_charge) == Some(&Fate::Ended) => {
+                self.board.note(format!("{name} has ended already: r starts it again"));
+            }
             Action::Kill => {
                 send(Signal::KILL, &controllers[in_charge]);
                 self.board.note(format!("{name} killed"));
@@ -216,6 +255,9 @@ impl Watch {
                 }
                 self.board.note("all go on");
             }
+            Action::Restart if self.board.fates.iter().all(|fate| *fate != Fate::Ended) => {
+                self.board.note("nothing to start again: no controller has ended");
+            }
             Action::Restart => {
                 for (slot, controller) in controllers.iter_mut().enumerate() {
                     if controller.0.try_wait().map_err(Failure::internal)?.is_some() {
@@ -225,7 +267,8 @@ impl Watch {
                     }
                 }
             }
-            Action::Quit => self.board.note("asked to end"),
+            Action::Quit | Action::Interrupt => self.board.note("asked to end"),
+            Action::Nothing(key) => self.board.note(format!("the key {key} does nothing; the keys: {HELP}")),
         }
         Ok(())
     }
@@ -249,11 +292,26 @@ impl Drop for Watch {
             ratatui::restore();
         }
         if let Ok(said) = std::fs::read_to_string(&self.said) {
-            eprint!("{said}");
+            said.lines().for_each(tell);
             // What was said is on the terminal now; a file that stays does no harm.
             let _ = std::fs::remove_file(&self.said);
         }
     }
+}
+
+/// How the process of a controller fares.
+fn fate(controller: &mut Running) -> Fate {
+    match controller.0.try_wait() {
+        Ok(None) if is_stopped(controller.0.id()) => Fate::Hangs,
+        Ok(None) => Fate::Runs,
+        _ => Fate::Ended,
+    }
+}
+
+/// Whether the process `id` is stopped by a signal: the letter behind its name in its `stat`.
+fn is_stopped(id: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).unwrap_or_default();
+    stat.rsplit_once(") ").is_some_and(|(_, rest)| rest.starts_with(['T', 't']))
 }
 
 /// Sends `signal` to a controller that may have ended.

@@ -30,9 +30,9 @@ use freeplay_harness::scenario::Drive;
 use freeplay_path::PathKind;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
 use freeplay_terminal::parallel::on_all_cores;
+use freeplay_terminal::{messages, progress};
 use serde::Serialize;
 use serde_json::json;
 
@@ -223,7 +223,7 @@ fn over<T: Send>(
     work: impl Fn(usize) -> Result<T, Failure> + Sync,
 ) -> Result<Vec<T>, Failure> {
     messages::detail(stage);
-    let bar = messages::bar(count as u64, "{msg:<22} {bar:30} {pos}/{len} {elapsed}").with_message(stage);
+    let bar = progress::bar(count as u64, "{msg:<22} {bar:30} {pos}/{len} {elapsed}").with_message(stage);
     bar.tick();
     let done = on_all_cores(count, |index| {
         let result = work(index);

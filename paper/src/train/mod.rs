@@ -16,12 +16,11 @@ use freeplay_predictor::levenberg_marquardt::Settings;
 use freeplay_predictor::training::{Recipe, train as fit};
 use freeplay_predictor::window::{Window, windows};
 use freeplay_predictor::{Arx, Narx, Provenance, Series, Split};
-use freeplay_terminal::arguments::Format;
-use freeplay_terminal::arguments::at_least_one;
+use freeplay_terminal::arguments::{Format, at_least_one};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::check_target;
-use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
+use freeplay_terminal::{messages, progress};
 use indicatif::ProgressBar;
 
 use crate::train::collect::{Collected, Observer, collect};
@@ -162,7 +161,7 @@ fn gather(subject: &Subject, specs: &[RunSpec], observer: Observer<'_>) -> Resul
 }
 
 fn bar(length: u64, what: &str) -> ProgressBar {
-    messages::bar(length, &format!("{what} {{bar:30}} {{pos}}/{{len}} {{elapsed}} {{msg}}"))
+    progress::bar(length, &format!("{what} {{bar:30}} {{pos}}/{{len}} {{elapsed}} {{msg}}"))
 }
 
 fn training(args: &TrainArgs, subject: &Subject) -> Result<Training, Failure> {

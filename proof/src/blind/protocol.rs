@@ -8,7 +8,7 @@ use freeplay_concealed::Quota;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::{make_folder, unreadable, unwritable};
 use freeplay_terminal::hex::hex;
-use freeplay_terminal::messages;
+use freeplay_terminal::{messages, progress};
 use indicatif::ProgressBar;
 use rustix::rand::{GetRandomFlags, getrandom};
 use serde_json::Value;
@@ -41,8 +41,7 @@ fn random<const N: usize>() -> Result<[u8; N], Failure> {
 
 /// A bar on standard error with the time that remains.
 fn bar(length: usize, what: &'static str) -> ProgressBar {
-    let bar = messages::bar(length as u64, "{msg:<10} {bar:30} {pos}/{len} {elapsed}, {eta} left")
-        .with_message(what);
+    let bar = progress::bar(length as u64, "{msg:<10} {bar:30} {pos}/{len} {elapsed}").with_message(what);
     bar.tick();
     bar
 }

@@ -11,6 +11,7 @@ use super::receipt::Receipt;
 use super::score::Outcome;
 use super::tally::{Bin, Goal, Judged, Score};
 use super::truth::{Sort, at};
+use freeplay_report::paste::pasted;
 
 /// Most failures that are told in the terminal.
 const FAILURES: usize = 12;
@@ -75,7 +76,7 @@ pub fn summary(receipt: &Receipt, judged: &[Judged], score: &Score, path: &Path,
         let _ = writeln!(text, "and {} more, see the report", failures.len() - FAILURES);
     }
     let _ = writeln!(text, "report  {}", report.display());
-    let _ = writeln!(text, "receipt {0}    verify: freeplay blind --verify {0}", path.display());
+    let _ = writeln!(text, "receipt {0}    verify: freeplay blind --verify {0}", pasted(path));
     text
 }
 

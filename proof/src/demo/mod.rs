@@ -18,8 +18,8 @@ use freeplay_report::units::{people, written};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::check_target;
-use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
+use freeplay_terminal::progress;
 use serde_json::Value;
 
 use cases::Case;
@@ -109,7 +109,7 @@ fn all(
     out: &std::path::Path,
     stop: &AtomicBool,
 ) -> Result<Vec<Outcome>, Failure> {
-    let bar = messages::bar(cases.len() as u64, "playing and diagnosing {bar:30} {pos}/{len}  {msg}");
+    let bar = progress::bar(cases.len() as u64, "playing and diagnosing {bar:30} {pos}/{len}  {msg}");
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<(usize, Result<Outcome, Failure>)>> = Mutex::new(Vec::new());
     let work = || {

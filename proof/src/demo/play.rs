@@ -15,6 +15,7 @@ use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
 
 use super::cases::{Case, Notch};
+use freeplay_report::paste::seen_from;
 
 /// The controller that plays every run.
 pub const CONTROLLER: &str = "quasi-static";
@@ -181,12 +182,13 @@ fn add(notch: Notch, q: &[f64], torque: &mut [f64]) {
 fn keep(nominal: &ArmFile, before: &Played, diagnosis: &Diagnosis, out: &Path) -> Result<(), Failure> {
     let mut json = serde_json::to_value(diagnosis).map_err(Failure::internal)?;
     let model = out.join("nominal.toml").display().to_string();
-    json["inputs"] = serde_json::json!({ "model": model, "recordings": [before.recording] });
-    json["model"] = serde_json::json!(out.join("model.toml"));
+    let recording = seen_from(out, &before.recording);
+    json["inputs"] = serde_json::json!({ "model": "nominal.toml", "recordings": [recording] });
+    json["model"] = serde_json::json!("model.toml");
     json["report"] = serde_json::json!("report.html");
     write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
     write(&out.join("model.toml"), &to_toml(&diagnosis.model))?;
     let recordings = [before.recording.clone()];
-    let subject = Subject { model: &model, file: nominal, recordings: &recordings, diagnosis };
+    let subject = Subject { model: &model, file: nominal, recordings: &recordings, diagnosis, out };
     write(&out.join("report.html"), &document(&subject).to_html())
 }
