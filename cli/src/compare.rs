@@ -14,7 +14,7 @@ use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Section, Serie
 use serde_json::{Value, json};
 
 use crate::exit::{Exit, Failure};
-use crate::files::write;
+use crate::files::{claim, write};
 use crate::recorded;
 use crate::run::Format;
 use crate::say::say;
@@ -39,6 +39,9 @@ pub struct CompareArgs {
     /// Folder for report.html, with measured against model for every joint, and compare.json.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz, or less where the motion is noisy.
     #[arg(long, value_name = "HZ")]
     lowpass: Option<f64>,
@@ -57,18 +60,23 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let recording = recorded::read(&args.recording, &args.model, &file)?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
     voice::doing(format_args!("comparing {} samples", recording.len()));
+    let folder = args.out.as_deref().map(|out| claim(Some(out), &RESULTS, args.force)).transpose()?;
     let (comparison, residuals) =
         freeplay_diagnosis::compare(&file.arm, &effects.placed, &recording, &settings)
             .map_err(Failure::input)?;
     let view = View { args, file: &file, recording: &recording, comparison: &comparison };
     let json = view.json()?;
     let report = args.out.as_deref().map(|out| view.write(out, &residuals, &json)).transpose()?;
+    drop(folder);
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
         Format::Text => say(&view.text(report.as_deref()))?,
     }
     Ok(Exit::Done)
 }
+
+/// What a comparison writes.
+const RESULTS: [&str; 2] = ["compare.json", "report.html"];
 
 /// Everything that is shown.
 struct View<'a> {
@@ -91,7 +99,6 @@ impl View<'_> {
 
     /// Writes the report and the JSON into `out`; the report's path.
     fn write(&self, out: &Path, residuals: &Residuals, json: &Value) -> Result<PathBuf, Failure> {
-        crate::files::make_folder(out)?;
         write(&out.join("compare.json"), &format!("{json:#}\n"))?;
         let path = out.join("report.html");
         write(&path, &self.document(residuals).to_html())?;

@@ -15,7 +15,7 @@ use crate::diagnose_report::{Subject, document};
 use crate::diagnose_screen;
 use crate::excite::{self, Question};
 use crate::exit::{Exit, Failure};
-use crate::files::{Folder, write};
+use crate::files::{claim, write};
 use crate::recorded;
 use crate::run::Format;
 use crate::say::{say, show};
@@ -46,6 +46,9 @@ pub struct DiagnoseArgs {
     /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing, tuned inside its tolerances.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// Seed of the twins and of all intervals.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -71,6 +74,9 @@ pub struct DiagnoseArgs {
     #[arg(long, value_name = "MS", default_value_t = 0.6)]
     delay_tolerance: f64,
 }
+
+/// What a diagnosis writes.
+const RESULTS: [&str; 3] = ["diagnosis.json", "model.toml", "report.html"];
 
 impl DiagnoseArgs {
     fn settings(&self) -> Result<DiagnoseSettings, Failure> {
@@ -109,7 +115,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let read = |path: &PathBuf| recorded::read(path, &args.model, &file);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
     // Before what takes minutes.
-    let _reserved = args.out.as_deref().map(Folder::reserve).transpose()?;
+    let folder = args.out.as_deref().map(|out| claim(Some(out), &RESULTS, args.force)).transpose()?;
     let found = diagnosed(&file, &recordings, &settings, &mut |what| voice::doing(what));
     let mut diagnosis = found.map_err(|error| match error {
         DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
@@ -123,6 +129,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     if let Some(out) = &args.out {
         view.write(out, &json)?;
     }
+    drop(folder);
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
         Format::Text => show(&diagnose_screen::text(&view))?,
@@ -208,7 +215,6 @@ impl View<'_> {
 
     /// Writes diagnosis.json, model.toml and report.html into `out`.
     fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
-        crate::files::make_folder(out)?;
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
         write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))?;
         let View { args, file, diagnosis, .. } = self;

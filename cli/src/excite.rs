@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use crate::diagnose_report::title;
 use crate::exit::{Exit, Failure};
-use crate::files::{Folder, read_json, write};
+use crate::files::{claim, read_json, write};
 use crate::recorded;
 use crate::run::Format;
 use crate::say::say;
@@ -57,6 +57,9 @@ pub struct ExciteArgs {
     /// Folder for excite.csv and excite.toml.
     #[arg(long, value_name = "DIR", default_value = "out")]
     out: PathBuf,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How long the motion takes, s.
     #[arg(long, default_value_t = 16.0, value_name = "S")]
     duration: f64,
@@ -86,6 +89,9 @@ pub struct Question<'a> {
     /// The recording that left them possible.
     pub seen: Option<&'a Recording>,
 }
+
+/// What a search for a motion writes.
+const RESULTS: [&str; 2] = ["excite.csv", "excite.toml"];
 
 /// Seeks and writes the motion that `args` ask for.
 ///
@@ -125,9 +131,10 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     };
     let question = Question { file: &file, rivals, seen: seen.as_ref() };
     // Before what takes minutes.
-    let _reserved = Folder::reserve(&args.out)?;
+    let folder = claim(Some(&args.out), &RESULTS, args.force)?;
     let found = seek(&question, &settings)?;
     let path = write_path(&found, &model, &file, &args.out)?;
+    drop(folder);
     match args.format {
         Format::Json => say(&format!("{:#}\n", json(&found, &file, &path)))?,
         Format::Text => say(&text(&found, &file, &path))?,
@@ -312,7 +319,6 @@ fn usual_noise(file: &ArmFile) -> BTreeMap<String, ChannelNoise> {
 /// # Errors
 /// A file that can't be written.
 pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -> Result<PathBuf, Failure> {
-    crate::files::make_folder(out)?;
     let motion = found.motion.trajectory(RATE);
     let mut rows = String::from("t");
     (1..=file.arm.dof()).for_each(|joint| {

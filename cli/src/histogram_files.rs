@@ -13,7 +13,7 @@ use hdrhistogram::serialization::interval_log::{
 use hdrhistogram::serialization::{Deserializer, V2DeflateSerializer};
 
 use crate::exit::Failure;
-use crate::files::{unreadable, write};
+use crate::files::write;
 
 /// Divides nanoseconds so that the files show microseconds.
 const UNIT: f64 = 1e3;
@@ -133,7 +133,7 @@ fn distribution(text: &mut String, histogram: &Histogram<u64>) -> std::fmt::Resu
 /// A file that can't be read or that is no interval log.
 pub fn read_hlog(path: &Path) -> Result<Vec<(String, Histogram<u64>)>, Failure> {
     let fault = |what: String| Failure::input(format!("{}: {what}", path.display()));
-    let text = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
+    let text = freeplay_storage::read_bytes(path, freeplay_storage::DOCUMENT_LIMIT)?;
     let mut deserializer = Deserializer::new();
     let mut found = Vec::new();
     for entry in IntervalLogIterator::new(&text) {

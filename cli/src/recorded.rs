@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use freeplay_arm::ArmFile;
 use freeplay_recording::{ColumnError, ReadError, Recording};
+use freeplay_storage::same_file;
 
 use crate::exit::Failure;
 use crate::voice;
@@ -77,9 +78,11 @@ fn far_tool(recording: &Recording) -> Option<String> {
 /// # Errors
 /// The recording.
 pub fn only_once(recordings: &[PathBuf]) -> Result<(), Failure> {
-    let real = |path: &PathBuf| std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
-    let all: Vec<PathBuf> = recordings.iter().map(real).collect();
-    let twice = (0..all.len()).find(|&place| all[..place].contains(&all[place]));
+    let is_before = |place: &usize| {
+        let (before, this) = (&recordings[..*place], &recordings[*place]);
+        before.iter().any(|path| path == this || same_file(path, this))
+    };
+    let twice = (0..recordings.len()).find(is_before);
     twice.map_or(Ok(()), |place| {
         Err(Failure::usage(format!(
             "--recording {}: is given twice, and what is held out has to be another one: name each once",

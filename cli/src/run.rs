@@ -9,6 +9,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use freeplay_controller::BUILT_IN;
 use freeplay_shm::{Address, RunRoot};
+use freeplay_storage::{read_text, remove_file};
 use indicatif::ProgressBar;
 use rustix::fs::{Access, access};
 use serde_json::json;
@@ -16,7 +17,7 @@ use sha2::{Digest, Sha256};
 
 use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
-use crate::files::write;
+use crate::files::{claim, write};
 use crate::hex::hex;
 use crate::live::{Title, Watch};
 use crate::plant_command::pace_name;
@@ -29,6 +30,9 @@ use crate::scenario_place::located;
 use crate::setup::Setup;
 use crate::summary::{RunSummary, SCHEMA};
 use crate::{run_report, screen, swaps, voice};
+
+/// What every run writes first and last.
+const RESULTS: [&str; 3] = ["scenario.toml", "task.toml", "summary.json"];
 
 /// How results are printed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -69,6 +73,9 @@ pub struct RunArgs {
     /// Folder for what the run leaves; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -174,8 +181,8 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     for standby in &scenario.standby {
         Contestant::of(standby)?;
     }
-    let out = args.out.clone().unwrap_or_else(default_folder);
-    let files = Files::write(&scenario, &setup, &out)?;
+    let folder = claim(args.out.as_deref(), &RESULTS, args.force)?;
+    let files = Files::write(&scenario, &setup, folder.path())?;
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     let (mut runs, mut exit, mut failure) = (Vec::new(), Exit::Done, None);
@@ -318,14 +325,6 @@ fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
     Ok(scenario)
 }
 
-/// A folder in `out/`, named by the time.
-pub fn default_folder() -> PathBuf {
-    let now = time::OffsetDateTime::now_utc();
-    let (date, time) = (now.date(), now.time());
-    let stamp = format!("{date}T{:02}-{:02}-{:02}", time.hour(), time.minute(), time.second());
-    Path::new("out").join(stamp)
-}
-
 /// The controllers of `scenario`, each with a name of its own.
 fn contestants(scenario: &Scenario) -> Result<Vec<Contestant>, Failure> {
     let mut found: Vec<Contestant> = Vec::new();
@@ -365,21 +364,19 @@ fn play_watched(
     watch: Option<Watch>,
 ) -> Result<(Exit, Option<RunSummary>), Failure> {
     let left = files.out.join(format!("{}.json", contestant.name));
-    if left.exists() {
-        std::fs::remove_file(&left).map_err(Failure::input)?;
-    }
+    remove_file(&left)?;
     let members: Vec<Contestant> = std::iter::once(Ok(contestant.clone()))
         .chain(scenario.standby.iter().map(|asked| Contestant::of(asked)))
         .collect::<Result<_, _>>()?;
     let root = RunRoot::create().map_err(Failure::internal)?;
     let ended = processes(scenario, &members, files, root.address(), delay, stop, watch)?;
     let exit = exit_of(&ended, contestant)?;
-    match std::fs::read_to_string(&left) {
+    match read_text(&left) {
         Ok(text) => {
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
             if exit == Exit::Input && summary.ending["braked"]["tick"] == 0 {
                 // A controller that refuses what it is given has not run: nothing may say that it has.
-                std::fs::remove_file(&left).map_err(Failure::input)?;
+                remove_file(&left)?;
                 return Err(Failure::input(format!(
                     "{} did not start; its message is above",
                     contestant.asked
@@ -390,7 +387,7 @@ fn play_watched(
         }
         Err(_) if exit == Exit::Input => Err(Failure::input("the plant ended; its message is above")),
         Err(_) if exit != Exit::Done => Ok((exit, None)),
-        Err(error) => Err(Failure::internal(format!("{}: {error}", left.display()))),
+        Err(error) => Err(error.into()),
     }
 }
 

@@ -15,8 +15,8 @@ use serde_json::{Value, json};
 
 use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
-use crate::files::write;
-use crate::run::{Contestant, Files, Format, default_folder, load, play};
+use crate::files::{claim, write};
+use crate::run::{Contestant, Files, Format, load, play};
 use crate::say::{say, show};
 use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::setup::Setup;
@@ -61,6 +61,9 @@ pub struct SwapArgs {
     /// Folder for what is left; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -91,7 +94,8 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     for asked in scenario.controllers.iter().chain(&scenario.standby) {
         Contestant::of(asked)?;
     }
-    let out = args.out.clone().unwrap_or_else(default_folder);
+    let folder = claim(args.out.as_deref(), &["swap.json"], args.force)?;
+    let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     let stage = Stage { scenario, out, stop, seed: args.seed.unwrap_or(1) };

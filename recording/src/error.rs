@@ -4,6 +4,7 @@ use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
+use freeplay_storage::StorageError;
 use thiserror::Error;
 
 use crate::mapping::MappingError;
@@ -62,6 +63,9 @@ pub enum ReadError {
         /// The folder.
         file: PathBuf,
     },
+    /// A pipe, device or socket where a file is expected.
+    #[error(transparent)]
+    NotAFile(StorageError),
     /// No bytes.
     #[error("{}: the file is empty; a CSV begins with a header such as t,q1,q2", file.display())]
     Empty {
@@ -344,6 +348,14 @@ pub enum WriteError {
         rows: u64,
         /// Rows that are known to be in the file.
         kept: u64,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// An export that did not come to its end.
+    #[error("{}: the export stopped: {source}; a file that was there is as before; free some space or write elsewhere", file.display())]
+    NotExported {
+        /// The file.
+        file: PathBuf,
         /// What the system said.
         source: io::Error,
     },

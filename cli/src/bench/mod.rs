@@ -30,7 +30,8 @@ use crate::bench::blocks::{Block, Stand};
 use crate::bench::figures::{Compared, Ratio, caught_up, ratios};
 use crate::doctor::Examination;
 use crate::exit::{Exit, Failure};
-use crate::run::{Contestant, Format, default_folder, load};
+use crate::files::claim;
+use crate::run::{Contestant, Format, load};
 use crate::say::{say, show};
 use crate::scenario::{Pacing, RecordingKind, Scenario};
 use crate::summary::RunSummary;
@@ -82,6 +83,9 @@ pub struct BenchArgs {
     /// Folder for what is left; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -221,7 +225,8 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
     let scenario = scenario(args)?;
     let contestants: Vec<Contestant> =
         scenario.controllers.iter().map(|asked| Contestant::of(asked)).collect::<Result<_, _>>()?;
-    let out = args.out.clone().unwrap_or_else(default_folder);
+    let folder = claim(args.out.as_deref(), &["bench.json", "cost.json"], args.force)?;
+    let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     let stand = Stand { scenario: &scenario, contestants: &contestants, out: &out, stop: &stop };

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use freeplay_storage::{EntryKind, list, open_without_links};
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +14,6 @@ use super::analyst::FILES;
 use super::answer::Answer;
 use super::hash;
 use crate::exit::Failure;
-use crate::files::unreadable;
 use crate::processes::Running;
 use crate::simulation::on_cores;
 
@@ -37,14 +37,24 @@ pub struct SealedFile {
 /// # Errors
 /// A folder without a case; files that can't be read.
 pub fn sealed(folder: &Path) -> Result<Sealed, Failure> {
-    let failed = |error| unreadable(folder, &error);
     let mut cases = Sealed::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if path.join(FILES[0]).is_file() {
-            let files = FILES.iter().map(|file| path.join(file)).filter(|path| path.is_file());
-            let files = files.map(|file| Ok((name(&file), seal(&file)?)));
-            cases.insert(name(&path), files.collect::<Result<_, Failure>>()?);
+    for entry in list(folder)? {
+        // A link could lead out of the folder to what nobody sealed.
+        if entry.kind == EntryKind::Link && entry.path.join(FILES[0]).exists() {
+            let path = entry.path.display();
+            return Err(Failure::input(format!(
+                "{path}: is a link; put the folder of the case itself there"
+            )));
+        }
+        if entry.kind != EntryKind::Folder {
+            continue;
+        }
+        let files = list(&entry.path)?;
+        let files = files.iter().filter(|file| FILES.contains(&name(&file.path).as_str()));
+        let files = files.map(|file| Ok((name(&file.path), seal(&file.path)?)));
+        let files: BTreeMap<String, SealedFile> = files.collect::<Result<_, Failure>>()?;
+        if files.contains_key(FILES[0]) {
+            cases.insert(name(&entry.path), files);
         }
     }
     if cases.is_empty() {
@@ -58,7 +68,7 @@ pub fn sealed(folder: &Path) -> Result<Sealed, Failure> {
 }
 
 fn seal(file: &Path) -> Result<SealedFile, Failure> {
-    let bytes = std::fs::metadata(file).map_err(|error| unreadable(file, &error))?.len();
+    let bytes = open_without_links(file)?.length();
     Ok(SealedFile { sha256: hash::of_file(file)?, bytes })
 }
 

@@ -8,6 +8,7 @@ use clap::Args;
 use freeplay_concealed::{
     Case, GenerateError, Made, Matrix, Quota, draw_set, make_case, make_here, write_sealed,
 };
+use freeplay_storage::{EntryKind, StorageError, list, set_times};
 use indicatif::ProgressBar;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -152,9 +153,8 @@ pub fn made(order: &Order, bar: &ProgressBar) -> Result<Vec<Line>, Failure> {
     let mut child =
         Running(command.spawn().map_err(|error| Failure::internal(format!("generator: {error}")))?);
     let order = serde_json::to_string(order).map_err(Failure::internal)?;
-    if let Some(mut pipe) = child.0.stdin.take() {
-        pipe.write_all(order.as_bytes()).map_err(Failure::internal)?;
-    }
+    // A generator that has ended takes no order; its exit code says why.
+    let sent = child.0.stdin.take().map_or(Ok(()), |mut pipe| pipe.write_all(order.as_bytes()));
     let mut lines = Vec::new();
     if let Some(pipe) = child.0.stdout.take() {
         for line in BufReader::new(pipe).lines() {
@@ -163,26 +163,27 @@ pub fn made(order: &Order, bar: &ProgressBar) -> Result<Vec<Line>, Failure> {
         }
     }
     let status = child.0.wait().map_err(Failure::internal)?;
-    if status.success() {
-        Ok(lines)
-    } else {
-        Err(Failure::internal(format!("the generator ended with {status}")))
+    if status.code() == Some(Exit::Input as i32) {
+        return Err(Failure::input("the generator ended; its message is above"));
     }
+    if !status.success() {
+        return Err(Failure::internal(format!("the generator ended with {status}")));
+    }
+    sent.map_err(Failure::internal)?;
+    Ok(lines)
 }
 
 /// Gives every file and folder below `folder` the same time, so that none tells when it was made.
 ///
 /// # Errors
 /// What the file system says.
-pub fn without_times(folder: &Path) -> std::io::Result<()> {
-    let times = std::fs::FileTimes::new();
+pub fn without_times(folder: &Path) -> Result<(), StorageError> {
     let one = std::time::SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(946_684_800);
-    for entry in std::fs::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            without_times(&path)?;
+    for entry in list(folder)? {
+        if entry.kind == EntryKind::Folder {
+            without_times(&entry.path)?;
         }
-        std::fs::File::open(&path)?.set_times(times.set_accessed(one).set_modified(one))?;
+        set_times(&entry.path, one)?;
     }
     Ok(())
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use freeplay_storage::LiveFile;
 use serde_json::{Value, json};
 
 use super::receipt::{Part, now};
@@ -40,10 +41,10 @@ pub fn scored(path: &Path, seal: &str, score: &Score) -> Result<(), Failure> {
 
 fn append(path: &Path, line: &Value) -> Result<(), Failure> {
     use std::io::Write;
-    let failed = |error| unwritable(path, &error);
+    let failed = |error| unwritable(path, error);
     if let Some(folder) = path.parent() {
         make_folder(folder)?;
     }
-    let mut file = std::fs::OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
-    file.write_all(format!("{line}\n").as_bytes()).map_err(failed)
+    let mut file = LiveFile::append(path)?;
+    file.write_all(format!("{line}\n").as_bytes()).and_then(|()| file.finish()).map_err(failed)
 }

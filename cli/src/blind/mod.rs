@@ -33,11 +33,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use freeplay_storage::OutputFolder;
 use serde_json::json;
 
 use crate::args::at_least_one;
 use crate::exit::{Exit, Failure};
-use crate::files::check_target;
+use crate::files::{check_target, claim, claim_or_new};
 use crate::run::Format;
 use crate::say::say;
 use receipt::Receipt;
@@ -79,9 +80,12 @@ pub struct BlindArgs {
     /// Compute every hash of a receipt anew.
     #[arg(long, value_name = "RECEIPT", conflicts_with_all = ["full", "matrix", "seed", "merge", "analyse", "score"])]
     verify: Option<PathBuf>,
-    /// Folder for the sealed recordings, receipt.json and report.html; must be empty. Without it: out/blind-TIME.
+    /// Folder for the sealed recordings, receipt.json and report.html. Without it: out/blind-TIME.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// Processes at work at a time; without it: one a core.
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     jobs: Option<usize>,
@@ -118,11 +122,14 @@ impl BlindArgs {
     }
 
     /// The folder of the results.
-    fn folder(&self) -> PathBuf {
+    fn claim(&self) -> Result<OutputFolder, Failure> {
+        if let [folder, _] = self.score.as_slice() {
+            // The receipt in it is what is scored.
+            return claim(Some(folder), &[], self.force);
+        }
         let time = receipt::now().replace(':', "-");
-        self.out
-            .clone()
-            .unwrap_or_else(|| PathBuf::from("out").join(format!("blind-{}", time.trim_end_matches('Z'))))
+        let new = PathBuf::from("out").join(format!("blind-{}", time.trim_end_matches('Z')));
+        claim_or_new(self.out.as_deref(), &new, &["sealed", "receipt.json", "report.html"], self.force)
     }
 }
 
@@ -139,16 +146,13 @@ pub fn blind(args: &BlindArgs) -> Result<Exit, Failure> {
     if let Some(folder) = &args.analyse {
         return analyse(args, folder);
     }
-    let (folder, receipt) = match args.score.as_slice() {
-        [folder, truth] => (folder.clone(), protocol::opened(folder, truth)?),
-        _ if args.merge.is_empty() => {
-            let folder = args.folder();
-            let receipt = protocol::whole(args, &folder)?;
-            (folder, receipt)
-        }
-        _ => (args.folder(), merged(&args.merge)?),
+    let folder = args.claim()?;
+    let receipt = match args.score.as_slice() {
+        [folder, truth] => protocol::opened(folder, truth)?,
+        _ if args.merge.is_empty() => protocol::whole(args, folder.path())?,
+        _ => merged(&args.merge)?,
     };
-    publish(args, &folder, receipt)
+    publish(args, folder.path(), receipt)
 }
 
 /// Scores `receipt`, writes it with its report into `folder`, and prints the score.
@@ -161,7 +165,6 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
     }
     let score = Score::of(&judged);
     receipt.score = json!(score);
-    crate::files::make_folder(folder)?;
     let path = folder.join("receipt.json");
     receipt.write(&path)?;
     let report = folder.join("report.html");
@@ -179,6 +182,9 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
 
 /// Answers for the sealed `folder` of someone else.
 fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
+    // The folder of somebody else is not made here.
+    freeplay_storage::list(folder)?;
+    let _claimed = claim(Some(folder), &["receipt.json"], args.force)?;
     let receipt = protocol::answered(args, folder)?;
     let path = folder.join("receipt.json");
     receipt.write(&path)?;

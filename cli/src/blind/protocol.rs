@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use freeplay_concealed::Quota;
+use freeplay_storage::{remove_file, remove_folder};
 use indicatif::ProgressBar;
 use rustix::rand::{GetRandomFlags, getrandom};
 use serde_json::{Value, json};
@@ -14,7 +15,7 @@ use super::generator::{Line, Order, made, without_times};
 use super::receipt::{Draw, Part, Program, Receipt, Record, SCHEMA};
 use super::{BlindArgs, hash, history};
 use crate::exit::Failure;
-use crate::files::{make_folder, read_json, unreadable};
+use crate::files::{make_folder, read_json};
 use crate::hex::hex;
 use crate::voice;
 
@@ -129,13 +130,11 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
 /// Has the sealed cases made, and commits to their truth.
 fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld, Failure> {
     let cases = folder.join("sealed");
-    make_folder(&cases)?;
-    if std::fs::read_dir(&cases).map_err(|error| unreadable(&cases, &error))?.next().is_some() {
-        let path = cases.display();
-        return Err(Failure::input(format!(
-            "{path} is not empty: a sealed set is drawn once; choose another --out"
-        )));
+    if args.force {
+        // Cases of an earlier set must not mix with those of this one.
+        remove_folder(&cases)?;
     }
+    make_folder(&cases)?;
     let Some(draw) = part.draw.as_ref() else { return Ok(Withheld::new()) };
     let order = Order {
         seed: draw.seed,
@@ -161,7 +160,7 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
             Line::NotMade { asked, why } => part.not_made.push(format!("{asked}: {why}")),
         }
     }
-    without_times(&cases).map_err(|error| Failure::input(format!("{}: {error}", cases.display())))?;
+    without_times(&cases)?;
     part.sealed = sealed(&cases)?;
     part.not_made.sort_unstable();
     Ok(withheld)
@@ -180,7 +179,7 @@ fn ask(args: &BlindArgs, cases: &Path, mut part: Part) -> Result<Receipt, Failur
     bar.finish_and_clear();
     part.seconds[1] = start.elapsed().as_secs_f64();
     // It is of no use any more; a folder that can't be written to was refused before.
-    let _ = std::fs::remove_file(&canary);
+    let _ = remove_file(&canary);
     for answer in answers.values() {
         *part.isolation.entry(isolation(answer)).or_default() += 1;
     }

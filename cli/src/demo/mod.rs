@@ -16,8 +16,8 @@ use serde_json::Value;
 
 use crate::diagnose_report::{outcome as in_words, title};
 use crate::exit::{Exit, Failure};
-use crate::files::check_target;
-use crate::run::{Format, default_folder};
+use crate::files::{check_target, claim};
+use crate::run::Format;
 use crate::say::say;
 use crate::units::{people, written};
 use crate::voice;
@@ -46,6 +46,9 @@ pub struct DemoArgs {
     /// Folder for report.html and for what each machine left; without it: out/ and the time.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// Write the picture of the first finding as SVG, too.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
@@ -63,11 +66,13 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
         return Err(Failure::usage(format!("--period {}: between 1 and 120 s", args.period)));
     }
     let cases = chosen(&args.cases)?;
-    let out = std::path::absolute(args.out.clone().unwrap_or_else(default_folder)).map_err(Failure::input)?;
     args.picture.as_deref().map_or(Ok(()), check_target)?;
+    let names: Vec<&str> = cases.iter().map(|case| case.name).chain(["report.html"]).collect();
+    let folder = claim(args.out.as_deref(), &names, args.force)?;
+    let out = folder.path();
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
-    let outcomes = all(&cases, args, &out, &stop)?;
+    let outcomes = all(&cases, args, out, &stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(Exit::Interrupted);
     }

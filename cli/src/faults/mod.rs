@@ -22,7 +22,8 @@ use clap::Args;
 use crate::exit::{Exit, Failure};
 use crate::faults::exam::Exam;
 use crate::faults::kinds::Kind;
-use crate::run::{Contestant, Format, default_folder, load};
+use crate::files::claim;
+use crate::run::{Contestant, Format, load};
 use crate::say::say;
 use crate::scenario::{Pacing, RecordingKind};
 use crate::voice;
@@ -59,6 +60,9 @@ pub struct FaultsArgs {
     /// Folder for what is left; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -74,8 +78,8 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     scenario.recording = RecordingKind::Mcap;
     let examined = Contestant::of(&args.controller)?;
     Contestant::of(&args.standby)?;
-    let out = args.out.clone().unwrap_or_else(default_folder);
-    crate::files::make_folder(&out)?;
+    let folder = claim(args.out.as_deref(), &["faults.json", "kills.json"], args.force)?;
+    let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
     crate::process::stop_on_signals(&stop)?;
     if let Some(count) = args.kills {

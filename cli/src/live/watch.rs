@@ -1,6 +1,5 @@
 //! A run that is watched: the terminal with its keys, or plain lines where there is none.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Stdio};
@@ -8,6 +7,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use freeplay_plant::Wish;
+use freeplay_storage::{LiveFile, read_text, remove_file};
 use ratatui::backend::TestBackend;
 use ratatui::crossterm::style::force_color_output;
 use ratatui::{DefaultTerminal, Terminal};
@@ -15,6 +15,7 @@ use rustix::process::{Pid, Signal, kill_process};
 
 use super::{Action, Dashboard, Glance, PICTURE, Title, draw};
 use crate::exit::Failure;
+use crate::files::unwritable;
 use crate::processes::Running;
 use crate::voice::is_coloured;
 
@@ -97,7 +98,7 @@ impl Watch {
         Ok(match &self.face {
             Face::Lines | Face::Unseen(_) => Stdio::inherit(),
             Face::Screen(_) => {
-                File::options().create(true).append(true).open(&self.said).map_err(Failure::input)?.into()
+                LiveFile::append(&self.said)?.to_stdio().map_err(|error| unwritable(&self.said, error))?
             }
         })
     }
@@ -248,10 +249,10 @@ impl Drop for Watch {
         if matches!(self.face, Face::Screen(_)) {
             ratatui::restore();
         }
-        if let Ok(said) = std::fs::read_to_string(&self.said) {
+        if let Ok(said) = read_text(&self.said) {
             eprint!("{said}");
             // What was said is on the terminal now; a file that stays does no harm.
-            let _ = std::fs::remove_file(&self.said);
+            let _ = remove_file(&self.said);
         }
     }
 }
