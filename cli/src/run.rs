@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::{Args, ValueEnum};
 use freeplay_controller::BUILT_IN;
 use freeplay_shm::{Address, RunRoot};
-use freeplay_storage::{read_text, remove_file};
+use freeplay_storage::{FileIdentity, read_text, remove_file};
 use indicatif::ProgressBar;
 use rustix::fs::{Access, access};
 use serde_json::json;
@@ -364,7 +364,8 @@ fn play_watched(
     watch: Option<Watch>,
 ) -> Result<(Exit, Option<RunSummary>), Failure> {
     let left = files.out.join(format!("{}.json", contestant.name));
-    remove_file(&left)?;
+    // One of an earlier run stays until this run has one of its own.
+    let earlier = FileIdentity::of(&left);
     let members: Vec<Contestant> = std::iter::once(Ok(contestant.clone()))
         .chain(scenario.standby.iter().map(|asked| Contestant::of(asked)))
         .collect::<Result<_, _>>()?;
@@ -372,7 +373,7 @@ fn play_watched(
     let ended = processes(scenario, &members, files, root.address(), delay, stop, watch)?;
     let exit = exit_of(&ended, contestant)?;
     match read_text(&left) {
-        Ok(text) => {
+        Ok(text) if FileIdentity::of(&left) != earlier => {
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
             if exit == Exit::Input && summary.ending["braked"]["tick"] == 0 {
                 // A controller that refuses what it is given has not run: nothing may say that it has.
@@ -385,8 +386,9 @@ fn play_watched(
             summary.controller.clone_from(&contestant.asked);
             Ok((exit, Some(summary)))
         }
-        Err(_) if exit == Exit::Input => Err(Failure::input("the plant ended; its message is above")),
-        Err(_) if exit != Exit::Done => Ok((exit, None)),
+        _ if exit == Exit::Input => Err(Failure::input("the plant ended; its message is above")),
+        _ if exit != Exit::Done => Ok((exit, None)),
+        Ok(_) => Err(Failure::internal(format!("{}: the plant has not written it", left.display()))),
         Err(error) => Err(error.into()),
     }
 }

@@ -82,9 +82,9 @@ impl Losses {
 impl Loss {
     fn describe(&self, is_numbered: bool) -> String {
         let when = match (self.after, self.before) {
-            (Some(after), Some(before)) => format!("between {after} s and {before} s"),
-            (Some(after), None) => format!("after {after} s"),
-            (None, Some(before)) => format!("before {before} s"),
+            (Some(after), Some(before)) => format!("between {after:.4} s and {before:.4} s"),
+            (Some(after), None) => format!("after {after:.4} s"),
+            (None, Some(before)) => format!("before {before:.4} s"),
             (None, None) => "of the recording".to_owned(),
         };
         let cost = match self.samples.filter(|_| is_numbered || self.before.is_none()) {
@@ -113,8 +113,8 @@ mod tests {
         assert_eq!(
             lines,
             [
-                "the file is damaged at byte 99 (x): 3 samples between 4 s and 8 s are lost; all others are read",
-                "the file is damaged at byte 200 (y, and 1 more places): 11 samples after 8 s are lost; all others are read",
+                "the file is damaged at byte 99 (x): 3 samples between 4.0000 s and 8.0000 s are lost; all others are read",
+                "the file is damaged at byte 200 (y, and 1 more places): 11 samples after 8.0000 s are lost; all others are read",
             ]
         );
     }
@@ -125,6 +125,6 @@ mod tests {
         (0..5).for_each(|k| losses.sample(0, f64::from(k)));
         losses.damage(99, "x".into());
         losses.sample(0, 8.0);
-        assert!(losses.describe(None)[0].contains("samples between 4 s and 8 s may be lost"));
+        assert!(losses.describe(None)[0].contains("samples between 4.0000 s and 8.0000 s may be lost"));
     }
 }

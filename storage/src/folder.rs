@@ -79,26 +79,16 @@ fn missing(path: &Path) -> Vec<PathBuf> {
     path.ancestors().take_while(is_missing).map(Path::to_owned).collect()
 }
 
-/// A folder for results that take minutes to be found. Unless something is in it, it is gone again with this value.
+/// The folders that are made for results which take minutes to be found. Those that nothing is in are gone again with this value.
 #[derive(Debug)]
-pub struct ReservedFolder {
+pub(crate) struct ReservedFolder {
     made: Vec<PathBuf>,
 }
 
 impl ReservedFolder {
     /// Notes which folders of `path` are missing.
-    pub(crate) fn before(path: &Path) -> Self {
+    pub fn before(path: &Path) -> Self {
         Self { made: missing(path) }
-    }
-
-    /// Makes the folder `path` and those above it.
-    ///
-    /// # Errors
-    /// As [`make_folder`].
-    pub fn make(path: &Path) -> Result<Self, StorageError> {
-        let reserved = Self::before(path);
-        make_folder(path)?;
-        Ok(reserved)
     }
 }
 
@@ -199,9 +189,24 @@ pub fn check_target(path: &Path) -> Result<(), StorageError> {
     failed(io::Error::new(kind, text))
 }
 
+/// Which file a path leads to. A file that was written whole in place of another has another identity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileIdentity {
+    device: u64,
+    inode: u64,
+}
+
+impl FileIdentity {
+    /// The identity of the file `path`, links followed; none if there is none.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        let found = std::fs::metadata(path).ok()?;
+        Some(Self { device: found.dev(), inode: found.ino() })
+    }
+}
+
 /// Whether two paths lead to one file. Links are followed.
 #[must_use]
 pub fn same_file(one: &Path, other: &Path) -> bool {
-    let (Ok(one), Ok(other)) = (std::fs::metadata(one), std::fs::metadata(other)) else { return false };
-    (one.dev(), one.ino()) == (other.dev(), other.ino())
+    FileIdentity::of(one).is_some_and(|one| FileIdentity::of(other) == Some(one))
 }

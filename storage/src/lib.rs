@@ -4,8 +4,8 @@
 //!
 //! - an [`InputFile`] is a regular file open for reading; [`read_bytes`] and [`read_text`] read a whole one up to a limit;
 //! - [`list`] names what a folder holds, and follows no link out of it;
-//! - an [`OutputFolder`] is a folder that one command has to itself, locked until the command ends;
-//! - [`make_folder`] makes a folder, [`ReservedFolder`] makes one that vanishes again if nothing was put into it;
+//! - an [`OutputFolder`] is a folder that one command has to itself, locked until the command ends, and gone again if nothing was put into it;
+//! - [`make_folder`] makes a folder for its owner alone;
 //! - an [`AtomicFile`] appears under its name whole or not at all; [`write`] does the same for bytes in memory;
 //! - a [`LiveFile`] is the exception: a recording that is readable while it grows;
 //! - a [`StorageError`] names the operation, the path, the cause and the remedy; a [`Refusal`] is a cause of this crate.
@@ -29,7 +29,7 @@ mod path;
 pub use atomic::{AtomicFile, TEMPORARY_SUFFIX, write};
 pub use error::{Operation, Refusal, StorageError};
 pub use folder::{
-    Entry, EntryKind, ReservedFolder, check_target, list, make_folder, remove_file, remove_folder, same_file,
+    Entry, EntryKind, FileIdentity, check_target, list, make_folder, remove_file, remove_folder, same_file,
     set_times,
 };
 pub use input::{DOCUMENT_LIMIT, InputFile, open_without_links, read_bytes, read_text};

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use freeplay_storage::{
-    AtomicFile, Claim, EntryKind, InputFile, LiveFile, OutputFolder, PATH_LIMIT, Refusal, ReservedFolder,
-    StorageError, TEMPORARY_SUFFIX, list, make_folder, open_without_links, read_bytes, read_text, write,
+    AtomicFile, Claim, EntryKind, InputFile, LiveFile, OutputFolder, PATH_LIMIT, Refusal, StorageError,
+    TEMPORARY_SUFFIX, list, make_folder, open_without_links, read_bytes, read_text, write,
 };
 use tempfile::TempDir;
 
@@ -198,9 +198,8 @@ fn a_folder_that_nothing_was_put_into_is_gone_again() {
     let folder = folder();
     let out = folder.path().join("a").join("b");
     drop(OutputFolder::claim(&out, Claim { results: &[], force: false }).expect("free"));
-    drop(ReservedFolder::make(&out).expect("made"));
     assert!(names(folder.path()).is_empty());
-    let kept = ReservedFolder::make(&out).expect("made");
+    let kept = OutputFolder::claim(&out, Claim { results: &[], force: false }).expect("free");
     write(&out.join("file"), "x").expect("written");
     drop(kept);
     assert_eq!(names(&out), ["file"]);
