@@ -144,7 +144,7 @@ fn check_replaceable(target: &Path) -> io::Result<()> {
     for found in [std::fs::symlink_metadata(target), std::fs::metadata(target)].into_iter().flatten() {
         let kind = found.file_type();
         if kind.is_dir() {
-            return Err(ErrorKind::IsADirectory.into());
+            return Err(rustix::io::Errno::ISDIR.into());
         }
         if !is_replaceable(kind) || kind.is_char_device() {
             return Err(Refusal::NotRegular(crate::input::kind(kind)).into());

@@ -46,7 +46,7 @@ impl InputFile {
         let file = file.map_err(|error| failed(explained(path, error)))?;
         let metadata = file.metadata().map_err(failed)?;
         if metadata.is_dir() {
-            return Err(failed(ErrorKind::IsADirectory.into()));
+            return Err(failed(rustix::io::Errno::ISDIR.into()));
         }
         if !metadata.is_file() {
             return Err(failed(Refusal::NotRegular(kind(metadata.file_type())).into()));
