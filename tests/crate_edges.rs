@@ -139,3 +139,81 @@ fn the_products_do_not_know_each_other() {
         }
     }
 }
+
+/// Source files that touch the file system themselves, and why.
+const NOT_THROUGH_STORAGE: [(&str, &str); 7] = [
+    ("storage/src/", "it is the one place"),
+    ("shm/src/", "shared memory has rules of its own: other owners, segments, seats"),
+    ("plant/src/thread_watch.rs", "reads /proc of its own threads in the loop, without allocating"),
+    ("doctor/src/", "reads /proc and /sys, and holds a device open"),
+    ("exam/src/faults/kills.rs", "reads /proc of its children and counts segments in shared memory"),
+    ("proof/src/blind/protocol.rs", "names the machine from /proc"),
+    ("proof/src/blind/sandbox.rs", "tries what the kernel has to refuse"),
+];
+
+/// The source files of all crates below `folder`, by their path in the workspace.
+fn all_sources(folder: &Path, found: &mut Vec<String>) {
+    for entry in std::fs::read_dir(folder).expect("a folder").flatten() {
+        let path = entry.path();
+        let name = path.strip_prefix(root()).expect("in the workspace").to_string_lossy().into_owned();
+        if path.is_dir() && !name.starts_with("target") && !name.starts_with('.') {
+            all_sources(&path, found);
+        } else if name.ends_with(".rs") && name.contains("/src/") {
+            found.push(name);
+        }
+    }
+}
+
+/// The first line of `text` that touches the file system, without comments and the unit tests at its end.
+fn touches_files(text: &str) -> Option<&str> {
+    let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or(text);
+    let code = code.split("#[cfg(test)]\npub(crate) mod tests").next().unwrap_or(code);
+    let signs = ["std::fs", "unix::fs::", "OpenOptions", ".from_path(", "rustix::fs::open", "generate_to("];
+    let is_opening = |line: &str| {
+        line.match_indices("File::").any(|(at, _)| {
+            let before = line[..at].chars().next_back();
+            let is_whole = !before.is_some_and(|before| before.is_alphanumeric() || before == '_');
+            is_whole
+                && ["File::open", "File::create", "File::options"]
+                    .iter()
+                    .any(|call| line[at..].starts_with(call))
+        })
+    };
+    let mut lines = code.lines().filter(|line| !line.trim_start().starts_with("//"));
+    lines.find(|line| is_opening(line) || signs.iter().any(|sign| line.contains(sign)))
+}
+
+#[test]
+fn files_are_touched_in_one_place() {
+    let mut files = Vec::new();
+    all_sources(root(), &mut files);
+    assert!(files.len() > 300, "{} files", files.len());
+    let mut used = BTreeSet::new();
+    for name in &files {
+        let text = std::fs::read_to_string(root().join(name)).expect("a source file");
+        let Some(line) = touches_files(&text) else { continue };
+        let allowed = NOT_THROUGH_STORAGE.iter().find(|(start, _)| name.starts_with(start));
+        let (start, _) =
+            allowed.unwrap_or_else(|| panic!("{name} touches files outside of storage: {}", line.trim()));
+        used.insert(*start);
+    }
+    for (start, reason) in NOT_THROUGH_STORAGE {
+        assert!(used.contains(start), "{start} ({reason}) is allowed and touches no file: strike it off");
+    }
+}
+
+#[test]
+fn what_touches_files_is_recognised() {
+    for line in [
+        "use std::fs;",
+        "let file = File::open(path)?;",
+        "fs::OpenOptions::new()",
+        "use std::os::unix::fs::symlink;",
+    ] {
+        assert_eq!(touches_files(&format!("fn f() {{\n{line}\n}}")), Some(line));
+    }
+    for line in ["InputFile::open(path)?;", "// std::fs", "PathKind::File => 1,", "AtomicFile::create(path)"]
+    {
+        assert_eq!(touches_files(line), None, "{line}");
+    }
+}

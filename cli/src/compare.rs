@@ -21,7 +21,7 @@ use serde_json::{Value, json};
 
 use crate::inputs;
 use freeplay_report::paste::pasted;
-use freeplay_terminal::target::asked_file;
+use freeplay_terminal::target::{asked_file, claim_out};
 
 /// Compares a recording with what a model makes of the recorded motion.
 ///
@@ -42,6 +42,9 @@ pub struct CompareArgs {
     /// file of one of them alone.
     #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz, or less where the motion is noisy.
     #[arg(long, value_name = "HZ")]
     lowpass: Option<f64>,
@@ -60,18 +63,25 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let recording = inputs::recording(&args.recording, &args.model, &file)?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
     messages::doing(format_args!("comparing {} samples", recording.len()));
+    let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
     let (comparison, residuals) =
         freeplay_diagnosis::compare(&file.arm, &effects.placed, &recording, &settings)
             .map_err(Failure::input)?;
     let view = View { args, file: &file, recording: &recording, comparison: &comparison };
     let json = view.json()?;
     let report = args.out.as_deref().map(|out| view.write(out, &residuals, &json)).transpose()?;
+    drop(folder);
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
         Format::Text => say(&view.text(report.as_deref()))?,
     }
     Ok(Exit::Done)
 }
+
+/// What a comparison writes.
+const ENDINGS: [&str; 2] = ["html", "json"];
+/// Results in the folder that `--out` names.
+const RESULTS: [&str; 2] = ["compare.json", "report.html"];
 
 /// Everything that is shown.
 struct View<'a> {
@@ -96,12 +106,11 @@ impl View<'_> {
     /// report, or of that file.
     fn write(&self, out: &Path, residuals: &Residuals, json: &Value) -> Result<PathBuf, Failure> {
         let (page, data) = (|| self.document(residuals).to_html(), || format!("{json:#}\n"));
-        match asked_file(out, &["html", "json"]) {
+        match asked_file(out, &ENDINGS) {
             Some("html") => return write(out, &page()).map(|()| out.to_owned()),
             Some(_) => return write(out, &data()).map(|()| out.to_owned()),
             None => {}
         }
-        freeplay_terminal::files::make_folder(out)?;
         write(&out.join("compare.json"), &data())?;
         let path = out.join("report.html");
         write(&path, &page())?;

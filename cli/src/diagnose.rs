@@ -14,14 +14,14 @@ use freeplay_recording::Recording;
 use freeplay_report::paste::seen_from;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::files::{Folder, check_target, write};
+use freeplay_terminal::files::write;
 use freeplay_terminal::messages;
 use freeplay_terminal::output::{say, show};
 use serde_json::Value;
 
 use crate::excite::{self, Question};
 use crate::{diagnose_screen, inputs};
-use freeplay_terminal::target::{asked_file, folder_of};
+use freeplay_terminal::target::{asked_file, claim_out, folder_of};
 
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
 const NEXT_S: f64 = 16.0;
@@ -48,6 +48,9 @@ pub struct DiagnoseArgs {
     /// ends in .toml or .json is the file of the model, or of the diagnosis, alone.
     #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// Seed of the twins and of all intervals.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -73,6 +76,11 @@ pub struct DiagnoseArgs {
     #[arg(long, value_name = "MS", default_value_t = 0.6)]
     delay_tolerance: f64,
 }
+
+/// What a diagnosis writes.
+const ENDINGS: [&str; 2] = ["toml", "json"];
+/// Results in the folder that `--out` names.
+const RESULTS: [&str; 3] = ["diagnosis.json", "model.toml", "report.html"];
 
 impl DiagnoseArgs {
     fn settings(&self) -> Result<DiagnoseSettings, Failure> {
@@ -111,9 +119,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let read = |path: &PathBuf| inputs::recording(path, &args.model, &file);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
     // Before what takes minutes.
-    let _reserved =
-        args.out.as_deref().filter(|out| target(out).is_none()).map(Folder::reserve).transpose()?;
-    args.out.as_deref().filter(|out| target(out).is_some()).map(check_target).transpose()?;
+    let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
     let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::doing(what));
     let mut diagnosis = found.map_err(|error| match error {
         DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
@@ -127,6 +133,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     if let Some(out) = &args.out {
         view.write(out, &json)?;
     }
+    drop(folder);
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
         Format::Text => show(&diagnose_screen::text(&view))?,
@@ -220,7 +227,6 @@ impl View<'_> {
     /// for. Paths in a diagnosis.json are those seen from its folder.
     fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
         let folder = target(out).map_or(out, |_| folder_of(out));
-        freeplay_terminal::files::make_folder(folder)?;
         let mut moved = json.clone();
         if self.args.model != PAPER_MODEL {
             moved["inputs"]["model"] = serde_json::json!(seen_from(folder, Path::new(&self.args.model)));
@@ -244,7 +250,7 @@ impl View<'_> {
 
 /// The single file of results that `out` asks for.
 fn target(out: &Path) -> Option<&'static str> {
-    asked_file(out, &["toml", "json"])
+    asked_file(out, &ENDINGS)
 }
 
 /// The name of its file.

@@ -18,9 +18,9 @@ use freeplay_report::paste::{pasted, seen_from};
 use freeplay_report::units::power_of_ten;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::files::{Folder, read_json, write};
+use freeplay_terminal::files::{read_json, write};
 use freeplay_terminal::output::say;
-use freeplay_terminal::target::{asked_file, folder_of};
+use freeplay_terminal::target::{asked_file, claim_out, folder_of};
 use freeplay_terminal::{messages, progress};
 use serde_json::Value;
 
@@ -59,6 +59,9 @@ pub struct ExciteArgs {
     /// Folder for excite.csv and excite.toml; a name that ends in .toml is the file of the scenario, with its rows beside it.
     #[arg(long, value_name = "DIR|FILE", default_value = "out")]
     out: PathBuf,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How long the motion takes, s.
     #[arg(long, default_value_t = 16.0, value_name = "S")]
     duration: f64,
@@ -88,6 +91,11 @@ pub struct Question<'a> {
     /// The recording that left them possible.
     pub seen: Option<&'a Recording>,
 }
+
+/// What a search for a motion writes.
+const ENDINGS: [&str; 1] = ["toml"];
+/// Results in the folder that `--out` names.
+const RESULTS: [&str; 2] = ["excite.csv", "excite.toml"];
 
 /// Seeks and writes the motion that `args` ask for.
 ///
@@ -127,10 +135,10 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     };
     let question = Question { file: &file, rivals, seen: seen.as_ref() };
     // Before what takes minutes.
-    let is_file = asked_file(&args.out, &["toml"]).is_some();
-    let _reserved = Folder::reserve(if is_file { folder_of(&args.out) } else { &args.out })?;
+    let folder = claim_out(&args.out, &ENDINGS, &RESULTS, args.force)?;
     let found = seek(&question, &settings)?;
     let path = write_path(&found, &model, &file, &args.out)?;
+    drop(folder);
     match args.format {
         Format::Json => say(&format!("{:#}\n", json(&found, &file, &path)))?,
         Format::Text => say(&text(&found, &file, &path))?,
@@ -319,10 +327,9 @@ fn usual_noise(file: &ArmFile) -> BTreeMap<String, ChannelNoise> {
 /// # Errors
 /// A file that can't be written.
 pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -> Result<PathBuf, Failure> {
-    let is_file = asked_file(out, &["toml"]).is_some();
+    let is_file = asked_file(out, &ENDINGS).is_some();
     let folder = if is_file { folder_of(out) } else { out };
     let scenario_file = if is_file { out.to_owned() } else { out.join("excite.toml") };
-    freeplay_terminal::files::make_folder(folder)?;
     let motion = found.motion.trajectory(RATE);
     let mut rows = String::from("t");
     (1..=file.arm.dof()).for_each(|joint| {

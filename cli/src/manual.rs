@@ -1,12 +1,12 @@
 //! `freeplay completions`, `freeplay man`, `freeplay exit-codes`: what a shell and a person want to know of the command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clap_complete::Shell;
 use freeplay_report::paste::pasted;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::files::{make_folder, unwritable};
+use freeplay_terminal::files::make_folder;
 use freeplay_terminal::output::{raw, say};
 
 /// The exit codes, for `--help`, `freeplay help exit-codes` and the manual.
@@ -59,13 +59,26 @@ pub fn man(args: &ManArgs, command: clap::Command) -> Result<Exit, Failure> {
         return Ok(Exit::Done);
     };
     make_folder(out)?;
-    clap_mangen::generate_to(command, out).map_err(|error| unwritable(out, &error))?;
+    let mut command = command.disable_help_subcommand(true);
+    command.build();
+    write_pages(&command, out)?;
     say(&format!(
         "{}: freeplay.1 and a page for each command; man -l {1}\n",
         out.display(),
         pasted(&out.join("freeplay.1"))
     ))?;
     Ok(Exit::Done)
+}
+
+/// Writes the page of `command` and those of its commands into the folder `out`.
+fn write_pages(command: &clap::Command, out: &Path) -> Result<(), Failure> {
+    for inner in command.get_subcommands().filter(|inner| !inner.is_hide_set()) {
+        write_pages(inner, out)?;
+    }
+    let man = clap_mangen::Man::new(command.clone());
+    let (name, mut page) = (man.get_filename(), Vec::new());
+    man.render(&mut page).map_err(Failure::internal)?;
+    Ok(freeplay_storage::write(&out.join(name), page)?)
 }
 
 /// Prints the exit codes.

@@ -8,6 +8,7 @@ use comfy_table::{CellAlignment, Table, presets};
 use freeplay_recording::{BagOptions, Group, Mapping, Recording};
 use freeplay_report::one_line;
 use freeplay_report::text::{Digits, NOTHING, number};
+use freeplay_storage::{InputFile, same_file};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::unreadable;
@@ -275,24 +276,22 @@ fn import(args: &ImportArgs) -> Result<Exit, Failure> {
 /// The first line of `file`, at most some thousand bytes.
 fn head(file: &Path) -> Result<Vec<u8>, Failure> {
     const LONGEST: u64 = 1 << 16;
-    let failed = |error| unreadable(file, &error);
+    let failed = |error| unreadable(file, error);
     let mut line = Vec::new();
-    let input = BufReader::new(std::fs::File::open(file).map_err(failed)?);
+    let input = BufReader::new(InputFile::open(file)?);
     input.take(LONGEST).read_until(b'\n', &mut line).map_err(failed)?;
     Ok(line)
 }
 
 /// Whether `out` may be written: it is not the source, and not there unless `force`.
 fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
-    let same = std::fs::canonicalize(out)
-        .is_ok_and(|out| std::fs::canonicalize(source).is_ok_and(|source| source == out));
-    if same {
+    if same_file(out, source) {
         return Err(Failure::usage(format!(
             "{}: is the file that is read; name another with --out",
             out.display()
         )));
     }
-    if out.exists() && !force {
+    if (out.exists() || out.is_symlink()) && !force {
         return Err(Failure::usage(format!(
             "{}: is there already; name another with --out, or replace it with --force",
             out.display()

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use freeplay_arm::ArmFile;
 use freeplay_recording::{ColumnError, ReadError, Recording};
+use freeplay_storage::same_file;
 use thiserror::Error;
 
 /// A recording with longer steps shows nothing of how an arm moves, s: its times are no seconds.
@@ -105,9 +106,11 @@ fn far_tool(recording: &Recording) -> Option<String> {
 /// # Errors
 /// The recording.
 pub fn only_once(recordings: &[PathBuf]) -> Result<(), RecordedError> {
-    let real = |path: &PathBuf| std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
-    let all: Vec<PathBuf> = recordings.iter().map(real).collect();
-    let twice = (0..all.len()).find(|&place| all[..place].contains(&all[place]));
+    let is_before = |place: &usize| {
+        let (before, this) = (&recordings[..*place], &recordings[*place]);
+        before.iter().any(|path| path == this || same_file(path, this))
+    };
+    let twice = (0..recordings.len()).find(is_before);
     twice.map_or(Ok(()), |place| Err(RecordedError::Twice { file: recordings[place].clone() }))
 }
 

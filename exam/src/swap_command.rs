@@ -9,7 +9,7 @@ use clap::Args;
 use comfy_table::{CellAlignment, Table, presets};
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
-use freeplay_harness::run::{Contestant, Files, default_folder, load, play};
+use freeplay_harness::run::{Contestant, Files, load, play};
 use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
@@ -17,7 +17,7 @@ use freeplay_harness::swaps;
 use freeplay_recording::Recording;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::files::write;
+use freeplay_terminal::files::{claim, write};
 use freeplay_terminal::output::{say, show};
 use freeplay_terminal::{messages, progress};
 use indicatif::ProgressBar;
@@ -63,6 +63,9 @@ pub struct SwapArgs {
     /// Folder for what is left; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -93,7 +96,8 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     for asked in scenario.controllers.iter().chain(&scenario.standby) {
         Contestant::of(asked)?;
     }
-    let out = args.out.clone().unwrap_or_else(default_folder);
+    let folder = claim(args.out.as_deref(), &["swap.json"], args.force)?;
+    let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     let stage = Stage { scenario, out, stop, seed: args.seed.unwrap_or(1) };

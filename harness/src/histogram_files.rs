@@ -7,7 +7,7 @@ use std::time::{Duration, SystemTime};
 
 use freeplay_plant::{Stage, Stages};
 use freeplay_terminal::exit::Failure;
-use freeplay_terminal::files::{unreadable, write};
+use freeplay_terminal::files::write;
 use hdrhistogram::Histogram;
 use hdrhistogram::serialization::interval_log::{
     IntervalLogIterator, IntervalLogWriterBuilder, LogEntry, Tag,
@@ -132,7 +132,7 @@ fn distribution(text: &mut String, histogram: &Histogram<u64>) -> std::fmt::Resu
 /// A file that can't be read or that is no interval log.
 pub fn read_hlog(path: &Path) -> Result<Vec<(String, Histogram<u64>)>, Failure> {
     let fault = |what: String| Failure::input(format!("{}: {what}", path.display()));
-    let text = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
+    let text = freeplay_storage::read_bytes(path, freeplay_storage::DOCUMENT_LIMIT)?;
     let mut deserializer = Deserializer::new();
     let mut found = Vec::new();
     for entry in IntervalLogIterator::new(&text) {

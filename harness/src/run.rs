@@ -10,9 +10,10 @@ use clap::Args;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
 use freeplay_shm::RunRoot;
+use freeplay_storage::{FileIdentity, read_text, remove_file};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::files::write;
+use freeplay_terminal::files::{claim, write};
 use freeplay_terminal::hex::hex;
 use freeplay_terminal::output::say;
 use freeplay_terminal::process::Running;
@@ -36,6 +37,9 @@ use crate::{gains, run_report, screen, swaps};
 
 /// How much is shown of what the processes of a run that did not begin had to say, bytes: a screenful.
 const LAST_WORDS: usize = 2000;
+
+/// What every run writes first and last.
+const RESULTS: [&str; 3] = ["scenario.toml", "task.toml", "summary.json"];
 
 /// Runs a scenario.
 #[derive(Args, Debug)]
@@ -66,6 +70,9 @@ pub struct RunArgs {
     /// Folder for what the run leaves; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -174,8 +181,8 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     for standby in &scenario.standby {
         Contestant::of(standby)?;
     }
-    let out = args.out.clone().unwrap_or_else(default_folder);
-    let files = Files::write(&scenario, &setup, &out)?;
+    let folder = claim(args.out.as_deref(), &RESULTS, args.force)?;
+    let files = Files::write(&scenario, &setup, folder.path())?;
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     stands_still(&setup).into_iter().for_each(messages::note);
@@ -356,14 +363,6 @@ fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
     Ok(scenario)
 }
 
-/// A folder in `out/`, named by the time.
-pub fn default_folder() -> PathBuf {
-    let now = time::OffsetDateTime::now_utc();
-    let (date, time) = (now.date(), now.time());
-    let stamp = format!("{date}T{:02}-{:02}-{:02}", time.hour(), time.minute(), time.second());
-    Path::new("out").join(stamp)
-}
-
 /// The controllers of `scenario`, each with a name of its own.
 fn contestants(scenario: &Scenario) -> Result<Vec<Contestant>, Failure> {
     let mut found: Vec<Contestant> = Vec::new();
@@ -403,26 +402,26 @@ fn play_watched(
     watch: Option<Watch>,
 ) -> Result<(Exit, Option<RunSummary>), Failure> {
     let left = files.out.join(format!("{}.json", contestant.name));
-    if left.exists() {
-        std::fs::remove_file(&left).map_err(Failure::input)?;
-    }
+    // One of an earlier run stays until this run has one of its own.
+    let earlier = FileIdentity::of(&left);
+    let has_left = || FileIdentity::of(&left).is_some_and(|now| Some(&now) != earlier.as_ref());
     let members: Vec<Contestant> = std::iter::once(Ok(contestant.clone()))
         .chain(scenario.standby.iter().map(|asked| Contestant::of(asked)))
         .collect::<Result<_, _>>()?;
     let root = new_run()?;
     let ended = processes(scenario, &members, files, &root, delay, stop, watch)?;
-    let exit = exit_of(&ended, &members, left.exists())?;
-    if exit != Exit::Done && !left.exists() {
+    let exit = exit_of(&ended, &members, has_left())?;
+    if exit != Exit::Done && !has_left() {
         for line in last_lines(&said(contestant, files)) {
             messages::note(line);
         }
     }
-    match std::fs::read_to_string(&left) {
-        Ok(text) => {
+    match read_text(&left) {
+        Ok(text) if has_left() => {
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
             if exit == Exit::Input && summary.ending["braked"]["tick"] == 0 {
                 // A controller that refuses what it is given has not run: nothing may say that it has.
-                std::fs::remove_file(&left).map_err(Failure::input)?;
+                remove_file(&left)?;
                 return Err(Failure::input(format!(
                     "{} did not start; its message is above",
                     contestant.asked
@@ -431,9 +430,10 @@ fn play_watched(
             summary.controller.clone_from(&contestant.asked);
             Ok((exit, Some(summary)))
         }
-        Err(_) if exit == Exit::Input => Err(Failure::input("the plant ended; its message is above")),
-        Err(_) if exit != Exit::Done => Ok((exit, None)),
-        Err(error) => Err(Failure::internal(format!("{}: {error}", left.display()))),
+        _ if exit == Exit::Input => Err(Failure::input("the plant ended; its message is above")),
+        _ if exit != Exit::Done => Ok((exit, None)),
+        Ok(_) => Err(Failure::internal(format!("{}: the plant has not written it", left.display()))),
+        Err(error) => Err(error.into()),
     }
 }
 

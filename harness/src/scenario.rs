@@ -11,7 +11,6 @@ use freeplay_laws::ClearanceTable;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::{ReflexSpec, SensorsSpec};
 use freeplay_report::paste::pasted;
-use freeplay_terminal::files::how_to_read;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -206,13 +205,8 @@ impl Default for Scenario {
 #[derive(Debug, Error)]
 pub enum ScenarioError {
     /// The file can't be read.
-    #[error("cannot read the scenario {}: {source}; {}", path.display(), how_to_read(source))]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    #[error("cannot read the scenario {}: {}; {}", .0.path.display(), .0.source, .0.remedy())]
+    Unreadable(#[from] freeplay_storage::StorageError),
     /// An arm where a scenario was expected.
     #[error("{0} is an arm, not a scenario: give it as one, as in freeplay run --model {command}", path.display(), command = pasted(path))]
     Arm {
@@ -277,8 +271,7 @@ impl Scenario {
 
     fn read(path: &Path) -> Result<(Self, toml::Table), ScenarioError> {
         let syntax = |source| ScenarioError::Syntax { path: path.to_owned(), source: Box::new(source) };
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| ScenarioError::Unreadable { path: path.to_owned(), source })?;
+        let text = freeplay_storage::read_text(path)?;
         if text.trim_start().starts_with('<') {
             return Err(ScenarioError::Arm { path: path.to_owned() });
         }

@@ -46,7 +46,7 @@ fn value_of<'a, 'i>(table: &'a DeTable<'i>, key: &str) -> Option<&'a DeValue<'i>
 /// `message` about the scenario in `file`, with the line that it is about under it if the message names a key of the file.
 pub fn located(file: Option<&Path>, message: String) -> String {
     let drawn = file.and_then(|file| {
-        let text = std::fs::read_to_string(file).ok()?;
+        let text = freeplay_storage::read_text(file).ok()?;
         let place = named_keys(&message).into_iter().find_map(|key| place_of(&text, &key))?;
         let line = text.lines().nth(place.line - 1)?;
         let margin = place.line.to_string();

@@ -21,6 +21,7 @@ use freeplay_terminal::{messages, progress};
 use serde::{Deserialize, Serialize};
 
 use crate::simulation::{Scene, Simulation, TICK};
+use freeplay_terminal::files::claim;
 
 /// The reference, as it was handed over.
 const REFERENCE: &str = include_str!("../data/reference_runs.csv");
@@ -37,6 +38,9 @@ pub struct ReferenceArgs {
     /// Folder for a report.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -303,6 +307,8 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
         let words = "give a part of one, such as lissajous or T12; without --only there are all";
         return Err(Failure::usage(format!("no reference run has {:?} in its name; {words}", args.only)));
     }
+    let claimed = |out| claim(Some(out), &["report.html"], args.force);
+    let folder = args.out.as_deref().map(claimed).transpose()?;
     let bar = progress::bar(rows.len() as u64, "reference runs {bar:30} {pos}/{len} {elapsed}");
     let figures = on_all_cores(rows.len(), |index| {
         let figures = simulate(&rows[index], args.substeps, 0.0);
@@ -321,8 +327,8 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
         }
         Format::Text => say(&in_words(&pairs, args.substeps))?,
     }
-    if let Some(out) = &args.out {
-        let report = crate::reference_report::write(&pairs, args.substeps, out)?;
+    if let Some(folder) = &folder {
+        let report = crate::reference_report::write(&pairs, args.substeps, folder.path())?;
         messages::note(format_args!("report  {}", report.display()));
     }
     Ok(if pairs.iter().all(|pair| pair.faults.is_empty()) { Exit::Done } else { Exit::Verdict })

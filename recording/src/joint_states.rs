@@ -4,17 +4,17 @@
 //! with its four bytes of encapsulation). Positions are rad or m, velocities rad/s or m/s, efforts N·m or N, as ROS says.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use byteorder::{BigEndian, LittleEndian};
+use freeplay_storage::InputFile;
 use mcap::records::Record;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use crate::error::{ReadError, Row};
-use crate::mcap_records::{Records, damaged};
+use crate::mcap_records::{Item, Records, damaged, is_magic};
 use crate::names::{Group, ORIENTATION, TOOL};
 use crate::read::Source;
 use crate::recording::Recording;
@@ -81,13 +81,9 @@ type Topics = BTreeMap<String, Vec<Message>>;
 /// # Errors
 /// See [`ReadError`].
 pub fn import_bag(path: &Path, options: &BagOptions) -> Result<Recording, ReadError> {
-    let failed = |source| ReadError::Io { file: path.to_path_buf(), source };
-    let mut file = File::open(path).map_err(failed)?;
-    if file.metadata().map_err(failed)?.is_dir() {
-        return Err(ReadError::Folder { file: path.to_path_buf() });
-    }
+    let mut file = crate::read::open_file(path)?;
     let mut magic = [0; mcap::MAGIC.len()];
-    if file.read_exact(&mut magic).is_err() || magic != mcap::MAGIC {
+    if file.read_exact(&mut magic).is_err() || !is_magic(&magic) {
         return Err(ReadError::NotMcap { file: path.to_path_buf() });
     }
     let source = Source { file: path, size: None, joints: None, limit: MAX_NUMBERS, overview: None };
@@ -100,16 +96,29 @@ struct Bag {
     poses: Topics,
     /// Every topic with its type.
     topics: BTreeMap<String, String>,
+    /// Where it is damaged, one line each.
+    damage: Vec<String>,
     truncated: bool,
 }
 
 impl Bag {
-    fn read(file: File, source: &Source) -> Result<Self, ReadError> {
+    fn read(file: InputFile, source: &Source) -> Result<Self, ReadError> {
         let mut types: BTreeMap<u16, String> = BTreeMap::new();
         let mut channels: BTreeMap<u16, (String, String)> = BTreeMap::new();
         let (mut states, mut poses) = (Topics::new(), Topics::new());
+        let mut damage = Vec::new();
         let mut records = Records::new(BufReader::with_capacity(1 << 16, file), source);
-        records.for_each(&mut |offset, record| {
+        records.for_each(&mut |offset, item| {
+            let record = match item {
+                Item::Record(record) => record,
+                Item::Summary(_) => return Ok(()),
+                Item::Damage(what) => {
+                    damage.push(format!(
+                        "the bag is damaged at byte {offset} ({what}): its messages there are lost"
+                    ));
+                    return Ok(());
+                }
+            };
             match record {
                 Record::Schema { header, .. } => {
                     types.insert(header.id, header.name);
@@ -120,6 +129,10 @@ impl Bag {
                 }
                 Record::Message { header, data } => {
                     let Some((topic, kind)) = channels.get(&header.channel_id) else {
+                        if !damage.is_empty() {
+                            // Its channel was described in a chunk that is lost.
+                            return Ok(());
+                        }
                         return Err(damaged(source, offset, "a message of a channel that is not described"));
                     };
                     let of_type = match kind.as_str() {
@@ -136,7 +149,7 @@ impl Bag {
             Ok(())
         })?;
         let topics = channels.into_values().collect();
-        Ok(Bag { states, poses, topics, truncated: records.truncated })
+        Ok(Bag { states, poses, topics, damage, truncated: records.truncated })
     }
 
     fn into_recording(mut self, options: &BagOptions, source: &Source) -> Result<Recording, ReadError> {
@@ -155,7 +168,9 @@ impl Bag {
             Some((topic, messages)) => Some(decode_poses(&topic, &messages, source)?),
             None => None,
         };
-        states.into_recording(track, self.truncated, source)
+        let mut recording = states.into_recording(track, self.truncated, source)?;
+        recording.notes.extend(self.damage);
+        Ok(recording)
     }
 }
 

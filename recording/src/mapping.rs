@@ -189,8 +189,8 @@ impl Mapping {
     /// See [`MappingError`].
     pub fn load(path: &Path) -> Result<Self, MappingError> {
         let file = || path.to_path_buf();
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| MappingError::Unreadable { file: file(), source })?;
+        let text = freeplay_storage::read_text(path)
+            .map_err(|error| MappingError::Unreadable { file: file(), source: error.into() })?;
         let mapping: Self = toml::from_str(&text)
             .map_err(|source| MappingError::Syntax { file: file(), source: Box::new(source) })?;
         for (key, value) in [("separator", mapping.separator), ("decimal", mapping.decimal)] {

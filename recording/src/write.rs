@@ -123,6 +123,19 @@ impl RowWriter {
         }
     }
 
+    /// Begins a recording that appears under its name whole, once it is [finished](RowWriter::finish); until then a file that is there stays
+    /// as it is. Otherwise as [`RowWriter::create`].
+    ///
+    /// # Errors
+    /// As [`RowWriter::create`].
+    pub fn replace(path: &Path, layout: &Layout, metadata: &[(String, String)]) -> Result<Self, WriteError> {
+        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("csv") => Ok(RowWriter::Csv(CsvWriter::replace(path, layout)?)),
+            Some("mcap") => Ok(RowWriter::Mcap(McapWriter::replace(path, layout, metadata)?)),
+            _ => Err(WriteError::Ending { file: path.to_path_buf() }),
+        }
+    }
+
     /// Writes one row: a value per column of the layout. Values are written as they are, finite or not.
     ///
     /// # Errors
@@ -158,7 +171,8 @@ impl RowWriter {
 }
 
 /// Writes `recording` to `path`, as CSV, MCAP or Parquet by the ending, columns in the order of the contract.
-/// Reading it again gives the same numbers, bit for bit. Parquet has no place for events.
+/// Reading it again gives the same numbers, bit for bit. Parquet has no place for events. The file appears whole or not at all; one that
+/// was there is replaced by the whole new one.
 ///
 /// # Errors
 /// As [`RowWriter`] has them.
@@ -166,8 +180,16 @@ pub fn export(recording: &Recording, path: &Path) -> Result<Summary, WriteError>
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet")) {
         return parquet_writer::export(recording, path);
     }
+    export_rows(recording, path).map_err(|error| match error {
+        // No row is kept: the file appears whole or not at all.
+        WriteError::Stopped { file, source, .. } => WriteError::NotExported { file, source },
+        error => error,
+    })
+}
+
+fn export_rows(recording: &Recording, path: &Path) -> Result<Summary, WriteError> {
     let layout = Layout::new(recording.columns())?;
-    let mut writer = RowWriter::create(path, &layout, &recording.metadata)?;
+    let mut writer = RowWriter::replace(path, &layout, &recording.metadata)?;
     let columns: Vec<&[f64]> = recording.named().map(|(_, values)| values).collect();
     let mut events = recording.events.iter().peekable();
     let mut row = vec![0.0; columns.len()];

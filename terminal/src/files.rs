@@ -1,59 +1,39 @@
-//! Files that a person names: what could not be read or written is said in one way, with the next step.
+//! Files that a person names: errors of the storage crate become failures with an exit code, and what was written is told.
 
-use std::io::{Error, ErrorKind, Write};
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
+use freeplay_storage::{Claim, Operation, OutputFolder, Refusal, StorageError};
 use serde::de::DeserializeOwned;
 
 use crate::exit::Failure;
 use crate::messages;
 
-/// What to do about a file that can't be read.
-pub fn how_to_read(error: &Error) -> &'static str {
-    match error.kind() {
-        ErrorKind::NotFound => "check the path: a relative one begins where the command is called",
-        ErrorKind::IsADirectory => "name a file in it",
-        ErrorKind::NotADirectory => "check the path: a part of it is a file, not a folder",
-        ErrorKind::PermissionDenied => "let yourself read it, as with chmod u+r, or name another",
-        ErrorKind::InvalidData => "it is no text in UTF-8; check that it is the right file",
-        _ => "check the file and the disk that it is on",
-    }
-}
-
-/// What to do about a file or folder that can't be written.
-fn how_to_write(error: &Error) -> &'static str {
-    match error.kind() {
-        ErrorKind::NotFound => "make the folder that it is to be in, or name another",
-        ErrorKind::IsADirectory => "name a file in it",
-        ErrorKind::AlreadyExists => "a file has this name; remove it, or name another folder",
-        ErrorKind::NotADirectory => "a part of the path is a file; name another",
-        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
-            "name a place that you may write to, or change its permissions"
+/// Earlier results without `--force` are a matter of the command line; all else is one of files and disks.
+impl From<StorageError> for Failure {
+    fn from(error: StorageError) -> Self {
+        match error.refusal() {
+            Some(Refusal::Occupied(_)) => Failure::usage(error),
+            _ => Failure::input(error),
         }
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded | ErrorKind::FileTooLarge => {
-            "free some space, or name another disk"
-        }
-        _ => "name another place, or check the disk that it is on",
     }
 }
 
 /// A file that can't be read.
-pub fn unreadable(path: &Path, error: &Error) -> Failure {
-    Failure::input(format!("cannot read {}: {error}; {}", path.display(), how_to_read(error)))
+pub fn unreadable(path: &Path, error: std::io::Error) -> Failure {
+    StorageError::new(Operation::Read, path, error).into()
 }
 
 /// A file that can't be written.
-pub fn unwritable(path: &Path, error: &Error) -> Failure {
-    Failure::input(format!("cannot write {}: {error}; {}", path.display(), how_to_write(error)))
+pub fn unwritable(path: &Path, error: std::io::Error) -> Failure {
+    StorageError::new(Operation::Write, path, error).into()
 }
 
-/// The text of a file.
+/// The text of a document, at most [`freeplay_storage::DOCUMENT_LIMIT`] bytes.
 ///
 /// # Errors
 /// The file, what the system said, and what to do.
 pub fn read_text(path: &Path) -> Result<String, Failure> {
-    std::fs::read_to_string(path).map_err(|error| unreadable(path, &error))
+    Ok(freeplay_storage::read_text(path)?)
 }
 
 /// The JSON in a file that should be `what`, such as "the receipt that freeplay blind left".
@@ -74,36 +54,49 @@ pub fn read_json<T: DeserializeOwned>(path: &Path, what: &str) -> Result<T, Fail
 /// # Errors
 /// The folder, what the system said, and what to do.
 pub fn make_folder(path: &Path) -> Result<(), Failure> {
-    std::fs::create_dir_all(path).map_err(|error| {
-        let (path, remedy) = (path.display(), how_to_write(&error));
-        Failure::input(format!("cannot create the folder {path}: {error}; {remedy}"))
-    })
+    Ok(freeplay_storage::make_folder(path)?)
 }
 
-/// A folder for what takes minutes to be found, made before. Unless something is in it, it is gone again with this.
-pub struct Folder {
-    /// Those that had to be made, the innermost first.
-    made: Vec<PathBuf>,
+/// Claims the folder `out` for the results of one command; without it, a new one named by the time.
+///
+/// The folder is locked until the value is dropped. `results` are names that the command writes first or last: one that is there belongs to an
+/// earlier command, and is kept without `force`.
+///
+/// # Errors
+/// A folder that can't be made, that another command works in, or that holds earlier results.
+pub fn claim(out: Option<&Path>, results: &[&str], force: bool) -> Result<OutputFolder, Failure> {
+    claim_or_new(out, &timed_folder(), results, force)
 }
 
-impl Folder {
-    /// Makes the folder `path` and those above it.
-    ///
-    /// # Errors
-    /// As [`make_folder`].
-    pub fn reserve(path: &Path) -> Result<Self, Failure> {
-        let missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-        let made = path.ancestors().take_while(missing).map(Path::to_owned).collect();
-        make_folder(path)?;
-        Ok(Self { made })
+/// The same; without `out`, a new folder named `new`, or `new-2` and so on.
+///
+/// # Errors
+/// As [`claim`].
+pub fn claim_or_new(
+    out: Option<&Path>,
+    new: &Path,
+    results: &[&str],
+    force: bool,
+) -> Result<OutputFolder, Failure> {
+    let folder = match out {
+        Some(out) => OutputFolder::claim(out, Claim { results, force })?,
+        None => OutputFolder::claim_new(new)?,
+    };
+    if !folder.is_locked() {
+        let path = folder.path().display();
+        messages::note(format_args!(
+            "note: the file system of {path} has no locks: let no other command write there meanwhile"
+        ));
     }
+    Ok(folder)
 }
 
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // One that is not empty can't be removed, and should not be.
-        let _ = self.made.iter().try_for_each(std::fs::remove_dir);
-    }
+/// A folder in `out/`, named by the time.
+fn timed_folder() -> PathBuf {
+    let now = time::OffsetDateTime::now_utc();
+    let (date, time) = (now.date(), now.time());
+    let stamp = format!("{date}T{:02}-{:02}-{:02}", time.hour(), time.minute(), time.second());
+    Path::new("out").join(stamp)
 }
 
 /// Whether a file could be written to `path`, without leaving anything: for what takes minutes before it writes.
@@ -111,33 +104,15 @@ impl Drop for Folder {
 /// # Errors
 /// No folder to write it into, or a folder in its place.
 pub fn check_target(path: &Path) -> Result<(), Failure> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let kind = match (folder.is_dir(), path.is_dir()) {
-        (true, false) => return Ok(()),
-        (true, true) => ErrorKind::IsADirectory,
-        (false, _) if folder.exists() => ErrorKind::NotADirectory,
-        (false, _) => ErrorKind::NotFound,
-    };
-    let said = match kind {
-        ErrorKind::IsADirectory => "it is a folder".to_owned(),
-        ErrorKind::NotADirectory => format!("{} is no folder", folder.display()),
-        _ => format!("there is no folder {}", folder.display()),
-    };
-    let remedy = how_to_write(&kind.into());
-    Err(Failure::input(format!("cannot write {}: {said}; {remedy}", path.display())))
+    Ok(freeplay_storage::check_target(path)?)
 }
 
-/// Writes a file that only its owner can read.
+/// Writes a file that only its owner can read, whole or not at all.
 ///
 /// # Errors
 /// The file, what the system said, and what to do.
 pub fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    let mut options = std::fs::OpenOptions::new();
-    options.write(true).create(true).truncate(true).mode(0o600);
-    options
-        .open(path)
-        .and_then(|mut file| file.write_all(text.as_bytes()))
-        .map_err(|error| unwritable(path, &error))?;
+    freeplay_storage::write(path, text)?;
     messages::detail(format_args!("wrote {}: {:.1} kB", path.display(), text.len() as f64 * 1e-3));
     Ok(())
 }

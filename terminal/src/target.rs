@@ -2,10 +2,31 @@
 
 use std::path::Path;
 
+use freeplay_storage::OutputFolder;
+
+use crate::exit::Failure;
+use crate::files::{check_target, claim};
+
 /// Which of `endings` (in small letters) the name `out` has; none where it is a folder, or has another ending.
 pub fn asked_file<'a>(out: &Path, endings: &[&'a str]) -> Option<&'a str> {
     let ending = out.extension().and_then(|ending| ending.to_str()).filter(|_| !out.is_dir())?;
     endings.iter().copied().find(|known| ending.eq_ignore_ascii_case(known))
+}
+
+/// Claims what `--out` names: a file with one of `endings`, which is checked, or a folder for `results`, which is locked.
+///
+/// # Errors
+/// As [`check_target`] and [`claim`].
+pub fn claim_out(
+    out: &Path,
+    endings: &[&str],
+    results: &[&str],
+    force: bool,
+) -> Result<Option<OutputFolder>, Failure> {
+    match asked_file(out, endings) {
+        Some(_) => check_target(out).map(|()| None),
+        None => claim(Some(out), results, force).map(Some),
+    }
 }
 
 /// The folder in which the file `path` lies.

@@ -9,8 +9,6 @@ mod urdf;
 mod urdf_tree;
 mod urdf_xml;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use crate::arm::Arm;
@@ -22,7 +20,7 @@ pub use toml_write::to_toml;
 pub use urdf::parse_urdf;
 
 /// Largest model file that is read, bytes.
-pub const MAX_FILE_BYTES: u64 = 32 << 20;
+pub const MAX_FILE_BYTES: u64 = freeplay_storage::DOCUMENT_LIMIT;
 
 /// An `[[effect]]` of an arm file as read: physics beyond the rigid body, to be interpreted by whoever knows the kind.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,10 +72,13 @@ pub fn paper_arm() -> ArmFile {
 /// The text of a file no longer than [`MAX_FILE_BYTES`].
 fn read_text(path: &Path) -> Result<String, ModelError> {
     let origin = path.display().to_string();
-    let read_error = |source| ModelError::Read { path: origin.clone(), source };
-    let mut bytes = Vec::new();
-    let file = File::open(path).map_err(read_error)?;
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(read_error)?;
+    let bytes =
+        freeplay_storage::read_bytes(path, MAX_FILE_BYTES).map_err(|error| match error.refusal() {
+            Some(freeplay_storage::Refusal::TooLarge { .. }) => {
+                ModelError::TooLarge { origin: origin.clone() }
+            }
+            _ => ModelError::Read { path: origin.clone(), source: error.into() },
+        })?;
     String::from_utf8(bytes)
         .map_err(|error| ModelError::NotUtf8 { path: origin, offset: error.utf8_error().valid_up_to() })
 }

@@ -186,8 +186,8 @@ impl Task {
     /// # Errors
     /// See [`TaskError`].
     pub fn load(path: &Path) -> Result<Task, TaskError> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| TaskError::Unreadable { path: path.to_owned(), source })?;
+        let text = freeplay_storage::read_text(path)
+            .map_err(|error| TaskError::Unreadable { path: path.to_owned(), source: error.into() })?;
         let mut task = Task::parse(&text, &path.display().to_string())?;
         let folder = path.parent().unwrap_or(Path::new("."));
         if task.model != PAPER_MODEL {

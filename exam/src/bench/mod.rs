@@ -17,7 +17,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
-use freeplay_harness::run::{Contestant, default_folder, load};
+use freeplay_harness::run::{Contestant, load};
 use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
 use freeplay_harness::summary::RunSummary;
 use freeplay_terminal::arguments::Format;
@@ -32,6 +32,7 @@ use serde_json::{Value, json};
 use crate::bench::bench_report::Report;
 use crate::bench::blocks::{Block, Stand};
 use crate::bench::figures::{Compared, Ratio, caught_up, ratios};
+use freeplay_terminal::files::claim;
 
 pub use yardstick::{YardstickArgs, yardstick};
 
@@ -81,6 +82,9 @@ pub struct BenchArgs {
     /// Folder for what is left; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -220,7 +224,8 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
     let scenario = scenario(args)?;
     let contestants: Vec<Contestant> =
         scenario.controllers.iter().map(|asked| Contestant::of(asked)).collect::<Result<_, _>>()?;
-    let out = args.out.clone().unwrap_or_else(default_folder);
+    let folder = claim(args.out.as_deref(), &["bench.json", "cost.json"], args.force)?;
+    let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     let stand = Stand { scenario: &scenario, contestants: &contestants, out: &out, stop: &stop };

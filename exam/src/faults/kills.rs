@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use freeplay_recording::ReadError;
+use freeplay_storage::{list, remove_folder};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
 use freeplay_terminal::messages;
@@ -92,7 +93,7 @@ fn kill_one(
     tally: &mut Tally,
 ) -> Result<(), Failure> {
     let folder = out.join("killed");
-    let _ = std::fs::remove_dir_all(&folder);
+    remove_folder(&folder)?;
     let mut run = start(controller, &folder, &["duration=6", "recording=mcap", "patience=2"])?;
     let begun = Instant::now();
     let mut struck = false;
@@ -106,11 +107,9 @@ fn kill_one(
     tally.kills += 1;
     tally.struck += u32::from(struck);
     tally.hung += u32::from(!ends(&mut run)?);
-    let recordings: Vec<PathBuf> = std::fs::read_dir(&folder)
-        .into_iter()
-        .flatten()
-        .flatten()
-        .map(|entry| entry.path())
+    let entries = list(&folder).unwrap_or_default().into_iter();
+    let recordings: Vec<PathBuf> = entries
+        .map(|entry| entry.path)
         .filter(|path| path.extension().is_some_and(|extension| extension == "mcap"))
         .collect();
     let mut has_ticks = false;
@@ -139,7 +138,7 @@ fn kill_one(
 fn start(controller: &str, folder: &Path, sets: &[&str]) -> Result<Child, Failure> {
     let program = std::env::current_exe().map_err(Failure::internal)?;
     Command::new(program)
-        .args(["run", "--quiet", "--controller", controller, "--out"])
+        .args(["run", "--quiet", "--force", "--controller", controller, "--out"])
         .arg(folder)
         .args(sets.iter().flat_map(|set| ["--set", set]))
         .stdin(Stdio::null())

@@ -18,7 +18,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
-use freeplay_harness::run::{Contestant, default_folder, load};
+use freeplay_harness::run::{Contestant, load};
 use freeplay_harness::scenario::{Pacing, RecordingKind};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
@@ -27,6 +27,7 @@ use freeplay_terminal::progress;
 
 use crate::faults::exam::Exam;
 use crate::faults::kinds::Kind;
+use freeplay_terminal::files::claim;
 
 /// Examines a controller.
 #[derive(Args, Debug)]
@@ -60,6 +61,9 @@ pub struct FaultsArgs {
     /// Folder for what is left; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -75,8 +79,8 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     scenario.recording = RecordingKind::Mcap;
     let examined = Contestant::of(&args.controller)?;
     Contestant::of(&args.standby)?;
-    let out = args.out.clone().unwrap_or_else(default_folder);
-    freeplay_terminal::files::make_folder(&out)?;
+    let folder = claim(args.out.as_deref(), &["faults.json", "kills.json"], args.force)?;
+    let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     if let Some(count) = args.kills {

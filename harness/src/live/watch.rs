@@ -1,6 +1,5 @@
 //! A run that is watched: the terminal with its keys, or plain lines where there is none.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Stdio};
@@ -10,7 +9,9 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use freeplay_plant::Wish;
+use freeplay_storage::{LiveFile, read_text, remove_file};
 use freeplay_terminal::exit::Failure;
+use freeplay_terminal::files::unwritable;
 use freeplay_terminal::messages::is_coloured;
 use freeplay_terminal::output::tell;
 use freeplay_terminal::process::Running;
@@ -120,7 +121,7 @@ impl Watch {
         Ok(match &self.face {
             Face::Lines | Face::Bar(_) | Face::Unseen(_) => Stdio::inherit(),
             Face::Screen(_) => {
-                File::options().create(true).append(true).open(&self.said).map_err(Failure::input)?.into()
+                LiveFile::append(&self.said)?.to_stdio().map_err(|error| unwritable(&self.said, error))?
             }
         })
     }
@@ -291,10 +292,10 @@ impl Drop for Watch {
         if matches!(self.face, Face::Screen(_)) {
             ratatui::restore();
         }
-        if let Ok(said) = std::fs::read_to_string(&self.said) {
+        if let Ok(said) = read_text(&self.said) {
             said.lines().for_each(tell);
             // What was said is on the terminal now; a file that stays does no harm.
-            let _ = std::fs::remove_file(&self.said);
+            let _ = remove_file(&self.said);
         }
     }
 }

@@ -98,7 +98,7 @@ pub fn play(task: &Task) -> Result<Played, Failure> {
 
 /// What the controllers of a summary left.
 fn read(summary: &Path) -> Option<Vec<Left>> {
-    let summary: Value = serde_json::from_str(&std::fs::read_to_string(summary).ok()?).ok()?;
+    let summary: Value = serde_json::from_str(&freeplay_storage::read_text(summary).ok()?).ok()?;
     let of = |run: &Value| {
         Some(Left {
             controller: run["controller"].as_str()?.to_owned(),

@@ -40,6 +40,7 @@ use case::{CLEARANCES, Case, PERIODS, Scope};
 use claim::Claim;
 use compensation::Played;
 use dataset::{Dataset, Pool};
+use freeplay_terminal::files::claim;
 use motion_claims::Evidence;
 use network::{Cut, Setting, Study, study};
 use orbit::Orbit;
@@ -64,6 +65,9 @@ pub struct ReproduceArgs {
     /// Folder for report.html and reproduce.json; without it: out/reproduce.
     #[arg(long)]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// The smooth path with prescribed motion alone, one short training a network, one run of the controllers.
     #[arg(long)]
     quick: bool,
@@ -100,15 +104,16 @@ pub struct Reproduction {
 /// # Errors
 /// A run that can't be simulated, a training that can't be made, a folder that can't be written.
 pub fn reproduce(args: &ReproduceArgs) -> Result<Exit, Failure> {
-    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join("reproduce"));
-    freeplay_terminal::files::make_folder(&folder)?;
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join("reproduce"));
+    let folder = claim(Some(&out), &["report.html", "reproduce.json"], args.force)?;
+    let folder = folder.path();
     let done = find(args)?;
     let numbers = serde_json::to_string_pretty(&numbers(&done)).map_err(Failure::internal)?;
     freeplay_terminal::files::write(&folder.join("report.html"), &document::document(&done)?.to_html())?;
     freeplay_terminal::files::write(&folder.join("reproduce.json"), &numbers)?;
     match args.format {
         Format::Json => say(&format!("{numbers}\n"))?,
-        Format::Text => say(&screen::summary(&done.claims, &folder))?,
+        Format::Text => say(&screen::summary(&done.claims, folder))?,
     }
     Ok(Exit::Done)
 }

@@ -1,10 +1,9 @@
 //! A made case as files, which tell nothing but what they hold.
 
-use std::fs;
-use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use freeplay_recording::{ColumnError, Layout, RowWriter, WriteError};
+use freeplay_storage::{StorageError, make_folder};
 use thiserror::Error;
 
 use crate::case::Made;
@@ -14,13 +13,8 @@ use crate::sensors::Samples;
 #[derive(Debug, Error)]
 pub enum WriteCaseError {
     /// A folder or file can't be written.
-    #[error("{} can't be written: {source}", path.display())]
-    Io {
-        /// The folder or file.
-        path: PathBuf,
-        /// The system's reason.
-        source: io::Error,
-    },
+    #[error(transparent)]
+    Storage(#[from] StorageError),
     /// A recording can't be written.
     #[error(transparent)]
     Recording(#[from] WriteError),
@@ -46,7 +40,7 @@ pub fn write_case(folder: &Path, number: usize, made: &Made) -> Result<(), Write
     let name = format!("{number:04}");
     let truths = folder.join("truth");
     write_sealed(&folder.join(&name), made)?;
-    create(&truths)?;
+    make_folder(&truths)?;
     let truth = serde_json::to_string_pretty(&made.truth);
     let truth = truth.map_err(|source| WriteCaseError::Truth { number, source })?;
     write_text(&truths.join(format!("{name}.json")), &(truth + "\n"))
@@ -57,24 +51,20 @@ pub fn write_case(folder: &Path, number: usize, made: &Made) -> Result<(), Write
 /// # Errors
 /// [`WriteCaseError`] names the file.
 pub fn write_sealed(folder: &Path, made: &Made) -> Result<(), WriteCaseError> {
-    create(folder)?;
+    make_folder(folder)?;
     write_text(&folder.join("model.toml"), &made.model)?;
     write_samples(&folder.join("recording.csv"), &made.recording)?;
     write_samples(&folder.join("second.csv"), &made.second)
 }
 
-fn create(folder: &Path) -> Result<(), WriteCaseError> {
-    fs::create_dir_all(folder).map_err(|source| WriteCaseError::Io { path: folder.to_path_buf(), source })
-}
-
 fn write_text(path: &Path, text: &str) -> Result<(), WriteCaseError> {
-    fs::write(path, text).map_err(|source| WriteCaseError::Io { path: path.to_path_buf(), source })
+    Ok(freeplay_storage::write(path, text)?)
 }
 
 fn write_samples(path: &Path, samples: &Samples) -> Result<(), WriteCaseError> {
     let names = std::iter::once("t").chain(samples.names.iter().map(String::as_str));
     let layout = Layout::new(names)?;
-    let mut writer = RowWriter::create(path, &layout, &[])?;
+    let mut writer = RowWriter::replace(path, &layout, &[])?;
     let mut row = vec![0.0; samples.names.len() + 1];
     for (k, t) in samples.t.iter().enumerate() {
         row[0] = *t;

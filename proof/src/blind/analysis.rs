@@ -6,8 +6,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use freeplay_storage::{EntryKind, list, open_without_links};
 use freeplay_terminal::exit::Failure;
-use freeplay_terminal::files::unreadable;
 use freeplay_terminal::parallel::on_cores;
 use freeplay_terminal::process::Running;
 use indicatif::ProgressBar;
@@ -38,14 +38,19 @@ pub struct SealedFile {
 /// # Errors
 /// A folder without a case; files that can't be read.
 pub fn sealed(folder: &Path) -> Result<Sealed, Failure> {
-    let failed = |error| unreadable(folder, &error);
     let mut cases = Sealed::new();
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if path.join(FILES[0]).is_file() {
+    for entry in list(folder)? {
+        // A link could lead out of the folder to what nobody sealed.
+        if entry.kind == EntryKind::Link && entry.path.join(FILES[0]).exists() {
+            let path = entry.path.display();
+            return Err(Failure::input(format!(
+                "{path}: is a link; put the folder of the case itself there"
+            )));
+        }
+        if entry.kind == EntryKind::Folder && entry.path.join(FILES[0]).is_file() {
             let mut files = BTreeMap::new();
-            seal_below(&path, "", &mut files)?;
-            cases.insert(name(&path), files);
+            seal_below(&entry.path, "", &mut files)?;
+            cases.insert(name(&entry.path), files);
         }
     }
     if cases.is_empty() {
@@ -60,27 +65,24 @@ pub fn sealed(folder: &Path) -> Result<Sealed, Failure> {
 
 /// Seals every file below `folder`, for an analyst can read them all; `prefix` stands before their names.
 fn seal_below(folder: &Path, prefix: &str, files: &mut BTreeMap<String, SealedFile>) -> Result<(), Failure> {
-    let failed = |error| unreadable(folder, &error);
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let entry = entry.map_err(failed)?;
-        let (path, kind) = (entry.path(), entry.file_type().map_err(failed)?);
-        let named = format!("{prefix}{}", name(&path));
-        if kind.is_dir() {
-            seal_below(&path, &format!("{named}/"), files)?;
-        } else if kind.is_file() {
-            files.insert(named, seal(&path)?);
-        } else {
-            let shown = path.display();
-            return Err(Failure::input(format!(
-                "{shown}: no file of its own; put a copy of the file in its place"
-            )));
+    for entry in list(folder)? {
+        let named = format!("{prefix}{}", name(&entry.path));
+        match entry.kind {
+            EntryKind::Folder => seal_below(&entry.path, &format!("{named}/"), files)?,
+            EntryKind::File => drop(files.insert(named, seal(&entry.path)?)),
+            _ => {
+                let shown = entry.path.display();
+                return Err(Failure::input(format!(
+                    "{shown}: no file of its own; put a copy of the file in its place"
+                )));
+            }
         }
     }
     Ok(())
 }
 
 fn seal(file: &Path) -> Result<SealedFile, Failure> {
-    let bytes = std::fs::metadata(file).map_err(|error| unreadable(file, &error))?.len();
+    let bytes = open_without_links(file)?.length();
     Ok(SealedFile { sha256: hash::of_file(file)?, bytes })
 }
 

@@ -3,11 +3,10 @@
 //! Inodes, times of birth and of the last change follow the order of writing, and no system call sets them. The generator writes its cases
 //! in the order of the draw, each when it is done; copies in the order of the names, which follow from a secret key, tell neither.
 
-use std::collections::BTreeSet;
-use std::ffi::OsString;
-use std::fs;
-use std::io;
-use std::path::Path;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use freeplay_storage::{StorageError, list, make_folder, read_bytes, remove_folder, write};
 
 use super::generator::without_times;
 
@@ -15,20 +14,21 @@ use super::generator::without_times;
 ///
 /// # Errors
 /// What the file system says.
-pub fn arrange(from: &Path, to: &Path) -> io::Result<()> {
-    for case in entries(from)? {
-        fs::create_dir(to.join(&case))?;
-        for file in entries(&from.join(&case))? {
-            fs::copy(from.join(&case).join(&file), to.join(&case).join(&file))?;
+pub fn arrange(from: &Path, to: &Path) -> Result<(), StorageError> {
+    for (case, folder) in entries(from)? {
+        make_folder(&to.join(&case))?;
+        for (file, path) in entries(&folder)? {
+            write(&to.join(&case).join(&file), read_bytes(&path, u64::MAX)?)?;
         }
     }
-    fs::remove_dir_all(from)?;
+    remove_folder(from)?;
     without_times(to)
 }
 
-/// The names in `folder`, sorted.
-fn entries(folder: &Path) -> io::Result<BTreeSet<OsString>> {
-    fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect()
+/// The entries of `folder` by name, sorted.
+fn entries(folder: &Path) -> Result<BTreeMap<PathBuf, PathBuf>, StorageError> {
+    let named = |path: PathBuf| (path.file_name().map(PathBuf::from).unwrap_or_default(), path);
+    Ok(list(folder)?.into_iter().map(|entry| named(entry.path)).collect())
 }
 
 #[cfg(test)]

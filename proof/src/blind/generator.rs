@@ -10,6 +10,7 @@ use clap::Args;
 use freeplay_concealed::{
     Case, GenerateError, Made, Matrix, Quota, draw_set, make_case, make_here, write_sealed,
 };
+use freeplay_storage::{EntryKind, StorageError, list, remove_folder, set_times};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::output::say;
 use freeplay_terminal::parallel::on_cores;
@@ -200,6 +201,9 @@ fn made_until_killed(order: &Order, bar: &ProgressBar) -> Result<(Vec<Told>, Opt
     if status.signal().is_some() {
         return Ok((told, Some(status)));
     }
+    if status.code() == Some(Exit::Input as i32) {
+        return Err(Failure::input("the generator ended; its message is above"));
+    }
     if !status.success() {
         return Err(Failure::internal(format!("the generator ended with {status}")));
     }
@@ -209,14 +213,12 @@ fn made_until_killed(order: &Order, bar: &ProgressBar) -> Result<(Vec<Told>, Opt
 
 /// Removes from `folder` what a killed generator has left half written: the folders that none of `lines` tells of.
 fn remove_unfinished(folder: &Path, lines: &[Line]) -> Result<(), Failure> {
-    let failed = |error| freeplay_terminal::files::unreadable(folder, &error);
     let is_made = |path: &Path| {
         lines.iter().any(|line| matches!(line, Line::Made { name, .. } if path.file_name().is_some_and(|it| it == name.as_str())))
     };
-    for entry in std::fs::read_dir(folder).map_err(failed)? {
-        let path = entry.map_err(failed)?.path();
-        if !is_made(&path) {
-            std::fs::remove_dir_all(&path).map_err(failed)?;
+    for entry in list(folder)? {
+        if !is_made(&entry.path) {
+            remove_folder(&entry.path)?;
         }
     }
     Ok(())
@@ -226,15 +228,13 @@ fn remove_unfinished(folder: &Path, lines: &[Line]) -> Result<(), Failure> {
 ///
 /// # Errors
 /// What the file system says.
-pub fn without_times(folder: &Path) -> std::io::Result<()> {
-    let times = std::fs::FileTimes::new();
+pub fn without_times(folder: &Path) -> Result<(), StorageError> {
     let one = std::time::SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(946_684_800);
-    for entry in std::fs::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_dir() {
-            without_times(&path)?;
+    for entry in list(folder)? {
+        if entry.kind == EntryKind::Folder {
+            without_times(&entry.path)?;
         }
-        std::fs::File::open(&path)?.set_times(times.set_accessed(one).set_modified(one))?;
+        set_times(&entry.path, one)?;
     }
     Ok(())
 }

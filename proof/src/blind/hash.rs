@@ -4,7 +4,9 @@ use std::io::Read;
 use std::path::Path;
 
 use freeplay_laws::kinds;
+use freeplay_storage::open_without_links;
 use freeplay_terminal::exit::Failure;
+use freeplay_terminal::files::unreadable;
 use freeplay_terminal::hex::hex;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
@@ -21,13 +23,13 @@ fn of(parts: &[&[u8]]) -> String {
     hex(&hash.finalize())
 }
 
-/// SHA-256 of the file `path` as it stands, the number that `sha256sum` gives.
+/// SHA-256 of the file `path`, which is no link, as it stands, the number that `sha256sum` gives.
 ///
 /// # Errors
 /// A file that can't be read.
 pub fn of_file(path: &Path) -> Result<String, Failure> {
-    let failed = |error| Failure::input(format!("cannot read {}: {error}", path.display()));
-    let mut file = std::fs::File::open(path).map_err(failed)?;
+    let failed = |error| unreadable(path, error);
+    let mut file = open_without_links(path)?;
     let (mut hash, mut buffer) = (Sha256::new(), vec![0; 1 << 16]);
     loop {
         match file.read(&mut buffer).map_err(failed)? {

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use freeplay_storage::LiveFile;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::{make_folder, read_text, unwritable};
 use serde_json::{Value, json};
@@ -61,10 +62,10 @@ pub fn check(path: &Path, receipt: &Receipt) -> Result<Check, Failure> {
 
 fn append(path: &Path, line: &Value) -> Result<(), Failure> {
     use std::io::Write;
-    let failed = |error| unwritable(path, &error);
+    let failed = |error| unwritable(path, error);
     if let Some(folder) = path.parent() {
         make_folder(folder)?;
     }
-    let mut file = std::fs::OpenOptions::new().create(true).append(true).open(path).map_err(failed)?;
-    file.write_all(format!("{line}\n").as_bytes()).map_err(failed)
+    let mut file = LiveFile::append(path)?;
+    file.write_all(format!("{line}\n").as_bytes()).and_then(|()| file.finish()).map_err(failed)
 }

@@ -45,11 +45,12 @@ use std::time::Duration;
 use clap::Args;
 use freeplay_terminal::arguments::{Format, at_least_one};
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::files::check_target;
+use freeplay_terminal::files::{check_target, claim, claim_or_new};
 use freeplay_terminal::output::say;
 use rustix::process::{DumpableBehavior, set_dumpable_behavior};
 use serde_json::json;
 
+use freeplay_storage::OutputFolder;
 use receipt::Receipt;
 use sweep::Sweep;
 use tally::Score;
@@ -92,6 +93,9 @@ pub struct BlindArgs {
     /// Folder for the sealed recordings, receipt.json and report.html; must be empty. Without it: out/blind-TIME.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// Processes at work at a time; without it: one a core.
     #[arg(long, value_name = "N", value_parser = at_least_one)]
     jobs: Option<usize>,
@@ -128,11 +132,14 @@ impl BlindArgs {
     }
 
     /// The folder of the results.
-    fn folder(&self) -> PathBuf {
+    fn claim(&self) -> Result<OutputFolder, Failure> {
+        if let [folder, _] = self.score.as_slice() {
+            // The receipt in it is what is scored.
+            return claim(Some(folder), &[], self.force);
+        }
         let time = receipt::now().replace(':', "-");
-        self.out
-            .clone()
-            .unwrap_or_else(|| PathBuf::from("out").join(format!("blind-{}", time.trim_end_matches('Z'))))
+        let new = PathBuf::from("out").join(format!("blind-{}", time.trim_end_matches('Z')));
+        claim_or_new(self.out.as_deref(), &new, &["sealed", "receipt.json", "report.html"], self.force)
     }
 }
 
@@ -150,16 +157,13 @@ pub fn blind(args: &BlindArgs) -> Result<Exit, Failure> {
     if let Some(folder) = &args.analyse {
         return analyse(args, folder);
     }
-    let (folder, receipt) = match args.score.as_slice() {
-        [folder, truth] => (folder.clone(), protocol::opened(folder, truth)?),
-        _ if args.merge.is_empty() => {
-            let folder = args.folder();
-            let receipt = protocol::whole(args, &folder)?;
-            (folder, receipt)
-        }
-        _ => (args.folder(), merge::merged(&args.merge)?),
+    let folder = args.claim()?;
+    let receipt = match args.score.as_slice() {
+        [folder, truth] => protocol::opened(folder, truth)?,
+        _ if args.merge.is_empty() => protocol::whole(args, folder.path())?,
+        _ => merge::merged(&args.merge)?,
     };
-    publish(args, &folder, receipt)
+    publish(args, folder.path(), receipt)
 }
 
 /// Scores `receipt`, writes it with its report into `folder`, and prints the score.
@@ -172,7 +176,6 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
     }
     let score = Score::of(&judged);
     receipt.score = json!(score);
-    freeplay_terminal::files::make_folder(folder)?;
     let path = folder.join("receipt.json");
     receipt.write(&path)?;
     let report = folder.join("report.html");
@@ -189,6 +192,9 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
 
 /// Answers for the sealed `folder` of someone else.
 fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
+    // The folder of somebody else is not made here.
+    freeplay_storage::list(folder)?;
+    let _claimed = claim(Some(folder), &["receipt.json"], args.force)?;
     let mut receipt = protocol::answered(args, folder)?;
     let path = folder.join("receipt.json");
     receipt.write(&path)?;

@@ -5,8 +5,9 @@ use std::path::Path;
 use std::time::Instant;
 
 use freeplay_concealed::Quota;
+use freeplay_storage::remove_folder;
 use freeplay_terminal::exit::Failure;
-use freeplay_terminal::files::{make_folder, unreadable, unwritable};
+use freeplay_terminal::files::make_folder;
 use freeplay_terminal::hex::hex;
 use freeplay_terminal::{messages, progress};
 use indicatif::ProgressBar;
@@ -131,13 +132,12 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
 /// Has the sealed cases made, and commits to their truth.
 fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld, Failure> {
     let cases = folder.join("sealed");
-    make_folder(&cases)?;
-    if std::fs::read_dir(&cases).map_err(|error| unreadable(&cases, &error))?.next().is_some() {
-        let path = cases.display();
-        return Err(Failure::input(format!(
-            "{path} is not empty: a sealed set is drawn once; choose another --out"
-        )));
+    if args.force {
+        // Cases of an earlier set must not mix with those of this one.
+        remove_folder(&cases)?;
+        remove_folder(&folder.join("making"))?;
     }
+    make_folder(&cases)?;
     let Some(draw) = part.draw.as_ref() else { return Ok(Withheld::new()) };
     // Beside the sealed cases: what is made is copied there in an order that tells nothing.
     let making = folder.join("making");
@@ -163,7 +163,7 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
     let lines = made(&order, &bar);
     if lines.is_err() {
         // What was made is of no use without its truth; the error says what went wrong.
-        let _ = std::fs::remove_dir_all(&making);
+        let _ = remove_folder(&making);
     }
     let lines = lines?;
     bar.finish_and_clear();
@@ -179,7 +179,7 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
             Line::NotMade { asked, why } => part.not_made.push(format!("{asked}: {why}")),
         }
     }
-    arrange(&making, &cases).map_err(|error| unwritable(&cases, &error))?;
+    arrange(&making, &cases)?;
     part.sealed = sealed(&cases)?;
     part.not_made.sort_unstable();
     Ok(withheld)

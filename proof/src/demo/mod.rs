@@ -13,11 +13,10 @@ use std::sync::{Arc, Mutex};
 use clap::Args;
 use freeplay_diagnosis::page::{outcome as in_words, title};
 use freeplay_diagnosis::{Effect, Verdict};
-use freeplay_harness::run::default_folder;
 use freeplay_report::units::{people, written};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::files::check_target;
+use freeplay_terminal::files::{check_target, claim};
 use freeplay_terminal::output::say;
 use freeplay_terminal::progress;
 use serde_json::Value;
@@ -47,6 +46,9 @@ pub struct DemoArgs {
     /// Folder for report.html and for what each machine left; without it: out/ and the time.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// Write the picture of the first finding as SVG, too.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
@@ -64,11 +66,13 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
         return Err(Failure::usage(format!("--period {}: between 1 and 120 s", args.period)));
     }
     let cases = chosen(&args.cases)?;
-    let out = std::path::absolute(args.out.clone().unwrap_or_else(default_folder)).map_err(Failure::input)?;
     args.picture.as_deref().map_or(Ok(()), check_target)?;
+    let names: Vec<&str> = cases.iter().map(|case| case.name).chain(["report.html"]).collect();
+    let folder = claim(args.out.as_deref(), &names, args.force)?;
+    let out = folder.path();
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
-    let outcomes = all(&cases, args, &out, &stop)?;
+    let outcomes = all(&cases, args, out, &stop)?;
     if stop.load(Ordering::Relaxed) {
         return Ok(Exit::Interrupted);
     }
