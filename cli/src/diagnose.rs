@@ -9,7 +9,6 @@ use freeplay_diagnosis::{
     DiagnoseError, DiagnoseSettings, Diagnosis, ExciteSettings, Settings, Tolerances, beyond_limits,
     diagnose as diagnosed,
 };
-use freeplay_harness::setup::load_model;
 use freeplay_recording::Recording;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
@@ -20,7 +19,7 @@ use serde_json::Value;
 
 use crate::diagnose_screen;
 use crate::excite::{self, Question};
-use crate::inputs;
+use crate::inputs::{self, Measured};
 
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
 const NEXT_S: f64 = 16.0;
@@ -37,6 +36,9 @@ pub struct DiagnoseArgs {
     /// The model: an arm file (URDF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     model: String,
+    /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
     /// Recordings of one machine with the same columns: CSV or MCAP. Of several, the last is held out; the first, where the last alone shows what is missing.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     recording: Vec<PathBuf>,
@@ -105,9 +107,12 @@ impl DiagnoseArgs {
 pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let settings = args.settings()?;
     inputs::only_once(&args.recording)?;
-    let file = load_model(&args.model)?;
-    let read = |path: &PathBuf| inputs::recording(path, &args.model, &file);
-    let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
+    let measured: Vec<Measured> =
+        args.recording.iter().map(|path| Measured::read(path)).collect::<Result<_, _>>()?;
+    let [first, ..] = measured.as_slice() else { return Err(Failure::usage("name a --recording")) };
+    let file = first.model(&args.model, args.tip.as_deref())?;
+    let of_arm = |measured: Measured| measured.of_arm(&args.model, &file);
+    let recordings: Vec<Recording> = measured.into_iter().map(of_arm).collect::<Result<_, _>>()?;
     // Before what takes minutes.
     let _reserved = args.out.as_deref().map(Folder::reserve).transpose()?;
     let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::doing(what));
@@ -199,6 +204,9 @@ impl View<'_> {
     fn json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.diagnosis).map_err(Failure::internal)?;
         value["inputs"] = serde_json::json!({ "model": self.args.model, "recordings": self.args.recording });
+        if let Some(tip) = &self.args.tip {
+            value["inputs"]["tip"] = serde_json::json!(tip);
+        }
         if let Some(out) = &self.args.out {
             value["model"] = serde_json::json!(out.join("model.toml"));
             value["report"] = serde_json::json!("report.html");

@@ -52,7 +52,7 @@ fn without_limits(arm: &Arm) -> Result<Arm, ControllerError> {
     for joint in &mut joints {
         joint.limits = Limits::NONE;
     }
-    Ok(Arm::new(arm.name(), joints, *arm.tool(), *arm.gravity())?)
+    Ok(Arm::with_fitness(arm.name(), joints, *arm.tool(), *arm.gravity(), arm.fitness())?)
 }
 
 fn check(task: &Task, file: &ArmFile, run: &RunInfo) -> Result<(), ControllerError> {

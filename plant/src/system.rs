@@ -6,8 +6,8 @@
 //! Contacts need [`MAX_CONTACT_STEP`] or less: a Hertz impact of this arm lasts about 0.5 ms.
 
 use freeplay_arm::{
-    Arm, Drive, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction, kinetic_energy,
-    potential_energy,
+    Arm, Drive, Purpose, Shortfall, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction,
+    kinetic_energy, potential_energy,
 };
 use freeplay_laws::{ArmWithPlay, BearingContact, Injection, Journal, LawError};
 use nalgebra::Isometry3;
@@ -64,6 +64,9 @@ pub enum SystemError {
         "a joint with a transmission moves no inertia beyond its rotor along this motion; give its link mass"
     )]
     NoInertiaLeft,
+    /// The arm can't be simulated as its file has it.
+    #[error(transparent)]
+    Unfit(#[from] Shortfall),
     /// The effects leave no arm that can be.
     #[error(transparent)]
     Law(#[from] LawError),
@@ -163,7 +166,7 @@ impl System {
     /// the inertia of motors behind transmissions.
     ///
     /// # Errors
-    /// Those of [`System::new`]; [`SystemError::Law`] for an arm that cannot be, [`SystemError::TransmissionTooStiff`].
+    /// Those of [`System::new`]; [`SystemError::Unfit`] for an arm without masses, [`SystemError::Law`] for one that cannot be, [`SystemError::TransmissionTooStiff`].
     pub fn with_effects(
         arm: &Arm,
         injection: Injection,
@@ -172,6 +175,7 @@ impl System {
         substeps: u32,
     ) -> Result<Self, SystemError> {
         let arm = &with_rotors(arm, &injection.rotors)?;
+        arm.require(Purpose::Simulation)?;
         let parted: Vec<usize> = injection.transmissions.iter().map(|(joint, _)| *joint).collect();
         let (links, sides) =
             if parted.is_empty() { (arm.clone(), Vec::new()) } else { share_out(arm, &parted, postures)? };
