@@ -46,3 +46,48 @@ pub fn by_name(recording: &mut Recording, arm: &Arm) {
 fn chosen<T: Clone>(columns: &[T], order: &[usize]) -> Vec<T> {
     order.iter().filter_map(|&place| columns.get(place)).cloned().collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use freeplay_arm::parse_urdf;
+    use freeplay_recording::Recording;
+
+    use super::{by_name, joint_names};
+
+    const ROBOT: &str = r#"<robot name="r"><link name="a"/><link name="b"/><link name="c"/>
+        <joint name="pan" type="revolute"><parent link="a"/><child link="b"/></joint>
+        <joint name="lift" type="revolute"><parent link="b"/><child link="c"/></joint></robot>"#;
+
+    /// A recording of `names` in which q of joint k is k and its torque 10 k, k from 1.
+    fn recording(names: &str) -> Recording {
+        let count = names.split(',').count();
+        let mut columns = vec![("t".to_owned(), vec![0.0, 1.0])];
+        for joint in 1..=count {
+            columns.push((format!("q{joint}"), vec![joint as f64; 2]));
+            columns.push((format!("tau{joint}"), vec![10.0 * joint as f64; 2]));
+        }
+        let mut recording = Recording::new(Path::new("r.mcap"), columns).expect("a recording");
+        recording.metadata.push(("joints".to_owned(), names.to_owned()));
+        recording
+    }
+
+    #[test]
+    fn joints_are_put_into_the_order_of_the_arm_by_their_names() {
+        let arm = parse_urdf(ROBOT, "r.urdf").expect("an arm").arm;
+        for names in ["finger,ur_lift,ur_pan", "finger,lift,pan"] {
+            let mut recording = recording(names);
+            by_name(&mut recording, &arm);
+            assert_eq!((recording.joints(), recording.q[0][0], recording.q[1][0]), (2, 3.0, 2.0));
+            assert_eq!(recording.tau.as_ref().map(|tau| tau[0][1]), Some(30.0));
+            assert_eq!(joint_names(&recording).len(), 2);
+            assert!(recording.notes.iter().any(|note| note.contains("not of the arm: finger")));
+        }
+        for names in ["pan,lift", "one,two", "pan,two"] {
+            let (mut changed, before) = (recording(names), recording(names));
+            by_name(&mut changed, &arm);
+            assert_eq!((changed.q, changed.notes), (before.q, before.notes), "{names}");
+        }
+    }
+}

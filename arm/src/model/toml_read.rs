@@ -94,6 +94,7 @@ impl Reader<'_> {
     ) -> Result<(Arm, Vec<String>), ModelError> {
         let (base, mut ignored) = match &table.urdf {
             Some(urdf) => {
+                self.refuse_whole_joints(table)?;
                 let file = self.urdf(table, urdf, path, selection)?;
                 (Some(file.arm), file.ignored)
             }
@@ -137,8 +138,10 @@ impl Reader<'_> {
     /// What an arm of inline joints lacks beside what its joints show.
     fn fitness(&self, table: &ArmTable) -> Fitness {
         let has_mass = |joint: &Spanned<JointTable>| {
-            joint.get_ref().mass.as_ref().is_some_and(|mass| *mass.get_ref() > 0.0)
-                || joint.get_ref().inertia.is_some()
+            let JointTable { mass, inertia, .. } = joint.get_ref();
+            let tensor = inertia.as_ref().map(|inertia| inertia.get_ref());
+            mass.as_ref().is_some_and(|mass| *mass.get_ref() > 0.0)
+                || tensor.is_some_and(|tensor| tensor.ixx + tensor.iyy + tensor.izz > 0.0)
         };
         let has_rotor = |joint: &Spanned<JointTable>| joint.get_ref().rotor_inertia.is_some();
         let massless = !table.joint.iter().any(|joint| has_mass(joint) || has_rotor(joint));
@@ -179,15 +182,23 @@ impl Reader<'_> {
         })
     }
 
+    /// Beside a URDF a joint has its place already.
+    fn refuse_whole_joints(&self, table: &ArmTable) -> Result<(), ModelError> {
+        let is_whole =
+            |table: &JointTable| table.r#type.is_some() || table.axis.is_some() || table.origin.is_some();
+        let Some(spanned) = table.joint.iter().find(|spanned| is_whole(spanned.get_ref())) else {
+            return Ok(());
+        };
+        let remedy = "give either `urdf` or [[joint]] tables with type, axis and origin; beside `urdf` a [[joint]] changes mass, com, \
+                      inertia, limits, damping, friction and rotor_inertia";
+        Err(self.value(spanned, "an inline joint beside `urdf`", &spanned.get_ref().name, remedy))
+    }
+
     /// The joints of `base` with what `tables` say of them.
     fn changed(&self, base: &Arm, tables: &[Spanned<JointTable>]) -> Result<Vec<Joint>, ModelError> {
         let mut joints = base.joints().to_vec();
         for spanned in tables {
             let table = spanned.get_ref();
-            if table.r#type.is_some() || table.axis.is_some() || table.origin.is_some() {
-                let remedy = "give either `urdf` or [[joint]] tables with type, axis and origin; beside `urdf` a [[joint]] changes mass, com,                               inertia, limits, damping, friction and rotor_inertia";
-                return Err(self.value(spanned, "an inline joint beside `urdf`", &table.name, remedy));
-            }
             let Some(joint) = joints.iter_mut().find(|joint| joint.name == table.name) else {
                 let known: Vec<&str> = base.joints().iter().map(|joint| joint.name.as_str()).collect();
                 let remedy = format!("the arm has {}", known.join(", "));
