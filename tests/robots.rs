@@ -123,7 +123,8 @@ fn an_arm_without_masses_compares_its_tool_and_nothing_else() {
         assert_eq!(names, ["x", "y", "z"]);
         assert_eq!(ran.stdout().matches("has a mass").count(), 1, "{}", ran.dump());
     }
-    let bare = recording(true).lines().map(|row| {
+    let whole = recording(true);
+    let bare = whole.lines().map(|row| {
         let cells: Vec<&str> = row.split(',').collect();
         [&cells[..3], &cells[6..]].concat().join(",") + "\n"
     });
@@ -154,6 +155,17 @@ fn a_rotor_lets_a_joint_run_that_moves_no_inertia() {
         "urdf = \"arm.urdf\"\n[[effect]]\nkind = \"rotor_inertia\"\njoint = \"elbow\"\ninertia = 0.05\n";
     for arm in [joint, effect] {
         call(&[files[0], ("arm.toml", arm)], &[RUN.as_slice(), &["arm.toml"]].concat(), 0);
+    }
+}
+
+#[test]
+fn a_damping_too_much_for_the_inertia_is_named() {
+    let light = "<inertial><origin xyz=\"0.01 0 0\"/><mass value=\"0.06\"/><inertia ixx=\"4e-6\" iyy=\"4e-6\" izz=\"4e-6\"/></inertial>";
+    let extra = format!("{LIMITS}<dynamics damping=\"3\"/>");
+    let text = robot(&inertial(3.0, 0.2), light, &extra);
+    let ran = call(&[("arm.urdf", &text)], &[RUN.as_slice(), &["arm.urdf"]].concat(), 3);
+    for words in ["arm.urdf: joint `elbow`: a damping of 3 N·m·s/rad", "kg·m²", "sub-steps a tick"] {
+        assert!(ran.stderr().contains(words), "{words}: {}", ran.dump());
     }
 }
 

@@ -134,7 +134,7 @@ impl Setup {
             evidence: scenario.realtime.evidence,
             line_up: LineUpSpec::default(),
         };
-        check_step(&plant, &path)?;
+        check_step(&scenario.model, &plant, &path)?;
         Ok(Self { plant, path: Arc::new(path), truth })
     }
 
@@ -196,10 +196,11 @@ impl Setup {
 }
 
 /// Effects and steps that can't be are refused before any process starts.
-fn check_step(plant: &PlantConfig, path: &JointPath) -> Result<(), Failure> {
+fn check_step(model: &str, plant: &PlantConfig, path: &JointPath) -> Result<(), Failure> {
     plant.system(path).map(|_| ()).map_err(|error| match error {
         SystemError::Law(error) => Failure::input(error),
         SystemError::Unfit(error) => Failure::input(error),
+        error @ SystemError::DampingTooStiff { .. } => Failure::input(format!("{model}: {error}")),
         error => Failure::input(format!("scenario: substeps = {}: {error}", plant.substeps)),
     })
 }

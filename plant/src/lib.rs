@@ -20,6 +20,7 @@ mod attendance;
 mod bearing;
 mod blend;
 mod cause;
+mod damping;
 mod deviation;
 mod drives;
 mod gate;

@@ -64,6 +64,26 @@ pub enum SystemError {
         "a joint with a transmission moves no inertia beyond its rotor along this motion; give its link mass"
     )]
     NoInertiaLeft,
+    /// The damping of a joint stops it faster than a sub-step.
+    #[error(
+        "joint `{joint}`: a damping of {damping} {} stops its inertia of {inertia:.1e} {} within {:.1e} s: too fast for a sub-step of \
+         {step:.1e} s; correct the damping or the inertia, give the joint a rotor_inertia in an arm file, or take {needed} sub-steps a tick",
+        units[0], units[1], inertia / damping
+    )]
+    DampingTooStiff {
+        /// The joint.
+        joint: String,
+        /// Its damping.
+        damping: f64,
+        /// The least inertia that it feels along the motion, all others free.
+        inertia: f64,
+        /// Units of the two.
+        units: [&'static str; 2],
+        /// The sub-step, s.
+        step: f64,
+        /// Sub-steps a tick that would do.
+        needed: f64,
+    },
     /// The arm can't be simulated as its file has it.
     #[error(transparent)]
     Unfit(#[from] Shortfall),

@@ -80,7 +80,7 @@ fn beyond(arm: &Arm, first: usize) -> f64 {
 }
 
 /// One sentence on all of `found`.
-fn sentence<'a>(found: Vec<(&'a str, String)>, remedy: &str) -> Option<String> {
+fn sentence(found: Vec<(&str, String)>, remedy: &str) -> Option<String> {
     let ((name, what), rest) = found.split_first()?;
     let more = if rest.is_empty() { String::new() } else { format!(" (and {} more)", rest.len()) };
     Some(format!("{name}: {what}{more}{remedy}"))

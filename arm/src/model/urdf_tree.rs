@@ -151,8 +151,8 @@ fn demand_links(robot: &mut Robot<'_>, fold: &Fold<'_>) -> Result<(), ModelError
         );
         robot.notes.push(note);
     }
-    let riding = robot.joints.iter_mut().filter(|joint| fold.seats[joint.parent].on.is_some());
-    riding.map(|joint| demand(&mut joint.placement, Isometry3::identity())).collect()
+    let mut riding = robot.joints.iter_mut().filter(|joint| fold.seats[joint.parent].on.is_some());
+    riding.try_for_each(|joint| demand(&mut joint.placement, Isometry3::identity()))
 }
 
 /// Why torques of the arm can't be worked out.

@@ -9,6 +9,7 @@ use freeplay_path::JointPath;
 use freeplay_shm::{LinkError, MAX_JOINTS, Mode, Pace};
 use thiserror::Error;
 
+use crate::damping::check_damping;
 use crate::{LineUpSpec, Rejection, SensorsSpec, System, SystemError};
 
 /// All that makes a plant.
@@ -64,7 +65,12 @@ impl PlantConfig {
         };
         let postures: Vec<Vec<f64>> = (0..=POSTURES).map(posture).collect();
         let period = self.period_ns as f64 * 1e-9;
+        let rotors = injection.rotors.clone();
         let mut system = System::with_effects(&body, injection, &postures, period, self.substeps)?;
+        if self.mode == Mode::Torque {
+            let step = period / f64::from(self.substeps);
+            check_damping(&body, &rotors, &postures, step, self.substeps)?;
+        }
         let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank];
         path.at(0.0, &mut q, &mut v, &mut a);
         system.start(&q, &v);
