@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use freeplay_arm::{Arm, ArmFile, EffectTable, Selection};
+use freeplay_arm::{Arm, ArmFile, EffectTable, Purpose, Selection};
 use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{LimitsFrom, Task, TaskMode};
 use freeplay_laws::{Clearance, Effects, LawError, Placed};
@@ -66,6 +66,7 @@ fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
             scenario.model
         )));
     }
+    fold_rotors(&mut file)?;
     if let Some(gravity) = scenario.gravity {
         file.arm = file.arm.with_gravity(Vector3::from(gravity));
     }
@@ -87,6 +88,29 @@ fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
     }
     Ok(file)
 }
+
+/// Makes rotors that are effects part of an arm that moves no inertia without them, so that its controllers can use it as well.
+fn fold_rotors(file: &mut ArmFile) -> Result<(), Failure> {
+    let arm = &file.arm;
+    if arm.require(Purpose::Simulation).is_ok() {
+        return Ok(());
+    }
+    let mut joints = arm.joints().to_vec();
+    file.effects.retain(|effect| {
+        let joint =
+            effect.joint.as_ref().filter(|_| effect.kind == ROTOR).and_then(|name| arm.joint_index(name));
+        let inertia = effect.parameters.get("inertia").and_then(toml::Value::as_float);
+        let Some((joint, inertia)) = joint.zip(inertia.filter(|inertia| *inertia > 0.0)) else { return true };
+        joints[joint].rotor_inertia += inertia;
+        false
+    });
+    file.arm = Arm::with_fitness(arm.name(), joints, *arm.tool(), *arm.gravity(), arm.fitness())
+        .map_err(Failure::input)?;
+    Ok(())
+}
+
+/// The effect that is the inertia of a rotor.
+const ROTOR: &str = "rotor_inertia";
 
 /// Says of an effect that can't be used whether it stands in the file `model` or in the scenario.
 fn faulty_effect(model: &str, error: &LawError) -> Failure {
