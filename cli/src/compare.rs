@@ -7,7 +7,6 @@ use clap::Args;
 use comfy_table::{CellAlignment, presets};
 use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_diagnosis::{Channel, ChannelError, Comparison, Kind, Residuals, Settings};
-use freeplay_harness::setup::load_model;
 use freeplay_laws::Effects;
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, NOTHING, number};
@@ -32,6 +31,9 @@ pub struct CompareArgs {
     /// The model: an arm file (URDF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     model: String,
+    /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
     /// The recording: CSV or MCAP, from a machine or from `freeplay run`.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
@@ -58,9 +60,10 @@ pub struct CompareArgs {
 /// # Errors
 /// Bad input: a file that can't be read, another number of joints, nothing to compare, a filter that can't be.
 pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
-    let file = load_model(&args.model)?;
+    let measured = inputs::Measured::read(&args.recording)?;
+    let file = measured.model(&args.model, args.tip.as_deref())?;
     let effects = Effects::of(&file).map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
-    let recording = inputs::recording(&args.recording, &args.model, &file)?;
+    let recording = measured.of_arm(&args.model, &file)?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
     messages::doing(format_args!("comparing {} samples", recording.len()));
     let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;

@@ -9,7 +9,7 @@ use freeplay_diagnosis::{
     DiagnoseError, DiagnoseSettings, Diagnosis, ExciteSettings, Settings, Tolerances, beyond_limits,
     diagnose as diagnosed,
 };
-use freeplay_harness::setup::{PAPER_MODEL, load_model};
+use freeplay_harness::setup::PAPER_MODEL;
 use freeplay_recording::Recording;
 use freeplay_report::paste::seen_from;
 use freeplay_terminal::arguments::Format;
@@ -19,8 +19,9 @@ use freeplay_terminal::messages;
 use freeplay_terminal::output::{say, show};
 use serde_json::Value;
 
+use crate::diagnose_screen;
 use crate::excite::{self, Question};
-use crate::{diagnose_screen, inputs};
+use crate::inputs::{self, Measured};
 use freeplay_terminal::target::{asked_file, claim_out, folder_of};
 
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
@@ -38,6 +39,9 @@ pub struct DiagnoseArgs {
     /// The model: an arm file (URDF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     model: String,
+    /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
     /// Recordings of one machine with the same columns: CSV or MCAP. Of several, the last is held out; the first, where the last alone shows what is missing.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     recording: Vec<PathBuf>,
@@ -115,9 +119,12 @@ impl DiagnoseArgs {
 pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let settings = args.settings()?;
     inputs::only_once(&args.recording)?;
-    let file = load_model(&args.model)?;
-    let read = |path: &PathBuf| inputs::recording(path, &args.model, &file);
-    let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
+    let measured: Vec<Measured> =
+        args.recording.iter().map(|path| Measured::read(path)).collect::<Result<_, _>>()?;
+    let [first, ..] = measured.as_slice() else { return Err(Failure::usage("name a --recording")) };
+    let file = first.model(&args.model, args.tip.as_deref())?;
+    let of_arm = |measured: Measured| measured.of_arm(&args.model, &file);
+    let recordings: Vec<Recording> = measured.into_iter().map(of_arm).collect::<Result<_, _>>()?;
     // Before what takes minutes.
     let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
     let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::doing(what));
@@ -216,6 +223,9 @@ impl View<'_> {
     fn json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.diagnosis).map_err(Failure::internal)?;
         value["inputs"] = serde_json::json!({ "model": self.args.model, "recordings": self.args.recording });
+        if let Some(tip) = &self.args.tip {
+            value["inputs"]["tip"] = serde_json::json!(tip);
+        }
         if self.args.out.is_some() {
             value["model"] = serde_json::json!("model.toml");
             value["report"] = serde_json::json!("report.html");

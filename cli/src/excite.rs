@@ -5,13 +5,13 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use freeplay_arm::ArmFile;
+use freeplay_arm::{ArmFile, Selection};
 use freeplay_diagnosis::page::title;
 use freeplay_diagnosis::{
     ChannelNoise, Diagnosis, Effect, Excitation, ExciteError, ExciteSettings, Rival, Tolerances,
     excite as sought,
 };
-use freeplay_harness::setup::{PAPER_MODEL, load_model};
+use freeplay_harness::setup::{PAPER_MODEL, load_selected};
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_recording::Recording;
 use freeplay_report::paste::{pasted, seen_from};
@@ -24,7 +24,7 @@ use freeplay_terminal::target::{asked_file, claim_out, folder_of};
 use freeplay_terminal::{messages, progress};
 use serde_json::Value;
 
-use crate::inputs;
+use crate::inputs::Measured;
 
 /// Rows a second of the path that is written.
 const RATE: f64 = 200.0;
@@ -50,6 +50,9 @@ pub struct ExciteArgs {
     /// The model: an arm file (URDF or TOML), or "paper"; without it: the diagnosis's.
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
+    /// The link of the model at the end of the arm; without it: the diagnosis's.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
     /// Two kinds of effects to separate, where there is no diagnosis: --kinds backlash,joint_elasticity --joint elbow.
     #[arg(long, value_delimiter = ',', value_name = "A,B")]
     kinds: Vec<String>,
@@ -111,9 +114,14 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     let found = args.diagnosis.as_deref().map(Found::read).transpose()?;
     let model = args.model.clone().or_else(|| found.as_ref().map(|found| found.model.clone()));
     let model = model.ok_or_else(|| Failure::usage("name a diagnosis.json, or --model with --kinds"))?;
-    let file = load_model(&model)?;
-    let seen = found.as_ref().and_then(|found| found.recordings.first());
-    let seen = seen.map(|path| inputs::recording(path, &model, &file)).transpose()?;
+    let tip = args.tip.clone().or_else(|| found.as_ref().and_then(|found| found.tip.clone()));
+    let measured = found.as_ref().and_then(|found| found.recordings.first());
+    let measured = measured.map(|path| Measured::read(path)).transpose()?;
+    let file = match &measured {
+        Some(measured) => measured.model(&model, tip.as_deref())?,
+        None => load_selected(&model, &Selection { tip, joints: Vec::new() })?,
+    };
+    let seen = measured.map(|measured| measured.of_arm(&model, &file)).transpose()?;
     let rivals = match &found {
         _ if !args.kinds.is_empty() => named(args, &file)?,
         Some(found) => found.rivals(&file)?,
@@ -218,6 +226,7 @@ fn rival(
 struct Found {
     path: PathBuf,
     model: String,
+    tip: Option<String>,
     recordings: Vec<PathBuf>,
     noise: BTreeMap<String, ChannelNoise>,
     json: Value,
@@ -246,6 +255,7 @@ impl Found {
         Ok(Self {
             path: path.to_owned(),
             model: if model == PAPER_MODEL { model.to_owned() } else { beside(model).display().to_string() },
+            tip: json["inputs"]["tip"].as_str().map(str::to_owned),
             recordings: recordings.filter_map(Value::as_str).map(beside).collect(),
             noise,
             json,

@@ -34,6 +34,7 @@ mod long;
 #[cfg(test)]
 #[path = "../tests/common/mod.rs"]
 mod made;
+mod matching;
 mod motion;
 mod notes;
 pub mod page;

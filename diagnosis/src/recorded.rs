@@ -2,10 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_arm::ArmFile;
+use freeplay_arm::{Arm, ArmFile, Purpose, Shortfall};
 use freeplay_recording::{ColumnError, ReadError, Recording};
 use freeplay_storage::same_file;
 use thiserror::Error;
+
+use crate::matching;
+pub use crate::matching::joint_names;
 
 /// A recording with longer steps shows nothing of how an arm moves, s: its times are no seconds.
 const LONGEST_STEP_S: f64 = 1.0;
@@ -30,9 +33,12 @@ pub enum RecordedError {
         model: String,
         /// The model's joints.
         joints: String,
-        /// The model's locked joints, in words.
+        /// Which chain of the robot the arm is, in words.
         locked: String,
     },
+    /// The model can say nothing of torques, and nothing else was recorded.
+    #[error(transparent)]
+    Unfit(#[from] Shortfall),
     /// The times are in another unit than seconds.
     #[error(
         "{}: column t: rows are {step} apart, and times are in seconds; are these {unit}? give seconds (divide by {per_second}), or say the unit in a mapping file: freeplay record import",
@@ -56,14 +62,27 @@ pub enum RecordedError {
     },
 }
 
-/// Reads a recording of the arm in `file`, which was named `model`. What may be in another unit is noted in it.
+/// Reads the recording at `path` as it is.
 ///
 /// # Errors
-/// The reader's own; another number of joints; times that are no seconds.
-pub fn read(path: &Path, model: &str, file: &ArmFile) -> Result<Recording, RecordedError> {
-    let read = freeplay_recording::read(path, Some(file.arm.dof()));
-    let mut recording = read.map_err(|error| unreadable(error, model, file))?;
+/// The reader's own.
+pub fn unmatched(path: &Path) -> Result<Recording, RecordedError> {
+    Ok(freeplay_recording::read(path, None)?)
+}
+
+/// The recording of the arm in `file`, which was named `model`: of the joints of the arm in its order, where both have names; without torques
+/// where the model has no masses. What may be in another unit is noted in it.
+///
+/// # Errors
+/// Another number of joints; times that are no seconds; torques alone for a model without masses.
+pub fn of_arm(mut recording: Recording, model: &str, file: &ArmFile) -> Result<Recording, RecordedError> {
+    matching::by_name(&mut recording, &file.arm);
+    if recording.joints() != file.arm.dof() {
+        let counted = freeplay_recording::read(&recording.origin, Some(file.arm.dof()));
+        recording = counted.map_err(|error| unreadable(error, model, file))?;
+    }
     check_times(&recording)?;
+    check_masses(&mut recording, &file.arm)?;
     recording.notes.extend(far_tool(&recording));
     Ok(recording)
 }
@@ -74,9 +93,24 @@ fn unreadable(error: ReadError, model: &str, file: &ArmFile) -> RecordedError {
         return error.into();
     };
     let joints: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
-    let locked = file.ignored.iter().filter(|note| note.contains("locked"));
-    let locked: String = locked.map(|note| format!("; {note}")).collect();
+    let taken = file.ignored.first().filter(|note| note.starts_with("arm: "));
+    let locked = taken.map_or_else(String::new, |taken| format!("; {taken}; another chain: --tip LINK"));
     RecordedError::Joints { error: error.into(), model: model.to_owned(), joints: joints.join(", "), locked }
+}
+
+/// Leaves torques out that the model can say nothing of, and says so.
+fn check_masses(recording: &mut Recording, arm: &Arm) -> Result<(), RecordedError> {
+    let Err(shortfall) = arm.require(Purpose::Torque) else { return Ok(()) };
+    let has_poses = recording.tool.is_some() || recording.q_link.iter().any(Option::is_some);
+    if recording.tau.is_none() {
+        return Ok(());
+    }
+    if !has_poses {
+        return Err(shortfall.into());
+    }
+    recording.tau = None;
+    recording.notes.push("the recorded torques are not compared: the model can't say any".to_owned());
+    Ok(())
 }
 
 /// Refuses times that are no seconds.

@@ -55,6 +55,9 @@ pub struct RunArgs {
     /// The plant's arm: "paper" or an arm file.
     #[arg(long)]
     model: Option<String>,
+    /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
     /// A controller that runs beside each of them, warm, and takes over where it fails; several are allowed.
     #[arg(long)]
     standby: Vec<String>,
@@ -322,6 +325,9 @@ fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
     sets.extend(args.set.iter().cloned());
     sets.extend(args.seed.iter().map(|seed| format!("seed={seed}")));
     let mut scenario = load(args.scenario.as_deref(), &sets)?;
+    if args.tip.is_some() {
+        scenario.tip.clone_from(&args.tip);
+    }
     if !args.controller.is_empty() {
         scenario.controllers.clone_from(&args.controller);
     }

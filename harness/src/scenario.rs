@@ -106,6 +106,9 @@ impl Default for RealtimeTable {
 pub struct Scenario {
     /// The plant's arm: "paper", or the path of a URDF or TOML arm file.
     pub model: String,
+    /// The link at the end of the arm, of a URDF; absent: what the arm file says, else `tool0`, else the longest chain without fingers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tip: Option<String>,
     /// Who moves the joints.
     pub mode: Drive,
     /// Lockstep or real time.
@@ -172,6 +175,7 @@ impl Default for Scenario {
     fn default() -> Self {
         Self {
             model: freeplay_controller::task::PAPER_MODEL.to_owned(),
+            tip: None,
             mode: Drive::default(),
             pace: Pacing::default(),
             rate: 1000.0,

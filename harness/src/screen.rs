@@ -19,6 +19,9 @@ const MOST_FAIL_OVERS: usize = 10;
 /// The result of `freeplay run` in words and one table.
 pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path, report: &Path) -> String {
     let mut text = heading(scenario, setup) + "\n";
+    for note in &setup.truth.ignored {
+        let _ = writeln!(text, "{note}");
+    }
     for line in machine_lines(runs) {
         let _ = writeln!(text, "{line}");
     }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use freeplay_arm::{Arm, ArmFile, EffectTable};
+use freeplay_arm::{Arm, ArmFile, EffectTable, Purpose, Selection};
 pub use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{LimitsFrom, Task, TaskMode};
 use freeplay_laws::{Clearance, Effects, LawError, Placed};
@@ -33,10 +33,23 @@ pub struct Setup {
 /// # Errors
 /// The file's own error, as bad input.
 pub fn load_model(model: &str) -> Result<ArmFile, Failure> {
+    load_selected(model, &Selection::default())
+}
+
+/// The same with the chain of its robot that `selection` says.
+///
+/// # Errors
+/// The file's own error, as bad input.
+pub fn load_selected(model: &str, selection: &Selection) -> Result<ArmFile, Failure> {
     if model == PAPER_MODEL {
-        return Ok(freeplay_arm::paper_arm());
+        return match &selection.tip {
+            None => Ok(freeplay_arm::paper_arm()),
+            Some(tip) => {
+                Err(Failure::input(format!("tip `{tip}`: the arm of the paper has no links to choose from")))
+            }
+        };
     }
-    let file = freeplay_arm::load(Path::new(model)).map_err(Failure::input)?;
+    let file = freeplay_arm::load_selected(Path::new(model), selection).map_err(Failure::input)?;
     let (arm, effects) = (&file.arm, file.effects.len());
     messages::detail(format_args!("read {model}: {} of {} joints, {effects} effects", arm.name(), arm.dof()));
     Ok(file)
@@ -44,14 +57,16 @@ pub fn load_model(model: &str) -> Result<ArmFile, Failure> {
 
 /// The arm file of `scenario` with its gravity and with the scenario's plays as effects.
 fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
-    let mut file = load_model(&scenario.model)?;
+    let selection = Selection { tip: scenario.tip.clone(), joints: Vec::new() };
+    let mut file = load_selected(&scenario.model, &selection)?;
     let joints = file.arm.dof();
     if joints > MAX_JOINTS {
         return Err(Failure::input(format!(
-            "{}: the arm has {joints} joints, a run carries at most {MAX_JOINTS}: give those that stand still type = \"fixed\"",
+            "{}: the arm has {joints} joints, a run carries at most {MAX_JOINTS}: choose a shorter chain of it with --tip LINK, or give joints that stand still type = \"fixed\"",
             scenario.model
         )));
     }
+    fold_rotors(&mut file)?;
     if let Some(gravity) = scenario.gravity {
         file.arm = file.arm.with_gravity(Vector3::from(gravity));
     }
@@ -73,6 +88,29 @@ fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
     }
     Ok(file)
 }
+
+/// Makes rotors that are effects part of an arm that moves no inertia without them, so that its controllers can use it as well.
+fn fold_rotors(file: &mut ArmFile) -> Result<(), Failure> {
+    let arm = &file.arm;
+    if arm.require(Purpose::Simulation).is_ok() {
+        return Ok(());
+    }
+    let mut joints = arm.joints().to_vec();
+    file.effects.retain(|effect| {
+        let joint =
+            effect.joint.as_ref().filter(|_| effect.kind == ROTOR).and_then(|name| arm.joint_index(name));
+        let inertia = effect.parameters.get("inertia").and_then(toml::Value::as_float);
+        let Some((joint, inertia)) = joint.zip(inertia.filter(|inertia| *inertia > 0.0)) else { return true };
+        joints[joint].rotor_inertia += inertia;
+        false
+    });
+    file.arm = Arm::with_fitness(arm.name(), joints, *arm.tool(), *arm.gravity(), arm.fitness())
+        .map_err(Failure::input)?;
+    Ok(())
+}
+
+/// The effect that is the inertia of a rotor.
+const ROTOR: &str = "rotor_inertia";
 
 /// Says of an effect that can't be used whether it stands in the file `model` or in the scenario.
 fn faulty_effect(model: &str, error: &LawError) -> Failure {
@@ -125,7 +163,7 @@ impl Setup {
         if let Some(fault) = scenario.reflex.fault(truth.arm.dof()) {
             return Err(Failure::input(format!("scenario: {fault}")));
         }
-        check_step(&plant, &path)?;
+        check_step(&scenario.model, &plant, &path)?;
         Ok(Self { plant, path: Arc::new(path), truth })
     }
 
@@ -141,7 +179,7 @@ impl Setup {
     pub fn write_task(&self, scenario: &Scenario, folder: &Path) -> Result<PathBuf, Failure> {
         let model = match &scenario.controller.model {
             Some(model) if model == PAPER_MODEL => model.clone(),
-            Some(model) => std::path::absolute(model).map_err(Failure::input)?.display().to_string(),
+            Some(model) => self.controller_model(model, folder)?,
             None => {
                 let path = folder.join("model.toml");
                 write(&path, &freeplay_arm::to_toml(&self.truth))?;
@@ -169,10 +207,29 @@ impl Setup {
     }
 }
 
+impl Setup {
+    /// The model file of the controllers: `model` itself, or in `folder` the chain of its robot that has the plant's joints, where another
+    /// one would be taken by itself.
+    fn controller_model(&self, model: &str, folder: &Path) -> Result<String, Failure> {
+        let given = std::path::absolute(model).map_err(Failure::input)?.display().to_string();
+        let names = |arm: &Arm| arm.joints().iter().map(|joint| joint.name.clone()).collect::<Vec<_>>();
+        let wanted = names(self.arm());
+        let selection = Selection { tip: None, joints: wanted.clone() };
+        // A file that can't be read is the controller's to complain of.
+        let found = freeplay_arm::load(Path::new(model)).ok().filter(|file| names(&file.arm) != wanted);
+        let chosen = found.and_then(|_| freeplay_arm::load_selected(Path::new(model), &selection).ok());
+        let Some(chosen) = chosen.filter(|file| names(&file.arm) == wanted) else { return Ok(given) };
+        write(&folder.join("controller_model.toml"), &freeplay_arm::to_toml(&chosen))?;
+        Ok("controller_model.toml".to_owned())
+    }
+}
+
 /// Effects and steps that can't be are refused before any process starts.
-fn check_step(plant: &PlantConfig, path: &JointPath) -> Result<(), Failure> {
+fn check_step(model: &str, plant: &PlantConfig, path: &JointPath) -> Result<(), Failure> {
     plant.system(path).map(|_| ()).map_err(|error| match error {
         SystemError::Law(error) => Failure::input(error),
+        SystemError::Unfit(error) => Failure::input(error),
+        error @ SystemError::DampingTooStiff { .. } => Failure::input(format!("{model}: {error}")),
         error => Failure::input(format!("scenario: substeps = {}: {error}", plant.substeps)),
     })
 }

@@ -21,6 +21,7 @@ mod attendance;
 mod bearing;
 mod blend;
 mod cause;
+mod damping;
 mod deviation;
 mod drives;
 mod excess;

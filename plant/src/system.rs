@@ -6,8 +6,8 @@
 //! Contacts need [`MAX_CONTACT_STEP`] or less: a Hertz impact of this arm lasts about 0.5 ms.
 
 use freeplay_arm::{
-    Arm, Drive, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction, kinetic_energy,
-    potential_energy,
+    Arm, Drive, Purpose, Shortfall, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction,
+    kinetic_energy, potential_energy,
 };
 use freeplay_laws::{ArmWithPlay, BearingContact, Injection, Journal, LawError};
 use nalgebra::Isometry3;
@@ -64,6 +64,29 @@ pub enum SystemError {
         "a joint with a transmission moves no inertia beyond its rotor along this motion; give its link mass"
     )]
     NoInertiaLeft,
+    /// The damping of a joint stops it faster than a sub-step.
+    #[error(
+        "joint `{joint}`: a damping of {damping} {} stops its inertia of {inertia:.1e} {} within {:.1e} s: too fast for a sub-step of \
+         {step:.1e} s; correct the damping or the inertia, give the joint a rotor_inertia in an arm file, or take {needed} sub-steps a tick",
+        units[0], units[1], inertia / damping
+    )]
+    DampingTooStiff {
+        /// The joint.
+        joint: String,
+        /// Its damping.
+        damping: f64,
+        /// The least inertia that it feels along the motion, all others free.
+        inertia: f64,
+        /// Units of the two.
+        units: [&'static str; 2],
+        /// The sub-step, s.
+        step: f64,
+        /// Sub-steps a tick that would do.
+        needed: f64,
+    },
+    /// The arm can't be simulated as its file has it.
+    #[error(transparent)]
+    Unfit(#[from] Shortfall),
     /// The effects leave no arm that can be.
     #[error(transparent)]
     Law(#[from] LawError),
@@ -166,7 +189,7 @@ impl System {
     /// the inertia of motors behind transmissions.
     ///
     /// # Errors
-    /// Those of [`System::new`]; [`SystemError::Law`] for an arm that cannot be, [`SystemError::TransmissionTooStiff`].
+    /// Those of [`System::new`]; [`SystemError::Unfit`] for an arm without masses, [`SystemError::Law`] for one that cannot be, [`SystemError::TransmissionTooStiff`].
     pub fn with_effects(
         arm: &Arm,
         injection: Injection,
@@ -175,6 +198,7 @@ impl System {
         substeps: u32,
     ) -> Result<Self, SystemError> {
         let arm = &with_rotors(arm, &injection.rotors)?;
+        arm.require(Purpose::Simulation)?;
         let parted: Vec<usize> = injection.transmissions.iter().map(|(joint, _)| *joint).collect();
         let (links, sides) =
             if parted.is_empty() { (arm.clone(), Vec::new()) } else { share_out(arm, &parted, postures)? };

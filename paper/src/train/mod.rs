@@ -11,6 +11,8 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use clap::Args;
+use freeplay_arm::Selection;
+use freeplay_harness::setup::load_selected;
 use freeplay_predictor::activation::Activation;
 use freeplay_predictor::levenberg_marquardt::Settings;
 use freeplay_predictor::training::{Recipe, train as fit};
@@ -45,6 +47,9 @@ pub struct TrainArgs {
     /// The arm: "paper" or an arm file.
     #[arg(long, default_value = freeplay_controller::task::PAPER_MODEL)]
     model: String,
+    /// The link of the arm file at the end of the arm; without it: tool0, else the longest chain without its fingers.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
     /// The joint that has play.
     #[arg(long, default_value = "joint_5")]
     joint: String,
@@ -117,7 +122,8 @@ fn test(subject: &Subject, fitted: &Fitted, quick: bool) -> Result<Vec<Figures>,
 }
 
 fn subject(args: &TrainArgs) -> Result<Subject, Failure> {
-    let arm = freeplay_harness::setup::load_model(&args.model)?.arm;
+    let selection = Selection { tip: args.tip.clone(), joints: Vec::new() };
+    let arm = load_selected(&args.model, &selection)?.arm;
     let joint = arm.joint_index(&args.joint).ok_or_else(|| {
         let names: Vec<&str> = arm.joints().iter().map(|joint| joint.name.as_str()).collect();
         Failure::input(format!(

@@ -9,6 +9,7 @@ use freeplay_path::JointPath;
 use freeplay_shm::{LinkError, MAX_JOINTS, Mode, Pace};
 use thiserror::Error;
 
+use crate::damping::check_damping;
 use crate::rotor::with_rotors;
 use crate::{LineUpSpec, ReflexLimits, ReflexSpec, SensorsSpec, StopReason, System, SystemError};
 
@@ -62,8 +63,13 @@ impl PlantConfig {
         let mut injection = self.effects.injection();
         let [tool, sensors] = [&mut injection.tool, &mut injection.sensors].map(std::mem::take);
         let postures = self.postures(path);
+        let rotors = injection.rotors.clone();
         let mut system = System::with_effects(&body, injection, &postures, self.period(), self.substeps)?;
         let blank = vec![0.0; self.arm.dof()];
+        if self.mode == Mode::Torque {
+            let step = self.period() / f64::from(self.substeps);
+            check_damping(&body, &rotors, &postures, step, self.substeps)?;
+        }
         let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank];
         path.at(0.0, &mut q, &mut v, &mut a);
         system.start(&q, &v);
