@@ -22,6 +22,7 @@
 
 mod begin;
 mod comparison;
+mod conventions;
 mod curves;
 mod cutoff;
 mod diagnose;
@@ -47,6 +48,7 @@ pub use diagnose::{
     Parameter, Passage, Rival, Rmse, TO_TELL, Tolerances, Trace, Tuned, Untestable, Used, Variable, Verdict,
     diagnose, excite,
 };
+pub use conventions::{PositionReading, Reading, TorqueReading, explore};
 pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};
 pub use grid::Grid;

@@ -1,0 +1,177 @@
+//! The best set of changes: steps from several starts, each adding, dropping or exchanging one change.
+
+use super::change::{Change, Late, Physics};
+use super::kinds::{self, Ask};
+use super::problem::{Outcome, Problem};
+
+/// Most steps from one start.
+const STEPS: usize = 24;
+/// Changes of a step whose numbers are fitted.
+const REFINED: usize = 2;
+/// Rows of the screening.
+const FEW_ROWS: usize = 60;
+/// Half the width within which a fitted zero is refined, rad, and a delay, s.
+const ABOUT_ZERO: f64 = 0.27;
+const ABOUT_DELAY: f64 = 0.02;
+/// Steps of the golden-section search of both.
+const GOLDEN: usize = 14;
+
+/// The problem on all rows and on few.
+pub(crate) struct Search<'a> {
+    pub whole: Problem<'a>,
+    few: Problem<'a>,
+}
+
+impl<'a> Search<'a> {
+    /// For an arm and the rows of a recording.
+    pub fn new(arm: &'a freeplay_arm::Arm, samples: &'a super::samples::Samples) -> Self {
+        let stride = (samples.len() / FEW_ROWS).max(1);
+        Self { whole: Problem::new(arm, samples, 1), few: Problem::new(arm, samples, stride) }
+    }
+
+    /// The best set of all starts: sought on few rows, settled on all of them.
+    pub fn best(&self) -> Outcome {
+        let plain = climb(&self.few, &[], true);
+        let best = if is_settled(&plain) { plain } else { self.of_all_starts(plain) };
+        climb(&self.whole, &best.changes, true)
+    }
+
+    fn of_all_starts(&self, plain: Outcome) -> Outcome {
+        let arm = self.whole.arm;
+        let scales: Vec<Change> = (0..arm.dof()).map(Change::Scale).collect();
+        let signs: Vec<Change> = (0..arm.dof()).map(Change::TorqueSign).collect();
+        let mut starts = vec![vec![Change::AngleUnit]];
+        if self.whole.samples.has_torques() {
+            let turned = [scales.as_slice(), &[Change::AnyGravity]].concat();
+            starts.extend([scales, vec![Change::AnyGravity], turned, signs]);
+        }
+        let mut best = plain;
+        for start in starts {
+            let other = climb(&self.few, &start, true);
+            if other.evidence > best.evidence {
+                best = other;
+            }
+            if is_settled(&best) {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The best set of `start` and physics beside it.
+    pub fn beside(&self, start: &[Change]) -> Outcome {
+        let few = climb(&self.few, start, false);
+        climb(&self.whole, &few.changes, false)
+    }
+}
+
+/// Steps from `start` as long as the evidence grows; changes of the reading among them, or physics beside it alone.
+fn climb(problem: &Problem, start: &[Change], with_reading: bool) -> Outcome {
+    let mut best = problem.outcome(start);
+    for _ in 0..STEPS {
+        let next = added(problem, &best, with_reading).into_iter().chain(dropped(problem, &best, with_reading));
+        let Some(next) = next.max_by(|a, b| a.evidence.total_cmp(&b.evidence)) else { break };
+        if !(next.evidence > best.evidence) {
+            break;
+        }
+        best = next;
+    }
+    best
+}
+
+/// The best outcomes with one change more, or one in the place of those that it excludes.
+fn added(problem: &Problem, best: &Outcome, with_reading: bool) -> Option<Outcome> {
+    let samples = problem.samples;
+    let ask = Ask { arm: problem.arm, has_torques: samples.has_torques(), has_tool: samples.has_tool(), best };
+    let asked = kinds::asks(&ask).into_iter().filter(|change| with_reading || !change.is_reading());
+    let sets = asked.filter_map(|change| {
+        let others = best.changes.iter().copied().filter(|other| !other.excludes(&change));
+        let set: Vec<Change> = others.chain([change]).collect();
+        (!best.changes.contains(&change)).then_some(set)
+    });
+    let mut outcomes: Vec<Outcome> = sets.map(|set| problem.outcome(&set)).collect();
+    outcomes.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    outcomes.truncate(REFINED);
+    outcomes.into_iter().map(|outcome| refined(problem, outcome)).max_by(|a, b| a.evidence.total_cmp(&b.evidence))
+}
+
+/// The outcomes with one change less.
+fn dropped(problem: &Problem, best: &Outcome, with_reading: bool) -> Vec<Outcome> {
+    let droppable = |k: &usize| with_reading || !best.changes[*k].is_reading();
+    let without = |k: usize| {
+        let mut set = best.changes.clone();
+        set.remove(k);
+        problem.outcome(&set)
+    };
+    (0..best.changes.len()).filter(droppable).map(without).collect()
+}
+
+/// `outcome` with the number of its last change fitted, or rounded, where that is worth it.
+fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
+    let Some((last, rest)) = outcome.changes.split_last() else { return outcome };
+    let with = |change: Change| problem.outcome(&[rest, &[change]].concat());
+    let fitted: Vec<Change> = match *last {
+        Change::Zero { joint, offset, .. } => {
+            let at = |offset| Change::Zero { joint, offset, is_fitted: true };
+            vec![at(golden(offset, ABOUT_ZERO, |x| with(at(x)).evidence))]
+        }
+        Change::Delay(late, delay) => {
+            let at = |delay| Change::Delay(late, delay);
+            vec![at(golden(delay, ABOUT_DELAY, |x| with(at(x)).evidence))]
+        }
+        Change::Scale(joint) | Change::SameScale(joint, _) => kinds::torque_unit::rounded(outcome.scale[joint])
+            .into_iter()
+            .map(|factor| Change::SameScale(joint, factor))
+            .collect(),
+        _ => Vec::new(),
+    };
+    let fitted = fitted.into_iter().map(with);
+    fitted.fold(outcome.clone(), |best, other| if other.evidence > best.evidence { other } else { best })
+}
+/// Whether a set leaves so little of every channel that no other start can say more.
+fn is_settled(outcome: &Outcome) -> bool {
+    /// Twice the floor, squared: one per cent.
+    const LITTLE: f64 = 0.01;
+    outcome.left.iter().all(|left| !(*left > LITTLE))
+}
+
+/// The place within `width` of `about` where `value` is greatest (Kiefer 1953).
+fn golden(about: f64, width: f64, value: impl Fn(f64) -> f64) -> f64 {
+    let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut low, mut high) = (about - width, about + width);
+    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
+    let (mut at_a, mut at_b) = (value(a), value(b));
+    for _ in 0..GOLDEN {
+        if at_a > at_b {
+            (high, b, at_b) = (b, a, at_a);
+            a = high - ratio * (high - low);
+            at_a = value(a);
+        } else {
+            (low, a, at_a) = (a, b, at_b);
+            b = low + ratio * (high - low);
+            at_b = value(b);
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// Physics that could hide or feign a fault of the reading.
+pub(crate) fn physics(joints: usize) -> Vec<Change> {
+    let mut all = vec![Physics::Payload];
+    for joint in 0..joints {
+        all.extend([Physics::Rotor(joint), Physics::Spring(joint), Physics::Link(joint)]);
+        all.extend((joint > 0).then(|| Physics::Coupling(joint, joint - 1)));
+        all.extend((joint + 1 < joints).then_some(Physics::Coupling(joint, joint + 1)));
+    }
+    all.into_iter().map(Change::Beside).collect()
+}
+
+/// The groups of channels that a clock offset can part.
+pub(crate) fn groups(has_torques: bool, has_tool: bool) -> Vec<Late> {
+    match (has_torques, has_tool) {
+        (true, true) => vec![Late::Torque, Late::Tool, Late::Both],
+        (true, false) => vec![Late::Torque],
+        (false, true) => vec![Late::Tool],
+        (false, false) => Vec::new(),
+    }
+}
