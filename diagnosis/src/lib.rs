@@ -48,7 +48,9 @@ pub use diagnose::{
     Parameter, Passage, Rival, Rmse, TO_TELL, Tolerances, Trace, Tuned, Untestable, Used, Variable, Verdict,
     diagnose, excite,
 };
-pub use conventions::{PositionReading, Reading, TorqueReading, explore};
+pub use conventions::{
+    Certainty, PositionReading, Reading, Setup, SetupFinding, TorqueReading, examine, sentences,
+};
 pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};
 pub use grid::Grid;

@@ -133,10 +133,6 @@ impl Change {
         }
     }
 
-    /// Whether the model's rows along the motion change with it.
-    pub fn moves_the_motion(&self) -> bool {
-        self.sort() <= 4
-    }
 
     /// Whether the other `change` concerns the same joint, or all.
     pub fn joint(&self) -> Option<usize> {

@@ -1,6 +1,18 @@
 //! Do recording and model speak of the same arm, in the same units, signs, order and on the same clock?
+//!
+//! The files in the order in which data passes through them:
+//!
+//! - `reading`: how columns are read; what a recording is with that reading.
+//! - `samples`: a recording as few, effectively independent rows.
+//! - `change`: what a hypothesis changes, and its prior odds.
+//! - `regression`, `problem`: the evidence of a set of changes.
+//! - `search`: the best set, from several starts.
+//! - `kinds`: what each kind of fault asks and says, one file each.
+//! - `examine`: all of it; `finding`: what comes of it.
 
 mod change;
+mod examine;
+mod finding;
 mod kinds;
 mod problem;
 mod reading;
@@ -8,28 +20,6 @@ mod regression;
 mod samples;
 mod search;
 
+pub use examine::examine;
+pub use finding::{Certainty, Setup, SetupFinding, sentences};
 pub use reading::{PositionReading, Reading, TorqueReading};
-
-use freeplay_arm::Arm;
-use freeplay_recording::Recording;
-
-/// Debugging aid while building.
-pub fn explore(arm: &Arm, recording: &Recording) -> String {
-    let q: Vec<Vec<f64>> =
-        recording.q.iter().map(|c| kinds::angle_wrap::unwrapped(c, std::f64::consts::TAU)).collect();
-    let Ok(samples) = samples::Samples::new(recording, &q) else { return "no samples".into() };
-    let search = search::Search::new(arm, &samples);
-    let plain = search.whole.outcome(&[]);
-    let best = search.best();
-    format!(
-        "rows {}\nplain {:.1} {:.4?}\nbest  {:.1} {:.4?}\n  {:?}\n  g {:?} scale {:.4?}",
-        samples.len(),
-        plain.evidence,
-        plain.left,
-        best.evidence,
-        best.left,
-        best.changes,
-        best.gravity.as_slice(),
-        best.scale
-    )
-}

@@ -20,8 +20,8 @@ use super::reading::Reading;
 use super::regression::{Channel, Fit, Own, fit};
 use super::samples::Samples;
 
-/// What every real arm is off its laws by, as a share of a channel's standard deviation, and below which nothing is asked.
-const FLOOR: f64 = 0.05;
+/// What real arms are off their laws by: 5 % of a torque's standard deviation leaves 0.25 % of its variance.
+pub(crate) const FLOOR: f64 = 0.05;
 /// A joint turns one way or the other above this share of its greatest speed; below, its dry friction may be anything between.
 const MOVES: f64 = 0.02;
 /// Rounds in which gravity and scales, whose product is fitted, are fitted in turn.
@@ -35,9 +35,13 @@ pub(crate) struct Problem<'a> {
     pub samples: &'a Samples,
     /// One of how many rows is looked at.
     stride: usize,
+    /// What every real arm is off its laws by, as a share of a channel's standard deviation: below it, nothing is asked.
+    floor: f64,
     links: Vec<Option<Arm>>,
     loads: Vec<Arm>,
     seen: RefCell<HashMap<Vec<u64>, Rc<Along>>>,
+    /// Torques of the arm with other masses along motions, `[joint][row]`.
+    weighed: RefCell<HashMap<Vec<u64>, Rc<Vec<Vec<f64>>>>>,
 }
 
 /// The model along a motion, `[joint][row]`.
@@ -57,6 +61,8 @@ pub(crate) struct Outcome {
     pub changes: Vec<Change>,
     /// ln p(S), up to a constant.
     pub evidence: f64,
+    /// What the channels put into it, in the order of `left`; 0 where there is none.
+    pub likelihood: Vec<f64>,
     /// Mean square of what is left of each channel over its variance: the torques by joint (NaN where none), then the tool.
     pub left: Vec<f64>,
     /// What is left, row by row, in the same order; empty where none.
@@ -77,9 +83,9 @@ enum Scale {
 
 impl<'a> Problem<'a> {
     /// The rows of `samples`, one of `stride` of them.
-    pub fn new(arm: &'a Arm, samples: &'a Samples, stride: usize) -> Self {
+    pub fn new(arm: &'a Arm, samples: &'a Samples, stride: usize, floor: f64) -> Self {
         let links = (0..arm.dof()).map(|joint| heavier(arm, joint)).collect();
-        Self { arm, samples, stride, links, loads: loads(arm), seen: RefCell::default() }
+        Self { arm, samples, stride, floor, links, loads: loads(arm), seen: RefCell::default(), weighed: RefCell::default() }
     }
 
     fn rows(&self) -> usize {
@@ -153,6 +159,7 @@ impl<'a> Problem<'a> {
         let mut outcome = Outcome {
             changes: changes.to_vec(),
             evidence: 0.0,
+            likelihood: Vec::new(),
             left: Vec::new(),
             residual: Vec::new(),
             gravity: if reading.gravity_added {
@@ -162,7 +169,7 @@ impl<'a> Problem<'a> {
             },
             scale: vec![1.0; self.arm.dof()],
         };
-        let (mut count, mut evidence) = (0, 0.0);
+        let mut count = 0;
         if self.samples.has_torques() {
             let torques = Torques::new(self, &reading, &along, changes);
             let Some(fitted) = torques.fitted(&mut outcome.gravity, &mut outcome.scale) else {
@@ -170,43 +177,42 @@ impl<'a> Problem<'a> {
                 return outcome;
             };
             outcome.left = vec![f64::NAN; self.arm.dof()];
+            outcome.likelihood = vec![0.0; self.arm.dof()];
             outcome.residual = vec![Vec::new(); self.arm.dof()];
             for (channel, (&joint, left)) in torques.joints.iter().zip(&fitted.left).enumerate() {
                 let variance = torques.variance[channel];
-                evidence += self.log_likelihood(*left, variance);
+                outcome.likelihood[joint] = self.log_likelihood(*left, variance);
                 outcome.left[joint] = left / variance;
                 outcome.residual[joint].clone_from(&fitted.residual[channel]);
             }
             count += torques.joints.len();
         }
         if self.samples.has_tool() {
-            evidence += self.tool_evidence(&reading, &along, &mut outcome);
+            self.judge_tool(&reading, &along, &mut outcome);
             count += 3;
         }
         let data = (self.rows() * count.max(1)) as f64;
         let parameters: usize = changes.iter().map(Change::parameters).sum();
         let odds: f64 =
             changes.iter().enumerate().map(|(k, change)| change.log_odds(&changes[..k])).sum();
-        outcome.evidence = evidence + odds - 0.5 * parameters as f64 * data.ln();
+        outcome.evidence = outcome.likelihood.iter().sum::<f64>() + odds - 0.5 * parameters as f64 * data.ln();
         outcome
     }
 
     fn log_likelihood(&self, left: f64, variance: f64) -> f64 {
-        -0.5 * self.rows() as f64 * (left + FLOOR * FLOOR * variance).ln()
+        -0.5 * self.rows() as f64 * (left + self.floor.powi(2) * variance).ln()
     }
 
-    fn tool_evidence(&self, reading: &Reading, along: &Along, outcome: &mut Outcome) -> f64 {
+    fn judge_tool(&self, reading: &Reading, along: &Along, outcome: &mut Outcome) {
         let tool = [0, 1, 2].map(|axis| self.thinned(&self.samples.tool(axis, reading.tool_delay)));
         let variance = tool.iter().map(|column| variance(column)).sum::<f64>() / 3.0;
-        let mut evidence = 0.0;
         for (seen, model) in tool.iter().zip(&along.tool) {
             let residual: Vec<f64> = seen.iter().zip(model).map(|(seen, model)| seen - model).collect();
             let left = mean_square(&residual);
-            evidence += self.log_likelihood(left, variance);
+            outcome.likelihood.push(self.log_likelihood(left, variance));
             outcome.left.push(left / variance);
             outcome.residual.push(residual);
         }
-        evidence
     }
 }
 
@@ -214,6 +220,7 @@ impl<'a> Problem<'a> {
 struct Torques<'p, 'a> {
     problem: &'p Problem<'a>,
     along: &'p Along,
+    key: Vec<u64>,
     changes: &'p [Change],
     /// Joints with a torque that answers at all.
     joints: Vec<usize>,
@@ -236,6 +243,7 @@ impl<'p, 'a> Torques<'p, 'a> {
         let mut torques = Self {
             problem,
             along,
+            key: key(reading),
             changes,
             joints: Vec::new(),
             measured: Vec::new(),
@@ -334,7 +342,7 @@ impl<'p, 'a> Torques<'p, 'a> {
                 Scale::Common if !is_known => shared.push(model),
                 _ => {}
             }
-            let floor = FLOOR * FLOOR * self.variance[channel];
+            let floor = self.problem.floor.powi(2) * self.variance[channel];
             Channel { target, own, shared, floor }
         };
         self.joints.iter().enumerate().map(one).collect()
@@ -372,15 +380,21 @@ impl<'p, 'a> Torques<'p, 'a> {
     /// Columns that all joints share, `[column][joint][row]`.
     fn beside(&self, gravity: &Vector3<f64>) -> Vec<Vec<Vec<f64>>> {
         let problem = self.problem;
-        let mut arms: Vec<(&Arm, Option<&Arm>)> = Vec::new();
+        // An arm with another mass, by its number, and the arm that it is compared with.
+        let mut arms: Vec<(usize, &Arm, Option<(usize, &Arm)>)> = Vec::new();
+        let loads = 1 + problem.links.len();
         for change in self.changes {
             match *change {
                 Change::Beside(Physics::Payload) => {
-                    arms.push((&problem.loads[0], None));
-                    arms.extend(problem.loads[1..].chunks(2).map(|pair| (&pair[0], Some(&pair[1]))));
+                    arms.push((loads, &problem.loads[0], None));
+                    let pairs = problem.loads[1..].chunks(2).enumerate();
+                    arms.extend(pairs.map(|(k, pair)| {
+                        let number = loads + 1 + 2 * k;
+                        (number, &pair[0], Some((number + 1, &pair[1])))
+                    }));
                 }
                 Change::Beside(Physics::Link(joint)) => {
-                    arms.extend(problem.links[joint].iter().map(|arm| (arm, None)));
+                    arms.extend(problem.links[joint].iter().map(|arm| (1 + joint, arm, None)));
                 }
                 _ => {}
             }
@@ -388,15 +402,28 @@ impl<'p, 'a> Torques<'p, 'a> {
         if arms.is_empty() {
             return Vec::new();
         }
-        let Along { q, v, a, .. } = self.along;
-        let torques = |arm: &Arm| problem.torques(&arm.with_gravity(*gravity), q, v, a);
-        let bare = torques(problem.arm);
-        let column = |(arm, less): (&Arm, Option<&Arm>)| {
-            let base = less.map_or_else(|| bare.clone(), torques);
-            let both = torques(arm).into_iter().zip(base);
+        let bare = self.weighed(0, problem.arm, gravity);
+        let column = |(number, arm, less): (usize, &Arm, Option<(usize, &Arm)>)| {
+            let base = less.map_or_else(|| Rc::clone(&bare), |(number, arm)| self.weighed(number, arm, gravity));
+            let with = self.weighed(number, arm, gravity);
+            let both = with.iter().zip(base.iter());
             both.map(|(with, less)| with.iter().zip(less).map(|(with, less)| with - less).collect()).collect()
         };
         arms.into_iter().map(column).collect()
+    }
+
+    /// Torques of `arm`, known by its `number`, along the motion under `gravity`.
+    fn weighed(&self, number: usize, arm: &Arm, gravity: &Vector3<f64>) -> Rc<Vec<Vec<f64>>> {
+        let mut key = self.key.clone();
+        key.push(number as u64);
+        key.extend(gravity.iter().map(|x| x.to_bits()));
+        if let Some(known) = self.problem.weighed.borrow().get(&key) {
+            return Rc::clone(known);
+        }
+        let Along { q, v, a, .. } = self.along;
+        let torques = Rc::new(self.problem.torques(&arm.with_gravity(*gravity), q, v, a));
+        self.problem.weighed.borrow_mut().insert(key, Rc::clone(&torques));
+        torques
     }
 }
 

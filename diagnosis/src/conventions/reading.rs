@@ -1,8 +1,10 @@
 //! How the columns of a recording are to be read: the arm's joint positions, torques and clock from what was recorded.
 
-use freeplay_arm::Arm;
+use freeplay_arm::{Arm, JointKind};
 use freeplay_recording::Recording;
 use nalgebra::Vector3;
+
+use super::kinds::angle_wrap::unwrapped;
 
 /// How one joint's position is read.
 #[derive(Clone, Debug, PartialEq)]
@@ -102,10 +104,11 @@ impl Reading {
     pub fn mended(&self, arm: &Arm, recording: &Recording) -> Recording {
         let mut mended = recording.clone();
         mended.t.iter_mut().for_each(|t| *t *= self.time_unit);
-        let turn = |joint: usize| std::f64::consts::TAU / self.unit_of(joint);
         let unwrapped = |columns: &[Vec<f64>]| -> Vec<Vec<f64>> {
-            let one = |(k, column): (usize, &Vec<f64>)| {
-                if self.unwrap { super::kinds::angle_wrap::unwrapped(column, turn(k)) } else { column.clone() }
+            let one = |(source, column): (usize, &Vec<f64>)| {
+                let is_turning = arm.joints().get(source).is_some_and(|joint| joint.kind == JointKind::Revolute);
+                let smooth = if self.unwrap && is_turning { unwrapped(column) } else { None };
+                smooth.unwrap_or_else(|| column.clone())
             };
             columns.iter().enumerate().map(one).collect()
         };
@@ -121,11 +124,6 @@ impl Reading {
             turned.iter_mut().for_each(|column| *column = shifted(&mended.t, column, self.tool_delay));
         }
         mended
-    }
-
-    /// The unit of a recorded column, rad per unit.
-    fn unit_of(&self, source: usize) -> f64 {
-        self.positions.iter().find(|reading| reading.source == source).map_or(1.0, |reading| reading.unit)
     }
 
     /// Link encoders, read as the motors' are; those that the relative coordinates of another joint need are taken from `q`.

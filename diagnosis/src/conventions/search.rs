@@ -2,7 +2,7 @@
 
 use super::change::{Change, Late, Physics};
 use super::kinds::{self, Ask};
-use super::problem::{Outcome, Problem};
+use super::problem::{FLOOR, Outcome, Problem};
 
 /// Most steps from one start.
 const STEPS: usize = 24;
@@ -10,9 +10,13 @@ const STEPS: usize = 24;
 const REFINED: usize = 2;
 /// Rows of the screening.
 const FEW_ROWS: usize = 60;
+/// The floor under which numbers of a settled set are fitted.
+const SHARP: f64 = 2e-3;
 /// Half the width within which a fitted zero is refined, rad, and a delay, s.
 const ABOUT_ZERO: f64 = 0.27;
 const ABOUT_DELAY: f64 = 0.02;
+/// What a finer set may lose of the evidence under the coarse floor: a factor of 20.
+const FINER: f64 = 3.0;
 /// Steps of the golden-section search of both.
 const GOLDEN: usize = 14;
 
@@ -20,20 +24,26 @@ const GOLDEN: usize = 14;
 pub(crate) struct Search<'a> {
     pub whole: Problem<'a>,
     few: Problem<'a>,
+    /// All rows, down to what the instruments say.
+    sharp: Problem<'a>,
 }
 
 impl<'a> Search<'a> {
     /// For an arm and the rows of a recording.
     pub fn new(arm: &'a freeplay_arm::Arm, samples: &'a super::samples::Samples) -> Self {
         let stride = (samples.len() / FEW_ROWS).max(1);
-        Self { whole: Problem::new(arm, samples, 1), few: Problem::new(arm, samples, stride) }
+        Self {
+            whole: Problem::new(arm, samples, 1, FLOOR),
+            few: Problem::new(arm, samples, stride, FLOOR),
+            sharp: Problem::new(arm, samples, 1, SHARP),
+        }
     }
 
     /// The best set of all starts: sought on few rows, settled on all of them.
     pub fn best(&self) -> Outcome {
         let plain = climb(&self.few, &[], true);
         let best = if is_settled(&plain) { plain } else { self.of_all_starts(plain) };
-        climb(&self.whole, &best.changes, true)
+        self.settled(&best.changes, true)
     }
 
     fn of_all_starts(&self, plain: Outcome) -> Outcome {
@@ -60,8 +70,37 @@ impl<'a> Search<'a> {
 
     /// The best set of `start` and physics beside it.
     pub fn beside(&self, start: &[Change]) -> Outcome {
-        let few = climb(&self.few, start, false);
-        climb(&self.whole, &few.changes, false)
+        self.settled(&climb(&self.few, start, false).changes, false)
+    }
+
+    /// `changes` on all rows: what is not worth it there is dropped, and numbers are fitted as finely as the instruments allow.
+    fn settled(&self, changes: &[Change], with_reading: bool) -> Outcome {
+        let mut best = self.whole.outcome(changes);
+        while let Some(next) = dropped(&self.whole, &best, with_reading)
+            .into_iter()
+            .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
+            .filter(|next| next.evidence > best.evidence)
+        {
+            best = next;
+        }
+        if with_reading {
+            let finer = self.whole.outcome(&self.finer(&best.changes));
+            if finer.evidence > best.evidence - FINER {
+                best = finer;
+            }
+        }
+        best
+    }
+
+    /// `changes` with their numbers fitted under the sharp floor, rounded where that is as good.
+    fn finer(&self, changes: &[Change]) -> Vec<Change> {
+        let mut best = self.sharp.outcome(changes);
+        for _ in 0..best.changes.len() {
+            // The first change goes to the end, refined.
+            best.changes.rotate_left(1);
+            best = refined(&self.sharp, best);
+        }
+        best.changes
     }
 }
 
@@ -130,8 +169,8 @@ fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
 }
 /// Whether a set leaves so little of every channel that no other start can say more.
 fn is_settled(outcome: &Outcome) -> bool {
-    /// Twice the floor, squared: one per cent.
-    const LITTLE: f64 = 0.01;
+    /// A fault of the reading leaves more than a tenth of the variance of some channel.
+    const LITTLE: f64 = 0.1;
     outcome.left.iter().all(|left| !(*left > LITTLE))
 }
 
