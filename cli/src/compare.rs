@@ -33,6 +33,9 @@ pub struct CompareArgs {
     /// The recording: CSV or MCAP, from a machine or from `freeplay run`.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
+    /// What the columns of the recording mean, a mapping file such as the setup.toml of a diagnosis; for CSV.
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -54,7 +57,7 @@ pub struct CompareArgs {
 pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let file = load_model(&args.model)?;
     let effects = Effects::of(&file).map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
-    let recording = recorded::read(&args.recording, &args.model, &file)?;
+    let recording = recorded::read(&args.recording, &args.model, &file, args.mapping.as_deref())?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
     voice::doing(format_args!("comparing {} samples", recording.len()));
     let (comparison, residuals) =
@@ -104,6 +107,7 @@ impl View<'_> {
         for (what, words) in self.heading() {
             let _ = writeln!(text, "{what:11} {words}");
         }
+        text.push_str(&crate::check::block(&self.comparison.setup, None));
         let _ = writeln!(text, "\n{}\n\n{}\n", self.verdict(), self.terminal_table());
         let _ =
             writeln!(text, "error: measured minus model; spread: standard deviation of the measured signal");

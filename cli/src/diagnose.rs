@@ -22,6 +22,8 @@ use crate::say::{say, show};
 use crate::setup::load_model;
 use crate::voice;
 
+/// The file of results that says how the recordings are to be read.
+pub const SETUP: &str = "setup.toml";
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
 const NEXT_S: f64 = 16.0;
 const NEXT_REACH: f64 = 1.2;
@@ -31,7 +33,8 @@ const NEXT_CANDIDATES: usize = 16;
 ///
 /// What is missing is sought in the first 70 % of a recording and judged on the rest, and on each other part by a fit that has not seen
 /// it; its numbers rest on all of it. With several recordings, on all but the last, which judges. Verdicts:
-/// nothing_missing, named, one_of, unknown, insufficient_data; all of them end with exit code 0.
+/// nothing_missing, named, one_of, unknown, insufficient_data; setup, where recording and model don't mean the same (units, signs, order, zeros,
+/// gravity, clocks): then all else is said of the mended reading. All of them end with exit code 0.
 #[derive(Args, Debug)]
 pub struct DiagnoseArgs {
     /// The model: an arm file (URDF or TOML), or "paper".
@@ -40,6 +43,9 @@ pub struct DiagnoseArgs {
     /// Recordings of one machine with the same columns: CSV or MCAP. Of several, the last is held out; the first, where the last alone shows what is missing.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     recording: Vec<PathBuf>,
+    /// What the columns of the recordings mean, a mapping file such as the setup.toml of a diagnosis; for CSV.
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -106,7 +112,8 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let settings = args.settings()?;
     recorded::only_once(&args.recording)?;
     let file = load_model(&args.model)?;
-    let read = |path: &PathBuf| recorded::read(path, &args.model, &file);
+    let mapping = args.mapping.as_deref();
+    let read = |path: &PathBuf| recorded::read(path, &args.model, &file, mapping);
     let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
     // Before what takes minutes.
     let _reserved = args.out.as_deref().map(Folder::reserve).transpose()?;
@@ -190,6 +197,11 @@ impl View<'_> {
         self.args.out.as_deref()
     }
 
+    /// The file that says how the recordings are to be read, where one is written.
+    pub fn setup_file(&self) -> Option<PathBuf> {
+        self.diagnosis.mapping.as_ref().and_then(|_| Some(self.out()?.join(SETUP)))
+    }
+
     /// The recording that is held out, as it was named.
     pub fn last_recording(&self) -> &Path {
         self.args.recording.last().map_or(Path::new(""), PathBuf::as_path)
@@ -211,6 +223,9 @@ impl View<'_> {
         crate::files::make_folder(out)?;
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
         write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))?;
+        if let Some(mapping) = &self.diagnosis.mapping {
+            write(&out.join(SETUP), mapping)?;
+        }
         let View { args, file, diagnosis, .. } = self;
         let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis };
         write(&out.join("report.html"), &document(&subject).to_html())

@@ -103,7 +103,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     let model = model.ok_or_else(|| Failure::usage("name a diagnosis.json, or --model with --kinds"))?;
     let file = load_model(&model)?;
     let seen = found.as_ref().and_then(|found| found.recordings.first());
-    let seen = seen.map(|path| recorded::read(path, &model, &file)).transpose()?;
+    let seen = seen.map(|path| recorded::read(path, &model, &file, None)).transpose()?;
     let rivals = match &found {
         _ if !args.kinds.is_empty() => named(args, &file)?,
         Some(found) => found.rivals(&file)?,

@@ -14,6 +14,7 @@ mod blind;
 mod bound;
 mod bound_table;
 mod cells;
+mod check;
 mod closed_loop;
 mod columns;
 mod compare;

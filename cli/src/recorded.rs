@@ -3,26 +3,27 @@
 use std::path::{Path, PathBuf};
 
 use freeplay_arm::ArmFile;
-use freeplay_recording::{ColumnError, ReadError, Recording};
+use freeplay_diagnosis::{Reading, SetupFinding, time_unit};
+use freeplay_recording::{ColumnError, Mapping, ReadError, Recording};
 
 use crate::exit::Failure;
 use crate::voice;
 
-/// A recording with longer steps shows nothing of how an arm moves, s: its times are no seconds.
-const LONGEST_STEP_S: f64 = 1.0;
-/// Median steps up to which times count as milliseconds, and as microseconds; beyond, nanoseconds. Taken for a rate of 3 Hz to 1 kHz.
-const MOST_MS: f64 = 300.0;
-const MOST_US: f64 = 3e5;
 /// No arm reaches farther, m.
 const FARTHEST_M: f64 = 30.0;
 
-/// Reads a recording of the arm in `file`, which was named `model`. What may be in another unit is noted in it.
+/// Reads a recording of the arm in `file`, which was named `model`, its columns as `mapping` says. What may be in another unit is noted in it.
 ///
 /// # Errors
 /// The reader's own; another number of joints; times that are no seconds.
-pub fn read(path: &Path, model: &str, file: &ArmFile) -> Result<Recording, Failure> {
-    let read = freeplay_recording::read(path, Some(file.arm.dof()));
-    let mut recording = read.map_err(|error| unreadable(&error, model, file))?;
+pub fn read(path: &Path, model: &str, file: &ArmFile, mapping: Option<&Path>) -> Result<Recording, Failure> {
+    let mut recording = match mapping {
+        None => {
+            let read = freeplay_recording::read(path, Some(file.arm.dof()));
+            read.map_err(|error| unreadable(&error, model, file))?
+        }
+        Some(mapping) => mapped(path, file, mapping)?,
+    };
     check_times(&recording)?;
     recording.notes.extend(far_tool(&recording));
     voice::detail(format_args!(
@@ -34,6 +35,17 @@ pub fn read(path: &Path, model: &str, file: &ArmFile) -> Result<Recording, Failu
         recording.rate_hz()
     ));
     Ok(recording)
+}
+
+/// A CSV as `mapping` says; where the arm's weight is missing from its torques, with it.
+fn mapped(path: &Path, file: &ArmFile, mapping: &Path) -> Result<Recording, Failure> {
+    let mapping = Mapping::load(mapping).map_err(Failure::input)?;
+    let recording = freeplay_recording::import_csv(path, &mapping).map_err(Failure::input)?;
+    if !mapping.is_gravity_compensated() || recording.joints() != file.arm.dof() {
+        return Ok(recording);
+    }
+    let reading = Reading { gravity_added: true, ..Reading::plain(file.arm.dof()) };
+    Ok(reading.mended(&file.arm, &recording))
 }
 
 /// The reader's error; where the number of joints differs, with what the model says of its own.
@@ -49,19 +61,9 @@ fn unreadable(error: &ReadError, model: &str, file: &ArmFile) -> Failure {
 
 /// Refuses times that are no seconds.
 fn check_times(recording: &Recording) -> Result<(), Failure> {
-    let step = recording.median_step();
-    if step < LONGEST_STEP_S {
-        return Ok(());
-    }
-    let (unit, per_second) = match step {
-        step if step < MOST_MS => ("milliseconds", "1e3"),
-        step if step < MOST_US => ("microseconds", "1e6"),
-        _ => ("nanoseconds", "1e9"),
-    };
-    Err(Failure::input(format!(
-        "{}: column t: rows are {step} apart, and times are in seconds; are these {unit}? give seconds (divide by {per_second}), or say the unit in a mapping file: freeplay record import",
-        recording.origin.display()
-    )))
+    let Some(SetupFinding { statement, remedy, .. }) = time_unit(recording) else { return Ok(()) };
+    let origin = recording.origin.display();
+    Err(Failure::input(format!("{origin}: column t: {statement} {remedy}")))
 }
 
 /// A tool that is farther away than any arm reaches.

@@ -83,7 +83,11 @@ pub fn import_csv(path: &Path, mapping: &Mapping) -> Result<Recording, ReadError
     }
     let source =
         Source { file: path, size: Some(metadata.len()), joints: None, limit: MAX_NUMBERS, overview: None };
-    csv_reader::read_mapped(File::open(path).map_err(failed)?, &source, Some(mapping))
+    let mut recording = csv_reader::read_mapped(File::open(path).map_err(failed)?, &source, Some(mapping))?;
+    mapping
+        .finish(&mut recording)
+        .map_err(|error| ReadError::Mapping { place: source.place(Row::Whole), source: error })?;
+    Ok(recording)
 }
 
 /// Reads a recording from any stream of bytes; `origin` stands for the file in messages. See [`read`].

@@ -1,7 +1,7 @@
 //! The question from end to end: from a recording to what is wrong with its reading.
 
 use freeplay_arm::{Arm, JointKind};
-use freeplay_recording::Recording;
+use freeplay_recording::{Recording, unwrapped};
 
 use super::change::{Change, reading};
 use super::finding::{Certainty, Setup, SetupFinding};
@@ -18,6 +18,8 @@ const MOST: f64 = 4.0;
 const MUCH: f64 = 2.0;
 /// A channel counts for that where at least this share of its variance was unexplained.
 const UNEXPLAINED: f64 = 0.05;
+/// A channel speaks of its reading where the rigid arm makes this share of its variance.
+pub(super) const SPOKEN: f64 = 0.1;
 /// Log odds within which another change explains as much: 20 to 1.
 const RIVAL: f64 = 3.0;
 /// Rows beyond which residuals are taken to be independent, and the most that a row may be correlated with the others.
@@ -48,7 +50,7 @@ pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
     let columns = recording.q.iter().enumerate();
     let q: Vec<Vec<f64>> = columns
         .map(|(joint, q)| {
-            let smooth = if turning(joint) { kinds::angle_wrap::unwrapped(q) } else { None };
+            let smooth = if turning(joint) { unwrapped(q) } else { None };
             smooth.unwrap_or_else(|| q.clone())
         })
         .collect();
@@ -124,7 +126,7 @@ impl Examination<'_> {
         for change in asked {
             let rest = without(&best.changes, change);
             let other = search.beside(&rest);
-            let Some(certainty) = certainty(best, &other, &counts) else { continue };
+            let Some(certainty) = certainty(change, best, &other, &counts) else { continue };
             certain.push((*change, certainty));
             rivals.extend(self.rival(search, best, change, &rest).map(|words| (*change, words)));
         }
@@ -165,12 +167,17 @@ fn without(changes: &[Change], change: &Change) -> Vec<Change> {
     changes.iter().filter(stays).copied().collect()
 }
 
-/// How sure it is that `best` is right against `other`, which lacks a change; rows of channel c count 1/`counts[c]` each.
-fn certainty(best: &Outcome, other: &Outcome, counts: &[f64]) -> Option<Certainty> {
+/// How sure it is that `best` is right against `other`, which lacks `change`; rows of channel c count 1/`counts[c]` each. A clock shows
+/// in what the arm itself asks for: where friction is all, a gap or bristles look the same.
+fn certainty(change: &Change, best: &Outcome, other: &Outcome, counts: &[f64]) -> Option<Certainty> {
+    let is_clock = matches!(change, Change::Delay(..));
     let price = |outcome: &Outcome| outcome.evidence - outcome.likelihood.iter().sum::<f64>();
     let mut odds = price(best) - price(other);
     let mut fall = 1.0_f64;
     for (c, count) in counts.iter().enumerate() {
+        if is_clock && best.spoken[c] < SPOKEN {
+            continue;
+        }
         let gain = best.likelihood[c] - other.likelihood[c];
         odds += if gain > 0.0 { gain / count } else { gain };
         if other.left[c] > UNEXPLAINED {

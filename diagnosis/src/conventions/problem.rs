@@ -17,13 +17,19 @@ use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::change::{Change, Physics, reading};
 use super::reading::Reading;
-use super::regression::{Channel, Fit, Own, fit};
+use super::regression::{Channel, Fit, Own, dot, fit};
 use super::samples::Samples;
 
 /// What real arms are off their laws by: 5 % of a torque's standard deviation leaves 0.25 % of its variance.
 pub(crate) const FLOOR: f64 = 0.05;
 /// A joint turns one way or the other above this share of its greatest speed; below, its dry friction may be anything between.
 const MOVES: f64 = 0.02;
+/// Columns of friction and offset, before those of other physics.
+const FRICTION: usize = 3;
+/// Rotors up to this many times the inertia that their joint moves, loads and links up to this share of the arm and the link more.
+const MOST_ROTOR: f64 = 4.0;
+const MOST_LOAD: f64 = 0.7;
+const MOST_LINK: f64 = 2.0;
 /// Rounds in which gravity and scales, whose product is fitted, are fitted in turn.
 const TURNS: usize = 5;
 /// Distance of the points at which a load at the tool is weighed, m.
@@ -65,6 +71,9 @@ pub(crate) struct Outcome {
     pub likelihood: Vec<f64>,
     /// Mean square of what is left of each channel over its variance: the torques by joint (NaN where none), then the tool.
     pub left: Vec<f64>,
+    /// Variance of what the rigid arm asks for over that of what was recorded, in the same order: a channel of friction alone shows
+    /// nothing of how it is to be read.
+    pub spoken: Vec<f64>,
     /// What is left, row by row, in the same order; empty where none.
     pub residual: Vec<Vec<f64>>,
     /// Gravity, m/s².
@@ -161,6 +170,7 @@ impl<'a> Problem<'a> {
             evidence: 0.0,
             likelihood: Vec::new(),
             left: Vec::new(),
+            spoken: Vec::new(),
             residual: Vec::new(),
             gravity: if reading.gravity_added {
                 Vector3::zeros()
@@ -172,17 +182,20 @@ impl<'a> Problem<'a> {
         let mut count = 0;
         if self.samples.has_torques() {
             let torques = Torques::new(self, &reading, &along, changes);
-            let Some(fitted) = torques.fitted(&mut outcome.gravity, &mut outcome.scale) else {
+            let fitted = torques.fitted(&mut outcome.gravity, &mut outcome.scale);
+            let Some(fitted) = fitted.filter(|fitted| torques.is_possible(fitted, &outcome.scale)) else {
                 outcome.evidence = f64::NEG_INFINITY;
                 return outcome;
             };
             outcome.left = vec![f64::NAN; self.arm.dof()];
             outcome.likelihood = vec![0.0; self.arm.dof()];
             outcome.residual = vec![Vec::new(); self.arm.dof()];
+            outcome.spoken = vec![0.0; self.arm.dof()];
             for (channel, (&joint, left)) in torques.joints.iter().zip(&fitted.left).enumerate() {
                 let variance = torques.variance[channel];
                 outcome.likelihood[joint] = self.log_likelihood(*left, variance);
                 outcome.left[joint] = left / variance;
+                outcome.spoken[joint] = torques.spoken(joint, &outcome) / variance;
                 outcome.residual[joint].clone_from(&fitted.residual[channel]);
             }
             count += torques.joints.len();
@@ -211,6 +224,7 @@ impl<'a> Problem<'a> {
             let left = mean_square(&residual);
             outcome.likelihood.push(self.log_likelihood(left, variance));
             outcome.left.push(left / variance);
+            outcome.spoken.push(1.0);
             outcome.residual.push(residual);
         }
     }
@@ -271,7 +285,7 @@ impl<'p, 'a> Torques<'p, 'a> {
             }
         }
         let is_scaled = self.scales.iter().any(|scale| !matches!(scale, Scale::Known(_)));
-        if self.changes.contains(&Change::AnyGravity) {
+        if self.changes.contains(&Change::AnyGravity) && !self.joints.is_empty() {
             let size = gravity.norm();
             for _ in 0..if is_scaled { TURNS } else { 1 } {
                 let fitted = fit(&self.channels(gravity, scale, true));
@@ -292,6 +306,58 @@ impl<'p, 'a> Torques<'p, 'a> {
             return Some(again);
         }
         Some(fitted)
+    }
+
+    /// Whether physics beside the reading has sizes that a machine can have.
+    fn is_possible(&self, fitted: &Fit, scale: &[f64]) -> bool {
+        let of_joint = |(own, &joint): (&Vec<f64>, &usize)| {
+            let mut at = FRICTION;
+            self.changes.iter().all(|change| match *change {
+                Change::Beside(Physics::Rotor(here)) if here == joint => {
+                    at += 1;
+                    own[at - 1] / scale[joint] <= MOST_ROTOR * self.inertia(joint)
+                }
+                Change::Beside(Physics::Spring(here)) if here == joint => {
+                    at += 1;
+                    true
+                }
+                Change::Beside(Physics::Coupling(here, _)) if here == joint => {
+                    at += 3;
+                    true
+                }
+                _ => true,
+            })
+        };
+        let mut at = 0;
+        let mass: f64 = self.problem.arm.joints().iter().map(|joint| joint.inertia.mass).sum();
+        let are_masses = self.changes.iter().all(|change| match change {
+            Change::Beside(Physics::Payload) => {
+                at += 4;
+                (-MOST_LOAD * mass..=MOST_LOAD * mass).contains(&fitted.shared[at - 4])
+            }
+            Change::Beside(Physics::Link(_)) => {
+                at += 1;
+                (-1.0..=MOST_LINK).contains(&fitted.shared[at - 1])
+            }
+            _ => true,
+        });
+        are_masses && fitted.own.iter().zip(&self.joints).all(of_joint)
+    }
+
+    /// Inertia that `joint` feels, about.
+    fn inertia(&self, joint: usize) -> f64 {
+        let a = &self.along.a[joint];
+        (dot(&self.along.inertial[joint], a) / dot(a, a).max(f64::MIN_POSITIVE)).max(0.0)
+    }
+
+    /// Variance of what the rigid arm of `outcome` asks of `joint`.
+    fn spoken(&self, joint: usize, outcome: &Outcome) -> f64 {
+        let held = |row: usize| -> f64 {
+            (0..3).map(|axis| outcome.gravity[axis] * self.along.gravity[axis][joint][row]).sum()
+        };
+        let model: Vec<f64> =
+            self.along.inertial[joint].iter().enumerate().map(|(row, x)| x + held(row)).collect();
+        variance(&model) * outcome.scale[joint].powi(2)
     }
 
     fn take_scales(&self, fitted: &Fit, scale: &mut [f64]) -> Option<()> {

@@ -1,10 +1,8 @@
 //! How the columns of a recording are to be read: the arm's joint positions, torques and clock from what was recorded.
 
 use freeplay_arm::{Arm, JointKind};
-use freeplay_recording::Recording;
+use freeplay_recording::{Recording, shifted, unwrapped};
 use nalgebra::Vector3;
-
-use super::kinds::angle_wrap::unwrapped;
 
 /// How one joint's position is read.
 #[derive(Clone, Debug, PartialEq)]
@@ -156,24 +154,4 @@ impl Reading {
         }
         mended.tau = Some(torques);
     }
-}
-
-/// `column`, sampled at the times `t`, `delay` s later, by the straight line; beyond the ends, the end's value.
-pub(crate) fn shifted(t: &[f64], column: &[f64], delay: f64) -> Vec<f64> {
-    if delay == 0.0 || t.len() < 2 {
-        return column.to_vec();
-    }
-    let mut below = 0;
-    let at = |time: &f64| {
-        let time = time + delay;
-        while below > 0 && t[below] > time {
-            below -= 1;
-        }
-        while below + 2 < t.len() && t[below + 1] <= time {
-            below += 1;
-        }
-        let u = ((time - t[below]) / (t[below + 1] - t[below])).clamp(0.0, 1.0);
-        column[below] + u * (column[below + 1] - column[below])
-    };
-    t.iter().map(at).collect()
 }

@@ -66,6 +66,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             schema: DIAGNOSIS_SCHEMA,
             verdict: Verdict::InsufficientData,
             statement: format!("These recordings can't tell: {why}."),
+            setup: Vec::new(),
             location: Vec::new(),
             effects: Vec::new(),
             alternatives: Vec::new(),
@@ -80,6 +81,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             twins: 0,
             seed: settings.seed,
             passages: Vec::new(),
+            mapping: None,
             model: file.clone(),
         }
     }
@@ -127,6 +129,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             schema: DIAGNOSIS_SCHEMA,
             verdict,
             statement: String::new(),
+            setup: Vec::new(),
             location,
             effects,
             alternatives,
@@ -141,6 +144,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             twins: self.settings.twins,
             seed: self.settings.seed,
             passages,
+            mapping: None,
             model,
         };
         word(&mut diagnosis);

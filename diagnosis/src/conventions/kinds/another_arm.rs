@@ -2,6 +2,7 @@
 //!
 //! It asks, when every other question is answered, whether most channels still have most of their variance unexplained.
 
+use super::super::examine::SPOKEN;
 use super::super::finding::{Certainty, SetupFinding};
 use super::super::problem::Outcome;
 
@@ -13,7 +14,8 @@ const AWAY: f64 = 0.02;
 /// Words and remedy; `joints` torques come first in what is left.
 pub(crate) fn found(best: &Outcome, joints: usize, has_torques: bool, has_tool: bool) -> Option<SetupFinding> {
     let (torques, tool) = best.left.split_at(if has_torques { joints } else { 0 });
-    let judged: Vec<f64> = torques.iter().copied().filter(|left| left.is_finite()).collect();
+    let speaks = torques.iter().zip(&best.spoken).filter(|(left, spoken)| left.is_finite() && **spoken > SPOKEN);
+    let judged: Vec<f64> = speaks.map(|(left, _)| *left).collect();
     let odd = judged.iter().filter(|left| **left > UNEXPLAINED).count();
     let is_away = has_tool && tool.iter().sum::<f64>() / 3.0 > AWAY;
     let is_odd = 2 * odd > judged.len();

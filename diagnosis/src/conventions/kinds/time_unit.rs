@@ -12,8 +12,8 @@ const LONGEST_STEP_S: f64 = 1.0;
 const MOST_MS: f64 = 300.0;
 const MOST_US: f64 = 3e5;
 
-/// What it finds; none where the times are seconds.
-pub(crate) fn found(recording: &Recording) -> Option<SetupFinding> {
+/// Times of `recording` that are no seconds; none where they are. The statement and the remedy go on where a file and a column stand before them.
+pub fn found(recording: &Recording) -> Option<SetupFinding> {
     let step = recording.median_step();
     if step < LONGEST_STEP_S {
         return None;
@@ -31,7 +31,7 @@ pub(crate) fn found(recording: &Recording) -> Option<SetupFinding> {
         certainty: Certainty::Sure,
         statement: format!("rows are {step} apart, and times are in seconds; are these {unit}?"),
         remedy: format!(
-            "give seconds (divide by {per_second:e}), or say the unit in a mapping file: under [t], unit = \"{short}\""
+            "give seconds (divide by {per_second:e}), or say the unit in a mapping file: freeplay record import, under [t] unit = \"{short}\""
         ),
         gravity: None,
     })
