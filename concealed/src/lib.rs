@@ -12,6 +12,7 @@
 //! - [`Plan`]: the machine as it is: arm, drives, transmissions, bearings, springs.
 //! - [`Trace`]: what it did, by the servo controller and the time stepping of [`Plan::run`].
 //! - [`Chain`]: the sensors: what of it is written down.
+//! - [`SetupFault`]: a recording that is not read as its data sheet means it, put in by [`with_setup_faults`], of [`Kept`] channels.
 //! - [`Made`]: the data sheet, two recordings and the [`Truth`]; from [`make_case`], [`make_here`] or [`generate`].
 
 mod arms;

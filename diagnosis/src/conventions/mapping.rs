@@ -7,7 +7,7 @@ use freeplay_recording::{Group, Recording};
 use super::reading::Reading;
 
 /// `reading` as a mapping of the columns of `recording` under their own names; `None` for a reading that changes nothing.
-pub fn mapping(reading: &Reading, recording: &Recording) -> Option<String> {
+pub(crate) fn mapping(reading: &Reading, recording: &Recording) -> Option<String> {
     if reading.is_plain() {
         return None;
     }

@@ -25,6 +25,5 @@ mod several;
 pub use examine::examine;
 pub use finding::{Certainty, Setup, SetupFinding, sentences};
 pub use kinds::time_unit::found as time_unit;
-pub use mapping::mapping;
 pub use reading::{PositionReading, Reading, TorqueReading};
 pub use several::Mended;

@@ -440,7 +440,7 @@ fn word(diagnosis: &mut Diagnosis) {
         Verdict::Named => left_out,
         Verdict::OneOf => left_out + &words::open(&diagnosis.alternatives),
         Verdict::Unknown => unknown(&diagnosis.along_the_arm()),
-        Verdict::InsufficientData => diagnosis.statement.clone(),
+        Verdict::InsufficientData | Verdict::Setup => diagnosis.statement.clone(),
     };
     if diagnosis.verdict == Verdict::OneOf {
         let undecided = diagnosis.alternatives.iter().filter(|a| a.indistinguishable);
