@@ -125,7 +125,11 @@ impl Examination<'_> {
         });
         for change in asked {
             let rest = without(&best.changes, change);
-            let other = search.beside(&rest);
+            let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
+            let other = search.beside(&readings);
+            if other.likelihood.len() != best.likelihood.len() {
+                continue;
+            }
             let Some(certainty) = certainty(change, best, &other, &counts) else { continue };
             certain.push((*change, certainty));
             rivals.extend(self.rival(search, best, change, &rest).map(|words| (*change, words)));

@@ -30,6 +30,8 @@ const FRICTION: usize = 3;
 const MOST_ROTOR: f64 = 4.0;
 const MOST_LOAD: f64 = 0.7;
 const MOST_LINK: f64 = 2.0;
+/// No unit makes a torque larger or smaller than by this: counts of 16 bits, micronewton metres of a wrist are below.
+const MOST_SCALE: f64 = 1e6;
 /// Rounds in which gravity and scales, whose product is fitted, are fitted in turn.
 const TURNS: usize = 5;
 /// Distance of the points at which a load at the tool is weighed, m.
@@ -180,8 +182,8 @@ impl<'a> Problem<'a> {
             scale: vec![1.0; self.arm.dof()],
         };
         let mut count = 0;
-        if self.samples.has_torques() {
-            let torques = Torques::new(self, &reading, &along, changes);
+        let torques = self.samples.has_torques().then(|| Torques::new(self, &reading, &along, changes));
+        if let Some(torques) = torques.filter(|torques| !torques.joints.is_empty()) {
             let fitted = torques.fitted(&mut outcome.gravity, &mut outcome.scale);
             let Some(fitted) = fitted.filter(|fitted| torques.is_possible(fitted, &outcome.scale)) else {
                 outcome.evidence = f64::NEG_INFINITY;
@@ -285,7 +287,7 @@ impl<'p, 'a> Torques<'p, 'a> {
             }
         }
         let is_scaled = self.scales.iter().any(|scale| !matches!(scale, Scale::Known(_)));
-        if self.changes.contains(&Change::AnyGravity) && !self.joints.is_empty() {
+        if self.changes.contains(&Change::AnyGravity) {
             let size = gravity.norm();
             for _ in 0..if is_scaled { TURNS } else { 1 } {
                 let fitted = fit(&self.channels(gravity, scale, true));
@@ -335,7 +337,7 @@ impl<'p, 'a> Torques<'p, 'a> {
                 at += 4;
                 (-MOST_LOAD * mass..=MOST_LOAD * mass).contains(&fitted.shared[at - 4])
             }
-            Change::Beside(Physics::Link(_)) => {
+            Change::Beside(Physics::Link(joint)) if self.problem.links[*joint].is_some() => {
                 at += 1;
                 (-1.0..=MOST_LINK).contains(&fitted.shared[at - 1])
             }
@@ -367,7 +369,7 @@ impl<'p, 'a> Torques<'p, 'a> {
                 Scale::Common => scale[joint] = *fitted.shared.last()?,
                 Scale::Known(_) => {}
             }
-            if !(scale[joint] > 0.0) {
+            if !(1.0 / MOST_SCALE..=MOST_SCALE).contains(&scale[joint]) {
                 return None;
             }
         }

@@ -1,6 +1,6 @@
 //! Small least squares: channels with columns of their own and columns that they share.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// A channel's own column.
 pub(crate) struct Own {
@@ -41,46 +41,96 @@ const RIDGE: f64 = 1e-9;
 pub(crate) fn fit(channels: &[Channel]) -> Fit {
     let count = channels.first().map_or(0, |channel| channel.shared.len());
     let mut shared = vec![0.0; count];
-    let mut best = leave(channels, &shared);
-    if count == 0 {
-        return best;
+    if count > 0 {
+        let products: Vec<Products> = channels.iter().map(Products::of).collect();
+        for _ in 0..ROUNDS {
+            let weight = |products: &Products| 1.0 / (products.left(&shared) + products.floor);
+            let weights: Vec<f64> = products.iter().map(weight).collect();
+            let Some(next) = common(&products, &weights, count) else { break };
+            shared = next;
+        }
     }
-    for _ in 0..ROUNDS {
-        let weights: Vec<f64> =
-            channels.iter().zip(&best.left).map(|(channel, left)| 1.0 / (left + channel.floor)).collect();
-        let Some(next) = common(channels, &weights, count) else { break };
-        shared = next;
-        best = leave(channels, &shared);
-    }
-    best
+    leave(channels, &shared)
 }
 
-/// The shared coefficients, each channel's own columns projected out.
-fn common(channels: &[Channel], weights: &[f64], count: usize) -> Option<Vec<f64>> {
+/// Products of a channel's target and shared columns, its own columns projected out.
+struct Products {
+    normal: DMatrix<f64>,
+    right: DVector<f64>,
+    square: f64,
+    rows: f64,
+    floor: f64,
+}
+
+impl Products {
+    fn of(channel: &Channel) -> Self {
+        let own: Vec<&[f64]> = channel.own.iter().map(|own| own.column.as_slice()).collect();
+        let factor = Factor::of(&own);
+        let target = factor.cleared(&own, &channel.target);
+        let shared: Vec<Vec<f64>> = channel.shared.iter().map(|column| factor.cleared(&own, column)).collect();
+        let normal = DMatrix::from_fn(shared.len(), shared.len(), |i, k| dot(&shared[i], &shared[k]));
+        let right = DVector::from_fn(shared.len(), |i, _| dot(&shared[i], &target));
+        let (square, rows) = (dot(&target, &target), target.len().max(1) as f64);
+        Self { normal, right, square, rows, floor: channel.floor }
+    }
+
+    /// Mean square that `shared` coefficients leave.
+    fn left(&self, shared: &[f64]) -> f64 {
+        let x = DVector::from_column_slice(shared);
+        let left = self.square - 2.0 * x.dot(&self.right) + x.dot(&(&self.normal * &x));
+        left.max(0.0) / self.rows
+    }
+}
+
+/// The shared coefficients.
+fn common(products: &[Products], weights: &[f64], count: usize) -> Option<Vec<f64>> {
     let mut normal = DMatrix::zeros(count, count);
     let mut right = DVector::zeros(count);
-    for (channel, weight) in channels.iter().zip(weights) {
-        let own: Vec<&[f64]> = channel.own.iter().map(|own| own.column.as_slice()).collect();
-        let target = cleared(&own, &channel.target);
-        let shared: Vec<Vec<f64>> = channel.shared.iter().map(|column| cleared(&own, column)).collect();
-        for (i, one) in shared.iter().enumerate() {
-            right[i] += weight * dot(one, &target);
-            for (k, other) in shared.iter().enumerate().take(i + 1) {
-                let value = weight * dot(one, other);
-                normal[(i, k)] += value;
-                if i != k {
-                    normal[(k, i)] += value;
-                }
-            }
-        }
+    for (products, weight) in products.iter().zip(weights) {
+        normal += &products.normal * *weight;
+        right += &products.right * *weight;
     }
     solve(normal, &right)
 }
 
-/// `column` without what the `own` columns say of it.
-fn cleared(own: &[&[f64]], column: &[f64]) -> Vec<f64> {
-    let coefficients = free(own, column);
-    minus(column, own, &coefficients)
+/// The factored normal equations of some columns.
+struct Factor {
+    scale: Vec<f64>,
+    cholesky: Option<Cholesky<f64, Dyn>>,
+}
+
+impl Factor {
+    fn of(columns: &[&[f64]]) -> Self {
+        let count = columns.len();
+        Self::from_normal(DMatrix::from_fn(count, count, |i, k| dot(columns[i], columns[k])))
+    }
+
+    /// Scaled to a diagonal of one.
+    fn from_normal(mut normal: DMatrix<f64>) -> Self {
+        let count = normal.nrows();
+        let inverse = |x: f64| if x > 0.0 { 1.0 / x.sqrt() } else { 0.0 };
+        let scale: Vec<f64> = (0..count).map(|i| inverse(normal[(i, i)])).collect();
+        for i in 0..count {
+            for k in 0..count {
+                normal[(i, k)] *= scale[i] * scale[k];
+            }
+            normal[(i, i)] = if scale[i] > 0.0 { 1.0 + RIDGE } else { 1.0 };
+        }
+        Self { scale, cholesky: normal.cholesky() }
+    }
+
+    fn solve(&self, right: &DVector<f64>) -> Option<Vec<f64>> {
+        let right = DVector::from_fn(right.len(), |i, _| right[i] * self.scale[i]);
+        let solved = self.cholesky.as_ref()?.solve(&right);
+        Some(solved.iter().zip(&self.scale).map(|(x, scale)| x * scale).collect())
+    }
+
+    /// `column` without what the columns say of it.
+    fn cleared(&self, columns: &[&[f64]], column: &[f64]) -> Vec<f64> {
+        let right = DVector::from_fn(columns.len(), |i, _| dot(columns[i], column));
+        let coefficients = self.solve(&right).unwrap_or_else(|| vec![0.0; columns.len()]);
+        minus(column, columns, &coefficients)
+    }
 }
 
 /// What is left of each channel under the `shared` coefficients.
@@ -119,34 +169,13 @@ fn bounded(own: &[Own], target: &[f64]) -> Vec<f64> {
 
 /// Least squares of `target` on `columns`.
 fn free(columns: &[&[f64]], target: &[f64]) -> Vec<f64> {
-    let count = columns.len();
-    let mut normal = DMatrix::zeros(count, count);
-    let mut right = DVector::zeros(count);
-    for (i, one) in columns.iter().enumerate() {
-        right[i] = dot(one, target);
-        for (k, other) in columns.iter().enumerate().take(i + 1) {
-            let value = dot(one, other);
-            (normal[(i, k)], normal[(k, i)]) = (value, value);
-        }
-    }
-    solve(normal, &right).unwrap_or_else(|| vec![0.0; count])
+    let right = DVector::from_fn(columns.len(), |i, _| dot(columns[i], target));
+    Factor::of(columns).solve(&right).unwrap_or_else(|| vec![0.0; columns.len()])
 }
 
-/// The solution of a system of normal equations, scaled to a diagonal of one.
-fn solve(mut normal: DMatrix<f64>, right: &DVector<f64>) -> Option<Vec<f64>> {
-    let count = right.len();
-    let scale: Vec<f64> = (0..count)
-        .map(|i| if normal[(i, i)] > 0.0 { 1.0 / normal[(i, i)].sqrt() } else { 0.0 })
-        .collect();
-    for i in 0..count {
-        for k in 0..count {
-            normal[(i, k)] *= scale[i] * scale[k];
-        }
-        normal[(i, i)] = if scale[i] > 0.0 { 1.0 + RIDGE } else { 1.0 };
-    }
-    let right = DVector::from_fn(count, |i, _| right[i] * scale[i]);
-    let solved = normal.cholesky()?.solve(&right);
-    Some(solved.iter().zip(&scale).map(|(x, scale)| x * scale).collect())
+/// The solution of a system of normal equations.
+fn solve(normal: DMatrix<f64>, right: &DVector<f64>) -> Option<Vec<f64>> {
+    Factor::from_normal(normal).solve(right)
 }
 
 fn minus(target: &[f64], columns: &[&[f64]], coefficients: &[f64]) -> Vec<f64> {

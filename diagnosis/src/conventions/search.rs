@@ -10,6 +10,8 @@ const STEPS: usize = 24;
 const REFINED: usize = 2;
 /// Rows of the screening.
 const FEW_ROWS: usize = 60;
+/// Changes that are tried again after a step that was one of physics.
+const PROMISING: usize = 48;
 /// The floor under which numbers of a settled set are fitted.
 const SHARP: f64 = 2e-3;
 /// Half the width within which a fitted zero is refined, rad, and a delay, s.
@@ -107,11 +109,17 @@ impl<'a> Search<'a> {
 /// Steps from `start` as long as the evidence grows; changes of the reading among them, or physics beside it alone.
 fn climb(problem: &Problem, start: &[Change], with_reading: bool) -> Outcome {
     let mut best = problem.outcome(start);
+    let mut promising = None;
     for _ in 0..STEPS {
-        let next = added(problem, &best, with_reading).into_iter().chain(dropped(problem, &best, with_reading));
+        let added = added(problem, &best, with_reading, &mut promising);
+        let next = added.into_iter().chain(dropped(problem, &best, with_reading));
         let Some(next) = next.max_by(|a, b| a.evidence.total_cmp(&b.evidence)) else { break };
         if !(next.evidence > best.evidence) {
             break;
+        }
+        // Physics beside it changes little of what else is promising; another reading changes all.
+        if next.changes.iter().filter(|change| change.is_reading()).ne(best.changes.iter().filter(|change| change.is_reading())) {
+            promising = None;
         }
         best = next;
     }
@@ -119,10 +127,17 @@ fn climb(problem: &Problem, start: &[Change], with_reading: bool) -> Outcome {
 }
 
 /// The best outcomes with one change more, or one in the place of those that it excludes.
-fn added(problem: &Problem, best: &Outcome, with_reading: bool) -> Option<Outcome> {
+/// `promising` are the changes that were so before; all where there are none.
+fn added(
+    problem: &Problem,
+    best: &Outcome,
+    with_reading: bool,
+    promising: &mut Option<Vec<Change>>,
+) -> Option<Outcome> {
     let samples = problem.samples;
     let ask = Ask { arm: problem.arm, has_torques: samples.has_torques(), has_tool: samples.has_tool(), best };
-    let asked = kinds::asks(&ask).into_iter().filter(|change| with_reading || !change.is_reading());
+    let asked = promising.clone().unwrap_or_else(|| kinds::asks(&ask));
+    let asked = asked.into_iter().filter(|change| with_reading || !change.is_reading());
     let sets = asked.filter_map(|change| {
         let others = best.changes.iter().copied().filter(|other| !other.excludes(&change));
         let set: Vec<Change> = others.chain([change]).collect();
@@ -130,6 +145,8 @@ fn added(problem: &Problem, best: &Outcome, with_reading: bool) -> Option<Outcom
     });
     let mut outcomes: Vec<Outcome> = sets.map(|set| problem.outcome(&set)).collect();
     outcomes.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let last = outcomes.iter().take(PROMISING).filter_map(|outcome| outcome.changes.last().copied());
+    *promising = Some(last.collect());
     outcomes.truncate(REFINED);
     outcomes.into_iter().map(|outcome| refined(problem, outcome)).max_by(|a, b| a.evidence.total_cmp(&b.evidence))
 }
