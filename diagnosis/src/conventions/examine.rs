@@ -171,15 +171,16 @@ fn without(changes: &[Change], change: &Change) -> Vec<Change> {
     changes.iter().filter(stays).copied().collect()
 }
 
-/// How sure it is that `best` is right against `other`, which lacks `change`; rows of channel c count 1/`counts[c]` each. A clock shows
-/// in what the arm itself asks for: where friction is all, a gap or bristles look the same.
+/// How sure it is that `best` is right against `other`, which lacks `change`; rows of channel c count 1/`counts[c]` each. A reading shows
+/// in what the arm itself asks for: where friction is all, a gap or bristles look like a clock, and a torque that has nothing to do with
+/// the model like one in a unit that is far too large. Torques without gravity alone may be silent.
 fn certainty(change: &Change, best: &Outcome, other: &Outcome, counts: &[f64]) -> Option<Certainty> {
-    let is_clock = matches!(change, Change::Delay(..));
+    let is_silent = matches!(change, Change::Compensated);
     let price = |outcome: &Outcome| outcome.evidence - outcome.likelihood.iter().sum::<f64>();
     let mut odds = price(best) - price(other);
     let mut fall = 1.0_f64;
     for (c, count) in counts.iter().enumerate() {
-        if is_clock && best.spoken[c] < SPOKEN {
+        if !is_silent && best.spoken[c] < SPOKEN {
             continue;
         }
         let gain = best.likelihood[c] - other.likelihood[c];

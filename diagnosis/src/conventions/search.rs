@@ -10,6 +10,9 @@ const STEPS: usize = 24;
 const REFINED: usize = 2;
 /// Rows of the screening.
 const FEW_ROWS: usize = 60;
+/// Steps after which the starts are compared, and how many go on.
+const FIRST: usize = 3;
+const AHEAD: usize = 2;
 /// Changes that are tried again after a step that was one of physics.
 const PROMISING: usize = 48;
 /// The floor under which numbers of a settled set are fitted.
@@ -57,9 +60,13 @@ impl<'a> Search<'a> {
             let turned = [scales.as_slice(), &[Change::AnyGravity]].concat();
             starts.extend([scales, vec![Change::AnyGravity], turned, signs]);
         }
+        // All start, the two that are ahead after a few steps go on.
+        let mut ahead: Vec<Outcome> = starts.iter().map(|start| steps(&self.few, start, true, FIRST)).collect();
+        ahead.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        ahead.truncate(AHEAD);
         let mut best = plain;
-        for start in starts {
-            let other = climb(&self.few, &start, true);
+        for start in ahead {
+            let other = climb(&self.few, &start.changes, true);
             if other.evidence > best.evidence {
                 best = other;
             }
@@ -108,9 +115,14 @@ impl<'a> Search<'a> {
 
 /// Steps from `start` as long as the evidence grows; changes of the reading among them, or physics beside it alone.
 fn climb(problem: &Problem, start: &[Change], with_reading: bool) -> Outcome {
+    steps(problem, start, with_reading, STEPS)
+}
+
+/// The same, `most` steps at most.
+fn steps(problem: &Problem, start: &[Change], with_reading: bool, most: usize) -> Outcome {
     let mut best = problem.outcome(start);
     let mut promising = None;
-    for _ in 0..STEPS {
+    for _ in 0..most {
         let added = added(problem, &best, with_reading, &mut promising);
         let next = added.into_iter().chain(dropped(problem, &best, with_reading));
         let Some(next) = next.max_by(|a, b| a.evidence.total_cmp(&b.evidence)) else { break };

@@ -13,6 +13,7 @@ const AWAY: f64 = 0.02;
 
 /// Words and remedy; `joints` torques come first in what is left.
 pub(crate) fn found(best: &Outcome, joints: usize, has_torques: bool, has_tool: bool) -> Option<SetupFinding> {
+    let has_torques = has_torques && best.left.len() >= joints;
     let (torques, tool) = best.left.split_at(if has_torques { joints } else { 0 });
     let speaks = torques.iter().zip(&best.spoken).filter(|(left, spoken)| left.is_finite() && **spoken > SPOKEN);
     let judged: Vec<f64> = speaks.map(|(left, _)| *left).collect();
