@@ -68,6 +68,8 @@ pub(crate) enum Change {
 const RARE: f64 = 0.01;
 /// Of a further one of the same kind: where one joint is in amperes, others are, too.
 const FURTHER: f64 = 0.2;
+/// One of the faces that an arm can be mounted on.
+const FACES: f64 = 6.0;
 /// Prior odds of physics beside it: a model without a load, a rotor or a spring is common.
 const COMMON: f64 = 0.1;
 
@@ -98,6 +100,7 @@ impl Change {
         let odds: f64 = match self {
             Change::Beside(_) => COMMON,
             Change::SameScale(..) => 0.5,
+            Change::Gravity(_) => RARE / FACES,
             _ if others.iter().any(|other| other.sort() == self.sort()) => FURTHER,
             _ => RARE,
         };

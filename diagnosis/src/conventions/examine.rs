@@ -80,7 +80,7 @@ impl Examination<'_> {
             return;
         }
         let search = Search::new(self.arm, self.samples);
-        let best = search.best();
+        let (best, certain, rivals) = self.settled(&search);
         if let Some(other) = kinds::another_arm::found(&best, self.arm.dof(), has_torques, has_tool) {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
@@ -88,7 +88,6 @@ impl Examination<'_> {
             setup.findings.push(finding);
             return;
         }
-        let (certain, rivals) = self.certain(&search, &best);
         let told = Told { arm: self.arm, best: &best, certain: &certain, rivals: &rivals };
         setup.findings.extend(kinds::says(&told));
         let sure = certain.iter().filter(|(_, certainty)| *certainty == Certainty::Sure);
@@ -114,6 +113,23 @@ impl Examination<'_> {
     fn take(&self, setup: &mut Setup, sure: Vec<Change>) {
         let known = setup.reading.clone();
         setup.reading = Reading { time_unit: known.time_unit, unwrap: known.unwrap, ..reading(self.arm, &sure) };
+    }
+
+    /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
+    fn settled(&self, search: &Search) -> (Outcome, Vec<(Change, Certainty)>, Vec<(Change, String)>) {
+        let mut best = search.best();
+        loop {
+            let (certain, rivals) = self.certain(search, &best);
+            let is_kept = |change: &&Change| {
+                kinds::is_small(self.arm, &best, change) || certain.iter().any(|(known, _)| known == *change)
+            };
+            let readings = best.changes.iter().filter(|change| change.is_reading());
+            let kept: Vec<Change> = readings.clone().filter(is_kept).copied().collect();
+            if kept.len() == readings.count() {
+                return (best, certain, rivals);
+            }
+            best = search.beside(&kept);
+        }
     }
 
     /// The changes of `best` that are sure or likely, each with what explains as much.

@@ -21,9 +21,8 @@ pub(crate) fn found(best: &Outcome, joints: usize, has_torques: bool, has_tool: 
     let is_away = has_tool && tool.iter().sum::<f64>() / 3.0 > AWAY;
     let is_odd = 2 * odd > judged.len();
     let certainty = match (has_torques && !judged.is_empty(), has_tool) {
-        (true, true) if is_odd && is_away => Certainty::Sure,
+        (_, true) if is_away => Certainty::Sure,
         (true, false) if is_odd => Certainty::Sure,
-        (false, true) if is_away => Certainty::Sure,
         _ => return None,
     };
     let left = 100.0 * best.left.iter().filter(|left| left.is_finite()).fold(0.0_f64, |most, left| most.max(*left));
