@@ -68,16 +68,19 @@ fn kinds(value: &Value) -> Vec<(String, String)> {
 fn a_faulty_set_up_is_said_first_and_its_mapping_mends_it() {
     let folder = fresh_folder();
     let joints: Vec<String> = paper_arm().arm.joints().iter().map(|joint| joint.name.clone()).collect();
-    let expected = [
-        ("joint_direction".to_owned(), joints[2].clone()),
-        ("torque_unit".to_owned(), joints[1].clone()),
-    ];
+    let expected =
+        [("joint_direction".to_owned(), joints[2].clone()), ("torque_unit".to_owned(), joints[1].clone())];
     let given = ["--model", "paper", "--recording", "run.csv", "--format", "json"];
-    let diagnosis = json(folder.path(), &[&["diagnose", "--out", "out", "--twins", "4"], given.as_slice()].concat());
+    let diagnosis =
+        json(folder.path(), &[&["diagnose", "--out", "out", "--twins", "4"], given.as_slice()].concat());
     println!("{}", diagnosis["statement"]);
     assert_eq!(diagnosis["verdict"], "setup");
     assert_eq!(kinds(&diagnosis), expected);
-    assert_eq!(diagnosis["effects"].as_array().map(Vec::len), Some(0), "nothing is missing from the mended reading");
+    assert_eq!(
+        diagnosis["effects"].as_array().map(Vec::len),
+        Some(0),
+        "nothing is missing from the mended reading"
+    );
 
     let compared = json(folder.path(), &[&["compare"], given.as_slice()].concat());
     assert_eq!(kinds(&compared), expected);

@@ -18,7 +18,11 @@ pub fn block(findings: &[SetupFinding], setup: Option<&Path>) -> String {
         text.push_str(&wrapped(if index == 0 { "CHECK" } else { "" }, MARGIN, &words));
     }
     if let Some(setup) = setup {
-        text.push_str(&wrapped("", MARGIN, &format!("freeplay diagnose … --mapping {} reads it so.", setup.display())));
+        text.push_str(&wrapped(
+            "",
+            MARGIN,
+            &format!("freeplay diagnose … --mapping {} reads it so.", setup.display()),
+        ));
     }
     text
 }

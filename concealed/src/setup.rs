@@ -3,7 +3,9 @@
 //! They change nothing of the machine. What is changed is what stands in the file (units, signs, order, zeros, clocks), or, for gravity
 //! and for another arm, what stands on the data sheet.
 
-use freeplay_arm::{Arm, ArmFile, JointKind, Workspace, forward_kinematics, gravity_torque, parse_toml, to_toml};
+use freeplay_arm::{
+    Arm, ArmFile, JointKind, Workspace, forward_kinematics, gravity_torque, parse_toml, to_toml,
+};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -174,7 +176,8 @@ fn draw(kind: &str, sheet: &Arm, samples: &Samples, rng: &mut ChaCha8Rng) -> Opt
         }
         "gravity_direction" if torque => {
             let down = pick(rng, &[Vector3::z(), Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y()]);
-            let free = Vector3::new(uniform(rng, -1.0, 1.0), uniform(rng, -1.0, 1.0), uniform(rng, -1.0, 1.0));
+            let free =
+                Vector3::new(uniform(rng, -1.0, 1.0), uniform(rng, -1.0, 1.0), uniform(rng, -1.0, 1.0));
             let down = if uniform(rng, 0.0, 1.0) < 0.7 { down } else { free.normalize() };
             let size = sheet.gravity().norm();
             (down * size).iter().all(|x| x.is_finite()).then_some(())?;
@@ -286,8 +289,8 @@ fn shows(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
         "clock_offset" => q.iter().any(|q| deviation(q) > 0.1),
         _ => {
             let (torques, at) = at_rest(sheet, &other);
-            let at_tool = has(samples, "x")
-                && tool.iter().zip(&at).any(|(a, b)| changed(a, b) > SHOWS_AT_TOOL);
+            let at_tool =
+                has(samples, "x") && tool.iter().zip(&at).any(|(a, b)| changed(a, b) > SHOWS_AT_TOOL);
             let (Some(torque), Some(seen)) = (torque, seen) else { return at_tool };
             let in_torque = (0..n).any(|joint| {
                 let before: Vec<f64> =
@@ -396,11 +399,8 @@ fn compensate(sheet: &Arm, samples: &mut Samples) {
 fn late(samples: &mut Samples, group: &str, delay: f64) {
     let Samples { t, names, columns } = samples;
     for (name, column) in names.iter().zip(columns) {
-        let is_late = if group == "tau" {
-            name.starts_with("tau")
-        } else {
-            matches!(name.as_str(), "x" | "y" | "z")
-        };
+        let is_late =
+            if group == "tau" { name.starts_with("tau") } else { matches!(name.as_str(), "x" | "y" | "z") };
         if !is_late {
             continue;
         }

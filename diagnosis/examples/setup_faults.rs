@@ -9,7 +9,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use freeplay_concealed::{
-    CATALOGUE, Case, Demand, Kept, Machine, Made, Noise, SETUP, Samples, Severity, SetupFault, generate,
+    CATALOGUE, Case, Demand, Kept, Machine, Made, Noise, SETUP, Samples, SetupFault, Severity, generate,
     with_setup_faults,
 };
 use freeplay_diagnosis::{Certainty, examine};
@@ -65,7 +65,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut all = Row::default();
     for (name, row) in &rows {
         let Row { right, missed, wrong, seconds } = row;
-        println!("{name:40} right {right:3} missed {missed:3} wrong {wrong:3} {:.2} s each", seconds / (right + missed + wrong) as f64);
+        println!(
+            "{name:40} right {right:3} missed {missed:3} wrong {wrong:3} {:.2} s each",
+            seconds / (right + missed + wrong) as f64
+        );
         all.right += right;
         all.missed += missed;
         all.wrong += wrong;
@@ -110,7 +113,8 @@ fn score(row: &mut Row, label: &str, made: &Made, truth: &[SetupFault]) -> Resul
     let mut found: Vec<(String, Option<String>)> = Vec::new();
     for finding in setup.findings.iter().filter(|finding| finding.certainty == Certainty::Sure) {
         let kind = || finding.kind.to_owned();
-        let is_of_all = finding.joint.is_none() && wanted.iter().any(|(w, joint)| *w == finding.kind && joint.is_some());
+        let is_of_all =
+            finding.joint.is_none() && wanted.iter().any(|(w, joint)| *w == finding.kind && joint.is_some());
         if is_of_all {
             found.extend((0..arm.dof()).map(|joint| (kind(), name(joint))));
         } else {
@@ -119,14 +123,30 @@ fn score(row: &mut Row, label: &str, made: &Made, truth: &[SetupFault]) -> Resul
     }
     wanted.sort();
     found.sort();
-    if wanted == found && (setup.findings.len() >= wanted.len() || !truth.is_empty()) && (!truth.is_empty() || setup.findings.is_empty()) {
+    if wanted == found
+        && (setup.findings.len() >= wanted.len() || !truth.is_empty())
+        && (!truth.is_empty() || setup.findings.is_empty())
+    {
         row.right += 1;
         return Ok(());
     }
-    if found.iter().all(|one| wanted.contains(one)) && !truth.is_empty() { row.missed += 1 } else { row.wrong += 1 }
-    println!("{label}: {:?}", truth.iter().map(|t| format!("{} {:?} {:.3?} {}", t.kind, t.joints, t.values, t.detail)).collect::<Vec<_>>());
+    if found.iter().all(|one| wanted.contains(one)) && !truth.is_empty() {
+        row.missed += 1
+    } else {
+        row.wrong += 1
+    }
+    println!(
+        "{label}: {:?}",
+        truth
+            .iter()
+            .map(|t| format!("{} {:?} {:.3?} {}", t.kind, t.joints, t.values, t.detail))
+            .collect::<Vec<_>>()
+    );
     for finding in &setup.findings {
-        println!("    {:?} {} {:?} {:.4}: {}", finding.certainty, finding.kind, finding.joint, finding.value, finding.statement);
+        println!(
+            "    {:?} {} {:?} {:.4}: {}",
+            finding.certainty, finding.kind, finding.joint, finding.value, finding.statement
+        );
     }
     Ok(())
 }

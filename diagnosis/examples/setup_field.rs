@@ -8,7 +8,9 @@ use freeplay_diagnosis::examine;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().collect();
-    let [_, arm, recordings @ ..] = arguments.as_slice() else { return Err("give an arm and recordings".into()) };
+    let [_, arm, recordings @ ..] = arguments.as_slice() else {
+        return Err("give an arm and recordings".into());
+    };
     let arm = freeplay_arm::load(Path::new(arm))?.arm;
     for file in recordings {
         let recording = freeplay_recording::read(Path::new(file), Some(arm.dof()))?;
@@ -16,7 +18,16 @@ fn main() -> Result<(), Box<dyn Error>> {
         let setup = examine(&arm, &recording);
         println!("{file}: {:.2} s, stop {:?}", start.elapsed().as_secs_f64(), setup.stop);
         for finding in &setup.findings {
-            println!("    {:?} {} {:?} {:.5} {}\n      {}\n      {}", finding.certainty, finding.kind, finding.joint, finding.value, finding.unit, finding.statement, finding.remedy);
+            println!(
+                "    {:?} {} {:?} {:.5} {}\n      {}\n      {}",
+                finding.certainty,
+                finding.kind,
+                finding.joint,
+                finding.value,
+                finding.unit,
+                finding.statement,
+                finding.remedy
+            );
         }
     }
     Ok(())

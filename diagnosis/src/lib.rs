@@ -43,15 +43,15 @@ mod statistics;
 mod tally;
 
 pub use comparison::{ChannelError, Comparison, SCHEMA, compare};
+pub use conventions::{
+    Certainty, Mended, PositionReading, Reading, Setup, SetupFinding, TorqueReading, examine, sentences,
+    time_unit,
+};
 pub use diagnose::{
     Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Effect,
     Evidence, EvidenceRow, Excitation, ExciteError, ExciteSettings, Fit, Fourier, Gain, Location, Map,
     Parameter, Passage, Rival, Rmse, TO_TELL, Tolerances, Trace, Tuned, Untestable, Used, Variable, Verdict,
     diagnose, excite,
-};
-pub use conventions::{
-    Certainty, Mended, PositionReading, Reading, Setup, SetupFinding, TorqueReading, examine, sentences,
-    time_unit,
 };
 pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};

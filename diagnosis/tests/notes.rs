@@ -99,10 +99,18 @@ fn a_diagnosis_says_so_too_and_how_long_to_record() {
     let odd = diagnosed(scaled(made(16.0), [1000.0, 1000.0]));
     println!("{}\n{:?}", odd.statement, odd.mapping);
     assert_eq!(odd.verdict, Verdict::Setup);
-    assert!(odd.statement.contains("N·mm") && odd.mapping.is_some_and(|mapping| mapping.contains("scale = [0.001")));
+    assert!(
+        odd.statement.contains("N·mm")
+            && odd.mapping.is_some_and(|mapping| mapping.contains("scale = [0.001"))
+    );
     let plain = diagnosed(made(16.0));
-    let kinds = |diagnosis: &Diagnosis| diagnosis.effects.iter().map(|effect| effect.kind).collect::<Vec<_>>();
-    assert_eq!(kinds(&plain), odd.effects.iter().map(|effect| effect.kind).collect::<Vec<_>>(), "the physics beside it");
+    let kinds =
+        |diagnosis: &Diagnosis| diagnosis.effects.iter().map(|effect| effect.kind).collect::<Vec<_>>();
+    assert_eq!(
+        kinds(&plain),
+        odd.effects.iter().map(|effect| effect.kind).collect::<Vec<_>>(),
+        "the physics beside it"
+    );
     let short = diagnosed(made(1.0));
     println!("{} Next: {:?}", short.statement, short.next);
     assert_eq!(short.verdict, Verdict::InsufficientData);

@@ -170,13 +170,17 @@ fn real_machines_have_no_fault_until_one_is_put_in() {
         let folder = folder.join(set);
         let arm = freeplay_arm::load(&folder.join(model)).expect("the model").arm;
         let csv = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "csv");
-        let mut runs: Vec<PathBuf> =
-            std::fs::read_dir(&folder).expect("a folder").map(|entry| entry.expect("a file").path()).collect();
+        let mut runs: Vec<PathBuf> = std::fs::read_dir(&folder)
+            .expect("a folder")
+            .map(|entry| entry.expect("a file").path())
+            .collect();
         runs.retain(|path| csv(path) && path.to_string_lossy().ends_with(run));
         runs.sort();
         let clean = freeplay_recording::read(&runs[0], Some(arm.dof())).expect("a recording");
         assert_eq!(examine(&arm, &clean).findings, [], "{set}");
-        for (kind, joint, fault) in FAULTS.into_iter().take(6).filter(|(_, joint, _)| joint.is_none() || carrier == 1) {
+        for (kind, joint, fault) in
+            FAULTS.into_iter().take(6).filter(|(_, joint, _)| joint.is_none() || carrier == 1)
+        {
             let mut recording = clean.clone();
             fault(&arm, &mut recording);
             let kinds: Vec<&str> = sure(&examine(&arm, &recording)).iter().map(|(kind, _)| *kind).collect();

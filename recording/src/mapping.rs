@@ -253,9 +253,11 @@ impl Mapping {
         let [qd, tau, q_ref] = [&self.qd, &self.tau, &self.q_ref].map(Option::as_ref);
         let t = recording.t.clone();
         self.q.finish("q", &t, &mut recording.q)?;
-        for (key, columns, values) in
-            [("qd", qd, &mut recording.qd), ("tau", tau, &mut recording.tau), ("q_ref", q_ref, &mut recording.q_ref)]
-        {
+        for (key, columns, values) in [
+            ("qd", qd, &mut recording.qd),
+            ("tau", tau, &mut recording.tau),
+            ("q_ref", q_ref, &mut recording.q_ref),
+        ] {
             if let (Some(columns), Some(values)) = (columns, values) {
                 columns.finish(key, &t, values)?;
             }
@@ -413,7 +415,13 @@ impl Columns {
 
 impl Scale {
     /// The number of column `index` of `count`; `what` these numbers are, for the error.
-    fn of(&self, key: &'static str, what: &'static str, index: usize, count: usize) -> Result<f64, MappingError> {
+    fn of(
+        &self,
+        key: &'static str,
+        what: &'static str,
+        index: usize,
+        count: usize,
+    ) -> Result<f64, MappingError> {
         match self {
             Scale::One(factor) => Ok(*factor),
             Scale::All(factors) if factors.len() == count => Ok(factors[index]),

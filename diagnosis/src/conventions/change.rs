@@ -25,6 +25,8 @@ pub(crate) enum Physics {
     Rotor(usize),
     /// A spring at a joint.
     Spring(usize),
+    /// Drag that grows with the square of a joint's speed.
+    Drag(usize),
     /// The mass of a link, with its inertia.
     Link(usize),
     /// Motion of another joint in this joint's torque.
@@ -135,7 +137,6 @@ impl Change {
             _ => self.sort() == 7 && other.sort() == 7 || self == other,
         }
     }
-
 
     /// Whether the other `change` concerns the same joint, or all.
     pub fn joint(&self) -> Option<usize> {

@@ -14,8 +14,8 @@ use super::search::Search;
 /// Least log odds of a change, its price and its prior odds taken off, the rows counted as far as they are independent: 1000 to 1.
 const OVERWHELMING: f64 = 6.9;
 /// Of a channel that a change mends, the variance that is left has to fall by these factors for a sure and for a likely finding.
-const MOST: f64 = 4.0;
-const MUCH: f64 = 2.0;
+const MOST: f64 = 10.0;
+const MUCH: f64 = 6.0;
 /// A channel counts for that where at least this share of its variance was unexplained.
 const UNEXPLAINED: f64 = 0.05;
 /// A channel speaks of its reading where the rigid arm makes this share of its variance.
@@ -112,7 +112,8 @@ impl Examination<'_> {
     /// The reading of the changes that are sure, with what was known of it before.
     fn take(&self, setup: &mut Setup, sure: Vec<Change>) {
         let known = setup.reading.clone();
-        setup.reading = Reading { time_unit: known.time_unit, unwrap: known.unwrap, ..reading(self.arm, &sure) };
+        setup.reading =
+            Reading { time_unit: known.time_unit, unwrap: known.unwrap, ..reading(self.arm, &sure) };
     }
 
     /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
@@ -136,9 +137,10 @@ impl Examination<'_> {
     fn certain(&self, search: &Search, best: &Outcome) -> (Vec<(Change, Certainty)>, Vec<(Change, String)>) {
         let counts = rows_per_one(best);
         let (mut certain, mut rivals) = (Vec::new(), Vec::new());
-        let asked = best.changes.iter().filter(|change| {
-            change.is_reading() && !kinds::is_small(self.arm, best, change)
-        });
+        let asked = best
+            .changes
+            .iter()
+            .filter(|change| change.is_reading() && !kinds::is_small(self.arm, best, change));
         for change in asked {
             let rest = without(&best.changes, change);
             let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();

@@ -54,7 +54,12 @@ pub(crate) fn mapping(reading: &Reading, recording: &Recording) -> Option<String
     }
     for (joint, position) in reading.positions.iter().enumerate() {
         if let Some((other, factor)) = position.relative {
-            let _ = write!(text, "\n[[relative]]\njoint = {}\nto = {}\nfactor = {factor:?}\n", joint + 1, other + 1);
+            let _ = write!(
+                text,
+                "\n[[relative]]\njoint = {}\nto = {}\nfactor = {factor:?}\n",
+                joint + 1,
+                other + 1
+            );
         }
     }
     Some(text)

@@ -96,7 +96,16 @@ impl<'a> Problem<'a> {
     /// The rows of `samples`, one of `stride` of them.
     pub fn new(arm: &'a Arm, samples: &'a Samples, stride: usize, floor: f64) -> Self {
         let links = (0..arm.dof()).map(|joint| heavier(arm, joint)).collect();
-        Self { arm, samples, stride, floor, links, loads: loads(arm), seen: RefCell::default(), weighed: RefCell::default() }
+        Self {
+            arm,
+            samples,
+            stride,
+            floor,
+            links,
+            loads: loads(arm),
+            seen: RefCell::default(),
+            weighed: RefCell::default(),
+        }
     }
 
     fn rows(&self) -> usize {
@@ -139,7 +148,8 @@ impl<'a> Problem<'a> {
     fn torques(&self, arm: &Arm, q: &[Vec<f64>], v: &[Vec<f64>], a: &[Vec<f64>]) -> Vec<Vec<f64>> {
         let n = arm.dof();
         let mut ws = Workspace::new(arm);
-        let [mut qs, mut vs, mut accelerations, mut tau] = [const { Vec::new() }; 4].map(|_: Vec<f64>| vec![0.0; n]);
+        let [mut qs, mut vs, mut accelerations, mut tau] =
+            [const { Vec::new() }; 4].map(|_: Vec<f64>| vec![0.0; n]);
         let mut out = vec![Vec::with_capacity(self.rows()); n];
         for row in 0..self.rows() {
             for joint in 0..n {
@@ -208,9 +218,9 @@ impl<'a> Problem<'a> {
         }
         let data = (self.rows() * count.max(1)) as f64;
         let parameters: usize = changes.iter().map(Change::parameters).sum();
-        let odds: f64 =
-            changes.iter().enumerate().map(|(k, change)| change.log_odds(&changes[..k])).sum();
-        outcome.evidence = outcome.likelihood.iter().sum::<f64>() + odds - 0.5 * parameters as f64 * data.ln();
+        let odds: f64 = changes.iter().enumerate().map(|(k, change)| change.log_odds(&changes[..k])).sum();
+        outcome.evidence =
+            outcome.likelihood.iter().sum::<f64>() + odds - 0.5 * parameters as f64 * data.ln();
         outcome
     }
 
@@ -319,7 +329,7 @@ impl<'p, 'a> Torques<'p, 'a> {
                     at += 1;
                     own[at - 1] / scale[joint] <= MOST_ROTOR * self.inertia(joint)
                 }
-                Change::Beside(Physics::Spring(here)) if here == joint => {
+                Change::Beside(Physics::Spring(here) | Physics::Drag(here)) if here == joint => {
                     at += 1;
                     true
                 }
@@ -381,7 +391,9 @@ impl<'p, 'a> Torques<'p, 'a> {
         let beside = self.beside(gravity);
         let one = |(channel, &joint): (usize, &usize)| {
             let along = self.along;
-            let held = |row: usize| -> f64 { (0..3).map(|axis| gravity[axis] * along.gravity[axis][joint][row]).sum() };
+            let held = |row: usize| -> f64 {
+                (0..3).map(|axis| gravity[axis] * along.gravity[axis][joint][row]).sum()
+            };
             let inertial = &along.inertial[joint];
             let model: Vec<f64> = if is_gravity_free {
                 inertial.clone()
@@ -431,6 +443,10 @@ impl<'p, 'a> Torques<'p, 'a> {
                 Change::Beside(Physics::Rotor(at)) if at == joint => {
                     own.push(Own { column: along.a[joint].clone(), is_positive: true });
                 }
+                Change::Beside(Physics::Drag(at)) if at == joint => {
+                    let column = v.iter().map(|v| v * v.abs()).collect();
+                    own.push(Own { column, is_positive: true });
+                }
                 Change::Beside(Physics::Spring(at)) if at == joint => {
                     own.push(Own { column: along.q[joint].clone(), is_positive: true });
                 }
@@ -472,7 +488,8 @@ impl<'p, 'a> Torques<'p, 'a> {
         }
         let bare = self.weighed(0, problem.arm, gravity);
         let column = |(number, arm, less): (usize, &Arm, Option<(usize, &Arm)>)| {
-            let base = less.map_or_else(|| Rc::clone(&bare), |(number, arm)| self.weighed(number, arm, gravity));
+            let base =
+                less.map_or_else(|| Rc::clone(&bare), |(number, arm)| self.weighed(number, arm, gravity));
             let with = self.weighed(number, arm, gravity);
             let both = with.iter().zip(base.iter());
             both.map(|(with, less)| with.iter().zip(less).map(|(with, less)| with - less).collect()).collect()

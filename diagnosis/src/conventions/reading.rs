@@ -104,7 +104,8 @@ impl Reading {
         mended.t.iter_mut().for_each(|t| *t *= self.time_unit);
         let unwrapped = |columns: &[Vec<f64>]| -> Vec<Vec<f64>> {
             let one = |(source, column): (usize, &Vec<f64>)| {
-                let is_turning = arm.joints().get(source).is_some_and(|joint| joint.kind == JointKind::Revolute);
+                let is_turning =
+                    arm.joints().get(source).is_some_and(|joint| joint.kind == JointKind::Revolute);
                 let smooth = if self.unwrap && is_turning { unwrapped(column) } else { None };
                 smooth.unwrap_or_else(|| column.clone())
             };

@@ -67,7 +67,8 @@ impl Products {
         let own: Vec<&[f64]> = channel.own.iter().map(|own| own.column.as_slice()).collect();
         let factor = Factor::of(&own);
         let target = factor.cleared(&own, &channel.target);
-        let shared: Vec<Vec<f64>> = channel.shared.iter().map(|column| factor.cleared(&own, column)).collect();
+        let shared: Vec<Vec<f64>> =
+            channel.shared.iter().map(|column| factor.cleared(&own, column)).collect();
         let normal = DMatrix::from_fn(shared.len(), shared.len(), |i, k| dot(&shared[i], &shared[k]));
         let right = DVector::from_fn(shared.len(), |i, _| dot(&shared[i], &target));
         let (square, rows) = (dot(&target, &target), target.len().max(1) as f64);

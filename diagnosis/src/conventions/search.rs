@@ -61,7 +61,8 @@ impl<'a> Search<'a> {
             starts.extend([scales, vec![Change::AnyGravity], turned, signs]);
         }
         // All start, the two that are ahead after a few steps go on.
-        let mut ahead: Vec<Outcome> = starts.iter().map(|start| steps(&self.few, start, true, FIRST)).collect();
+        let mut ahead: Vec<Outcome> =
+            starts.iter().map(|start| steps(&self.few, start, true, FIRST)).collect();
         ahead.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         ahead.truncate(AHEAD);
         let mut best = plain;
@@ -130,7 +131,12 @@ fn steps(problem: &Problem, start: &[Change], with_reading: bool, most: usize) -
             break;
         }
         // Physics beside it changes little of what else is promising; another reading changes all.
-        if next.changes.iter().filter(|change| change.is_reading()).ne(best.changes.iter().filter(|change| change.is_reading())) {
+        if next
+            .changes
+            .iter()
+            .filter(|change| change.is_reading())
+            .ne(best.changes.iter().filter(|change| change.is_reading()))
+        {
             promising = None;
         }
         best = next;
@@ -147,7 +153,8 @@ fn added(
     promising: &mut Option<Vec<Change>>,
 ) -> Option<Outcome> {
     let samples = problem.samples;
-    let ask = Ask { arm: problem.arm, has_torques: samples.has_torques(), has_tool: samples.has_tool(), best };
+    let ask =
+        Ask { arm: problem.arm, has_torques: samples.has_torques(), has_tool: samples.has_tool(), best };
     let asked = promising.clone().unwrap_or_else(|| kinds::asks(&ask));
     let asked = asked.into_iter().filter(|change| with_reading || !change.is_reading());
     let sets = asked.filter_map(|change| {
@@ -160,7 +167,10 @@ fn added(
     let last = outcomes.iter().take(PROMISING).filter_map(|outcome| outcome.changes.last().copied());
     *promising = Some(last.collect());
     outcomes.truncate(REFINED);
-    outcomes.into_iter().map(|outcome| refined(problem, outcome)).max_by(|a, b| a.evidence.total_cmp(&b.evidence))
+    outcomes
+        .into_iter()
+        .map(|outcome| refined(problem, outcome))
+        .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
 }
 
 /// The outcomes with one change less.
@@ -187,10 +197,12 @@ fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
             let at = |delay| Change::Delay(late, delay);
             vec![at(golden(delay, ABOUT_DELAY, |x| with(at(x)).evidence))]
         }
-        Change::Scale(joint) | Change::SameScale(joint, _) => kinds::torque_unit::rounded(outcome.scale[joint])
-            .into_iter()
-            .map(|factor| Change::SameScale(joint, factor))
-            .collect(),
+        Change::Scale(joint) | Change::SameScale(joint, _) => {
+            kinds::torque_unit::rounded(outcome.scale[joint])
+                .into_iter()
+                .map(|factor| Change::SameScale(joint, factor))
+                .collect()
+        }
         _ => Vec::new(),
     };
     let fitted = fitted.into_iter().map(with);
@@ -227,7 +239,12 @@ fn golden(about: f64, width: f64, value: impl Fn(f64) -> f64) -> f64 {
 pub(crate) fn physics(joints: usize) -> Vec<Change> {
     let mut all = vec![Physics::Payload];
     for joint in 0..joints {
-        all.extend([Physics::Rotor(joint), Physics::Spring(joint), Physics::Link(joint)]);
+        all.extend([
+            Physics::Rotor(joint),
+            Physics::Spring(joint),
+            Physics::Drag(joint),
+            Physics::Link(joint),
+        ]);
         all.extend((joint > 0).then(|| Physics::Coupling(joint, joint - 1)));
         all.extend((joint + 1 < joints).then_some(Physics::Coupling(joint, joint + 1)));
     }

@@ -43,7 +43,8 @@ impl Mended {
             return mended;
         };
         // A recording that shows nothing by itself is read as the others are.
-        let readings = setups.iter().map(|setup| if setup.is_sure() { &setup.reading } else { &known.reading });
+        let readings =
+            setups.iter().map(|setup| if setup.is_sure() { &setup.reading } else { &known.reading });
         let each = recordings.iter().zip(readings.clone());
         mended.recordings = each.map(|(recording, reading)| reading.mended(&file.arm, recording)).collect();
         mended.file.arm = known.reading.arm(&file.arm);

@@ -6,10 +6,10 @@ use freeplay_arm::ArmFile;
 use serde::Serialize;
 
 use super::excite::ChannelNoise;
-use crate::conventions::SetupFinding;
 use super::locate::Map;
 use super::passage::Passage;
 use super::show::Gain;
+use crate::conventions::SetupFinding;
 
 /// The schema of [`Diagnosis`] as JSON.
 pub const DIAGNOSIS_SCHEMA: &str = "freeplay.diagnosis/1";

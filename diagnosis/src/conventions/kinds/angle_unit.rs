@@ -37,7 +37,10 @@ fn finding(arm: &Arm, certainty: Certainty) -> SetupFinding {
         unit: "1",
         certainty,
         statement: format!("The joint positions are in {unit}, not in {}.", if slides { "m" } else { "rad" }),
-        remedy: format!("Say the unit in the mapping: under [q], unit = \"{}\".", if slides { "mm" } else { "deg" }),
+        remedy: format!(
+            "Say the unit in the mapping: under [q], unit = \"{}\".",
+            if slides { "mm" } else { "deg" }
+        ),
         gravity: None,
     }
 }

@@ -12,10 +12,16 @@ const UNEXPLAINED: f64 = 0.3;
 const AWAY: f64 = 0.02;
 
 /// Words and remedy; `joints` torques come first in what is left.
-pub(crate) fn found(best: &Outcome, joints: usize, has_torques: bool, has_tool: bool) -> Option<SetupFinding> {
+pub(crate) fn found(
+    best: &Outcome,
+    joints: usize,
+    has_torques: bool,
+    has_tool: bool,
+) -> Option<SetupFinding> {
     let has_torques = has_torques && best.left.len() >= joints;
     let (torques, tool) = best.left.split_at(if has_torques { joints } else { 0 });
-    let speaks = torques.iter().zip(&best.spoken).filter(|(left, spoken)| left.is_finite() && **spoken > SPOKEN);
+    let speaks =
+        torques.iter().zip(&best.spoken).filter(|(left, spoken)| left.is_finite() && **spoken > SPOKEN);
     let judged: Vec<f64> = speaks.map(|(left, _)| *left).collect();
     let odd = judged.iter().filter(|left| **left > UNEXPLAINED).count();
     let is_away = has_tool && tool.iter().sum::<f64>() / 3.0 > AWAY;
@@ -25,7 +31,8 @@ pub(crate) fn found(best: &Outcome, joints: usize, has_torques: bool, has_tool: 
         (true, false) if is_odd => Certainty::Sure,
         _ => return None,
     };
-    let left = 100.0 * best.left.iter().filter(|left| left.is_finite()).fold(0.0_f64, |most, left| most.max(*left));
+    let left =
+        100.0 * best.left.iter().filter(|left| left.is_finite()).fold(0.0_f64, |most, left| most.max(*left));
     Some(SetupFinding {
         kind: "another_arm",
         joint: None,

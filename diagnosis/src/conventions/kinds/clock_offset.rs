@@ -4,10 +4,10 @@
 //! them. What a position loop could live with is the catalogue's `time_delay`.
 
 use super::super::change::Change;
-use super::super::finding::SetupFinding;
-use super::{Ask, Told};
 use super::super::change::Late;
+use super::super::finding::SetupFinding;
 use super::super::search::groups;
+use super::{Ask, Told};
 
 /// Delays up to here are the catalogue's, s: with more, no position loop of 5 Hz would hold (60 degrees of its phase).
 pub(crate) const LEAST: f64 = 0.033;

@@ -26,11 +26,15 @@ fn span(column: &[f64]) -> f64 {
 pub(crate) fn found(arm: &Arm, recording: &Recording) -> Vec<(SetupFinding, bool)> {
     let mut all = Vec::new();
     for (joint, q) in recording.q.iter().enumerate().take(arm.dof()) {
-        let of = |columns: &Option<Vec<Vec<f64>>>| columns.as_ref().map_or(0.0, |columns| span(&columns[joint]));
+        let of =
+            |columns: &Option<Vec<Vec<f64>>>| columns.as_ref().map_or(0.0, |columns| span(&columns[joint]));
         let link = recording.q_link.get(joint).and_then(Option::as_ref).map_or(0.0, |column| span(column));
         let moves = of(&recording.q_ref).max(of(&recording.qd)).max(link);
         if is_still(q) && moves > MOVES {
-            all.push((finding(arm, joint, "position", q[0], "its command or velocity shows that it moves"), true));
+            all.push((
+                finding(arm, joint, "position", q[0], "its command or velocity shows that it moves"),
+                true,
+            ));
         }
         let torque = recording.tau.as_ref().map(|columns| &columns[joint]);
         if let Some(torque) = torque.filter(|torque| is_still(torque))
@@ -55,7 +59,9 @@ fn finding(arm: &Arm, joint: usize, what: &str, value: f64, why: &str) -> SetupF
         value,
         unit: "1",
         certainty: Certainty::Sure,
-        statement: format!("The {what} of {name} is {value} in every row, although {why}: the channel is frozen."),
+        statement: format!(
+            "The {what} of {name} is {value} in every row, although {why}: the channel is frozen."
+        ),
         remedy: format!("Record the {what} of {name} again, or leave its column out."),
         joint: Some(name),
         gravity: None,

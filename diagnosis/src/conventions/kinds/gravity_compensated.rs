@@ -15,7 +15,8 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 /// Words and remedy.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let found = told.of(|change| *change == Change::Compensated);
-    let one = |(change, certainty)| SetupFinding {
+    let one = |(change, certainty)| {
+        SetupFinding {
         kind: "gravity_compensated",
         joint: None,
         value: 0.0,
@@ -28,6 +29,7 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
         remedy: "Record the whole torque, or say gravity_compensated = true in the mapping, which adds the model's weight."
             .to_owned(),
         gravity: Some([0.0; 3]),
+    }
     };
     found.into_iter().map(one).collect()
 }

@@ -21,7 +21,8 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let one = |(change, certainty)| {
         let Change::Direction { joint, with_torque } = change else { return None };
         let name = told.name(joint);
-        let torque = if !told.best.changes.is_empty() && with_torque { ", and its torque with it" } else { "" };
+        let torque =
+            if !told.best.changes.is_empty() && with_torque { ", and its torque with it" } else { "" };
         let rival = told.rival(&change);
         Some(SetupFinding {
             kind: "joint_direction",

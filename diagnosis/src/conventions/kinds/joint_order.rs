@@ -5,8 +5,8 @@
 
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
-use super::{Ask, Told};
 use super::listed;
+use super::{Ask, Told};
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
@@ -27,7 +27,10 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
     let statement = if moved.len() == 2 {
         format!("{} are exchanged in the recording.", listed(&names))
     } else {
-        format!("The recording has its joints in another order: the model's joints are {} there.", columns.join(", "))
+        format!(
+            "The recording has its joints in another order: the model's joints are {} there.",
+            columns.join(", ")
+        )
     };
     let remedy = format!("Name the columns in the model's order in the mapping: {}.", columns.join(", "));
     let one = |joint: &usize| SetupFinding {

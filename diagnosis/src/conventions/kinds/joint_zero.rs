@@ -9,8 +9,8 @@ use freeplay_arm::JointKind;
 
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
-use super::{Ask, Told};
 use super::brief;
+use super::{Ask, Told};
 
 /// An encoder's zero that is off by no more than this is the catalogue's, rad: its law holds up to here.
 pub(crate) const LEAST: f64 = 0.3;
@@ -46,7 +46,10 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
                 "{name} reads {degrees} degrees where the model has its zero.{}",
                 told.rival(&change)
             ),
-            remedy: format!("Take {} rad off {name} in the mapping, or turn its frame in the model.", brief(offset)),
+            remedy: format!(
+                "Take {} rad off {name} in the mapping, or turn its frame in the model.",
+                brief(offset)
+            ),
             joint: Some(name),
             gravity: None,
         })

@@ -3,10 +3,10 @@
 //! It asks for every joint. The hypothesis turns the sign of the torque.
 
 use super::super::change::Change;
-use super::super::finding::SetupFinding;
-use super::{Ask, Told};
 use super::super::finding::Certainty;
+use super::super::finding::SetupFinding;
 use super::listed;
+use super::{Ask, Told};
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {

@@ -4,9 +4,9 @@
 //! hypothesis divides by it. A constant near one is the catalogue's `torque_gain`.
 
 use super::super::change::Change;
+use super::super::finding::Certainty;
 use super::super::finding::SetupFinding;
 use super::{Ask, Told};
-use super::super::finding::Certainty;
 use super::{brief, listed};
 
 /// Between a half and two, a wrong gain or mass explains a scale; no unit does.
@@ -53,7 +53,8 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
 
 /// Words and remedy: joints that share a constant in one statement.
 pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
-    let found = told.of(|change| matches!(change, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale));
+    let found =
+        told.of(|change| matches!(change, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale));
     let mut joints: Vec<(usize, f64, Certainty)> = Vec::new();
     for (change, certainty) in found {
         let of = |joint: usize| (joint, told.best.scale[joint], certainty);
@@ -75,8 +76,11 @@ pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
 fn of_one(told: &Told, joints: &[(usize, f64, Certainty)], scale: f64, is_all: bool) -> Vec<SetupFinding> {
     let names: Vec<String> = joints.iter().map(|(joint, ..)| told.name(*joint)).collect();
     let whose = whose(&names, is_all);
-    let statement =
-        format!("{whose} {} the model's at every load. {}", times(scale, names.len()), guess(scale, names.len()));
+    let statement = format!(
+        "{whose} {} the model's at every load. {}",
+        times(scale, names.len()),
+        guess(scale, names.len())
+    );
     let remedy = format!("Scale these torques by {} in the mapping.", brief(1.0 / scale));
     let one = |joint: Option<String>, certainty| finding(joint, scale, certainty, &statement, &remedy);
     if is_all && names.len() > 1 {
@@ -102,10 +106,17 @@ fn of_several(told: &Told, joints: &[(usize, f64, Certainty)], is_all: bool) -> 
     );
     let remedy = format!("Scale these torques by {} in the mapping.", constants.join(", "));
     let each = names.into_iter().zip(joints);
-    each.map(|(name, (_, scale, certainty))| finding(Some(name), *scale, *certainty, &statement, &remedy)).collect()
+    each.map(|(name, (_, scale, certainty))| finding(Some(name), *scale, *certainty, &statement, &remedy))
+        .collect()
 }
 
-fn finding(joint: Option<String>, scale: f64, certainty: Certainty, statement: &str, remedy: &str) -> SetupFinding {
+fn finding(
+    joint: Option<String>,
+    scale: f64,
+    certainty: Certainty,
+    statement: &str,
+    remedy: &str,
+) -> SetupFinding {
     SetupFinding {
         kind: "torque_unit",
         joint,
