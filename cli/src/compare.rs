@@ -37,6 +37,9 @@ pub struct CompareArgs {
     /// The recording: CSV or MCAP, from a machine or from `freeplay run`.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
+    /// What the columns of the recording mean, a mapping file such as the setup.toml of a diagnosis; for CSV.
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -60,7 +63,7 @@ pub struct CompareArgs {
 /// # Errors
 /// Bad input: a file that can't be read, another number of joints, nothing to compare, a filter that can't be.
 pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
-    let measured = inputs::Measured::read(&args.recording)?;
+    let measured = inputs::Measured::read(&args.recording, args.mapping.as_deref())?;
     let file = measured.model(&args.model, args.tip.as_deref())?;
     let effects = Effects::of(&file).map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
     let recording = measured.of_arm(&args.model, &file)?;
@@ -126,6 +129,7 @@ impl View<'_> {
         for (what, words) in self.heading() {
             let _ = writeln!(text, "{what:11} {words}");
         }
+        text.push_str(&crate::check::block(&self.comparison.setup, None));
         let _ = writeln!(text, "\n{}\n\n{}\n", self.verdict(), self.terminal_table());
         let _ =
             writeln!(text, "error: measured minus model; spread: standard deviation of the measured signal");

@@ -24,6 +24,8 @@ use crate::excite::{self, Question};
 use crate::inputs::{self, Measured};
 use freeplay_terminal::target::{asked_file, claim_out, folder_of};
 
+/// The file of results that says how the recordings are to be read.
+pub const SETUP: &str = "setup.toml";
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
 const NEXT_S: f64 = 16.0;
 const NEXT_REACH: f64 = 1.2;
@@ -33,7 +35,8 @@ const NEXT_CANDIDATES: usize = 16;
 ///
 /// What is missing is sought in the first 70 % of a recording and judged on the rest, and on each other part by a fit that has not seen
 /// it; its numbers rest on all of it. With several recordings, on all but the last, which judges. Verdicts:
-/// nothing_missing, named, one_of, unknown, insufficient_data; all of them end with exit code 0.
+/// nothing_missing, named, one_of, unknown, insufficient_data; setup, where recording and model don't mean the same (units, signs, order, zeros,
+/// gravity, clocks): then all else is said of the mended reading. All of them end with exit code 0.
 #[derive(Args, Debug)]
 pub struct DiagnoseArgs {
     /// The model: an arm file (URDF or TOML), or "paper".
@@ -45,6 +48,9 @@ pub struct DiagnoseArgs {
     /// Recordings of one machine with the same columns: CSV or MCAP. Of several, the last is held out; the first, where the last alone shows what is missing.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     recording: Vec<PathBuf>,
+    /// What the columns of the recordings mean, a mapping file such as the setup.toml of a diagnosis; for CSV.
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -119,8 +125,11 @@ impl DiagnoseArgs {
 pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let settings = args.settings()?;
     inputs::only_once(&args.recording)?;
-    let measured: Vec<Measured> =
-        args.recording.iter().map(|path| Measured::read(path)).collect::<Result<_, _>>()?;
+    let measured: Vec<Measured> = args
+        .recording
+        .iter()
+        .map(|path| Measured::read(path, args.mapping.as_deref()))
+        .collect::<Result<_, _>>()?;
     let [first, ..] = measured.as_slice() else { return Err(Failure::usage("name a --recording")) };
     let file = first.model(&args.model, args.tip.as_deref())?;
     let of_arm = |measured: Measured| measured.of_arm(&args.model, &file);
@@ -214,6 +223,11 @@ impl View<'_> {
         self.args.out.as_deref().filter(|out| target(out).is_some())
     }
 
+    /// The file that says how the recordings are to be read, where one is written.
+    pub fn setup_file(&self) -> Option<PathBuf> {
+        self.diagnosis.mapping.as_ref().and_then(|_| Some(self.out()?.join(SETUP)))
+    }
+
     /// The recording that is held out, as it was named.
     pub fn last_recording(&self) -> &Path {
         self.args.recording.last().map_or(Path::new(""), PathBuf::as_path)
@@ -252,6 +266,9 @@ impl View<'_> {
         }
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
         write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))?;
+        if let Some(mapping) = &self.diagnosis.mapping {
+            write(&out.join(SETUP), mapping)?;
+        }
         let View { args, file, diagnosis, .. } = self;
         let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis, out };
         write(&out.join("report.html"), &document(&subject).to_html())

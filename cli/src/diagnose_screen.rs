@@ -17,7 +17,7 @@ use freeplay_report::paste::pasted;
 use freeplay_terminal::outside::on_one_line;
 
 /// Width of what stands before a line, characters.
-const MARGIN: usize = 9;
+pub const MARGIN: usize = 9;
 /// Width of the longest bar, characters.
 const BAR: f64 = 24.0;
 /// Up to how many channels have a bar for every model.
@@ -38,6 +38,7 @@ pub fn text(view: &View) -> String {
     for note in diagnosis.quality.iter().map(|note| format!("note: {note}")).chain(untestable(diagnosis)) {
         text.push_str(&wrapped("  ", 4, &note));
     }
+    text.push_str(&crate::check::block(&diagnosis.setup, view.setup_file().as_deref()));
     let verdict = format!("\n{:MARGIN$}{}\n", "VERDICT", painted_verdict(diagnosis.verdict));
     text.push_str(&verdict);
     text.push_str(&wrapped("", MARGIN, &diagnosis.statement));
@@ -104,6 +105,7 @@ fn painted_verdict(verdict: Verdict) -> String {
         Verdict::OneOf => (OPEN, "one of several"),
         Verdict::Unknown => (OPEN, "unknown"),
         Verdict::InsufficientData => (OPEN, "insufficient data"),
+        Verdict::Setup => (OPEN, "set-up"),
     };
     painted(style, words)
 }
@@ -275,7 +277,7 @@ fn percent(share: f64) -> String {
 }
 
 /// `words` behind `word`, in lines of the screen's width, all but the first `margin` characters in.
-fn wrapped(word: &str, margin: usize, words: &str) -> String {
+pub fn wrapped(word: &str, margin: usize, words: &str) -> String {
     let (first, others) = (format!("{word:margin$}"), " ".repeat(margin));
     let options = textwrap::Options::new(width()).initial_indent(&first).subsequent_indent(&others);
     // Wrapping would take a name with a line break in it apart.

@@ -116,7 +116,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     let model = model.ok_or_else(|| Failure::usage("name a diagnosis.json, or --model with --kinds"))?;
     let tip = args.tip.clone().or_else(|| found.as_ref().and_then(|found| found.tip.clone()));
     let measured = found.as_ref().and_then(|found| found.recordings.first());
-    let measured = measured.map(|path| Measured::read(path)).transpose()?;
+    let measured = measured.map(|path| Measured::read(path, None)).transpose()?;
     let file = match &measured {
         Some(measured) => measured.model(&model, tip.as_deref())?,
         None => load_selected(&model, &Selection { tip, joints: Vec::new() })?,

@@ -5,20 +5,21 @@ use std::path::{Path, PathBuf};
 use freeplay_arm::{ArmFile, Selection};
 use freeplay_diagnosis::recorded;
 use freeplay_harness::setup::load_selected;
-use freeplay_recording::Recording;
+use freeplay_recording::{Mapping, Recording};
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::messages;
 
 /// A recording as its file has it, which may name its joints.
-pub struct Measured(Recording);
+pub struct Measured(Recording, Option<Mapping>);
 
 impl Measured {
-    /// Reads the recording at `path`.
+    /// Reads the recording at `path`, its columns as the mapping file `mapping` says.
     ///
     /// # Errors
     /// The reader's own, as bad input.
-    pub fn read(path: &Path) -> Result<Self, Failure> {
-        let recording = recorded::unmatched(path).map_err(Failure::input)?;
+    pub fn read(path: &Path, mapping: Option<&Path>) -> Result<Self, Failure> {
+        let mapping = mapping.map(Mapping::load).transpose().map_err(Failure::input)?;
+        let recording = recorded::unmatched(path, mapping.as_ref()).map_err(Failure::input)?;
         messages::detail(format_args!(
             "read {}: {} samples of {} joints, {:.1} s at {:.0} Hz",
             path.display(),
@@ -27,7 +28,7 @@ impl Measured {
             recording.duration(),
             recording.rate_hz()
         ));
-        Ok(Self(recording))
+        Ok(Self(recording, mapping))
     }
 
     /// The model `model` with the chain to the link `tip`, or else the one whose joints the recording names.
@@ -44,7 +45,7 @@ impl Measured {
     /// # Errors
     /// A recording that cannot be compared with the model, as bad input.
     pub fn of_arm(self, model: &str, file: &ArmFile) -> Result<Recording, Failure> {
-        recorded::of_arm(self.0, model, file).map_err(Failure::input)
+        recorded::of_arm(self.0, model, file, self.1.as_ref()).map_err(Failure::input)
     }
 }
 

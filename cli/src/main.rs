@@ -4,6 +4,7 @@
 //! recordings); `record`, `scenario_command`, `controller`.
 
 mod args;
+mod check;
 mod compare;
 mod controller;
 mod diagnose;

@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use comfy_table::{CellAlignment, Table, presets};
+use freeplay_diagnosis::examine;
+use freeplay_harness::setup::load_model;
 use freeplay_recording::{BagOptions, Group, Mapping, Recording};
 use freeplay_report::one_line;
 use freeplay_report::text::{Digits, NOTHING, number};
@@ -16,6 +18,7 @@ use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
 use serde_json::{Value, json};
 
+use crate::check;
 /// Looks into recordings and turns them into other forms.
 #[derive(Args, Debug)]
 pub struct RecordArgs {
@@ -37,6 +40,9 @@ enum Action {
 struct InfoArgs {
     /// The recording, MCAP or CSV.
     recording: PathBuf,
+    /// The model of its arm, URDF or TOML: with it, whether both mean the same (units, signs, order, zeros, gravity, clocks).
+    #[arg(long, value_name = "FILE")]
+    model: Option<String>,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -106,12 +112,17 @@ pub fn record(args: &RecordArgs) -> Result<Exit, Failure> {
 
 fn info(args: &InfoArgs) -> Result<Exit, Failure> {
     let recording = freeplay_recording::read(&args.recording, None).map_err(Failure::input)?;
-    let described = describe(&recording);
+    let model = args.model.as_deref().map(load_model).transpose()?;
+    let setup = model.map(|file| examine(&file.arm, &recording).findings).unwrap_or_default();
+    let mut described = describe(&recording);
+    if args.model.is_some() {
+        described["setup"] = serde_json::to_value(&setup).map_err(Failure::internal)?;
+    }
     match args.format {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&described).map_err(Failure::internal)?))?;
         }
-        Format::Text => say(&in_words(&recording))?,
+        Format::Text => say(&(in_words(&recording) + &check::block(&setup, None)))?,
     }
     Ok(Exit::Done)
 }

@@ -11,6 +11,8 @@
 //!   encoders; made by [`residuals`] from the [`freeplay_laws::Prediction`] of the arm with its effects.
 //! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above, of long recordings part by part.
 //! - [`beyond_limits`]: the joints that a recording has where they can't be, in words.
+//! - [`examine`]: whether a recording and a model mean the same: a [`Setup`] of [`SetupFinding`]s with their [`Certainty`] and [`sentences`], and the [`Reading`]
+//!   ([`PositionReading`], [`TorqueReading`]) that mends it; [`Mended`] is that of several recordings.
 //! - [`diagnose`]: from recordings to a [`Diagnosis`] with its [`Verdict`]: where they differ from the model ([`Location`], [`Map`]),
 //!   what is missing ([`Effect`] with its [`Parameter`]s and [`Evidence`]), what else was weighed ([`Alternative`], [`EvidenceRow`]),
 //!   what can't be told ([`Untestable`]), how much better the model gets on held-out data ([`Fit`], [`Gain`]), and what pictures are drawn from ([`Passage`],
@@ -24,6 +26,7 @@
 
 mod begin;
 mod comparison;
+mod conventions;
 mod curves;
 mod cutoff;
 mod diagnose;
@@ -40,12 +43,15 @@ mod notes;
 pub mod page;
 pub mod recorded;
 mod residual;
-mod scale;
 mod stamps;
 mod statistics;
 mod tally;
 
 pub use comparison::{ChannelError, Comparison, SCHEMA, compare};
+pub use conventions::{
+    Certainty, Mended, PositionReading, Reading, Setup, SetupFinding, TorqueReading, examine, sentences,
+    time_unit,
+};
 pub use diagnose::{
     Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Effect,
     Evidence, EvidenceRow, Excitation, ExciteError, ExciteSettings, Fit, Fourier, Gain, Location, Map,

@@ -3,18 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use freeplay_arm::{Arm, ArmFile, Purpose, Shortfall};
-use freeplay_recording::{ColumnError, ReadError, Recording};
+use freeplay_recording::{ColumnError, Mapping, ReadError, Recording};
 use freeplay_storage::same_file;
 use thiserror::Error;
 
+use crate::conventions::{Reading, SetupFinding, time_unit};
 use crate::matching;
 pub use crate::matching::joint_names;
 
-/// A recording with longer steps shows nothing of how an arm moves, s: its times are no seconds.
-const LONGEST_STEP_S: f64 = 1.0;
-/// Median steps up to which times count as milliseconds, and as microseconds; beyond, nanoseconds. Taken for a rate of 3 Hz to 1 kHz.
-const MOST_MS: f64 = 300.0;
-const MOST_US: f64 = 3e5;
 /// No arm reaches farther, m.
 const FARTHEST_M: f64 = 30.0;
 
@@ -40,19 +36,12 @@ pub enum RecordedError {
     #[error(transparent)]
     Unfit(#[from] Shortfall),
     /// The times are in another unit than seconds.
-    #[error(
-        "{}: column t: rows are {step} apart, and times are in seconds; are these {unit}? give seconds (divide by {per_second}), or say the unit in a mapping file: freeplay record import",
-        file.display()
-    )]
+    #[error("{}: column t: {words}", file.display())]
     NotSeconds {
         /// The recording.
         file: PathBuf,
-        /// The median of the steps, in the file's unit.
-        step: f64,
-        /// The unit that they seem to have.
-        unit: &'static str,
-        /// How many of it make a second.
-        per_second: &'static str,
+        /// The unit that they seem to have, and what to do.
+        words: String,
     },
     /// One recording is named twice.
     #[error("--recording {}: is given twice, and what is held out has to be another one: name each once", file.display())]
@@ -62,20 +51,28 @@ pub enum RecordedError {
     },
 }
 
-/// Reads the recording at `path` as it is.
+/// Reads the recording at `path` as it is, or a CSV as `mapping` says.
 ///
 /// # Errors
 /// The reader's own.
-pub fn unmatched(path: &Path) -> Result<Recording, RecordedError> {
-    Ok(freeplay_recording::read(path, None)?)
+pub fn unmatched(path: &Path, mapping: Option<&Mapping>) -> Result<Recording, RecordedError> {
+    Ok(match mapping {
+        None => freeplay_recording::read(path, None)?,
+        Some(mapping) => freeplay_recording::import_csv(path, mapping)?,
+    })
 }
 
 /// The recording of the arm in `file`, which was named `model`: of the joints of the arm in its order, where both have names; without torques
-/// where the model has no masses. What may be in another unit is noted in it.
+/// where the model has no masses; with the arm's weight where `mapping` says that it is missing from them. What may be in another unit is noted in it.
 ///
 /// # Errors
 /// Another number of joints; times that are no seconds; torques alone for a model without masses.
-pub fn of_arm(mut recording: Recording, model: &str, file: &ArmFile) -> Result<Recording, RecordedError> {
+pub fn of_arm(
+    mut recording: Recording,
+    model: &str,
+    file: &ArmFile,
+    mapping: Option<&Mapping>,
+) -> Result<Recording, RecordedError> {
     matching::by_name(&mut recording, &file.arm);
     if recording.joints() != file.arm.dof() {
         let counted = freeplay_recording::read(&recording.origin, Some(file.arm.dof()));
@@ -84,6 +81,10 @@ pub fn of_arm(mut recording: Recording, model: &str, file: &ArmFile) -> Result<R
     check_times(&recording)?;
     check_masses(&mut recording, &file.arm)?;
     recording.notes.extend(far_tool(&recording));
+    if mapping.is_some_and(Mapping::is_gravity_compensated) {
+        let reading = Reading { gravity_added: true, ..Reading::plain(file.arm.dof()) };
+        return Ok(reading.mended(&file.arm, &recording));
+    }
     Ok(recording)
 }
 
@@ -115,16 +116,8 @@ fn check_masses(recording: &mut Recording, arm: &Arm) -> Result<(), RecordedErro
 
 /// Refuses times that are no seconds.
 fn check_times(recording: &Recording) -> Result<(), RecordedError> {
-    let step = recording.median_step();
-    if step < LONGEST_STEP_S {
-        return Ok(());
-    }
-    let (unit, per_second) = match step {
-        step if step < MOST_MS => ("milliseconds", "1e3"),
-        step if step < MOST_US => ("microseconds", "1e6"),
-        _ => ("nanoseconds", "1e9"),
-    };
-    Err(RecordedError::NotSeconds { file: recording.origin.clone(), step, unit, per_second })
+    let Some(SetupFinding { statement, remedy, .. }) = time_unit(recording) else { return Ok(()) };
+    Err(RecordedError::NotSeconds { file: recording.origin.clone(), words: format!("{statement} {remedy}") })
 }
 
 /// A tool that is farther away than any arm reaches.

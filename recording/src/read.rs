@@ -75,7 +75,11 @@ pub fn import_csv(path: &Path, mapping: &Mapping) -> Result<Recording, ReadError
     let file = open_file(path)?;
     let source =
         Source { file: path, size: Some(file.length()), joints: None, limit: MAX_NUMBERS, overview: None };
-    csv_reader::read_mapped(file, &source, Some(mapping))
+    let mut recording = csv_reader::read_mapped(file, &source, Some(mapping))?;
+    mapping
+        .finish(&mut recording)
+        .map_err(|error| ReadError::Mapping { place: source.place(Row::Whole), source: error })?;
+    Ok(recording)
 }
 
 /// Opens a recording, which must be a regular file.

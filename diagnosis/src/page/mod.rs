@@ -16,7 +16,7 @@ use freeplay_arm::ArmFile;
 use freeplay_report::units::{people, written};
 use freeplay_report::{Block, Cell, Column, Document, Figure, Section, Table, Verdict};
 
-use crate::{Diagnosis, Verdict as Outcome};
+use crate::{Certainty, Diagnosis, Verdict as Outcome, sentences};
 use freeplay_report::paste::pasted;
 
 pub use findings::{kind_title, title};
@@ -74,6 +74,7 @@ pub fn outcome(verdict: Outcome) -> (Verdict, &'static str) {
         Outcome::OneOf => (Verdict::Warn, "one of several"),
         Outcome::Unknown => (Verdict::Warn, "unknown"),
         Outcome::InsufficientData => (Verdict::Warn, "insufficient data"),
+        Outcome::Setup => (Verdict::Warn, "set-up"),
     }
 }
 
@@ -81,6 +82,17 @@ fn overview(diagnosis: &Diagnosis) -> Vec<Block> {
     let (verdict, word) = outcome(diagnosis.verdict);
     let text = diagnosis.statement.clone();
     let mut blocks = vec![Block::Judged { verdict, word: word.to_owned(), text }];
+    let setup: Vec<String> = sentences(&diagnosis.setup)
+        .into_iter()
+        .map(|(certainty, statement, remedy)| match certainty {
+            Certainty::Sure => format!("{statement} {remedy}"),
+            Certainty::Likely => format!("Perhaps, and much stays unexplained: {statement} {remedy}"),
+        })
+        .collect();
+    if !setup.is_empty() {
+        blocks.push(Block::Text("Check how the recording is read:".to_owned()));
+        blocks.push(Block::List(setup));
+    }
     let tiles = tiles(diagnosis);
     if !tiles.is_empty() {
         blocks.push(Block::Figures(tiles));

@@ -12,6 +12,7 @@
 //! - [`Plan`]: the machine as it is: arm, drives, transmissions, bearings, springs.
 //! - [`Trace`]: what it did, by the servo controller and the time stepping of [`Plan::run`].
 //! - [`Chain`]: the sensors: what of it is written down.
+//! - [`SetupFault`]: a recording that is not read as its data sheet means it, put in by [`with_setup_faults`], of [`Kept`] channels.
 //! - [`Made`]: the data sheet, two recordings and the [`Truth`]; from [`make_case`], [`make_here`] or [`generate`].
 
 mod arms;
@@ -29,6 +30,7 @@ mod random;
 mod sensors;
 mod servo;
 mod set;
+mod setup;
 mod sizing;
 mod tolerances;
 mod truth;
@@ -46,6 +48,7 @@ pub use physics::{Effect, Physics};
 pub use sensors::{Chain, Noise, Samples};
 pub use servo::Servo;
 pub use set::{Quota, draw_set, make_case, make_here};
+pub use setup::{Kept, SETUP, SetupFault, with_setup_faults};
 pub use tolerances::Tolerances;
 pub use truth::{Truth, TruthEffect};
 pub use write::{WriteCaseError, write_case, write_sealed};
