@@ -107,8 +107,9 @@ fn demand<T>(slot: &mut Result<T, ModelError>, blank: T) -> Result<(), ModelErro
 
 /// Refuses what is wrong with the joints from the root to the end of `chain`, and passes over what is wrong with others.
 fn demand_joints(robot: &mut Robot<'_>, tree: &Tree, chain: &Chain) -> Result<(), ModelError> {
-    let mut link = chain.end;
+    let (mut link, mut path) = (chain.end, Vec::new());
     while let Some(index) = tree.parent_joint[link] {
+        path.push(index);
         let joint = &mut robot.joints[index];
         demand(&mut joint.placement, Isometry3::identity())?;
         if chain.joints.contains(&index) || joint.motion == Motion::Unknown {
@@ -116,7 +117,7 @@ fn demand_joints(robot: &mut Robot<'_>, tree: &Tree, chain: &Chain) -> Result<()
         }
         link = joint.parent;
     }
-    for &index in &chain.joints {
+    for &index in path.iter().rev() {
         let mut notes = std::mem::take(&mut robot.joints[index].notes);
         robot.notes.append(&mut notes);
     }
