@@ -1,4 +1,5 @@
-//! One tick of the plant in contact, and what recording it costs the loop. Goal: 60 us a tick of 50 sub-steps, 1 us to record.
+//! One tick of the plant in contact, what watching it and judging its command costs, and what recording it costs the loop. Goal: 60 us a tick
+//! of 50 sub-steps, 1 us to record.
 
 mod common;
 
@@ -8,8 +9,11 @@ use crossbeam::queue::ArrayQueue;
 use freeplay_arm::paper_arm;
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::{JointPath, PathSpec};
-use freeplay_plant::{Applied, Input, MAX_PLAYS, NO_DIFFERENCES, PlayRecord, System, TickRecord};
-use freeplay_shm::{Command, State};
+use freeplay_plant::{
+    Applied, Braking, Gate, GateLimits, Input, MAX_PLAYS, NO_DIFFERENCES, PlayRecord, ReflexLimits,
+    ReflexSpec, Reflexes, System, TickRecord,
+};
+use freeplay_shm::{Command, Mode, State};
 
 fn main() {
     common::machine();
@@ -43,6 +47,7 @@ fn main() {
             );
         }
     }
+    safety();
     let state = State::new(1, 6);
     let record = TickRecord {
         state,
@@ -63,4 +68,47 @@ fn main() {
         queue.push(record).map_err(|_| "full").expect("room");
         queue.pop();
     });
+}
+
+/// What the gate and the reflexes cost in a tick, and watching the drives in its 50 sub-steps.
+fn safety() {
+    let arm = paper_arm().arm;
+    let limits = ReflexLimits::of(&arm, &ReflexSpec::default(), 50.0, 1e-3, &[vec![0.0; 6]]);
+    let of = GateLimits::of(&arm, Mode::Torque, 1e-3, 20, &limits.torque_rate);
+    let (mut gate, mut tick) = (Gate::new(of, 1, 0, 6), 0);
+    common::measure("the gate, one command", "", 20_000, 100, || {
+        let state = State { tick, ..State::new(1, 6) };
+        assert_eq!(gate.pass(Some(&Command::answer_to(&state, 0)), tick).1, None);
+        tick += 1;
+    });
+    let mut reflexes = Reflexes::new(limits.clone(), 1e-3);
+    let joints = [[0.1, 0.2, 0.3]; 6];
+    common::measure("the reflexes, one tick", "", 20_000, 100, || {
+        assert_eq!(reflexes.watch(&joints, &[0.1; 6]), None);
+    });
+    let mut brakes = Braking::new(vec![10.0; 6]);
+    let still = freeplay_plant::Hermite::new(6);
+    for is_watched in [false, true] {
+        let play = ArmWithPlay::new(&arm, &[]).expect("an arm");
+        let mut system = System::new(play, &arm, 1e-3, 50).expect("a step");
+        system.start(&[0.0, 0.3, 0.3, 0.0, 0.3, 0.0], &[0.0; 6]);
+        let mut torque = [0.0; 6];
+        freeplay_arm::rnea(
+            &arm,
+            &mut freeplay_arm::Workspace::new(&arm),
+            &[0.0, 0.3, 0.3, 0.0, 0.3, 0.0],
+            &[0.0; 6],
+            &[0.0; 6],
+            &mut torque,
+        );
+        let input = Input { torque: &torque, driven: &[false; 6], motion: &still };
+        let name = if is_watched { "watched" } else { "not watched" };
+        common::measure(&format!("tick, 50 sub-steps, no play, {name}"), "", 1000, 1, || {
+            if is_watched {
+                assert_eq!(system.watched_tick(&input, &limits, &mut brakes).expect("finite"), None);
+            } else {
+                system.tick(&input).expect("finite");
+            }
+        });
+    }
 }

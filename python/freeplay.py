@@ -263,13 +263,16 @@ class Link:
 
     def _share(self):
         try:
-            folder = os.open(self.root, os.O_RDONLY)
+            folder = os.open(self.root, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
             fcntl.flock(folder, fcntl.LOCK_SH)
         except OSError as error:
             raise Failure(
                 PEER_MISSING, f"no run lives at {self.root}: it has ended, or the address is wrong ({error.strerror})"
             ) from None
-        if os.fstat(folder).st_nlink == 0:
+        status = os.fstat(folder)
+        if status.st_uid != os.getuid() or status.st_mode & 0o077:
+            raise Failure(INTERNAL, f"{self.root} is not a folder of this user alone: start both sides as one user")
+        if status.st_nlink == 0:
             raise Failure(PEER_MISSING, f"no run lives at {self.root}: it has ended")
         return folder
 
@@ -320,7 +323,8 @@ class Link:
         self.states = states.subscriber_builder().create()
 
     def _lock_file(self, name):
-        return os.open(self.root / name, os.O_CREAT | os.O_APPEND | os.O_RDWR | os.O_CLOEXEC, 0o600)
+        flags = os.O_CREAT | os.O_APPEND | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC
+        return os.open(self.root / name, flags, 0o600)
 
     def _take_seat(self):
         for _ in range(LOOKS):

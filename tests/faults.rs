@@ -109,7 +109,7 @@ fn recording(ran: &Ran) -> Recording {
 }
 
 /// Each fault of a command: what it is called in `FREEPLAY_FAULT`, in which mode, and how the gate counts it.
-const COMMAND_FAULTS: [(&str, &str, &str); 19] = [
+const COMMAND_FAULTS: [(&str, &str, &str); 23] = [
     ("nan", "torque", "not_finite"),
     ("nan", "driven", "not_finite"),
     ("infinite", "torque", "not_finite"),
@@ -129,6 +129,10 @@ const COMMAND_FAULTS: [(&str, &str, &str); 19] = [
     ("other_kind", "torque", "malformed"),
     ("other_kind", "driven", "malformed"),
     ("no_answer", "torque", "no_answer"),
+    ("other_slot", "torque", "malformed"),
+    ("other_status", "driven", "malformed"),
+    ("nan_deviation", "torque", "not_finite"),
+    ("nan_unused", "driven", "not_finite"),
 ];
 
 /// Plays some of [`COMMAND_FAULTS`]: five bad commands are bridged, lasting ones close the brakes.
@@ -253,8 +257,13 @@ fn a_controller_that_never_comes_is_told_by_name() {
         ("nobody", "", 2, &["no controller \"nobody\"", "computed-torque", "give the path"]),
         ("./nobody", "", 3, &["controller ./nobody", "no such executable"]),
         (&plain, "", 3, &["plain", "not executable", "chmod +x"]),
-        (&broken, "", 5, &["cannot start the controller", "broken", "no controller came within 2s"]),
-        (&faulty, "leave", 5, &["no controller came within 2s", "ended before the run did (exit code 7)"]),
+        (&broken, "", 5, &["cannot start the controller", "broken", "ended before it joined the run"]),
+        (
+            &faulty,
+            "leave",
+            5,
+            &["its process ended before it joined", "ended before it joined the run (exit code 7)"],
+        ),
         (&faulty, "mute", 5, &["no controller came within 2s", "did not answer in time"]),
         (
             &faulty,

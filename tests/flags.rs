@@ -36,11 +36,12 @@ fn call(line: &str) -> Ran {
 #[test]
 fn every_command_understands_the_common_flags() {
     let help = call("--help").stdout();
-    let commands =
-        help.split("Commands:").nth(1).and_then(|rest| rest.split("Options:").next()).expect("a list");
-    let names = commands.lines().filter_map(|line| line.split_whitespace().next());
+    let groups = help.split("Main commands:").nth(1);
+    let commands = groups.and_then(|rest| rest.split("Common options:").next()).expect("groups of commands");
+    let is_first_line = |line: &&str| line.starts_with("  ") && !line.starts_with("   ");
+    let names = commands.lines().filter(is_first_line).filter_map(|line| line.split_whitespace().next());
     let mut count = 0;
-    for name in names.filter(|name| *name != "help") {
+    for name in names {
         let help = call(&format!("{name} --help")).stdout();
         for flag in ["-q, --quiet", "-v, --verbose", "--color <WHEN>"] {
             assert!(help.contains(flag), "{name}: no {flag} in {help}");

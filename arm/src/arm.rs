@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Vector3};
 use thiserror::Error;
 
 use crate::check;
+use crate::fitness::{Fitness, Purpose, Shortfall};
 use crate::joint::Joint;
 use crate::link::LinkConstants;
 
@@ -35,6 +36,14 @@ pub enum ArmError {
     EmptyName {
         /// Position in the chain, from 1.
         number: usize,
+    },
+    /// A joint whose name has a line break, so that no table and no message can carry it.
+    #[error("joint number {number} is called {name:?}; remove the line break from its name")]
+    NameOfLines {
+        /// Position in the chain, from 1.
+        number: usize,
+        /// The name.
+        name: String,
     },
     /// A value outside its range, NaN or infinite.
     #[error("{}: {quantity} is {value}, but must be {must}", joint.as_ref().map_or("the arm".to_owned(), |name| format!("joint `{name}`")))]
@@ -78,6 +87,7 @@ impl ArmError {
             ArmError::NoJoints
             | ArmError::TooManyJoints { .. }
             | ArmError::EmptyName { .. }
+            | ArmError::NameOfLines { .. }
             | ArmError::NoSuchJoint { .. } => None,
         }
     }
@@ -91,6 +101,7 @@ pub struct Arm {
     tool: Isometry3<f64>,
     gravity: Vector3<f64>,
     constants: Vec<LinkConstants>,
+    fitness: Fitness,
 }
 
 impl Arm {
@@ -104,9 +115,24 @@ impl Arm {
     /// [`ArmError`] names the joint, the value and what is allowed: see its variants.
     pub fn new(
         name: &str,
+        joints: Vec<Joint>,
+        tool: Isometry3<f64>,
+        gravity: Vector3<f64>,
+    ) -> Result<Arm, ArmError> {
+        Arm::with_fitness(name, joints, tool, gravity, &Fitness::default())
+    }
+
+    /// The same for an arm that is made of one with `fitness`: where that one lacked something for a [`Purpose`], this one may, too,
+    /// and gains what its joints now have.
+    ///
+    /// # Errors
+    /// As [`Arm::new`].
+    pub fn with_fitness(
+        name: &str,
         mut joints: Vec<Joint>,
         tool: Isometry3<f64>,
         gravity: Vector3<f64>,
+        fitness: &Fitness,
     ) -> Result<Arm, ArmError> {
         check::chain(&joints)?;
         check::pose(None, "tool pose", &tool)?;
@@ -117,9 +143,23 @@ impl Arm {
             joint.inertia.about_com = (tensor + tensor.transpose()) * 0.5;
         }
         let constants = joints.iter().map(LinkConstants::of).collect();
-        let arm = Arm { name: name.to_owned(), joints, tool, gravity, constants };
-        check::every_joint_moves_inertia(&arm)?;
-        Ok(arm)
+        let name = name.to_owned();
+        let arm = Arm { name, joints, tool, gravity, constants, fitness: Fitness::default() };
+        let fitness = fitness.judged(check::every_joint_moves_inertia(&arm))?;
+        Ok(Arm { fitness, ..arm })
+    }
+
+    /// What this arm lacks, for the arms that are made of it.
+    pub fn fitness(&self) -> &Fitness {
+        &self.fitness
+    }
+
+    /// Whether the arm can be used for `purpose`. Arms of [`Arm::new`] can be used for all; those of a file may lack masses.
+    ///
+    /// # Errors
+    /// [`Shortfall`]: link, line and what is missing.
+    pub fn require(&self, purpose: Purpose) -> Result<(), Shortfall> {
+        self.fitness.shortfall(purpose).map_or(Ok(()), |shortfall| Err(shortfall.clone()))
     }
 
     /// Number of joints.
@@ -167,7 +207,7 @@ impl Arm {
         let next = joints.get_mut(index).ok_or(ArmError::NoSuchJoint { index, dof: self.joints.len() })?;
         let placement = std::mem::replace(&mut next.placement, Isometry3::identity());
         joints.insert(index, Joint { placement, ..joint });
-        Arm::new(&self.name, joints, self.tool, self.gravity)
+        Arm::with_fitness(&self.name, joints, self.tool, self.gravity, &self.fitness)
     }
 
     pub(crate) fn constants(&self) -> &[LinkConstants] {

@@ -19,6 +19,9 @@ pub(crate) fn chain(joints: &[Joint]) -> Result<(), ArmError> {
         if joint.name.is_empty() {
             return Err(ArmError::EmptyName { number: i + 1 });
         }
+        if joint.name.contains(['\n', '\r']) {
+            return Err(ArmError::NameOfLines { number: i + 1, name: joint.name.clone() });
+        }
         if joints[..i].iter().any(|other| other.name == joint.name) {
             return Err(ArmError::DuplicateName { name: joint.name.clone() });
         }

@@ -5,10 +5,12 @@
 //!
 //! The nouns, in the order in which data passes through them:
 //!
+//! - [`Selection`]: which chain of a robot is the arm: the one to a link, or the one whose joints have certain names.
 //! - [`ArmFile`]: what a model file says: an arm, the effects beyond the rigid body, and what was not used ([`load`],
-//!   [`parse_urdf`], [`parse_toml`], [`paper_arm`], [`to_toml`]).
+//!   [`load_selected`], [`parse_urdf`], [`parse_toml`], [`paper_arm`], [`to_toml`]).
 //! - [`Joint`]: one joint and the link it moves: [`JointKind`], axis, placement, [`Limits`], [`JointFriction`], [`Inertia`].
-//! - [`Arm`]: the checked, immutable chain of joints, with tool and gravity.
+//! - [`Arm`]: the checked, immutable chain of joints, with tool and gravity; what it can be used for is a [`Purpose`], what it lacks
+//!   for one a [`Shortfall`] ([`Arm::require`], [`Fitness`]).
 //! - [`Workspace`]: the numbers that are worked out for one arm, allocated once; every function below writes into it.
 //! - Kinematics, q → poses: [`forward_kinematics`], [`jacobian`], [`tool_bias_acceleration`].
 //! - Inverse kinematics, pose → q: [`inverse_kinematics`], [`inverse_kinematics_global`], [`IkTask`], [`IkOptions`], [`IkReport`].
@@ -23,6 +25,7 @@
 mod arm;
 mod check;
 mod dynamics;
+mod fitness;
 mod inverse;
 mod joint;
 mod kinematics;
@@ -36,6 +39,7 @@ pub use dynamics::energy::{kinetic_energy, potential_energy};
 pub use dynamics::forward::{Drive, aba, hybrid_aba};
 pub use dynamics::inverse::{bias, gravity_torque, joint_reaction, rnea};
 pub use dynamics::mass_matrix::crba;
+pub use fitness::{Fitness, Purpose, Shortfall};
 pub use inverse::{
     IkError, IkOptions, IkReport, IkTask, inverse_kinematics, inverse_kinematics_global,
     inverse_kinematics_with,
@@ -43,6 +47,7 @@ pub use inverse::{
 pub use joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 pub use kinematics::{forward_kinematics, jacobian, tool_bias_acceleration};
 pub use model::{
-    ArmFile, EffectTable, MAX_FILE_BYTES, ModelError, Place, load, paper_arm, parse_toml, parse_urdf, to_toml,
+    ArmFile, EffectTable, MAX_FILE_BYTES, ModelError, Place, Selection, load, load_selected, match_joints,
+    paper_arm, parse_toml, parse_urdf, parse_urdf_selected, to_toml,
 };
 pub use workspace::Workspace;

@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 
 use freeplay_arm::{
-    Arm, ArmError, Inertia, Joint, JointFriction, JointKind, Limits, ModelError, load, parse_toml, parse_urdf,
+    Arm, ArmError, Inertia, Joint, JointFriction, JointKind, Limits, ModelError, Purpose, load, parse_toml,
+    parse_urdf,
 };
 use nalgebra::{Isometry3, Matrix3, Unit, UnitQuaternion, Vector3};
 
@@ -57,26 +58,53 @@ fn bad_numbers_in_urdf() {
     refused(&robot("", &body("", "1")), &["x.urdf:4:14:", "one number"]);
     refused(&robot("", &body("1 2", "1")), &["x.urdf:4:14:", "`1 2`", "one number"]);
     refused(&robot("", &body("1", "heavy")), &["x.urdf:4:32:", "<inertia ixx>", "`heavy`"]);
-    refused(
-        &robot("", &body("1", "-1")),
-        &["x.urdf:4:18:", "ixx=-1", "positive semi-definite", "link `arm`"],
-    );
     refused(&robot("<axis xyz=\"0 0 0\"/>", BODY), &["x.urdf:5:12:", "joint `j`", "`0 0 0`", "direction"]);
     refused(&robot("<axis xyz=\"0 0\"/>", BODY), &["x.urdf:5:12:", "3 numbers"]);
     refused(&robot("<axis xyz=\"0 0 1 0\"/>", BODY), &["x.urdf:5:12:", "3 numbers"]);
     refused(&robot("<origin rpy=\"0 0 pi\"/>", BODY), &["x.urdf:5:14:", "<origin rpy>", "`0 0 pi`"]);
     refused(&robot("<limit lower=\"2\" upper=\"1\"/>", BODY), &["x.urdf:5:15:", "`2`", "above upper", "`1`"]);
-    refused(&robot("<limit effort=\"-5\"/>", BODY), &["x.urdf:5:16:", "<limit effort>", "`-5`"]);
-    refused(&robot("<dynamics damping=\"-1\"/>", BODY), &["x.urdf:5:20:", "<dynamics damping>"]);
+}
+
+/// What is lacking for a use is said where that use is asked for, with link and line; lesser uses go on.
+#[test]
+fn masses_are_asked_for_where_they_are_used() {
+    let inertial = |ixx: &str| {
+        format!("<inertial>\n<mass value=\"1\"/><inertia ixx=\"{ixx}\" iyy=\"1\" izz=\"1\"/></inertial>")
+    };
+    let cases: [(String, Purpose, &[&str]); 4] = [
+        (robot("", ""), Purpose::Torque, &["x.urdf:1:1:", "no moving link of this file has a mass"]),
+        (
+            robot("", &inertial("-1")),
+            Purpose::Torque,
+            &["x.urdf:4:18:", "ixx=-1", "semi-definite", "link `arm`"],
+        ),
+        (
+            robot("", "<inertial><mass value=\"1\"/></inertial>"),
+            Purpose::Simulation,
+            &["x.urdf:4:1:", "link `arm`", "joint `j` moves no inertia", "rotor_inertia"],
+        ),
+        (robot("", &inertial("1")), Purpose::Simulation, &[]),
+    ];
+    for (text, fails, words) in cases {
+        let file = parse_urdf(&text, "x.urdf").unwrap();
+        for purpose in [Purpose::ToolPose, Purpose::Torque, Purpose::Simulation] {
+            let found = file.arm.require(purpose);
+            assert_eq!(found.is_err(), purpose >= fails && !words.is_empty(), "{text}: {found:?}");
+            let Err(shortfall) = found else { continue };
+            for word in words {
+                assert!(shortfall.to_string().contains(word), "{word}: {shortfall}");
+            }
+            let said = file.ignored.iter().filter(|note| **note == shortfall.to_string()).count();
+            assert_eq!(said, 1, "{:?}", file.ignored);
+        }
+    }
+    let massless = parse_toml(&arm_file("", "").replace("mass = 1", "mass = 0"), "x.toml".as_ref()).unwrap();
+    let said = massless.arm.require(Purpose::Simulation).unwrap_err().to_string();
+    assert!(said.contains("x.toml:1:1:") && said.contains("has a mass"), "{said}");
 }
 
 #[test]
 fn missing_things_in_urdf() {
-    refused(&robot("", ""), &["x.urdf:4:1:", "joint `j`", "moves no inertia"]);
-    refused(
-        &robot("", "<inertial><mass value=\"1\"/></inertial>"),
-        &["x.urdf:4:1:", "joint `j`", "moves no inertia"],
-    );
     refused(
         &robot("", "<inertial><inertia ixx=\"1\" iyy=\"1\" izz=\"1\"/></inertial>"),
         &["x.urdf:3:18:", "<mass value>"],
@@ -107,18 +135,12 @@ fn robots_that_are_no_tree() {
     refused(&tree("a", "b", ""), &["x.urdf:4:1:", "link `b`", "joint `j`", "joint `k`"]);
     refused(&tree("b", "a", ""), &["closed loop"]);
     refused(&tree("c", "c", ""), &["x.urdf:4:1:", "joint `k`", "closed loop"]);
-    refused(
-        &tree("b", "c", "<link name=\"stray\"/>"),
-        &["x.urdf:5:1:", "2 links have no parent", "`a`, `stray`"],
-    );
     refused(&tree("b", "c", "<link name=\"b\"/>"), &["x.urdf:5:1:", "second link called `b`"]);
     let twin =
         "<link name=\"d\"/><joint name=\"j\" type=\"fixed\"><parent link=\"c\"/><child link=\"d\"/></joint>";
     refused(&tree("b", "c", twin), &["x.urdf:5:17:", "second joint called `j`"]);
-    for kind in ["floating", "planar", "spherical"] {
-        let text = tree("b", "c", "").replacen("revolute", kind, 1);
-        refused(&text, &["x.urdf:3:23:", "joint `j`: type", kind]);
-    }
+    let text = tree("b", "c", "").replacen("revolute", "spherical", 1);
+    refused(&text, &["x.urdf:3:23:", "joint `j`: type", "spherical"]);
 }
 
 #[test]
@@ -216,7 +238,6 @@ fn bad_arm_files() {
     refused_toml(&swap("mass = 1", "mass = -1"), &["x.toml:5:8:", "joint `j`: mass", "`-1`", "negative"]);
     refused_toml(&swap("mass = 1", "mass = nan"), &["x.toml:5:8:", "`NaN`", "finite"]);
     refused_toml(&swap("mass = 1", "mass = \"1\""), &["x.toml:5:8:", "^"]);
-    refused_toml(&swap("mass = 1", "mass = 0"), &["x.toml:1:1:", "joint `j` moves no inertia"]);
     refused_toml(&swap("[1, 0, 0]", "[inf, 0, 0]"), &["x.toml:6:7:", "com", "`inf`"]);
     refused_toml(
         &arm_file("inertia = { ixx = -1, iyy = 1, izz = 1 }", ""),

@@ -1,15 +1,17 @@
 //! What was typed.
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use freeplay_report::one_line;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::messages::{Common, color_among};
 
-use crate::exit::{Exit, Failure};
+use crate::help::grouped;
 use crate::manual::EXIT_CODES;
-use crate::voice::{Common, color_among};
 
 /// Controller-in-the-loop harness for robot arms whose joints have play.
 #[derive(Parser, Debug)]
-#[command(name = "freeplay", version = env!("FREEPLAY_VERSION"), after_help = EXIT_CODES, max_term_width = 110)]
-struct Cli {
+#[command(name = "freeplay", version = env!("FREEPLAY_VERSION"), after_help = EXIT_CODES, max_term_width = 0)]
+pub struct Cli {
     #[command(flatten)]
     common: Common,
     #[command(subcommand)]
@@ -19,43 +21,43 @@ struct Cli {
 #[derive(Subcommand, Debug)]
 enum Command {
     /// Run a scenario: an arm with play in one process, a controller in another, side by side for each controller.
-    Run(crate::run::RunArgs),
+    Run(freeplay_harness::run::RunArgs),
     /// How far a model is from a recording, channel by channel.
     Compare(crate::compare::CompareArgs),
     /// Swap controllers at random ticks, all pairs of them, and measure gap, jump and deviation of each swap.
-    Swap(crate::swap_command::SwapArgs),
+    Swap(freeplay_exam::swap_command::SwapArgs),
     /// The exam of a controller: faults injected on purpose, and what comes of each.
-    Faults(crate::faults::FaultsArgs),
+    Faults(freeplay_exam::faults::FaultsArgs),
     /// Time every stage of the loop beside a bare clock loop and bare iceoryx2, alternately, with a cause for every missed deadline.
-    Bench(crate::bench::BenchArgs),
+    Bench(freeplay_exam::bench::BenchArgs),
     /// Compare runs in one HTML file: verdicts, deviations, contact and latencies over each other, and what was set differently.
-    Report(crate::report_command::ReportArgs),
+    Report(freeplay_harness::report_command::ReportArgs),
     /// Is this machine fit for runs, for medians and for tails of latencies, and what to change.
-    Doctor(crate::doctor::DoctorArgs),
+    Doctor(freeplay_doctor::DoctorArgs),
     /// Where a model and recordings differ, what is missing from the model, and how much better it gets with it.
     Diagnose(crate::diagnose::DiagnoseArgs),
     /// The loop closed: machines with concealed physics played, diagnosed, and controlled with what was found.
-    Demo(crate::demo::DemoArgs),
+    Demo(freeplay_proof::demo::DemoArgs),
     /// The next motion where two causes are possible: safe, and telling them apart.
     Excite(crate::excite::ExciteArgs),
     /// The proof on concealed effects: seal, diagnose once, open, score.
-    Blind(Box<crate::blind::BlindArgs>),
+    Blind(Box<freeplay_proof::blind::BlindArgs>),
     /// The recorded states of a run to a new controller process, its commands beside the recorded ones.
-    Replay(crate::replay::ReplayArgs),
+    Replay(freeplay_harness::replay::ReplayArgs),
     /// What is in a recording; to CSV and Parquet; from ROS 2 bags, other CSVs and libfranka logs.
     Record(crate::record::RecordArgs),
     /// Whether a scenario can be run, what it comes to and where each value is from, its schema for editors.
     Scenario(crate::scenario_command::ScenarioArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
-    ReferenceRuns(crate::reference_runs::ReferenceArgs),
+    ReferenceRuns(freeplay_paper::reference_runs::ReferenceArgs),
     /// The paper (Erkaya 2018) reproduced: its scenarios, figures and claims, each with a verdict.
-    Reproduce(crate::reproduce::ReproduceArgs),
+    Reproduce(freeplay_paper::reproduce::ReproduceArgs),
     /// How far the deviation at sharp corners can be taken down at all: an offline optimum with all knowledge of the arm.
-    Bound(crate::bound_table::BoundArgs),
+    Bound(freeplay_paper::bound_table::BoundArgs),
     /// The table of compensation: paths, times, clearances, wrong models and two joints with play, under every built-in controller.
-    Cells(crate::cells::CellsArgs),
+    Cells(freeplay_paper::cells::CellsArgs),
     /// Train the network of narx-qp on simulated runs, and show how much better it predicts than what needs no network.
-    Train(crate::train::TrainArgs),
+    Train(freeplay_paper::train::TrainArgs),
     /// Completions for a shell, to standard output.
     Completions(crate::manual::CompletionsArgs),
     /// The manual page, to standard output; all pages with --out.
@@ -65,19 +67,22 @@ enum Command {
     ExitCodes,
     /// The process that makes sealed recordings; `freeplay blind` starts it.
     #[command(hide = true)]
-    BlindGenerate(crate::blind::GenerateArgs),
+    BlindGenerate(freeplay_proof::blind::GenerateArgs),
     /// The process that answers for a sealed recording; `freeplay blind` starts it.
     #[command(hide = true)]
-    BlindAnalyst(crate::blind::AnalystArgs),
+    BlindAnalyst(freeplay_proof::blind::AnalystArgs),
     /// The process that plays the machine; `freeplay run` starts it.
     #[command(hide = true)]
-    Plant(crate::plant_command::PlantArgs),
+    Plant(freeplay_harness::plant_command::PlantArgs),
     /// The process of a built-in controller; `freeplay run` starts it.
     #[command(hide = true)]
-    Controller(crate::controller_command::ControllerArgs),
+    Controller(freeplay_harness::controller_command::ControllerArgs),
+    /// The process that ends a controller with its run; `freeplay run` starts it.
+    #[command(hide = true)]
+    Guard,
     /// A yardstick of `freeplay bench`, which starts it.
     #[command(hide = true)]
-    Yardstick(crate::bench::YardstickArgs),
+    Yardstick(freeplay_exam::bench::YardstickArgs),
 }
 
 /// Understands the command line and does what it says.
@@ -85,38 +90,56 @@ enum Command {
 /// # Errors
 /// What the command could not do, with the exit code.
 pub fn dispatch() -> Result<Exit, Failure> {
-    let command = with_negative_numbers(Cli::command()).color(color_among(std::env::args_os()));
-    let cli = Cli::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit());
+    freeplay_terminal::process::end_on_signals()?;
+    let parsed = understood().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
+    let cli = parsed.unwrap_or_else(|error| quit(error));
     cli.common.apply();
     match cli.command {
-        Command::Run(args) => crate::run::run(&args),
+        Command::Run(args) => freeplay_harness::run::run(&args),
         Command::Compare(args) => crate::compare::compare(&args),
-        Command::Swap(args) => crate::swap_command::swap(&args),
-        Command::Faults(args) => crate::faults::faults(&args),
-        Command::Bench(args) => crate::bench::bench(&args),
-        Command::Yardstick(args) => crate::bench::yardstick(&args),
-        Command::Report(args) => crate::report_command::report(&args),
-        Command::Doctor(args) => crate::doctor::doctor(&args),
+        Command::Swap(args) => freeplay_exam::swap_command::swap(&args),
+        Command::Faults(args) => freeplay_exam::faults::faults(&args),
+        Command::Bench(args) => freeplay_exam::bench::bench(&args),
+        Command::Yardstick(args) => freeplay_exam::bench::yardstick(&args),
+        Command::Report(args) => freeplay_harness::report_command::report(&args),
+        Command::Doctor(args) => freeplay_doctor::doctor(&args),
         Command::Diagnose(args) => crate::diagnose::diagnose(&args),
-        Command::Demo(args) => crate::demo::demo(&args),
+        Command::Demo(args) => freeplay_proof::demo::demo(&args),
         Command::Excite(args) => crate::excite::excite(&args),
-        Command::Blind(args) => crate::blind::blind(&args),
-        Command::BlindGenerate(args) => crate::blind::generate(&args),
-        Command::BlindAnalyst(args) => crate::blind::analyst(&args),
-        Command::Replay(args) => crate::replay::replay(&args),
+        Command::Blind(args) => freeplay_proof::blind::blind(&args),
+        Command::BlindGenerate(args) => freeplay_proof::blind::generate(&args),
+        Command::BlindAnalyst(args) => freeplay_proof::blind::analyst(&args),
+        Command::Replay(args) => freeplay_harness::replay::replay(&args),
         Command::Record(args) => crate::record::record(&args),
         Command::Scenario(args) => crate::scenario_command::scenario(&args),
-        Command::ReferenceRuns(args) => crate::reference_runs::reference_runs(&args),
-        Command::Reproduce(args) => crate::reproduce::reproduce(&args),
-        Command::Bound(args) => crate::bound_table::bound(&args),
-        Command::Cells(args) => crate::cells::cells(&args),
-        Command::Train(args) => crate::train::train(&args),
+        Command::ReferenceRuns(args) => freeplay_paper::reference_runs::reference_runs(&args),
+        Command::Reproduce(args) => freeplay_paper::reproduce::reproduce(&args),
+        Command::Bound(args) => freeplay_paper::bound_table::bound(&args),
+        Command::Cells(args) => freeplay_paper::cells::cells(&args),
+        Command::Train(args) => freeplay_paper::train::train(&args),
         Command::Completions(args) => crate::manual::completions(&args, Cli::command()),
         Command::Man(args) => crate::manual::man(&args, Cli::command()),
         Command::ExitCodes => crate::manual::exit_codes(),
-        Command::Plant(args) => crate::plant_command::plant(&args),
-        Command::Controller(args) => crate::controller_command::controller(&args),
+        Command::Guard => freeplay_terminal::guard::guard(),
+        Command::Plant(args) => freeplay_harness::plant_command::plant(&args),
+        Command::Controller(args) => crate::controller::controller(&args),
     }
+}
+
+/// The command line that is understood.
+fn understood() -> clap::Command {
+    with_negative_numbers(grouped(Cli::command())).color(color_among(std::env::args_os()))
+}
+
+/// Shows help, the version or what is wrong with the command line, and ends the program.
+fn quit(error: clap::Error) -> ! {
+    let words: Vec<String> =
+        std::env::args_os().map(|word| one_line(&word.to_string_lossy()).into_owned()).collect();
+    // An argument that speaks to the terminal is as wrong when it is escaped, and then it can be shown.
+    let shown = understood().try_get_matches_from(words).err().unwrap_or(error);
+    // Where neither output can be written there is nobody to tell.
+    let _ = shown.print();
+    std::process::exit(shown.exit_code())
 }
 
 /// Lets `-1` be a value of every option, so that what is said of it is its range and not that there is no option `-1`.
@@ -127,22 +150,4 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
             false => arg,
         })
         .mut_subcommands(with_negative_numbers)
-}
-
-/// A whole number of at least 1.
-///
-/// # Errors
-/// What to give.
-pub fn at_least_one(text: &str) -> Result<usize, String> {
-    let number = text.parse().ok().filter(|&number: &usize| number > 0);
-    number.ok_or_else(|| "give a whole number of at least 1".to_owned())
-}
-
-/// A finite number above 0.
-///
-/// # Errors
-/// What to give.
-pub fn above_zero(text: &str) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| *number > 0.0 && number.is_finite());
-    number.ok_or_else(|| "give a number above 0".to_owned())
 }

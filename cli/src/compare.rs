@@ -11,15 +11,16 @@ use freeplay_laws::Effects;
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, NOTHING, number};
 use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Section, Series, Table, Verdict};
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::write;
+use freeplay_terminal::messages;
+use freeplay_terminal::output::say;
 use serde_json::{Value, json};
 
-use crate::exit::{Exit, Failure};
-use crate::files::write;
-use crate::recorded;
-use crate::run::Format;
-use crate::say::say;
-use crate::setup::load_model;
-use crate::voice;
+use crate::inputs;
+use freeplay_report::paste::pasted;
+use freeplay_terminal::target::{asked_file, claim_out};
 
 /// Compares a recording with what a model makes of the recorded motion.
 ///
@@ -30,15 +31,25 @@ pub struct CompareArgs {
     /// The model: an arm file (URDF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     model: String,
+    /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
     /// The recording, of any kind that `freeplay record` reads, from a machine or from `freeplay run`.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
+    /// What the columns of the recording mean, a mapping file such as the setup.toml of a diagnosis; for CSV.
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Folder for report.html, with measured against model for every joint, and compare.json.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for report.html, with measured against model for every joint, and compare.json; a name that ends in .html or .json is the
+    /// file of one of them alone.
+    #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz, or less where the motion is noisy.
     #[arg(long, value_name = "HZ")]
     lowpass: Option<f64>,
@@ -52,23 +63,31 @@ pub struct CompareArgs {
 /// # Errors
 /// Bad input: a file that can't be read, another number of joints, nothing to compare, a filter that can't be.
 pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
-    let file = load_model(&args.model)?;
+    let measured = inputs::Measured::read(&args.recording, args.mapping.as_deref())?;
+    let file = measured.model(&args.model, args.tip.as_deref())?;
     let effects = Effects::of(&file).map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
-    let recording = recorded::read(&args.recording, &args.model, &file)?;
+    let recording = measured.of_arm(&args.model, &file)?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
-    voice::doing(format_args!("comparing {} samples", recording.len()));
+    messages::doing(format_args!("comparing {} samples", recording.len()));
+    let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
     let (comparison, residuals) =
         freeplay_diagnosis::compare(&file.arm, &effects.placed, &recording, &settings)
             .map_err(Failure::input)?;
     let view = View { args, file: &file, recording: &recording, comparison: &comparison };
     let json = view.json()?;
     let report = args.out.as_deref().map(|out| view.write(out, &residuals, &json)).transpose()?;
+    drop(folder);
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
         Format::Text => say(&view.text(report.as_deref()))?,
     }
     Ok(Exit::Done)
 }
+
+/// What a comparison writes.
+const ENDINGS: [&str; 2] = ["html", "json"];
+/// Results in the folder that `--out` names.
+const RESULTS: [&str; 2] = ["compare.json", "report.html"];
 
 /// Everything that is shown.
 struct View<'a> {
@@ -89,12 +108,18 @@ impl View<'_> {
         Ok(value)
     }
 
-    /// Writes the report and the JSON into `out`; the report's path.
+    /// Writes the report and the JSON into the folder `out`, or the one of them that the ending of the file `out` asks for; the path of the
+    /// report, or of that file.
     fn write(&self, out: &Path, residuals: &Residuals, json: &Value) -> Result<PathBuf, Failure> {
-        crate::files::make_folder(out)?;
-        write(&out.join("compare.json"), &format!("{json:#}\n"))?;
+        let (page, data) = (|| self.document(residuals).to_html(), || format!("{json:#}\n"));
+        match asked_file(out, &ENDINGS) {
+            Some("html") => return write(out, &page()).map(|()| out.to_owned()),
+            Some(_) => return write(out, &data()).map(|()| out.to_owned()),
+            None => {}
+        }
+        write(&out.join("compare.json"), &data())?;
         let path = out.join("report.html");
-        write(&path, &self.document(residuals).to_html())?;
+        write(&path, &page())?;
         Ok(path)
     }
 
@@ -104,6 +129,7 @@ impl View<'_> {
         for (what, words) in self.heading() {
             let _ = writeln!(text, "{what:11} {words}");
         }
+        text.push_str(&crate::check::block(&self.comparison.setup, None));
         let _ = writeln!(text, "\n{}\n\n{}\n", self.verdict(), self.terminal_table());
         let _ =
             writeln!(text, "error: measured minus model; spread: standard deviation of the measured signal");
@@ -111,7 +137,7 @@ impl View<'_> {
             let _ = writeln!(text, "note: {remark}");
         }
         let next = match report {
-            Some(path) => format!("report      {}", path.display()),
+            Some(path) => format!("report      {}", pasted(path)),
             None => "next        add --out DIR for the curves, measured against model; --lowpass HZ for another filter".into(),
         };
         let _ = writeln!(text, "{next}");

@@ -4,24 +4,28 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use freeplay_arm::{ArmFile, to_toml};
+use freeplay_diagnosis::page::{Subject, document};
 use freeplay_diagnosis::{
     DiagnoseError, DiagnoseSettings, Diagnosis, ExciteSettings, Settings, Tolerances, beyond_limits,
     diagnose as diagnosed,
 };
+use freeplay_harness::setup::PAPER_MODEL;
 use freeplay_recording::Recording;
+use freeplay_report::paste::seen_from;
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::write;
+use freeplay_terminal::messages;
+use freeplay_terminal::output::{say, show};
 use serde_json::Value;
 
-use crate::diagnose_report::{Subject, document};
 use crate::diagnose_screen;
 use crate::excite::{self, Question};
-use crate::exit::{Exit, Failure};
-use crate::files::{Folder, write};
-use crate::recorded;
-use crate::run::Format;
-use crate::say::{say, show};
-use crate::setup::load_model;
-use crate::voice;
+use crate::inputs::{self, Measured};
+use freeplay_terminal::target::{asked_file, claim_out, folder_of};
 
+/// The file of results that says how the recordings are to be read.
+pub const SETUP: &str = "setup.toml";
 /// The next motion: how long it takes, s, how far a joint goes, rad (m), and how many are weighed.
 const NEXT_S: f64 = 16.0;
 const NEXT_REACH: f64 = 1.2;
@@ -31,21 +35,32 @@ const NEXT_CANDIDATES: usize = 16;
 ///
 /// What is missing is sought in the first 70 % of a recording and judged on the rest, and on each other part by a fit that has not seen
 /// it; its numbers rest on all of it. With several recordings, on all but the last, which judges. Verdicts:
-/// nothing_missing, named, one_of, unknown, insufficient_data; all of them end with exit code 0.
+/// nothing_missing, named, one_of, unknown, insufficient_data; setup, where recording and model don't mean the same (units, signs, order, zeros,
+/// gravity, clocks): then all else is said of the mended reading. All of them end with exit code 0.
 #[derive(Args, Debug)]
 pub struct DiagnoseArgs {
     /// The model: an arm file (URDF or TOML), or "paper".
     #[arg(long, value_name = "FILE")]
     model: String,
+    /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
     /// Recordings of one machine with the same columns: CSV or MCAP. Of several, the last is held out; the first, where the last alone shows what is missing.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     recording: Vec<PathBuf>,
+    /// What the columns of the recordings mean, a mapping file such as the setup.toml of a diagnosis; for CSV.
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing, tuned inside its tolerances.
-    #[arg(long, value_name = "DIR")]
+    /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing, tuned inside its tolerances; a name that
+    /// ends in .toml or .json is the file of the model, or of the diagnosis, alone.
+    #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// Seed of the twins and of all intervals.
     #[arg(long, default_value_t = 1)]
     seed: u64,
@@ -71,6 +86,11 @@ pub struct DiagnoseArgs {
     #[arg(long, value_name = "MS", default_value_t = 0.6)]
     delay_tolerance: f64,
 }
+
+/// What a diagnosis writes.
+const ENDINGS: [&str; 2] = ["toml", "json"];
+/// Results in the folder that `--out` names.
+const RESULTS: [&str; 3] = ["diagnosis.json", "model.toml", "report.html"];
 
 impl DiagnoseArgs {
     fn settings(&self) -> Result<DiagnoseSettings, Failure> {
@@ -104,13 +124,19 @@ impl DiagnoseArgs {
 /// Bad input: a file that can't be read, another number of joints, nothing to compare, recordings with different columns.
 pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     let settings = args.settings()?;
-    recorded::only_once(&args.recording)?;
-    let file = load_model(&args.model)?;
-    let read = |path: &PathBuf| recorded::read(path, &args.model, &file);
-    let recordings: Vec<Recording> = args.recording.iter().map(read).collect::<Result<_, _>>()?;
+    inputs::only_once(&args.recording)?;
+    let measured: Vec<Measured> = args
+        .recording
+        .iter()
+        .map(|path| Measured::read(path, args.mapping.as_deref()))
+        .collect::<Result<_, _>>()?;
+    let [first, ..] = measured.as_slice() else { return Err(Failure::usage("name a --recording")) };
+    let file = first.model(&args.model, args.tip.as_deref())?;
+    let of_arm = |measured: Measured| measured.of_arm(&args.model, &file);
+    let recordings: Vec<Recording> = measured.into_iter().map(of_arm).collect::<Result<_, _>>()?;
     // Before what takes minutes.
-    let _reserved = args.out.as_deref().map(Folder::reserve).transpose()?;
-    let found = diagnosed(&file, &recordings, &settings, &mut |what| voice::doing(what));
+    let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
+    let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::doing(what));
     let mut diagnosis = found.map_err(|error| match error {
         DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
         other => Failure::input(other),
@@ -123,6 +149,7 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
     if let Some(out) = &args.out {
         view.write(out, &json)?;
     }
+    drop(folder);
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
         Format::Text => show(&diagnose_screen::text(&view))?,
@@ -149,7 +176,8 @@ fn next_motion(
     recordings: &[Recording],
     diagnosis: &Diagnosis,
 ) -> Result<Option<String>, Failure> {
-    let (Some(out), Some(seen)) = (&args.out, recordings.first()) else { return Ok(None) };
+    let folder = args.out.as_deref().filter(|out| target(out).is_none());
+    let (Some(out), Some(seen)) = (folder, recordings.first()) else { return Ok(None) };
     let rivals = excite::rivals(diagnosis, file)?;
     if rivals.len() < 2 {
         return Ok(None);
@@ -187,7 +215,17 @@ pub struct View<'a> {
 impl View<'_> {
     /// The folder of results.
     pub fn out(&self) -> Option<&Path> {
-        self.args.out.as_deref()
+        self.args.out.as_deref().filter(|out| target(out).is_none())
+    }
+
+    /// The single file of results.
+    pub fn file(&self) -> Option<&Path> {
+        self.args.out.as_deref().filter(|out| target(out).is_some())
+    }
+
+    /// The file that says how the recordings are to be read, where one is written.
+    pub fn setup_file(&self) -> Option<PathBuf> {
+        self.diagnosis.mapping.as_ref().and_then(|_| Some(self.out()?.join(SETUP)))
     }
 
     /// The recording that is held out, as it was named.
@@ -199,22 +237,47 @@ impl View<'_> {
     fn json(&self) -> Result<Value, Failure> {
         let mut value = serde_json::to_value(self.diagnosis).map_err(Failure::internal)?;
         value["inputs"] = serde_json::json!({ "model": self.args.model, "recordings": self.args.recording });
-        if let Some(out) = &self.args.out {
-            value["model"] = serde_json::json!(out.join("model.toml"));
+        if let Some(tip) = &self.args.tip {
+            value["inputs"]["tip"] = serde_json::json!(tip);
+        }
+        if self.args.out.is_some() {
+            value["model"] = serde_json::json!("model.toml");
             value["report"] = serde_json::json!("report.html");
         }
         Ok(value)
     }
 
-    /// Writes diagnosis.json, model.toml and report.html into `out`.
+    /// Writes diagnosis.json, model.toml and report.html into the folder `out`, or the one of them that the ending of the file `out` asks
+    /// for. Paths in a diagnosis.json are those seen from its folder.
     fn write(&self, out: &Path, json: &Value) -> Result<(), Failure> {
-        crate::files::make_folder(out)?;
+        let folder = target(out).map_or(out, |_| folder_of(out));
+        let mut moved = json.clone();
+        if self.args.model != PAPER_MODEL {
+            moved["inputs"]["model"] = serde_json::json!(seen_from(folder, Path::new(&self.args.model)));
+        }
+        let recordings: Vec<PathBuf> =
+            self.args.recording.iter().map(|path| seen_from(folder, path)).collect();
+        moved["inputs"]["recordings"] = serde_json::json!(recordings);
+        let json = moved;
+        match target(out) {
+            Some("toml") => return write(out, &to_toml(&self.diagnosis.model)),
+            Some(_) => return write(out, &format!("{json:#}\n")),
+            None => {}
+        }
         write(&out.join("diagnosis.json"), &format!("{json:#}\n"))?;
         write(&out.join("model.toml"), &to_toml(&self.diagnosis.model))?;
+        if let Some(mapping) = &self.diagnosis.mapping {
+            write(&out.join(SETUP), mapping)?;
+        }
         let View { args, file, diagnosis, .. } = self;
-        let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis };
+        let subject = Subject { model: &args.model, file, recordings: &args.recording, diagnosis, out };
         write(&out.join("report.html"), &document(&subject).to_html())
     }
+}
+
+/// The single file of results that `out` asks for.
+fn target(out: &Path) -> Option<&'static str> {
+    asked_file(out, &ENDINGS)
 }
 
 /// The name of its file.

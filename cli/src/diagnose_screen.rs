@@ -5,18 +5,19 @@ use std::fmt::Write as _;
 
 use clap::builder::styling::Style;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use freeplay_diagnosis::page::{channels, in_words, kind_title, reasons, title};
 use freeplay_diagnosis::{Diagnosis, Fit, TO_TELL, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
+use freeplay_report::units::{people, written};
+use freeplay_terminal::messages::{GOOD, OPEN, painted, width};
 
 use crate::diagnose::{View, file_name};
-use crate::diagnose_report::{channels, in_words, kind_title, reasons, title};
-use crate::units::{people, written};
-use crate::voice::{GOOD, OPEN, painted};
+use freeplay_report::paste::pasted;
+use freeplay_terminal::outside::on_one_line;
 
-/// Width of the screen and of what stands before a line, characters.
-const WIDTH: usize = 118;
-const MARGIN: usize = 9;
+/// Width of what stands before a line, characters.
+pub const MARGIN: usize = 9;
 /// Width of the longest bar, characters.
 const BAR: f64 = 24.0;
 /// Up to how many channels have a bar for every model.
@@ -37,6 +38,7 @@ pub fn text(view: &View) -> String {
     for note in diagnosis.quality.iter().map(|note| format!("note: {note}")).chain(untestable(diagnosis)) {
         text.push_str(&wrapped("  ", 4, &note));
     }
+    text.push_str(&crate::check::block(&diagnosis.setup, view.setup_file().as_deref()));
     let verdict = format!("\n{:MARGIN$}{}\n", "VERDICT", painted_verdict(diagnosis.verdict));
     text.push_str(&verdict);
     text.push_str(&wrapped("", MARGIN, &diagnosis.statement));
@@ -62,12 +64,14 @@ fn next(view: &View) -> String {
     }
     match view.out() {
         Some(out) => {
-            let (model, recording) = (out.join("model.toml"), view.last_recording().display());
-            let model = model.display();
+            let (model, recording) = (pasted(&out.join("model.toml")), pasted(view.last_recording()));
             let _ = writeln!(text, "{:MARGIN$}{model}", "MODEL");
             let _ = writeln!(text, "{:MARGIN$}freeplay compare --model {model} --recording {recording}", "");
-            let _ = writeln!(text, "{:MARGIN$}freeplay run --model {model} --set path.kind=joint_sine", "");
-            let _ = writeln!(text, "{:MARGIN$}{}", "REPORT", out.join("report.html").display());
+            let _ = writeln!(text, "{:MARGIN$}freeplay run --model {model}", "");
+            let _ = writeln!(text, "{:MARGIN$}{}", "REPORT", pasted(&out.join("report.html")));
+        }
+        None if view.file().is_some() => {
+            let _ = writeln!(text, "{:MARGIN$}{}", "FILE", view.file().map_or_else(String::new, pasted));
         }
         None => text.push_str(&wrapped(
             "REPORT",
@@ -101,6 +105,7 @@ fn painted_verdict(verdict: Verdict) -> String {
         Verdict::OneOf => (OPEN, "one of several"),
         Verdict::Unknown => (OPEN, "unknown"),
         Verdict::InsufficientData => (OPEN, "insufficient data"),
+        Verdict::Setup => (OPEN, "set-up"),
     };
     painted(style, words)
 }
@@ -244,7 +249,7 @@ fn plain_table() -> Table {
     let mut table = Table::new();
     table.load_style(presets::NOTHING);
     table.set_content_arrangement(ContentArrangement::Dynamic);
-    table.set_width(WIDTH as u16 - MARGIN as u16);
+    table.set_width((width() - MARGIN) as u16);
     table
 }
 
@@ -272,8 +277,9 @@ fn percent(share: f64) -> String {
 }
 
 /// `words` behind `word`, in lines of the screen's width, all but the first `margin` characters in.
-fn wrapped(word: &str, margin: usize, words: &str) -> String {
+pub fn wrapped(word: &str, margin: usize, words: &str) -> String {
     let (first, others) = (format!("{word:margin$}"), " ".repeat(margin));
-    let options = textwrap::Options::new(WIDTH).initial_indent(&first).subsequent_indent(&others);
-    textwrap::fill(words, options) + "\n"
+    let options = textwrap::Options::new(width()).initial_indent(&first).subsequent_indent(&others);
+    // Wrapping would take a name with a line break in it apart.
+    textwrap::fill(&on_one_line(words), options) + "\n"
 }

@@ -5,24 +5,26 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use freeplay_arm::ArmFile;
+use freeplay_arm::{ArmFile, Selection};
+use freeplay_diagnosis::page::title;
 use freeplay_diagnosis::{
     ChannelNoise, Diagnosis, Effect, Excitation, ExciteError, ExciteSettings, Rival, Tolerances,
     excite as sought,
 };
+use freeplay_harness::setup::{PAPER_MODEL, load_selected};
 use freeplay_path::{JointPath, PathKind, PathSpec};
 use freeplay_recording::Recording;
+use freeplay_report::paste::{pasted, seen_from};
+use freeplay_report::units::power_of_ten;
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::{read_json, write};
+use freeplay_terminal::output::say;
+use freeplay_terminal::target::{asked_file, claim_out, folder_of};
+use freeplay_terminal::{messages, progress};
 use serde_json::Value;
 
-use crate::diagnose_report::title;
-use crate::exit::{Exit, Failure};
-use crate::files::{Folder, read_json, write};
-use crate::recorded;
-use crate::run::Format;
-use crate::say::say;
-use crate::setup::load_model;
-use crate::units::power_of_ten;
-use crate::voice;
+use crate::inputs::Measured;
 
 /// Rows a second of the path that is written.
 const RATE: f64 = 200.0;
@@ -48,15 +50,21 @@ pub struct ExciteArgs {
     /// The model: an arm file (URDF or TOML), or "paper"; without it: the diagnosis's.
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
+    /// The link of the model at the end of the arm; without it: the diagnosis's.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
     /// Two kinds of effects to separate, where there is no diagnosis: --kinds backlash,joint_elasticity --joint elbow.
     #[arg(long, value_delimiter = ',', value_name = "A,B")]
     kinds: Vec<String>,
     /// The joint that they may sit at; none for effects of the whole arm.
     #[arg(long, requires = "kinds")]
     joint: Option<String>,
-    /// Folder for excite.csv and excite.toml.
-    #[arg(long, value_name = "DIR", default_value = "out")]
+    /// Folder for excite.csv and excite.toml; a name that ends in .toml is the file of the scenario, with its rows beside it.
+    #[arg(long, value_name = "DIR|FILE", default_value = "out")]
     out: PathBuf,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
     /// How long the motion takes, s.
     #[arg(long, default_value_t = 16.0, value_name = "S")]
     duration: f64,
@@ -87,6 +95,11 @@ pub struct Question<'a> {
     pub seen: Option<&'a Recording>,
 }
 
+/// What a search for a motion writes.
+const ENDINGS: [&str; 1] = ["toml"];
+/// Results in the folder that `--out` names.
+const RESULTS: [&str; 2] = ["excite.csv", "excite.toml"];
+
 /// Seeks and writes the motion that `args` ask for.
 ///
 /// # Errors
@@ -101,9 +114,14 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     let found = args.diagnosis.as_deref().map(Found::read).transpose()?;
     let model = args.model.clone().or_else(|| found.as_ref().map(|found| found.model.clone()));
     let model = model.ok_or_else(|| Failure::usage("name a diagnosis.json, or --model with --kinds"))?;
-    let file = load_model(&model)?;
-    let seen = found.as_ref().and_then(|found| found.recordings.first());
-    let seen = seen.map(|path| recorded::read(path, &model, &file)).transpose()?;
+    let tip = args.tip.clone().or_else(|| found.as_ref().and_then(|found| found.tip.clone()));
+    let measured = found.as_ref().and_then(|found| found.recordings.first());
+    let measured = measured.map(|path| Measured::read(path, None)).transpose()?;
+    let file = match &measured {
+        Some(measured) => measured.model(&model, tip.as_deref())?,
+        None => load_selected(&model, &Selection { tip, joints: Vec::new() })?,
+    };
+    let seen = measured.map(|measured| measured.of_arm(&model, &file)).transpose()?;
     let rivals = match &found {
         _ if !args.kinds.is_empty() => named(args, &file)?,
         Some(found) => found.rivals(&file)?,
@@ -125,9 +143,10 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     };
     let question = Question { file: &file, rivals, seen: seen.as_ref() };
     // Before what takes minutes.
-    let _reserved = Folder::reserve(&args.out)?;
+    let folder = claim_out(&args.out, &ENDINGS, &RESULTS, args.force)?;
     let found = seek(&question, &settings)?;
     let path = write_path(&found, &model, &file, &args.out)?;
+    drop(folder);
     match args.format {
         Format::Json => say(&format!("{:#}\n", json(&found, &file, &path)))?,
         Format::Text => say(&text(&found, &file, &path))?,
@@ -140,8 +159,8 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
 /// # Errors
 /// Bad input, or no safe motion.
 pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation, Failure> {
-    voice::detail(format_args!("weighing {} motions", settings.candidates));
-    let bar = voice::bar(settings.candidates as u64, "weighing motions {bar:30} {pos}/{len}  {msg}");
+    messages::detail(format_args!("weighing {} motions", settings.candidates));
+    let bar = progress::bar(settings.candidates as u64, "weighing motions {bar:30} {pos}/{len}  {msg}");
     let found = sought(question.file, &question.rivals, question.seen, settings, &mut |number, _, best| {
         bar.set_position(number as u64);
         bar.set_message(format!("best {} : 1", power_of_ten(best)));
@@ -207,6 +226,7 @@ fn rival(
 struct Found {
     path: PathBuf,
     model: String,
+    tip: Option<String>,
     recordings: Vec<PathBuf>,
     noise: BTreeMap<String, ChannelNoise>,
     json: Value,
@@ -228,10 +248,15 @@ impl Found {
             let known = ChannelNoise { deviation: number("deviation"), per_second: number("per_second") };
             noise.insert(channel.clone(), known);
         }
+        let folder = path.parent().unwrap_or(Path::new(""));
+        // One that was moved without its inputs may still be used from where these were named.
+        let beside =
+            |name: &str| Some(folder.join(name)).filter(|path| path.exists()).unwrap_or_else(|| name.into());
         Ok(Self {
             path: path.to_owned(),
-            model: model.to_owned(),
-            recordings: recordings.filter_map(Value::as_str).map(PathBuf::from).collect(),
+            model: if model == PAPER_MODEL { model.to_owned() } else { beside(model).display().to_string() },
+            tip: json["inputs"]["tip"].as_str().map(str::to_owned),
+            recordings: recordings.filter_map(Value::as_str).map(beside).collect(),
             noise,
             json,
         })
@@ -307,12 +332,14 @@ fn usual_noise(file: &ArmFile) -> BTreeMap<String, ChannelNoise> {
     noise
 }
 
-/// Writes excite.csv and excite.toml into `out` and lets the path be planned as the plant would; the scenario's path.
+/// Writes excite.csv and excite.toml into the folder `out`, or the file `out` that ends in .toml and its rows beside it, and lets the path be planned as the plant would; the scenario's path.
 ///
 /// # Errors
 /// A file that can't be written.
 pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -> Result<PathBuf, Failure> {
-    crate::files::make_folder(out)?;
+    let is_file = asked_file(out, &ENDINGS).is_some();
+    let folder = if is_file { folder_of(out) } else { out };
+    let scenario_file = if is_file { out.to_owned() } else { out.join("excite.toml") };
     let motion = found.motion.trajectory(RATE);
     let mut rows = String::from("t");
     (1..=file.arm.dof()).for_each(|joint| {
@@ -325,15 +352,18 @@ pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -
         }
     }
     rows.push('\n');
-    let csv = std::path::absolute(out.join("excite.csv")).map_err(Failure::input)?;
+    let csv = std::path::absolute(scenario_file.with_extension("csv")).map_err(Failure::input)?;
     write(&csv, &rows)?;
     let spec = PathSpec { kind: PathKind::File, file: Some(csv.clone()), ..PathSpec::default() };
     JointPath::plan(&file.arm, &spec, 1000.0).map_err(Failure::internal)?;
     let mut scenario = toml::Table::new();
-    scenario.insert("model".to_owned(), model.into());
+    // A scenario's paths are those seen from its own folder.
+    let seen = if model == PAPER_MODEL { PathBuf::from(model) } else { seen_from(folder, Path::new(model)) };
+    scenario.insert("model".to_owned(), seen.display().to_string().into());
+    let rows_name = csv.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let mut path = toml::Table::new();
     path.insert("kind".to_owned(), "file".into());
-    path.insert("file".to_owned(), csv.display().to_string().into());
+    path.insert("file".to_owned(), rows_name.into());
     scenario.insert("path".to_owned(), toml::Value::Table(path));
     let names: Vec<String> = found.rivals.iter().map(|rival| name(rival, file)).collect();
     let text = format!(
@@ -342,9 +372,8 @@ pub fn write_path(found: &Excitation, model: &str, file: &ArmFile, out: &Path) -
         power_of_ten(least(&found.log_odds)),
         toml::to_string(&scenario).map_err(Failure::internal)?
     );
-    let scenario = out.join("excite.toml");
-    write(&scenario, &text)?;
-    Ok(scenario)
+    write(&scenario_file, &text)?;
+    Ok(scenario_file)
 }
 
 /// Kind and place of a cause.
@@ -361,7 +390,7 @@ pub fn sentence(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     let names: Vec<String> = found.rivals.iter().map(|rival| name(rival, file)).collect();
     format!(
         "the motion in {} ({:.0} s) would separate {} with odds of about {} : 1",
-        path.display(),
+        pasted(path),
         found.motion.duration,
         names.join(" and "),
         power_of_ten(least(&found.log_odds))
@@ -395,9 +424,9 @@ fn text(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     let _ = writeln!(
         text,
         "path    {}   {:.0} s, from rest to rest\nnext    freeplay run {}",
-        path.with_extension("csv").display(),
+        pasted(&path.with_extension("csv")),
         found.motion.duration,
-        path.display()
+        pasted(path)
     );
     text
 }

@@ -1,13 +1,13 @@
 //! `freeplay completions`, `freeplay man`, `freeplay exit-codes`: what a shell and a person want to know of the command line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clap_complete::Shell;
-
-use crate::exit::{Exit, Failure};
-use crate::files::{make_folder, unwritable};
-use crate::say::say;
+use freeplay_report::paste::pasted;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::make_folder;
+use freeplay_terminal::output::{raw, say};
 
 /// The exit codes, for `--help`, `freeplay help exit-codes` and the manual.
 pub const EXIT_CODES: &str = "\
@@ -43,7 +43,7 @@ pub struct ManArgs {
 pub fn completions(args: &CompletionsArgs, mut command: clap::Command) -> Result<Exit, Failure> {
     let mut text = Vec::new();
     clap_complete::generate(args.shell, &mut command, "freeplay", &mut text);
-    say(&String::from_utf8_lossy(&text))?;
+    raw(&String::from_utf8_lossy(&text))?;
     Ok(Exit::Done)
 }
 
@@ -55,13 +55,30 @@ pub fn man(args: &ManArgs, command: clap::Command) -> Result<Exit, Failure> {
     let Some(out) = &args.out else {
         let mut page = Vec::new();
         clap_mangen::Man::new(command).render(&mut page).map_err(Failure::internal)?;
-        say(&String::from_utf8_lossy(&page))?;
+        raw(&String::from_utf8_lossy(&page))?;
         return Ok(Exit::Done);
     };
     make_folder(out)?;
-    clap_mangen::generate_to(command, out).map_err(|error| unwritable(out, &error))?;
-    say(&format!("{}: freeplay.1 and a page for each command; man -l {0}/freeplay.1\n", out.display()))?;
+    let mut command = command.disable_help_subcommand(true);
+    command.build();
+    write_pages(&command, out)?;
+    say(&format!(
+        "{}: freeplay.1 and a page for each command; man -l {1}\n",
+        out.display(),
+        pasted(&out.join("freeplay.1"))
+    ))?;
     Ok(Exit::Done)
+}
+
+/// Writes the page of `command` and those of its commands into the folder `out`.
+fn write_pages(command: &clap::Command, out: &Path) -> Result<(), Failure> {
+    for inner in command.get_subcommands().filter(|inner| !inner.is_hide_set()) {
+        write_pages(inner, out)?;
+    }
+    let man = clap_mangen::Man::new(command.clone());
+    let (name, mut page) = (man.get_filename(), Vec::new());
+    man.render(&mut page).map_err(Failure::internal)?;
+    Ok(freeplay_storage::write(&out.join(name), page)?)
 }
 
 /// Prints the exit codes.

@@ -4,13 +4,19 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use comfy_table::{CellAlignment, Table, presets};
+use freeplay_diagnosis::examine;
+use freeplay_harness::setup::load_model;
 use freeplay_recording::{BagOptions, Group, ImportOptions, Mapping, Recording};
+use freeplay_report::one_line;
+use freeplay_report::text::{Digits, NOTHING, number};
+use freeplay_storage::same_file;
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::messages;
+use freeplay_terminal::output::say;
 use serde_json::{Value, json};
 
-use crate::exit::{Exit, Failure};
-use crate::run::Format;
-use crate::say::say;
-use crate::voice;
+use crate::check;
 
 /// Looks into recordings and turns them into other forms.
 #[derive(Args, Debug)]
@@ -33,6 +39,9 @@ enum Action {
 struct InfoArgs {
     /// The recording, of any kind that can be read.
     recording: PathBuf,
+    /// The model of its arm, URDF or TOML: with it, whether both mean the same (units, signs, order, zeros, gravity, clocks).
+    #[arg(long, value_name = "FILE")]
+    model: Option<String>,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -102,12 +111,17 @@ pub fn record(args: &RecordArgs) -> Result<Exit, Failure> {
 
 fn info(args: &InfoArgs) -> Result<Exit, Failure> {
     let recording = freeplay_recording::read(&args.recording, None).map_err(Failure::input)?;
-    let described = describe(&recording);
+    let model = args.model.as_deref().map(load_model).transpose()?;
+    let setup = model.map(|file| examine(&file.arm, &recording).findings).unwrap_or_default();
+    let mut described = describe(&recording);
+    if args.model.is_some() {
+        described["setup"] = serde_json::to_value(&setup).map_err(Failure::internal)?;
+    }
     match args.format {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&described).map_err(Failure::internal)?))?;
         }
-        Format::Text => say(&in_words(&recording))?,
+        Format::Text => say(&(in_words(&recording) + &check::block(&setup, None)))?,
     }
     Ok(Exit::Done)
 }
@@ -127,35 +141,49 @@ fn unit(column: &str) -> &'static str {
     }
 }
 
-/// Least and greatest finite value, and how many are not finite.
-fn range(values: &[f64]) -> (f64, f64, usize) {
-    let finite = values.iter().copied().filter(|value| value.is_finite());
-    let (least, most) = finite
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (least.min(value), most.max(value)));
-    (least, most, values.iter().filter(|value| !value.is_finite()).count())
+/// Least and greatest finite value where there is one, and how many values are not finite.
+fn range(values: &[f64]) -> (Option<[f64; 2]>, usize) {
+    let finite = || values.iter().copied().filter(|value| value.is_finite());
+    let least_and_most = finite().reduce(f64::min).zip(finite().reduce(f64::max));
+    (least_and_most.map(|(least, most)| [least, most]), values.len() - finite().count())
 }
 
-fn steps(recording: &Recording) -> (f64, f64) {
-    let (least, most, _) = range(&recording.t.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>());
-    (least, most)
+/// Shortest and longest step, s; none for less than two samples.
+fn steps(recording: &Recording) -> Option<[f64; 2]> {
+    range(&recording.t.windows(2).map(|pair| pair[1] - pair[0]).collect::<Vec<_>>()).0
+}
+
+/// Duration, s, and rate, Hz; none where less than two samples, or times beyond all measure, have none.
+fn timing(recording: &Recording) -> Option<(f64, f64)> {
+    let (duration, rate) = (recording.duration(), recording.rate_hz());
+    (recording.len() > 1 && duration.is_finite() && rate.is_finite()).then_some((duration, rate))
+}
+
+/// The number of samples in words.
+fn samples(recording: &Recording) -> String {
+    match recording.len() {
+        1 => "1 sample".to_owned(),
+        count => format!("{count} samples"),
+    }
 }
 
 fn describe(recording: &Recording) -> Value {
     let columns: Vec<Value> = recording
-        .columns()
-        .iter()
-        .filter_map(|name| Some((name, recording.column(name)?)))
+        .named()
         .map(|(name, values)| {
-            let (least, most, odd) = range(values);
-            json!({ "name": name, "unit": unit(name), "min": least, "max": most, "not_finite": odd })
+            let (range, odd) = range(values);
+            let [least, most] = range.map_or([None; 2], |range| range.map(Some));
+            json!({ "name": name, "unit": unit(&name), "min": least, "max": most, "not_finite": odd })
         })
         .collect();
-    let (shortest, longest) = steps(recording);
+    let [shortest, longest] = steps(recording).map_or([None; 2], |steps| steps.map(Some));
+    let timing = timing(recording);
+    let median = timing.map(|_| recording.median_step());
     json!({
         "schema": "freeplay.recording-info/1", "file": recording.origin, "joints": recording.joints(),
         "joint_names": recording.joint_names, "mapping": recording.guessed,
-        "samples": recording.len(), "duration_s": recording.duration(), "rate_hz": recording.rate_hz(),
-        "step_s": { "min": shortest, "median": recording.median_step(), "max": longest },
+        "samples": recording.len(), "duration_s": timing.map(|(duration, _)| duration), "rate_hz": timing.map(|(_, rate)| rate),
+        "step_s": { "min": shortest, "median": median, "max": longest },
         "tool_tracked": recording.tool.is_some(), "columns": columns,
         "metadata": recording.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect::<serde_json::Map<_, _>>(),
         "events": recording.events, "truncated": recording.truncated, "notes": recording.notes,
@@ -175,32 +203,39 @@ fn joints_in_words(recording: &Recording) -> String {
 }
 
 fn in_words(recording: &Recording) -> String {
-    let (shortest, longest) = steps(recording);
+    let fixed = |value: f64, decimals| number(value, Digits::Fixed(decimals));
+    let pace = match (timing(recording), steps(recording)) {
+        (Some((duration, rate)), Some([shortest, longest])) => format!(
+            "{} s at {} Hz (steps {} to {} ms)",
+            fixed(duration, 3),
+            fixed(rate, 1),
+            fixed(shortest * 1e3, 3),
+            fixed(longest * 1e3, 3)
+        ),
+        _ if recording.len() < 2 => "no duration and no rate: that takes two samples".to_owned(),
+        _ => "no duration and no rate: its times are beyond what a number holds".to_owned(),
+    };
     let mut text = format!(
-        "{}: {} joints, {} samples, {:.3} s at {:.1} Hz (steps {:.3} to {:.3} ms)\n\n",
+        "{}: {} joints, {}, {pace}\n\n",
         recording.origin.display(),
         recording.joints(),
-        recording.len(),
-        recording.duration(),
-        recording.rate_hz(),
-        shortest * 1e3,
-        longest * 1e3
+        samples(recording),
     );
     text += &joints_in_words(recording);
     let mut table = Table::new();
     table.load_style(presets::NOTHING).set_header(["column", "unit", "least", "greatest", ""]);
     let others = recording.others.len();
     let shown = recording.columns().len() - if others > MOST_OTHERS { others } else { 0 };
-    for name in recording.columns().iter().take(shown) {
-        let Some(values) = recording.column(name) else { continue };
-        let (least, most, odd) = range(values);
+    for (name, values) in recording.named().take(shown) {
+        let (range, odd) = range(values);
         let note = match odd {
             0 => String::new(),
             odd if odd == values.len() => "missing".to_owned(),
             odd => format!("missing in {odd}"),
         };
-        let number = |value: f64| if value.is_finite() { format!("{value:.6}") } else { "–".to_owned() };
-        table.add_row([name.as_str(), unit(name), &number(least), &number(most), &note]);
+        let [least, most] =
+            range.map_or([(); 2].map(|()| NOTHING.to_owned()), |both| both.map(|value| fixed(value, 6)));
+        table.add_row([name.as_str(), unit(&name), &least, &most, &note]);
     }
     for column in [2, 3] {
         if let Some(column) = table.column_mut(column) {
@@ -217,13 +252,13 @@ fn in_words(recording: &Recording) -> String {
     }
     if !recording.metadata.is_empty() {
         let keys: Vec<&str> = recording.metadata.iter().map(|(key, _)| key.as_str()).collect();
-        text += &format!("\nmetadata: {} (--format json shows them)\n", keys.join(", "));
+        text += &format!("\nmetadata: {} (--format json shows them)\n", one_line(&keys.join(", ")));
     }
     for event in &recording.events {
-        text += &format!("mark at {:.3} s: {}: {}\n", event.t, event.kind, event.text);
+        text += &format!("mark at {:.3} s: {}: {}\n", event.t, one_line(&event.kind), one_line(&event.text));
     }
     for note in &recording.notes {
-        text += &format!("note: {note}\n");
+        text += &format!("note: {}\n", one_line(note));
     }
     text
 }
@@ -260,7 +295,7 @@ fn import(args: &ImportArgs) -> Result<Exit, Failure> {
     let beside = args.out.with_extension("mapping.toml");
     may_write(&beside, &args.file, args.force)?;
     let done = write(&recording, &args.out)?;
-    crate::files::write(&beside, &guessed)?;
+    freeplay_terminal::files::write(&beside, &guessed)?;
     say(&format!(
         "\n{guessed}\n{}: this mapping; correct what is wrong, and import again with --mapping {} --force\n",
         beside.display(),
@@ -277,15 +312,13 @@ fn is_named_as(recording: &Recording, asked: &[String]) -> bool {
 
 /// Whether `out` may be written: it is not the source, and not there unless `force`.
 fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
-    let same = std::fs::canonicalize(out)
-        .is_ok_and(|out| std::fs::canonicalize(source).is_ok_and(|source| source == out));
-    if same {
+    if same_file(out, source) {
         return Err(Failure::usage(format!(
             "{}: is the file that is read; name another with --out",
             out.display()
         )));
     }
-    if out.exists() && !force {
+    if (out.exists() || out.is_symlink()) && !force {
         return Err(Failure::usage(format!(
             "{}: is there already; name another with --out, or replace it with --force",
             out.display()
@@ -297,13 +330,13 @@ fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
 fn write(recording: &Recording, out: &Path) -> Result<Exit, Failure> {
     let summary = freeplay_recording::export(recording, out).map_err(Failure::input)?;
     for note in &recording.notes {
-        voice::note(format_args!("note: {note}"));
+        messages::note(format_args!("note: {note}"));
     }
     say(&format!(
-        "{}{}: {} samples of {} columns, {:.1} kB\n",
+        "{}{}: {} of {} columns, {:.1} kB\n",
         joints_in_words(recording).replace("\n\n", "\n"),
         summary.file.display(),
-        summary.rows,
+        samples(recording),
         recording.columns().len(),
         summary.bytes as f64 * 1e-3
     ))?;

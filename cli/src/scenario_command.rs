@@ -3,16 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
+use freeplay_harness::run::{Contestant, load};
+use freeplay_harness::scenario::Scenario;
+use freeplay_harness::scenario_place::{located, place_of};
+use freeplay_harness::setup::Setup;
+use freeplay_harness::swaps;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::read_text;
+use freeplay_terminal::output::say;
 use toml::{Table, Value};
-
-use crate::exit::{Exit, Failure};
-use crate::files::read_text;
-use crate::run::{Contestant, load};
-use crate::say::say;
-use crate::scenario::Scenario;
-use crate::scenario_place::{located, place_of};
-use crate::setup::Setup;
-use crate::swaps;
 
 /// Looks at scenarios without running them.
 #[derive(Args, Debug)]

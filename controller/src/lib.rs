@@ -1,7 +1,7 @@
-//! Controllers: the SDK, the built-in controllers and the compensation programme.
+//! The built-in controllers and their compensation programme, on the SDK of `freeplay-controller-sdk`.
 //!
 //! A controller is a process of its own. It never sees the plant, only its states; what it knows of the arm is a model file, which
-//! may be wrong.
+//! may be wrong. A controller of your own needs the SDK alone, without the solver and the network that stand behind this crate.
 //!
 //! The nouns, in the order in which data passes through them:
 //!
@@ -29,13 +29,11 @@
 //! - [`ComputedTorque`], [`QuasiStaticControl`], [`NarxQp`]: the controllers that come with the project; [`built_in()`] finds them by name.
 
 pub mod acceleration_programme;
-mod answer_loop;
 pub mod attainable;
 pub mod built_in;
 pub mod centred;
 pub mod compensation;
 pub mod computed_torque;
-pub mod controller;
 pub mod corners;
 pub mod correction;
 pub mod course;
@@ -53,6 +51,7 @@ pub mod learned;
 pub mod look_ahead;
 pub mod model;
 pub mod narx_qp;
+pub mod not_ready;
 pub mod outlook;
 pub mod passage;
 pub mod passage_layout;
@@ -66,19 +65,21 @@ pub mod quasi_static;
 pub mod repeating;
 pub mod rollout;
 pub mod room;
-pub mod serve;
 pub mod sparse_programme;
-pub mod task;
 pub mod tool_residual;
 pub mod tracking;
 pub mod trial;
 
 pub use acceleration_programme::{AccelerationProgramme, ContactGuard, Wanted};
+pub use freeplay_controller_sdk::{
+    Answer, Controller, ControllerError, Ended, Gains, LimitsFrom, RunInfo, ServeError, ServeOptions,
+    ServeReport, Task, TaskError, TaskMode, controller, serve, serve_with, task,
+};
+
 pub use built_in::{BUILT_IN, built_in};
 pub use centred::Centred;
 pub use compensation::{CompensationReport, CompensationStatus, Compensator, Motion, Weights};
 pub use computed_torque::ComputedTorque;
-pub use controller::{Answer, Controller, ControllerError, RunInfo};
 pub use corners::CornerSearch;
 pub use correction::Correction;
 pub use deviation::QuasiStatic;
@@ -90,6 +91,7 @@ pub use knocks::Knocks;
 pub use look_ahead::{JointState, LookAhead};
 pub use model::Model;
 pub use narx_qp::{NarxQp, NarxQpOptions};
+pub use not_ready::NotReady;
 pub use outlook::{JointMotion, Outlook};
 pub use passage::{Passage, PassageFault, PassageOptions, Passages, Step};
 pub use passage_planner::PassagePlanner;
@@ -98,7 +100,5 @@ pub use preview::Preview;
 pub use qp::{Qp, QpError, QpReport, QpStatus};
 pub use quasi_static::QuasiStaticControl;
 pub use rollout::{Driven, Rollout, Touch};
-pub use serve::{Ended, ServeError, ServeOptions, ServeReport, serve, serve_with};
-pub use task::{Gains, LimitsFrom, Task, TaskError, TaskMode};
 pub use tool_residual::ToolResidual;
 pub use tracking::{Beyond, Plan, Tracking, TrackingOptions};

@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use freeplay_arm::{Arm, ArmFile, Limits};
+use freeplay_arm::{Arm, Limits};
 use freeplay_laws::{Clearance, Effects};
-use freeplay_shm::Mode;
 use nalgebra::Vector3;
 
-use crate::controller::{ControllerError, RunInfo};
-use crate::task::{LimitsFrom, PAPER_MODEL, Task, TaskMode};
+use crate::controller::RunInfo;
+use crate::not_ready::NotReady;
+use crate::task::{LimitsFrom, PAPER_MODEL, Task};
 
 /// The arm, and the play and other effects that the controller believes its joints to have.
 #[derive(Clone, Debug)]
@@ -27,13 +27,13 @@ impl Model {
     ///
     /// # Errors
     /// A model file that cannot be used, or one that does not fit the run.
-    pub fn load(task: &Task, run: &RunInfo) -> Result<Model, ControllerError> {
+    pub fn load(task: &Task, run: &RunInfo) -> Result<Model, NotReady> {
         let file = if task.model == PAPER_MODEL {
             freeplay_arm::paper_arm()
         } else {
             freeplay_arm::load(Path::new(&task.model))?
         };
-        check(task, &file, run)?;
+        task.check(file.arm.dof(), run)?;
         let effects = Effects::of(&file)?;
         let mut arm = file.arm;
         if let Some(gravity) = task.gravity {
@@ -47,37 +47,10 @@ impl Model {
     }
 }
 
-fn without_limits(arm: &Arm) -> Result<Arm, ControllerError> {
+fn without_limits(arm: &Arm) -> Result<Arm, NotReady> {
     let mut joints = arm.joints().to_vec();
     for joint in &mut joints {
         joint.limits = Limits::NONE;
     }
-    Ok(Arm::new(arm.name(), joints, *arm.tool(), *arm.gravity())?)
-}
-
-fn check(task: &Task, file: &ArmFile, run: &RunInfo) -> Result<(), ControllerError> {
-    let found = file.arm.dof();
-    if found != run.joints {
-        return Err(ControllerError::JointCount { model: task.model.clone(), found, expected: run.joints });
-    }
-    let mode = match task.mode {
-        TaskMode::Torque => Mode::Torque,
-        TaskMode::Driven => Mode::Driven,
-    };
-    if mode != run.mode {
-        return Err(ControllerError::Disagreement {
-            key: "mode",
-            task: format!("{:?}", task.mode).to_lowercase(),
-            plant: format!("{:?}", run.mode).to_lowercase(),
-        });
-    }
-    // The plant counts in whole nanoseconds.
-    if (task.period() * 1e9 - run.period_ns as f64).abs() > 1.0 {
-        return Err(ControllerError::Disagreement {
-            key: "rate",
-            task: format!("{} per second", task.rate),
-            plant: format!("{} ns between ticks", run.period_ns),
-        });
-    }
-    Ok(())
+    Ok(Arm::with_fitness(arm.name(), joints, *arm.tool(), *arm.gravity(), arm.fitness())?)
 }

@@ -19,6 +19,7 @@ use crate::controller::{Answer, Controller, ControllerError, RunInfo};
 use crate::features::Features;
 use crate::learned::{self, Learned};
 use crate::model::Model;
+use crate::not_ready::NotReady;
 use crate::passage::{PassageOptions, Unplanned};
 use crate::task::{Task, TaskError};
 use crate::tool_residual::{LONGEST_DELAY, ToolResidual};
@@ -135,7 +136,7 @@ impl Controller for NarxQp {
         let options: NarxQpOptions = task.options(NARX_QP)?;
         let tracking = options.tracking(task.period())?;
         let model = Model::load(task, run)?;
-        let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
+        let path = JointPath::plan(&model.arm, &task.path, task.rate).map_err(NotReady::from)?;
         let tracking = Tracking::new(task, &model, path.clone(), run.ticks, &tracking)?;
         for Unplanned { first, fault, .. } in tracking.unplanned() {
             let at = *first as f64 * task.period();
@@ -172,7 +173,7 @@ fn learn(
     options: &NarxQpOptions,
     model: &Model,
     path: &JointPath,
-) -> Result<Option<Learned>, ControllerError> {
+) -> Result<Option<Learned>, NotReady> {
     let network = network(options.weights.as_deref(), model)?;
     let arm = ArmWithPlay::new(&model.arm, &model.clearances)?;
     let horizon = network.as_ref().map_or(HORIZON, |narx| narx.layout().horizon);
@@ -189,15 +190,14 @@ pub fn lap(path: &PathSpec, rate: f64) -> Option<u64> {
 }
 
 /// The network of `file`, or the one that comes with the project for `model`; says so where there is none.
-fn network(file: Option<&str>, model: &Model) -> Result<Option<Narx>, ControllerError> {
+fn network(file: Option<&str>, model: &Model) -> Result<Option<Narx>, NotReady> {
     let alone = match model.clearances.as_slice() {
         [(joint, _)] => Some(model.arm.joints()[*joint].name.as_str()),
         _ => None,
     };
     if let Some(file) = file {
         let narx = Narx::load(Path::new(file))?;
-        let other =
-            |source| ControllerError::OtherWeights { file: file.to_owned(), source: Box::new(source) };
+        let other = |source| NotReady::OtherWeights { file: file.to_owned(), source: Box::new(source) };
         learned::check(&narx, &model.arm, alone).map_err(other)?;
         if alone.is_none() {
             let found = model.clearances.len();

@@ -8,6 +8,7 @@ use nalgebra::Vector3;
 
 use crate::controller::{Answer, Controller, ControllerError, RunInfo};
 use crate::model::Model;
+use crate::not_ready::NotReady;
 use crate::task::Task;
 use crate::tracking::{Tracking, TrackingOptions};
 
@@ -29,7 +30,7 @@ impl Controller for QuasiStaticControl {
         let options: TrackingOptions = task.options(QUASI_STATIC)?;
         options.check(QUASI_STATIC, task.period())?;
         let model = Model::load(task, run)?;
-        let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
+        let path = JointPath::plan(&model.arm, &task.path, task.rate).map_err(NotReady::from)?;
         self.tracking = Some(Tracking::new(task, &model, path, run.ticks, &options)?);
         Ok(())
     }

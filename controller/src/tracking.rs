@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::centred::Centred;
 use crate::compensation::{CompensationStatus, Motion, Weights};
 use crate::computed_torque::{add_drive_friction, feedback};
-use crate::controller::{Answer, ControllerError};
+use crate::controller::Answer;
 use crate::corners::CornerSearch;
 use crate::correction::Correction;
 use crate::deviation::QuasiStatic;
@@ -28,6 +28,7 @@ use crate::knocks::Knocks;
 use crate::known_effects::KnownEffects;
 use crate::look_ahead::{LookAhead, drive_frictions};
 use crate::model::Model;
+use crate::not_ready::NotReady;
 use crate::outlook::{JointMotion, Outlook};
 use crate::passage::{PassageOptions, Passages, Unplanned};
 use crate::qp::QpStatus;
@@ -169,7 +170,7 @@ impl Tracking {
         path: JointPath,
         ticks: u64,
         options: &TrackingOptions,
-    ) -> Result<Tracking, ControllerError> {
+    ) -> Result<Tracking, NotReady> {
         let (n, period) = (model.arm.dof(), task.period());
         let with_play = ArmWithPlay::new(&model.arm, &model.clearances)?;
         let known = KnownEffects::along(&model.arm, &model.effects, &path, period)?;

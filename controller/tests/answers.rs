@@ -220,3 +220,14 @@ fn taking_over_from_another_controller_does_not_jump() {
     println!("torques jump by {jump:.3} N·m at the swap (limit 1)");
     assert!(jump < 1.0);
 }
+
+#[test]
+fn computed_torque_holds_the_arm_at_rest() {
+    let mut controller = started("computed-torque", &Task::default());
+    let mut answer = Answer::BLANK;
+    controller.answer(&State::new(1, 6), &mut answer);
+    // Reference and joints at q = 0: the gravity torques of the fact sheet.
+    for (found, expected) in answer.value.iter().zip([0.0, -143.018813, -143.018813, 0.0, -1.252247, 0.0]) {
+        assert!((found - expected).abs() < 1e-6, "{answer:?}");
+    }
+}

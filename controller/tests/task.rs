@@ -91,7 +91,7 @@ fn controllers_refuse_what_does_not_fit() {
     }
     let missing = Task { model: "/nowhere/arm.toml".to_owned(), ..Task::default() };
     let error = built_in("computed-torque").unwrap().start(&missing, &RUN).unwrap_err();
-    assert!(matches!(error, ControllerError::Model(_)), "{error}");
+    assert!(matches!(error, ControllerError::Custom(_)), "{error}");
     let error = built_in("computed-torque").unwrap().start(&task("[options]\nblend = 1"), &RUN).unwrap_err();
     assert!(error.to_string().contains("unknown field `blend`"), "{error}");
     assert!(built_in("narx").is_none());

@@ -5,13 +5,13 @@ use freeplay_laws::Placed;
 use freeplay_recording::Recording;
 use serde::Serialize;
 
+use crate::conventions::{SetupFinding, examine};
 use crate::curves::Curves;
 use crate::error::ResidualError;
 use crate::long::most_rows;
 use crate::motion::{Settings, Treatment};
 use crate::notes::{self, MotionTally};
 use crate::residual::{Kind, Residuals, check_joints, residuals};
-use crate::scale;
 use crate::tally::ChannelTally;
 
 /// The schema of [`Comparison`] as JSON.
@@ -39,6 +39,8 @@ pub struct Comparison {
     pub compared_hz: f64,
     /// One entry a channel: torques, tool, link encoders.
     pub channels: Vec<ChannelError>,
+    /// Whether recording and model mean the same: the faults of the set-up.
+    pub setup: Vec<SetupFinding>,
     /// What a reader of the numbers should know, one sentence each.
     pub notes: Vec<String>,
 }
@@ -149,7 +151,6 @@ pub(crate) fn in_parts(
     notes.extend(notes::beyond_limits(arm, recording));
     notes.extend(motion.notes(treatment.filter().cutoff_hz()));
     notes.extend(notes::on_channels(recording, &errors));
-    notes.extend(scale::of_tallies(&channels));
     let comparison = Comparison {
         schema: SCHEMA,
         samples,
@@ -159,6 +160,7 @@ pub(crate) fn in_parts(
         lowpass_hz: treatment.filter().cutoff_hz(),
         compared_hz,
         channels: errors,
+        setup: examine(arm, recording).findings,
         notes,
     };
     let mut curves = curves.finish();

@@ -11,6 +11,8 @@
 //!   encoders; made by [`residuals`] from the [`freeplay_laws::Prediction`] of the arm with its effects.
 //! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above, of long recordings part by part.
 //! - [`beyond_limits`]: the joints that a recording has where they can't be, in words.
+//! - [`examine`]: whether a recording and a model mean the same: a [`Setup`] of [`SetupFinding`]s with their [`Certainty`] and [`sentences`], and the [`Reading`]
+//!   ([`PositionReading`], [`TorqueReading`]) that mends it; [`Mended`] is that of several recordings.
 //! - [`diagnose`]: from recordings to a [`Diagnosis`] with its [`Verdict`]: where they differ from the model ([`Location`], [`Map`]),
 //!   what is missing ([`Effect`] with its [`Parameter`]s and [`Evidence`]), what else was weighed ([`Alternative`], [`EvidenceRow`]),
 //!   what can't be told ([`Untestable`]), how much better the model gets on held-out data ([`Fit`], [`Gain`]), and what pictures are drawn from ([`Passage`],
@@ -18,10 +20,13 @@
 //!   [`DiagnoseSettings`] with [`Tolerances`] say what is asked, [`DiagnoseError`] why there is no answer.
 //! - [`excite`]: the next motion, an [`Excitation`] of the family [`Fourier`], that separates causes ([`Rival`]s) which a recording could
 //!   not; [`ExciteSettings`] with the [`ChannelNoise`] say what is asked, [`Used`] how safe it is, [`ExciteError`] why there is none.
+//! - [`page`]: a diagnosis as an HTML report, and the words for its parts.
+//! - [`recorded`]: a recording of the arm that a model describes, with checks of its units.
 //! - [`ResidualError`]: why a recording and a model can't be compared.
 
 mod begin;
 mod comparison;
+mod conventions;
 mod curves;
 mod cutoff;
 mod diagnose;
@@ -34,15 +39,20 @@ mod long;
 mod made;
 mod motion;
 mod notes;
+pub mod page;
 mod presence;
+pub mod recorded;
 mod residual;
 mod rest;
-mod scale;
 mod stamps;
 mod statistics;
 mod tally;
 
 pub use comparison::{ChannelError, Comparison, SCHEMA, compare};
+pub use conventions::{
+    Certainty, Mended, PositionReading, Reading, Setup, SetupFinding, TorqueReading, examine, sentences,
+    time_unit,
+};
 pub use diagnose::{
     Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Effect,
     Evidence, EvidenceRow, Excitation, ExciteError, ExciteSettings, Fit, Fourier, Gain, Location, Map,

@@ -5,7 +5,7 @@ mod common;
 use std::f64::consts::TAU;
 
 use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind};
-use freeplay_diagnosis::{DiagnoseSettings, Settings, Verdict, beyond_limits, compare, diagnose};
+use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Settings, Verdict, beyond_limits, compare, diagnose};
 
 use common::{arm, columns, even, link, recording};
 
@@ -65,27 +65,28 @@ fn a_joint_that_stands_still_is_not_too_fast_for_the_filter() {
 }
 
 #[test]
-fn torques_of_another_sign_unit_or_side_are_suspected() {
-    let cases: [([f64; 2], &str); 6] = [
-        ([1000.0, 1000.0], "N*mm"),
-        ([-1.0, -1.0], "the opposite sign, or"),
-        ([-1000.0, -2000.0], "the opposite sign, and N*mm"),
-        ([0.01, 0.01], "the motor's side"),
-        ([-0.01, -0.01], "the opposite sign, and the motor's side"),
-        ([1.0, -1.0], "the opposite sign, or"),
+fn torques_of_another_sign_unit_or_side_are_found() {
+    let found = |columns: Columns| {
+        let compared = compare(&two_joints(), &[], &recording(columns), &Settings::default());
+        compared.expect("a comparison").0.setup
+    };
+    let cases: [([f64; 2], &[&str], &str); 5] = [
+        ([1000.0, 1000.0], &["torque_unit"], "N·mm"),
+        ([-1.0, -1.0], &["torque_sign"], "the other sign"),
+        ([-1000.0, -1000.0], &["torque_sign", "torque_unit"], "N·mm"),
+        ([0.01, 0.01], &["torque_unit"], "motor's side"),
+        ([0.1, 0.1], &["torque_unit"], "amperes"),
     ];
-    let suspects = |note: &&String| note.contains("the measured torque is the model's times");
-    for (times, said) in cases {
-        let notes = notes(scaled(made(10.0), times));
-        let note = notes.iter().find(suspects).unwrap_or_else(|| panic!("{times:?}: {notes:?}"));
-        println!("{times:?}: {note}");
-        assert!(note.contains(said) && note.contains("tau2"), "{times:?}");
+    for (times, kinds, said) in cases {
+        let setup = found(scaled(made(12.0), times));
+        println!("{times:?}: {setup:?}");
+        assert_eq!(setup.iter().map(|finding| finding.kind).collect::<Vec<_>>(), kinds, "{times:?}");
+        assert!(setup.iter().any(|finding| finding.statement.contains(said)), "{times:?}");
     }
-    for times in [[1.0, 1.0], [0.1, 0.1], [8.0, 8.0]] {
-        assert_eq!(notes(scaled(made(10.0), times)).iter().find(suspects), None, "{times:?}");
-    }
-    let unlike = with(with(made(10.0), "tau1", |k, _| 900.0 * noise(k)), "tau2", |k, _| -noise(3 * k));
-    assert_eq!(notes(unlike).iter().find(suspects), None, "what does not go with the model has no scale");
+    assert_eq!(found(made(12.0)), []);
+    let unlike = with(with(made(12.0), "tau1", |k, _| 900.0 * noise(k)), "tau2", |k, _| -noise(3 * k));
+    let unit = found(unlike).into_iter().find(|finding| finding.kind == "torque_unit");
+    assert_eq!(unit, None, "what does not go with the model has no scale");
 }
 
 #[test]
@@ -96,8 +97,20 @@ fn a_diagnosis_says_so_too_and_how_long_to_record() {
         diagnose(&file, &[recording(columns)], &settings, &mut |_| ()).expect("a diagnosis")
     };
     let odd = diagnosed(scaled(made(16.0), [1000.0, 1000.0]));
-    println!("{:?}", odd.quality);
-    assert!(odd.quality.iter().any(|note| note.contains("times about 1") && note.contains("N*mm")));
+    println!("{}\n{:?}", odd.statement, odd.mapping);
+    assert_eq!(odd.verdict, Verdict::Setup);
+    assert!(
+        odd.statement.contains("N·mm")
+            && odd.mapping.is_some_and(|mapping| mapping.contains("scale = [0.001"))
+    );
+    let plain = diagnosed(made(16.0));
+    let kinds =
+        |diagnosis: &Diagnosis| diagnosis.effects.iter().map(|effect| effect.kind).collect::<Vec<_>>();
+    assert_eq!(
+        kinds(&plain),
+        odd.effects.iter().map(|effect| effect.kind).collect::<Vec<_>>(),
+        "the physics beside it"
+    );
     let short = diagnosed(made(1.0));
     println!("{} Next: {:?}", short.statement, short.next);
     assert_eq!(short.verdict, Verdict::InsufficientData);

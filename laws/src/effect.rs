@@ -2,7 +2,7 @@
 
 use std::fmt::Debug;
 
-use freeplay_arm::{Arm, Joint};
+use freeplay_arm::{Arm, Fitness, Joint};
 use nalgebra::{Isometry3, Vector3};
 use toml::Value;
 
@@ -97,12 +97,19 @@ pub struct ArmParts {
     pub tool: Isometry3<f64>,
     /// Gravity in the base frame, m/s².
     pub gravity: Vector3<f64>,
+    /// What the arm lacks that they are of.
+    fitness: Fitness,
 }
 
 impl ArmParts {
     /// The parts of `arm`.
     pub fn of(arm: &Arm) -> ArmParts {
-        ArmParts { joints: arm.joints().to_vec(), tool: *arm.tool(), gravity: *arm.gravity() }
+        ArmParts {
+            joints: arm.joints().to_vec(),
+            tool: *arm.tool(),
+            gravity: *arm.gravity(),
+            fitness: arm.fitness().clone(),
+        }
     }
 
     /// Whether they are the parts of `arm`, unchanged.
@@ -115,6 +122,7 @@ impl ArmParts {
     /// # Errors
     /// [`LawError::Changed`]: no such arm can exist.
     pub fn into_arm(self, name: &str) -> Result<Arm, LawError> {
-        Arm::new(name, self.joints, self.tool, self.gravity).map_err(LawError::Changed)
+        Arm::with_fitness(name, self.joints, self.tool, self.gravity, &self.fitness)
+            .map_err(LawError::Changed)
     }
 }

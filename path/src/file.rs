@@ -45,13 +45,13 @@ pub(crate) struct Rows {
 impl Rows {
     /// Reads `file` for an arm of `dof` joints, to be run `laps` times.
     pub fn read(file: &Path, dof: usize, laps: u32) -> Result<Rows, FileError> {
+        let bytes = freeplay_storage::read_bytes(file, freeplay_storage::DOCUMENT_LIMIT)?;
         let failed = |source| FileError::Read { file: file.to_path_buf(), source };
         let mut reader = csv::ReaderBuilder::new()
             .flexible(true)
             .trim(csv::Trim::All)
             .comment(Some(b'#'))
-            .from_path(file)
-            .map_err(failed)?;
+            .from_reader(bytes.as_slice());
         let header = reader.headers().map_err(failed)?.clone();
         let mut rows = Rows::of_header(file, &header, dof)?;
         let most = MOST_VALUES / (3 * rows.names.len() + 1) / laps.max(1) as usize;

@@ -26,7 +26,10 @@ impl fmt::Display for Place {
 /// Why a path file could not be read.
 #[derive(thiserror::Error, Debug)]
 pub enum FileError {
-    /// The file cannot be opened, or is not text.
+    /// The file cannot be read.
+    #[error(transparent)]
+    Storage(#[from] freeplay_storage::StorageError),
+    /// The file is not text.
     #[error("{}: {source}", file.display())]
     Read {
         /// The file.

@@ -3,6 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
 
+#[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +17,8 @@ pub const SMALLEST_BLEND: f64 = 1e-6;
 pub const LARGEST_BLEND: f64 = 0.5;
 
 /// The shape of the motion.
-#[derive(Serialize, Deserialize, Clone, Copy, Debug, Default, PartialEq, Eq, JsonSchema)]
+#[derive(Serialize, Deserialize, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum PathKind {
     /// Smooth closed curve `centre + (A₁ cos θ, A₂ sin θ, A₃ sin 2θ)`, each lap from rest to rest.
@@ -35,7 +37,8 @@ pub enum PathKind {
 }
 
 /// One number, or one for each axis.
-#[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq, JsonSchema)]
+#[derive(Serialize, Deserialize, Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(untagged, expecting = "a number or an array of three numbers")]
 pub enum Size {
     /// Radius of the circle, half side of a square (m), or amplitude of every joint (rad, m).
@@ -48,7 +51,8 @@ pub enum Size {
 ///
 /// A field that the chosen `kind` has no use for is ignored if it has a value by default
 /// (`centre`, `rpy`, `period`, `start`), and refused otherwise (`blend`, `file`, `size`).
-#[derive(Serialize, Deserialize, Clone, Debug, PartialEq, JsonSchema)]
+#[derive(Serialize, Deserialize, Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "schema", derive(JsonSchema))]
 #[serde(default, deny_unknown_fields)]
 pub struct PathSpec {
     /// The shape of the motion.
@@ -198,6 +202,7 @@ impl PathSpec {
     }
 
     /// Amplitudes of the `lissajous` path, m.
+    #[cfg(feature = "plan")]
     pub(crate) fn amplitudes(&self) -> [f64; 3] {
         match self.size {
             Some(Size::Axes(axes)) => axes,
@@ -206,6 +211,7 @@ impl PathSpec {
     }
 
     /// Radius of the circle or half side of the square, m.
+    #[cfg(feature = "plan")]
     pub(crate) fn reach(&self) -> f64 {
         match self.size {
             Some(Size::One(reach)) => reach,
@@ -214,6 +220,7 @@ impl PathSpec {
     }
 
     /// Share of a square's side spent accelerating.
+    #[cfg(feature = "plan")]
     pub(crate) fn blend_or_default(&self) -> f64 {
         self.blend.unwrap_or(if self.kind == PathKind::SquareSharp { 0.004 } else { 0.04 })
     }

@@ -14,8 +14,10 @@ pub struct AnswerCounts {
     pub qp_limit: u64,
     /// The controller gave up; the gate took its fallback.
     pub no_answer: u64,
-    /// A status that this version does not know.
+    /// A status that this version does not know; the gate refused the answer.
     pub unknown: u64,
+    /// Answers of any controller whose times cannot be: none of them is in the latencies.
+    pub implausible_times: u64,
 }
 
 impl AnswerCounts {
@@ -42,7 +44,8 @@ mod tests {
         for (status, times) in [(0, 5), (1, 4), (2, 3), (3, 2), (77, 1)] {
             (0..times).for_each(|_| counts.add(status));
         }
-        let expected = AnswerCounts { ok: 5, qp_failed: 4, qp_limit: 3, no_answer: 2, unknown: 1 };
+        let expected =
+            AnswerCounts { ok: 5, qp_failed: 4, qp_limit: 3, no_answer: 2, unknown: 1, implausible_times: 0 };
         assert_eq!(counts, expected);
     }
 }

@@ -1,12 +1,14 @@
 //! What may pass from a controller to the joints, and what is applied instead.
 //!
 //! A command passes if it is well-formed, fresh (it echoes the tick it is due for), finite, in range and does not
-//! change faster than the joint allows. What does not pass is counted by name and never applied: the last command
+//! change faster than the joint allows: a torque than the drive's torque rate, a position than the joint can move from where it is measured. What does not pass is counted by name and never applied: the last command
 //! that passed is held for [`GateLimits::hold`] ticks, then the brakes close and stay closed.
 
 use freeplay_arm::Arm;
 use freeplay_shm::{Command, CommandKind, CommandStatus, Joints, MAX_JOINTS, Mode};
 use serde::{Deserialize, Serialize};
+
+use crate::excess::{Excess, Quantity};
 
 /// Why a command did not pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
@@ -16,7 +18,7 @@ pub enum Rejection {
     Missing,
     /// It echoes another tick than the one it was due for.
     Stale,
-    /// Its magic, layout, run or number of joints is not this run's, or it is of the wrong kind for the mode.
+    /// Its magic, layout, run, slot or number of joints is not this run's, its status is unknown, or it is of the wrong kind for the mode.
     Malformed,
     /// The controller itself says that it has no answer.
     NoAnswer,
@@ -72,6 +74,10 @@ pub enum Applied {
     Brake,
 }
 
+/// By how much a step may be beyond a limit because numbers are rounded: positions of some radians are kept to 16 digits, their change in a
+/// tick to 11.
+const ROUNDING: f64 = 1e-9;
+
 /// Limits of what passes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GateLimits {
@@ -81,6 +87,8 @@ pub struct GateLimits {
     pub lower: Joints,
     /// Greatest value of each joint.
     pub upper: Joints,
+    /// Length of a tick, s.
+    pub period: f64,
     /// Greatest change of each joint's value from tick to tick.
     pub change: Joints,
     /// Greatest speed of each joint that a position may come with, rad/s (m/s).
@@ -92,11 +100,12 @@ pub struct GateLimits {
 }
 
 impl GateLimits {
-    /// Limits of `arm`, stepped by `period` s: effort and its change by one effort limit a tick in torque mode; range,
+    /// Limits of `arm`, stepped by `period` s: effort and its rate, at most `torque_rate` (N·m/s, N/s), in torque mode; range,
     /// speed and acceleration in driven mode.
-    pub fn of(arm: &Arm, mode: Mode, period: f64, hold: u32) -> Self {
+    pub fn of(arm: &Arm, mode: Mode, period: f64, hold: u32, torque_rate: &Joints) -> Self {
         let mut limits = Self {
             mode,
+            period,
             lower: [0.0; MAX_JOINTS],
             upper: [0.0; MAX_JOINTS],
             change: [0.0; MAX_JOINTS],
@@ -107,12 +116,35 @@ impl GateLimits {
         for (i, joint) in arm.joints().iter().enumerate().take(MAX_JOINTS) {
             let of = &joint.limits;
             (limits.lower[i], limits.upper[i], limits.change[i]) = match mode {
-                Mode::Torque => (-of.effort, of.effort, of.effort),
+                Mode::Torque => (-of.effort, of.effort, torque_rate[i] * period),
                 Mode::Driven => (of.lower, of.upper, of.velocity * period),
             };
-            (limits.speed[i], limits.acceleration[i]) = (of.velocity, of.acceleration);
+            // An arm file without acceleration limits still has speeds: no joint goes from one to the other within less than a tick.
+            let reversal = 2.0 * of.velocity / period;
+            let acceleration = if of.acceleration.is_finite() { of.acceleration } else { reversal };
+            (limits.speed[i], limits.acceleration[i]) = (of.velocity, acceleration);
         }
         limits
+    }
+
+    /// What is wrong with the step to the position, velocity and acceleration that `command` asks for at the end of a tick, for joints that are
+    /// at `measured` (\[q, v, a\]) at its start and have followed no command for `held` ticks.
+    ///
+    /// The mean speed of the step has to be within the speed limit. Between two velocities, a joint with the acceleration limit a can move
+    /// by at most a T²/4 more or less than at their mean. While joints were held at their velocity, a reference may have accelerated: there T is the
+    /// time from the last command that was followed.
+    pub fn step_excess(&self, command: &Command, measured: &[[f64; 3]], held: u32) -> Option<Excess> {
+        let span = self.period * f64::from(held + 1);
+        measured.iter().enumerate().take(command.joints as usize).find_map(|(joint, &[q, v, _])| {
+            let (step, end) = (command.value[joint] - q, command.velocity[joint]);
+            let excess = |quantity, value: f64, limit: f64| {
+                (value > limit * (1.0 + ROUNDING)).then_some(Excess { quantity, joint, value, limit })
+            };
+            let unmeant = (step - 0.5 * (v + end) * self.period).abs();
+            let acceleration = ((end - v).abs() / span).max(4.0 * unmeant / (span * span));
+            excess(Quantity::Speed, step.abs() / self.period, self.speed[joint])
+                .or_else(|| excess(Quantity::Acceleration, acceleration, self.acceleration[joint]))
+        })
     }
 
     /// Brings what is put together of two commands within the limits: its value no further from `last` than one tick allows.
@@ -133,6 +165,7 @@ impl GateLimits {
 pub struct Gate {
     limits: GateLimits,
     run: u64,
+    slot: u32,
     joints: usize,
     last: Option<Command>,
     before_last: Option<Command>,
@@ -140,14 +173,16 @@ pub struct Gate {
     streak: u32,
     braking: bool,
     rejected: [u64; Rejection::ALL.len()],
+    excess: Option<Excess>,
 }
 
 impl Gate {
-    /// A gate for the run `run` and `joints` joints that nothing has passed yet.
-    pub fn new(limits: GateLimits, run: u64, joints: usize) -> Self {
+    /// A gate for the controller in `slot` of the run `run` and `joints` joints that nothing has passed yet.
+    pub fn new(limits: GateLimits, run: u64, slot: u32, joints: usize) -> Self {
         Self {
             limits,
             run,
+            slot,
             joints,
             last: None,
             before_last: None,
@@ -155,6 +190,7 @@ impl Gate {
             streak: 0,
             braking: false,
             rejected: [0; Rejection::ALL.len()],
+            excess: None,
         }
     }
 
@@ -171,7 +207,7 @@ impl Gate {
     /// Judges the answer to the tick `due` of a controller that is not in charge: nothing is applied.
     pub fn watch(&mut self, command: Option<&Command>, due: u64) -> Option<Rejection> {
         let verdict = match command {
-            None => Err(Rejection::Missing),
+            None => Err((Rejection::Missing, None)),
             Some(command) => self.judge(command, due).map(|()| command),
         };
         match verdict {
@@ -182,16 +218,17 @@ impl Gate {
                 self.streak = self.streak.saturating_add(1);
                 None
             }
-            Err(rejection) => {
-                self.refuse(rejection);
+            Err((rejection, excess)) => {
+                self.refuse(rejection, excess);
                 Some(rejection)
             }
         }
     }
 
-    /// Counts a command as refused for `rejection`, be it one that [`Gate::watch`] let pass.
-    pub fn refuse(&mut self, rejection: Rejection) {
+    /// Counts a command as refused for `rejection`, be it one that [`Gate::watch`] let pass; `excess` is the limit that it does not keep.
+    pub fn refuse(&mut self, rejection: Rejection, excess: Option<Excess>) {
         self.rejected[rejection as usize] += 1;
+        self.excess = excess;
         self.missed = self.missed.saturating_add(1);
         self.streak = 0;
     }
@@ -204,7 +241,10 @@ impl Gate {
 
     /// Forgets a controller whose place another process has taken; the counts stay.
     pub fn renew(&mut self) {
-        *self = Self { rejected: self.rejected, ..Self::new(self.limits.clone(), self.run, self.joints) };
+        *self = Self {
+            rejected: self.rejected,
+            ..Self::new(self.limits.clone(), self.run, self.slot, self.joints)
+        };
     }
 
     /// The limits.
@@ -215,6 +255,11 @@ impl Gate {
     /// The command that passed one tick before the last one; `None` unless both passed in a row.
     pub fn before_last(&self) -> Option<&Command> {
         self.before_last.as_ref()
+    }
+
+    /// The limit that the last refused command did not keep, where it was refused for one.
+    pub fn excess(&self) -> Option<Excess> {
+        self.excess
     }
 
     /// How many commands in a row have not passed.
@@ -237,53 +282,74 @@ impl Gate {
         self.rejected[reason as usize]
     }
 
-    fn judge(&self, command: &Command, due: u64) -> Result<(), Rejection> {
+    fn judge(&self, command: &Command, due: u64) -> Result<(), Refused> {
         let kind = match self.limits.mode {
             Mode::Torque => CommandKind::Torque,
             Mode::Driven => CommandKind::Position,
         };
+        let status = CommandStatus::from_code(command.status);
         if command.check(self.run).is_err()
             || command.joints as usize != self.joints
+            || command.slot != self.slot
             || command.kind != kind.code()
+            || status.is_none()
         {
-            return Err(Rejection::Malformed);
+            return Err((Rejection::Malformed, None));
         }
         if command.tick != due {
-            return Err(Rejection::Stale);
+            return Err((Rejection::Stale, None));
         }
-        if command.status == CommandStatus::NoAnswer.code() {
-            return Err(Rejection::NoAnswer);
+        if status == Some(CommandStatus::NoAnswer) {
+            return Err((Rejection::NoAnswer, None));
+        }
+        let numbers = [&command.value, &command.velocity, &command.acceleration].into_iter().flatten();
+        if !numbers.chain(&command.deviation).all(|number| number.is_finite()) {
+            return Err((Rejection::NotFinite, None));
         }
         (0..self.joints).try_for_each(|joint| self.judge_joint(command, joint))
     }
 
-    fn judge_joint(&self, command: &Command, joint: usize) -> Result<(), Rejection> {
-        let value = command.value[joint];
-        if ![value, command.velocity[joint], command.acceleration[joint]].into_iter().all(f64::is_finite) {
-            return Err(Rejection::NotFinite);
+    fn judge_joint(&self, command: &Command, joint: usize) -> Result<(), Refused> {
+        let refused = |rejection, quantity, value, limit| {
+            Err((rejection, Some(Excess { quantity, joint, value, limit })))
+        };
+        let (limits, value) = (&self.limits, command.value[joint]);
+        let (whole, rate) = match limits.mode {
+            Mode::Torque => (Quantity::Torque, Quantity::TorqueRate),
+            Mode::Driven => (Quantity::Position, Quantity::Speed),
+        };
+        if value < limits.lower[joint] || value > limits.upper[joint] {
+            let limit = if value < limits.lower[joint] { limits.lower[joint] } else { limits.upper[joint] };
+            return refused(Rejection::OutOfRange, whole, value, limit);
         }
-        if value < self.limits.lower[joint] || value > self.limits.upper[joint] {
-            return Err(Rejection::OutOfRange);
-        }
-        let (speed, acceleration) = (self.limits.speed[joint], self.limits.acceleration[joint]);
-        if command.velocity[joint].abs() > speed || command.acceleration[joint].abs() > acceleration {
-            return Err(Rejection::TooFast);
+        for (quantity, value, limit) in [
+            (Quantity::Speed, command.velocity[joint].abs(), limits.speed[joint]),
+            (Quantity::Acceleration, command.acceleration[joint].abs(), limits.acceleration[joint]),
+        ] {
+            if value > limit {
+                return refused(Rejection::TooFast, quantity, value, limit);
+            }
         }
         // A joint that was held for m ticks has moved on for m + 1; a held torque has stayed.
-        let room = match self.limits.mode {
-            Mode::Torque => self.limits.change[joint],
-            Mode::Driven => self.limits.change[joint] * f64::from(self.missed + 1),
+        let room = match limits.mode {
+            Mode::Torque => limits.change[joint],
+            Mode::Driven => limits.change[joint] * f64::from(self.missed + 1),
         };
-        match &self.last {
-            Some(last) if (value - last.value[joint]).abs() > room => Err(Rejection::TooFast),
-            _ => Ok(()),
+        let change = self.last.as_ref().map_or(0.0, |last| (value - last.value[joint]).abs());
+        if change > room {
+            return refused(Rejection::TooFast, rate, change / limits.period, room / limits.period);
         }
+        Ok(())
     }
 }
+
+/// Why a command is refused, and the limit that it does not keep.
+type Refused = (Rejection, Option<Excess>);
 
 #[cfg(test)]
 mod tests {
     use super::{Applied, Gate, GateLimits, Rejection};
+    use crate::excess::{Excess, Quantity};
     use freeplay_shm::{Command, CommandStatus, MAX_JOINTS, Mode, State};
 
     const RUN: u64 = 7;
@@ -296,12 +362,13 @@ mod tests {
             mode: Mode::Torque,
             lower: [-100.0; MAX_JOINTS],
             upper: [100.0; MAX_JOINTS],
+            period: 1e-3,
             change: [10.0; MAX_JOINTS],
             speed: [5.0; MAX_JOINTS],
             acceleration: [50.0; MAX_JOINTS],
             hold: 2,
         };
-        Gate::new(limits, RUN, 2)
+        Gate::new(limits, RUN, 0, 2)
     }
 
     fn command(tick: u64, value: f64) -> Command {
@@ -314,12 +381,16 @@ mod tests {
 
     #[test]
     fn each_fault_is_named_and_none_is_applied() {
-        let cases: [Case; 12] = [
+        let cases: [Case; 16] = [
             (Rejection::Malformed, |c| c.magic = 1),
             (Rejection::Malformed, |c| c.layout += 1),
             (Rejection::Malformed, |c| c.run = 8),
             (Rejection::Malformed, |c| c.joints = 3),
             (Rejection::Malformed, |c| c.kind = 1),
+            (Rejection::Malformed, |c| c.slot = 1),
+            (Rejection::Malformed, |c| c.status = 77),
+            (Rejection::NotFinite, |c| c.deviation[2] = f64::NAN),
+            (Rejection::NotFinite, |c| c.velocity[MAX_JOINTS - 1] = f64::INFINITY),
             (Rejection::Stale, |c| c.tick -= 1),
             (Rejection::NoAnswer, |c| c.status = CommandStatus::NoAnswer.code()),
             (Rejection::NotFinite, |c| c.value[1] = f64::NAN),
@@ -352,6 +423,44 @@ mod tests {
     #[test]
     fn without_any_command_it_brakes_at_once() {
         assert_eq!(gate().pass(None, 0), (Applied::Brake, Some(Rejection::Missing)));
+    }
+
+    #[test]
+    fn the_limit_that_a_command_does_not_keep_is_told() {
+        let mut gate = gate();
+        assert_eq!(gate.pass(Some(&command(4, 5.0)), 4).1, None);
+        assert_eq!(gate.pass(Some(&command(5, 25.0)), 5).1, Some(Rejection::TooFast));
+        let expected = Excess { quantity: Quantity::TorqueRate, joint: 0, value: 2e4, limit: 1e4 };
+        assert_eq!(gate.excess(), Some(expected));
+        assert_eq!(gate.pass(Some(&command(6, -101.0)), 6).1, Some(Rejection::OutOfRange));
+        let expected = Excess { quantity: Quantity::Torque, joint: 0, value: -101.0, limit: -100.0 };
+        assert_eq!(gate.excess(), Some(expected));
+        assert_eq!(gate.pass(None, 7).1, Some(Rejection::Missing));
+        assert_eq!(gate.excess(), None);
+    }
+
+    #[test]
+    fn a_position_is_judged_by_the_step_from_where_the_joint_is() {
+        let mut limits = gate().limits;
+        limits.mode = Mode::Driven;
+        // 5 rad/s and 50 rad/s² in ticks of 1 ms; the joints stand at 1 rad and 2 rad, the second moves.
+        let measured = [[1.0, 0.0, 0.0], [2.0, 4.0, 0.0]];
+        let step = |by: [f64; 2], speed: [f64; 2], held| {
+            let mut command = command(0, 0.0);
+            command.value[..2].copy_from_slice(&[1.0 + by[0], 2.0 + by[1]]);
+            command.velocity[..2].copy_from_slice(&speed);
+            limits.step_excess(&command, &measured, held).map(|excess| (excess.quantity, excess.joint))
+        };
+        assert_eq!(step([0.0, 4e-3], [0.0, 4.0], 0), None);
+        assert_eq!(step([0.243, 4e-3], [0.0, 4.0], 0), Some((Quantity::Speed, 0)));
+        // A speed that the step does not have, a step that the speeds do not have, a joint that stops at once.
+        assert_eq!(step([0.0, 4e-3], [3.0, 4.0], 0), Some((Quantity::Acceleration, 0)));
+        assert_eq!(step([1e-3, 4e-3], [0.0, 4.0], 0), Some((Quantity::Acceleration, 0)));
+        assert_eq!(step([0.0, 0.0], [0.0, 0.0], 0), Some((Quantity::Acceleration, 1)));
+        assert_eq!(step([0.0, 4.02e-3], [0.0, 4.05], 0), None);
+        // After three held ticks the reference may have moved on.
+        assert_eq!(step([1e-4, 4e-3], [0.0, 4.0], 0), Some((Quantity::Acceleration, 0)));
+        assert_eq!(step([1e-4, 4e-3], [0.0, 4.0], 3), None);
     }
 
     #[test]

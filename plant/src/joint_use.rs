@@ -8,7 +8,7 @@
 use freeplay_arm::{Arm, Limits};
 use serde::Serialize;
 
-use crate::{DeviationStatistics, System};
+use crate::{DeviationStatistics, SPEED_MARGIN, System};
 
 /// One quantity of one joint: rad/s, rad/s² or N·m (m/s, m/s², N).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -39,6 +39,8 @@ pub struct UsedByJoint {
     pub acceleration: Used,
     /// Torque of the motor.
     pub torque: Used,
+    /// Most ticks in a row with a speed beyond [`SPEED_MARGIN`](crate::SPEED_MARGIN) times its limit.
+    pub ticks_beyond_speed: u32,
 }
 
 impl UsedByJoint {
@@ -57,6 +59,8 @@ pub struct JointUse {
     peaks: Vec<[[f64; 2]; 3]>,
     /// Speeds of the last tick.
     before: Vec<Option<f64>>,
+    /// Ticks in a row beyond the speed limit: up to now, and the most.
+    beyond: Vec<[u32; 2]>,
 }
 
 impl JointUse {
@@ -67,6 +71,7 @@ impl JointUse {
             period,
             peaks: vec![[[0.0; 2]; 3]; arm.dof()],
             before: vec![None; arm.dof()],
+            beyond: vec![[0; 2]; arm.dof()],
         }
     }
 
@@ -76,6 +81,10 @@ impl JointUse {
             let [_, v, _] = system.joint(joint);
             let acceleration = self.before[joint].map_or(0.0, |before| (v - before) / self.period);
             self.before[joint] = Some(v);
+            let [ticks, most] = &mut self.beyond[joint];
+            let is_beyond = v.abs() > SPEED_MARGIN * self.limits[joint].velocity;
+            *ticks = if is_beyond { *ticks + 1 } else { 0 };
+            *most = (*most).max(*ticks);
             self.raise(joint, system.time(), [v, acceleration, system.motor_torque()[joint]]);
         }
     }
@@ -99,9 +108,10 @@ impl JointUse {
 
     /// What each joint was asked for.
     pub fn joints(&self) -> Vec<UsedByJoint> {
-        let pairs = self.peaks.iter().zip(&self.limits);
+        let pairs = self.peaks.iter().zip(&self.limits).zip(&self.beyond);
         pairs
-            .map(|(&[speed, acceleration, torque], limits)| UsedByJoint {
+            .map(|((&[speed, acceleration, torque], limits), &[_, most])| UsedByJoint {
+                ticks_beyond_speed: most,
                 speed: Used::of(speed, limits.velocity),
                 acceleration: Used::of(acceleration, limits.acceleration),
                 torque: Used::of(torque, limits.effort),

@@ -6,6 +6,7 @@
 //! - [`System`]: the arm with play; [`Bearing`] is one joint's contact in it, [`Ledger`] keeps its energy.
 //! - [`Sensors`]: what the machine says of itself.
 //! - [`Gate`]: what may pass from a controller to the joints, and what is applied instead.
+//! - [`Reflexes`]: limits of what the arm does, beyond which its brakes close; [`Stop`] says when and why, [`Excess`] beyond which limit.
 //! - [`LineUp`]: the controllers of a run, one in charge, the others warm; [`Swap`] is a change of who is in charge, [`Blend`] takes
 //!   the jump out of it; [`Usual`] is what sound controllers differ by.
 //! - [`TickRecord`]: all that is worth keeping of one tick; it leaves the loop through a queue.
@@ -20,8 +21,10 @@ mod attendance;
 mod bearing;
 mod blend;
 mod cause;
+mod damping;
 mod deviation;
 mod drives;
+mod excess;
 mod gate;
 mod joint_use;
 mod ledger;
@@ -29,6 +32,7 @@ mod line_up;
 mod misses;
 mod motion;
 mod plant;
+mod reflex;
 mod rotor;
 mod round_trips;
 mod sensors;
@@ -46,6 +50,7 @@ pub use bearing::{Bearing, ContactTally, IMPACT_LIMIT};
 pub use blend::Blend;
 pub use cause::{Cause as MissCause, Evidence, Hardship, Links, cause as miss_cause};
 pub use deviation::{Deviation, DeviationStatistics};
+pub use excess::{Excess, Quantity, Refusal, Stop, StopReason};
 pub use gate::{Applied, Gate, GateLimits, Rejection};
 pub use joint_use::{JointUse, Used, UsedByJoint};
 pub use ledger::Ledger;
@@ -53,6 +58,7 @@ pub use line_up::{Cause, LineUp, LineUpSpec, PlannedSwap, Swap};
 pub use misses::{Miss, Misses, Stall};
 pub use motion::{Braking, Hermite, Motion};
 pub use plant::{Deadlines, Ending, Plant, PlantConfig, PlantError, PlantOutcome, TickLaws};
+pub use reflex::{ReflexLimits, ReflexSpec, Reflexes, SPEED_MARGIN};
 pub use rotor::ROTOR_SHARE;
 pub use sensors::{Channel, Sensors, SensorsSpec};
 pub use stages::{Stage, Stages};

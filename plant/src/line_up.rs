@@ -9,6 +9,9 @@
 //!    answer it gave to the same tick: no command is held;
 //! 3. where no standby has a good answer, the gate of the one in charge falls back: hold, then brake.
 //!
+//! A position has to lead on from where the joints are measured, with the blend: where it does not, the hand-over is refused as too fast. A torque
+//! is cut to its rate.
+//!
 //! Either way the [`Blend`] makes the new commands continue the old ones. After a planned swap they continue what the old
 //! controller says for the next instant; after a failure, whose command is not to be trusted, what was in force moved on as
 //! the new one moved on, and for a short time.
@@ -16,6 +19,7 @@
 use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS, Mode};
 use serde::Serialize;
 
+use crate::excess::{Excess, Refusal};
 use crate::witnesses::{PROBATION, Witnesses};
 use crate::{Applied, Blend, Comparison, Gate, GateLimits, Rejection};
 
@@ -124,6 +128,9 @@ pub struct LineUp {
     comparison: Option<Comparison>,
     witnesses: Witnesses,
     in_force: Option<Command>,
+    /// Ticks in a row for which no command was put in force.
+    held: u32,
+    first_refusal: Option<Refusal>,
     rejected: [u64; Rejection::ALL.len()],
     swaps: Vec<Swap>,
     unlisted: u64,
@@ -135,10 +142,12 @@ impl LineUp {
     /// The controllers of `spec`, each with a gate of `limits`, in the run `run` with `joints` joints and ticks of `period` s.
     pub fn new(spec: &LineUpSpec, limits: GateLimits, run: u64, joints: usize, period: f64) -> Self {
         let mode: Mode = limits.mode;
-        let gate = Gate::new(limits, run, joints);
-        let slot = Slot { gate, answer: None, rejection: None, in_charge: 0 };
+        let slot = |slot: usize| {
+            let gate = Gate::new(limits.clone(), run, slot as u32, joints);
+            Slot { gate, answer: None, rejection: None, in_charge: 0 }
+        };
         Self {
-            slots: vec![slot; spec.controllers.clamp(1, MAX_SLOTS)],
+            slots: (0..spec.controllers.clamp(1, MAX_SLOTS)).map(slot).collect(),
             in_charge: 0,
             planned: spec.swaps.clone(),
             next_planned: 0,
@@ -149,6 +158,8 @@ impl LineUp {
             comparison: spec.comparison.clone(),
             witnesses: Witnesses::new(spec.comparison.clone(), spec.controllers.clamp(1, MAX_SLOTS)),
             in_force: None,
+            held: 0,
+            first_refusal: None,
             rejected: [0; Rejection::ALL.len()],
             swaps: Vec::with_capacity(spec.swaps.len() + MOST_FAIL_OVERS),
             unlisted: 0,
@@ -191,7 +202,12 @@ impl LineUp {
         self.slots[slot].in_charge
     }
 
-    /// How many commands of who was in charge were rejected for `reason`.
+    /// The first command of who was, or was to be, in charge that was refused for more than not having come.
+    pub fn first_refusal(&self) -> Option<&Refusal> {
+        self.first_refusal.as_ref()
+    }
+
+    /// How many commands of who was, or was to be, in charge were rejected for `reason`.
     pub fn rejected(&self, reason: Rejection) -> u64 {
         self.rejected[reason as usize]
     }
@@ -274,9 +290,9 @@ impl LineUp {
         }
     }
 
-    /// Judges all answers to `tick` and says what is to be applied; `settled` after the start of the run, whose changes are
-    /// not steady ones.
-    pub(crate) fn judge(&mut self, tick: u64, settled: bool) -> Verdict {
+    /// Judges all answers to `tick` and says what is to be applied to joints that are at `measured` (\[q, v, a\] each); `settled` after the
+    /// start of the run, whose changes are not steady ones.
+    pub(crate) fn judge(&mut self, tick: u64, settled: bool, measured: &[[f64; 3]]) -> Verdict {
         for slot in &mut self.slots {
             slot.rejection = slot.gate.watch(slot.answer.as_ref(), tick);
         }
@@ -284,13 +300,14 @@ impl LineUp {
         if settled {
             self.hear_witnesses();
         }
+        self.judge_step(tick, measured);
         let rejection = self.slots[old].rejection;
         if let Some(reason) = rejection {
-            self.rejected[reason as usize] += 1;
+            self.count(tick, old, false, reason, self.slots[old].gate.excess());
         }
         self.slots[old].in_charge += 1;
         let before = self.in_force;
-        let change = self.change(tick);
+        let change = self.change(tick, measured);
         if let Some((to, cause, asked)) = change {
             self.hand_over(tick, to, cause, asked);
         }
@@ -301,6 +318,7 @@ impl LineUp {
             (None, Some(answer)) => (Applied::Command, Some(answer)),
             _ => (slot.gate.fall_back(), None),
         };
+        self.held = if let_through.is_some() { 0 } else { self.held.saturating_add(1) };
         if let Some(command) = let_through {
             self.put_in_force(tick, command, before.as_ref(), most.as_ref(), settled);
         }
@@ -316,43 +334,96 @@ impl LineUp {
         };
         if self.witnesses.contradict(self.in_charge, said) {
             let slot = &mut self.slots[self.in_charge];
-            slot.gate.refuse(Rejection::Disagrees);
+            slot.gate.refuse(Rejection::Disagrees, None);
             slot.rejection = Some(Rejection::Disagrees);
         }
     }
 
+    /// Counts a refusal of who is, or `takes_over` to be, in charge.
+    fn count(&mut self, tick: u64, slot: usize, takes_over: bool, reason: Rejection, excess: Option<Excess>) {
+        self.rejected[reason as usize] += 1;
+        if reason != Rejection::Missing {
+            self.first_refusal.get_or_insert(Refusal { tick, slot, takes_over, reason, excess });
+        }
+    }
+
+    /// Refuses what the one in charge says where joints at `measured` cannot get there within a tick.
+    fn judge_step(&mut self, tick: u64, measured: &[[f64; 3]]) {
+        let slot = &self.slots[self.in_charge];
+        let (None, Some(mut command)) = (slot.rejection, slot.answer) else { return };
+        if let (true, Some(before)) = (self.blend.holds(tick), &self.in_force) {
+            self.blend.add(tick, &mut command);
+            slot.gate.limits().clamp(&mut command, before);
+        }
+        if let Some(excess) = self.step_excess(slot, &command, measured) {
+            let slot = &mut self.slots[self.in_charge];
+            slot.gate.refuse(Rejection::TooFast, Some(excess));
+            slot.rejection = Some(Rejection::TooFast);
+        }
+    }
+
+    /// What is wrong with going on with `command` of `slot` from joints at `measured`. A torque is no step: it is cut to its rate instead.
+    fn step_excess(&self, slot: &Slot, command: &Command, measured: &[[f64; 3]]) -> Option<Excess> {
+        let limits = slot.gate.limits();
+        (limits.mode == Mode::Driven).then(|| limits.step_excess(command, measured, self.held)).flatten()
+    }
+
+    /// What is wrong with the first command of the controller in `to` as it would be put in force at `tick`, with its blend.
+    fn hand_over_excess(&self, tick: u64, to: usize, measured: &[[f64; 3]]) -> Option<Excess> {
+        let slot = &self.slots[to];
+        let mut command = slot.answer?;
+        let mut blend = self.blend.clone();
+        match self.continued(tick, self.in_charge, to) {
+            Some((was, says)) => blend.begin(tick, &was, &says),
+            None => blend.end(),
+        }
+        if let (true, Some(before)) = (blend.holds(tick), &self.in_force) {
+            blend.add(tick, &mut command);
+            slot.gate.limits().clamp(&mut command, before);
+        }
+        self.step_excess(slot, &command, measured)
+    }
+
     /// Who takes over at `tick`, why, and since when that is due.
-    fn change(&mut self, tick: u64) -> Option<(usize, Cause, u64)> {
+    fn change(&mut self, tick: u64, measured: &[[f64; 3]]) -> Option<(usize, Cause, u64)> {
         while let Some(swap) = self.due(tick) {
             if swap.to == self.in_charge {
                 self.settle();
                 continue;
             }
             if self.slots.get(swap.to).is_some_and(|slot| slot.rejection.is_none()) {
-                self.settle();
-                return Some((swap.to, Cause::Planned, swap.tick));
+                let Some(excess) = self.hand_over_excess(tick, swap.to, measured) else {
+                    self.settle();
+                    return Some((swap.to, Cause::Planned, swap.tick));
+                };
+                let slot = &mut self.slots[swap.to];
+                slot.gate.refuse(Rejection::TooFast, Some(excess));
+                slot.rejection = Some(Rejection::TooFast);
+                self.count(tick, swap.to, true, Rejection::TooFast, Some(excess));
             }
             break;
         }
         let slot = &self.slots[self.in_charge];
         let reason = slot.rejection?;
         let first = tick.saturating_sub(u64::from(slot.gate.missed().saturating_sub(1)));
-        Some((self.soundest()?, Cause::Failed(reason), first))
+        Some((self.soundest(tick, measured)?, Cause::Failed(reason), first))
     }
 
-    /// The standby with the longest faultless record, of equals the first; only one whose answer to this tick passed.
-    fn soundest(&self) -> Option<usize> {
+    /// The standby with the longest faultless record, of equals the first; only one whose answer to this tick passed and leads on from joints
+    /// at `measured`.
+    fn soundest(&self, tick: u64, measured: &[[f64; 3]]) -> Option<usize> {
         let record =
             |slot: usize| self.slots[slot].gate.streak().min(self.witnesses.agreed(slot)).min(PROBATION);
         (0..self.slots.len())
             .filter(|&slot| slot != self.in_charge && self.slots[slot].rejection.is_none())
+            .filter(|&slot| self.hand_over_excess(tick, slot, measured).is_none())
             .max_by_key(|&slot| (record(slot), std::cmp::Reverse(slot)))
     }
 
-    fn hand_over(&mut self, tick: u64, to: usize, cause: Cause, asked: u64) {
-        let from = std::mem::replace(&mut self.in_charge, to);
+    /// What was in force under the controller in `from`, and what the one in `to` says for the same instant.
+    fn continued(&self, tick: u64, from: usize, to: usize) -> Option<(Command, Command)> {
         let (old, new) = (&self.slots[from], &self.slots[to]);
-        let continued = match (old.rejection, &old.answer) {
+        match (old.rejection, &old.answer) {
             (None, Some(answer)) => {
                 let mut was = *answer;
                 self.blend.add(tick, &mut was);
@@ -360,7 +431,12 @@ impl LineUp {
             }
             // For the instant before; without an answer to that, the command stays what it was for this tick.
             _ => self.in_force.zip(new.gate.before_last().copied().or(new.answer)),
-        };
+        }
+    }
+
+    fn hand_over(&mut self, tick: u64, to: usize, cause: Cause, asked: u64) {
+        let continued = self.continued(tick, self.in_charge, to);
+        let from = std::mem::replace(&mut self.in_charge, to);
         let is_first = !self.blend.holds(tick);
         self.blends_from = Some(from).filter(|_| cause == Cause::Planned && is_first);
         match continued {
@@ -394,13 +470,17 @@ impl LineUp {
         settled: bool,
     ) {
         let blends = self.blend.holds(tick);
-        if let (true, Some(before)) = (blends, before) {
+        if blends && before.is_some() {
             let old = self.blends_from.map(|slot| &self.slots[slot]);
             if let Some(Slot { rejection: None, answer: Some(old), .. }) = old {
                 self.blend.shrink(old, &command);
             }
             self.blend.add(tick, &mut command);
-            self.slots[self.in_charge].gate.limits().clamp(&mut command, before);
+        }
+        let limits = self.slots[self.in_charge].gate.limits();
+        // A torque changes no faster than its rate either where nothing blends as it changes hands.
+        if let (true, Some(before)) = (blends || limits.mode == Mode::Torque, before) {
+            limits.clamp(&mut command, before);
         }
         if let (Some(before), Some(most)) = (before, most) {
             for (value, (from, most)) in command.value.iter_mut().zip(before.value.iter().zip(most)) {

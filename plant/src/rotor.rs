@@ -18,7 +18,7 @@ pub const ROTOR_SHARE: f64 = 0.5;
 /// The greatest angle by which a transmission may swing in a sub-step, rad: leapfrog holds to 2 and is 1 % off in frequency here.
 const GREATEST_SWING: f64 = 0.5;
 /// The greatest share by which a transmission's damping may slow its flanks in a sub-step; the extrapolated velocity holds to 1.
-const GREATEST_LOSS: f64 = 0.5;
+pub(crate) const GREATEST_LOSS: f64 = 0.5;
 
 /// The two sides of one transmission.
 #[derive(Clone, Copy, Debug)]
@@ -83,7 +83,11 @@ fn less(arm: &Arm, taken: impl Iterator<Item = (usize, f64)>) -> Result<Arm, Sys
 }
 
 /// The rows and columns `joints` of M⁻¹ in each of `postures`.
-fn mobility(arm: &Arm, joints: &[usize], postures: &[Vec<f64>]) -> Result<Vec<DMatrix<f64>>, SystemError> {
+pub(crate) fn mobility(
+    arm: &Arm,
+    joints: &[usize],
+    postures: &[Vec<f64>],
+) -> Result<Vec<DMatrix<f64>>, SystemError> {
     let mut ws = Workspace::new(arm);
     let mut mass = DMatrix::zeros(arm.dof(), arm.dof());
     let inverse = |posture: &Vec<f64>| {

@@ -6,8 +6,8 @@
 //! Contacts need [`MAX_CONTACT_STEP`] or less: a Hertz impact of this arm lasts about 0.5 ms.
 
 use freeplay_arm::{
-    Arm, Drive, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction, kinetic_energy,
-    potential_energy,
+    Arm, Drive, Purpose, Shortfall, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction,
+    kinetic_energy, potential_energy,
 };
 use freeplay_laws::{ArmWithPlay, BearingContact, Injection, Journal, LawError};
 use nalgebra::Isometry3;
@@ -16,7 +16,7 @@ use thiserror::Error;
 use crate::drives::{Drives, Motor};
 use crate::rotor::{check_step, share_out, with_rotors};
 use crate::tool_forces::ToolForces;
-use crate::{Bearing, ContactTally, Ledger, Motion};
+use crate::{Bearing, Braking, ContactTally, Excess, Ledger, Motion, ReflexLimits};
 
 /// The longest sub-step that is allowed where a contact can happen, s.
 pub const MAX_CONTACT_STEP: f64 = 1e-4;
@@ -64,6 +64,29 @@ pub enum SystemError {
         "a joint with a transmission moves no inertia beyond its rotor along this motion; give its link mass"
     )]
     NoInertiaLeft,
+    /// The damping of a joint stops it faster than a sub-step.
+    #[error(
+        "joint `{joint}`: a damping of {damping} {} stops its inertia of {inertia:.1e} {} within {:.1e} s: too fast for a sub-step of \
+         {step:.1e} s; correct the damping or the inertia, give the joint a rotor_inertia in an arm file, or take {needed} sub-steps a tick",
+        units[0], units[1], inertia / damping
+    )]
+    DampingTooStiff {
+        /// The joint.
+        joint: String,
+        /// Its damping.
+        damping: f64,
+        /// The least inertia that it feels along the motion, all others free.
+        inertia: f64,
+        /// Units of the two.
+        units: [&'static str; 2],
+        /// The sub-step, s.
+        step: f64,
+        /// Sub-steps a tick that would do.
+        needed: f64,
+    },
+    /// The arm can't be simulated as its file has it.
+    #[error(transparent)]
+    Unfit(#[from] Shortfall),
     /// The effects leave no arm that can be.
     #[error(transparent)]
     Law(#[from] LawError),
@@ -116,6 +139,8 @@ pub struct System {
     drive: Vec<Drive>,
     total: Vec<f64>,
     motor: Vec<f64>,
+    /// Every joint is driven: by its brake.
+    braked: Vec<bool>,
     prescribed: [Vec<f64>; 3],
     peaks: TickPeaks,
     ledger: Ledger,
@@ -152,6 +177,7 @@ impl System {
             drive: vec![Drive::Torque(0.0); dof],
             total: vec![0.0; dof],
             motor: vec![0.0; joints],
+            braked: vec![true; joints],
             prescribed: [vec![0.0; joints], vec![0.0; joints], vec![0.0; joints]],
             peaks: TickPeaks::default(),
             ledger: Ledger::default(),
@@ -163,7 +189,7 @@ impl System {
     /// the inertia of motors behind transmissions.
     ///
     /// # Errors
-    /// Those of [`System::new`]; [`SystemError::Law`] for an arm that cannot be, [`SystemError::TransmissionTooStiff`].
+    /// Those of [`System::new`]; [`SystemError::Unfit`] for an arm without masses, [`SystemError::Law`] for one that cannot be, [`SystemError::TransmissionTooStiff`].
     pub fn with_effects(
         arm: &Arm,
         injection: Injection,
@@ -172,6 +198,7 @@ impl System {
         substeps: u32,
     ) -> Result<Self, SystemError> {
         let arm = &with_rotors(arm, &injection.rotors)?;
+        arm.require(Purpose::Simulation)?;
         let parted: Vec<usize> = injection.transmissions.iter().map(|(joint, _)| *joint).collect();
         let (links, sides) =
             if parted.is_empty() { (arm.clone(), Vec::new()) } else { share_out(arm, &parted, postures)? };
@@ -239,11 +266,52 @@ impl System {
     /// # Errors
     /// [`SystemError::NotFinite`] names the first coordinate that is no longer a number.
     pub fn tick(&mut self, input: &Input) -> Result<(), SystemError> {
+        (0..self.substeps).for_each(|substep| self.numbered_substep(substep, input));
+        self.end_tick(input)
+    }
+
+    /// Steps one tick during which the drives watch the joints that follow torques: where one is, or by the next sub-step would be, beyond
+    /// `limits` of speed and position, `brakes` close on all joints at once. Says which limit that was.
+    ///
+    /// # Errors
+    /// [`SystemError::NotFinite`] names the first coordinate that is no longer a number.
+    pub fn watched_tick(
+        &mut self,
+        input: &Input,
+        limits: &ReflexLimits,
+        brakes: &mut Braking,
+    ) -> Result<Option<Excess>, SystemError> {
         let step = self.period / f64::from(self.substeps);
-        let start = self.time();
         for substep in 0..self.substeps {
-            self.substep(start + (f64::from(substep) + 0.5) * step, step, input);
+            self.numbered_substep(substep, input);
+            let is_clear = |joint| limits.is_clear(joint, self.joint(joint), step);
+            if (0..self.motor.len()).all(is_clear) {
+                continue;
+            }
+            let free = (0..self.motor.len()).filter(|&joint| !input.driven[joint]);
+            let found = free.filter_map(|joint| limits.excess(joint, self.joint(joint), step)).next();
+            if found.is_none() {
+                continue;
+            }
+            let now = self.time() + f64::from(substep + 1) * step;
+            brakes.close(now, (0..self.motor.len()).map(|joint| self.joint(joint)).map(|[q, v, _]| [q, v]));
+            let all = std::mem::take(&mut self.braked);
+            let braking = Input { torque: input.torque, driven: &all, motion: brakes };
+            (substep + 1..self.substeps).for_each(|rest| self.numbered_substep(rest, &braking));
+            let ended = self.end_tick(&braking);
+            self.braked = all;
+            return ended.map(|()| found);
         }
+        self.end_tick(input).map(|()| None)
+    }
+
+    /// Sub-step `number` of the tick under way.
+    fn numbered_substep(&mut self, number: u32, input: &Input) {
+        let step = self.period / f64::from(self.substeps);
+        self.substep(self.time() + (f64::from(number) + 0.5) * step, step, input);
+    }
+
+    fn end_tick(&mut self, input: &Input) -> Result<(), SystemError> {
         self.ticks += 1;
         self.place_driven(self.time(), input);
         self.check()?;

@@ -9,7 +9,7 @@ use crossbeam::queue::ArrayQueue;
 use freeplay_arm::{ArmFile, EffectTable, paper_arm};
 use freeplay_laws::Effects;
 use freeplay_path::{JointPath, PathSpec};
-use freeplay_plant::{Ending, LineUpSpec, PlannedSwap, Plant, PlantConfig, SensorsSpec};
+use freeplay_plant::{Ending, LineUpSpec, PlannedSwap, Plant, PlantConfig, ReflexSpec, SensorsSpec};
 use freeplay_shm::{Backoff, Command, ControllerLink, Hello, Mode, Offer, Pace, PlantLink, RunRoot, State};
 
 /// Effects that are asked in the sub-steps and in the sensors.
@@ -64,6 +64,8 @@ fn play(ticks: u64, controllers: usize) -> (u64, usize) {
         answer_patience: None,
         evidence: false,
         line_up: LineUpSpec { controllers, swaps, blend: 7, ..LineUpSpec::default() },
+        reflex: ReflexSpec::default(),
+        natural_frequency: 50.0,
     };
     let queue = Arc::new(ArrayQueue::new(ticks as usize));
     let mut plant = Plant::new(config, path, link, address.run(), Arc::clone(&queue)).expect("a plant");

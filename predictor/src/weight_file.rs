@@ -248,7 +248,8 @@ impl Narx {
     /// When the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), WeightFileError> {
         let origin = path.display().to_string();
-        std::fs::write(path, self.to_json()).map_err(|source| WeightFileError::Io { origin, source })
+        let written = freeplay_storage::write(path, self.to_json());
+        written.map_err(|error| WeightFileError::Io { origin, source: error.into() })
     }
 
     /// Reads a weight file.
@@ -257,9 +258,9 @@ impl Narx {
     /// When the file cannot be read, and as [`Narx::from_json`].
     pub fn load(path: &Path) -> Result<Self, WeightFileError> {
         let origin = path.display().to_string();
-        match std::fs::read_to_string(path) {
+        match freeplay_storage::read_text(path) {
             Ok(text) => Self::from_json(&text, &origin),
-            Err(source) => Err(WeightFileError::Io { origin, source }),
+            Err(error) => Err(WeightFileError::Io { origin, source: error.into() }),
         }
     }
 

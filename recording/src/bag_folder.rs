@@ -1,6 +1,5 @@
 //! Folders of bags: `ros2 bag record` makes one, with `metadata.yaml` and one or several files; `rosbag record --split` leaves several files.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::bag::Bag;
@@ -21,7 +20,7 @@ pub(crate) fn is_bag(path: &Path) -> bool {
 /// # Errors
 /// See [`ReadError`].
 pub(crate) fn read(path: &Path, source: &Source, bag: &mut Bag) -> Result<(), ReadError> {
-    let named = fs::read_to_string(path.join(METADATA)).map(|text| named(&text)).unwrap_or_default();
+    let named = freeplay_storage::read_text(&path.join(METADATA)).map(|text| named(&text)).unwrap_or_default();
     let (there, gone): (Vec<PathBuf>, Vec<PathBuf>) =
         named.iter().map(|name| path.join(name)).partition(|file| file.is_file());
     let files = if there.is_empty() { found(path) } else { there };
@@ -57,7 +56,7 @@ fn named(metadata: &str) -> Vec<String> {
 
 /// Files in the folder `path` whose ending is that of a bag, parts of one in the order of their numbers.
 fn found(path: &Path) -> Vec<PathBuf> {
-    let entries = fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
+    let entries = freeplay_storage::list(path).unwrap_or_default().into_iter().map(|entry| entry.path);
     let is_bag = |file: &PathBuf| {
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let name = name.strip_suffix(".zstd").unwrap_or(&name);

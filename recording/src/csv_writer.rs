@@ -37,8 +37,16 @@ impl CsvWriter {
     /// # Errors
     /// [`WriteError::Create`], [`WriteError::Stopped`].
     pub fn create(path: &Path, layout: &Layout) -> Result<Self, WriteError> {
-        let output =
-            Output::create(path).map_err(|source| WriteError::Create { file: path.to_path_buf(), source })?;
+        CsvWriter::begin(path, Output::live(path), layout)
+    }
+
+    /// Begins a CSV that appears whole, once it is finished.
+    pub(crate) fn replace(path: &Path, layout: &Layout) -> Result<Self, WriteError> {
+        CsvWriter::begin(path, Output::atomic(path), layout)
+    }
+
+    fn begin(path: &Path, output: io::Result<Output>, layout: &Layout) -> Result<Self, WriteError> {
+        let output = output.map_err(|source| WriteError::Create { file: path.to_path_buf(), source })?;
         CsvWriter::over(path, output, layout)
     }
 
@@ -88,7 +96,10 @@ impl CsvWriter {
     /// As [`crate::RowWriter::finish`].
     pub fn finish(mut self) -> Result<Summary, WriteError> {
         self.hand_over()?;
-        let bytes = self.output.as_ref().map_or(0, Output::kept);
+        let Some(output) = self.output.take() else {
+            return Err(WriteError::Closed { file: self.file.clone() });
+        };
+        let bytes = output.finish().map_err(|source| self.stopped(source))?;
         Ok(Summary { file: self.file.clone(), rows: self.rows, events: 0, bytes })
     }
 

@@ -1,9 +1,9 @@
 //! What can be wrong with a recording, and what to do about it.
 
-use std::fmt;
-use std::io;
 use std::path::PathBuf;
+use std::{fmt, io};
 
+use freeplay_storage::StorageError;
 use thiserror::Error;
 
 use crate::mapping::MappingError;
@@ -62,6 +62,9 @@ pub enum ReadError {
         /// The folder.
         file: PathBuf,
     },
+    /// A pipe, device or socket where a file is expected.
+    #[error(transparent)]
+    NotAFile(StorageError),
     /// No bytes.
     #[error("{}: the file is empty; a CSV begins with a header such as t,q1,q2", file.display())]
     Empty {
@@ -326,6 +329,14 @@ pub enum WriteError {
         rows: u64,
         /// Rows that are known to be in the file.
         kept: u64,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// An export that did not come to its end.
+    #[error("{}: the export stopped: {source}; a file that was there is as before; free some space or write elsewhere", file.display())]
+    NotExported {
+        /// The file.
+        file: PathBuf,
         /// What the system said.
         source: io::Error,
     },

@@ -1,8 +1,8 @@
 //! LeRobot data sets: a folder with `meta/info.json`, which names what lists hold, and episodes in Parquet files.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
+use freeplay_storage::Entry;
 use serde_json::Value;
 
 use crate::error::ReadError;
@@ -30,7 +30,7 @@ pub(crate) fn read_folder(path: &Path, source: &Source) -> Result<Foreign, ReadE
     files.sort();
     let mut all: Option<Foreign> = None;
     for file in &files {
-        let episode = parquet_reader::read(open(file)?.0, &Source { file, ..*source })?;
+        let episode = parquet_reader::read(open(file)?.into_file(), &Source { file, ..*source })?;
         match &mut all {
             Some(all) => all.append(&episode),
             None => all = Some(episode),
@@ -57,8 +57,7 @@ pub(crate) fn name_episode(foreign: &mut Foreign, path: &Path) {
 
 /// The Parquet files in `folder` and, down to so many `levels`, those below it.
 fn collect(folder: &Path, files: &mut Vec<PathBuf>, levels: usize) {
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        let path = entry.path();
+    for Entry { path, .. } in freeplay_storage::list(folder).unwrap_or_default() {
         if path.is_dir() && levels > 0 {
             collect(&path, files, levels - 1);
         } else if path.extension().is_some_and(|ending| ending == "parquet") {
@@ -69,7 +68,7 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>, levels: usize) {
 
 /// Gives the numbers of lists, `observation.state[2]`, the names that `info` has for them: `observation.state.elbow.pos`.
 fn name_lists(foreign: &mut Foreign, info: &Path) {
-    let parsed = fs::read_to_string(info).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
+    let parsed = freeplay_storage::read_text(info).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let Some(features) = parsed.as_ref().and_then(|info| info["features"].as_object()) else {
         foreign.notes.push(format!("{} can't be read: what lists hold has no names", info.display()));
         return;

@@ -21,6 +21,10 @@
 //! scale = [95.2, 95.2]            # optional: by joint or for all, times the value in that unit (current × constant × ratio)
 //! ```
 //!
+//! What a recording means otherwise than its model is mended by `offset` (taken off the scaled values, by joint or for all), `unwrap = true` (of positions
+//! that jump by whole turns), `delay` (how late the columns are, s), `[[relative]]` with `joint`, `to` and `factor` (a position that holds another
+//! joint's), and `gravity_compensated = true` (the arm's weight is missing from the torques). `freeplay diagnose --out` writes such a file, `setup.toml`.
+//!
 //! Tables: `t` and `q`, and where there are such columns `qd` (rad/s, deg/s, rpm, m/s, mm/s), `tau`, `q_ref` and `q_link` (as q),
 //! `tool` (x, y, z; m, mm) and `orientation` (qx, qy, qz, qw). A unit is one for all columns or a list of one for each. Columns that it does
 //! not name are kept under their own names, or, where that is a name of ours, under `file_` and the name.
@@ -36,6 +40,8 @@ use thiserror::Error;
 use crate::csv_form::Told;
 use crate::mapped::{Mapped, Places};
 use crate::names::{Group, ORIENTATION, TOOL, list};
+use crate::recording::Recording;
+use crate::reread::{Relative, shifted, unwrapped};
 
 /// What the columns of a foreign CSV mean.
 #[derive(Clone, Debug, Deserialize)]
@@ -53,6 +59,10 @@ pub struct Mapping {
     q_link: Option<Columns>,
     tool: Option<Columns>,
     orientation: Option<Columns>,
+    #[serde(default)]
+    relative: Vec<Relative>,
+    #[serde(default)]
+    gravity_compensated: bool,
 }
 
 /// The columns of one quantity.
@@ -64,6 +74,11 @@ struct Columns {
     first: usize,
     unit: Option<UnitNames>,
     scale: Option<Scale>,
+    offset: Option<Scale>,
+    #[serde(default)]
+    unwrap: bool,
+    #[serde(default)]
+    delay: f64,
 }
 
 fn one() -> usize {
@@ -185,8 +200,8 @@ impl Mapping {
     /// See [`MappingError`].
     pub fn load(path: &Path) -> Result<Self, MappingError> {
         let file = || path.to_path_buf();
-        let text = std::fs::read_to_string(path)
-            .map_err(|source| MappingError::Unreadable { file: file(), source })?;
+        let text = freeplay_storage::read_text(path)
+            .map_err(|error| MappingError::Unreadable { file: file(), source: error.into() })?;
         Self::parse(&text, path)
     }
 
@@ -225,7 +240,48 @@ impl Mapping {
             q_link: None,
             tool: None,
             orientation: None,
+            relative: Vec::new(),
+            gravity_compensated: false,
         }
+    }
+
+    /// Whether the arm's weight is missing from the torques, and has to be added by who knows the arm.
+    pub fn is_gravity_compensated(&self) -> bool {
+        self.gravity_compensated
+    }
+
+    /// What of `recording`, whose columns are named and scaled, is not yet as it is meant: jumps, zeros, relative positions, clocks.
+    ///
+    /// # Errors
+    /// [`MappingError::Count`] for another number of offsets than there are columns, or a relative joint that there is not.
+    pub(crate) fn finish(&self, recording: &mut Recording) -> Result<(), MappingError> {
+        let joints = recording.joints();
+        let [qd, tau, q_ref] = [&self.qd, &self.tau, &self.q_ref].map(Option::as_ref);
+        let t = recording.t.clone();
+        self.q.finish("q", &t, &mut recording.q)?;
+        for (key, columns, values) in [
+            ("qd", qd, &mut recording.qd),
+            ("tau", tau, &mut recording.tau),
+            ("q_ref", q_ref, &mut recording.q_ref),
+        ] {
+            if let (Some(columns), Some(values)) = (columns, values) {
+                columns.finish(key, &t, values)?;
+            }
+        }
+        if let (Some(columns), Some(values)) = (&self.tool, &mut recording.tool) {
+            columns.finish("tool", &t, values)?;
+        }
+        if let (Some(columns), Some(values)) = (&self.orientation, &mut recording.orientation) {
+            columns.finish("orientation", &t, values)?;
+        }
+        if let Some(columns) = &self.q_link {
+            for (index, values) in recording.q_link.iter_mut().enumerate() {
+                if let Some(values) = values {
+                    columns.finish_one("q_link", (index, joints), &t, values)?;
+                }
+            }
+        }
+        self.relative.iter().try_for_each(|relative| relative.take_out(recording))
     }
 
     /// What it says of the form of the file.
@@ -328,7 +384,8 @@ impl Mapping {
 
 impl Columns {
     fn of(name: &str) -> Self {
-        Columns { columns: Names::One(name.to_owned()), first: 1, unit: None, scale: None }
+        let columns = Names::One(name.to_owned());
+        Columns { columns, first: 1, unit: None, scale: None, offset: None, unwrap: false, delay: 0.0 }
     }
 
     /// Whether it is a name with `{}` and other letters.
@@ -382,17 +439,81 @@ impl Columns {
 
     /// The factor beyond the unit of column `index` of `count`.
     fn scale(&self, key: &'static str, index: usize, count: usize) -> Result<f64, MappingError> {
-        match &self.scale {
-            None => Ok(1.0),
-            Some(Scale::One(factor)) => Ok(*factor),
-            Some(Scale::All(factors)) if factors.len() == count => Ok(factors[index]),
-            Some(Scale::All(factors)) => Err(MappingError::Count {
-                key,
-                what: "factors in scale",
-                found: factors.len(),
-                expected: count,
-            }),
+        let scale = self.scale.as_ref();
+        scale.map_or(Ok(1.0), |scale| scale.of(key, "factors in scale", index, count))
+    }
+
+    /// What is no factor, of all `columns`.
+    fn finish(&self, key: &'static str, t: &[f64], columns: &mut [Vec<f64>]) -> Result<(), MappingError> {
+        let count = columns.len();
+        let mut each = columns.iter_mut().enumerate();
+        each.try_for_each(|(index, column)| self.finish_one(key, (index, count), t, column))
+    }
+
+    /// The same of column number `place.0` of `place.1`.
+    fn finish_one(
+        &self,
+        key: &'static str,
+        place: (usize, usize),
+        t: &[f64],
+        column: &mut Vec<f64>,
+    ) -> Result<(), MappingError> {
+        if self.unwrap
+            && let Some(smooth) = unwrapped(column)
+        {
+            *column = smooth;
         }
+        if let Some(offset) = &self.offset {
+            let offset = offset.of(key, "numbers in offset", place.0, place.1)?;
+            column.iter_mut().for_each(|x| *x -= offset);
+        }
+        if self.delay != 0.0 {
+            *column = shifted(t, column, self.delay);
+        }
+        Ok(())
+    }
+}
+
+impl Scale {
+    /// The number of column `index` of `count`; `what` these numbers are, for the error.
+    fn of(
+        &self,
+        key: &'static str,
+        what: &'static str,
+        index: usize,
+        count: usize,
+    ) -> Result<f64, MappingError> {
+        match self {
+            Scale::One(factor) => Ok(*factor),
+            Scale::All(factors) if factors.len() == count => Ok(factors[index]),
+            Scale::All(factors) => {
+                Err(MappingError::Count { key, what, found: factors.len(), expected: count })
+            }
+        }
+    }
+}
+
+impl Relative {
+    /// Takes the other joint's position out of the joint's, wherever positions and velocities were recorded.
+    fn take_out(&self, recording: &mut Recording) -> Result<(), MappingError> {
+        let joints = recording.joints();
+        for number in [self.joint, self.to] {
+            if !(1..=joints).contains(&number) {
+                let what = "as a joint's number";
+                return Err(MappingError::Count { key: "relative", what, found: number, expected: joints });
+            }
+        }
+        let (joint, to) = (self.joint - 1, self.to - 1);
+        let take = |columns: &mut [Vec<f64>]| {
+            let other = columns[to].clone();
+            columns[joint].iter_mut().zip(&other).for_each(|(x, other)| *x -= self.factor * other);
+        };
+        take(&mut recording.q);
+        [&mut recording.qd, &mut recording.q_ref].into_iter().flatten().for_each(|columns| take(columns));
+        if let Some(Some(link)) = recording.q_link.get_mut(joint) {
+            link.iter_mut().zip(&recording.q[to]).for_each(|(x, other)| *x -= self.factor * other);
+        }
+        Ok(())
     }
 }
 

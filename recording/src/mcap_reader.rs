@@ -7,7 +7,9 @@ use std::io::{BufReader, Read};
 use mcap::records::{Channel, Record, SchemaHeader};
 
 use crate::error::{ReadError, Row};
-use crate::mcap_records::{Records, damaged};
+use crate::mcap_checksum;
+use crate::mcap_losses::Losses;
+use crate::mcap_records::{Item, Records, damaged};
 use crate::names::list;
 use crate::read::Source;
 use crate::recording::{Event, Recording};
@@ -31,6 +33,23 @@ struct Reading<'a> {
     metadata: BTreeMap<String, String>,
     events: Vec<Event>,
     events_left_out: u64,
+    /// Where the time stands in a row.
+    time: usize,
+    losses: Losses,
+    /// Messages whose channel was described in a chunk that is lost; the summary describes it again.
+    waiting: Vec<Waiting>,
+    waiting_bytes: u64,
+    /// Samples of our topic that the summary counts.
+    written: Option<u64>,
+    notes: Vec<String>,
+}
+
+/// A message whose channel is not known yet.
+struct Waiting {
+    offset: u64,
+    channel: u16,
+    sequence: u32,
+    data: Vec<u8>,
 }
 
 /// Reads a MCAP behind its first magic bytes.
@@ -46,9 +65,31 @@ pub(crate) fn read(input: impl Read, source: &Source) -> Result<Recording, ReadE
         metadata: BTreeMap::new(),
         events: Vec::new(),
         events_left_out: 0,
+        time: 0,
+        losses: Losses::default(),
+        waiting: Vec::new(),
+        waiting_bytes: 0,
+        written: None,
+        notes: Vec::new(),
     };
     let mut records = Records::new(BufReader::with_capacity(1 << 16, input), source);
-    records.for_each(&mut |offset, record| reading.take(offset, record))?;
+    records.for_each(&mut |offset, item| match item {
+        Item::Record(record) => reading.take(offset, record),
+        Item::Summary(record) => reading.take_summary(offset, record),
+        Item::Damage(what) => {
+            reading.losses.damage(offset, what);
+            Ok(())
+        }
+    })?;
+    if records.is_summary_damaged {
+        reading
+            .notes
+            .push("the summary at the end of the file is damaged; it repeats what was read".to_owned());
+    }
+    reading.take_waiting()?;
+    if let (Some(compression), None) = (records.compression, &reading.table) {
+        return Err(ReadError::Compression { file: source.file.to_path_buf(), compression });
+    }
     reading.finish(records.truncated)
 }
 
@@ -57,9 +98,41 @@ impl Reading<'_> {
         match record {
             Record::Schema { header, data } => self.schema(header, &data),
             Record::Channel(channel) => return self.channel(offset, &channel),
-            Record::Message { header, data } => return self.message(offset, header.channel_id, &data),
-            Record::Metadata(record) if record.name == METADATA_NAME => self.metadata.extend(record.metadata),
+            Record::Message { header, data } => {
+                return self.message(offset, header.channel_id, header.sequence, &data);
+            }
+            Record::Metadata(record) if record.name == METADATA_NAME => {
+                match mcap_checksum::verified(record.metadata) {
+                    Some(metadata) => self.metadata.extend(metadata),
+                    None => self.losses.damage(offset, "the metadata, which are left out".to_owned()),
+                }
+            }
             _ => {}
+        }
+        Ok(())
+    }
+
+    /// Takes a record of the summary.
+    fn take_summary(&mut self, offset: u64, record: Record) -> Result<(), ReadError> {
+        match record {
+            Record::Schema { header, data } if !self.waiting.is_empty() => self.schema(header, &data),
+            Record::Channel(channel) if !self.waiting.is_empty() => return self.channel(offset, &channel),
+            Record::Statistics(statistics) => {
+                let ticks =
+                    statistics.channel_message_counts.iter().filter(|(id, _)| self.ticks.contains(id));
+                self.written = Some(ticks.map(|(_, count)| count).sum());
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Takes the messages whose channel the summary has described.
+    fn take_waiting(&mut self) -> Result<(), ReadError> {
+        for message in std::mem::take(&mut self.waiting) {
+            if self.topics.contains_key(&message.channel) {
+                self.message(message.offset, message.channel, message.sequence, &message.data)?;
+            }
         }
         Ok(())
     }
@@ -86,6 +159,7 @@ impl Reading<'_> {
                     }
                     None => {
                         self.row = vec![0.0; names.len()];
+                        self.time = names.iter().position(|name| name == "t").unwrap_or_default();
                         let Source { joints, limit, overview, .. } = *self.source;
                         let table = Table::new(self.source.place(Row::Whole), names, joints, limit)?;
                         self.table = Some(table.with_overview(overview));
@@ -118,19 +192,25 @@ impl Reading<'_> {
         }
     }
 
-    fn message(&mut self, offset: u64, channel: u16, data: &[u8]) -> Result<(), ReadError> {
+    fn message(&mut self, offset: u64, channel: u16, sequence: u32, data: &[u8]) -> Result<(), ReadError> {
         if self.ticks.contains(&channel) {
             let Some(table) = &mut self.table else { return Ok(()) };
             let number = table.rows() + 1;
             if let Err(what) = tick::decode(data, &mut self.row) {
                 return Err(self.form(Row::Message(number), what));
             }
+            self.losses.sample(sequence, self.row[self.time]);
             return table.push(&self.row, Row::Message(number));
         }
         if self.marks.contains(&channel) {
             return self.event(offset, data);
         }
         if self.topics.contains_key(&channel) {
+            return Ok(());
+        }
+        self.waiting_bytes += data.len() as u64;
+        if self.losses.first().is_some() && self.waiting_bytes / 8 <= self.source.limit {
+            self.waiting.push(Waiting { offset, channel, sequence, data: data.to_vec() });
             return Ok(());
         }
         Err(damaged(self.source, offset, "a message of a channel that is not described"))
@@ -153,6 +233,11 @@ impl Reading<'_> {
 
     fn finish(self, truncated: bool) -> Result<Recording, ReadError> {
         let file = self.source.file.to_path_buf();
+        if let (Some((offset, what)), true) =
+            (self.losses.first(), self.table.as_ref().is_none_or(|table| table.rows() == 0))
+        {
+            return Err(damaged(self.source, offset, what));
+        }
         let Some(mut table) = self.table else {
             if truncated && self.topics.is_empty() {
                 return Err(ReadError::NoSamples { file, why: crate::table::ENDS_EARLY });
@@ -163,6 +248,8 @@ impl Reading<'_> {
         table.metadata = self.metadata.into_iter().collect();
         table.events = self.events;
         table.truncated = truncated;
+        table.notes.extend(self.notes);
+        table.notes.extend(self.losses.describe(self.written));
         if truncated {
             let rows = table.rows();
             table.notes.push(format!(

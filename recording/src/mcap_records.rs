@@ -1,117 +1,379 @@
 //! The records of a MCAP (<https://mcap.dev/spec>), one after the other, chunks taken apart.
 //!
 //! The framing is read here and not by the `mcap` crate's readers, because these load whatever length a
-//! record claims; here memory is bounded, what is not needed is skipped, and a missing end is told from
+//! record claims and end at the first damage; here memory is bounded, what is not needed is skipped, and a missing end is told from
 //! damage. The contents of the records are parsed by the crate.
+//!
+//! Damage costs the chunk that it is in. A chunk is handed on only if all of it parses and its checksum matches. Behind a damaged record
+//! the reader goes on at the record's end if a record begins there, else at the next sound chunk, found by its content: a chunk tells its
+//! own length, so that a damaged frame in front of it costs nothing.
 
-use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::io::{self, Read};
 
-use mcap::records::{ChunkHeader, Record, op};
+use mcap::records::{Record, op};
 
 use crate::error::ReadError;
+use crate::mcap_chunk::{CHUNK_HEAD, Chunk, ChunkFault, FRAME, Framed, MAX_RECORD, ZSTD, ZSTD_AT};
+use crate::mcap_window::Window;
 use crate::read::Source;
 
-/// The largest record and the largest chunk, decompressed, that is read; bytes.
-const MAX_RECORD: u64 = 64 << 20;
+/// Bytes of a footer: where the summary begins (8), where its offsets begin (8), its checksum (4).
+const FOOTER: u64 = 20;
 
-/// Opcode (1 byte) and length (8 bytes).
-const FRAME: usize = 9;
+/// Bytes of the footer that its checksum covers.
+const FOOTER_COVERED: usize = 16;
+
+/// Bytes that are searched at a time.
+const STRETCH: usize = 1 << 16;
+
+/// What a reader is handed.
+pub(crate) enum Item<'a> {
+    /// A record that carries data.
+    Record(Record<'a>),
+    /// A record of the summary, which repeats and counts what was there; a checksum vouches for it.
+    Summary(Record<'a>),
+    /// A stretch of the file that cannot be read.
+    Damage(String),
+}
+
+/// Who takes the items, each with the offset of its record.
+pub(crate) trait Take: FnMut(u64, Item) -> Result<(), ReadError> {}
+impl<F: FnMut(u64, Item) -> Result<(), ReadError>> Take for F {}
 
 /// A MCAP, behind its first magic bytes.
 pub(crate) struct Records<'a, R> {
-    input: R,
+    window: Window<R>,
     source: &'a Source<'a>,
-    offset: u64,
-    body: Vec<u8>,
+    has_chunks: bool,
+    /// Channels that are described outside of the chunks.
+    channels: BTreeSet<u16>,
+    /// The records behind the data, frames included; none before the data section has ended.
+    summary: Option<Vec<u8>>,
+    /// The stretch in front of the next record could not be read, which has been said.
+    is_lost: bool,
+    /// The first compression that this crate does not read.
+    pub compression: Option<String>,
+    /// The summary contradicts its checksum or its form. It repeats what the data section says.
+    pub is_summary_damaged: bool,
     /// The file ended inside a record, or before its last magic bytes.
     pub truncated: bool,
+}
+
+/// How a record was read.
+enum Outcome {
+    /// Well; the next begins behind so many bytes.
+    Next(u64),
+    /// It cannot be read; if its frame is right, the next begins behind so many bytes.
+    Damaged(String, u64),
+    /// The file ends in it.
+    Short,
+    /// It was the last, and the file is whole.
+    End,
 }
 
 impl<'a, R: Read> Records<'a, R> {
     /// Reads on behind the magic bytes.
     pub fn new(input: R, source: &'a Source<'a>) -> Self {
-        Records { input, source, offset: mcap::MAGIC.len() as u64, body: Vec::new(), truncated: false }
+        Records {
+            window: Window::new(input, mcap::MAGIC.len() as u64),
+            source,
+            has_chunks: false,
+            channels: BTreeSet::new(),
+            summary: None,
+            is_lost: false,
+            compression: None,
+            is_summary_damaged: false,
+            truncated: false,
+        }
     }
 
     /// Hands the records that carry data to `take`, in the order of the file.
-    pub fn for_each(
-        &mut self,
-        take: &mut impl FnMut(u64, Record) -> Result<(), ReadError>,
-    ) -> Result<(), ReadError> {
-        let mut at_data = true;
-        while let Some((opcode, length)) = self.frame()? {
-            let start = self.offset;
-            let whole = match opcode {
-                op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA | op::CHUNK if at_data => {
-                    self.load(length)?
-                }
-                _ => self.skip(length)?,
-            };
-            if !whole {
-                break;
-            }
-            match opcode {
-                0 => return Err(damaged(self.source, start, "a record of kind 0")),
-                // What follows repeats what was there.
-                op::DATA_END => at_data = false,
-                op::FOOTER => {
-                    self.truncated = !self.ends_with_magic()?;
+    pub fn for_each(&mut self, take: &mut impl Take) -> Result<(), ReadError> {
+        loop {
+            let offset = self.window.offset;
+            let (what, length) = match self.record(take)? {
+                Outcome::End => return Ok(()),
+                Outcome::Next(length) => {
+                    self.is_lost = false;
+                    if self.consume(length)? {
+                        continue;
+                    }
+                    self.truncated = true;
                     return Ok(());
                 }
-                op::CHUNK => take_chunk(self.source, start, &self.body, take)?,
-                op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA if at_data => {
-                    take(start, parse(self.source, start, opcode, &self.body)?)?;
+                Outcome::Damaged(what, length) => (what, Some(length)),
+                Outcome::Short => ("a record is longer than the file".to_owned(), None),
+            };
+            if self.summary.is_some() {
+                self.truncated = !self.ends_with_magic()?;
+                self.is_summary_damaged = !self.truncated;
+                return Ok(());
+            }
+            if self.chunk_at(0, take)? {
+                continue;
+            }
+            match length {
+                Some(length) => {
+                    self.report(offset, what, take)?;
+                    if self.is_record_behind(length)? {
+                        self.consume(length)?;
+                        continue;
+                    }
+                    if self.find_chunk(take)? {
+                        continue;
+                    }
+                    self.truncated = !self.ends_with_magic()?;
                 }
-                _ => {}
+                // Without its end, a file was cut off; with it, the length is wrong.
+                None if self.find_chunk(take)? => {
+                    self.report(offset, what, take)?;
+                    continue;
+                }
+                None => {
+                    self.truncated = !self.ends_with_magic()?;
+                    if !self.truncated {
+                        self.report(offset, what, take)?;
+                    }
+                }
             }
-            self.offset += FRAME as u64 + length;
+            return Ok(());
         }
-        self.truncated = true;
-        Ok(())
     }
 
-    /// The next record's opcode and length; none at the end of the file.
-    fn frame(&mut self) -> Result<Option<(u8, u64)>, ReadError> {
-        let mut frame = Vec::with_capacity(FRAME);
-        let read = (&mut self.input).take(FRAME as u64).read_to_end(&mut frame);
-        read.map_err(|error| self.failed(error))?;
-        match frame.split_first_chunk::<1>() {
-            Some(([opcode], length)) if length.len() == 8 => {
-                let length = length.try_into().map_or(0, u64::from_le_bytes);
-                Ok(Some((*opcode, length)))
+    /// Says, once a stretch, that it cannot be read.
+    fn report(&mut self, offset: u64, what: String, take: &mut impl Take) -> Result<(), ReadError> {
+        if std::mem::replace(&mut self.is_lost, true) { Ok(()) } else { take(offset, Item::Damage(what)) }
+    }
+
+    /// Reads the next record.
+    fn record(&mut self, take: &mut impl Take) -> Result<Outcome, ReadError> {
+        let Some((opcode, length)) = self.frame(0)? else { return Ok(Outcome::Short) };
+        let end = length.saturating_add(FRAME as u64);
+        match opcode {
+            op::HEADER..=op::MESSAGE_INDEX | op::METADATA | op::DATA_END => {}
+            _ if self.summary.is_some() => {}
+            // What nobody writes, or only behind the data.
+            0..0x80 if opcode != op::ATTACHMENT => {
+                return Ok(Outcome::Damaged(format!("a record of kind {opcode}"), end));
             }
-            _ => Ok(None),
+            // Attachments, and what others add; a chunk whose kind is damaged looks like one.
+            _ if self.chunk_at(0, take)? => return Ok(Outcome::Next(0)),
+            _ if self.is_passable(end)? => return Ok(Outcome::Next(end)),
+            _ => return Ok(Outcome::Damaged("a record that nothing follows".to_owned(), end)),
+        }
+        if length > MAX_RECORD {
+            return Ok(Outcome::Damaged(format!("a record of {length} bytes"), end));
+        }
+        if self.peek(end as usize)?.len() < end as usize {
+            return Ok(Outcome::Short);
+        }
+        if self.summary.is_some() {
+            return self.summary_record(opcode, end, take);
+        }
+        // A chunk tells its own length; that of any other record has to lead to the next one.
+        if opcode != op::CHUNK && opcode != op::FOOTER && !self.is_record_behind(end)? {
+            return Ok(Outcome::Damaged("a record that nothing follows".to_owned(), end));
+        }
+        self.data_record(opcode, end, take)
+    }
+
+    /// Reads a record of the data section, `end` bytes with its frame.
+    fn data_record(&mut self, opcode: u8, end: u64, take: &mut impl Take) -> Result<Outcome, ReadError> {
+        let offset = self.window.offset;
+        let body = &self.window.peek(end as usize).map_err(|error| failed(self.source, error))?[FRAME..];
+        let damaged = |what: &str| Ok(Outcome::Damaged(what.to_owned(), end));
+        match opcode {
+            op::CHUNK => match Chunk::parse(body) {
+                Ok(chunk) => {
+                    self.has_chunks = true;
+                    hand_over(self.source, offset, &chunk, take)?;
+                    Ok(Outcome::Next((FRAME + chunk.length) as u64))
+                }
+                Err(ChunkFault::Damaged(what)) => Ok(Outcome::Damaged(what, end)),
+                Err(ChunkFault::Compression(name)) => {
+                    let what = format!("a chunk is compressed with {name:?}");
+                    self.compression.get_or_insert(name);
+                    Ok(Outcome::Damaged(what, end))
+                }
+            },
+            // A file with chunks has all of its messages in them, under a checksum.
+            op::SCHEMA | op::CHANNEL | op::MESSAGE if self.has_chunks => {
+                damaged("a message outside of the chunks")
+            }
+            op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA => match mcap::parse_record(opcode, body) {
+                Ok(Record::Message { header, .. }) if !self.channels.contains(&header.channel_id) => {
+                    damaged("a message of a channel that is not described")
+                }
+                Ok(record) => {
+                    if let Record::Channel(channel) = &record {
+                        self.channels.insert(channel.id);
+                    }
+                    take(offset, Item::Record(record)).map(|()| Outcome::Next(end))
+                }
+                Err(error) => Ok(Outcome::Damaged(error.to_string(), end)),
+            },
+            op::MESSAGE_INDEX if !is_message_index(body) => damaged("an index of a chunk"),
+            op::DATA_END if body.len() != 4 => damaged("an end of the data"),
+            op::DATA_END => {
+                self.summary = Some(Vec::new());
+                Ok(Outcome::Next(end))
+            }
+            // A file that is not finished properly may have it here.
+            op::FOOTER if body.len() as u64 == FOOTER => self.end(end),
+            op::FOOTER => damaged("an end of the file"),
+            _ => Ok(Outcome::Next(end)),
         }
     }
 
-    /// Reads a record's body; false if the file ends inside it.
-    fn load(&mut self, length: u64) -> Result<bool, ReadError> {
-        self.body.clear();
-        let read = (&mut self.input).take(length.min(MAX_RECORD + 1)).read_to_end(&mut self.body);
-        let read = read.map_err(|error| self.failed(error))? as u64;
-        if read > MAX_RECORD {
-            return Err(damaged(self.source, self.offset, &format!("a record of {length} bytes")));
+    /// Gathers a record of the summary; at the footer, hands the summary over if its checksum matches.
+    fn summary_record(&mut self, opcode: u8, end: u64, take: &mut impl Take) -> Result<Outcome, ReadError> {
+        let offset = self.window.offset;
+        let record = self.window.peek(end as usize).map_err(|error| failed(self.source, error))?;
+        let Some(summary) = &mut self.summary else { return Ok(Outcome::Next(end)) };
+        if opcode != op::FOOTER {
+            if (summary.len() + record.len()) as u64 > MAX_RECORD {
+                return Ok(Outcome::Damaged("a summary that is too long".to_owned(), end));
+            }
+            summary.extend_from_slice(record);
+            return Ok(Outcome::Next(end));
         }
-        Ok(read == length)
+        let Some((covered, checksum)) = record.split_at_checked(FRAME + FOOTER_COVERED) else {
+            return Ok(Outcome::Damaged("an end of the file".to_owned(), end));
+        };
+        let Ok(checksum) = <[u8; 4]>::try_from(checksum) else {
+            return Ok(Outcome::Damaged("an end of the file".to_owned(), end));
+        };
+        let checksum = u32::from_le_bytes(checksum);
+        let mut hash = crc32fast::Hasher::new();
+        hash.update(summary);
+        hash.update(covered);
+        self.is_summary_damaged = checksum != 0 && checksum != hash.finalize();
+        if checksum != 0 && !self.is_summary_damaged {
+            for (opcode, body) in Framed(summary).map_while(Result::ok) {
+                if matches!(opcode, op::SCHEMA | op::CHANNEL | op::STATISTICS) {
+                    take(offset, Item::Summary(parse(self.source, offset, opcode, body)?))?;
+                }
+            }
+        }
+        self.end(end)
     }
 
-    /// Passes over a record's body; false if the file ends inside it.
-    fn skip(&mut self, length: u64) -> Result<bool, ReadError> {
-        let skipped = io::copy(&mut (&mut self.input).take(length), &mut io::sink());
-        Ok(skipped.map_err(|error| self.failed(error))? == length)
+    /// The file is whole if its last magic bytes are behind the footer.
+    fn end(&mut self, length: u64) -> Result<Outcome, ReadError> {
+        let whole = length as usize + mcap::MAGIC.len();
+        let there = self.peek(whole)?;
+        self.truncated = there.len() < whole || !is_magic(&there[length as usize..]);
+        Ok(Outcome::End)
     }
 
+    /// Whether a sound chunk stands `ahead` bytes further on, whatever its frame says; if so, hands it over and passes it.
+    fn chunk_at(&mut self, ahead: usize, take: &mut impl Take) -> Result<bool, ReadError> {
+        let begin = ahead + FRAME;
+        let offset = self.window.offset + ahead as u64;
+        let head = self.peek(begin + CHUNK_HEAD)?;
+        let Some(length) = head.get(begin..).and_then(Chunk::length_in) else { return Ok(false) };
+        let bytes = self.window.peek(begin + length).map_err(|error| failed(self.source, error))?;
+        let Some(body) = bytes.get(begin..begin + length) else { return Ok(false) };
+        match Chunk::parse(body) {
+            Ok(chunk) if chunk.is_verified => {
+                self.has_chunks = true;
+                hand_over(self.source, offset, &chunk, take)?;
+                self.consume((begin + length) as u64)
+            }
+            _ => Ok(false),
+        }
+    }
+
+    /// Looks for the next sound chunk; if there is one, hands it over and passes it. Else the stream is at its end, or behind the longest
+    /// stretch that is searched.
+    fn find_chunk(&mut self, take: &mut impl Take) -> Result<bool, ReadError> {
+        let begin = self.window.offset;
+        // The first byte belongs to what could not be read.
+        while self.consume(1)? && self.window.offset - begin <= 2 * MAX_RECORD {
+            let bytes = self.peek(STRETCH)?;
+            let is_last = bytes.len() < STRETCH;
+            let found = bytes
+                .get(ZSTD_AT..)
+                .and_then(|bytes| bytes.windows(ZSTD.len()).position(|name| name == ZSTD));
+            match found {
+                Some(ahead) if self.chunk_at(ahead, take)? => return Ok(true),
+                Some(ahead) => drop(self.consume(ahead as u64)?),
+                None if is_last => return Ok(false),
+                None => drop(self.consume((STRETCH - ZSTD_AT - ZSTD.len()) as u64)?),
+            }
+        }
+        Ok(false)
+    }
+
+    /// Whether a record of `end` bytes that is not read can be passed over: the next one is seen behind it, or, where that is too far off,
+    /// the file is long enough.
+    fn is_passable(&mut self, end: u64) -> Result<bool, ReadError> {
+        let rest = self.source.size.map(|size| size.saturating_sub(self.window.offset));
+        Ok(self.is_record_behind(end)? || (end > MAX_RECORD && rest.is_some_and(|rest| end < rest)))
+    }
+
+    /// Whether a record seems to begin `length` bytes further on.
+    fn is_record_behind(&mut self, length: u64) -> Result<bool, ReadError> {
+        if length > MAX_RECORD + FRAME as u64 {
+            return Ok(false);
+        }
+        let (length, bytes) = (length as usize, self.peek(length as usize + FRAME)?.len());
+        let next = self.frame(length)?;
+        // The file may end between two records.
+        Ok(next.map_or(bytes >= length, |(opcode, length)| {
+            ((op::HEADER..=op::DATA_END).contains(&opcode) || opcode >= 0x80) && length <= MAX_RECORD
+        }))
+    }
+
+    /// Passes over the rest; whether it ends with the magic bytes.
     fn ends_with_magic(&mut self) -> Result<bool, ReadError> {
-        let mut end = Vec::new();
-        let read = (&mut self.input).take(mcap::MAGIC.len() as u64).read_to_end(&mut end);
-        read.map_err(|error| self.failed(error))?;
-        Ok(end == mcap::MAGIC)
+        loop {
+            let bytes = self.peek(STRETCH)?;
+            if bytes.len() < STRETCH {
+                let tail = bytes.len().saturating_sub(mcap::MAGIC.len());
+                return Ok(is_magic(&bytes[tail..]));
+            }
+            if self.window.offset > self.source.size.unwrap_or(0) {
+                // A stream without a known end is not read to it.
+                return Ok(false);
+            }
+            self.consume((STRETCH - mcap::MAGIC.len()) as u64)?;
+        }
     }
 
-    fn failed(&self, source: io::Error) -> ReadError {
-        ReadError::Io { file: self.source.file.to_path_buf(), source }
+    /// Opcode and length of the record `ahead` bytes further on; none at the end of the file.
+    fn frame(&mut self, ahead: usize) -> Result<Option<(u8, u64)>, ReadError> {
+        let bytes = self.peek(ahead + FRAME)?;
+        Ok(bytes.get(ahead..).and_then(<[u8]>::first_chunk::<FRAME>).map(|frame| {
+            let [opcode, length @ ..] = *frame;
+            (opcode, u64::from_le_bytes(length))
+        }))
     }
+
+    fn peek(&mut self, length: usize) -> Result<&[u8], ReadError> {
+        self.window.peek(length).map_err(|error| failed(self.source, error))
+    }
+
+    fn consume(&mut self, length: u64) -> Result<bool, ReadError> {
+        self.window.consume(length).map_err(|error| failed(self.source, error))
+    }
+}
+
+/// Whether `bytes` are the magic bytes of a MCAP, but for one damaged bit.
+pub(crate) fn is_magic(bytes: &[u8]) -> bool {
+    let wrong = bytes.iter().zip(mcap::MAGIC).map(|(a, b)| (a ^ b).count_ones()).sum::<u32>();
+    bytes.len() == mcap::MAGIC.len() && wrong <= 1
+}
+
+/// Whether the index of a chunk has the length that it says: a channel (2 bytes), a length (4), that many bytes.
+fn is_message_index(body: &[u8]) -> bool {
+    let length = body.get(2..).and_then(<[u8]>::first_chunk::<4>).map(|length| u32::from_le_bytes(*length));
+    length.is_some_and(|length| length as usize + 6 == body.len())
+}
+
+fn failed(source: &Source, error: io::Error) -> ReadError {
+    ReadError::Io { file: source.file.to_path_buf(), source: error }
 }
 
 /// The error for a MCAP that contradicts itself.
@@ -123,65 +385,10 @@ fn parse<'b>(source: &Source, offset: u64, opcode: u8, body: &'b [u8]) -> Result
     mcap::parse_record(opcode, body).map_err(|error| damaged(source, offset, &error.to_string()))
 }
 
-/// Takes a chunk apart.
-fn take_chunk(
-    source: &Source,
-    offset: u64,
-    body: &[u8],
-    take: &mut impl FnMut(u64, Record) -> Result<(), ReadError>,
-) -> Result<(), ReadError> {
-    let Record::Chunk { header, data } = parse(source, offset, op::CHUNK, body)? else { return Ok(()) };
-    let records = decompress(source, offset, &header, &data)?;
-    let mut rest = records.as_ref();
-    while let Some((frame, behind)) = rest.split_first_chunk::<FRAME>() {
-        let [opcode, length @ ..] = *frame;
-        let length = usize::try_from(u64::from_le_bytes(length)).unwrap_or(usize::MAX);
-        let Some((body, behind)) = behind.split_at_checked(length) else {
-            return Err(damaged(source, offset, "a chunk ends inside a record"));
-        };
-        if matches!(opcode, op::SCHEMA | op::CHANNEL | op::MESSAGE) {
-            take(offset, parse(source, offset, opcode, body)?)?;
-        }
-        rest = behind;
+/// Hands the records of a sound chunk to `take`.
+fn hand_over(source: &Source, offset: u64, chunk: &Chunk, take: &mut impl Take) -> Result<(), ReadError> {
+    for (opcode, body) in chunk.records() {
+        take(offset, Item::Record(parse(source, offset, opcode, body)?))?;
     }
-    if rest.is_empty() { Ok(()) } else { Err(damaged(source, offset, "a chunk ends inside a record")) }
-}
-
-/// The records of a chunk, checked against its checksum.
-fn decompress<'b>(
-    source: &Source,
-    offset: u64,
-    header: &ChunkHeader,
-    data: &'b [u8],
-) -> Result<Cow<'b, [u8]>, ReadError> {
-    if header.uncompressed_size > MAX_RECORD {
-        return Err(damaged(source, offset, &format!("a chunk of {} bytes", header.uncompressed_size)));
-    }
-    let size = header.uncompressed_size as usize;
-    let records = match header.compression.as_str() {
-        "" => Cow::Borrowed(data),
-        "zstd" => zstd::bulk::decompress(data, size)
-            .map(Cow::Owned)
-            .map_err(|error| damaged(source, offset, &format!("a chunk does not decompress: {error}")))?,
-        "lz4" => {
-            let mut records = Vec::with_capacity(size);
-            let decoder = lz4_flex::frame::FrameDecoder::new(data);
-            decoder
-                .take(header.uncompressed_size + 1)
-                .read_to_end(&mut records)
-                .map_err(|error| damaged(source, offset, &format!("a chunk does not decompress: {error}")))?;
-            Cow::Owned(records)
-        }
-        other => {
-            let compression = crate::names::shorten(other);
-            return Err(ReadError::Compression { file: source.file.to_path_buf(), compression });
-        }
-    };
-    if records.len() != size {
-        return Err(damaged(source, offset, "a chunk has another size than it says"));
-    }
-    if header.uncompressed_crc != 0 && header.uncompressed_crc != crc32fast::hash(&records) {
-        return Err(damaged(source, offset, "the checksum of a chunk does not match"));
-    }
-    Ok(records)
+    Ok(())
 }

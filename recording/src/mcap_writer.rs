@@ -11,6 +11,7 @@ use mcap::write::NoSeek;
 use mcap::{Compression, McapError, McapResult, WriteOptions};
 
 use crate::error::WriteError;
+use crate::mcap_checksum;
 use crate::output::Output;
 use crate::recording::Event;
 use crate::tick::{
@@ -70,8 +71,25 @@ impl McapWriter {
     /// # Errors
     /// [`WriteError::Create`], [`WriteError::Stopped`].
     pub fn create(path: &Path, layout: &Layout, metadata: &[(String, String)]) -> Result<Self, WriteError> {
-        let output =
-            Output::create(path).map_err(|source| WriteError::Create { file: path.to_path_buf(), source })?;
+        McapWriter::of(path, Output::live(path), layout, metadata)
+    }
+
+    /// Begins a MCAP that appears whole, once it is finished.
+    pub(crate) fn replace(
+        path: &Path,
+        layout: &Layout,
+        metadata: &[(String, String)],
+    ) -> Result<Self, WriteError> {
+        McapWriter::of(path, Output::atomic(path), layout, metadata)
+    }
+
+    fn of(
+        path: &Path,
+        output: io::Result<Output>,
+        layout: &Layout,
+        metadata: &[(String, String)],
+    ) -> Result<Self, WriteError> {
+        let output = output.map_err(|source| WriteError::Create { file: path.to_path_buf(), source })?;
         McapWriter::over(path, output, layout, metadata)
     }
 
@@ -110,7 +128,7 @@ impl McapWriter {
             .chunk_size(None)
             .disable_seeking(true)
             .create(NoSeek::new(gathering))?;
-        let metadata = metadata.iter().cloned().collect();
+        let metadata = mcap_checksum::signed(metadata.iter().cloned().collect());
         inner.write_metadata(&Metadata { name: METADATA_NAME.into(), metadata })?;
         inner.flush()?;
         let schema = inner.add_schema(TICK_TYPE, "ros2msg", tick::definition(layout.columns()).as_bytes())?;
@@ -119,6 +137,8 @@ impl McapWriter {
         self.channel = inner.add_channel(schema, TICK_TOPIC, "cdr", &exact)?;
         let schema = inner.add_schema(EVENT_TYPE, "jsonschema", EVENT_SCHEMA.as_bytes())?;
         self.event_channel = inner.add_channel(schema, EVENT_TOPIC, "json", &BTreeMap::new())?;
+        // What describes all messages stands in a chunk of its own: damage to the first samples leaves the later ones readable.
+        inner.flush()?;
         self.inner = Some(Box::new(inner));
         Ok(())
     }
@@ -167,7 +187,8 @@ impl McapWriter {
             self.kept = self.rows;
         }
         written.and_then(|()| inner.finish()).map_err(|error| self.stopped(error))?;
-        let bytes = (*inner).into_inner().into_inner().output.kept();
+        let output = (*inner).into_inner().into_inner().output;
+        let bytes = output.finish().map_err(|error| self.stopped(error.into()))?;
         Ok(Summary { file: self.file.clone(), rows: self.rows, events: self.events, bytes })
     }
 

@@ -1,32 +1,33 @@
 //! Opening a file, and telling what it is by its first bytes.
 
-use std::fs::{self, File};
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::Path;
 
-use crate::error::ReadError;
+use freeplay_storage::{InputFile, Refusal};
 
-/// Opens the file at `path`; its length where it has one, bytes.
+use crate::error::ReadError;
+use crate::mcap_records::is_magic;
+
+/// Opens the file at `path`, which must be a regular one.
 ///
 /// # Errors
-/// [`ReadError::Io`], [`ReadError::Folder`].
-pub(crate) fn open(path: &Path) -> Result<(File, Option<u64>), ReadError> {
-    let failed = |source| ReadError::Io { file: path.to_path_buf(), source };
-    let metadata = fs::metadata(path).map_err(failed)?;
-    if metadata.is_dir() {
-        return Err(ReadError::Folder { file: path.to_path_buf() });
-    }
-    Ok((File::open(path).map_err(failed)?, metadata.is_file().then_some(metadata.len())))
+/// [`ReadError::Io`], [`ReadError::Folder`], [`ReadError::NotAFile`].
+pub(crate) fn open(path: &Path) -> Result<InputFile, ReadError> {
+    InputFile::open(path).map_err(|error| match error.refusal() {
+        _ if error.source.kind() == ErrorKind::IsADirectory => ReadError::Folder { file: path.to_path_buf() },
+        Some(Refusal::NotRegular(_)) => ReadError::NotAFile(error),
+        _ => ReadError::Io { file: path.to_path_buf(), source: error.into() },
+    })
 }
 
 /// All of the file at `path`, at most `most` bytes.
 ///
 /// # Errors
-/// [`ReadError::Io`], [`ReadError::Folder`], [`ReadError::Unusable`] for a longer one.
+/// As [`open`]; [`ReadError::Unusable`] for a longer one.
 pub(crate) fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, ReadError> {
-    let (file, _) = open(path)?;
+    let file = open(path)?;
     let mut bytes = Vec::new();
-    let read = file.take(most + 1).read_to_end(&mut bytes);
+    let read = file.take(most.saturating_add(1)).read_to_end(&mut bytes);
     let read = read.map_err(|source| ReadError::Io { file: path.to_path_buf(), source })?;
     if read as u64 > most {
         let what = format!("it is longer than {most} bytes; cut it into shorter recordings");
@@ -58,7 +59,7 @@ impl Kind {
     /// What a file is that begins with `head`.
     pub fn of(head: &[u8]) -> Self {
         match head {
-            _ if head.starts_with(mcap::MAGIC) => Self::Mcap,
+            _ if head.get(..mcap::MAGIC.len()).is_some_and(is_magic) => Self::Mcap,
             _ if head.starts_with(b"SQLite format 3\0") => Self::Sqlite,
             _ if head.starts_with(b"#ROSBAG V2") => Self::Ros1,
             _ if head.starts_with(b"#ROSBAG") => {

@@ -1,19 +1,36 @@
 //! The file below a writer: private to its owner, whole rows only, and silent after its first error.
 
-use std::fs::{File, OpenOptions, Permissions};
 use std::io::{self, Write};
-use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
 use std::path::Path;
+
+use freeplay_storage::{AtomicFile, LiveFile};
 
 /// Where bytes go that may have to be taken back.
 pub(crate) trait Store: Write + Send {
     /// Forgets everything after the first `length` bytes.
     fn cut(&mut self, length: u64) -> io::Result<()>;
+
+    /// Makes all that was written durable; what appears only whole appears now.
+    fn finish(self: Box<Self>) -> io::Result<()>;
 }
 
-impl Store for File {
+impl Store for LiveFile {
     fn cut(&mut self, length: u64) -> io::Result<()> {
-        self.set_len(length)
+        self.truncate(length)
+    }
+
+    fn finish(self: Box<Self>) -> io::Result<()> {
+        LiveFile::finish(&self)
+    }
+}
+
+impl Store for AtomicFile {
+    fn cut(&mut self, length: u64) -> io::Result<()> {
+        self.truncate(length)
+    }
+
+    fn finish(self: Box<Self>) -> io::Result<()> {
+        Ok(self.commit()?)
     }
 }
 
@@ -30,13 +47,14 @@ pub(crate) struct Output {
 }
 
 impl Output {
-    /// Creates (or empties) a file that only its owner may read and write.
-    pub fn create(path: &Path) -> io::Result<Self> {
-        let file = OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path)?;
-        if file.metadata()?.is_file() {
-            file.set_permissions(Permissions::from_mode(0o600))?;
-        }
-        Ok(Output::over(Box::new(file)))
+    /// Begins a file that grows under its name.
+    pub fn live(path: &Path) -> io::Result<Self> {
+        Ok(Output::over(Box::new(LiveFile::create(path)?)))
+    }
+
+    /// Begins a file that appears whole, once it is finished.
+    pub fn atomic(path: &Path) -> io::Result<Self> {
+        Ok(Output::over(Box::new(AtomicFile::create(path)?)))
     }
 
     /// Writes to any store.
@@ -44,9 +62,13 @@ impl Output {
         Output { store, kept: 0, failed: false }
     }
 
-    /// Bytes in the store.
-    pub fn kept(&self) -> u64 {
-        self.kept
+    /// Closes the store, unless a block could not be written; its size, bytes.
+    pub fn finish(self) -> io::Result<u64> {
+        if self.failed {
+            return Err(io::Error::other("an earlier block could not be written"));
+        }
+        self.store.finish()?;
+        Ok(self.kept)
     }
 
     /// Writes a whole block or nothing.
@@ -113,6 +135,10 @@ pub(crate) mod tests {
     impl Store for Disk {
         fn cut(&mut self, length: u64) -> io::Result<()> {
             self.bytes.lock().expect("no writer panics").truncate(length as usize);
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>) -> io::Result<()> {
             Ok(())
         }
     }

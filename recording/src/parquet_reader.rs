@@ -1,12 +1,10 @@
 //! Reading Parquet: our own export, what pandas and polars write, and data sets with lists in a cell.
 
-use std::fs::File;
-
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
-use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use crate::error::ReadError;
@@ -25,7 +23,7 @@ pub(crate) const CREATED_BY: &str = "freeplay";
 ///
 /// # Errors
 /// [`ReadError::Unusable`] for a file that is damaged, [`ReadError::TooLarge`].
-pub(crate) fn read(file: File, source: &Source) -> Result<Foreign, ReadError> {
+pub(crate) fn read(file: impl ChunkReader + 'static, source: &Source) -> Result<Foreign, ReadError> {
     let damaged = |error: ParquetError| ReadError::Unusable {
         file: source.file.to_path_buf(),
         what: format!("this Parquet file can't be read: {error}; write it again"),
@@ -75,7 +73,7 @@ struct Leaf {
 
 impl Leaf {
     /// The column number `column`; none if it holds no numbers, or lists of lists.
-    fn of(reader: &SerializedFileReader<File>, column: usize) -> Result<Option<Self>, ParquetError> {
+    fn of(reader: &impl FileReader, column: usize) -> Result<Option<Self>, ParquetError> {
         let descriptor = reader.metadata().file_metadata().schema_descr().column(column);
         let mut raw = Raw {
             is_list: descriptor.max_rep_level() == 1,

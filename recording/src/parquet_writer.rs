@@ -3,11 +3,11 @@
 //! Parquet keeps its table of contents at the end, so a file that is not finished cannot be read: this is a form for handing on a
 //! recording, not for recording.
 
-use std::fs::{File, OpenOptions, Permissions};
-use std::io;
-use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+use std::io::{self, Seek, Write};
 use std::path::Path;
 use std::sync::Arc;
+
+use freeplay_storage::AtomicFile;
 
 use parquet::basic::{Compression, Repetition, Type as Physical};
 use parquet::data_type::DoubleType;
@@ -24,31 +24,27 @@ use crate::write::Summary;
 /// Rows of one row group: a reader takes one at a time.
 const GROUP: usize = 1 << 17;
 
-/// Writes `recording` to `path`, readable by its owner alone.
+/// Writes `recording` to `path`, readable by its owner alone; the file appears whole or not at all.
 ///
 /// # Errors
-/// [`WriteError::Create`], [`WriteError::Stopped`]; a file that is not finished is removed.
+/// [`WriteError::Create`], [`WriteError::NotExported`].
 pub(crate) fn export(recording: &Recording, path: &Path) -> Result<Summary, WriteError> {
-    let create = |source| WriteError::Create { file: path.to_path_buf(), source };
-    let file =
-        OpenOptions::new().write(true).create(true).truncate(true).mode(0o600).open(path).map_err(create)?;
-    file.set_permissions(Permissions::from_mode(0o600)).map_err(create)?;
-    let rows = recording.len() as u64;
-    match write(recording, file) {
-        Ok(bytes) => Ok(Summary { file: path.to_path_buf(), rows, events: 0, bytes }),
-        Err(error) => {
-            let _ = std::fs::remove_file(path);
-            let source = match error {
-                ParquetError::External(source) => io::Error::other(source),
-                error => io::Error::other(error.to_string()),
-            };
-            Err(WriteError::Stopped { file: path.to_path_buf(), rows, kept: 0, source })
-        }
-    }
+    let mut file = AtomicFile::create(path)
+        .map_err(|error| WriteError::Create { file: path.to_path_buf(), source: error.into() })?;
+    let stopped = |source| WriteError::NotExported { file: path.to_path_buf(), source };
+    write(recording, &mut file).map_err(|error| {
+        stopped(match error {
+            ParquetError::External(source) => io::Error::other(source),
+            error => io::Error::other(error.to_string()),
+        })
+    })?;
+    let bytes = file.stream_position().map_err(stopped)?;
+    file.commit().map_err(|error| stopped(error.into()))?;
+    Ok(Summary { file: path.to_path_buf(), rows: recording.len() as u64, events: 0, bytes })
 }
 
-/// Writes all of it; the size of the file, bytes.
-fn write(recording: &Recording, file: File) -> Result<u64, ParquetError> {
+/// Writes all of it.
+fn write(recording: &Recording, file: impl Write + Send) -> Result<(), ParquetError> {
     let columns: Vec<(String, &[f64])> = recording.named().collect();
     let metadata = recording.metadata.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone()));
     let properties = WriterProperties::builder()
@@ -56,7 +52,6 @@ fn write(recording: &Recording, file: File) -> Result<u64, ParquetError> {
         .set_dictionary_enabled(false)
         .set_created_by(crate::parquet_reader::CREATED_BY.to_owned())
         .set_key_value_metadata(Some(metadata.collect()));
-    let kept = file.try_clone()?;
     let mut writer = SerializedFileWriter::new(file, schema(&columns)?, Arc::new(properties.build()))?;
     for begin in (0..recording.len()).step_by(GROUP) {
         let end = (begin + GROUP).min(recording.len());
@@ -69,7 +64,7 @@ fn write(recording: &Recording, file: File) -> Result<u64, ParquetError> {
         group.close()?;
     }
     writer.close()?;
-    Ok(kept.metadata()?.len())
+    Ok(())
 }
 
 fn schema(columns: &[(String, &[f64])]) -> Result<TypePtr, ParquetError> {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use crate::error::ReadError;
-use crate::names::{Group, ORIENTATION, TOOL};
+use crate::names::{Group, ORIENTATION, Role, TOOL, role};
 use crate::table::Table;
 
 /// What was measured on one arm over one stretch of time. All columns have one value per sample; `t` increases, and it and
@@ -165,7 +165,18 @@ impl Recording {
 
     /// A column by its name in the contract, or by its own name if it is another.
     pub fn column(&self, name: &str) -> Option<&[f64]> {
-        self.named().find(|(known, _)| known == name).map(|(_, values)| values)
+        let column = match role(name) {
+            Ok(Role::Time) => Some(&self.t),
+            Ok(Role::Joint(Group::Position, joint)) => self.q.get(joint),
+            Ok(Role::Joint(Group::Velocity, joint)) => self.qd.as_ref()?.get(joint),
+            Ok(Role::Joint(Group::Torque, joint)) => self.tau.as_ref()?.get(joint),
+            Ok(Role::Joint(Group::Reference, joint)) => self.q_ref.as_ref()?.get(joint),
+            Ok(Role::Joint(Group::Link, joint)) => self.q_link.get(joint)?.as_ref(),
+            Ok(Role::Tool(axis)) => self.tool.as_ref()?.get(axis),
+            Ok(Role::Orientation(part)) => self.orientation.as_ref()?.get(part),
+            _ => self.others.iter().find(|(known, _)| known == name).map(|(_, values)| values),
+        };
+        column.map(Vec::as_slice)
     }
 
     /// The names of all columns in the order of the contract, others last: the order in which
@@ -180,7 +191,7 @@ impl Recording {
     }
 
     /// All columns with their names, in the order of the contract.
-    pub(crate) fn named(&self) -> impl Iterator<Item = (String, &[f64])> {
+    pub fn named(&self) -> impl Iterator<Item = (String, &[f64])> {
         let time = std::iter::once(("t".to_string(), self.t.as_slice()));
         let joints = Group::ALL.into_iter().flat_map(|group| self.group(group));
         let tool = self.tool.iter().flatten().zip(TOOL);

@@ -10,6 +10,7 @@ use rusqlite::{Connection, OpenFlags};
 
 use crate::bag::{Bag, Encoding};
 use crate::error::ReadError;
+use crate::open::open;
 use crate::read::Source;
 
 /// What a message begins with that is compressed by itself.
@@ -26,6 +27,8 @@ pub(crate) fn add(path: &Path, source: &Source, bag: &mut Bag) -> Result<(), Rea
         file: source.file.to_path_buf(),
         what: format!("this SQLite file can't be read as a ROS 2 bag: {error}"),
     };
+    // SQLite opens by path; a pipe or a device would be waited for.
+    drop(open(path)?);
     let flags = OpenFlags::SQLITE_OPEN_READ_ONLY | OpenFlags::SQLITE_OPEN_NO_MUTEX;
     let database = Connection::open_with_flags(path, flags).map_err(unusable)?;
     let mut topics: BTreeMap<i64, (String, String)> = BTreeMap::new();

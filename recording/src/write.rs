@@ -124,6 +124,19 @@ impl RowWriter {
         }
     }
 
+    /// Begins a recording that appears under its name whole, once it is [finished](RowWriter::finish); until then a file that is there stays
+    /// as it is. Otherwise as [`RowWriter::create`].
+    ///
+    /// # Errors
+    /// As [`RowWriter::create`].
+    pub fn replace(path: &Path, layout: &Layout, metadata: &[(String, String)]) -> Result<Self, WriteError> {
+        match path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("csv") => Ok(RowWriter::Csv(CsvWriter::replace(path, layout)?)),
+            Some("mcap") => Ok(RowWriter::Mcap(McapWriter::replace(path, layout, metadata)?)),
+            _ => Err(WriteError::Ending { file: path.to_path_buf() }),
+        }
+    }
+
     /// Writes one row: a value per column of the layout. Values are written as they are, finite or not.
     ///
     /// # Errors
@@ -160,7 +173,7 @@ impl RowWriter {
 
 /// Writes `recording` to `path`, as CSV, MCAP or Parquet by the ending, columns in the order of the contract.
 /// Reading it again gives the same numbers, bit for bit. Parquet has no place for events; a CSV has none for events and metadata, and the joints'
-/// names in the name of one more column.
+/// names in the name of one more column. The file appears whole or not at all; one that was there is replaced by the whole new one.
 ///
 /// # Errors
 /// As [`RowWriter`] has them.
@@ -168,6 +181,14 @@ pub fn export(recording: &Recording, path: &Path) -> Result<Summary, WriteError>
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("parquet")) {
         return parquet_writer::export(recording, path);
     }
+    export_rows(recording, path).map_err(|error| match error {
+        // No row is kept: the file appears whole or not at all.
+        WriteError::Stopped { file, source, .. } => WriteError::NotExported { file, source },
+        error => error,
+    })
+}
+
+fn export_rows(recording: &Recording, path: &Path) -> Result<Summary, WriteError> {
     let mut names = recording.columns();
     let is_csv = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
     let zeros =
@@ -179,7 +200,7 @@ pub fn export(recording: &Recording, path: &Path) -> Result<Summary, WriteError>
         columns.push(&zeros);
     }
     let layout = Layout::new(names)?;
-    let mut writer = RowWriter::create(path, &layout, &recording.metadata)?;
+    let mut writer = RowWriter::replace(path, &layout, &recording.metadata)?;
     let mut events = recording.events.iter().peekable();
     let mut row = vec![0.0; columns.len()];
     for sample in 0..recording.len() {

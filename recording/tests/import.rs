@@ -313,3 +313,22 @@ fn lengths_that_lie_are_refused() {
     let error = imported(&[("/a", STATES, START, lying)], &BagOptions::default()).expect_err("a lie");
     assert!(error.contains("can't be decoded"), "{error}");
 }
+
+/// Reading takes time in proportion to the columns: with a search per column, so many would take a quarter of an hour.
+#[test]
+fn twenty_thousand_columns_are_read_in_seconds() {
+    const COLUMNS: usize = 20_000;
+    let names = (1..=COLUMNS).map(|joint| format!("q{joint}"));
+    let header: Vec<String> = std::iter::once("t".to_owned()).chain(names).collect();
+    let row = |t: f64| format!("{t}{}\n", ",0.25".repeat(COLUMNS));
+    let text = format!("{}\n{}{}", header.join(","), row(0.0), row(0.1));
+    let folder = folder();
+    let file = written(&folder, "wide.csv", text);
+    let begun = std::time::Instant::now();
+    let recording = freeplay_recording::read(&file, None).expect("a recording");
+    let columns = recording.columns();
+    let found = columns.iter().filter(|name| recording.column(name).is_some()).count();
+    println!("{} joints, {found} columns in {:.2} s", recording.joints(), begun.elapsed().as_secs_f64());
+    assert_eq!((recording.joints(), found), (COLUMNS, COLUMNS + 1));
+    assert!(begun.elapsed().as_secs() < 60);
+}

@@ -164,15 +164,8 @@ impl Document {
     /// # Errors
     /// [`ReportError::Write`] when the file cannot be written; nothing new is left behind then.
     pub fn write(&self, path: &Path) -> Result<(), ReportError> {
-        let failed = |source| ReportError::Write { path: path.to_owned(), source };
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(".part");
-        let part = path.with_file_name(name);
-        std::fs::write(&part, self.to_html()).and_then(|()| std::fs::rename(&part, path)).map_err(|error| {
-            // The first error is the one to report; a part that was never made cannot be removed.
-            let _ = std::fs::remove_file(&part);
-            failed(error)
-        })
+        let written = freeplay_storage::write(path, self.to_html());
+        written.map_err(|error| ReportError::Write { path: path.to_owned(), source: error.into() })
     }
 }
 

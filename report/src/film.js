@@ -2,7 +2,7 @@
 "use strict";
 addEventListener("DOMContentLoaded", () => {
   for (const figure of document.querySelectorAll("figure.film")) {
-    const film = JSON.parse(figure.querySelector("script").textContent), { times } = film;
+    const film = JSON.parse(figure.querySelector("script").textContent, seen), { times } = film;
     const [button, slider, speed, clock] = ["button", "input", "select", "output"].map(tag => figure.querySelector(tag));
     const scenes = [...figure.querySelectorAll(".scene")].map((box, place) => ({
       ...film.scenes[place], words: box.querySelector(".state"), parts: [...box.querySelectorAll(".moving")],

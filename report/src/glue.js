@@ -1,5 +1,9 @@
 // Makes uPlot charts of the descriptions in this page; drawn here are only the marks and the paths of planes.
 "use strict";
+// Strings as a reader can see them: control characters and others without a picture as escapes, as everywhere in the page.
+const seen = (key, value) =>
+  typeof value != "string" ? value : value.replace(/[\p{Cc}\p{Cf}\p{Co}\p{Cn}\p{Zl}\p{Zp}]/gu, c =>
+    [...Array(c.length).keys()].map(k => "\\u" + c.charCodeAt(k).toString(16).padStart(4, "0")).join(""));
 (() => {
   const COLOURS = 8; // as many as report.css has
   const root = document.documentElement;
@@ -214,7 +218,7 @@
 
   function draw(box, width) {
     if (width === 0) return; // folded away
-    if (!drawn.has(box)) drawn.set(box, build(box, JSON.parse(box.nextElementSibling.textContent)));
+    if (!drawn.has(box)) drawn.set(box, build(box, JSON.parse(box.nextElementSibling.textContent, seen)));
     fit(drawn.get(box), width);
   }
 

@@ -33,7 +33,7 @@ pub(crate) struct Context<'a> {
 pub(crate) fn page(document: &Document) -> String {
     let context = Context { colours: Colours::of(document), most_points: points_per_series(document) };
     let contents = document.sections.len() > 1;
-    html! {
+    let whole = html! {
         (DOCTYPE)
         html lang="en" {
             (head(document))
@@ -50,7 +50,9 @@ pub(crate) fn page(document: &Document) -> String {
             }
         }
     }
-    .into_string()
+    .into_string();
+    // The last step, so that no block of a page can forget it; within data for the scripts it is the same JSON text.
+    crate::visible(&whole).into_owned()
 }
 
 fn head(document: &Document) -> Markup {

@@ -15,6 +15,9 @@
 //! - [`Film`] of [`Scene`]s with [`Moving`] parts: a figure that is played over time, and a still on paper.
 //! - [`thin`]: fewer points, every peak kept; done by itself so that a report stays below about 5 MB.
 //! - [`text`]: how a number is written, for every table of the project, on paper and in the terminal.
+//! - [`units`]: values in the unit in which a person reads them.
+//! - [`paste`]: paths as a shell reads them back.
+//! - [`visible`] and [`one_line`]: text without characters that a reader could not see, for pages, figures and the terminal.
 //! - [`ReportError`]: why a report could not be written.
 //!
 //! ```
@@ -49,11 +52,14 @@ mod document;
 mod drawing;
 mod film;
 mod html;
+pub mod paste;
 mod standalone;
 mod svg;
 mod table;
 pub mod text;
 mod thin;
+pub mod units;
+mod visible;
 
 pub use chart::{Axis, Chart, Mark, Scale, Series, Style};
 pub use document::{Block, Document, Figure, ReportError, Section, Verdict};
@@ -61,3 +67,4 @@ pub use drawing::Drawing;
 pub use film::{Film, Moving, Scene};
 pub use table::{Best, Cell, Column, Content, Table};
 pub use thin::thin;
+pub use visible::{is_visible, one_line, visible};

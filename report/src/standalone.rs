@@ -48,7 +48,7 @@ pub(crate) fn picture(drawing: &Drawing) -> Option<String> {
             (PreEscaped(panels))
         }
     };
-    Some(file.into_string())
+    Some(crate::visible(&file.into_string()).into_owned())
 }
 
 /// The two blocks of colours of the style sheet, the second for a dark scheme.

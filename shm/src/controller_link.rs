@@ -14,6 +14,7 @@ use crate::messages::{Command, LAYOUT_VERSION, MAGIC, State};
 use crate::outbox::Outbox;
 use crate::run_root::Share;
 use crate::seat::Seat;
+use crate::segments::Segments;
 use crate::services::{
     self, DoorClient, Ipc, STATE_SERVICE, StateSample, StateSubscriber, command_service, transport,
 };
@@ -52,7 +53,8 @@ impl ControllerLink {
     ///
     /// # Errors
     /// [`LinkError::NoRun`] if the run has ended; [`LinkError::NoPlant`] if nobody answers in time;
-    /// [`LinkError::Refused`] with the reason; [`LinkError::Transport`] if iceoryx2 refuses.
+    /// [`LinkError::Refused`] with the reason; [`LinkError::Planted`] if another user made a segment of this run;
+    /// [`LinkError::Transport`] if iceoryx2 refuses.
     pub fn connect(
         address: &Address,
         mut hello: Hello,
@@ -72,6 +74,7 @@ impl ControllerLink {
             hello.run = address.run();
         }
         let welcome = knock(&client, &hello, &mut wait)?;
+        Segments::open()?.see_own(address)?;
         let (true, Some(states), Some(commands)) = (is_accepted(&welcome), ends.states, ends.commands) else {
             return Err(refusal(&hello, &welcome));
         };

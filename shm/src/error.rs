@@ -43,7 +43,10 @@ pub enum LinkError {
         source: io::Error,
     },
     /// The folder of all runs can be written by others, so another user could read or change messages.
-    #[error("{} is not a folder of this user alone (owner {owner}, mode {mode:o}): remove it or set FREEPLAY_SHM", path.display())]
+    #[error(
+        "{} is not a folder of this user alone (owner {owner}, mode {mode:o}): have its owner remove it, or set FREEPLAY_SHM to a folder of yours on tmpfs",
+        path.display()
+    )]
     NotPrivate {
         /// The folder.
         path: PathBuf,
@@ -51,6 +54,36 @@ pub enum LinkError {
         owner: u32,
         /// Its permission bits.
         mode: u32,
+    },
+    /// A link or a file is where the folder of all runs should be.
+    #[error(
+        "{} is not a folder of this user alone but a file or a link of user {owner}: have it removed, or set FREEPLAY_SHM to a folder of yours on tmpfs",
+        path.display()
+    )]
+    NoFolder {
+        /// Where the folder should be.
+        path: PathBuf,
+        /// User id of the owner of what is there.
+        owner: u32,
+    },
+    /// Everybody could exchange the folder of all runs for another.
+    #[error(
+        "everybody can rename files in {} (mode {mode:o}): set its sticky bit with chmod +t, or set FREEPLAY_SHM to a folder of yours on tmpfs",
+        path.display()
+    )]
+    Open {
+        /// The folder in which that of all runs would be.
+        path: PathBuf,
+        /// Its permission bits.
+        mode: u32,
+    },
+    /// Somebody else has made a file under the name of a segment of this run.
+    #[error("{} belongs to user {owner} or is no file: somebody interferes with this run; start it again", path.display())]
+    Planted {
+        /// The file.
+        path: PathBuf,
+        /// User id of its owner.
+        owner: u32,
     },
     /// Nobody answered the hello in time.
     #[error("no plant answered within {patience:?}{}: is it running, and does it greet?", waiting_for(last.as_ref()))]

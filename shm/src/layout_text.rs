@@ -62,7 +62,7 @@ services of its own. `FREEPLAY_RUN` holds the address of the run: the path of it
 | `freeplay/hello` | request-response | Hello, `freeplay.Hello`; Welcome, `freeplay.Welcome` |
 
 In lockstep every state is answered, in order. In real time the newest counts. The answer to the state of tick k is judged by the plant's
-gate (magic, layout, run, joints, kind, tick; finite, in range, rate) and put in force during tick k + 1. What the gate refuses is counted
+gate (magic, layout, run, slot, joints, kind, status, tick; finite, in range, rate) and put in force during tick k + 1. What the gate refuses is counted
 by name and never applied. No side ever waits for a full buffer: the oldest message is lost.
 
 ## Versions

@@ -28,6 +28,7 @@ pub mod address;
 pub mod bare;
 pub mod controller_link;
 pub mod error;
+mod folder;
 pub mod handshake;
 pub mod layout;
 pub mod layout_text;

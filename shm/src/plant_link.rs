@@ -10,6 +10,7 @@ use crate::messages::{Command, State};
 use crate::outbox::Outbox;
 use crate::run_root::Share;
 use crate::seat::Seat;
+use crate::segments::Segments;
 use crate::services::{
     self, COMMAND_BUFFER, CommandSample, CommandSubscriber, DOOR_SERVICE, DoorServer, Ipc, MAX_SLOTS,
     STATE_SERVICE, command_service, process_of, transport,
@@ -39,7 +40,7 @@ pub struct PlantLink {
     // Fields are dropped in this order: the node after its ports, then the seat, the share last.
     _node: Node<Ipc>,
     _seat: Seat,
-    _share: Share,
+    share: Share,
 }
 
 /// The plant's end of one slot.
@@ -58,7 +59,8 @@ impl PlantLink {
     ///
     /// # Errors
     /// [`LinkError::NoRun`] if the run has ended; [`LinkError::PlantExists`] if it has a plant;
-    /// [`LinkError::SlotCount`] unless there are 1 to [`MAX_SLOTS`] slots; [`LinkError::Transport`] if iceoryx2 refuses.
+    /// [`LinkError::SlotCount`] unless there are 1 to [`MAX_SLOTS`] slots; [`LinkError::Planted`] if another user made a segment of
+    /// this run; [`LinkError::Transport`] if iceoryx2 refuses.
     pub fn open(address: &Address, slots: usize, offer: Offer) -> Result<Self, LinkError> {
         if slots == 0 || slots > MAX_SLOTS {
             return Err(LinkError::SlotCount { slots });
@@ -75,7 +77,8 @@ impl PlantLink {
             (0..slots as u32).map(|slot| Slot::open(address, &node, slot)).collect::<Result<_, _>>()?;
         let service = services::create_door(&node)?;
         let door = services::door_server(&service)?;
-        Ok(Self { states, slots, door, offer, run: address.run(), _node: node, _seat: seat, _share: share })
+        Segments::open()?.see_own(address)?;
+        Ok(Self { states, slots, door, offer, run: address.run(), _node: node, _seat: seat, share })
     }
 
     /// Publishes `state` to everyone who listens. Never waits: who is slow loses the oldest states.
@@ -153,6 +156,13 @@ impl PlantLink {
     #[must_use]
     pub fn is_held(&self, slot: usize) -> bool {
         self.slots.get(slot).is_some_and(|slot| slot.seat.is_taken())
+    }
+
+    /// Whether the process that was started for `slot` has ended, as whoever started it says with
+    /// [`RunRoot::tell_ended`](crate::RunRoot::tell_ended): nobody needs to wait for it. One system call.
+    #[must_use]
+    pub fn has_ended(&self, slot: usize) -> bool {
+        self.share.has_ended(slot)
     }
 
     #[inline]

@@ -5,6 +5,8 @@ use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::thread::sleep;
 use std::time::Duration;
 
+use rustix::fs::OFlags;
+
 use crate::address::Address;
 use crate::error::{LinkError, folder_fault};
 
@@ -38,7 +40,8 @@ impl Seat {
     fn open(address: &Address, name: &str) -> Result<Self, LinkError> {
         let path = address.root().join(name);
         let mut options = File::options();
-        options.create(true).append(true).mode(0o600);
+        let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
+        options.create(true).append(true).mode(0o600).custom_flags(flags);
         let file = options.open(&path).map_err(folder_fault("open", &path))?;
         Ok(Self { file })
     }

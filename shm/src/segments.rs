@@ -1,16 +1,26 @@
 //! The shared memory objects of a run. iceoryx2 keeps them beside those of all other programs, told apart by a prefix.
+//!
+//! Everybody may put files into `/dev/shm`, of any name and kind. Only regular files of this user are looked into, changed or
+//! removed; all others are passed over, whatever their name.
 
-use std::fs::{self, File, Permissions};
-use std::io::{self, Write};
-use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
-use std::path::{Path, PathBuf};
+use std::collections::BTreeSet;
+use std::ffi::{CStr, CString};
+use std::fs::{self, Permissions};
+use std::io::{self, Read, Write};
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 use std::thread::sleep;
 use std::time::Duration;
 
-use crate::address::Address;
+use crate::address::{Address, MAX_ROOT};
+use crate::error::{LinkError, folder_fault};
+use crate::folder::{Folder, is_own_file};
 
 /// Where Linux keeps POSIX shared memory objects.
 pub(crate) const SEGMENTS: &str = "/dev/shm";
+
+/// First part of the names of all segments.
+const PREFIX: &str = "freeplay-";
 
 /// Second part of the name of the file that says where the folder of a run is, so that what a dead run left is found even
 /// when its folder is gone.
@@ -19,80 +29,164 @@ const MARK: &str = "_root";
 /// How long a segment may stay empty, ms: a living process gives it its size within microseconds of making it.
 const BIRTH_MS: u32 = 200;
 
-/// Writes beside the run's segments where its folder is.
-pub(crate) fn mark(address: &Address) -> io::Result<()> {
-    let path = Path::new(SEGMENTS).join(format!("{}{MARK}", address.prefix()));
-    let mut file = File::options().write(true).create_new(true).mode(0o600).open(path)?;
-    write!(file, "{address}")
-}
+/// The folder of all segments.
+pub(crate) struct Segments(Folder);
 
-/// The runs that have left a mark, be they dead or alive.
-pub(crate) fn marked() -> Vec<Address> {
-    let entries = fs::read_dir(SEGMENTS).into_iter().flatten().flatten();
-    let marks = entries.filter(|entry| {
-        let name = entry.file_name();
-        name.as_encoded_bytes().starts_with(b"freeplay-")
-            && name.as_encoded_bytes().ends_with(MARK.as_bytes())
-    });
-    marks.filter_map(|mark| fs::read_to_string(mark.path()).ok()?.parse().ok()).collect()
-}
+impl Segments {
+    /// Those of this machine.
+    pub(crate) fn open() -> Result<Self, LinkError> {
+        // Only the superuser could have made this path a link.
+        let path = fs::canonicalize(SEGMENTS).unwrap_or_else(|_| SEGMENTS.into());
+        Folder::open(&path).map(Self).map_err(folder_fault("open", Path::new(SEGMENTS)))
+    }
 
-/// Gives the owner alone access: iceoryx2 makes one segment, a counter of nodes, that everybody may write to.
-pub(crate) fn make_private(address: &Address) -> io::Result<()> {
-    for path in segments(address) {
-        if fs::metadata(&path)?.permissions().mode() & 0o077 != 0 {
-            fs::set_permissions(&path, Permissions::from_mode(0o600))?;
+    /// Writes beside the run's segments where its folder is.
+    pub(crate) fn mark(&self, address: &Address) -> io::Result<()> {
+        let mut file = self.0.make_file(mark_of(address.id()).as_str())?;
+        write!(file, "{address}")
+    }
+
+    /// The runs of this user that have left a mark, be they dead or alive.
+    pub(crate) fn marked(&self) -> Vec<Address> {
+        let marks = self.0.names(is_mark);
+        marks.into_iter().filter_map(|mark| self.read_mark(&mark)).collect()
+    }
+
+    /// The address in the file `mark`, if that is a mark of this user and of the run that it is named after.
+    fn read_mark(&self, mark: &CStr) -> Option<Address> {
+        let file = self.0.own_file(mark).ok()??;
+        let mut text = String::new();
+        file.take(MAX_ROOT as u64 + 1).read_to_string(&mut text).ok()?;
+        let address: Address = text.parse().ok()?;
+        (mark.to_bytes() == mark_of(address.id()).as_bytes()).then_some(address)
+    }
+
+    /// Gives the owner alone access: iceoryx2 makes one segment, a counter of nodes, that everybody may write to.
+    ///
+    /// # Errors
+    /// [`LinkError::Planted`] as [`Segments::see_own`]; [`LinkError::Folder`] if the system refuses.
+    pub(crate) fn make_private(&self, address: &Address) -> Result<(), LinkError> {
+        self.see_own(address)?;
+        let fault = || folder_fault("close to others what is in", Path::new(SEGMENTS));
+        for name in self.of(address) {
+            let Some(status) = self.0.status(&*name) else { continue };
+            if status.st_mode & 0o077 != 0
+                && let Some(file) = self.0.own_file(&*name).map_err(fault())?
+            {
+                file.set_permissions(Permissions::from_mode(0o600)).map_err(fault())?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Sees that all segments of the run belong to this user: iceoryx2 opens what is there under the name that it looks for.
+    ///
+    /// # Errors
+    /// [`LinkError::Planted`] if one is of somebody else, or no segment.
+    pub(crate) fn see_own(&self, address: &Address) -> Result<(), LinkError> {
+        for name in self.of(address) {
+            // One that is gone by now has just been removed by its owner.
+            if let Some(status) = self.0.status(&*name).filter(|status| !is_own_file(status)) {
+                let path = Path::new(SEGMENTS).join(&*name.to_string_lossy());
+                return Err(LinkError::Planted { path, owner: status.st_uid });
+            }
+        }
+        Ok(())
+    }
+
+    /// Removes what processes left that were killed between making a segment and giving it its size. iceoryx2 0.10 would wait
+    /// for such a segment for ever (`posix_shared_memory::Builder::open_impl` tries again on an empty segment, whatever its
+    /// timeout), also when it cleans up after the dead.
+    pub(crate) fn remove_unborn(&self, address: &Address) {
+        let mut unborn: Vec<CString> = self.of(address);
+        unborn.retain(|name| self.is_empty(name));
+        for _ in 0..BIRTH_MS {
+            if unborn.is_empty() {
+                return;
+            }
+            sleep(Duration::from_millis(1));
+            unborn.retain(|name| self.is_empty(name));
+        }
+        for name in unborn {
+            let _ = self.0.remove_file(&*name);
         }
     }
-    Ok(())
-}
 
-/// Removes what processes left that were killed between making a segment and giving it its size. iceoryx2 0.10 would wait
-/// for such a segment for ever (`posix_shared_memory::Builder::open_impl` tries again on an empty segment, whatever its
-/// timeout), also when it cleans up after the dead.
-pub(crate) fn remove_unborn(address: &Address) {
-    let mut unborn: Vec<PathBuf> = segments(address).filter(|path| is_empty(path)).collect();
-    for _ in 0..BIRTH_MS {
-        if unborn.is_empty() {
-            return;
+    /// Removes all segments of the runs `ids` but their marks.
+    pub(crate) fn remove_all(&self, ids: &BTreeSet<String>) {
+        let is_theirs = |name: &CStr| run_of(name).is_some_and(|id| ids.contains(id)) && !is_mark(name);
+        self.0.names(is_theirs).iter().for_each(|name| self.remove_own(name));
+    }
+
+    /// Removes the marks of the runs `ids`. The last thing to go: without it, nobody finds what is left.
+    pub(crate) fn remove_marks(&self, ids: &BTreeSet<String>) {
+        for id in ids {
+            if let Ok(mark) = CString::new(mark_of(id)) {
+                self.remove_own(&mark);
+            }
         }
-        sleep(Duration::from_millis(1));
-        unborn.retain(|path| is_empty(path));
     }
-    for path in unborn {
-        let _ = fs::remove_file(path);
+
+    fn remove_own(&self, name: &CStr) {
+        if self.0.status(name).is_some_and(|status| is_own_file(&status)) {
+            let _ = self.0.remove_file(name);
+        }
+    }
+
+    fn of(&self, address: &Address) -> Vec<CString> {
+        let prefix = address.prefix();
+        self.0.names(|name| name.to_bytes().starts_with(prefix.as_bytes()))
+    }
+
+    fn is_empty(&self, name: &CStr) -> bool {
+        self.0.status(name).is_some_and(|status| is_own_file(&status) && status.st_size == 0)
     }
 }
 
-/// Removes all segments of the run.
-pub(crate) fn remove_all(address: &Address) {
-    for path in segments(address) {
-        let _ = fs::remove_file(path);
-    }
+/// Name of the mark of the run `id`.
+fn mark_of(id: &str) -> String {
+    format!("{PREFIX}{id}_{MARK}")
 }
 
-fn segments(address: &Address) -> impl Iterator<Item = PathBuf> {
-    let prefix = address.prefix();
-    let entries = fs::read_dir(SEGMENTS).into_iter().flatten().flatten();
-    entries
-        .filter(move |entry| entry.file_name().as_encoded_bytes().starts_with(prefix.as_bytes()))
-        .map(|entry| entry.path())
+/// Whether `name` is that of a mark.
+fn is_mark(name: &CStr) -> bool {
+    let run = name.to_bytes().strip_suffix(MARK.as_bytes()).and_then(|rest| rest.strip_suffix(b"_"));
+    run.is_some_and(|run| run.starts_with(PREFIX.as_bytes()) && !run.contains(&b'_'))
 }
 
-fn is_empty(path: &Path) -> bool {
-    fs::metadata(path).is_ok_and(|metadata| metadata.len() == 0)
+/// The id of the run whose segment has this `name`.
+fn run_of(name: &CStr) -> Option<&str> {
+    let rest = name.to_str().ok()?.strip_prefix(PREFIX)?;
+    Some(rest.split_once('_')?.0)
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 mod tests {
+    use std::os::unix::fs::symlink;
+    use std::path::PathBuf;
+
+    use rustix::fs::{CWD, FileType, Mode, mknodat};
+    use tempfile::TempDir;
+
     use super::*;
+
+    /// A folder of segments of the test's own.
+    fn fresh() -> (TempDir, Segments) {
+        let folder = tempfile::tempdir().unwrap();
+        let segments = Segments(Folder::open(folder.path()).unwrap());
+        (folder, segments)
+    }
+
+    fn run(id: &str) -> Address {
+        Address::parse(&format!("/dev/shm/freeplay-test/{id}")).unwrap()
+    }
 
     #[test]
     fn only_empty_segments_of_this_run_are_removed_and_only_if_they_stay_empty() {
-        let id = format!("test-{}", std::process::id());
-        let address = Address::parse(&format!("/dev/shm/freeplay-test/{id}")).unwrap();
-        let path = |name: &str| Path::new(SEGMENTS).join(format!("freeplay-{id}{name}"));
+        let (folder, segments) = fresh();
+        let id = "1-0000000a";
+        let path = |name: &str| folder.path().join(format!("freeplay-{id}{name}"));
         let [dead, born, full, other] = [path("_dead"), path("_born"), path("_full"), path("0_other")];
         for empty in [&dead, &born, &other] {
             fs::write(empty, "").unwrap();
@@ -103,11 +197,73 @@ mod tests {
             sleep(Duration::from_millis(u64::from(BIRTH_MS) / 4));
             fs::write(grown, "born").unwrap();
         });
-        remove_unborn(&address);
+        segments.remove_unborn(&run(id));
         birth.join().unwrap();
         assert_eq!([&dead, &born, &full, &other].map(|path| path.exists()), [false, true, true, true]);
-        remove_all(&address);
+        segments.remove_all(&[id.to_owned()].into());
         assert_eq!([&born, &full, &other].map(|path| path.exists()), [false, false, true]);
-        fs::remove_file(other).unwrap();
+    }
+
+    #[test]
+    fn a_mark_is_found_and_goes_last() {
+        let (folder, segments) = fresh();
+        let address = run("1-0000000a");
+        let mark = folder.path().join("freeplay-1-0000000a__root");
+        segments.mark(&address).unwrap();
+        assert_eq!(segments.marked(), [address]);
+        let ids = ["1-0000000a".to_owned()].into();
+        segments.remove_all(&ids);
+        assert!(mark.exists());
+        segments.remove_marks(&ids);
+        assert!(!mark.exists());
+    }
+
+    #[test]
+    fn what_is_no_mark_of_this_user_is_no_mark() {
+        let (folder, segments) = fresh();
+        let at = |id: &str| folder.path().join(format!("freeplay-{id}__root"));
+        let text = |id: &str| format!("/dev/shm/freeplay-test/{id}");
+        let elsewhere = folder.path().join("elsewhere");
+        fs::write(&elsewhere, text("1-00000001")).unwrap();
+        symlink(&elsewhere, at("1-00000001")).unwrap();
+        symlink("nowhere", at("1-00000002")).unwrap();
+        mknodat(CWD, at("1-00000003"), FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
+        let _socket = std::os::unix::net::UnixListener::bind(at("1-00000004")).unwrap();
+        fs::create_dir(at("1-00000005")).unwrap();
+        fs::write(at("1-00000006"), [text("1-00000006").as_bytes(), &[0xff; 10]].concat()).unwrap();
+        fs::File::create(at("1-00000007")).unwrap().set_len(1 << 40).unwrap();
+        fs::write(at("1-00000008"), text("1-00000009")).unwrap();
+        fs::write(at("1-0000000a"), "1-0000000a").unwrap();
+        fs::write(at("1-0000000b"), "").unwrap();
+        fs::write(folder.path().join("freeplay-x_root"), "/home/x").unwrap();
+        fs::write(&elsewhere, text("1-0000000c")).unwrap();
+        fs::hard_link(&elsewhere, at("1-0000000c")).unwrap();
+        assert_eq!(segments.marked(), []);
+        let before = fs::read_dir(folder.path()).unwrap().count();
+        // Neither are what is no regular file and what has another name segments to be removed.
+        let ids: BTreeSet<String> = (1..=0xc).map(|id| format!("1-{id:08x}")).collect();
+        segments.remove_all(&ids);
+        segments.remove_marks(&ids);
+        let left: BTreeSet<PathBuf> =
+            fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
+        assert_eq!(before - left.len(), 5, "{left:?}");
+        for id in ["1-00000001", "1-00000002", "1-00000003", "1-00000004", "1-00000005", "1-0000000c"] {
+            assert!(left.contains(&at(id)), "{id}");
+        }
+        assert!(left.contains(&folder.path().join("freeplay-x_root")));
+    }
+
+    #[test]
+    fn a_segment_that_is_none_ends_the_start_of_a_run() {
+        let (folder, segments) = fresh();
+        let address = run("1-0000000a");
+        fs::write(folder.path().join("freeplay-1-0000000a_good"), "").unwrap();
+        segments.see_own(&address).unwrap();
+        fs::write(folder.path().join("freeplay-1-0000000b_other"), "").unwrap();
+        symlink("nowhere", folder.path().join("freeplay-1-0000000a_link")).unwrap();
+        let error = segments.make_private(&address).unwrap_err();
+        assert!(
+            matches!(&error, LinkError::Planted { path, .. } if path.ends_with("freeplay-1-0000000a_link"))
+        );
     }
 }

@@ -39,7 +39,7 @@ use crate::error::LinkError;
 use crate::handshake::{Hello, Welcome};
 use crate::messages::{Command, State};
 use crate::outbox::Outbox;
-use crate::segments::remove_unborn;
+use crate::segments::Segments;
 
 /// Between processes, each port used by one thread.
 pub(crate) type Ipc = ipc::Service;
@@ -89,7 +89,7 @@ pub(crate) fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
         .map_err(transport("create the node of", "this process"))?;
-    remove_unborn(address);
+    Segments::open()?.remove_unborn(address);
     node.blocking_cleanup_dead_nodes(CLEANING);
     Ok(node)
 }

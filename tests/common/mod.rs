@@ -117,9 +117,12 @@ impl Started {
 
     /// The id of its child process whose command line holds `word`.
     pub fn child_with(&self, word: &str) -> u32 {
-        let list = format!("/proc/{0}/task/{0}/children", self.pid());
+        // The system lists children by the thread that started them.
+        let threads = format!("/proc/{}/task", self.pid());
         self.until(word, || {
-            let ids = std::fs::read_to_string(&list).ok()?;
+            let lists = std::fs::read_dir(&threads).ok()?.flatten();
+            let ids: String =
+                lists.filter_map(|it| std::fs::read_to_string(it.path().join("children")).ok()).collect();
             let mut ids = ids.split_whitespace().filter_map(|id| id.parse().ok());
             ids.find(|id: &u32| {
                 std::fs::read_to_string(format!("/proc/{id}/cmdline"))
@@ -299,4 +302,56 @@ pub fn freeplay_in(folder: TempDir, arguments: &[&str]) -> Ran {
 /// A lockstep run of the default scenario cut to `duration` seconds, with more `arguments`.
 pub fn lockstep(duration: f64, arguments: &[&str]) -> Ran {
     Call::lockstep(duration, arguments).run()
+}
+
+/// Plays the rest of the test called `name` in a mount namespace of its own, where `/dev/shm` is empty and nobody else's, so that
+/// what it plants there meets no other run. Returns `true` to the one who is to play it: this process itself where there can be no
+/// such namespace.
+pub fn in_own_shared_memory(name: &str) -> bool {
+    const INSIDE: &str = "FREEPLAY_TEST_OWN_SHM";
+    if std::env::var_os(INSIDE).is_some() {
+        return true;
+    }
+    let mount = "mount -t tmpfs -o mode=1777 tmpfs /dev/shm && exec \"$@\"";
+    let within = ["--mount", "--propagation", "private", "sh", "-c", mount, "sh"];
+    if !Command::new("unshare").args(within).arg("true").output().is_ok_and(|output| output.status.success())
+    {
+        println!("{name}: played in the shared memory of all, since a namespace takes root and unshare");
+        return true;
+    }
+    let mut command = Command::new("unshare");
+    command.args(within).arg(std::env::current_exe().expect("this test has a path"));
+    command.args([name, "--exact", "--nocapture", "--include-ignored"]).env(INSIDE, "");
+    let output = command.stdin(Stdio::null()).output().expect("unshare");
+    println!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+    assert!(output.status.success(), "{name} failed in its namespace; see above");
+    false
+}
+
+/// The living processes that have `variable`, as `NAME=VALUE`, in their environment.
+pub fn processes_with(variable: &str) -> Vec<u32> {
+    let has_it = |pid: &u32| {
+        let environment = std::fs::read(format!("/proc/{pid}/environ")).unwrap_or_default();
+        environment.split(|&byte| byte == 0).any(|entry| entry == variable.as_bytes()) && runs(*pid)
+    };
+    let entries = std::fs::read_dir("/proc").expect("the processes").flatten();
+    entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok()).filter(has_it).collect()
+}
+
+/// Fails unless every recording in the folder `out` opens, and was closed if it is to be `closed`. One that has no tick yet has
+/// nothing to be read, and says so. Returns how many there are.
+pub fn assert_recordings_open(out: &Path, closed: bool) -> usize {
+    let entries = std::fs::read_dir(out).into_iter().flatten().flatten().map(|entry| entry.path());
+    let recordings: Vec<PathBuf> =
+        entries.filter(|path| path.extension().is_some_and(|extension| extension == "mcap")).collect();
+    for path in &recordings {
+        match freeplay_recording::read(path, None) {
+            Ok(recording) => assert!(!closed || !recording.truncated, "{} was not closed", path.display()),
+            Err(
+                freeplay_recording::ReadError::NoSamples { .. } | freeplay_recording::ReadError::Empty { .. },
+            ) => {}
+            Err(error) => panic!("{}: {error}", path.display()),
+        }
+    }
+    recordings.len()
 }

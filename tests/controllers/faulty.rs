@@ -3,7 +3,12 @@
 //! `FREEPLAY_FAULT` names it: `nan@100` from tick 100 on, `nan@50+5,100` for five ticks before that, too. `pause` makes the
 //! file `FREEPLAY_RESUME.paused` and waits for `FREEPLAY_RESUME`, so that a test can act in the middle of a run.
 //!
+//! `ride`, `push`, `shake`, `leap`, `replay`, `future` and `lies` are the strategies of a hostile controller, drawn from `FREEPLAY_SEED`; the
+//! last one and `times` lie about the clock, too.
+//!
 //! It speaks the messages itself, since the SDK would not let it misbehave.
+
+mod hostile;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -16,6 +21,8 @@ use freeplay_shm::{
     Mode, State, now_ns,
 };
 use rustix::process::{Signal, getpid, kill_process};
+
+use hostile::Hostile;
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -77,6 +84,9 @@ fn play(fault: &Fault) -> Result<ExitCode, Failure> {
     let task = Task::load(welcome.task().as_ref())?;
     let mut good = ComputedTorque::default();
     good.start(&task, &run)?;
+    let seed = std::env::var("FREEPLAY_SEED").map_or(Ok(0), |seed| seed.parse())?;
+    let mut hostile = Hostile::new(&fault.name, seed);
+    let mut last: Option<Command> = None;
     let mut backoff = Backoff::for_this_machine();
     loop {
         let Some(state) = link.next_state()? else {
@@ -87,14 +97,23 @@ fn play(fault: &Fault) -> Result<ExitCode, Failure> {
             continue;
         };
         backoff.reset();
-        let mut command = answer(&mut good, &state);
+        let mut command = answer(&mut good, &state, options.slot);
         if fault.holds(state.tick) {
             misbehave(fault, &run);
-            spoil(&fault.name, &state, &mut command);
+            match &mut hostile {
+                Some(hostile) => {
+                    if let Some(old) = hostile.spoil(&state, &mut command) {
+                        link.send(&old)?;
+                    }
+                }
+                None if fault.name == "freeze" => freeze(last.as_ref(), &mut command),
+                None => spoil(&fault.name, &state, &mut command),
+            }
             if fault.name == "twice" {
                 link.send(&command)?;
             }
         }
+        last = Some(command);
         link.send(&command)?;
         if state.has(State::FLAG_LAST) {
             return Ok(ExitCode::SUCCESS);
@@ -102,7 +121,7 @@ fn play(fault: &Fault) -> Result<ExitCode, Failure> {
     }
 }
 
-fn answer(good: &mut ComputedTorque, state: &State) -> Command {
+fn answer(good: &mut ComputedTorque, state: &State, slot: u32) -> Command {
     let (received_ns, mut answer) = (now_ns(), Answer::BLANK);
     good.answer(state, &mut answer);
     Command {
@@ -111,7 +130,19 @@ fn answer(good: &mut ComputedTorque, state: &State) -> Command {
         value: answer.value,
         velocity: answer.velocity,
         acceleration: answer.acceleration,
-        ..Command::answer_to(state, 0)
+        ..Command::answer_to(state, slot)
+    }
+}
+
+/// Positions that come gently to rest where they were `last`, and stay, wherever the reference goes.
+fn freeze(last: Option<&Command>, command: &mut Command) {
+    let Some(last) = last else { return };
+    let (period, rate) = (1e-3, 20.0);
+    for joint in 0..command.joints as usize {
+        let before = last.velocity[joint];
+        let after = before - before.clamp(-rate * period, rate * period);
+        command.value[joint] = last.value[joint] + 0.5 * (before + after) * period;
+        (command.velocity[joint], command.acceleration[joint]) = (after, 0.0);
     }
 }
 
@@ -165,6 +196,23 @@ fn spoil(fault: &str, state: &State, command: &mut Command) {
         "jump" => command.value[joint] += 0.2,
         "stale" => command.tick = state.tick.saturating_sub(1),
         "early" => command.tick += 1,
+        "other_slot" => command.slot += 1,
+        "other_status" => command.status = 77,
+        "nan_deviation" => command.deviation[1] = f64::NAN,
+        "nan_unused" => command.acceleration[MAX_JOINTS - 1] = f64::NAN,
+        "full" => {
+            let joints = freeplay_arm::paper_arm().arm;
+            for (value, joint) in command.value.iter_mut().zip(joints.joints()) {
+                *value = joint.limits.effort;
+            }
+        }
+        // All of them cannot be: received before it was published, sent before it was received, parts longer than the whole.
+        "times" => match state.tick % 4 {
+            0 => command.received_ns = 1,
+            1 => command.sent_ns = command.received_ns - 1,
+            2 => (command.predict_ns, command.qp_ns) = (u64::MAX, 10),
+            _ => (command.sent_ns, command.qp_iterations) = (u64::MAX, u32::MAX),
+        },
         "other_run" => command.run ^= 1,
         "other_magic" => command.magic = 0,
         "other_version" => command.layout += 1,

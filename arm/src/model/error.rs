@@ -161,17 +161,17 @@ pub enum ModelError {
         /// That joint.
         joint: String,
     },
-    /// More than one link without a parent.
-    #[error(
-        "{at}: {count} links have no parent joint ({names}); join all but one of them to the arm, or remove them"
-    )]
-    SeveralRoots {
-        /// Where the second of them stands.
+    /// The link that should be the end of the arm is none.
+    #[error("{at}: tip `{tip}`: {problem}; links at the ends of chains are {known}")]
+    Tip {
+        /// The start of the file.
         at: Place,
-        /// How many.
-        count: usize,
-        /// Their names, the first few.
-        names: String,
+        /// The link asked for.
+        tip: String,
+        /// What is wrong with it.
+        problem: &'static str,
+        /// Links that can be one.
+        known: String,
     },
     /// The arm that the file describes is none.
     #[error("{at}: {source}")]

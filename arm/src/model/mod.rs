@@ -1,28 +1,34 @@
 //! Model files: URDF as found in the field, and the TOML arm file of this project.
 
+mod chain;
 mod error;
+mod fold;
+mod names;
 mod numbers;
+mod plausible;
+mod prefixes;
 mod toml_read;
 mod toml_tables;
 mod toml_write;
 mod urdf;
+mod urdf_inertial;
+mod urdf_joint;
 mod urdf_tree;
 mod urdf_xml;
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use crate::arm::Arm;
 
 use error::shortened;
 pub use error::{ModelError, Place};
+pub use names::match_joints;
 pub use toml_read::parse_toml;
 pub use toml_write::to_toml;
-pub use urdf::parse_urdf;
+pub use urdf::{parse_urdf, parse_urdf_selected};
 
 /// Largest model file that is read, bytes.
-pub const MAX_FILE_BYTES: u64 = 32 << 20;
+pub const MAX_FILE_BYTES: u64 = freeplay_storage::DOCUMENT_LIMIT;
 
 /// An `[[effect]]` of an arm file as read: physics beyond the rigid body, to be interpreted by whoever knows the kind.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,15 +54,35 @@ pub struct ArmFile {
     pub ignored: Vec<String>,
 }
 
-/// Reads a model file: `.urdf` or `.xml` as URDF, `.toml` as an arm file.
+/// Which chain of a robot is the arm.
+///
+/// The chain to the link `tip`; without one the chain whose joints are called as `joints` say, such as those that a recording names;
+/// else the chain to `tool0`; else the longest one without its fingers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Selection {
+    /// The link at the end of the arm, whose frame is the tool frame.
+    pub tip: Option<String>,
+    /// Names of joints; names that no joint of the file has are passed over.
+    pub joints: Vec<String>,
+}
+
+/// Reads a model file with the arm that it shows by itself: see [`load_selected`].
 ///
 /// # Errors
 /// [`ModelError`] with file, line, column, value and remedy.
 pub fn load(path: &Path) -> Result<ArmFile, ModelError> {
+    load_selected(path, &Selection::default())
+}
+
+/// Reads a model file: `.urdf` or `.xml` as URDF, `.toml` as an arm file.
+///
+/// # Errors
+/// [`ModelError`] with file, line, column, value and remedy.
+pub fn load_selected(path: &Path, selection: &Selection) -> Result<ArmFile, ModelError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {
-        "urdf" | "xml" => parse_urdf(&read_text(path)?, &path.display().to_string()),
-        "toml" => parse_toml(&read_text(path)?, path),
+        "urdf" | "xml" => parse_urdf_selected(&read_text(path)?, &path.display().to_string(), selection),
+        "toml" => toml_read::parse(&read_text(path)?, path, selection),
         "xacro" => Err(ModelError::Xacro {
             at: Place::start(&path.display().to_string()),
             found: "the file name".to_owned(),
@@ -74,10 +100,13 @@ pub fn paper_arm() -> ArmFile {
 /// The text of a file no longer than [`MAX_FILE_BYTES`].
 fn read_text(path: &Path) -> Result<String, ModelError> {
     let origin = path.display().to_string();
-    let read_error = |source| ModelError::Read { path: origin.clone(), source };
-    let mut bytes = Vec::new();
-    let file = File::open(path).map_err(read_error)?;
-    file.take(MAX_FILE_BYTES + 1).read_to_end(&mut bytes).map_err(read_error)?;
+    let bytes =
+        freeplay_storage::read_bytes(path, MAX_FILE_BYTES).map_err(|error| match error.refusal() {
+            Some(freeplay_storage::Refusal::TooLarge { .. }) => {
+                ModelError::TooLarge { origin: origin.clone() }
+            }
+            _ => ModelError::Read { path: origin.clone(), source: error.into() },
+        })?;
     String::from_utf8(bytes)
         .map_err(|error| ModelError::NotUtf8 { path: origin, offset: error.utf8_error().valid_up_to() })
 }

@@ -7,10 +7,12 @@ use toml::Spanned;
 
 use super::error::{ModelError, Place, shortened};
 use super::numbers::{IMPOSSIBLE, NO_REAL_BODY, direction, rotation};
+use super::plausible::Body;
 use super::toml_tables::{ArmTable, FrameTable, InertiaTable, JointTable, KindName, LimitsTable};
-use super::urdf_tree::GRAVITY;
-use super::{ArmFile, EffectTable, check_extent, load};
+use super::urdf_tree::{GRAVITY, lacking};
+use super::{ArmFile, EffectTable, Selection, check_extent, load_selected, plausible};
 use crate::arm::{Arm, ArmError};
+use crate::fitness::{Fitness, Origin, Shortfall};
 use crate::joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 
 /// Reads the arm file `text`; `path` names it in errors, and a `urdf` in it is looked for beside it.
@@ -18,7 +20,8 @@ use crate::joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 /// ```toml
 /// name = "arm"                      # optional with a URDF
 /// gravity = [0, 0, -9.81]           # optional, m/s² in the base frame
-/// urdf = "arm.urdf"                 # beside this file; or the joints from the base outwards:
+/// urdf = "arm.urdf"                 # beside this file; [[joint]] tables then change its joints; or the joints from the base outwards:
+/// tip = "tool0"                     # with a URDF: the link at the end of the arm
 ///
 /// [[joint]]
 /// name = "joint_1"
@@ -45,12 +48,17 @@ use crate::joint::{Inertia, Joint, JointFriction, JointKind, Limits};
 /// # Errors
 /// [`ModelError`] with line, column, value and remedy; unknown keys are errors.
 pub fn parse_toml(text: &str, path: &Path) -> Result<ArmFile, ModelError> {
+    parse(text, path, &Selection::default())
+}
+
+/// The same with the chain of its URDF that `selection` says; its tip goes before that of the file.
+pub(super) fn parse(text: &str, path: &Path, selection: &Selection) -> Result<ArmFile, ModelError> {
     let origin = path.display().to_string();
     check_extent(text, &origin)?;
     let table: ArmTable = toml::from_str(text).map_err(|error| syntax_error(&origin, text, &error))?;
     let reader = Reader { origin: &origin, text };
     let effects = reader.effects(&table.effect)?;
-    let (arm, ignored) = reader.arm(table, path)?;
+    let (arm, ignored) = reader.arm(&table, path, selection)?;
     for effect in &effects {
         reader.check_effect_joint(effect, &arm)?;
     }
@@ -78,13 +86,22 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn arm(&self, table: ArmTable, path: &Path) -> Result<(Arm, Vec<String>), ModelError> {
-        let (base, ignored) = match &table.urdf {
+    fn arm(
+        &self,
+        table: &ArmTable,
+        path: &Path,
+        selection: &Selection,
+    ) -> Result<(Arm, Vec<String>), ModelError> {
+        let (base, mut ignored) = match &table.urdf {
             Some(urdf) => {
-                let file = self.urdf(&table, urdf, path)?;
+                self.refuse_whole_joints(table)?;
+                let file = self.urdf(table, urdf, path, selection)?;
                 (Some(file.arm), file.ignored)
             }
-            None => (None, Vec::new()),
+            None => {
+                self.refuse_tip(table, selection)?;
+                (None, Vec::new())
+            }
         };
         let gravity = match &table.gravity {
             Some(gravity) => Vector3::from(self.finite(gravity, "gravity")?),
@@ -96,34 +113,143 @@ impl Reader<'_> {
             (None, None) => Isometry3::identity(),
         };
         let joints = match &base {
-            Some(base) => base.joints().to_vec(),
+            Some(base) => self.changed(base, &table.joint)?,
             None => table.joint.iter().map(|joint| self.joint(joint)).collect::<Result<_, _>>()?,
         };
         let name = table.name.as_deref().or(base.as_ref().map(Arm::name)).unwrap_or("arm");
         let impossible =
             joints.iter().filter(|joint| base.is_none() && joint.inertia.triangle_excess() > IMPOSSIBLE);
         let notes = impossible.map(|joint| format!("joint `{}`: {NO_REAL_BODY}", joint.name));
-        let ignored = ignored.into_iter().chain(notes).collect();
-        let arm = Arm::new(name, joints, tool, gravity).map_err(|source| self.arm_error(&table, source))?;
+        ignored.extend(notes);
+        let fitness = base.as_ref().map_or_else(|| self.fitness(table), |base| base.fitness().clone());
+        let lacked = base.as_ref().and_then(lacking);
+        let arm = Arm::with_fitness(name, joints, tool, gravity, &fitness)
+            .map_err(|source| self.arm_error(table, source))?;
+        // What the URDF lacked may stand in this file.
+        let lacks = lacking(&arm);
+        ignored.retain(|note| lacks.is_some() || Some(note) != lacked.as_ref());
+        if base.is_none() {
+            ignored.extend(lacks);
+            ignored.extend(plausible::notes(&arm, &self.bodies(table, &arm), &self.origins(table)));
+        }
         Ok((arm, ignored))
     }
 
-    fn urdf(&self, table: &ArmTable, urdf: &Spanned<String>, path: &Path) -> Result<ArmFile, ModelError> {
-        if let Some(joint) = table.joint.first() {
-            return Err(ModelError::Value {
-                at: self.place(joint),
-                what: "an inline joint beside `urdf`".to_owned(),
-                value: joint.get_ref().name.clone(),
-                remedy: "give either `urdf` or [[joint]] tables".to_owned(),
-            });
+    /// What an arm of inline joints lacks beside what its joints show.
+    fn fitness(&self, table: &ArmTable) -> Fitness {
+        let has_mass = |joint: &Spanned<JointTable>| {
+            let JointTable { mass, inertia, .. } = joint.get_ref();
+            let tensor = inertia.as_ref().map(|inertia| inertia.get_ref());
+            mass.as_ref().is_some_and(|mass| *mass.get_ref() > 0.0)
+                || tensor.is_some_and(|tensor| tensor.ixx + tensor.iyy + tensor.izz > 0.0)
+        };
+        let has_rotor = |joint: &Spanned<JointTable>| joint.get_ref().rotor_inertia.is_some();
+        let massless = !table.joint.iter().any(|joint| has_mass(joint) || has_rotor(joint));
+        let shortfall = massless.then(|| Shortfall::NoMasses { at: Place::start(self.origin) });
+        Fitness::of_file(self.origins(table), shortfall)
+    }
+
+    fn origins(&self, table: &ArmTable) -> Vec<Origin> {
+        let of = |joint: &Spanned<JointTable>| {
+            let name = joint.get_ref().name.clone();
+            Origin { joint: name.clone(), link: name, at: self.place(joint) }
+        };
+        table.joint.iter().map(of).collect()
+    }
+
+    fn bodies(&self, table: &ArmTable, arm: &Arm) -> Vec<Body> {
+        let of = |(spanned, joint): (&Spanned<JointTable>, &Joint)| Body {
+            name: format!("joint `{}` (line {})", joint.name, self.place(spanned).line),
+            inertia: joint.inertia,
+        };
+        table.joint.iter().zip(arm.joints()).map(of).collect()
+    }
+
+    /// Inline joints have no links to choose from.
+    fn refuse_tip(&self, table: &ArmTable, selection: &Selection) -> Result<(), ModelError> {
+        let (at, tip) = match (&table.tip, &selection.tip) {
+            (_, Some(tip)) => (Place::start(self.origin), tip),
+            (Some(tip), None) => (self.place(tip), tip.get_ref()),
+            (None, None) => return Ok(()),
+        };
+        Err(ModelError::Value {
+            at,
+            what: "tip".to_owned(),
+            value: shortened(tip),
+            remedy:
+                "a tip is a link of a `urdf`; an arm of [[joint]] tables ends with its last joint and [tool]"
+                    .to_owned(),
+        })
+    }
+
+    /// Beside a URDF a joint has its place already.
+    fn refuse_whole_joints(&self, table: &ArmTable) -> Result<(), ModelError> {
+        let is_whole =
+            |table: &JointTable| table.r#type.is_some() || table.axis.is_some() || table.origin.is_some();
+        let Some(spanned) = table.joint.iter().find(|spanned| is_whole(spanned.get_ref())) else {
+            return Ok(());
+        };
+        let remedy = "give either `urdf` or [[joint]] tables with type, axis and origin; beside `urdf` a [[joint]] changes mass, com, \
+                      inertia, limits, damping, friction and rotor_inertia";
+        Err(self.value(spanned, "an inline joint beside `urdf`", &spanned.get_ref().name, remedy))
+    }
+
+    /// The joints of `base` with what `tables` say of them.
+    fn changed(&self, base: &Arm, tables: &[Spanned<JointTable>]) -> Result<Vec<Joint>, ModelError> {
+        let mut joints = base.joints().to_vec();
+        for spanned in tables {
+            let table = spanned.get_ref();
+            let Some(joint) = joints.iter_mut().find(|joint| joint.name == table.name) else {
+                let known: Vec<&str> = base.joints().iter().map(|joint| joint.name.as_str()).collect();
+                let remedy = format!("the arm has {}", known.join(", "));
+                return Err(self.value(spanned, "a [[joint]] beside `urdf`", &table.name, &remedy));
+            };
+            self.change(joint, table)?;
         }
+        Ok(joints)
+    }
+
+    fn change(&self, joint: &mut Joint, table: &JointTable) -> Result<(), ModelError> {
+        let of = |what: &str| format!("joint `{}`: {what}", table.name);
+        let number = |given: &Option<Spanned<f64>>, what: &str, old: &mut f64| {
+            if given.is_some() {
+                *old = self.not_negative(given.as_ref(), &of(what))?;
+            }
+            Ok::<(), ModelError>(())
+        };
+        number(&table.damping, "damping", &mut joint.friction.viscous)?;
+        number(&table.friction, "friction", &mut joint.friction.coulomb)?;
+        number(&table.rotor_inertia, "rotor_inertia", &mut joint.rotor_inertia)?;
+        number(&table.mass, "mass", &mut joint.inertia.mass)?;
+        let given = self.inertia(table, &of)?;
+        if table.com.is_some() {
+            joint.inertia.com = given.com;
+        }
+        if table.inertia.is_some() {
+            joint.inertia.about_com = given.about_com;
+        }
+        if let Some(limits) = &table.limits {
+            joint.limits = self.limits(limits, &of("limits"))?;
+        }
+        Ok(())
+    }
+
+    fn urdf(
+        &self,
+        table: &ArmTable,
+        urdf: &Spanned<String>,
+        path: &Path,
+        selection: &Selection,
+    ) -> Result<ArmFile, ModelError> {
         let file = path.parent().unwrap_or(Path::new("")).join(urdf.get_ref());
         let extension = file.extension().map(|extension| extension.to_ascii_lowercase());
         // An arm file on an arm file could stand on itself.
         if !extension.is_some_and(|extension| extension == "urdf" || extension == "xml") {
             return Err(self.value(urdf, "urdf", urdf.get_ref(), "name a .urdf or .xml file"));
         }
-        load(&file).map_err(|error| match error {
+        let tip = selection.tip.clone().or_else(|| table.tip.as_ref().map(|tip| tip.get_ref().clone()));
+        let selection = Selection { tip, ..selection.clone() };
+        load_selected(&file, &selection).map_err(|error| match error {
             ModelError::Read { source, .. } => {
                 let remedy = format!("looked for at {}: {source}", shortened(&file.display().to_string()));
                 self.value(urdf, "urdf", urdf.get_ref(), &remedy)
@@ -135,17 +261,20 @@ impl Reader<'_> {
     fn joint(&self, spanned: &Spanned<JointTable>) -> Result<Joint, ModelError> {
         let table = spanned.get_ref();
         let of = |what: &str| format!("joint `{}`: {what}", table.name);
-        let axis = self.finite(&table.axis, &of("axis"))?;
+        let given =
+            table.axis.as_ref().ok_or_else(|| self.missing(spanned, &of("axis"), "axis = [0, 0, 1]"))?;
+        let axis = self.finite(given, &of("axis"))?;
         let axis = direction(axis).ok_or_else(|| {
-            self.value(&table.axis, &of("axis"), &format!("{axis:?}"), "an axis needs a direction")
+            self.value(given, &of("axis"), &format!("{axis:?}"), "an axis needs a direction")
         })?;
         let placement = match &table.origin {
             Some(origin) => self.frame(origin, &of("origin"))?,
             None => Isometry3::identity(),
         };
         let kind = match table.r#type {
-            KindName::Revolute => JointKind::Revolute,
-            KindName::Prismatic => JointKind::Prismatic,
+            Some(KindName::Revolute) => JointKind::Revolute,
+            Some(KindName::Prismatic) => JointKind::Prismatic,
+            None => return Err(self.missing(spanned, &of("type"), "type = \"revolute\"")),
         };
         let friction = JointFriction {
             viscous: self.not_negative(table.damping.as_ref(), &of("damping"))?,
@@ -296,6 +425,11 @@ impl Reader<'_> {
             return Ok(value);
         }
         Err(self.value(spanned, what, &value.to_string(), "it must be finite and not negative"))
+    }
+
+    fn missing<T>(&self, at: &Spanned<T>, what: &str, example: &str) -> ModelError {
+        let remedy = format!("write {example}, or name a `urdf` that has the joint");
+        ModelError::Missing { at: self.place(at), what: what.to_owned(), remedy }
     }
 
     fn value<T>(&self, at: &Spanned<T>, what: &str, value: &str, remedy: &str) -> ModelError {

@@ -9,6 +9,7 @@ pub(super) struct ArmTable {
     pub name: Option<String>,
     pub gravity: Option<Spanned<[f64; 3]>>,
     pub urdf: Option<Spanned<String>>,
+    pub tip: Option<Spanned<String>>,
     #[serde(default)]
     pub joint: Vec<Spanned<JointTable>>,
     pub tool: Option<Spanned<FrameTable>>,
@@ -20,8 +21,8 @@ pub(super) struct ArmTable {
 #[serde(deny_unknown_fields)]
 pub(super) struct JointTable {
     pub name: String,
-    pub r#type: KindName,
-    pub axis: Spanned<[f64; 3]>,
+    pub r#type: Option<KindName>,
+    pub axis: Option<Spanned<[f64; 3]>>,
     pub origin: Option<Spanned<FrameTable>>,
     pub mass: Option<Spanned<f64>>,
     pub com: Option<Spanned<[f64; 3]>>,

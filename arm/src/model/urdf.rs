@@ -2,34 +2,26 @@
 
 use std::collections::HashMap;
 
-use nalgebra::{Isometry3, Matrix3, Unit, Vector3};
-use roxmltree::{Document, Node, ParsingOptions};
+use nalgebra::Isometry3;
+use roxmltree::{Document, Node};
 
 use super::error::{ModelError, Place, shortened};
-use super::numbers::{IMPOSSIBLE, NO_REAL_BODY, direction, pose};
+use super::numbers::pose;
+use super::prefixes::{Declared, options};
+use super::urdf_inertial::Inertial;
+use super::urdf_joint::{Details, Motion};
 use super::urdf_xml::{Reader, Source, children};
-use super::{ArmFile, check_extent, urdf_tree};
-use crate::joint::{Inertia, JointFriction, JointKind, Limits};
-
-/// Most XML nodes that are read; a robot with meshes by reference has some thousands.
-const MAX_NODES: u32 = 2_000_000;
+use super::{ArmFile, Selection, check_extent, urdf_tree};
 
 /// A `<link>`.
 pub(super) struct Link {
     pub name: String,
-    /// `None` where the file has no `<inertial>`.
-    pub inertia: Option<Inertia>,
+    /// `None` where the file has no `<inertial>`; an error counts where the link moves.
+    pub inertial: Option<Result<Inertial, ModelError>>,
+    /// Whether it has a shape, so that it is more than a frame.
+    pub has_shape: bool,
     /// Byte offset in the text.
     pub at: usize,
-}
-
-/// What a `<joint>` lets its child do.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Motion {
-    Moving(JointKind),
-    Fixed,
-    /// Moves with another joint; kept at zero.
-    Mimic,
 }
 
 /// A `<joint>`, with its links by index.
@@ -38,10 +30,12 @@ pub(super) struct Joint {
     pub motion: Motion,
     pub parent: usize,
     pub child: usize,
-    pub placement: Isometry3<f64>,
-    pub axis: Unit<Vector3<f64>>,
-    pub limits: Limits,
-    pub friction: JointFriction,
+    /// An error counts where something of the arm hangs on the joint.
+    pub placement: Result<Isometry3<f64>, ModelError>,
+    /// An error counts where the joint is one of the arm.
+    pub details: Result<Details, ModelError>,
+    /// What is worth knowing where it is one of the arm.
+    pub notes: Vec<String>,
     /// Byte offset in the text.
     pub at: usize,
 }
@@ -55,22 +49,34 @@ pub(super) struct Robot<'a> {
     pub source: Source<'a>,
 }
 
-/// Reads a URDF robot from `text`; `origin` names the text in errors.
-///
-/// The chain that ends in a link (or at a fixed joint) called `tool0` is the arm; without one, the longest chain of moving
-/// joints, the first of equals. What hangs on it by fixed joints is lumped into the link that carries it; so is what hangs on it
-/// by other moving or mimicking joints, locked at zero and named in [`ArmFile::ignored`]. The base frame is the root link.
+/// Reads a URDF robot from `text`; `origin` names the text in errors. The arm is the one that the file shows by itself: see
+/// [`parse_urdf_selected`].
 ///
 /// # Errors
 /// [`ModelError`] with line, column, value and remedy.
 pub fn parse_urdf(text: &str, origin: &str) -> Result<ArmFile, ModelError> {
+    parse_urdf_selected(text, origin, &Selection::default())
+}
+
+/// Reads a URDF robot from `text`; `origin` names the text in errors.
+///
+/// A robot is a tree, and the arm is one chain of it: see [`Selection`]. All other joints are held still, at zero or in the middle of
+/// a range without zero, and what hangs on them is a load of the link that carries it. The base frame is the root link. What was taken
+/// is the first of [`ArmFile::ignored`].
+///
+/// # Errors
+/// [`ModelError`] with line, column, value and remedy.
+pub fn parse_urdf_selected(text: &str, origin: &str, selection: &Selection) -> Result<ArmFile, ModelError> {
     check_extent(text, origin)?;
-    let source = Source { origin, text };
-    let options = ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() };
-    let document =
-        Document::parse_with_options(text, options).map_err(|error| syntax_error(origin, &error))?;
+    let declared = Declared::new(text).map_err(|error| syntax_error(origin, &error))?;
+    let source = Source { origin, text, inserted: declared.inserted };
+    let document = Document::parse_with_options(&declared.text, options())
+        .map_err(|error| syntax_error(origin, &error))?;
     refuse_xacro(&document, &source)?;
-    urdf_tree::arm(Reader { source, notes: Vec::new() }.robot(document.root_element())?)
+    let undeclared =
+        declared.prefixes.iter().map(|prefix| format!("the XML prefix `{prefix}` is not declared"));
+    let reader = Reader { source, notes: undeclared.collect() };
+    urdf_tree::arm(reader.robot(document.root_element())?, selection)
 }
 
 fn syntax_error(origin: &str, error: &roxmltree::Error) -> ModelError {
@@ -124,12 +130,10 @@ impl<'a> Reader<'a> {
         let mut links = Vec::new();
         for node in children(robot, "link") {
             let name = self.required(node, "name", "a link")?.value().to_owned();
-            let owner = format!("link `{name}`");
-            let inertia = match self.first(node, "inertial", &owner) {
-                Some(inertial) => Some(self.inertial(inertial, &owner)?),
-                None => None,
-            };
-            links.push(Link { name, inertia, at: node.range().start });
+            let inertial = self.first(node, "inertial", &format!("link `{name}`"));
+            let inertial = inertial.map(|inertial| self.inertial(inertial, &name));
+            let has_shape = ["visual", "collision"].iter().any(|tag| children(node, tag).next().is_some());
+            links.push(Link { name, inertial, has_shape, at: node.range().start });
         }
         Ok(links)
     }
@@ -160,32 +164,14 @@ impl<'a> Reader<'a> {
     fn joint(&mut self, node: Node<'_, '_>, links: &HashMap<&str, usize>) -> Result<Joint, ModelError> {
         let name = self.required(node, "name", "a joint")?.value().to_owned();
         let owner = format!("joint `{name}`");
+        let before = self.notes.len();
         let parent = self.link_of(node, "parent", links, &owner)?;
         let child = self.link_of(node, "child", links, &owner)?;
         let motion = self.motion(node, &owner)?;
-        let placement = self.origin(node, &owner)?;
-        let (axis, limits, friction) = if matches!(motion, Motion::Moving(_)) {
-            (self.axis(node, &owner)?, self.limits(node, &owner)?, self.friction(node, &owner)?)
-        } else {
-            (Vector3::x_axis(), Limits::NONE, JointFriction::default())
-        };
-        Ok(Joint { name, motion, parent, child, placement, axis, limits, friction, at: node.range().start })
-    }
-
-    fn motion(&self, node: Node<'_, '_>, owner: &str) -> Result<Motion, ModelError> {
-        let kind = self.required(node, "type", owner)?;
-        let mimics = children(node, "mimic").next().is_some();
-        let remedy = match kind.value() {
-            "revolute" | "continuous" | "prismatic" if mimics => return Ok(Motion::Mimic),
-            "revolute" | "continuous" => return Ok(Motion::Moving(JointKind::Revolute)),
-            "prismatic" => return Ok(Motion::Moving(JointKind::Prismatic)),
-            "fixed" => return Ok(Motion::Fixed),
-            "floating" | "planar" => {
-                "an arm has one motion per joint on a fixed base: make it fixed, or write it as single joints"
-            }
-            _ => "write revolute, continuous, prismatic or fixed",
-        };
-        Err(self.value_error(kind, format!("{owner}: type"), remedy.to_owned()))
+        let placement = self.origin(node, &owner);
+        let details = self.details(node, motion, &owner);
+        let (notes, at) = (self.notes.split_off(before), node.range().start);
+        Ok(Joint { name, motion, parent, child, placement, details, notes, at })
     }
 
     fn link_of(
@@ -208,104 +194,7 @@ impl<'a> Reader<'a> {
         })
     }
 
-    fn axis(&mut self, joint: Node<'_, '_>, owner: &str) -> Result<Unit<Vector3<f64>>, ModelError> {
-        let Some(node) = self.first(joint, "axis", owner) else { return Ok(Vector3::x_axis()) };
-        let Some(xyz) = self.numbers::<3>(node, "xyz", owner)? else { return Ok(Vector3::x_axis()) };
-        direction(xyz).ok_or_else(|| {
-            let attribute = node.attribute_node("xyz").expect("it has just been read");
-            self.value_error(
-                attribute,
-                format!("{owner}: <axis xyz>"),
-                "an axis needs a direction".to_owned(),
-            )
-        })
-    }
-
-    fn limits(&mut self, joint: Node<'_, '_>, owner: &str) -> Result<Limits, ModelError> {
-        let Some(node) = self.first(joint, "limit", owner) else { return Ok(Limits::NONE) };
-        let velocity = self.bound(node, "velocity", owner)?;
-        let acceleration = self.bound(node, "acceleration", owner)?;
-        let effort = self.bound(node, "effort", owner)?;
-        let mut lower = self.number(node, "lower", owner)?.unwrap_or(f64::NEG_INFINITY);
-        let mut upper = self.number(node, "upper", owner)?.unwrap_or(f64::INFINITY);
-        if joint.attribute("type") == Some("continuous") {
-            (lower, upper) = (f64::NEG_INFINITY, f64::INFINITY);
-        }
-        if lower > upper {
-            let attribute = node.attribute_node("lower").expect("a limit above another one is given");
-            let remedy = format!("it must not be above upper, which is `{upper}`");
-            return Err(self.value_error(attribute, format!("{owner}: <limit lower>"), remedy));
-        }
-        if lower == 0.0 && upper == 0.0 {
-            self.notes.push(format!("{owner}: position limits 0 and 0 are read as none"));
-            (lower, upper) = (f64::NEG_INFINITY, f64::INFINITY);
-        }
-        Ok(Limits { lower, upper, velocity, acceleration, effort })
-    }
-
-    /// A limit on a magnitude. Exporters write 0 where they know nothing, and a joint that may not move is none.
-    fn bound(&mut self, limit: Node<'_, '_>, name: &str, owner: &str) -> Result<f64, ModelError> {
-        let value = self.not_negative(limit, name, owner)?;
-        if value == Some(0.0) {
-            self.notes.push(format!("{owner}: {name} limit 0 is read as none"));
-        }
-        Ok(value.filter(|&v| v > 0.0).unwrap_or(f64::INFINITY))
-    }
-
-    fn friction(&mut self, joint: Node<'_, '_>, owner: &str) -> Result<JointFriction, ModelError> {
-        let Some(node) = self.first(joint, "dynamics", owner) else { return Ok(JointFriction::default()) };
-        Ok(JointFriction {
-            viscous: self.not_negative(node, "damping", owner)?.unwrap_or(0.0),
-            coulomb: self.not_negative(node, "friction", owner)?.unwrap_or(0.0),
-        })
-    }
-
-    fn inertial(&mut self, node: Node<'_, '_>, owner: &str) -> Result<Inertia, ModelError> {
-        let pose = self.origin(node, owner)?;
-        let missing = |reader: &Self, what: &str, example: &str| ModelError::Missing {
-            at: reader.place(node),
-            what: format!("{owner}: {what}"),
-            remedy: format!("write {example} inside <inertial>"),
-        };
-        let mass = match self.first(node, "mass", owner) {
-            Some(mass) => self.not_negative(mass, "value", owner)?,
-            None => None,
-        };
-        let mass = mass.ok_or_else(|| missing(self, "<mass value>", "<mass value=\"…\"/>"))?;
-        let Some(tensor) = self.first(node, "inertia", owner) else {
-            self.notes.push(format!("{owner} has no <inertia>: counted as a point mass"));
-            return Ok(Inertia { mass, com: pose.translation.vector, about_com: Matrix3::zeros() });
-        };
-        let mut diagonal = [0.0; 3];
-        for (value, name) in diagonal.iter_mut().zip(["ixx", "iyy", "izz"]) {
-            *value = self.number(tensor, name, owner)?.ok_or_else(|| {
-                missing(self, &format!("<inertia {name}>"), &format!("{name}=\"…\" in <inertia>"))
-            })?;
-        }
-        let [xx, yy, zz] = diagonal;
-        let xy = self.number(tensor, "ixy", owner)?.unwrap_or(0.0);
-        let xz = self.number(tensor, "ixz", owner)?.unwrap_or(0.0);
-        let yz = self.number(tensor, "iyz", owner)?.unwrap_or(0.0);
-        let body = Inertia {
-            mass,
-            com: Vector3::zeros(),
-            about_com: Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz),
-        };
-        if let Some(problem) = body.tensor_problem() {
-            return Err(ModelError::Value {
-                at: self.place(tensor),
-                what: format!("{owner}: <inertia>"),
-                value: format!("ixx={xx} iyy={yy} izz={zz} ixy={xy} ixz={xz} iyz={yz}"),
-                remedy: problem,
-            });
-        }
-        if body.triangle_excess() > IMPOSSIBLE {
-            self.notes.push(format!("{owner}: {NO_REAL_BODY}"));
-        }
-        Ok(Inertia::zero().joined_with(&body, &pose))
-    }
-
-    fn origin(&mut self, node: Node<'_, '_>, owner: &str) -> Result<Isometry3<f64>, ModelError> {
+    pub fn origin(&mut self, node: Node<'_, '_>, owner: &str) -> Result<Isometry3<f64>, ModelError> {
         let Some(node) = self.first(node, "origin", owner) else { return Ok(Isometry3::identity()) };
         let xyz = self.numbers(node, "xyz", owner)?.unwrap_or_default();
         let rpy = self.numbers(node, "rpy", owner)?.unwrap_or_default();

@@ -10,10 +10,15 @@ use super::numbers::parse_numbers;
 pub(super) struct Source<'a> {
     pub origin: &'a str,
     pub text: &'a str,
+    /// Byte offset at which the parser was given something that is not in the text, and its length.
+    pub inserted: (usize, usize),
 }
 
 impl Source<'_> {
+    /// The place of the byte that the parser has at `offset`.
     pub fn place(&self, offset: usize) -> Place {
+        let (at, length) = self.inserted;
+        let offset = if offset > at { offset.saturating_sub(length).max(at) } else { offset };
         Place::in_text(self.origin, self.text, offset)
     }
 }
@@ -42,8 +47,7 @@ impl Reader<'_> {
         owner: &str,
     ) -> Result<Option<f64>, ModelError> {
         let value = self.number(node, name, owner)?;
-        if value.is_some_and(|v| v < 0.0) {
-            let attribute = node.attribute_node(name).expect("it has just been read");
+        if let Some(attribute) = node.attribute_node(name).filter(|_| value.is_some_and(|v| v < 0.0)) {
             let what = format!("{owner}: <{} {name}>", node.tag_name().name());
             return Err(self.value_error(attribute, what, "it must not be negative".to_owned()));
         }

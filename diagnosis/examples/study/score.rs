@@ -155,6 +155,8 @@ fn judged(truth: &[Truth], diagnosis: &Diagnosis) -> &'static str {
         Verdict::Unknown if truth.is_empty() => "wrong",
         Verdict::Unknown if unnamed => "right",
         Verdict::Unknown => "refused",
+        // None of these recordings has a set-up fault.
+        Verdict::Setup => "wrong",
         Verdict::Named | Verdict::OneOf => {
             let found = truth.iter().filter(|truth| diagnosis.effects.iter().any(|e| same(truth, e))).count();
             let among = truth.iter().all(|truth| {

@@ -66,6 +66,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             schema: DIAGNOSIS_SCHEMA,
             verdict: Verdict::InsufficientData,
             statement: format!("These recordings can't tell: {why}."),
+            setup: Vec::new(),
             location: Vec::new(),
             effects: Vec::new(),
             alternatives: Vec::new(),
@@ -80,6 +81,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             twins: 0,
             seed: settings.seed,
             passages: Vec::new(),
+            mapping: None,
             model: file.clone(),
         }
     }
@@ -127,6 +129,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             schema: DIAGNOSIS_SCHEMA,
             verdict,
             statement: String::new(),
+            setup: Vec::new(),
             location,
             effects,
             alternatives,
@@ -141,6 +144,7 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             twins: self.settings.twins,
             seed: self.settings.seed,
             passages,
+            mapping: None,
             model,
         };
         word(&mut diagnosis);
@@ -436,7 +440,7 @@ fn word(diagnosis: &mut Diagnosis) {
         Verdict::Named => left_out,
         Verdict::OneOf => left_out + &words::open(&diagnosis.alternatives),
         Verdict::Unknown => unknown(&diagnosis.along_the_arm()),
-        Verdict::InsufficientData => diagnosis.statement.clone(),
+        Verdict::InsufficientData | Verdict::Setup => diagnosis.statement.clone(),
     };
     if diagnosis.verdict == Verdict::OneOf {
         let undecided = diagnosis.alternatives.iter().filter(|a| a.indistinguishable);

@@ -19,7 +19,6 @@ use super::stage::{Ground, Stage};
 use super::tolerance::Tolerances;
 use crate::error::ResidualError;
 use crate::motion::Settings;
-use crate::scale;
 
 /// What a user may choose of a diagnosis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,7 +73,7 @@ pub enum DiagnoseError {
 ///
 /// # Errors
 /// See [`DiagnoseError`].
-pub fn diagnose(
+pub(crate) fn diagnose(
     file: &ArmFile,
     recordings: &[Recording],
     settings: &DiagnoseSettings,
@@ -134,9 +133,6 @@ fn judged_on(
     let fitted = Case::new(stages_of(&file.arm, &known, &fitted)?, &settings.tolerances);
     let held = Case::new(stages_of(&file.arm, &known, &held)?, &settings.tolerances);
     notes.extend(quality::notes(&fitted));
-    notes.extend(fitted.stages.first().and_then(|stage| {
-        scale::of_channels(stage.channels.iter().filter(|channel| !stage.ground.is_stuck(channel.kind)))
-    }));
     let system = fitted.system(fitted.target());
     let (hypotheses, untestable) = hypotheses(&fitted, &system, progress);
     progress("asking twins of the model what is found in nothing");
@@ -206,7 +202,7 @@ fn stages_of<'a>(
 }
 
 /// There are recordings, of this arm, with the same columns.
-fn check(arm: &Arm, recordings: &[Recording]) -> Result<(), DiagnoseError> {
+pub(crate) fn check(arm: &Arm, recordings: &[Recording]) -> Result<(), DiagnoseError> {
     let first = recordings.first().ok_or(DiagnoseError::NoRecording)?;
     let columns = |recording: &Recording| {
         let links: Vec<bool> = recording.q_link.iter().map(Option::is_some).collect();

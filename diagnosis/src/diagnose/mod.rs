@@ -19,7 +19,7 @@
 //! - `through`: what the sensors let through of the machine's tolerances.
 //! - `robust`: numbers that a few rows don't bend.
 //! - `interval`, `numbers`, `rivals`, `locate`, `words`, `conclude`, `report`: what is said.
-//! - `engine`: all of it.
+//! - `engine`: all of it, of recordings as they stand; `set_up`: after the question whether recording and model mean the same.
 //! - `excite`: the next motion, where two causes remain.
 
 mod backward;
@@ -54,6 +54,7 @@ mod robust;
 mod scores;
 mod search;
 mod select;
+mod set_up;
 mod show;
 mod sift;
 mod simplify;
@@ -70,7 +71,7 @@ mod validate;
 mod variables;
 mod words;
 
-pub use engine::{DiagnoseError, DiagnoseSettings, diagnose};
+pub use engine::{DiagnoseError, DiagnoseSettings};
 pub use excite::{ChannelNoise, Excitation, ExciteError, ExciteSettings, Fourier, Rival, Used, excite};
 pub use locate::Map;
 pub use passage::{Passage, Trace};
@@ -78,6 +79,7 @@ pub use report::{
     Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Parameter, Rmse,
     Tuned, Untestable, Verdict,
 };
+pub use set_up::diagnose;
 pub use show::Gain;
 pub use tolerance::Tolerances;
 pub use variables::Variable;

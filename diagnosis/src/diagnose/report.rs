@@ -9,6 +9,7 @@ use super::excite::ChannelNoise;
 use super::locate::Map;
 use super::passage::Passage;
 use super::show::Gain;
+use crate::conventions::SetupFinding;
 
 /// The schema of [`Diagnosis`] as JSON.
 pub const DIAGNOSIS_SCHEMA: &str = "freeplay.diagnosis/1";
@@ -27,6 +28,8 @@ pub enum Verdict {
     Unknown,
     /// The recording can't tell.
     InsufficientData,
+    /// Recording and model don't mean the same: units, signs, order, zeros, gravity, clocks. What else is said is said of the mended reading.
+    Setup,
 }
 
 /// A place where model and machine differ.
@@ -183,6 +186,8 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The verdict in plain words.
     pub statement: String,
+    /// Whether recording and model mean the same: the faults of the set-up, those that are sure first.
+    pub setup: Vec<SetupFinding>,
     /// Where model and machine differ, most important first.
     pub location: Vec<Location>,
     /// What is missing from the model.
@@ -212,6 +217,9 @@ pub struct Diagnosis {
     /// The recordings point by point, those of the fit first.
     #[serde(skip)]
     pub passages: Vec<Passage>,
+    /// The mended reading, as a mapping file; `None` where the recordings are read as they stand.
+    #[serde(skip)]
+    pub mapping: Option<String>,
     /// The model with the named effects.
     #[serde(skip)]
     pub model: ArmFile,

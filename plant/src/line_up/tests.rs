@@ -11,6 +11,7 @@ fn sound_until(tick: u64) -> LineUp {
         mode: Mode::Torque,
         lower: [-100.0; MAX_JOINTS],
         upper: [100.0; MAX_JOINTS],
+        period: 1e-3,
         change: [50.0; MAX_JOINTS],
         speed: [5.0; MAX_JOINTS],
         acceleration: [50.0; MAX_JOINTS],
@@ -34,9 +35,9 @@ fn answer(tick: u64, value: f64) -> Command {
 fn play(line_up: &mut LineUp, tick: u64, answers: [Option<Command>; 2]) -> (Applied, Option<Rejection>) {
     line_up.begin_tick();
     for (slot, answer) in answers.into_iter().enumerate() {
-        line_up.slot_mut(slot).answer = answer;
+        line_up.slot_mut(slot).answer = answer.map(|answer| Command { slot: slot as u32, ..answer });
     }
-    let verdict = line_up.judge(tick, true);
+    let verdict = line_up.judge(tick, true, &[]);
     (verdict.applied, verdict.rejection)
 }
 

@@ -27,7 +27,7 @@ impl Plant {
                 self.take_answer(slot, tick, scheduled)?;
             }
             let now = now_ns();
-            if now >= deadline || self.braked.is_some() || self.all_in(tick) {
+            if now >= deadline || self.stopped.is_some() || self.all_in(tick) {
                 return Ok(());
             }
             match self.config.pace {
@@ -53,10 +53,12 @@ impl Plant {
             let Some(mut command) = self.link.next_command(slot)? else { break };
             let received = now_ns();
             let in_charge = slot == self.line_up.in_charge();
-            if command.tick < tick && command.check(self.run).is_ok() {
-                if in_charge && self.braked.is_none() {
+            let belongs = command.check(self.run).is_ok();
+            let has_times = belongs && self.sift_times(&mut command, received);
+            if command.tick < tick && belongs {
+                if in_charge && self.stopped.is_none() {
                     self.deadlines.late += 1;
-                    self.clock(slot, &command, scheduled, received);
+                    self.clock(slot, &command, has_times, scheduled, received);
                 } else {
                     self.note_answer(slot, &command, received);
                 }
@@ -65,10 +67,12 @@ impl Plant {
             if self.attendance.is_away(slot, tick) {
                 continue;
             }
-            if !in_charge {
+            // What does not belong, or answers a tick that is still to come, tells nothing of this one.
+            let is_answer = belongs && command.tick == tick;
+            if is_answer && !in_charge {
                 self.note_answer(slot, &command, received);
-            } else if !self.is_planning {
-                self.clock(slot, &command, scheduled, received);
+            } else if is_answer && !self.is_planning {
+                self.clock(slot, &command, has_times, scheduled, received);
             }
             if in_charge && std::mem::take(&mut self.spoils_next) {
                 command.value[0] = f64::NAN;
@@ -104,15 +108,39 @@ impl Plant {
         }
     }
 
-    /// Counts the latencies that a command of the one in charge, in `slot`, tells of, in time or late.
-    fn clock(&mut self, slot: usize, command: &Command, scheduled: u64, received: u64) {
+    /// Takes the times out of `command`, received at `received` ns, if they cannot be or are not told; whether they are kept.
+    ///
+    /// All processes read one clock. A controller has a state after that was published, and sends its answer before that is received; what it spent
+    /// on parts of the answer it spent in between, and no iteration takes less than a nanosecond.
+    fn sift_times(&mut self, command: &mut Command, received: u64) -> bool {
+        let published = self.published_ns(command.tick);
+        let are_told = command.received_ns != 0 || command.sent_ns != 0;
+        let spent = command.sent_ns.checked_sub(command.received_ns);
+        let parts = command.predict_ns.checked_add(command.qp_ns);
+        let are_kept = are_told
+            && published.is_none_or(|published| published <= command.received_ns)
+            && command.sent_ns <= received
+            && spent.zip(parts).is_some_and(|(spent, parts)| parts <= spent)
+            && u64::from(command.qp_iterations) <= command.qp_ns;
+        if !are_kept {
+            (command.predict_ns, command.qp_ns) = (0, 0);
+            (command.received_ns, command.sent_ns) = (published.unwrap_or(received), received);
+            self.answers.implausible_times += u64::from(are_told);
+        }
+        are_kept
+    }
+
+    /// Counts the latencies that a command of the one in charge, in `slot`, tells of, in time or late; those of its parts if it `has_times`.
+    fn clock(&mut self, slot: usize, command: &Command, has_times: bool, scheduled: u64, received: u64) {
         let (links, published) = (self.links_of(command, received), self.published_ns(command.tick));
         let stages = &mut self.stages;
-        if published.is_some() {
-            stages.record(Stage::StateTransport, links.state_ns);
+        if has_times {
+            if published.is_some() {
+                stages.record(Stage::StateTransport, links.state_ns);
+            }
+            stages.record(Stage::Compute, links.compute_ns);
+            stages.record(Stage::CommandTransport, links.command_ns);
         }
-        stages.record(Stage::Compute, links.compute_ns);
-        stages.record(Stage::CommandTransport, links.command_ns);
         match &mut self.round_trips {
             Some(trips) => {
                 trips.answered(command.tick, received, |ns| stages.record(Stage::RoundTrip, ns));
@@ -160,7 +188,8 @@ impl Plant {
             compute_ns: command.sent_ns.saturating_sub(command.received_ns),
             command_ns: received.saturating_sub(command.sent_ns),
             qp_ns: command.qp_ns,
-            qp_iterations: command.qp_iterations,
+            // Without a time of its own, a programme's iterations are not told either.
+            qp_iterations: if command.qp_ns > 0 { command.qp_iterations } else { 0 },
             ..self.links
         }
     }
@@ -168,14 +197,14 @@ impl Plant {
     /// Whether the deadline of this tick passes without an answer of the one in charge.
     pub(super) fn misses_deadline(&mut self) -> bool {
         let in_charge = self.line_up.in_charge();
-        self.braked.is_none() && self.line_up.slot_mut(in_charge).answer.is_none()
+        self.stopped.is_none() && self.line_up.slot_mut(in_charge).answer.is_none()
     }
 
     /// The standby that is to take over at `tick`, if its answer lacks.
     pub(super) fn awaited(&mut self, tick: u64) -> Option<usize> {
         let next = self.line_up.next_in_charge(tick);
         let lacks = next != self.line_up.in_charge() && self.line_up.slot_mut(next).answer.is_none();
-        (lacks && self.braked.is_none()).then_some(next)
+        (lacks && self.stopped.is_none()).then_some(next)
     }
 
     /// Writes into the book how `tick` went with the controller `in_charge`: whether its deadline was `missed`, which standby was `awaited` in
@@ -192,7 +221,7 @@ impl Plant {
     /// The run is over after `played` ticks: what has no answer by now will have none.
     pub(super) fn settle_accounts(&mut self, played: u64) {
         let stages = &mut self.stages;
-        if let (Some(trips), None) = (&mut self.round_trips, self.braked) {
+        if let (Some(trips), None) = (&mut self.round_trips, self.stopped) {
             trips.finish(played, now_ns(), |ns| stages.record(Stage::RoundTrip, ns));
         }
         if let Some(misses) = &mut self.misses {

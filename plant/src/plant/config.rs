@@ -9,7 +9,9 @@ use freeplay_path::JointPath;
 use freeplay_shm::{LinkError, MAX_JOINTS, Mode, Pace};
 use thiserror::Error;
 
-use crate::{LineUpSpec, Rejection, SensorsSpec, System, SystemError};
+use crate::damping::check_damping;
+use crate::rotor::with_rotors;
+use crate::{LineUpSpec, ReflexLimits, ReflexSpec, SensorsSpec, StopReason, System, SystemError};
 
 /// All that makes a plant.
 #[derive(Clone, Debug)]
@@ -42,9 +44,13 @@ pub struct PlantConfig {
     pub evidence: bool,
     /// The controllers.
     pub line_up: LineUpSpec,
+    /// When the arm is stopped for what it does.
+    pub reflex: ReflexSpec,
+    /// Natural frequency of the feedback that is asked of the controllers, rad/s.
+    pub natural_frequency: f64,
 }
 
-/// Postures of the planned motion from which the inertias of motors behind transmissions are taken.
+/// Postures of the planned motion from which inertias are taken: of motors behind transmissions, and for the limits of torque rates.
 const POSTURES: u32 = 64;
 
 impl PlantConfig {
@@ -56,19 +62,46 @@ impl PlantConfig {
         let body = self.effects.changed(&self.arm)?;
         let mut injection = self.effects.injection();
         let [tool, sensors] = [&mut injection.tool, &mut injection.sensors].map(std::mem::take);
+        let postures = self.postures(path);
+        let rotors = injection.rotors.clone();
+        let mut system = System::with_effects(&body, injection, &postures, self.period(), self.substeps)?;
         let blank = vec![0.0; self.arm.dof()];
-        let posture = |number: u32| {
-            let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank.clone()];
-            path.at(path.duration() * f64::from(number) / f64::from(POSTURES), &mut q, &mut v, &mut a);
-            q
-        };
-        let postures: Vec<Vec<f64>> = (0..=POSTURES).map(posture).collect();
-        let period = self.period_ns as f64 * 1e-9;
-        let mut system = System::with_effects(&body, injection, &postures, period, self.substeps)?;
+        if self.mode == Mode::Torque {
+            let step = self.period() / f64::from(self.substeps);
+            check_damping(&body, &rotors, &postures, step, self.substeps)?;
+        }
         let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank];
         path.at(0.0, &mut q, &mut v, &mut a);
         system.start(&q, &v);
         Ok((system, TickLaws { tool, sensors }))
+    }
+
+    /// The limits beyond which the arm is stopped, for a motion along `path`.
+    ///
+    /// # Errors
+    /// See [`SystemError`].
+    pub fn reflex_limits(&self, path: &JointPath) -> Result<ReflexLimits, SystemError> {
+        let body = with_rotors(&self.effects.changed(&self.arm)?, &self.effects.injection().rotors)?;
+        let (period, postures) = (self.period(), self.postures(path));
+        let mut limits = ReflexLimits::of(&body, &self.reflex, self.natural_frequency, period, &postures);
+        limits.deviation += self.effects.clearances.iter().map(|(_, play)| play.clearance).sum::<f64>();
+        Ok(limits)
+    }
+
+    /// Length of a tick, s.
+    fn period(&self) -> f64 {
+        self.period_ns as f64 * 1e-9
+    }
+
+    /// Postures along `path`.
+    fn postures(&self, path: &JointPath) -> Vec<Vec<f64>> {
+        let posture = |number: u32| {
+            let blank = vec![0.0; self.arm.dof()];
+            let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank];
+            path.at(path.duration() * f64::from(number) / f64::from(POSTURES), &mut q, &mut v, &mut a);
+            q
+        };
+        (0..=POSTURES).map(posture).collect()
     }
 }
 
@@ -112,6 +145,17 @@ pub enum PlantError {
         /// Who knocked and was refused.
         refused: Vec<String>,
     },
+    /// The process of a controller ended before it came.
+    #[error("no controller to wait for in {}: its process ended before it joined the run", said_slots(.slots))]
+    ControllerEnded {
+        /// The slots that stay empty.
+        slots: Vec<usize>,
+    },
+}
+
+fn said_slots(slots: &[usize]) -> String {
+    let numbers: Vec<String> = slots.iter().map(ToString::to_string).collect();
+    format!("slot {}", numbers.join(", "))
 }
 
 fn said_missing(missing: &[usize]) -> String {
@@ -128,12 +172,12 @@ fn said_refused(refused: &[String]) -> String {
 pub enum Ending {
     /// All ticks were played with the controller in charge.
     Finished,
-    /// Commands failed the gate for too long; the rest was played with the brakes closed.
+    /// Commands failed the gate for too long, or the arm was beyond a limit; the rest was played with the brakes closed.
     Braked {
         /// Tick at which the brakes closed.
         tick: u64,
-        /// Why the last command did not pass.
-        reason: Rejection,
+        /// Why the last command did not pass, or which limit the arm did not keep.
+        reason: StopReason,
     },
     /// The motion could no longer be integrated.
     Diverged {

@@ -24,8 +24,8 @@ use crate::cause::Links;
 use crate::misses::Misses;
 use crate::round_trips::RoundTrips;
 use crate::{
-    AnswerCounts, Applied, Braking, DeviationStatistics, Hermite, JointUse, LineUp, Rejection, Sensors,
-    Stages, System, TickRecord, Wishes,
+    AnswerCounts, Applied, Braking, DeviationStatistics, Hermite, JointUse, LineUp, ReflexLimits, Reflexes,
+    Sensors, Stages, Stop, System, TickRecord, Wishes,
 };
 
 /// The plant of one run.
@@ -52,7 +52,10 @@ pub struct Plant {
     driven: Vec<bool>,
     torque: Vec<f64>,
     state: State,
-    braked: Option<(u64, Rejection)>,
+    reflexes: Reflexes,
+    /// Where each joint is, as its drive's own encoder reads it: \[q, v, a\].
+    measured: Vec<[f64; 3]>,
+    stopped: Option<Stop>,
     backoff: Backoff,
     peak_base_force: f64,
     wishes: Wishes,
@@ -104,10 +107,10 @@ impl Plant {
             Err(PlantError::System(error)) => divergence = Some(error),
             Err(error) => return Err(error),
         }
-        let ending = match self.braked {
+        let ending = match self.stopped {
             _ if divergence.is_some() => Ending::Diverged { tick: played },
             _ if played < self.config.ticks => Ending::Interrupted { tick: played },
-            Some((tick, reason)) => Ending::Braked { tick, reason },
+            Some(Stop { tick, reason, .. }) => Ending::Braked { tick, reason },
             None => Ending::Finished,
         };
         Ok(PlantOutcome { ending, controllers, ticks: played, refused, divergence })
@@ -150,6 +153,26 @@ impl Plant {
     /// Commands for `slot` that did not come from the process that holds its seat.
     pub fn foreign(&self, slot: usize) -> Foreign {
         self.link.foreign(slot)
+    }
+
+    /// Whether a living controller holds `slot`.
+    pub fn is_held(&self, slot: usize) -> bool {
+        self.link.is_held(slot)
+    }
+
+    /// When and why the brakes closed, if they did.
+    pub fn stopped(&self) -> Option<&Stop> {
+        self.stopped.as_ref()
+    }
+
+    /// The limits beyond which the arm is stopped.
+    pub fn reflex_limits(&self) -> &ReflexLimits {
+        self.reflexes.limits()
+    }
+
+    /// The arm without its effects.
+    pub fn arm(&self) -> &freeplay_arm::Arm {
+        &self.config.arm
     }
 
     /// Number of joints of the arm.

@@ -13,12 +13,9 @@ use crate::attendance::Attendance;
 use crate::cause::Links;
 use crate::plant::{Deadlines, PUBLISHED, Plant, PlantConfig, PlantError};
 use crate::{
-    AnswerCounts, Applied, Braking, DeviationStatistics, GateLimits, Hermite, JointUse, LineUp, Sensors,
-    Stages, TickRecord, Wishes,
+    AnswerCounts, Applied, Braking, DeviationStatistics, GateLimits, Hermite, JointUse, LineUp, Reflexes,
+    Sensors, Stages, TickRecord, Wishes,
 };
-
-/// Deceleration of a braking joint whose file names no acceleration limit, rad/s² (m/s²).
-const BRAKE_RATE: f64 = 10.0;
 
 impl Plant {
     /// A plant at the start of `path`, with its end of the run open and nobody greeted yet.
@@ -38,12 +35,12 @@ impl Plant {
         }
         let period = config.period_ns as f64 * 1e-9;
         let (system, laws) = config.system(&path)?;
-        let rates = config.arm.joints().iter().map(|joint| joint.limits.acceleration);
+        let limits = config.reflex_limits(&path)?;
         Ok(Self {
             nominal: Workspace::new(&config.arm),
             line_up: LineUp::new(
                 &config.line_up,
-                GateLimits::of(&config.arm, config.mode, period, config.hold),
+                GateLimits::of(&config.arm, config.mode, period, config.hold, &limits.torque_rate),
                 run,
                 joints,
                 period,
@@ -58,13 +55,13 @@ impl Plant {
             deadlines: Deadlines::default(),
             applied: Applied::Guided,
             motion: Hermite::new(joints),
-            brakes: Braking::new(
-                rates.map(|rate| if rate.is_finite() { rate } else { BRAKE_RATE }).collect(),
-            ),
+            brakes: Braking::new(limits.braking[..joints].to_vec()),
             driven: vec![true; joints],
             torque: vec![0.0; joints],
             state: State::new(run, joints),
-            braked: None,
+            reflexes: Reflexes::new(limits, period),
+            measured: vec![[0.0; 3]; joints],
+            stopped: None,
             backoff: Backoff::for_this_machine(),
             peak_base_force: 0.0,
             wishes: Wishes::default(),
@@ -94,6 +91,9 @@ impl Plant {
         let deadline = now_ns() + self.config.patience.as_nanos() as u64;
         let mut names: Vec<Option<String>> = vec![None; self.line_up.len()];
         while !stop.load(Ordering::Relaxed) {
+            // Asked before the last look at the door: whoever was refused has ended, too.
+            let ended: Vec<usize> =
+                (0..names.len()).filter(|&slot| names[slot].is_none() && self.link.has_ended(slot)).collect();
             for greeting in self.link.greet()? {
                 match greeting {
                     Greeting::Accepted { slot, name, pid } => {
@@ -106,7 +106,11 @@ impl Plant {
             if names.iter().all(Option::is_some) {
                 return Ok(Some(names.into_iter().flatten().collect()));
             }
-            if now_ns() > deadline {
+            let ended: Vec<usize> = ended.into_iter().filter(|&slot| names[slot].is_none()).collect();
+            if !ended.is_empty() && refused.is_empty() {
+                return Err(PlantError::ControllerEnded { slots: ended });
+            }
+            if now_ns() > deadline || !ended.is_empty() {
                 let several = names.len() > 1;
                 return Err(PlantError::NoController {
                     missing: (0..names.len()).filter(|&slot| several && names[slot].is_none()).collect(),

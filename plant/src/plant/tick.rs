@@ -4,13 +4,16 @@ use std::time::Duration;
 
 use freeplay_arm::forward_kinematics;
 use freeplay_laws::Readings;
-use freeplay_shm::{Joints, MAX_JOINTS, Mode, Pace, Schedule, State, now_ns, sleep_then_spin_until};
+use freeplay_shm::{
+    Joints, MAX_JOINTS, Mode, Pace, Reference, Schedule, State, now_ns, sleep_then_spin_until,
+};
 use nalgebra::Vector3;
 
 use crate::cause::Links;
 use crate::plant::{PUBLISHED, Plant, PlantError};
 use crate::{
-    Applied, DeviationStatistics, Input, Motion, NO_DIFFERENCES, PlayRecord, Stage, TickRecord, Wish,
+    Applied, DeviationStatistics, Excess, Input, Motion, NO_DIFFERENCES, PlayRecord, Stage, Stop, StopReason,
+    TickRecord, Wish,
 };
 
 /// How long the plant spins before the schedule's time, ns.
@@ -38,7 +41,7 @@ impl Plant {
             let window = self.state.published_ns + self.config.period_ns / ANSWER_WINDOW;
             self.await_answers(tick, scheduled, window)?;
         }
-        self.step()?;
+        self.step(tick)?;
         let is_complete = match self.config.pace {
             Pace::RealTime => self.line_up.all_have_answered(),
             Pace::Lockstep => self.all_in(tick),
@@ -179,28 +182,66 @@ impl Plant {
         records
     }
 
-    /// Integrates the tick under what is in force.
-    fn step(&mut self) -> Result<(), PlantError> {
+    /// Integrates `tick` under what is in force; a joint that a torque drives beyond a limit closes the brakes within it.
+    fn step(&mut self, tick: u64) -> Result<(), PlantError> {
         let before = now_ns();
-        let motion: &dyn Motion = match self.applied {
-            Applied::Guided => &*self.path,
-            Applied::Brake => &self.brakes,
-            Applied::Command | Applied::Hold => &self.motion,
-        };
-        let by_motion = match self.applied {
-            Applied::Guided | Applied::Brake => true,
-            Applied::Command | Applied::Hold => self.config.mode == Mode::Driven,
-        };
+        let is_commanded = matches!(self.applied, Applied::Command | Applied::Hold);
+        let by_motion = !is_commanded || self.config.mode == Mode::Driven;
         self.driven.fill(by_motion);
-        self.system.tick(&Input { torque: &self.torque, driven: &self.driven, motion })?;
+        let (torque, driven) = (&self.torque, &self.driven);
+        let excess = if by_motion {
+            let motion: &dyn Motion = match self.applied {
+                Applied::Guided => &*self.path,
+                Applied::Brake => &self.brakes,
+                Applied::Command | Applied::Hold => &self.motion,
+            };
+            self.system.tick(&Input { torque, driven, motion })?;
+            None
+        } else {
+            let input = Input { torque, driven, motion: &self.motion };
+            self.system.watched_tick(&input, self.reflexes.limits(), &mut self.brakes)?
+        };
+        if let Some(excess) = excess {
+            self.stop(tick, StopReason::Reflex(excess.quantity), Some(excess));
+        }
         self.links.step_ns = now_ns() - before;
         self.stages.record(Stage::PlantStep, self.links.step_ns);
         Ok(())
     }
 
+    /// From `tick` on the brakes are closed.
+    fn stop(&mut self, tick: u64, reason: StopReason, excess: Option<Excess>) {
+        self.stopped = Some(Stop { tick, reason, excess });
+        self.applied = Applied::Brake;
+    }
+
+    /// Looks at where the joints are at the end of `tick`; closes the brakes if one of them is beyond a limit.
+    fn watch(&mut self, tick: u64) {
+        let joints = self.config.arm.dof();
+        for (joint, measured) in self.measured.iter_mut().enumerate() {
+            *measured = self.system.joint(joint);
+        }
+        let mut reference = Reference::REST;
+        let Reference { q, qd, qdd } = &mut reference;
+        self.path.at(self.system.time(), &mut q[..joints], &mut qd[..joints], &mut qdd[..joints]);
+        let found = self.reflexes.watch(&self.measured, &reference.q[..joints]);
+        if let (Some(excess), Applied::Command | Applied::Hold) = (found, self.applied) {
+            self.stop(tick, StopReason::Reflex(excess.quantity), Some(excess));
+            self.close_brakes();
+        }
+    }
+
+    /// Closes the brakes on joints that are where they were measured.
+    fn close_brakes(&mut self) {
+        self.brakes.close(self.system.time(), self.measured.iter().map(|&[q, v, _]| [q, v]));
+    }
+
     /// Judges the answers and sets what is in force in the next tick; closed brakes stay closed.
     fn judge(&mut self, tick: u64, record: &mut TickRecord) {
-        if self.braked.is_some() {
+        if self.stopped.is_none() {
+            self.watch(tick);
+        }
+        if self.stopped.is_some() {
             record.command = self.line_up.slot_mut(self.line_up.in_charge()).answer;
             return;
         }
@@ -213,21 +254,18 @@ impl Plant {
         }
         self.deadlines.missed += u64::from(self.misses_deadline());
         let settled = tick as f64 * self.config.period_ns as f64 * 1e-9 >= DeviationStatistics::START;
-        let verdict = self.line_up.judge(tick, settled);
+        let verdict = self.line_up.judge(tick, settled, &self.measured);
         let applied = verdict.applied;
         (record.command, record.rejection) = (verdict.answer, verdict.rejection);
         record.differences = self.line_up.differences();
         self.applied = applied;
         if let (Applied::Brake, Some(reason)) = (applied, verdict.rejection) {
-            self.braked = Some((tick, reason));
+            let excess = self.line_up.gate(self.line_up.in_charge()).excess();
+            self.stop(tick, StopReason::Rejected(reason), excess);
         }
-        let joints = self.config.arm.dof();
         match applied {
             Applied::Guided => {}
-            Applied::Brake => {
-                let motors = (0..joints).map(|joint| self.system.joint(joint));
-                self.brakes.close(self.system.time(), motors.map(|[q, v, _]| [q, v]));
-            }
+            Applied::Brake => self.close_brakes(),
             Applied::Command | Applied::Hold => self.command(),
         }
     }

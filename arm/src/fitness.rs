@@ -1,0 +1,115 @@
+//! What an arm can be used for, and what it lacks for the rest.
+
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use crate::arm::ArmError;
+use crate::model::Place;
+
+/// A use of an arm, in the order of what it asks of the masses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Purpose {
+    /// Poses of the tool: lengths and axes alone.
+    ToolPose,
+    /// Torques of a given motion: masses, and inertias that can exist.
+    Torque,
+    /// Motion under given torques: every joint has to move an inertia, too.
+    Simulation,
+}
+
+/// What an arm lacks for a [`Purpose`].
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum Shortfall {
+    /// No link that a joint moves has a mass.
+    #[error(
+        "{at}: no moving link of this file has a mass (<inertial>, or `mass` of a [[joint]]): torques and simulations need masses; \
+         tool poses can be compared without them"
+    )]
+    NoMasses {
+        /// The start of the file.
+        at: Place,
+    },
+    /// The inertia of a moving link can't be.
+    #[error(
+        "{at}: link `{link}`: <inertia> is `{value}`; {problem}; correct it for torques and simulations; tool poses can be compared without it"
+    )]
+    ImpossibleInertia {
+        /// Where it stands.
+        at: Place,
+        /// The link.
+        link: String,
+        /// As it stands in the file.
+        value: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A joint whose motion no inertia resists.
+    #[error("{at}: link `{link}`: {source}, or a `rotor_inertia` in an arm file")]
+    MovesNoInertia {
+        /// Where the joint stands.
+        at: Place,
+        /// The link that the joint moves.
+        link: String,
+        /// The joint and its inertia.
+        source: Box<ArmError>,
+    },
+}
+
+/// Where a joint stands in its file, and which link it moves.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Origin {
+    pub joint: String,
+    pub link: String,
+    pub at: Place,
+}
+
+/// What an arm lacks, carried along to the arms that are made of it. The arms of [`crate::Arm::new`] lack nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Fitness(Option<Arc<Lacks>>);
+
+#[derive(Debug, PartialEq)]
+struct Lacks {
+    origins: Vec<Origin>,
+    torque: Option<Shortfall>,
+    simulation: Option<Shortfall>,
+}
+
+impl Fitness {
+    /// Of an arm from a file: whatever `torque` says stays true of arms that are made of it.
+    pub(crate) fn of_file(origins: Vec<Origin>, torque: Option<Shortfall>) -> Fitness {
+        Fitness(Some(Arc::new(Lacks { origins, torque, simulation: None })))
+    }
+
+    /// The same after the inertias of the joints were looked at: `moves` names a joint that moves none.
+    ///
+    /// # Errors
+    /// `moves`, where this is the fitness of an arm that lacked nothing.
+    pub(crate) fn judged(&self, moves: Result<(), ArmError>) -> Result<Fitness, ArmError> {
+        let Some(lacks) = &self.0 else { return moves.map(|()| Fitness(None)) };
+        let none = match moves {
+            Ok(()) if lacks.torque.is_none() => return Ok(Fitness(None)),
+            Ok(()) => None,
+            Err(source) => {
+                let origin =
+                    lacks.origins.iter().find(|origin| Some(origin.joint.as_str()) == source.joint());
+                // A joint that stands in no file was put in by an effect.
+                let Some(Origin { link, at, .. }) = origin.cloned() else { return Err(source) };
+                Some(Shortfall::MovesNoInertia { at, link, source: Box::new(source) })
+            }
+        };
+        let simulation = lacks.torque.clone().or(none);
+        let (origins, torque) = (lacks.origins.clone(), lacks.torque.clone());
+        Ok(Fitness(Some(Arc::new(Lacks { origins, torque, simulation }))))
+    }
+
+    /// What is lacking for `purpose`.
+    pub(crate) fn shortfall(&self, purpose: Purpose) -> Option<&Shortfall> {
+        let lacks = self.0.as_ref()?;
+        match purpose {
+            Purpose::ToolPose => None,
+            Purpose::Torque => lacks.torque.as_ref(),
+            Purpose::Simulation => lacks.simulation.as_ref(),
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! Which chain of a tree of links is the arm.
+//!
+//! Fingers are told from the arm by what they are to it, not by their names: they part from one link, in a pair of equals or three and
+//! more, and each has no more joints and a shorter reach than the chain that carries them. The arms of a body part from it, too, but
+//! reach farther than the body; the wheels, legs and rotors of a base part from it before any joint. Joints that only follow others
+//! (`<mimic>`) at the end of a chain are fingers as well; those that follow a joint before them are rods of the arm itself.
+
+use std::collections::HashSet;
+
+use super::Selection;
+use super::error::{ModelError, Place};
+use super::names::{listed, match_joints};
+use super::urdf::{Joint, Robot};
+use super::urdf_joint::Motion;
+use super::urdf_tree::Tree;
+use crate::joint::JointKind;
+
+/// The name of the tool frame (REP-199 calls it so); in robots of several arms it ends the name.
+const TOOL: &str = "tool0";
+
+/// The arm in the tree.
+pub(super) struct Chain {
+    /// The link whose frame is the tool frame.
+    pub end: usize,
+    /// The joints from the base outwards, by index.
+    pub joints: Vec<usize>,
+    /// Ends of other chains that would have been as good.
+    pub equals: Vec<usize>,
+}
+
+/// Measures of every link on the way from the root.
+struct Ways<'a> {
+    robot: &'a Robot<'a>,
+    tree: &'a Tree,
+    /// Joints with a motion of their own before a link.
+    moving: Vec<usize>,
+    /// Length of the way since the first of them, m, with the strokes of slides.
+    reach: Vec<f64>,
+    /// Greatest of both among a link and those behind it.
+    most_moving: Vec<usize>,
+    most_reach: Vec<f64>,
+    /// The link from which a rigid body of links begins.
+    body: Vec<usize>,
+    /// Joints that part from a body and move, by the body's first link.
+    branches: Vec<Vec<usize>>,
+    /// The link from which the fingers part on which a link lies.
+    finger_of: Vec<Option<usize>>,
+}
+
+/// The arm of `robot` as `selection` has it.
+pub(super) fn choose(robot: &Robot<'_>, tree: &Tree, selection: &Selection) -> Result<Chain, ModelError> {
+    let ways = Ways::new(robot, tree);
+    if let Some(tip) = &selection.tip {
+        return ways.to_tip(tip);
+    }
+    if let Some(chain) = ways.named(&selection.joints) {
+        return Ok(chain);
+    }
+    let link = robot.links.iter().position(|link| link.name == TOOL);
+    let joint = robot.joints.iter().find(|joint| joint.name == TOOL && joint.motion == Motion::Fixed);
+    let tool = link.or(joint.map(|joint| joint.child)).filter(|&link| ways.moving[link] > 0);
+    Ok(tool
+        .map_or_else(|| ways.longest(), |end| Chain { end, joints: ways.joints_to(end), equals: Vec::new() }))
+}
+
+fn stroke(joint: &Joint) -> f64 {
+    let Ok(details) = &joint.details else { return 0.0 };
+    let range = details.limits.upper - details.limits.lower;
+    if joint.motion.kind() == Some(JointKind::Prismatic) && range.is_finite() { range } else { 0.0 }
+}
+
+impl<'a> Ways<'a> {
+    fn new(robot: &'a Robot<'a>, tree: &'a Tree) -> Self {
+        let links = robot.links.len();
+        let mut ways = Ways {
+            robot,
+            tree,
+            moving: vec![0; links],
+            reach: vec![0.0; links],
+            most_moving: vec![0; links],
+            most_reach: vec![0.0; links],
+            body: (0..links).collect(),
+            branches: vec![Vec::new(); links],
+            finger_of: vec![None; links],
+        };
+        ways.outwards();
+        ways.inwards();
+        ways.find_fingers();
+        ways
+    }
+
+    /// The joint that a link hangs on.
+    fn before(&self, link: usize) -> Option<(usize, &'a Joint)> {
+        self.tree.parent_joint[link].map(|index| (index, &self.robot.joints[index]))
+    }
+
+    fn outwards(&mut self) {
+        for &link in &self.tree.order {
+            let Some((index, joint)) = self.before(link) else { continue };
+            let parent = joint.parent;
+            self.moving[link] = self.moving[parent] + usize::from(joint.motion.is_own());
+            let offset = joint.placement.as_ref().map_or(0.0, |pose| pose.translation.vector.norm());
+            // The place of the first joint is the base's.
+            let offset = if self.moving[parent] > 0 { offset } else { 0.0 };
+            self.reach[link] = self.reach[parent] + offset + stroke(joint);
+            if joint.motion.kind().is_some() {
+                self.branches[self.body[parent]].push(index);
+            } else {
+                self.body[link] = self.body[parent];
+            }
+        }
+    }
+
+    fn inwards(&mut self) {
+        self.most_moving.clone_from(&self.moving);
+        self.most_reach.clone_from(&self.reach);
+        for &link in self.tree.order.iter().rev() {
+            let Some((_, joint)) = self.before(link) else { continue };
+            self.most_moving[joint.parent] = self.most_moving[joint.parent].max(self.most_moving[link]);
+            self.most_reach[joint.parent] = self.most_reach[joint.parent].max(self.most_reach[link]);
+        }
+    }
+
+    fn find_fingers(&mut self) {
+        for &link in &self.tree.order {
+            let Some((_, joint)) = self.before(link) else { continue };
+            let own = joint.motion.kind().is_some() && self.is_finger(joint);
+            self.finger_of[link] = self.finger_of[joint.parent].or(own.then_some(joint.parent));
+        }
+    }
+
+    fn is_finger(&self, joint: &Joint) -> bool {
+        let before = self.moving[joint.parent];
+        if before == 0 {
+            return false;
+        }
+        let follows = matches!(joint.motion, Motion::Mimic(_));
+        if follows && self.most_moving[joint.child] == before && !self.is_rod(joint) {
+            return true;
+        }
+        let branches: Vec<&Joint> = self.branches[self.body[joint.parent]]
+            .iter()
+            .map(|&index| &self.robot.joints[index])
+            .filter(|branch| !self.is_rod(branch))
+            .collect();
+        let joints = |branch: &&Joint| self.most_moving[branch.child] - before;
+        let reach = |branch: &&Joint| self.most_reach[branch.child] - self.reach[branch.parent];
+        let own = |branch: &&&Joint| joints(branch) > 0;
+        let alike = match branches.iter().filter(own).count() {
+            // One that moves, and one that follows it.
+            1 => branches.len() > 1 && joints(&joint) <= 1,
+            2 => branches.iter().filter(own).all(|branch| joints(branch) == joints(&joint)),
+            _ => true,
+        };
+        branches.len() > 1
+            && alike
+            && branches.iter().all(|b| joints(b) <= before && reach(b) < self.reach[joint.parent])
+    }
+
+    /// Whether `joint` follows one of those that carry it, as the rods of a parallelogram do.
+    fn is_rod(&self, joint: &Joint) -> bool {
+        let Ok(details) = &joint.details else { return false };
+        let Some(follows) = &details.follows else { return false };
+        self.path(joint.parent).any(|index| self.robot.joints[index].name == follows.leader)
+    }
+
+    /// The joints before a link, from it to the root.
+    fn path(&self, link: usize) -> impl Iterator<Item = usize> + '_ {
+        let mut link = link;
+        std::iter::from_fn(move || {
+            let (index, joint) = self.before(link)?;
+            link = joint.parent;
+            Some(index)
+        })
+    }
+
+    /// The joints of their own before a link, from the root outwards.
+    fn joints_to(&self, end: usize) -> Vec<usize> {
+        let mut joints: Vec<usize> =
+            self.path(end).filter(|&index| self.robot.joints[index].motion.is_own()).collect();
+        joints.reverse();
+        joints
+    }
+
+    /// The chain to the link called `tip`.
+    fn to_tip(&self, tip: &str) -> Result<Chain, ModelError> {
+        let end = self.robot.links.iter().position(|link| link.name == tip);
+        let problem = match end {
+            Some(end) if self.moving[end] > 0 => {
+                return Ok(Chain { end, joints: self.joints_to(end), equals: Vec::new() });
+            }
+            Some(_) => "no joint moves this link",
+            None => "there is no link of this name",
+        };
+        let known = self.ends().map(|link| self.robot.links[link].name.as_str());
+        Err(ModelError::Tip {
+            at: Place::start(self.robot.source.origin),
+            tip: tip.to_owned(),
+            problem,
+            known: listed(known),
+        })
+    }
+
+    /// The tool links of all chains that end without fingers.
+    fn ends(&self) -> impl Iterator<Item = usize> + '_ {
+        let is_last = |&link: &usize| {
+            let moved = self.before(link).is_some_and(|(_, joint)| joint.motion.is_own());
+            let behind = self.branches[link].iter().map(|&index| self.robot.joints[index].child);
+            moved
+                && self.finger_of[link].is_none()
+                && behind
+                    .filter(|&child| self.most_moving[child] > self.moving[link])
+                    .all(|child| self.finger_of[child].is_some())
+        };
+        self.tree.order.iter().copied().filter(is_last).map(|link| self.tool_of(link))
+    }
+
+    /// The tool frame of the body that begins with the link `moved`: a tool frame by its name, else where fingers part, else the link.
+    fn tool_of(&self, moved: usize) -> usize {
+        let mut rigid = self.tree.order.iter().copied().filter(|&link| self.body[link] == moved);
+        let named = rigid.clone().find(|&link| self.robot.links[link].name.ends_with(TOOL));
+        let parting = rigid.find(|&link| self.finger_of.contains(&Some(link)));
+        named.or(parting).unwrap_or(moved)
+    }
+
+    /// The chain with most joints without its fingers, the first of equals.
+    fn longest(&self) -> Chain {
+        let most = self.ends().map(|end| self.moving[end]).max();
+        let mut best = self.ends().filter(|&end| Some(self.moving[end]) == most);
+        let end = best.next().unwrap_or(self.tree.order[0]);
+        Chain { end, joints: self.joints_to(end), equals: best.collect() }
+    }
+
+    /// The chain with most joints that are called as `names` say. Joints before the first of them stand still.
+    fn named(&self, names: &[String]) -> Option<Chain> {
+        let joints = self.robot.joints.iter().map(|joint| joint.name.as_str());
+        let named: HashSet<usize> = match_joints(names, joints).into_iter().flatten().collect();
+        let is_named = |index: &usize| named.contains(index);
+        let mut best: Option<Chain> = None;
+        for moved in self.tree.order.iter().copied().filter(|&link| self.finger_of[link].is_none()) {
+            let Some((index, _)) = self.before(moved).filter(|(_, joint)| joint.motion.is_own()) else {
+                continue;
+            };
+            let path = self.joints_to(moved);
+            let joints: Vec<usize> = path.iter().copied().skip_while(|index| !is_named(index)).collect();
+            let longer = best.as_ref().is_none_or(|best| joints.len() > best.joints.len());
+            if is_named(&index) && joints.iter().all(is_named) && longer {
+                best = Some(Chain { end: self.tool_of(moved), joints, equals: Vec::new() });
+            }
+        }
+        best
+    }
+}

@@ -1,0 +1,70 @@
+//! XML whose name-space prefixes are not declared, as generators of URDF leave it: the missing declarations are put in.
+
+use std::borrow::Cow;
+
+use roxmltree::{Document, Error, ParsingOptions};
+
+/// Most XML nodes that are read; a robot with meshes by reference has some thousands.
+const MAX_NODES: u32 = 2_000_000;
+/// Most prefixes that are declared for a file. Each costs another reading of it.
+const MAX_PREFIXES: usize = 32;
+
+/// A text with declarations put into its first element, and where.
+pub(super) struct Declared<'a> {
+    pub text: Cow<'a, str>,
+    /// Byte offset at which declarations were put in, and their length.
+    pub inserted: (usize, usize),
+    /// The prefixes.
+    pub prefixes: Vec<String>,
+}
+
+impl<'a> Declared<'a> {
+    /// `text` with declarations for the prefixes that lack one.
+    ///
+    /// # Errors
+    /// The parser's, for a text that is no XML for another reason.
+    pub fn new(text: &'a str) -> Result<Self, Error> {
+        let mut declared = Declared { text: Cow::Borrowed(text), inserted: (0, 0), prefixes: Vec::new() };
+        loop {
+            let error = match Document::parse_with_options(&declared.text, options()) {
+                Ok(_) => return Ok(declared),
+                Err(error) => error,
+            };
+            let prefix = match &error {
+                Error::UnknownNamespace(prefix, _) if prefix != "xacro" => prefix.clone(),
+                _ => return Err(error),
+            };
+            if declared.prefixes.contains(&prefix) || declared.prefixes.len() == MAX_PREFIXES {
+                return Err(error);
+            }
+            let Some(at) = end_of_first_name(text) else { return Err(error) };
+            declared.prefixes.push(prefix);
+            let namespaces =
+                declared.prefixes.iter().map(|prefix| format!(" xmlns:{prefix}=\"urn:{prefix}\""));
+            let namespaces = namespaces.collect::<String>();
+            declared.text = Cow::Owned(format!("{}{namespaces}{}", &text[..at], &text[at..]));
+            declared.inserted = (at, namespaces.len());
+        }
+    }
+}
+
+/// How documents are parsed.
+pub(super) fn options<'input>() -> ParsingOptions<'input> {
+    ParsingOptions { nodes_limit: MAX_NODES, ..ParsingOptions::default() }
+}
+
+/// Byte offset behind the name of the first element.
+fn end_of_first_name(text: &str) -> Option<usize> {
+    let mut rest = 0;
+    loop {
+        let at = rest + text[rest..].find('<')?;
+        let tag = &text[at + 1..];
+        if let Some(comment) = tag.strip_prefix("!--") {
+            rest = text.len() - comment.len() + comment.find("-->")?;
+        } else if tag.starts_with(['?', '!']) {
+            rest = at + 1;
+        } else {
+            return Some(at + 1 + tag.find(|c: char| c.is_whitespace() || c == '>' || c == '/')?);
+        }
+    }
+}

@@ -1,0 +1,20 @@
+//! `freeplay controller`: the process of a controller, which an exam may make faulty.
+
+use freeplay_exam::faults::saboteur::relay;
+use freeplay_harness::controller_command::{ControllerArgs, controller as serve};
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::process::{die_with_parent, leave_signals_alone};
+
+/// Serves one run.
+///
+/// # Errors
+/// As the controller, or the process that makes it faulty.
+pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
+    args.with_parent.map_or(Ok(()), die_with_parent)?;
+    // A controller leaves its run in order; an executable has its own ways.
+    leave_signals_alone();
+    match &args.faults {
+        Some(plan) => relay(args, plan),
+        None => serve(args),
+    }
+}

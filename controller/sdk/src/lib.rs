@@ -1,0 +1,23 @@
+//! The SDK for controllers: a trait to implement, a function to call, and nothing that solves or learns behind them.
+//!
+//! A controller is a process of its own. It never sees the plant, only its states; what it knows of the arm is a model file, which
+//! may be wrong.
+//!
+//! The nouns, in the order in which data passes through them:
+//!
+//! - [`Task`]: the file that tells a controller its model, its reference path, its gains and its options.
+//! - [`Controller`]: the trait: [`Controller::start`] with the task and the [`RunInfo`], then [`Controller::answer`] state by state.
+//! - [`Answer`]: the controller's answer to one state.
+//! - [`serve()`]: the process of a controller: finds the run, shakes hands, answers, ends with an exit code; [`serve_with`] takes
+//!   [`ServeOptions`].
+//!
+//! The messages themselves, `State` and `Command`, are those of `freeplay-shm`.
+
+mod answer_loop;
+pub mod controller;
+pub mod serve;
+pub mod task;
+
+pub use controller::{Answer, Controller, ControllerError, RunInfo};
+pub use serve::{Ended, ServeError, ServeOptions, ServeReport, serve, serve_with};
+pub use task::{Gains, LimitsFrom, PAPER_MODEL, Task, TaskError, TaskMode};

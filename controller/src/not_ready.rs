@@ -1,0 +1,57 @@
+//! Why a built-in controller cannot start.
+
+use freeplay_arm::{ArmError, ModelError};
+use freeplay_laws::LawError;
+use freeplay_path::PathError;
+use freeplay_predictor::weight_file::{MismatchError, WeightFileError};
+use thiserror::Error;
+
+use crate::controller::ControllerError;
+use crate::horizon::HorizonError;
+use crate::qp::QpError;
+
+/// A fault in the set-up of a built-in controller.
+#[derive(Debug, Error)]
+pub enum NotReady {
+    /// The arm file cannot be used.
+    #[error(transparent)]
+    Model(#[from] ModelError),
+    /// The arm with play cannot be built.
+    #[error(transparent)]
+    Arm(#[from] ArmError),
+    /// An effect of the arm file cannot be used.
+    #[error("the controller's model: {0}")]
+    Law(#[from] LawError),
+    /// The reference motion cannot be planned on the model.
+    #[error("the controller's reference motion: {0}")]
+    Path(#[from] PathError),
+    /// The compensation programme cannot be set up.
+    #[error(transparent)]
+    Qp(#[from] QpError),
+    /// The compensation's horizon cannot be set up.
+    #[error(transparent)]
+    Horizon(#[from] HorizonError),
+    /// The file with a network's weights cannot be used.
+    #[error(transparent)]
+    Weights(#[from] WeightFileError),
+    /// The weights were trained for another arm or joint.
+    #[error("{file}: {source}")]
+    OtherWeights {
+        /// The weight file.
+        file: String,
+        /// What they are for.
+        source: Box<MismatchError>,
+    },
+    /// Task and plant don't fit together.
+    #[error(transparent)]
+    Task(#[from] ControllerError),
+}
+
+impl From<NotReady> for ControllerError {
+    fn from(fault: NotReady) -> Self {
+        match fault {
+            NotReady::Task(fault) => fault,
+            fault => Self::Custom(Box::new(fault)),
+        }
+    }
+}

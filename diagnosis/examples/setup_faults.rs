@@ -1,0 +1,158 @@
+//! Set-up faults put into concealed machines' recordings, and what is found of them:
+//! `cargo run --release -p freeplay-diagnosis --example setup_faults -- single|two|clean ROUNDS SEED [KIND]`.
+//!
+//! Prints each case that is not answered right, and a table at the end: right kind and joint, missed, wrong, time.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+use freeplay_concealed::{
+    CATALOGUE, Case, Demand, Kept, Machine, Made, Noise, SETUP, Samples, SetupFault, Severity, generate,
+    with_setup_faults,
+};
+use freeplay_diagnosis::{Certainty, examine};
+use freeplay_recording::Recording;
+
+/// What is missing from the model beside the fault.
+const BESIDE: [&str; 4] = ["", "coulomb_friction", "payload", "joint_coupling"];
+
+#[derive(Default)]
+struct Row {
+    right: usize,
+    missed: usize,
+    wrong: usize,
+    seconds: f64,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let arguments: Vec<String> = std::env::args().collect();
+    let usage = "give single, two or clean, a number of rounds and a seed";
+    let mode = arguments.get(1).ok_or(usage)?;
+    let rounds: u64 = arguments.get(2).ok_or(usage)?.parse()?;
+    let seed: u64 = arguments.get(3).ok_or(usage)?.parse()?;
+    let only = arguments.get(4).map(String::as_str);
+    let mut rows: BTreeMap<String, Row> = BTreeMap::new();
+    for round in 0..rounds {
+        for (number, machine) in Machine::ALL.into_iter().enumerate() {
+            let draw = (seed * 7919 + round) as usize * 7 + number;
+            let kind = if mode == "clean" { CATALOGUE[draw % CATALOGUE.len()] } else { BESIDE[draw % 4] };
+            let effects = if kind.is_empty() || (mode == "clean" && draw.is_multiple_of(3)) {
+                Vec::new()
+            } else {
+                let severity = Severity::ALL[draw % 3];
+                vec![Demand { kind: kind.to_owned(), joint: None, severity }]
+            };
+            let noise = Noise::ALL[(draw / 3) % 3];
+            let case = Case { machine, effects, family: None, noise, hollow: false, seed: draw as u64 };
+            let Ok(made) = generate(&case) else { continue };
+            for (k, kinds) in sets(mode, draw, only).into_iter().enumerate() {
+                let kept = match (draw + k) % 4 {
+                    0 => Kept { torque: true, tool: true, friction: (draw + k).is_multiple_of(3) },
+                    3 => Kept { torque: false, tool: true, friction: true },
+                    _ => Kept { torque: true, tool: false, friction: !(draw + k).is_multiple_of(3) },
+                };
+                let name = if kinds.is_empty() { "clean".to_owned() } else { kinds.join(" + ") };
+                let faulty = with_setup_faults(&made, &kinds, kept, (draw * 31 + k) as u64)?;
+                if let Some((made, truth)) = faulty {
+                    let label = format!("{machine:?} {kind} {kept:?} {}", made.truth.families[0]);
+                    score(rows.entry(name).or_default(), &label, &made, &truth)?;
+                }
+            }
+        }
+    }
+    let mut all = Row::default();
+    for (name, row) in &rows {
+        let Row { right, missed, wrong, seconds } = row;
+        println!(
+            "{name:40} right {right:3} missed {missed:3} wrong {wrong:3} {:.2} s each",
+            seconds / (right + missed + wrong) as f64
+        );
+        all.right += right;
+        all.missed += missed;
+        all.wrong += wrong;
+    }
+    println!("all: right {} missed {} wrong {}", all.right, all.missed, all.wrong);
+    Ok(())
+}
+
+/// The sets of faults that are tried on one recording.
+fn sets(mode: &str, draw: usize, only: Option<&str>) -> Vec<Vec<&'static str>> {
+    let wanted = SETUP.into_iter().filter(|kind| only.is_none_or(|only| only == *kind));
+    match mode {
+        "clean" => vec![Vec::new()],
+        "two" => {
+            let other = |(k, kind): (usize, &'static str)| {
+                let second = SETUP[(draw + 3 * k + 1) % SETUP.len()];
+                let alone = ["frozen_channel", "another_arm"];
+                let fits = second != kind && !alone.contains(&kind) && !alone.contains(&second);
+                fits.then(|| vec![kind, second])
+            };
+            wanted.enumerate().filter_map(other).collect()
+        }
+        _ => wanted.map(|kind| vec![kind]).collect(),
+    }
+}
+
+fn score(row: &mut Row, label: &str, made: &Made, truth: &[SetupFault]) -> Result<(), Box<dyn Error>> {
+    let arm = freeplay_arm::parse_toml(&made.model, Path::new("model.toml"))?.arm;
+    let recording = recording(&made.recording)?;
+    let start = Instant::now();
+    let setup = examine(&arm, &recording);
+    row.seconds += start.elapsed().as_secs_f64();
+    let name = |joint: usize| Some(arm.joints()[joint].name.clone());
+    let mut wanted: Vec<(String, Option<String>)> = Vec::new();
+    for fault in truth {
+        let kind = || fault.kind.to_owned();
+        match fault.joints.as_slice() {
+            [] => wanted.push((kind(), None)),
+            joints => wanted.extend(joints.iter().map(|&joint| (kind(), name(joint)))),
+        }
+    }
+    let mut found: Vec<(String, Option<String>)> = Vec::new();
+    for finding in setup.findings.iter().filter(|finding| finding.certainty == Certainty::Sure) {
+        let kind = || finding.kind.to_owned();
+        let is_of_all =
+            finding.joint.is_none() && wanted.iter().any(|(w, joint)| *w == finding.kind && joint.is_some());
+        if is_of_all {
+            found.extend((0..arm.dof()).map(|joint| (kind(), name(joint))));
+        } else {
+            found.push((kind(), finding.joint.clone()));
+        }
+    }
+    wanted.sort();
+    found.sort();
+    if wanted == found
+        && (setup.findings.len() >= wanted.len() || !truth.is_empty())
+        && (!truth.is_empty() || setup.findings.is_empty())
+    {
+        row.right += 1;
+        return Ok(());
+    }
+    if found.iter().all(|one| wanted.contains(one)) && !truth.is_empty() {
+        row.missed += 1
+    } else {
+        row.wrong += 1
+    }
+    println!(
+        "{label}: {:?}",
+        truth
+            .iter()
+            .map(|t| format!("{} {:?} {:.3?} {}", t.kind, t.joints, t.values, t.detail))
+            .collect::<Vec<_>>()
+    );
+    for finding in &setup.findings {
+        println!(
+            "    {:?} {} {:?} {:.4}: {}",
+            finding.certainty, finding.kind, finding.joint, finding.value, finding.statement
+        );
+    }
+    Ok(())
+}
+
+fn recording(samples: &Samples) -> Result<Recording, Box<dyn Error>> {
+    let mut columns = vec![("t".to_owned(), samples.t.clone())];
+    columns.extend(samples.names.iter().cloned().zip(samples.columns.iter().cloned()));
+    Ok(Recording::new(Path::new("made.csv"), columns)?)
+}

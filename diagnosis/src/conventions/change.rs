@@ -1,0 +1,196 @@
+//! What a hypothesis changes, of the reading or of the physics beside it, and how probable that is beforehand.
+
+use freeplay_arm::{Arm, JointKind};
+use nalgebra::Vector3;
+
+use super::reading::Reading;
+
+/// Which channels are on another clock than the positions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Late {
+    /// The torques.
+    Torque,
+    /// The tool.
+    Tool,
+    /// Both.
+    Both,
+}
+
+/// Physics beside the fault, in the coarse form in which it could hide or feign one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Physics {
+    /// A load at the tool.
+    Payload,
+    /// The inertia of a joint's rotor.
+    Rotor(usize),
+    /// A spring at a joint.
+    Spring(usize),
+    /// Drag that grows with the square of a joint's speed.
+    Drag(usize),
+    /// The mass of a link, with its inertia.
+    Link(usize),
+    /// Motion of another joint in this joint's torque.
+    Coupling(usize, usize),
+}
+
+/// One change of the reading, or of the physics beside it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Change {
+    /// All revolute joints are in degrees, all prismatic ones in millimetres.
+    AngleUnit,
+    /// Two joints are exchanged.
+    Exchange(usize, usize),
+    /// A joint is counted the other way, its torque with it or not.
+    Direction { joint: usize, with_torque: bool },
+    /// A joint has another zero, rad (m); fitted, or one of the usual ones.
+    Zero { joint: usize, offset: f64, is_fitted: bool },
+    /// A joint's recorded position holds another's times a factor; its torques are carried over accordingly, or not.
+    Relative { joint: usize, other: usize, factor: f64 },
+    /// A joint's torque has the other sign.
+    TorqueSign(usize),
+    /// A joint's torque is the model's times a factor that is fitted.
+    Scale(usize),
+    /// A joint's torque is the model's times the factor that another joint's fit gave.
+    SameScale(usize, f64),
+    /// All torques are the model's times one factor that is fitted.
+    CommonScale,
+    /// Gravity in the base frame is this, m/s².
+    Gravity(Vector3<f64>),
+    /// Gravity in the base frame has any direction.
+    AnyGravity,
+    /// Gravity was taken out of the torques.
+    Compensated,
+    /// A group of channels is late, s.
+    Delay(Late, f64),
+    /// Physics beside the reading.
+    Beside(Physics),
+}
+
+/// Prior odds of the first change of a kind. Most recordings are read as they stand.
+const RARE: f64 = 0.01;
+/// Of a further one of the same kind: where one joint is in amperes, others are, too.
+const FURTHER: f64 = 0.2;
+/// One of the faces that an arm can be mounted on.
+const FACES: f64 = 6.0;
+/// Prior odds of physics beside it: a model without a load, a rotor or a spring is common.
+const COMMON: f64 = 0.1;
+
+impl Change {
+    /// The kind of change, for prior odds and for finding a replacement.
+    pub fn sort(&self) -> u8 {
+        match self {
+            Change::AngleUnit => 0,
+            Change::Exchange(..) => 1,
+            Change::Direction { .. } => 2,
+            Change::Zero { .. } => 3,
+            Change::Relative { .. } => 4,
+            Change::TorqueSign(_) => 5,
+            Change::Scale(_) | Change::SameScale(..) | Change::CommonScale => 6,
+            Change::Gravity(_) | Change::AnyGravity | Change::Compensated => 7,
+            Change::Delay(..) => 8,
+            Change::Beside(_) => 9,
+        }
+    }
+
+    /// Whether it is one of the reading, not of physics beside it.
+    pub fn is_reading(&self) -> bool {
+        !matches!(self, Change::Beside(_))
+    }
+
+    /// Natural logarithm of its prior odds beside `others`.
+    pub fn log_odds(&self, others: &[Change]) -> f64 {
+        let odds: f64 = match self {
+            Change::Beside(_) => COMMON,
+            Change::SameScale(..) => 0.5,
+            Change::Gravity(_) => RARE / FACES,
+            _ if others.iter().any(|other| other.sort() == self.sort()) => FURTHER,
+            _ => RARE,
+        };
+        odds.ln()
+    }
+
+    /// How many numbers it fits.
+    pub fn parameters(&self) -> usize {
+        match self {
+            Change::Zero { is_fitted, .. } => usize::from(*is_fitted),
+            Change::Scale(_) | Change::CommonScale | Change::Delay(..) => 1,
+            Change::AnyGravity => 2,
+            Change::Beside(Physics::Payload) => 4,
+            Change::Beside(Physics::Coupling(..)) => 3,
+            Change::Beside(_) => 1,
+            _ => 0,
+        }
+    }
+
+    /// Whether both can't be at once.
+    pub fn excludes(&self, other: &Change) -> bool {
+        match (self, other) {
+            (Change::Direction { joint: a, .. }, Change::Direction { joint: b, .. })
+            | (Change::Zero { joint: a, .. }, Change::Zero { joint: b, .. })
+            | (Change::Relative { joint: a, .. }, Change::Relative { joint: b, .. })
+            | (Change::Scale(a) | Change::SameScale(a, _), Change::Scale(b) | Change::SameScale(b, _)) => {
+                a == b
+            }
+            (Change::CommonScale, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale)
+            | (Change::Scale(_) | Change::SameScale(..), Change::CommonScale)
+            | (Change::Delay(..), Change::Delay(..)) => true,
+            _ => self.sort() == 7 && other.sort() == 7 || self == other,
+        }
+    }
+
+    /// Whether the other `change` concerns the same joint, or all.
+    pub fn joint(&self) -> Option<usize> {
+        match self {
+            Change::Direction { joint, .. } | Change::Zero { joint, .. } | Change::Relative { joint, .. } => {
+                Some(*joint)
+            }
+            Change::TorqueSign(joint) | Change::Scale(joint) | Change::SameScale(joint, _) => Some(*joint),
+            _ => None,
+        }
+    }
+}
+
+/// The reading of `changes`: what of them can be said without a fit.
+pub(crate) fn reading(arm: &Arm, changes: &[Change]) -> Reading {
+    let mut reading = Reading::plain(arm.dof());
+    for change in changes {
+        match *change {
+            Change::AngleUnit => {
+                for (position, joint) in reading.positions.iter_mut().zip(arm.joints()) {
+                    position.unit = match joint.kind {
+                        JointKind::Revolute => std::f64::consts::PI / 180.0,
+                        JointKind::Prismatic => 1e-3,
+                    };
+                }
+            }
+            Change::Exchange(one, other) => reading.exchange(one, other),
+            Change::Direction { joint, with_torque } => {
+                reading.positions[joint].sign *= -1.0;
+                if with_torque {
+                    reading.torques[joint].factor *= -1.0;
+                }
+            }
+            Change::Zero { joint, offset, .. } => reading.positions[joint].zero = offset,
+            Change::Relative { joint, other, factor } => {
+                reading.positions[joint].relative = Some((other, factor));
+            }
+            Change::TorqueSign(joint) => reading.torques[joint].factor *= -1.0,
+            Change::Gravity(gravity) => reading.gravity = Some(gravity),
+            Change::Delay(late, delay) => {
+                if late != Late::Tool {
+                    reading.torque_delay = delay;
+                }
+                if late != Late::Torque {
+                    reading.tool_delay = delay;
+                }
+            }
+            Change::Compensated => reading.gravity_added = true,
+            Change::Scale(_)
+            | Change::SameScale(..)
+            | Change::CommonScale
+            | Change::AnyGravity
+            | Change::Beside(_) => {}
+        }
+    }
+    reading
+}

@@ -1,0 +1,234 @@
+//! The question from end to end: from a recording to what is wrong with its reading.
+
+use freeplay_arm::{Arm, JointKind};
+use freeplay_recording::{Recording, unwrapped};
+
+use super::change::{Change, reading};
+use super::finding::{Certainty, Setup, SetupFinding};
+use super::kinds::{self, Told};
+use super::problem::{FLOOR, Outcome};
+use super::reading::Reading;
+use super::samples::Samples;
+use super::search::Search;
+
+/// Least log odds of a change, its price and its prior odds taken off, the rows counted as far as they are independent: 1000 to 1.
+const OVERWHELMING: f64 = 6.9;
+/// Of a channel that a change mends, the variance that is left has to fall by these factors for a sure and for a likely finding.
+const MOST: f64 = 10.0;
+const MUCH: f64 = 6.0;
+/// A channel counts for that where at least this share of its variance was unexplained.
+const UNEXPLAINED: f64 = 0.05;
+/// A channel speaks of its reading where the rigid arm makes this share of its variance.
+pub(super) const SPOKEN: f64 = 0.1;
+/// Log odds within which another change explains as much: 20 to 1.
+const RIVAL: f64 = 3.0;
+/// Rows beyond which residuals are taken to be independent, and the most that a row may be correlated with the others.
+const MEMORY: usize = 12;
+const MOST_ROWS_PER_ONE: f64 = 12.0;
+
+/// Whether `recording` and `arm` speak of the same arm, in the same units, signs, order and on the same clock.
+pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
+    let mut setup = Setup { findings: Vec::new(), reading: Reading::plain(arm.dof()), stop: None };
+    if recording.joints() != arm.dof() {
+        return setup;
+    }
+    let mut raw = recording.clone();
+    if let Some(finding) = kinds::time_unit::found(recording) {
+        setup.reading.time_unit = 1.0 / finding.value;
+        raw.t.iter_mut().for_each(|t| *t *= setup.reading.time_unit);
+        setup.findings.push(finding);
+    }
+    let wrapped = kinds::angle_wrap::found(arm, recording);
+    setup.reading.unwrap = !wrapped.is_empty();
+    setup.findings.extend(wrapped);
+    let frozen = kinds::frozen_channel::found(arm, recording);
+    if let Some((finding, _)) = frozen.iter().find(|(_, is_position)| *is_position) {
+        setup.stop = Some(finding.statement.clone());
+    }
+    setup.findings.extend(frozen.into_iter().map(|(finding, _)| finding));
+    let turning = |joint: usize| arm.joints()[joint].kind == JointKind::Revolute;
+    let columns = recording.q.iter().enumerate();
+    let q: Vec<Vec<f64>> = columns
+        .map(|(joint, q)| {
+            let smooth = if turning(joint) { unwrapped(q) } else { None };
+            smooth.unwrap_or_else(|| q.clone())
+        })
+        .collect();
+    if setup.stop.is_none()
+        && let Ok(samples) = Samples::new(&raw, &q)
+        && samples.len() > arm.dof() + MEMORY
+    {
+        Examination { arm, recording, samples: &samples }.conclude(&mut setup);
+    }
+    setup
+}
+
+struct Examination<'a> {
+    arm: &'a Arm,
+    recording: &'a Recording,
+    samples: &'a Samples,
+}
+
+impl Examination<'_> {
+    fn conclude(&self, setup: &mut Setup) {
+        let (has_torques, has_tool) = (self.samples.has_torques(), self.samples.has_tool());
+        if !has_torques && !has_tool {
+            let [q, v, _] = &self.samples.motion;
+            let finding = kinds::angle_unit::by_motion(self.arm, q, v);
+            self.take(setup, finding.iter().map(|_| Change::AngleUnit).collect());
+            setup.findings.extend(finding);
+            return;
+        }
+        let search = Search::new(self.arm, self.samples);
+        let (best, certain, rivals) = self.settled(&search);
+        if let Some(other) = kinds::another_arm::found(&best, self.arm.dof(), has_torques, has_tool) {
+            let still = kinds::frozen_channel::suspected(self.arm, self.recording);
+            let finding = still.unwrap_or(other);
+            setup.stop = Some(finding.statement.clone());
+            setup.findings.push(finding);
+            return;
+        }
+        let told = Told { arm: self.arm, best: &best, certain: &certain, rivals: &rivals };
+        setup.findings.extend(kinds::says(&told));
+        let sure = certain.iter().filter(|(_, certainty)| *certainty == Certainty::Sure);
+        let sure: Vec<Change> = sure.map(|(change, _)| *change).collect();
+        self.take(setup, sure.clone());
+        for change in &sure {
+            match *change {
+                Change::Scale(joint) | Change::SameScale(joint, _) => {
+                    setup.reading.torques[joint].factor /= best.scale[joint];
+                }
+                Change::CommonScale => {
+                    let each = setup.reading.torques.iter_mut().zip(&best.scale);
+                    each.for_each(|(torque, scale)| torque.factor /= scale);
+                }
+                Change::AnyGravity => setup.reading.gravity = Some(best.gravity),
+                _ => {}
+            }
+        }
+        setup.findings.extend(self.left_still(&best));
+    }
+
+    /// The reading of the changes that are sure, with what was known of it before.
+    fn take(&self, setup: &mut Setup, sure: Vec<Change>) {
+        let known = setup.reading.clone();
+        setup.reading =
+            Reading { time_unit: known.time_unit, unwrap: known.unwrap, ..reading(self.arm, &sure) };
+    }
+
+    /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
+    fn settled(&self, search: &Search) -> (Outcome, Vec<(Change, Certainty)>, Vec<(Change, String)>) {
+        let mut best = search.best();
+        loop {
+            let (certain, rivals) = self.certain(search, &best);
+            let is_kept = |change: &&Change| {
+                kinds::is_small(self.arm, &best, change) || certain.iter().any(|(known, _)| known == *change)
+            };
+            let readings = best.changes.iter().filter(|change| change.is_reading());
+            let kept: Vec<Change> = readings.clone().filter(is_kept).copied().collect();
+            if kept.len() == readings.count() {
+                return (best, certain, rivals);
+            }
+            best = search.beside(&kept);
+        }
+    }
+
+    /// The changes of `best` that are sure or likely, each with what explains as much.
+    fn certain(&self, search: &Search, best: &Outcome) -> (Vec<(Change, Certainty)>, Vec<(Change, String)>) {
+        let counts = rows_per_one(best);
+        let (mut certain, mut rivals) = (Vec::new(), Vec::new());
+        let asked = best
+            .changes
+            .iter()
+            .filter(|change| change.is_reading() && !kinds::is_small(self.arm, best, change));
+        for change in asked {
+            let rest = without(&best.changes, change);
+            let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
+            let other = search.beside(&readings);
+            if other.likelihood.len() != best.likelihood.len() {
+                continue;
+            }
+            let Some(certainty) = certainty(change, best, &other, &counts) else { continue };
+            certain.push((*change, certainty));
+            rivals.extend(self.rival(search, best, change, &rest).map(|words| (*change, words)));
+        }
+        (certain, rivals)
+    }
+
+    /// Another change of the same joint that explains as much.
+    fn rival(&self, search: &Search, best: &Outcome, change: &Change, rest: &[Change]) -> Option<String> {
+        let joint = change.joint()?;
+        let others = [
+            Change::Direction { joint, with_torque: true },
+            Change::Direction { joint, with_torque: false },
+            Change::TorqueSign(joint),
+            Change::Zero { joint, offset: std::f64::consts::PI, is_fitted: false },
+        ];
+        let others = others.into_iter().filter(|other| other != change);
+        let as_good = others.filter(|other| {
+            let set = [rest, &[*other]].concat();
+            search.whole.outcome(&set).evidence > best.evidence - RIVAL
+        });
+        as_good.map(|other| kinds::briefly(self.arm, &other)).next()
+    }
+
+    /// A position that never changes, in a recording that no reading explains.
+    fn left_still(&self, best: &Outcome) -> Option<SetupFinding> {
+        const UNEXPLAINED: f64 = 0.3;
+        let is_odd = best.left.iter().any(|left| *left > UNEXPLAINED);
+        kinds::frozen_channel::suspected(self.arm, self.recording)
+            .filter(|_| is_odd)
+            .map(|finding| SetupFinding { certainty: Certainty::Likely, ..finding })
+    }
+}
+
+/// `changes` without `change`; an order is one, however many exchanges make it.
+fn without(changes: &[Change], change: &Change) -> Vec<Change> {
+    let is_order = matches!(change, Change::Exchange(..));
+    let stays = |other: &&Change| **other != *change && !(is_order && matches!(other, Change::Exchange(..)));
+    changes.iter().filter(stays).copied().collect()
+}
+
+/// How sure it is that `best` is right against `other`, which lacks `change`; rows of channel c count 1/`counts[c]` each. A reading shows
+/// in what the arm itself asks for: where friction is all, a gap or bristles look like a clock, and a torque that has nothing to do with
+/// the model like one in a unit that is far too large. Torques without gravity alone may be silent.
+fn certainty(change: &Change, best: &Outcome, other: &Outcome, counts: &[f64]) -> Option<Certainty> {
+    let is_silent = matches!(change, Change::Compensated);
+    let price = |outcome: &Outcome| outcome.evidence - outcome.likelihood.iter().sum::<f64>();
+    let mut odds = price(best) - price(other);
+    let mut fall = 1.0_f64;
+    for (c, count) in counts.iter().enumerate() {
+        if !is_silent && best.spoken[c] < SPOKEN {
+            continue;
+        }
+        let gain = best.likelihood[c] - other.likelihood[c];
+        odds += if gain > 0.0 { gain / count } else { gain };
+        if other.left[c] > UNEXPLAINED {
+            fall = fall.max((other.left[c] + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
+        }
+    }
+    if !(odds > OVERWHELMING) {
+        return None;
+    }
+    match fall {
+        fall if fall > MOST => Some(Certainty::Sure),
+        fall if fall > MUCH => Some(Certainty::Likely),
+        _ => None,
+    }
+}
+
+/// How many rows of each channel count as one: 1 + 2 Σ ρ_k of what is left of it (Bartlett 1946).
+fn rows_per_one(best: &Outcome) -> Vec<f64> {
+    let of = |residual: &Vec<f64>| {
+        let mean = residual.iter().sum::<f64>() / residual.len().max(1) as f64;
+        let x: Vec<f64> = residual.iter().map(|x| x - mean).collect();
+        let whole: f64 = x.iter().map(|x| x * x).sum();
+        if whole <= 0.0 {
+            return 1.0;
+        }
+        let at = |lag: usize| x.iter().zip(&x[lag.min(x.len())..]).map(|(a, b)| a * b).sum::<f64>() / whole;
+        let sum: f64 = (1..=MEMORY).map(at).take_while(|rho| *rho > 0.0).sum();
+        (1.0 + 2.0 * sum).min(MOST_ROWS_PER_ONE)
+    };
+    best.residual.iter().map(of).collect()
+}

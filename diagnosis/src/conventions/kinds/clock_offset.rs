@@ -1,0 +1,50 @@
+//! `clock_offset`: groups of channels from two logs whose clocks don't agree.
+//!
+//! It asks by how much the torques, the tool, or both are late against the positions, up to half a second. The hypothesis shifts
+//! them. What a position loop could live with is the catalogue's `time_delay`.
+
+use super::super::change::Change;
+use super::super::change::Late;
+use super::super::finding::SetupFinding;
+use super::super::search::groups;
+use super::{Ask, Told};
+
+/// Delays up to here are the catalogue's, s: with more, no position loop of 5 Hz would hold (60 degrees of its phase).
+pub(crate) const LEAST: f64 = 0.033;
+/// The delays asked for: this many each way, s apart.
+const COUNT: i8 = 16;
+const APART: f64 = 0.03;
+
+/// What it asks.
+pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
+    let delays = || (-COUNT..=COUNT).filter(|k| *k != 0).map(|k| f64::from(k) * APART);
+    let groups = groups(ask.has_torques, ask.has_tool).into_iter();
+    groups.flat_map(|late| delays().map(move |delay| Change::Delay(late, delay))).collect()
+}
+
+/// Words and remedy.
+pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
+    let found = told.of(|change| matches!(change, Change::Delay(..)));
+    let one = |(change, certainty)| {
+        let Change::Delay(late, delay) = change else { return None };
+        let group = match late {
+            Late::Torque => "torques are",
+            Late::Tool => "tracked tool is",
+            Late::Both => "torques and the tracked tool are",
+        };
+        let (ms, way) = ((delay.abs() * 1e3).round(), if delay > 0.0 { "late" } else { "early" });
+        Some(SetupFinding {
+            kind: "clock_offset",
+            joint: None,
+            value: delay,
+            unit: "s",
+            certainty,
+            statement: format!(
+                "The {group} {ms} ms {way} against the joint positions: were two logs with two clocks joined?"
+            ),
+            remedy: format!("Shift them by {ms} ms in the mapping, or join the logs on one clock."),
+            gravity: None,
+        })
+    };
+    found.into_iter().filter_map(one).collect()
+}

@@ -1,0 +1,35 @@
+//! `gravity_compensated`: torques from which the controller has taken the gravity of the arm.
+//!
+//! It asks whether the torques hold no gravity at all. The hypothesis adds the model's to them.
+
+use super::super::change::Change;
+use super::super::finding::SetupFinding;
+use super::{Ask, Told};
+
+/// What it asks.
+pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
+    let is_asked = ask.has_torques && ask.arm.gravity().norm() > 0.0;
+    is_asked.then_some(Change::Compensated).into_iter().collect()
+}
+
+/// Words and remedy.
+pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
+    let found = told.of(|change| *change == Change::Compensated);
+    let one = |(change, certainty)| {
+        SetupFinding {
+        kind: "gravity_compensated",
+        joint: None,
+        value: 0.0,
+        unit: "m/s^2",
+        certainty,
+        statement: format!(
+            "The torques hold no gravity: the controller, or the driver, has taken the arm's weight out of them.{}",
+            told.rival(&change)
+        ),
+        remedy: "Record the whole torque, or say gravity_compensated = true in the mapping, which adds the model's weight."
+            .to_owned(),
+        gravity: Some([0.0; 3]),
+    }
+    };
+    found.into_iter().map(one).collect()
+}

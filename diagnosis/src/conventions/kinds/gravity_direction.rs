@@ -1,0 +1,63 @@
+//! `gravity_direction`: an arm that hangs from a ceiling or stands out from a wall, while its model stands upright.
+//!
+//! It asks for the six faces of a cube and for any direction: three linear numbers in the base frame, never two angles. The
+//! hypothesis turns gravity in the model. A small angle is the catalogue's `base_tilt`.
+
+use freeplay_arm::Arm;
+use nalgebra::Vector3;
+
+use super::super::change::Change;
+use super::super::finding::SetupFinding;
+use super::super::problem::Outcome;
+use super::brief;
+use super::{Ask, Told};
+
+/// A base that leans by no more than this is the catalogue's, rad: mountings are turned by 30 degrees and more.
+pub(crate) const LEAST: f64 = 0.44;
+
+/// The angle between the gravity of `outcome` and the model's, rad.
+pub(crate) fn angle(arm: &Arm, outcome: &Outcome) -> f64 {
+    outcome.gravity.angle(arm.gravity())
+}
+
+/// What it asks.
+pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
+    let size = ask.arm.gravity().norm();
+    if !ask.has_torques || size == 0.0 {
+        return Vec::new();
+    }
+    let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+    let faces = axes.into_iter().flat_map(|axis| [axis * size, axis * -size]);
+    let others = faces.filter(|face| face.angle(ask.arm.gravity()) > LEAST);
+    others.map(Change::Gravity).chain([Change::AnyGravity]).collect()
+}
+
+/// Words and remedy.
+pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
+    let found = told.of(|change| matches!(change, Change::Gravity(_) | Change::AnyGravity));
+    let Some(&(change, certainty)) = found.first() else { return Vec::new() };
+    let (gravity, angle) = (told.best.gravity, angle(told.arm, told.best));
+    let numbers: Vec<String> = gravity.iter().map(|x| format!("{}", (x * 1e4).round() / 1e4)).collect();
+    let standing = if angle > 2.8 {
+        "The arm hangs upside down against its model"
+    } else if (angle - std::f64::consts::FRAC_PI_2).abs() < 0.1 {
+        "The arm is mounted on a wall"
+    } else {
+        "The arm's base is turned"
+    };
+    vec![SetupFinding {
+        kind: "gravity_direction",
+        joint: None,
+        value: angle,
+        unit: "rad",
+        certainty,
+        statement: format!(
+            "{standing}: its torques show gravity turned by {} degrees, [{}] m/s² in the base frame.{}",
+            brief(angle.to_degrees()),
+            numbers.join(", "),
+            told.rival(&change)
+        ),
+        remedy: format!("Write gravity = [{}] into the arm file.", numbers.join(", ")),
+        gravity: Some([gravity.x, gravity.y, gravity.z]),
+    }]
+}

@@ -1,0 +1,41 @@
+//! `joint_coordinates`: a joint recorded relative to the horizon, or to the joint before (a parallel linkage).
+//!
+//! It asks for every joint whether its position holds that of its neighbour, plus or minus. The hypothesis takes that out.
+
+use freeplay_arm::JointKind;
+
+use super::super::change::Change;
+use super::super::finding::SetupFinding;
+use super::{Ask, Told};
+
+/// What it asks.
+pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
+    let turns = |joint: usize| ask.arm.joints()[joint].kind == JointKind::Revolute;
+    let pairs = (1..ask.arm.dof()).filter(|&joint| turns(joint) && turns(joint - 1));
+    let both = |joint| [1.0, -1.0].map(|factor| Change::Relative { joint, other: joint - 1, factor });
+    pairs.flat_map(both).collect()
+}
+
+/// Words and remedy.
+pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
+    let found = told.of(|change| matches!(change, Change::Relative { .. }));
+    let one = |(change, certainty)| {
+        let Change::Relative { joint, other, factor } = change else { return None };
+        let (name, other) = (told.name(joint), told.name(other));
+        let (sum, back) = if factor > 0.0 { ("plus", "Subtract") } else { ("minus", "Add") };
+        Some(SetupFinding {
+            kind: "joint_coordinates",
+            value: factor,
+            unit: "1",
+            certainty,
+            statement: format!(
+                "The position of {name} is recorded relative to the arm's base, not to {other}: it is the model's {name} {sum} {other}.{}",
+                told.rival(&change)
+            ),
+            remedy: format!("{back} {other} in the mapping."),
+            joint: Some(name),
+            gravity: None,
+        })
+    };
+    found.into_iter().filter_map(one).collect()
+}

@@ -1,0 +1,42 @@
+//! `joint_direction`: a joint counted the other way, with its torque or without.
+//!
+//! It asks both for every joint. The hypothesis turns the sign of its positions, and of its torques with them.
+
+use super::super::change::Change;
+use super::super::finding::SetupFinding;
+use super::{Ask, Told};
+
+/// What it asks.
+pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
+    let of_joint = |joint| {
+        let alone = (ask.has_torques).then_some(Change::Direction { joint, with_torque: false });
+        std::iter::once(Change::Direction { joint, with_torque: true }).chain(alone)
+    };
+    (0..ask.arm.dof()).flat_map(of_joint).collect()
+}
+
+/// Words and remedy.
+pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
+    let found = told.of(|change| matches!(change, Change::Direction { .. }));
+    let one = |(change, certainty)| {
+        let Change::Direction { joint, with_torque } = change else { return None };
+        let name = told.name(joint);
+        let torque =
+            if !told.best.changes.is_empty() && with_torque { ", and its torque with it" } else { "" };
+        let rival = told.rival(&change);
+        Some(SetupFinding {
+            kind: "joint_direction",
+            value: -1.0,
+            unit: "1",
+            certainty,
+            statement: format!("{name} is counted the other way than in the model{torque}.{rival}"),
+            remedy: format!(
+                "Turn the sign of {name}{} in the mapping, or turn its axis in the model.",
+                if with_torque { " and of its torque" } else { "" }
+            ),
+            joint: Some(name),
+            gravity: None,
+        })
+    };
+    found.into_iter().filter_map(one).collect()
+}

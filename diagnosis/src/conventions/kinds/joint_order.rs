@@ -1,0 +1,47 @@
+//! `joint_order`: columns in another order than the joints of the model.
+//!
+//! It asks for every pair of joints whether they are exchanged, positions and torques; several exchanges make any order. Where
+//! recording and model both have names, joints are matched by these before.
+
+use super::super::change::Change;
+use super::super::finding::SetupFinding;
+use super::listed;
+use super::{Ask, Told};
+
+/// What it asks.
+pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
+    let n = ask.arm.dof();
+    (0..n).flat_map(|a| (a + 1..n).map(move |b| Change::Exchange(a, b))).collect()
+}
+
+/// Words and remedy: one finding for each joint that has another column, with that column's number as its value.
+pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
+    let found = told.of(|change| matches!(change, Change::Exchange(..)));
+    let Some(&(_, certainty)) = found.first() else { return Vec::new() };
+    let changes: Vec<Change> = found.iter().map(|(change, _)| *change).collect();
+    let reading = super::super::change::reading(told.arm, &changes);
+    let sources: Vec<usize> = reading.positions.iter().map(|position| position.source).collect();
+    let moved: Vec<usize> = (0..sources.len()).filter(|&joint| sources[joint] != joint).collect();
+    let names: Vec<String> = moved.iter().map(|&joint| told.name(joint)).collect();
+    let columns: Vec<String> = sources.iter().map(|source| format!("q{}", source + 1)).collect();
+    let statement = if moved.len() == 2 {
+        format!("{} are exchanged in the recording.", listed(&names))
+    } else {
+        format!(
+            "The recording has its joints in another order: the model's joints are {} there.",
+            columns.join(", ")
+        )
+    };
+    let remedy = format!("Name the columns in the model's order in the mapping: {}.", columns.join(", "));
+    let one = |joint: &usize| SetupFinding {
+        kind: "joint_order",
+        joint: Some(told.name(*joint)),
+        value: (sources[*joint] + 1) as f64,
+        unit: "1",
+        certainty,
+        statement: statement.clone(),
+        remedy: remedy.clone(),
+        gravity: None,
+    };
+    moved.iter().map(one).collect()
+}

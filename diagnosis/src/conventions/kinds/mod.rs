@@ -1,0 +1,153 @@
+//! The kinds of set-up faults, one file each with the same sections: what it asks, what the hypothesis changes, words, remedy.
+//!
+//! What a hypothesis changes stands in its [`Change`]; what a kind asks are changes that the search tries; what it says is a
+//! [`SetupFinding`] for each change that was found sure or likely.
+
+pub(crate) mod angle_unit;
+pub(crate) mod angle_wrap;
+pub(crate) mod another_arm;
+mod clock_offset;
+pub(crate) mod frozen_channel;
+mod gravity_compensated;
+mod gravity_direction;
+mod joint_coordinates;
+mod joint_direction;
+mod joint_order;
+mod joint_zero;
+pub(crate) mod time_unit;
+mod torque_sign;
+pub(crate) mod torque_unit;
+
+use freeplay_arm::Arm;
+
+use super::change::Change;
+use super::finding::{Certainty, SetupFinding};
+use super::problem::Outcome;
+use super::search::physics;
+
+/// What a kind may look at before it asks.
+pub(crate) struct Ask<'a> {
+    pub arm: &'a Arm,
+    pub has_torques: bool,
+    pub has_tool: bool,
+    /// The best set so far.
+    pub best: &'a Outcome,
+}
+
+/// What a kind may look at before it speaks.
+pub(crate) struct Told<'a> {
+    pub arm: &'a Arm,
+    /// The best set.
+    pub best: &'a Outcome,
+    /// What of it is certain, all kinds.
+    pub certain: &'a [(Change, Certainty)],
+    /// What else would explain the same as a change, in words.
+    pub rivals: &'a [(Change, String)],
+}
+
+impl Told<'_> {
+    /// The name of a joint.
+    pub fn name(&self, joint: usize) -> String {
+        self.arm.joints()[joint].name.clone()
+    }
+
+    /// The certain changes that `is` picks.
+    pub fn of(&self, is: impl Fn(&Change) -> bool) -> Vec<(Change, Certainty)> {
+        self.certain.iter().filter(|(change, _)| is(change)).copied().collect()
+    }
+
+    /// What else would explain the same as `change`, as a sentence; empty where nothing does.
+    pub fn rival(&self, change: &Change) -> String {
+        let rival = self.rivals.iter().find(|(of, _)| of == change);
+        rival.map_or_else(String::new, |(_, words)| format!(" Or {words}: this recording can't tell."))
+    }
+}
+
+/// A kind that the search asks for.
+struct Kind {
+    asks: fn(&Ask) -> Vec<Change>,
+    says: fn(&Told) -> Vec<SetupFinding>,
+}
+
+/// In the order in which a person would mend them.
+const KINDS: [Kind; 10] = [
+    Kind { asks: angle_unit::asks, says: angle_unit::says },
+    Kind { asks: joint_order::asks, says: joint_order::says },
+    Kind { asks: joint_direction::asks, says: joint_direction::says },
+    Kind { asks: joint_zero::asks, says: joint_zero::says },
+    Kind { asks: joint_coordinates::asks, says: joint_coordinates::says },
+    Kind { asks: torque_sign::asks, says: torque_sign::says },
+    Kind { asks: torque_unit::asks, says: torque_unit::says },
+    Kind { asks: gravity_direction::asks, says: gravity_direction::says },
+    Kind { asks: gravity_compensated::asks, says: gravity_compensated::says },
+    Kind { asks: clock_offset::asks, says: clock_offset::says },
+];
+
+/// All that can be asked, physics beside the reading included.
+pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
+    let mut all: Vec<Change> = KINDS.iter().flat_map(|kind| (kind.asks)(ask)).collect();
+    if ask.has_torques {
+        all.extend(physics(ask.arm.dof()));
+    }
+    all
+}
+
+/// What is said of the certain changes.
+pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
+    KINDS.iter().flat_map(|kind| (kind.says)(told)).collect()
+}
+
+/// Whether a change is so small that it belongs to the catalogue of effects, whose law says it better.
+pub(crate) fn is_small(arm: &Arm, outcome: &Outcome, change: &Change) -> bool {
+    match *change {
+        Change::Zero { offset, .. } => offset.abs() <= joint_zero::LEAST,
+        Change::Scale(joint) => torque_unit::is_small(outcome.scale[joint]),
+        Change::SameScale(_, factor) => torque_unit::is_small(factor),
+        Change::CommonScale => torque_unit::is_small(outcome.scale[0]),
+        Change::AnyGravity => gravity_direction::angle(arm, outcome) <= gravity_direction::LEAST,
+        Change::Delay(_, delay) => delay.abs() <= clock_offset::LEAST,
+        _ => false,
+    }
+}
+
+/// A change in a few words, as what else could be.
+pub(crate) fn briefly(arm: &Arm, change: &Change) -> String {
+    let name = |joint: usize| arm.joints()[joint].name.as_str();
+    match *change {
+        Change::Direction { joint, with_torque: true } => {
+            format!("{} and its torque are both counted the other way", name(joint))
+        }
+        Change::Direction { joint, with_torque: false } => {
+            format!("{} alone is counted the other way, not its torque", name(joint))
+        }
+        Change::Zero { joint, offset, .. } => {
+            format!("{} has its zero {:.0} degrees aside", name(joint), offset.to_degrees())
+        }
+        Change::TorqueSign(joint) => format!("the torque of {} has the other sign", name(joint)),
+        Change::Relative { joint, other, .. } => {
+            format!("{} is recorded relative to {}", name(joint), name(other))
+        }
+        Change::Exchange(a, b) => format!("{} and {} are exchanged", name(a), name(b)),
+        Change::Compensated => "gravity was taken out of the torques".to_owned(),
+        _ => "another reading explains it".to_owned(),
+    }
+}
+
+/// `elbow`, `elbow and wrist`, `a, b and c`.
+pub(crate) fn listed(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => one.clone(),
+        [most @ .., last] => format!("{} and {last}", most.join(", ")),
+    }
+}
+
+/// About three digits.
+pub(crate) fn brief(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let digits = (2.0 - value.abs().log10().floor()).clamp(0.0, 9.0) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}

@@ -1,0 +1,38 @@
+//! `time_unit`: time stamps in milliseconds, microseconds or nanoseconds.
+//!
+//! It asks how far apart the rows are: with a second and more between them, a recording shows nothing of how an arm moves.
+
+use freeplay_recording::Recording;
+
+use super::super::finding::{Certainty, SetupFinding};
+
+/// A recording with longer steps shows nothing of how an arm moves, s: its times are no seconds.
+const LONGEST_STEP_S: f64 = 1.0;
+/// Median steps up to which times count as milliseconds, and as microseconds; beyond, nanoseconds. Taken for a rate of 3 Hz to 1 kHz.
+const MOST_MS: f64 = 300.0;
+const MOST_US: f64 = 3e5;
+
+/// Times of `recording` that are no seconds; none where they are. The statement and the remedy go on where a file and a column stand before them.
+pub fn found(recording: &Recording) -> Option<SetupFinding> {
+    let step = recording.median_step();
+    if step < LONGEST_STEP_S {
+        return None;
+    }
+    let (unit, short, per_second) = match step {
+        step if step < MOST_MS => ("milliseconds", "ms", 1e3),
+        step if step < MOST_US => ("microseconds", "us", 1e6),
+        _ => ("nanoseconds", "ns", 1e9),
+    };
+    Some(SetupFinding {
+        kind: "time_unit",
+        joint: None,
+        value: per_second,
+        unit: "1",
+        certainty: Certainty::Sure,
+        statement: format!("rows are {step} apart, and times are in seconds; are these {unit}?"),
+        remedy: format!(
+            "give seconds (divide by {per_second:e}), or say the unit in a mapping file: freeplay record import, under [t] unit = \"{short}\""
+        ),
+        gravity: None,
+    })
+}

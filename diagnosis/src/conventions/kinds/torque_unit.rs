@@ -1,0 +1,167 @@
+//! `torque_unit`: torques in another unit, of all joints or of single ones: N·mm, amperes, the motor's side of the gear, counts.
+//!
+//! It asks for every joint whether its torque is the model's times a constant, for joints together where they share one. The
+//! hypothesis divides by it. A constant near one is the catalogue's `torque_gain`.
+
+use super::super::change::Change;
+use super::super::finding::Certainty;
+use super::super::finding::SetupFinding;
+use super::{Ask, Told};
+use super::{brief, listed};
+
+/// Between a half and two, a wrong gain or mass explains a scale; no unit does.
+const NEAR: f64 = 2.0;
+/// Ratios within this are the same.
+const SAME: f64 = 0.02;
+/// A kilogram-force in N.
+const KILOGRAM_FORCE: f64 = 9.806_65;
+
+/// Whether a scale is none of a unit.
+pub(crate) fn is_small(scale: f64) -> bool {
+    scale > 1.0 / NEAR && scale < NEAR
+}
+
+/// Round factors near `scale` that are no accident: whole numbers and their inverses, kilograms.
+pub(crate) fn rounded(scale: f64) -> Vec<f64> {
+    let mut near = Vec::new();
+    if scale >= NEAR / 1.2 {
+        near.push(scale.round());
+    }
+    if scale > 0.0 && scale <= 1.2 / NEAR {
+        near.push(1.0 / (1.0 / scale).round());
+        near.push(1.0 / KILOGRAM_FORCE);
+    }
+    near.retain(|round| (round / scale - 1.0).abs() < SAME);
+    near
+}
+
+/// What it asks.
+pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
+    if !ask.has_torques {
+        return Vec::new();
+    }
+    let n = ask.arm.dof();
+    let mut all: Vec<Change> = (0..n).map(Change::Scale).collect();
+    let scales = &ask.best.scale;
+    let mut known: Vec<f64> = scales.iter().copied().filter(|scale| !is_small(*scale)).collect();
+    known.sort_by(f64::total_cmp);
+    known.dedup();
+    all.extend((0..n).flat_map(|joint| known.iter().map(move |factor| Change::SameScale(joint, *factor))));
+    all.push(Change::CommonScale);
+    all
+}
+
+/// Words and remedy: joints that share a constant in one statement.
+pub(crate) fn says(told: &Told) -> Vec<SetupFinding> {
+    let found =
+        told.of(|change| matches!(change, Change::Scale(_) | Change::SameScale(..) | Change::CommonScale));
+    let mut joints: Vec<(usize, f64, Certainty)> = Vec::new();
+    for (change, certainty) in found {
+        let of = |joint: usize| (joint, told.best.scale[joint], certainty);
+        match change.joint() {
+            Some(joint) => joints.push(of(joint)),
+            None => joints.extend((0..told.arm.dof()).map(of)),
+        }
+    }
+    joints.sort_by_key(|(joint, ..)| *joint);
+    let Some(&(_, first, _)) = joints.first() else { return Vec::new() };
+    let is_one = joints.iter().all(|(_, scale, _)| (scale / first - 1.0).abs() < SAME);
+    let is_all = joints.len() == told.arm.dof();
+    if is_one {
+        return of_one(told, &joints, first, is_all);
+    }
+    of_several(told, &joints, is_all)
+}
+
+fn of_one(told: &Told, joints: &[(usize, f64, Certainty)], scale: f64, is_all: bool) -> Vec<SetupFinding> {
+    let names: Vec<String> = joints.iter().map(|(joint, ..)| told.name(*joint)).collect();
+    let whose = whose(&names, is_all);
+    let statement = format!(
+        "{whose} {} the model's at every load. {}",
+        times(scale, names.len()),
+        guess(scale, names.len())
+    );
+    let remedy = format!("Scale these torques by {} in the mapping.", brief(1.0 / scale));
+    let one = |joint: Option<String>, certainty| finding(joint, scale, certainty, &statement, &remedy);
+    if is_all && names.len() > 1 {
+        return vec![one(None, joints[0].2)];
+    }
+    names.into_iter().zip(joints).map(|(name, (_, _, certainty))| one(Some(name), *certainty)).collect()
+}
+
+fn of_several(told: &Told, joints: &[(usize, f64, Certainty)], is_all: bool) -> Vec<SetupFinding> {
+    let names: Vec<String> = joints.iter().map(|(joint, ..)| told.name(*joint)).collect();
+    let constants: Vec<String> = joints.iter().map(|(_, scale, _)| brief(1.0 / scale)).collect();
+    let question = if joints.iter().all(|(_, scale, _)| *scale < 1.0) {
+        "Are they motor currents in amperes, or torques on the motor's side of the gears?"
+    } else {
+        "Are they counts of the drives?"
+    };
+    let scales: Vec<String> = joints.iter().map(|(_, scale, _)| brief(*scale)).collect();
+    let statement = format!(
+        "{} are {} times the model's, at every load. {question} Constants that fit: {} N·m per unit.",
+        whose(&names, is_all),
+        listed(&scales),
+        constants.join(", ")
+    );
+    let remedy = format!("Scale these torques by {} in the mapping.", constants.join(", "));
+    let each = names.into_iter().zip(joints);
+    each.map(|(name, (_, scale, certainty))| finding(Some(name), *scale, *certainty, &statement, &remedy))
+        .collect()
+}
+
+fn finding(
+    joint: Option<String>,
+    scale: f64,
+    certainty: Certainty,
+    statement: &str,
+    remedy: &str,
+) -> SetupFinding {
+    SetupFinding {
+        kind: "torque_unit",
+        joint,
+        value: scale,
+        unit: "1",
+        certainty,
+        statement: statement.to_owned(),
+        remedy: remedy.to_owned(),
+        gravity: None,
+    }
+}
+
+fn whose(names: &[String], is_all: bool) -> String {
+    match (is_all, names.len()) {
+        (true, 2..) => "All torques".to_owned(),
+        (_, 1) => format!("The torque of {}", names[0]),
+        _ => format!("The torques of {}", listed(names)),
+    }
+}
+
+fn times(scale: f64, count: usize) -> String {
+    let verb = if count > 1 { "are" } else { "is" };
+    if scale >= 1.0 {
+        format!("{verb} {} times", brief(scale))
+    } else {
+        format!("{verb} 1/{} of", brief(1.0 / scale))
+    }
+}
+
+/// A guess of what makes a torque `scale` times as large.
+fn guess(scale: f64, count: usize) -> String {
+    let is = |value: f64| (scale / value - 1.0).abs() < SAME;
+    let (they, drives) = if count > 1 { ("they", "these drives") } else { ("it", "this drive") };
+    let are = if count > 1 { "Are" } else { "Is" };
+    if is(1e3) {
+        format!("{are} {they} in N·mm?")
+    } else if is(1.0 / KILOGRAM_FORCE) {
+        format!("{are} {they} in kilograms of force (kgf·m)?")
+    } else if scale >= 1.0 {
+        format!("Is the feedback of {drives} not divided by {}, or in counts?", brief(scale))
+    } else {
+        format!(
+            "{are} {they} in amperes (a torque constant of {} N·m/A), or on the motor's side of a gear of {}?",
+            brief(1.0 / scale),
+            brief(1.0 / scale)
+        )
+    }
+}

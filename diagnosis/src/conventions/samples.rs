@@ -1,0 +1,131 @@
+//! A recording as few, effectively independent rows: smoothed, differentiated, one row every [`SPACING`] s.
+
+use freeplay_recording::Recording;
+
+use crate::error::ResidualError;
+use crate::filter::{LowPass, derivatives};
+use crate::grid::Grid;
+
+/// Time between two rows, s: a quarter of a period of 1.5 Hz, about where the motions of arms end.
+const SPACING: f64 = 0.15;
+/// Most rows: a fault of the reading is so large that more of them decide nothing.
+const MOST_ROWS: usize = 240;
+/// Cutoff of the low-pass, Hz; the least that the diagnosis itself uses.
+const CUTOFF: f64 = 10.0;
+/// Time left out at the ends, s, so that shifted columns stay inside; at most an eighth of a stretch.
+const ENDS: f64 = 0.55;
+
+/// The rows of a recording, in recorded units.
+pub(crate) struct Samples {
+    /// Time of each row, s.
+    pub t: Vec<f64>,
+    /// Positions and their derivatives, `[column][row]`.
+    pub motion: [Vec<Vec<f64>>; 3],
+    torques: Option<Vec<Smooth>>,
+    tool: Option<Vec<Smooth>>,
+    places: Vec<(usize, f64)>,
+    step: f64,
+    spans: Vec<(usize, usize)>,
+}
+
+/// A column, smoothed, on every grid point.
+type Smooth = Vec<f64>;
+
+impl Samples {
+    /// The rows of `recording`, of which `q` are the positions without jumps.
+    ///
+    /// # Errors
+    /// [`ResidualError`] for stamps that make no grid or a rate that is too low.
+    pub fn new(recording: &Recording, q: &[Vec<f64>]) -> Result<Self, ResidualError> {
+        let grid = Grid::new(recording)?;
+        let filter = LowPass::new(grid.rate_hz(), CUTOFF.min(grid.rate_hz() / 4.0))?;
+        let smooth = |column: &Vec<f64>| -> Smooth {
+            let parts = grid.stretches.iter();
+            parts.flat_map(|stretch| filter.apply(&grid.resample(stretch, recording, column))).collect()
+        };
+        let (mut spans, mut begin) = (Vec::new(), 0);
+        for stretch in &grid.stretches {
+            spans.push((begin, begin + stretch.len));
+            begin += stretch.len;
+        }
+        let places = places(&spans, grid.step);
+        let mut motion = [const { Vec::new() }; 3];
+        for column in q {
+            let smooth = smooth(column);
+            let mut whole = [const { Vec::new() }; 3];
+            for &(start, end) in &spans {
+                let (first, second) = derivatives(&smooth[start..end], grid.step);
+                whole[0].extend_from_slice(&smooth[start..end]);
+                whole[1].extend(first);
+                whole[2].extend(second);
+            }
+            for (motion, whole) in motion.iter_mut().zip(&whole) {
+                motion.push(places.iter().map(|&point| whole[point]).collect());
+            }
+        }
+        let starts = grid.stretches.iter().zip(&spans);
+        let times: Vec<f64> = starts
+            .flat_map(|(stretch, &(start, end))| {
+                (start..end).map(move |k| stretch.start + (k - start) as f64 * grid.step)
+            })
+            .collect();
+        let in_span = |point: usize| spans.iter().position(|&(_, end)| point < end).unwrap_or(0);
+        Ok(Self {
+            t: places.iter().map(|&point| times[point]).collect(),
+            motion,
+            torques: recording.tau.as_ref().map(|columns| columns.iter().map(smooth).collect()),
+            tool: recording.tool.as_ref().map(|columns| columns.iter().map(smooth).collect()),
+            places: places.iter().map(|&point| (in_span(point), point as f64)).collect(),
+            step: grid.step,
+            spans,
+        })
+    }
+
+    /// Number of rows.
+    pub fn len(&self) -> usize {
+        self.t.len()
+    }
+
+    /// Whether torques were recorded.
+    pub fn has_torques(&self) -> bool {
+        self.torques.is_some()
+    }
+
+    /// Whether the tool was tracked.
+    pub fn has_tool(&self) -> bool {
+        self.tool.is_some()
+    }
+
+    /// Torque column `source`, read `delay` s later; in its recorded unit.
+    pub fn torque(&self, source: usize, delay: f64) -> Vec<f64> {
+        self.torques.as_ref().map_or_else(Vec::new, |columns| self.late(&columns[source], delay))
+    }
+
+    /// The tool's coordinate `axis`, read `delay` s later, m.
+    pub fn tool(&self, axis: usize, delay: f64) -> Vec<f64> {
+        self.tool.as_ref().map_or_else(Vec::new, |columns| self.late(&columns[axis], delay))
+    }
+
+    fn late(&self, column: &[f64], delay: f64) -> Vec<f64> {
+        let shift = delay / self.step;
+        let at = |&(span, point): &(usize, f64)| {
+            let (start, end) = self.spans[span];
+            let place = (point + shift).clamp(start as f64, (end - 1) as f64);
+            let below = (place as usize).min(end.saturating_sub(2));
+            let u = place - below as f64;
+            column[below] + u * (column[(below + 1).min(end - 1)] - column[below])
+        };
+        self.places.iter().map(at).collect()
+    }
+}
+
+/// The grid points of the rows.
+fn places(spans: &[(usize, usize)], step: f64) -> Vec<usize> {
+    let inner = |&(start, end): &(usize, usize)| {
+        let trim = ((ENDS / step) as usize).min((end - start) / 8);
+        start + trim..end - trim
+    };
+    let inside: usize = spans.iter().map(|span| inner(span).len()).sum();
+    let every = ((SPACING / step) as usize).max(inside / MOST_ROWS).max(1);
+    spans.iter().flat_map(|span| inner(span).step_by(every)).collect()
+}

@@ -1,0 +1,262 @@
+//! The best set of changes: steps from several starts, each adding, dropping or exchanging one change.
+
+use super::change::{Change, Late, Physics};
+use super::kinds::{self, Ask};
+use super::problem::{FLOOR, Outcome, Problem};
+
+/// Most steps from one start.
+const STEPS: usize = 24;
+/// Changes of a step whose numbers are fitted.
+const REFINED: usize = 2;
+/// Rows of the screening.
+const FEW_ROWS: usize = 60;
+/// Steps after which the starts are compared, and how many go on.
+const FIRST: usize = 3;
+const AHEAD: usize = 2;
+/// Changes that are tried again after a step that was one of physics.
+const PROMISING: usize = 48;
+/// The floor under which numbers of a settled set are fitted.
+const SHARP: f64 = 2e-3;
+/// Half the width within which a fitted zero is refined, rad, and a delay, s.
+const ABOUT_ZERO: f64 = 0.27;
+const ABOUT_DELAY: f64 = 0.02;
+/// What a finer set may lose of the evidence under the coarse floor: a factor of 20.
+const FINER: f64 = 3.0;
+/// Steps of the golden-section search of both.
+const GOLDEN: usize = 14;
+
+/// The problem on all rows and on few.
+pub(crate) struct Search<'a> {
+    pub whole: Problem<'a>,
+    few: Problem<'a>,
+    /// All rows, down to what the instruments say.
+    sharp: Problem<'a>,
+}
+
+impl<'a> Search<'a> {
+    /// For an arm and the rows of a recording.
+    pub fn new(arm: &'a freeplay_arm::Arm, samples: &'a super::samples::Samples) -> Self {
+        let stride = (samples.len() / FEW_ROWS).max(1);
+        Self {
+            whole: Problem::new(arm, samples, 1, FLOOR),
+            few: Problem::new(arm, samples, stride, FLOOR),
+            sharp: Problem::new(arm, samples, 1, SHARP),
+        }
+    }
+
+    /// The best set of all starts: sought on few rows, settled on all of them.
+    pub fn best(&self) -> Outcome {
+        let plain = climb(&self.few, &[], true);
+        let best = if is_settled(&plain) { plain } else { self.of_all_starts(plain) };
+        self.settled(&best.changes, true)
+    }
+
+    fn of_all_starts(&self, plain: Outcome) -> Outcome {
+        let arm = self.whole.arm;
+        let scales: Vec<Change> = (0..arm.dof()).map(Change::Scale).collect();
+        let signs: Vec<Change> = (0..arm.dof()).map(Change::TorqueSign).collect();
+        let mut starts = vec![vec![Change::AngleUnit]];
+        if self.whole.samples.has_torques() {
+            let turned = [scales.as_slice(), &[Change::AnyGravity]].concat();
+            starts.extend([scales, vec![Change::AnyGravity], turned, signs]);
+        }
+        // All start, the two that are ahead after a few steps go on.
+        let mut ahead: Vec<Outcome> =
+            starts.iter().map(|start| steps(&self.few, start, true, FIRST)).collect();
+        ahead.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        ahead.truncate(AHEAD);
+        let mut best = plain;
+        for start in ahead {
+            let other = climb(&self.few, &start.changes, true);
+            if other.evidence > best.evidence {
+                best = other;
+            }
+            if is_settled(&best) {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The best set of `start` and physics beside it.
+    pub fn beside(&self, start: &[Change]) -> Outcome {
+        self.settled(&climb(&self.few, start, false).changes, false)
+    }
+
+    /// `changes` on all rows: what is not worth it there is dropped, and numbers are fitted as finely as the instruments allow.
+    fn settled(&self, changes: &[Change], with_reading: bool) -> Outcome {
+        let mut best = self.whole.outcome(changes);
+        while let Some(next) = dropped(&self.whole, &best, with_reading)
+            .into_iter()
+            .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
+            .filter(|next| next.evidence > best.evidence)
+        {
+            best = next;
+        }
+        if with_reading {
+            let finer = self.whole.outcome(&self.finer(&best.changes));
+            if finer.evidence > best.evidence - FINER {
+                best = finer;
+            }
+        }
+        best
+    }
+
+    /// `changes` with their numbers fitted under the sharp floor, rounded where that is as good.
+    fn finer(&self, changes: &[Change]) -> Vec<Change> {
+        let mut best = self.sharp.outcome(changes);
+        for _ in 0..best.changes.len() {
+            // The first change goes to the end, refined.
+            best.changes.rotate_left(1);
+            best = refined(&self.sharp, best);
+        }
+        best.changes
+    }
+}
+
+/// Steps from `start` as long as the evidence grows; changes of the reading among them, or physics beside it alone.
+fn climb(problem: &Problem, start: &[Change], with_reading: bool) -> Outcome {
+    steps(problem, start, with_reading, STEPS)
+}
+
+/// The same, `most` steps at most.
+fn steps(problem: &Problem, start: &[Change], with_reading: bool, most: usize) -> Outcome {
+    let mut best = problem.outcome(start);
+    let mut promising = None;
+    for _ in 0..most {
+        let added = added(problem, &best, with_reading, &mut promising);
+        let next = added.into_iter().chain(dropped(problem, &best, with_reading));
+        let Some(next) = next.max_by(|a, b| a.evidence.total_cmp(&b.evidence)) else { break };
+        if !(next.evidence > best.evidence) {
+            break;
+        }
+        // Physics beside it changes little of what else is promising; another reading changes all.
+        if next
+            .changes
+            .iter()
+            .filter(|change| change.is_reading())
+            .ne(best.changes.iter().filter(|change| change.is_reading()))
+        {
+            promising = None;
+        }
+        best = next;
+    }
+    best
+}
+
+/// The best outcomes with one change more, or one in the place of those that it excludes.
+/// `promising` are the changes that were so before; all where there are none.
+fn added(
+    problem: &Problem,
+    best: &Outcome,
+    with_reading: bool,
+    promising: &mut Option<Vec<Change>>,
+) -> Option<Outcome> {
+    let samples = problem.samples;
+    let ask =
+        Ask { arm: problem.arm, has_torques: samples.has_torques(), has_tool: samples.has_tool(), best };
+    let asked = promising.clone().unwrap_or_else(|| kinds::asks(&ask));
+    let asked = asked.into_iter().filter(|change| with_reading || !change.is_reading());
+    let sets = asked.filter_map(|change| {
+        let others = best.changes.iter().copied().filter(|other| !other.excludes(&change));
+        let set: Vec<Change> = others.chain([change]).collect();
+        (!best.changes.contains(&change)).then_some(set)
+    });
+    let mut outcomes: Vec<Outcome> = sets.map(|set| problem.outcome(&set)).collect();
+    outcomes.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let last = outcomes.iter().take(PROMISING).filter_map(|outcome| outcome.changes.last().copied());
+    *promising = Some(last.collect());
+    outcomes.truncate(REFINED);
+    outcomes
+        .into_iter()
+        .map(|outcome| refined(problem, outcome))
+        .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
+}
+
+/// The outcomes with one change less.
+fn dropped(problem: &Problem, best: &Outcome, with_reading: bool) -> Vec<Outcome> {
+    let droppable = |k: &usize| with_reading || !best.changes[*k].is_reading();
+    let without = |k: usize| {
+        let mut set = best.changes.clone();
+        set.remove(k);
+        problem.outcome(&set)
+    };
+    (0..best.changes.len()).filter(droppable).map(without).collect()
+}
+
+/// `outcome` with the number of its last change fitted, or rounded, where that is worth it.
+fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
+    let Some((last, rest)) = outcome.changes.split_last() else { return outcome };
+    let with = |change: Change| problem.outcome(&[rest, &[change]].concat());
+    let fitted: Vec<Change> = match *last {
+        Change::Zero { joint, offset, .. } => {
+            let at = |offset| Change::Zero { joint, offset, is_fitted: true };
+            vec![at(golden(offset, ABOUT_ZERO, |x| with(at(x)).evidence))]
+        }
+        Change::Delay(late, delay) => {
+            let at = |delay| Change::Delay(late, delay);
+            vec![at(golden(delay, ABOUT_DELAY, |x| with(at(x)).evidence))]
+        }
+        Change::Scale(joint) | Change::SameScale(joint, _) => {
+            kinds::torque_unit::rounded(outcome.scale[joint])
+                .into_iter()
+                .map(|factor| Change::SameScale(joint, factor))
+                .collect()
+        }
+        _ => Vec::new(),
+    };
+    let fitted = fitted.into_iter().map(with);
+    fitted.fold(outcome.clone(), |best, other| if other.evidence > best.evidence { other } else { best })
+}
+/// Whether a set leaves so little of every channel that no other start can say more.
+fn is_settled(outcome: &Outcome) -> bool {
+    /// A fault of the reading leaves more than a tenth of the variance of some channel.
+    const LITTLE: f64 = 0.1;
+    outcome.left.iter().all(|left| !(*left > LITTLE))
+}
+
+/// The place within `width` of `about` where `value` is greatest (Kiefer 1953).
+fn golden(about: f64, width: f64, value: impl Fn(f64) -> f64) -> f64 {
+    let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let (mut low, mut high) = (about - width, about + width);
+    let (mut a, mut b) = (high - ratio * (high - low), low + ratio * (high - low));
+    let (mut at_a, mut at_b) = (value(a), value(b));
+    for _ in 0..GOLDEN {
+        if at_a > at_b {
+            (high, b, at_b) = (b, a, at_a);
+            a = high - ratio * (high - low);
+            at_a = value(a);
+        } else {
+            (low, a, at_a) = (a, b, at_b);
+            b = low + ratio * (high - low);
+            at_b = value(b);
+        }
+    }
+    0.5 * (low + high)
+}
+
+/// Physics that could hide or feign a fault of the reading.
+pub(crate) fn physics(joints: usize) -> Vec<Change> {
+    let mut all = vec![Physics::Payload];
+    for joint in 0..joints {
+        all.extend([
+            Physics::Rotor(joint),
+            Physics::Spring(joint),
+            Physics::Drag(joint),
+            Physics::Link(joint),
+        ]);
+        all.extend((joint > 0).then(|| Physics::Coupling(joint, joint - 1)));
+        all.extend((joint + 1 < joints).then_some(Physics::Coupling(joint, joint + 1)));
+    }
+    all.into_iter().map(Change::Beside).collect()
+}
+
+/// The groups of channels that a clock offset can part.
+pub(crate) fn groups(has_torques: bool, has_tool: bool) -> Vec<Late> {
+    match (has_torques, has_tool) {
+        (true, true) => vec![Late::Torque, Late::Tool, Late::Both],
+        (true, false) => vec![Late::Torque],
+        (false, true) => vec![Late::Tool],
+        (false, false) => Vec::new(),
+    }
+}

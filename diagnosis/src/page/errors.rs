@@ -1,0 +1,112 @@
+//! How much better the model gets: held-out errors by channel, side by side, with intervals.
+
+use freeplay_report::units::people;
+use freeplay_report::{Block, Cell, Column, Section, Table};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::channels;
+use crate::{Diagnosis, Passage, Trace};
+
+/// Length of a block of the bootstrap, s.
+const BLOCK_S: f64 = 0.5;
+/// Draws of the bootstrap.
+const DRAWS: usize = 400;
+
+type Pick = fn(&Trace) -> &[f64];
+
+/// What is compared, from the plainest model to the findings.
+const MODELS: [(&str, Pick); 4] = [
+    ("as given", |trace| &trace.before),
+    ("re-tuned", |trace| &trace.retuned),
+    ("unnamed correction", |trace| &trace.unnamed),
+    ("with the findings", |trace| &trace.after),
+];
+
+/// The section.
+pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
+    let fit = diagnosis.fit.as_ref()?;
+    let mut section = Section::new("How much better").with(format!(
+        "Errors on {}: roots of mean squares with 95 % intervals from blocks of {BLOCK_S} s drawn with replacement. As given: the model as it is. Re-tuned: its masses, lengths, frictions, zeros and delays moved inside their tolerances. Unnamed correction: re-tuned, with splines in the place of the findings. Noise floor: what a perfect model would leave, from twins.",
+        fit.data
+    ));
+    let shown = channels(diagnosis);
+    for channel in &shown {
+        section = section.with(bars(diagnosis, channel));
+    }
+    let others: Vec<Block> = fit
+        .units
+        .keys()
+        .filter(|channel| !shown.contains(&channel.as_str()))
+        .map(|channel| bars(diagnosis, channel).into())
+        .collect();
+    if others.is_empty() {
+        return Some(section);
+    }
+    Some(section.with(Block::Details { summary: "The other channels".to_owned(), blocks: others }))
+}
+
+fn bars(diagnosis: &Diagnosis, channel: &str) -> Table {
+    let held: Vec<(&Passage, &Trace)> =
+        super::points::traces(diagnosis, channel).filter(|(passage, _)| passage.held_out).collect();
+    let errors: Vec<(&str, Estimate)> =
+        MODELS.iter().map(|(name, pick)| (*name, rms(&held, *pick, diagnosis.seed))).collect();
+    let largest = errors.iter().map(|(_, e)| e.value).fold(0.0, f64::max);
+    let unit = held.first().map_or("", |(_, trace)| trace.unit);
+    let (scale, unit) = people(unit, largest);
+    let mut table = Table::new(format!("Held-out error of {channel}"))
+        .column(Column::text("model"))
+        .column(Column::number("error", unit.clone()).bars())
+        .column(Column::number("95 % from", unit.clone()))
+        .column(Column::number("to", unit));
+    for (name, e) in errors {
+        table = table.row([
+            name.into(),
+            (e.value * scale).into(),
+            (e.low * scale).into(),
+            (e.high * scale).into(),
+        ]);
+    }
+    let floor = diagnosis.fit.as_ref().and_then(|fit| fit.noise_floor.get(channel));
+    let floor = floor.map_or(f64::NAN, |floor| floor.rmse);
+    table.row([Cell::from("noise floor"), (floor * scale).into()])
+}
+
+/// A number with its 95 % interval.
+#[derive(Clone, Copy, Debug)]
+struct Estimate {
+    value: f64,
+    low: f64,
+    high: f64,
+}
+
+/// Root of the mean square over all `held` passages, with the interval of a bootstrap of blocks (Künsch 1989, Ann. Statist. 17:1217).
+fn rms(held: &[(&Passage, &Trace)], pick: Pick, seed: u64) -> Estimate {
+    let mut blocks: Vec<[f64; 2]> = Vec::new();
+    for (passage, trace) in held {
+        for stretch in &passage.motion.stretches {
+            let long = ((BLOCK_S / passage.motion.step(stretch).max(1e-12)) as usize).max(1);
+            for block in pick(trace)[stretch.clone()].chunks(long) {
+                let finite = block.iter().filter(|x| x.is_finite());
+                blocks.push(finite.fold([0.0, 0.0], |[sum, count], x| [sum + x * x, count + 1.0]));
+            }
+        }
+    }
+    let root = |picked: &mut dyn Iterator<Item = usize>| {
+        let [sum, count] =
+            picked.fold([0.0, 0.0], |[sum, count], k| [sum + blocks[k][0], count + blocks[k][1]]);
+        (sum / count).sqrt()
+    };
+    let value = root(&mut (0..blocks.len()));
+    if blocks.len() < 2 {
+        return Estimate { value, low: f64::NAN, high: f64::NAN };
+    }
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut drawn: Vec<f64> = (0..DRAWS)
+        .map(|_| root(&mut (0..blocks.len()).map(|_| rng.next_u64() as usize % blocks.len())))
+        .filter(|x| x.is_finite())
+        .collect();
+    drawn.sort_by(f64::total_cmp);
+    let at = |share: f64| drawn.get((share * drawn.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+    Estimate { value, low: at(0.025), high: at(0.975) }
+}

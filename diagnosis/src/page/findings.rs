@@ -1,0 +1,136 @@
+//! What was found: each effect in words, with its picture, its parameters and the evidence for it.
+
+use freeplay_report::units::{people, written};
+use freeplay_report::{Block, Cell, Column, Section, Table};
+
+use super::{Subject, picture};
+use crate::{Diagnosis, Effect};
+
+/// The section; none where nothing was found.
+pub fn section(subject: &Subject) -> Option<Section> {
+    let diagnosis = subject.diagnosis;
+    if diagnosis.effects.is_empty() {
+        return None;
+    }
+    let mut section = Section::new("What is missing from the model");
+    if diagnosis.effects.len() > 1 {
+        section = section.with(at_a_glance(diagnosis));
+    }
+    for (index, effect) in diagnosis.effects.iter().enumerate() {
+        for block in finding(diagnosis, subject, index, effect) {
+            section = section.with(block);
+        }
+    }
+    Some(section)
+}
+
+/// What people call a kind.
+pub fn kind_title(kind: &str) -> &str {
+    freeplay_laws::kind(kind).map_or(kind, |kind| kind.title)
+}
+
+/// Kind and place, for headings: `coulomb friction of elbow`.
+pub fn title(kind: &str, joint: Option<&str>) -> String {
+    let name = kind_title(kind);
+    match joint {
+        Some(joint) => format!("{name} of {joint}"),
+        None => format!("{name} of the whole arm"),
+    }
+}
+
+/// All findings in one table.
+fn at_a_glance(diagnosis: &Diagnosis) -> Table {
+    let mut table = Table::new("All findings, intervals at 95 %")
+        .column(Column::text("joint"))
+        .column(Column::text("the model leaves out").wrapping())
+        .column(Column::number("error taken away", "%").fixed(0).bars())
+        .column(Column::text("95 % interval"))
+        .column(Column::text("in").wrapping())
+        .note("Error taken away: share of the error in these channels, beside all other findings, on held-out data; with a star on the data of the fit, for held-out data hardly show it.");
+    for effect in &diagnosis.effects {
+        let gain = effect.evidence.held_out_gain;
+        let [low, high] = gain.ci95.map(|share| 100.0 * share);
+        let star = if effect.evidence.held_out { "" } else { " *" };
+        table = table.row([
+            effect.joint.clone().unwrap_or_else(|| "whole arm".to_owned()).into(),
+            effect.phrase.clone().into(),
+            (100.0 * gain.value).into(),
+            format!("{low:.0} to {high:.0} %{star}").into(),
+            effect.evidence.channels.join(", ").into(),
+        ]);
+    }
+    table
+}
+
+fn finding(diagnosis: &Diagnosis, subject: &Subject, index: usize, effect: &Effect) -> Vec<Block> {
+    let mut blocks = vec![Block::Heading(title(effect.kind, effect.joint.as_deref()))];
+    let mut text = format!("Law: {}. Source: {}.", effect.equation, effect.source);
+    if let Some(kind) = freeplay_laws::kind(effect.kind) {
+        text.push_str(&format!("\n\nWhat gives it away: {}.", kind.signature));
+    }
+    blocks.push(text.into());
+    blocks.extend(picture::of(diagnosis, &subject.file.arm, index).into_iter().map(Block::from));
+    blocks.push(parameters(effect).into());
+    blocks.push(evidence(effect).into());
+    blocks
+}
+
+fn parameters(effect: &Effect) -> Table {
+    let mut table = Table::new("")
+        .column(Column::text("parameter"))
+        .column(Column::text("value"))
+        .column(Column::text("unit"))
+        .column(Column::text("95 % interval"))
+        .column(Column::text("meaning").wrapping());
+    let kind = freeplay_laws::kind(effect.kind);
+    for (name, parameter) in &effect.parameters {
+        let meaning = kind.and_then(|kind| kind.parameter(name)).map_or("", |parameter| parameter.meaning);
+        let size = parameter.value.as_float().unwrap_or(f64::INFINITY);
+        let (scale, unit) = people(&parameter.unit, size);
+        let value = match (&parameter.value, parameter.ci95) {
+            (toml::Value::Float(value), Some([low, high])) => {
+                freeplay_report::text::uncertain(value * scale, 0.5 * (high - low) * scale)
+            }
+            (toml::Value::Float(value), None) => written(value * scale),
+            (toml::Value::Array(values), _) => {
+                let numbers: Vec<String> =
+                    values.iter().filter_map(toml::Value::as_float).map(written).collect();
+                numbers.join(", ")
+            }
+            (other, _) => other.to_string().trim_matches('"').to_owned(),
+        };
+        let interval = parameter.ci95.map_or_else(
+            || "not told by this motion".to_owned(),
+            |[low, high]| format!("{} to {}", written(low * scale), written(high * scale)),
+        );
+        table = table.row([
+            Cell::from(name.as_str()),
+            value.into(),
+            unit.into(),
+            interval.into(),
+            meaning.into(),
+        ]);
+    }
+    table
+}
+
+fn evidence(effect: &Effect) -> String {
+    let evidence = &effect.evidence;
+    let on = if evidence.held_out {
+        "held-out data"
+    } else {
+        "the data of the fit (it does not act on the held-out data)"
+    };
+    let percent = |x: f64| format!("{:.0}", 100.0 * x);
+    format!(
+        "Evidence: twice the logarithm of the likelihood ratio is {}, and {} would do; in perfect recordings this kind came to {} at most. It takes {} % (95 %: {} to {} %) of the error in {} away on {on}. In {} % of bootstraps of the data of the fit it leaves less than anything else in its place.",
+        written(evidence.log_likelihood_ratio),
+        written(evidence.threshold),
+        written(evidence.in_twins),
+        percent(evidence.held_out_gain.value),
+        percent(evidence.held_out_gain.ci95[0]),
+        percent(evidence.held_out_gain.ci95[1]),
+        evidence.channels.join(", "),
+        percent(evidence.stability),
+    )
+}

@@ -1,0 +1,201 @@
+//! `report.html` of a diagnosis: the verdict first, then where, what, how much better, what else it could be, and what to do next.
+//!
+//! Files in the order of the page: `findings` (each effect with its pictures, made by `picture` from `points`), `errors` (held-out
+//! errors with intervals), `over_time`, `rest` (what else, what can't be told, the model, how it was judged).
+
+mod errors;
+mod findings;
+mod over_time;
+mod picture;
+mod points;
+mod rest;
+
+use std::path::{Path, PathBuf};
+
+use freeplay_arm::ArmFile;
+use freeplay_report::units::{people, written};
+use freeplay_report::{Block, Cell, Column, Document, Figure, Section, Table, Verdict};
+
+use crate::{Certainty, Diagnosis, Verdict as Outcome, sentences};
+use freeplay_report::paste::pasted;
+
+pub use findings::{kind_title, title};
+pub use picture::{of as pictures, strongest_map};
+pub use rest::{in_words, reasons};
+
+/// What a report is about.
+pub struct Subject<'a> {
+    /// The model as it was named.
+    pub model: &'a str,
+    /// The model's file.
+    pub file: &'a ArmFile,
+    /// The recordings.
+    pub recordings: &'a [PathBuf],
+    /// What was found.
+    pub diagnosis: &'a Diagnosis,
+    /// The folder of results.
+    pub out: &'a Path,
+}
+
+/// The page.
+pub fn document(subject: &Subject) -> Document {
+    let Subject { model, recordings, diagnosis, .. } = subject;
+    let names: Vec<String> = recordings.iter().map(|path| path.display().to_string()).collect();
+    let mut document =
+        Document::new("Freeplay diagnosis").subtitle(format!("{model} against {}", names.join(", ")));
+    for block in overview(diagnosis) {
+        document = document.overview(block);
+    }
+    let sections = [
+        whereabouts(diagnosis),
+        findings::section(subject),
+        errors::section(diagnosis),
+        over_time::section(diagnosis),
+        rest::alternatives(diagnosis),
+        rest::untestable(diagnosis),
+        rest::model(subject),
+        rest::next(diagnosis),
+        rest::judged(diagnosis),
+    ];
+    sections.into_iter().flatten().fold(document, Document::section).footer(format!(
+        "{} twins, seed {}; `freeplay diagnose --model {} --recording {}`",
+        diagnosis.twins,
+        diagnosis.seed,
+        pasted(Path::new(model)),
+        recordings.iter().map(|path| pasted(path)).collect::<Vec<_>>().join(" ")
+    ))
+}
+
+/// Word and tone of a verdict.
+pub fn outcome(verdict: Outcome) -> (Verdict, &'static str) {
+    match verdict {
+        Outcome::NothingMissing => (Verdict::Ok, "nothing missing"),
+        Outcome::Named => (Verdict::Info, "named"),
+        Outcome::OneOf => (Verdict::Warn, "one of several"),
+        Outcome::Unknown => (Verdict::Warn, "unknown"),
+        Outcome::InsufficientData => (Verdict::Warn, "insufficient data"),
+        Outcome::Setup => (Verdict::Warn, "set-up"),
+    }
+}
+
+fn overview(diagnosis: &Diagnosis) -> Vec<Block> {
+    let (verdict, word) = outcome(diagnosis.verdict);
+    let text = diagnosis.statement.clone();
+    let mut blocks = vec![Block::Judged { verdict, word: word.to_owned(), text }];
+    let setup: Vec<String> = sentences(&diagnosis.setup)
+        .into_iter()
+        .map(|(certainty, statement, remedy)| match certainty {
+            Certainty::Sure => format!("{statement} {remedy}"),
+            Certainty::Likely => format!("Perhaps, and much stays unexplained: {statement} {remedy}"),
+        })
+        .collect();
+    if !setup.is_empty() {
+        blocks.push(Block::Text("Check how the recording is read:".to_owned()));
+        blocks.push(Block::List(setup));
+    }
+    let tiles = tiles(diagnosis);
+    if !tiles.is_empty() {
+        blocks.push(Block::Figures(tiles));
+    }
+    if !diagnosis.next.is_empty() {
+        blocks.push(Block::Text("Next:".to_owned()));
+        blocks.push(Block::List(diagnosis.next.clone()));
+    }
+    blocks
+}
+
+/// The channels that the findings are about: those in which effects show, else those that are located.
+pub fn channels(diagnosis: &Diagnosis) -> Vec<&str> {
+    let mut names: Vec<&str> =
+        diagnosis.effects.iter().flat_map(|e| &e.evidence.channels).map(String::as_str).collect();
+    if names.is_empty() {
+        names = diagnosis.location.iter().flat_map(|place| &place.channels).map(String::as_str).collect();
+    }
+    names.sort_unstable();
+    names.dedup();
+    names.retain(|name| diagnosis.fit.as_ref().is_some_and(|fit| fit.units.contains_key(*name)));
+    names
+}
+
+/// The numbers that answer the question: parameters, and the held-out error before and after.
+fn tiles(diagnosis: &Diagnosis) -> Vec<Figure> {
+    let mut tiles = Vec::new();
+    for effect in &diagnosis.effects {
+        let on = effect.joint.as_deref().unwrap_or("the whole arm");
+        for (name, parameter) in &effect.parameters {
+            let Some(value) = parameter.value.as_float() else { continue };
+            let Some([low, high]) = parameter.ci95 else { continue };
+            let (scale, unit) = people(&parameter.unit, value);
+            let tile =
+                Figure::new(format!("{} of {on}", name.replace('_', " ")), written(value * scale), unit);
+            tiles.push(tile.note(format!("95 %: {} to {}", written(low * scale), written(high * scale))));
+        }
+    }
+    tiles.truncate(4);
+    let Some(fit) = &diagnosis.fit else { return tiles };
+    let (Some(gain), Some(first)) = (fit.gain, channels(diagnosis).first().copied()) else { return tiles };
+    let (before, after) = (fit.before[first].rmse, fit.after[first].rmse);
+    let (scale, unit) = people(fit.units[first], before);
+    tiles.push(
+        Figure::new(format!("error of {first}, held out"), written(after * scale), unit)
+            .note(format!("{} before", written(before * scale))),
+    );
+    let percent = |x: f64| format!("{:.0}", 100.0 * x);
+    tiles.push(Figure::new("error that is gone", percent(gain.value), "%").note(format!(
+        "95 %: {} to {} %, on held-out data, against the re-tuned model",
+        percent(gain.ci95[0]),
+        percent(gain.ci95[1])
+    )));
+    tiles
+}
+
+/// Where model and machine differ.
+fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
+    let fit = diagnosis.fit.as_ref()?;
+    let mut section = Section::new("Where");
+    if diagnosis.location.is_empty() {
+        section = section.with("In no channel is more left than twins of the model leave.");
+    } else {
+        let mut table = Table::new("What the tuned model leaves unexplained")
+            .column(Column::text("joint"))
+            .column(Column::text("channels"))
+            .column(Column::number("share", "%").fixed(0).bars())
+            .column(Column::text("in which part of the motion").wrapping())
+            .column(Column::number("p", "").significant(2))
+            .note("p: the chance that a residual that knows nothing of the motion looks like this, corrected for the number of looks.");
+        for place in &diagnosis.location {
+            table = table.row([
+                place.joint.clone().unwrap_or_else(|| "whole arm".to_owned()).into(),
+                place.channels.join(", ").into(),
+                (100.0 * place.share).into(),
+                place.when.clone().into(),
+                place.p.into(),
+            ]);
+        }
+        section = section.with(table);
+    }
+    let mut table = Table::new("Every channel beside the noise floor, held-out data")
+        .column(Column::text("channel"))
+        .column(Column::text("unit"))
+        .column(Column::number("tuned model", "").significant(3))
+        .column(Column::number("noise floor", "").significant(3))
+        .column(Column::number("times the floor", "").significant(3).bars())
+        .note("Noise floor: what a machine leaves that is its model inside the tolerances, moved the same way and measured as badly; from twins.");
+    for (channel, unit) in &fit.units {
+        let (left, floor) = (fit.retuned[channel].rmse, fit.noise_floor[channel].rmse);
+        let (scale, unit) = people(unit, left);
+        let times = if floor > 0.0 { left / floor } else { f64::NAN };
+        table = table.row([
+            channel.as_str().into(),
+            unit.into(),
+            (left * scale).into(),
+            (floor * scale).into(),
+            Cell::from(times),
+        ]);
+    }
+    section = section.with(table);
+    Some(match picture::strongest_map(diagnosis) {
+        Some(drawing) => section.with(drawing),
+        None => section,
+    })
+}

@@ -1,0 +1,183 @@
+//! The points of a picture: what is left without an effect and with it, over the variable that gives the effect away.
+
+use crate::{Diagnosis, Passage, Trace, Variable};
+
+/// Bins by which a law is tried over a variable.
+const BINS: usize = 24;
+/// A variable further down the list has to explain this much more to be taken.
+const CLEARLY: f64 = 0.03;
+/// Share of the law that one variable has to explain for the directions not to be told apart.
+const ENOUGH: f64 = 0.9;
+/// What laws are looked at over, the plainest first.
+const QUANTITIES: [&str; 6] = ["velocity", "load", "position", "acceleration", "way", "time"];
+
+/// One channel of all passages, as an effect sees it. All columns are of one length.
+#[derive(Default)]
+pub struct Points {
+    /// Left by the model with all findings.
+    pub with: Vec<f64>,
+    /// What this effect says.
+    pub law: Vec<f64>,
+    /// Whether the point took no part in the fit.
+    pub held_out: Vec<bool>,
+}
+
+impl Points {
+    /// The points of the effect number `effect` in `channel`.
+    pub fn of(diagnosis: &Diagnosis, effect: usize, channel: &str) -> Self {
+        let mut points = Self::default();
+        for (passage, trace) in traces(diagnosis, channel) {
+            points.push(passage, &trace.after, &law(trace, effect));
+        }
+        points
+    }
+
+    /// Adds a passage.
+    pub fn push(&mut self, passage: &Passage, with: &[f64], law: &[f64]) {
+        self.with.extend_from_slice(with);
+        self.law.extend_from_slice(law);
+        self.held_out.extend(std::iter::repeat_n(passage.held_out, with.len()));
+    }
+
+    /// What would be left without the effect: the partial residual of Larsen & McCleary 1972.
+    pub fn without(&self) -> Vec<f64> {
+        self.with.iter().zip(&self.law).map(|(with, law)| with + law).collect()
+    }
+}
+
+/// The channel of every passage.
+pub fn traces<'a>(diagnosis: &'a Diagnosis, channel: &str) -> impl Iterator<Item = (&'a Passage, &'a Trace)> {
+    let named = channel.to_owned();
+    diagnosis.passages.iter().filter_map(move |passage| {
+        passage.traces.iter().find(|trace| trace.channel == named).map(|trace| (passage, trace))
+    })
+}
+
+/// What an effect says of a channel; zeros where it says nothing.
+pub fn law(trace: &Trace, effect: usize) -> Vec<f64> {
+    let said = trace.laws.get(effect).filter(|law| !law.is_empty());
+    said.cloned().unwrap_or_else(|| vec![0.0; trace.after.len()])
+}
+
+/// A variable over all passages.
+pub struct Over {
+    /// Its name.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// Its values.
+    pub x: Vec<f64>,
+    /// Whether the joint moves forwards, where the two directions have to be told apart.
+    pub forwards: Option<Vec<bool>>,
+}
+
+/// The variable over which `law` is plainest, of those of `joints`, and the time.
+pub fn plainest(diagnosis: &Diagnosis, joints: &[usize], law: &[f64]) -> Option<Over> {
+    let first = diagnosis.passages.first()?;
+    let wanted = |v: &&Variable| v.joint.is_none_or(|joint| joints.contains(&joint));
+    let mut names: Vec<&Variable> = first.variables.iter().filter(wanted).collect();
+    names.retain(|variable| QUANTITIES.contains(&variable.quantity));
+    names.sort_by_key(|variable| QUANTITIES.iter().position(|known| *known == variable.quantity));
+    let whole: Vec<bool> = vec![true; law.len()];
+    let tried: Vec<(Over, f64, f64, Vec<bool>)> = names
+        .into_iter()
+        .map(|variable| {
+            let x = column(diagnosis, &variable.name);
+            let joint = variable.joint.or_else(|| joints.first().copied());
+            let forwards = joint.map_or_else(|| whole.clone(), |joint| forwards(diagnosis, joint));
+            let (plain, split) = (explained(&x, law, &whole), explained(&x, law, &forwards));
+            let over =
+                Over { name: variable.name.clone(), unit: variable.unit.to_owned(), x, forwards: None };
+            (over, plain, split, forwards)
+        })
+        .collect();
+    let most = tried.iter().map(|(_, plain, ..)| *plain).fold(0.0, f64::max);
+    let most_split = tried.iter().map(|(_, _, split, _)| *split).fold(0.0, f64::max);
+    if most >= ENOUGH || most_split < most + CLEARLY {
+        return tried.into_iter().find(|(_, plain, ..)| *plain >= most - CLEARLY).map(|(over, ..)| over);
+    }
+    let chosen = tried.into_iter().find(|(_, _, split, _)| *split >= most_split - CLEARLY);
+    chosen.map(|(over, _, _, forwards)| Over { forwards: Some(forwards), ..over })
+}
+
+/// The variable called `name`, over all passages.
+pub fn column(diagnosis: &Diagnosis, name: &str) -> Vec<f64> {
+    let of = |passage: &Passage| {
+        let found = passage.variables.iter().find(|variable| variable.name == name);
+        found.map_or_else(|| vec![f64::NAN; passage.motion.len()], |variable| variable.values.clone())
+    };
+    diagnosis.passages.iter().flat_map(of).collect()
+}
+
+/// Whether `joint` moves forwards, over all passages.
+pub fn forwards(diagnosis: &Diagnosis, joint: usize) -> Vec<bool> {
+    let passages = diagnosis.passages.iter();
+    passages.flat_map(|passage| passage.motion.v[joint].iter().map(|v| *v >= 0.0)).collect()
+}
+
+/// Share of the variance of `y` that means over bins of `x` explain, the two groups apart; 1 if y is constant.
+fn explained(x: &[f64], y: &[f64], group: &[bool]) -> f64 {
+    let seen = |k: &usize| x[*k].is_finite() && y[*k].is_finite();
+    let counted: Vec<usize> = (0..x.len().min(y.len())).filter(seen).collect();
+    let mean = counted.iter().map(|&k| y[k]).sum::<f64>() / counted.len().max(1) as f64;
+    let all: f64 = counted.iter().map(|&k| (y[k] - mean).powi(2)).sum();
+    let square: f64 = counted.iter().map(|&k| y[k].powi(2)).sum();
+    if all <= 1e-9 * square {
+        return 1.0;
+    }
+    let mut between = 0.0;
+    for side in [false, true] {
+        let mut order: Vec<usize> = counted.iter().copied().filter(|&k| group[k] == side).collect();
+        order.sort_by(|&a, &b| x[a].total_cmp(&x[b]));
+        for bin in order.chunks(order.len().div_ceil(BINS).max(1)) {
+            let of_bin = bin.iter().map(|&k| y[k]).sum::<f64>() / bin.len() as f64;
+            between += bin.len() as f64 * (of_bin - mean).powi(2);
+        }
+    }
+    between / all
+}
+
+/// The law as a line over x: its means over up to `bins` bins of equal count.
+pub fn line(x: &[f64], law: &[f64], which: impl Fn(usize) -> bool, bins: usize) -> (Vec<f64>, Vec<f64>) {
+    let seen = |k: &usize| x[*k].is_finite() && law[*k].is_finite() && which(*k);
+    let mut order: Vec<usize> = (0..x.len().min(law.len())).filter(seen).collect();
+    order.sort_by(|&a, &b| x[a].total_cmp(&x[b]));
+    let mean = |bin: &[usize], column: &[f64]| bin.iter().map(|&k| column[k]).sum::<f64>() / bin.len() as f64;
+    let chunks = order.chunks(order.len().div_ceil(bins).max(1));
+    chunks.map(|bin| (mean(bin, x), mean(bin, law))).unzip()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{explained, line};
+
+    /// y = sign(v) is told by v; y = |x| sign(v) needs the direction beside x.
+    #[test]
+    fn a_law_is_plain_over_its_own_variable_only() {
+        let t: Vec<f64> = (0..20_000).map(|k| f64::from(k) * 0.1).collect();
+        let v: Vec<f64> = t.iter().map(|t| t.cos()).collect();
+        let load: Vec<f64> = t.iter().map(|t| (0.37 * t).sin()).collect();
+        let whole = vec![true; t.len()];
+        let forwards: Vec<bool> = v.iter().map(|v| *v >= 0.0).collect();
+        let dry: Vec<f64> = v.iter().map(|v| v.signum()).collect();
+        let butterfly: Vec<f64> = load.iter().zip(&v).map(|(load, v)| load.abs() * v.signum()).collect();
+        let found = [
+            explained(&v, &dry, &whole),
+            explained(&load, &dry, &whole),
+            explained(&load, &butterfly, &whole),
+            explained(&load, &butterfly, &forwards),
+        ];
+        println!("{found:?}");
+        assert!(found[0] > 0.9 && found[1] < 0.3 && found[2] < 0.3 && found[3] > 0.95);
+    }
+
+    #[test]
+    fn the_line_of_a_law_lies_on_it() {
+        let x: Vec<f64> = (0..1000).map(|k| f64::from(k * 617 % 1000) / 1000.0).collect();
+        let y: Vec<f64> = x.iter().map(|x| 3.0 * x).collect();
+        let (at, mean) = line(&x, &y, |_| true, 40);
+        assert_eq!(at.len(), 40);
+        assert!(at.windows(2).all(|pair| pair[0] < pair[1]));
+        assert!(at.iter().zip(&mean).all(|(x, y)| (y - 3.0 * x).abs() < 1e-12));
+    }
+}

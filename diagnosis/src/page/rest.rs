@@ -1,0 +1,151 @@
+//! The end of the page: what else it could be, what can't be told here, the model, what to do next, and how it was judged.
+
+use freeplay_arm::to_toml;
+use freeplay_report::units::power_of_ten;
+use freeplay_report::{Block, Cell, Column, Section, Table, Verdict};
+
+use super::Subject;
+use super::findings::{kind_title, title};
+use crate::Diagnosis;
+use freeplay_report::paste::pasted;
+
+/// Most rows of the table of evidence.
+const ROWS: usize = 40;
+
+/// What else was weighed; none where nothing was.
+pub fn alternatives(diagnosis: &Diagnosis) -> Option<Section> {
+    if diagnosis.alternatives.is_empty() {
+        return None;
+    }
+    let mut table = Table::new("Other effects in the place of those named, the closest first")
+        .column(Column::text("instead of").wrapping())
+        .column(Column::text("it could be").wrapping())
+        .column(Column::text(""))
+        .column(Column::text("odds against it"))
+        .column(Column::text("because it").wrapping())
+        .note("Below odds of 150 : 1 two effects are not told apart.");
+    for other in &diagnosis.alternatives {
+        let (verdict, why) = if other.indistinguishable {
+            let why = format!("{}. What separates the two: {}", other.why_not, other.what_would_separate);
+            (Cell::verdict_in_words(Verdict::Warn, "not told apart"), why)
+        } else {
+            (Cell::verdict_in_words(Verdict::Ok, "ruled out"), other.why_not.clone())
+        };
+        table = table.row([
+            Cell::from(in_words(&other.instead_of)),
+            title(other.kind, other.joint.as_deref()).into(),
+            verdict,
+            format!("{} : 1", power_of_ten(other.log_odds_against)).into(),
+            why.into(),
+        ]);
+    }
+    Some(Section::new("What else it could be").with(table))
+}
+
+/// `coulomb_friction of elbow` with the name that people give the kind.
+pub fn in_words(effect: &str) -> String {
+    let (kind, place) = effect.split_once(' ').unwrap_or((effect, ""));
+    format!("{} {place}", kind_title(kind)).trim_end().to_owned()
+}
+
+/// What these recordings can't show, with the reason.
+pub fn untestable(diagnosis: &Diagnosis) -> Option<Section> {
+    if diagnosis.untestable.is_empty() && diagnosis.quality.is_empty() {
+        return None;
+    }
+    let mut section = Section::new("What this recording can't show");
+    if !diagnosis.quality.is_empty() {
+        section = section.with(Block::List(diagnosis.quality.clone()));
+    }
+    let reasons = reasons(diagnosis);
+    if reasons.is_empty() {
+        return Some(section);
+    }
+    let mut table = Table::new("Not testable here")
+        .column(Column::text("because").wrapping())
+        .column(Column::text("effects").wrapping());
+    for (because, names) in reasons {
+        table = table.row([Cell::from(because), names.join(", ").into()]);
+    }
+    Some(section.with(table))
+}
+
+/// Why kinds can't be told, each reason once, with the kinds that share it.
+pub fn reasons(diagnosis: &Diagnosis) -> Vec<(&str, Vec<&str>)> {
+    let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
+    for one in &diagnosis.untestable {
+        let name = kind_title(one.kind);
+        match reasons.iter_mut().find(|(because, _)| *because == one.because) {
+            Some((_, names)) if names.contains(&name) => {}
+            Some((_, names)) => names.push(name),
+            None => reasons.push((&one.because, vec![name])),
+        }
+    }
+    reasons
+}
+
+/// The model with what was found, and what to do with it.
+pub fn model(subject: &Subject) -> Option<Section> {
+    let text = to_toml(&subject.diagnosis.model);
+    let effects = text.find("[[effect]]").map_or("", |at| &text[at..]);
+    let mut section = Section::new("The model");
+    section = if effects.is_empty() {
+        section.with("Nothing is added to the model: `model.toml` is the model as given.")
+    } else {
+        section
+            .with("`model.toml` is the model with these effects, its masses, lengths and friction tuned inside their tolerances; `compare`, `run` and the controllers read it as it is.")
+            .with(Block::Code(effects.trim_end().to_owned()))
+    };
+    if let Some(recording) = subject.recordings.last() {
+        let (model, recording) = (pasted(&subject.out.join("model.toml")), pasted(recording));
+        let commands =
+            format!("freeplay compare --model {model} --recording {recording}\nfreeplay run --model {model}");
+        section = section.with(Block::Code(commands));
+    }
+    Some(
+        section
+            .with(Block::Details { summary: "The whole file".to_owned(), blocks: vec![Block::Code(text)] }),
+    )
+}
+
+/// What to do next; none where there is nothing.
+pub fn next(diagnosis: &Diagnosis) -> Option<Section> {
+    (!diagnosis.next.is_empty())
+        .then(|| Section::new("What to do next").with(Block::List(diagnosis.next.clone())))
+}
+
+/// How it was judged: every kind at every place, and the tolerances that were used.
+pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
+    diagnosis.fit.as_ref()?;
+    let mut evidence = Table::new("Every kind at every place, by what it explains")
+        .column(Column::text("effect"))
+        .column(Column::number("alone", ""))
+        .column(Column::number("beside the findings", ""))
+        .column(Column::number("would count from", ""))
+        .note("Twice the logarithm of the likelihood ratio against the tuned model, samples counted as often as they are independent.");
+    for row in diagnosis.evidence.iter().take(ROWS) {
+        evidence = evidence.row([
+            Cell::from(title(row.kind, row.joint.as_deref())),
+            row.alone.into(),
+            row.beside.into(),
+            row.threshold.into(),
+        ]);
+    }
+    let mut tuned = Table::new("How far the tolerances of the model are used beside the findings")
+        .column(Column::text("tolerance"))
+        .column(Column::number("standard deviations", "").significant(2))
+        .note("A tolerance is 1.7 standard deviations wide.");
+    for one in diagnosis.tuned.iter().take(ROWS) {
+        tuned = tuned.row([Cell::from(one.name.as_str()), one.deviations.into()]);
+    }
+    let text = format!(
+        "Thresholds rest on {} twins: perfect recordings of the model, moved as the machine was, inside the tolerances and with its noise, put through the same analysis. The fit rests on other data than those that it is judged on.",
+        diagnosis.twins
+    );
+    let blocks = vec![evidence.into(), tuned.into()];
+    Some(
+        Section::new("How it was judged")
+            .with(text)
+            .with(Block::Details { summary: "Evidence and tolerances".to_owned(), blocks }),
+    )
+}

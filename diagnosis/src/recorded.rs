@@ -1,0 +1,186 @@
+//! A recording of the arm that a model describes: read, and looked at for what stands in another unit than it should.
+
+use std::path::{Path, PathBuf};
+
+use freeplay_arm::{Arm, ArmFile, Purpose, Shortfall};
+use freeplay_recording::{ColumnError, JointsError, Mapping, Place, ReadError, Recording, Row};
+use freeplay_storage::same_file;
+use thiserror::Error;
+
+use crate::conventions::{Reading, SetupFinding, time_unit};
+
+/// No arm reaches farther, m.
+const FARTHEST_M: f64 = 30.0;
+
+/// Why a recording cannot be compared with a model.
+#[derive(Debug, Error)]
+pub enum RecordedError {
+    /// The file cannot be read.
+    #[error(transparent)]
+    Read(#[from] ReadError),
+    /// The recording names some of the model's joints, and not all.
+    #[error(transparent)]
+    Names(#[from] JointsError),
+    /// The recording has another number of joints than the model.
+    #[error("{error} The joints of {model} are {joints}{locked}")]
+    Joints {
+        /// The reader's error.
+        error: Box<ReadError>,
+        /// The model as it was named.
+        model: String,
+        /// The model's joints.
+        joints: String,
+        /// Which chain of the robot the arm is, in words.
+        locked: String,
+    },
+    /// The model can say nothing of torques, and nothing else was recorded.
+    #[error(transparent)]
+    Unfit(#[from] Shortfall),
+    /// The times are in another unit than seconds.
+    #[error("{}: column t: {words}", file.display())]
+    NotSeconds {
+        /// The recording.
+        file: PathBuf,
+        /// The unit that they seem to have, and what to do.
+        words: String,
+    },
+    /// One recording is named twice.
+    #[error("--recording {}: is given twice, and what is held out has to be another one: name each once", file.display())]
+    Twice {
+        /// The recording.
+        file: PathBuf,
+    },
+}
+
+/// Reads the recording at `path` as it is, or as `mapping` says.
+///
+/// # Errors
+/// The reader's own.
+pub fn unmatched(path: &Path, mapping: Option<&Mapping>) -> Result<Recording, RecordedError> {
+    Ok(match mapping {
+        None => freeplay_recording::read(path, None)?,
+        Some(mapping) => freeplay_recording::import_csv(path, mapping)?,
+    })
+}
+
+/// The recording of the arm in `file`, which was named `model`: of the joints of the arm in its order, where both have names; without torques
+/// where the model has no masses; with the arm's weight where `mapping` says that it is missing from them. What may be in another unit is noted in it.
+///
+/// # Errors
+/// Joints that are not the arm's; times that are no seconds; torques alone for a model without masses.
+pub fn of_arm(
+    recording: Recording,
+    model: &str,
+    file: &ArmFile,
+    mapping: Option<&Mapping>,
+) -> Result<Recording, RecordedError> {
+    let joints: Vec<String> = file.arm.joints().iter().map(|joint| joint.name.clone()).collect();
+    let mut recording = recording.for_joints(&joints)?;
+    if recording.joints() != joints.len() {
+        return Err(other_number(&recording, model, file));
+    }
+    check_times(&recording)?;
+    check_masses(&mut recording, &file.arm)?;
+    recording.notes.extend(far_tool(&recording));
+    if mapping.is_some_and(Mapping::is_gravity_compensated) {
+        let reading = Reading { gravity_added: true, ..Reading::plain(file.arm.dof()) };
+        return Ok(reading.mended(&file.arm, &recording));
+    }
+    Ok(recording)
+}
+
+/// The error of a recording with another number of joints than the model in `file`, with what that says of its own.
+fn other_number(recording: &Recording, model: &str, file: &ArmFile) -> RecordedError {
+    let joints: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
+    let taken = file.ignored.first().filter(|note| note.starts_with("arm: "));
+    let locked = taken.map_or_else(String::new, |taken| format!("; {taken}; another chain: --tip LINK"));
+    let place = Place { file: recording.origin.clone(), row: Row::Whole };
+    let source = ColumnError::JointCount { expected: joints.len(), found: recording.joints() };
+    let error = Box::new(ReadError::Columns { place, source });
+    RecordedError::Joints { error, model: model.to_owned(), joints: joints.join(", "), locked }
+}
+
+/// Leaves torques out that the model can say nothing of, and says so.
+fn check_masses(recording: &mut Recording, arm: &Arm) -> Result<(), RecordedError> {
+    let Err(shortfall) = arm.require(Purpose::Torque) else { return Ok(()) };
+    let has_poses = recording.tool.is_some() || recording.q_link.iter().any(Option::is_some);
+    if recording.tau.is_none() {
+        return Ok(());
+    }
+    if !has_poses {
+        return Err(shortfall.into());
+    }
+    recording.tau = None;
+    recording.notes.push("the recorded torques are not compared: the model can't say any".to_owned());
+    Ok(())
+}
+
+/// Refuses times that are no seconds.
+fn check_times(recording: &Recording) -> Result<(), RecordedError> {
+    let Some(SetupFinding { statement, remedy, .. }) = time_unit(recording) else { return Ok(()) };
+    Err(RecordedError::NotSeconds { file: recording.origin.clone(), words: format!("{statement} {remedy}") })
+}
+
+/// A tool that is farther away than any arm reaches.
+fn far_tool(recording: &Recording) -> Option<String> {
+    let farthest = |axis: &Vec<f64>| axis.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let most = recording.tool.iter().flatten().map(farthest).fold(0.0, f64::max);
+    (most > FARTHEST_M)
+        .then(|| format!("x, y, z go up to {most:.0} m from the base: millimetres? they should be in m"))
+}
+
+/// Refuses a recording that is given twice: it would be held out from a fit that has seen it.
+///
+/// # Errors
+/// The recording.
+pub fn only_once(recordings: &[PathBuf]) -> Result<(), RecordedError> {
+    let is_before = |place: &usize| {
+        let (before, this) = (&recordings[..*place], &recordings[*place]);
+        before.iter().any(|path| path == this || same_file(path, this))
+    };
+    let twice = (0..recordings.len()).find(is_before);
+    twice.map_or(Ok(()), |place| Err(RecordedError::Twice { file: recordings[place].clone() }))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use freeplay_recording::Recording;
+
+    use super::{check_times, far_tool};
+
+    fn recording(step: f64, x: f64) -> Recording {
+        let rows = 0..10;
+        let of = |value: &dyn Fn(f64) -> f64| rows.clone().map(|k| value(f64::from(k))).collect();
+        let columns: [(&str, Vec<f64>); 5] = [
+            ("t", of(&|k| 1.7e9 + k * step)),
+            ("q1", of(&|k| k)),
+            ("x", of(&|_| x)),
+            ("y", of(&|_| 0.0)),
+            ("z", of(&|_| -x)),
+        ];
+        let columns = columns.into_iter().map(|(name, values)| (name.to_owned(), values)).collect();
+        Recording::new(Path::new("run.csv"), columns).expect("a recording")
+    }
+
+    #[test]
+    fn times_that_are_no_seconds_are_refused_with_the_unit_that_they_seem_to_be_in() {
+        for step in [1e-4, 0.02, 0.5] {
+            assert!(check_times(&recording(step, 1.0)).is_ok(), "{step}");
+        }
+        let cases =
+            [(4.0, "milliseconds"), (100.0, "milliseconds"), (1e3, "microseconds"), (4e6, "nanoseconds")];
+        for (step, unit) in cases {
+            let said = check_times(&recording(step, 1.0)).expect_err("refused").to_string();
+            assert!(said.contains("run.csv: column t") && said.contains(unit), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_tool_in_millimetres_is_noted() {
+        assert_eq!(far_tool(&recording(0.01, 2.1)), None);
+        let said = far_tool(&recording(0.01, 812.0)).expect("a note");
+        assert!(said.contains("812 m") && said.contains("millimetres"), "{said}");
+    }
+}

@@ -1,0 +1,194 @@
+//! Set-up faults put into recordings, made and real: each is found, named and mended, and clean recordings have none.
+
+use std::path::{Path, PathBuf};
+
+use freeplay_arm::{Arm, Workspace, gravity_torque, paper_arm, rnea};
+use freeplay_diagnosis::{Certainty, Setup, examine};
+use freeplay_recording::Recording;
+
+const SECONDS: f64 = 14.0;
+const RATE: f64 = 100.0;
+
+/// The paper's arm on sines, with a friction in every joint that its model does not name.
+fn made(arm: &Arm) -> Recording {
+    let n = arm.dof();
+    let (mut ws, mut tau) = (Workspace::new(arm), vec![0.0; n]);
+    let mut columns: Vec<(String, Vec<f64>)> = vec![("t".into(), Vec::new())];
+    columns.extend((1..=n).map(|j| (format!("q{j}"), Vec::new())));
+    columns.extend((1..=n).map(|j| (format!("tau{j}"), Vec::new())));
+    let friction = [20.0, 25.0, 12.0, 1.0, 0.8, 0.4];
+    for k in 0..(SECONDS * RATE) as usize {
+        let t = k as f64 / RATE;
+        let of = |j: usize| {
+            let w = std::f64::consts::TAU * (0.17 + 0.05 * j as f64);
+            let (sin, cos) = (w * t + 0.7 * j as f64).sin_cos();
+            [0.3 + 0.6 * sin, 0.6 * w * cos, -0.6 * w * w * sin]
+        };
+        let motion: Vec<[f64; 3]> = (0..n).map(of).collect();
+        let [q, v, a] = [0, 1, 2].map(|order| motion.iter().map(|joint| joint[order]).collect::<Vec<f64>>());
+        rnea(arm, &mut ws, &q, &v, &a, &mut tau);
+        let torques = tau.iter().zip(&v).zip(friction).map(|((tau, v), f)| tau + f * v.signum() + f * v);
+        let row: Vec<f64> = std::iter::once(t).chain(q.iter().copied()).chain(torques).collect();
+        columns.iter_mut().zip(row).for_each(|((_, column), x)| column.push(x));
+    }
+    Recording::new(Path::new("made.csv"), columns).expect("a recording")
+}
+
+/// A fault by its kind, the joint that it is about (from 0) and what it does.
+type Fault = (&'static str, Option<usize>, fn(&Arm, &mut Recording));
+
+fn torque(recording: &mut Recording, joint: usize) -> &mut Vec<f64> {
+    &mut recording.tau.as_mut().expect("torques")[joint]
+}
+
+/// A fault of each kind that moves a joint, a torque or a clock; joint 1 (from 0) carries the arm.
+const FAULTS: [Fault; 8] = [
+    ("angle_unit", None, |_, r| r.q.iter_mut().flatten().for_each(|q| *q = q.to_degrees())),
+    ("joint_direction", Some(1), |_, r| {
+        r.q[1].iter_mut().for_each(|q| *q = -*q);
+        torque(r, 1).iter_mut().for_each(|tau| *tau = -*tau);
+    }),
+    ("joint_zero", Some(1), |_, r| r.q[1].iter_mut().for_each(|q| *q += std::f64::consts::FRAC_PI_2)),
+    ("torque_sign", Some(1), |_, r| torque(r, 1).iter_mut().for_each(|tau| *tau = -*tau)),
+    ("torque_unit", Some(1), |_, r| torque(r, 1).iter_mut().for_each(|tau| *tau *= 0.08)),
+    ("gravity_compensated", None, |arm, r| {
+        let (mut ws, mut held) = (Workspace::new(arm), vec![0.0; arm.dof()]);
+        for row in 0..r.t.len() {
+            let q: Vec<f64> = r.q.iter().map(|column| column[row]).collect();
+            gravity_torque(arm, &mut ws, &q, &mut held);
+            held.iter().enumerate().for_each(|(joint, held)| torque(r, joint)[row] -= held);
+        }
+    }),
+    ("clock_offset", None, |_, r| {
+        let rows = (0.15 * r.rate_hz()) as usize;
+        r.tau.iter_mut().flatten().for_each(|tau| {
+            tau.rotate_right(rows);
+            let first = tau[rows];
+            tau[..rows].fill(first);
+        });
+    }),
+    ("joint_order", Some(1), |_, r| {
+        r.q.swap(1, 2);
+        r.tau.as_mut().expect("torques").swap(1, 2);
+    }),
+];
+
+fn sure(setup: &Setup) -> Vec<(&'static str, Option<String>)> {
+    let sure = setup.findings.iter().filter(|finding| finding.certainty == Certainty::Sure);
+    sure.map(|finding| (finding.kind, finding.joint.clone())).collect()
+}
+
+#[test]
+fn every_fault_of_a_made_recording_is_found_and_its_mended_reading_has_none() {
+    let arm = paper_arm().arm;
+    let clean = made(&arm);
+    assert_eq!(examine(&arm, &clean).findings, []);
+    for (kind, joint, fault) in FAULTS {
+        let mut recording = clean.clone();
+        fault(&arm, &mut recording);
+        let setup = examine(&arm, &recording);
+        let found = sure(&setup);
+        println!("{kind}: {found:?}");
+        let is_it = |(found, of): &(&str, Option<String>)| {
+            let name = joint.map(|joint| arm.joints()[joint].name.clone());
+            *found == kind && (name.is_none() || *of == name || kind == "joint_order")
+        };
+        assert!(!found.is_empty() && found.iter().all(is_it), "{kind}: {:?}", setup.findings);
+        let mended = setup.reading.mended(&arm, &recording);
+        assert_eq!(examine(&setup.reading.arm(&arm), &mended).findings, [], "{kind}, mended");
+    }
+}
+
+/// Three linear numbers: a wall is at exactly 90 degrees, a ceiling at 180, a wedge where it is.
+#[test]
+fn gravity_is_found_wherever_it_points() {
+    let standing = paper_arm().arm;
+    let size = standing.gravity().norm();
+    for down in [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.6, 0.0, -0.8]] {
+        let gravity = nalgebra::Vector3::from(down) * size;
+        let setup = examine(&standing, &made(&standing.with_gravity(gravity)));
+        let angle = gravity.angle(standing.gravity());
+        println!("{down:?}: {:?}", setup.findings);
+        assert_eq!(sure(&setup), [("gravity_direction", None)]);
+        assert!((setup.findings[0].value - angle).abs() < 2e-3, "{} is not {angle}", setup.findings[0].value);
+        assert!(setup.reading.gravity.is_some_and(|found| (found - gravity).norm() < 0.03));
+    }
+}
+
+#[test]
+fn jumps_still_channels_and_other_arms_are_found() {
+    let arm = paper_arm().arm;
+    let mut wrapped = made(&arm);
+    wrapped.q[0].iter_mut().for_each(|q| *q -= if *q > 0.3 { std::f64::consts::TAU } else { 0.0 });
+    let setup = examine(&arm, &wrapped);
+    assert_eq!(sure(&setup).iter().map(|(kind, _)| *kind).collect::<Vec<_>>(), ["angle_wrap"]);
+    assert!(setup.reading.unwrap && setup.stop.is_none());
+
+    let mut still = made(&arm);
+    torque(&mut still, 2).fill(0.0);
+    let setup = examine(&arm, &still);
+    assert_eq!(sure(&setup), [("frozen_channel", Some(arm.joints()[2].name.clone()))]);
+
+    let mut still = made(&arm);
+    still.q_ref = Some(still.q.clone());
+    still.q[2].fill(0.1);
+    assert!(examine(&arm, &still).stop.is_some_and(|why| why.contains("frozen")));
+
+    let mut other = made(&arm);
+    let swung = |k: usize, by: f64| (0.013 * k as f64 * by).sin();
+    for joint in 0..arm.dof() {
+        let by = 1.0 + 0.37 * joint as f64;
+        torque(&mut other, joint).iter_mut().enumerate().for_each(|(k, tau)| *tau = 80.0 * swung(k, by));
+    }
+    let setup = examine(&arm, &other);
+    println!("{:?}", setup.findings);
+    assert_eq!(sure(&setup), [("another_arm", None)]);
+}
+
+fn folder() -> Option<PathBuf> {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
+    let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, PathBuf::from);
+    if !folder.is_dir() {
+        eprintln!("skipped: no recordings here; FREEPLAY_RECORDINGS names their folder");
+        return None;
+    }
+    Some(folder)
+}
+
+/// Recordings of real machines, and the joint (from 0) that carries the arm.
+const REAL: [(&str, &str, &str, usize); 3] = [
+    ("kuka_kr300", "kr300_r2500_payload150.urdf", "test_B.csv", 1),
+    ("kuka_lwr4", "kuka_lwr4.urdf", "", 1),
+    ("dfki_double_pendulum", "double_pendulum_C1.urdf", "train_1.csv", 0),
+];
+
+#[test]
+fn real_machines_have_no_fault_until_one_is_put_in() {
+    let Some(folder) = folder() else { return };
+    let (mut found, mut all) = (0, 0);
+    for (set, model, run, carrier) in REAL {
+        let folder = folder.join(set);
+        let arm = freeplay_arm::load(&folder.join(model)).expect("the model").arm;
+        let csv = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "csv");
+        let mut runs: Vec<PathBuf> = std::fs::read_dir(&folder)
+            .expect("a folder")
+            .map(|entry| entry.expect("a file").path())
+            .collect();
+        runs.retain(|path| csv(path) && path.to_string_lossy().ends_with(run));
+        runs.sort();
+        let clean = freeplay_recording::read(&runs[0], Some(arm.dof())).expect("a recording");
+        assert_eq!(examine(&arm, &clean).findings, [], "{set}");
+        for (kind, joint, fault) in
+            FAULTS.into_iter().take(6).filter(|(_, joint, _)| joint.is_none() || carrier == 1)
+        {
+            let mut recording = clean.clone();
+            fault(&arm, &mut recording);
+            let kinds: Vec<&str> = sure(&examine(&arm, &recording)).iter().map(|(kind, _)| *kind).collect();
+            println!("{set} {kind} {joint:?}: {kinds:?}");
+            all += 1;
+            found += usize::from(kinds.contains(&kind));
+        }
+    }
+    println!("{found} of {all} faults in recordings of real machines are found");
+    assert_eq!(found, all);
+}

@@ -1,0 +1,119 @@
+//! What the clocks, the idle states and the host of a machine mean for a run.
+
+use crate::facts::Facts;
+use crate::findings::{Finding, Use, fail, ok, warn};
+use crate::probe::{Around, Probe};
+
+/// A share of stolen time from which tails are the host's: a millisecond in a second.
+const STOLEN_FAIL: f64 = 1e-3;
+/// A share from which it shows.
+const STOLEN_WARN: f64 = 1e-5;
+/// Coarsest timer that can keep a tick of a millisecond, ns.
+const COARSEST: u64 = 10_000;
+/// Wake-up p50 from which idle states are worth a change, ns.
+const SLOW_WAKE_UP: u64 = 20_000;
+/// Wake-up p99 with which the run's own wait (sleep, then spin the last 200 µs) no longer hides the sleep, ns.
+const HIDDEN: u64 = 200_000;
+
+/// How fine the timer is.
+pub fn timer(around: &Around) -> Finding {
+    let found = format!("{} ns", around.resolution);
+    if around.resolution <= COARSEST {
+        return ok("timer resolution", found);
+    }
+    let remedy = "boot without highres=off, with a kernel that has CONFIG_HIGH_RES_TIMERS";
+    fail(Use::Medians, "timer resolution", found, remedy)
+}
+
+/// What the clock reads.
+pub fn clock_source(facts: &Facts) -> Finding {
+    let item = "clock source";
+    match facts.clock_source.as_deref() {
+        None => ok(item, "unknown"),
+        Some(slow @ ("hpet" | "acpi_pm" | "jiffies" | "refined-jiffies" | "pit")) => fail(
+            Use::Medians,
+            item,
+            format!("{slow}: reading the time costs a microsecond or more"),
+            "boot with tsc=reliable, if the processor's clock is; see dmesg for why it was left",
+        ),
+        Some(name) => ok(item, name),
+    }
+}
+
+/// What an idle core costs to wake.
+pub fn idle(facts: &Facts, around: &Around, probe: Option<&Probe>) -> Finding {
+    let item = "idle states";
+    let deepest =
+        facts.deepest_idle.map_or(String::new(), |us| format!("; the deepest takes {us} µs to leave"));
+    let keep =
+        "hold /dev/cpu_dma_latency open with 0 in it while measuring (as root), or boot with idle=poll";
+    let Some(probe) = probe else {
+        return match facts.deepest_idle {
+            Some(latency) if latency * 1000 > SLOW_WAKE_UP => {
+                warn(item, format!("the deepest takes {latency} µs to leave"), keep)
+            }
+            _ => ok(item, format!("not measured{deepest}")),
+        };
+    };
+    let plain = us(probe.asleep.p50);
+    let held = match probe.asleep_held {
+        Some(held) => format!("; with /dev/cpu_dma_latency held at 0: {:.0} µs", us(held.p50)),
+        None if around.may_hold => String::new(),
+        None => {
+            "; what holding /dev/cpu_dma_latency at 0 brings cannot be tried: it cannot be opened".to_owned()
+        }
+    };
+    let found = format!("waking an idle core costs {plain:.0} µs (p50){held}{deepest}");
+    let helps = probe.asleep_held.is_none_or(|held| 2 * held.p50 < probe.asleep.p50);
+    if probe.asleep.p50 > SLOW_WAKE_UP && helps { warn(item, found, keep) } else { ok(item, found) }
+}
+
+/// What the hypervisor takes.
+pub fn stolen(facts: &Facts, probe: Option<&Probe>) -> Finding {
+    let item = "time stolen by the hypervisor";
+    let Some(time) = facts.cpu_time else { return ok(item, "unknown") };
+    let since_start = time.stolen as f64 / time.total.max(1) as f64;
+    let (now, share) = match probe {
+        Some(probe) => (
+            format!("{} clock ticks in the {:.1} s of this look, ", probe.stolen, probe.seconds),
+            since_start.max(probe.stolen as f64 / probe.clock_ticks.max(1) as f64),
+        ),
+        None => (String::new(), since_start),
+    };
+    let found = format!("{now}{:.4} % since the machine was started", since_start * 100.0);
+    let remedy = "ask for dedicated cores, or measure on a machine of your own";
+    if share >= STOLEN_FAIL {
+        fail(Use::Tails, item, format!("{found}: tails above a millisecond will not be yours"), remedy)
+    } else if share >= STOLEN_WARN {
+        warn(item, found, remedy)
+    } else {
+        ok(item, found)
+    }
+}
+
+/// How late the loop wakes.
+pub fn wake_up(probe: &Probe) -> Finding {
+    let found = format!(
+        "at 1 kHz under {}: p50 {:.2}, p99 {:.1}, max {:.0} µs late (asleep all the time: {:.0}, {:.0}, {:.0} µs); reading the clock {} ns",
+        probe.scheduler,
+        us(probe.spun.p50),
+        us(probe.spun.p99),
+        us(probe.spun.max),
+        us(probe.asleep.p50),
+        us(probe.asleep.p99),
+        us(probe.asleep.max),
+        probe.clock_cost,
+    );
+    let remedy = "look at the lines above: load, priority, isolation, time stolen";
+    if probe.spun.p99 > HIDDEN {
+        fail(Use::Tails, "wake-up", found, remedy)
+    } else if probe.asleep.p99 > HIDDEN {
+        warn("wake-up", found, remedy)
+    } else {
+        ok("wake-up", found)
+    }
+}
+
+fn us(ns: u64) -> f64 {
+    ns as f64 * 1e-3
+}

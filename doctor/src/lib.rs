@@ -1,0 +1,177 @@
+//! `freeplay doctor`: is this machine fit for runs, for medians, for tails; and what to change.
+
+mod clocks;
+mod facts;
+mod findings;
+mod probe;
+mod system;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use freeplay_report::{Block, Document, Section, Verdict as Mark};
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::write;
+use freeplay_terminal::messages::{self, painted};
+use freeplay_terminal::output::{say, show};
+use serde_json::{Value, json};
+
+use crate::facts::Facts;
+use crate::probe::{Around, Probe};
+
+pub use findings::{Finding, Level, Verdict};
+
+/// The SCHED_FIFO priority that a run asks for unless its scenario says otherwise.
+pub const DEFAULT_PRIORITY: u8 = 80;
+/// The schema of what it prints as JSON.
+const SCHEMA: &str = "freeplay.doctor/1";
+
+/// Looks at the machine.
+#[derive(Args, Debug)]
+pub struct DoctorArgs {
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+    /// End with code 4 unless the machine is fit for tails.
+    #[arg(long)]
+    require_rt: bool,
+    /// Only look, do not measure the wake-up (3 s).
+    #[arg(long)]
+    quick: bool,
+    /// Write a page as well.
+    #[arg(long, value_name = "FILE")]
+    html: Option<PathBuf>,
+    /// Read /proc and /sys below this folder.
+    #[arg(long, value_name = "DIR", hide = true)]
+    root: Option<PathBuf>,
+}
+
+/// What was found, and what it means.
+pub struct Examination {
+    findings: Vec<Finding>,
+    verdict: Verdict,
+    probe: Option<Probe>,
+}
+
+impl Examination {
+    /// A look at the machine without measuring anything: milliseconds.
+    pub fn quick() -> Self {
+        Self::of(Path::new("/"), None)
+    }
+
+    fn of(root: &Path, probe: Option<Probe>) -> Self {
+        let findings = findings::judge(&Facts::read(root), &Around::read(), probe.as_ref(), DEFAULT_PRIORITY);
+        Self { verdict: Verdict::of(&findings), findings, probe }
+    }
+
+    /// The facts of the machine that timing depends on, with what the doctor says of them: for the results of a run.
+    pub fn machine(&self) -> Value {
+        let mut machine = json!(freeplay_shm::Machine::read());
+        machine["doctor"] = json!({ "verdict": self.verdict, "findings": self.findings });
+        machine
+    }
+
+    /// What `--require-rt` asks for.
+    ///
+    /// # Errors
+    /// [`Exit::Unfit`] with the lines that spoil it, unless the machine is fit for tails.
+    pub fn require_rt(&self) -> Result<(), Failure> {
+        if self.verdict.tails {
+            return Ok(());
+        }
+        let mut message = format!("this machine is {}", self.verdict.words);
+        for finding in self.findings.iter().filter(|finding| finding.level == Level::Fail) {
+            let _ = write!(message, "\n  {}: {}", finding.item, finding.found);
+            if let Some(remedy) = &finding.remedy {
+                let _ = write!(message, ": {remedy}");
+            }
+        }
+        Err(Failure { exit: Exit::Unfit, message })
+    }
+
+    fn json(&self) -> Value {
+        json!({
+            "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"), "machine": freeplay_shm::Machine::read(),
+            "verdict": self.verdict, "findings": self.findings, "measured": self.probe,
+        })
+    }
+
+    fn in_words(&self) -> String {
+        let width = self.findings.iter().map(|finding| finding.item.len()).max().unwrap_or(0);
+        let mut text = String::new();
+        for finding in &self.findings {
+            let level = painted(finding.level.style(), format_args!("{:<4}", finding.level.word()));
+            let _ = writeln!(text, " {level}  {:<width$}  {}", finding.item, finding.found);
+            if let Some(remedy) = &finding.remedy {
+                let _ = writeln!(text, "       {:<width$}  → {remedy}", "");
+            }
+        }
+        let _ = writeln!(text, "\n verdict: {}{}", self.verdict.words, self.hint());
+        text
+    }
+
+    fn hint(&self) -> &'static str {
+        if self.verdict.tails { "" } else { " (--require-rt refuses to run on it)" }
+    }
+
+    fn page(&self) -> Document {
+        let mark = |level: Level| match level {
+            Level::Ok => Mark::Ok,
+            Level::Warn => Mark::Warn,
+            Level::Fail => Mark::Fail,
+        };
+        let (mut change, mut order) = (Section::new("What to change"), Section::new("As it should be"));
+        for finding in &self.findings {
+            let words = format!("{}: {}", finding.item, finding.found);
+            match &finding.remedy {
+                Some(remedy) => {
+                    let words = format!("{words} → {remedy}");
+                    change = change.with(Block::Verdict(mark(finding.level), words));
+                }
+                None => order = order.with(Block::Verdict(mark(finding.level), words)),
+            }
+        }
+        let fit = |holds: bool, what: &str| Block::Verdict(Mark::passed(holds), what.to_owned());
+        Document::new("Is this machine fit?")
+            .subtitle(self.verdict.words.clone())
+            .overview(fit(self.verdict.lockstep, "runs in lockstep"))
+            .overview(fit(self.verdict.medians, "medians of latencies in real time"))
+            .overview(fit(self.verdict.tails, "tails of latencies in real time"))
+            .section(change)
+            .section(order)
+            .footer(format!("freeplay {}", env!("CARGO_PKG_VERSION")))
+    }
+}
+
+/// Looks at the machine, says what it is fit for and what to change.
+///
+/// # Errors
+/// [`Exit::Unfit`] with `--require-rt`; a file that can't be written.
+pub fn doctor(args: &DoctorArgs) -> Result<Exit, Failure> {
+    let probe = match (args.quick, &args.root) {
+        (false, None) => {
+            messages::detail("measuring the wake-up of this machine");
+            Some(Probe::run(DEFAULT_PRIORITY)?)
+        }
+        _ => None,
+    };
+    let examination = Examination::of(args.root.as_deref().unwrap_or(Path::new("/")), probe);
+    if let Some(path) = &args.html {
+        write(path, &examination.page().to_html())?;
+    }
+    match args.format {
+        Format::Json => {
+            say(&format!(
+                "{}\n",
+                serde_json::to_string_pretty(&examination.json()).map_err(Failure::internal)?
+            ))?;
+        }
+        Format::Text => show(&examination.in_words())?,
+    }
+    if args.require_rt {
+        examination.require_rt()?;
+    }
+    Ok(Exit::Done)
+}

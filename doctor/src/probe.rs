@@ -1,0 +1,166 @@
+//! What a look at files cannot tell: how late a sleeper wakes on this machine, and what holding the idle states off brings.
+
+use std::fs::{File, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use freeplay_shm::{RtRequest, SHM_ENV, Schedule, now_ns, prepare, sleep_then_spin_until};
+use freeplay_terminal::exit::Failure;
+use hdrhistogram::Histogram;
+use rustix::fs::{statfs, statvfs};
+use rustix::time::{ClockId, clock_getres};
+use serde::Serialize;
+
+use crate::facts::CpuTime;
+
+/// `f_type` of tmpfs, `statfs(2)`.
+const TMPFS: u64 = 0x0102_1994;
+/// Who holds this file open with a zero in it keeps the cores out of deep idle states.
+const DMA_LATENCY: &str = "dev/cpu_dma_latency";
+/// Time between two ticks, ns.
+const PERIOD: u64 = 1_000_000;
+/// Ticks of each measurement.
+const TICKS: u64 = 1000;
+/// How long the run's own wait spins, ns.
+const SPIN: u64 = 200_000;
+
+/// What system calls say of the machine.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Around {
+    /// Where runs have their shared memory.
+    pub shared_memory: PathBuf,
+    /// Whether that is on a tmpfs.
+    pub is_tmpfs: bool,
+    /// Room there, bytes; `None` if it cannot be used.
+    pub free: Option<u64>,
+    /// Resolution of the clock, ns.
+    pub resolution: u64,
+    /// Whether idle states may be held off.
+    pub may_hold: bool,
+}
+
+impl Around {
+    /// Asks the system.
+    pub fn read() -> Self {
+        let shared_memory =
+            std::env::var_os(SHM_ENV).map_or_else(|| PathBuf::from("/dev/shm"), PathBuf::from);
+        let kind = statfs(&shared_memory).ok();
+        let room = statvfs(&shared_memory).ok();
+        let resolution = clock_getres(ClockId::Monotonic);
+        Self {
+            is_tmpfs: kind.is_some_and(|found| found.f_type as u64 == TMPFS),
+            free: room.map(|room| room.f_bavail * room.f_frsize),
+            resolution: resolution.tv_sec as u64 * 1_000_000_000 + resolution.tv_nsec as u64,
+            may_hold: hold(Path::new("/")).is_some(),
+            shared_memory,
+        }
+    }
+}
+
+/// How late a sleeper woke, ns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Lateness {
+    /// Median.
+    pub p50: u64,
+    /// 99th percentile.
+    pub p99: u64,
+    /// The latest.
+    pub max: u64,
+}
+
+/// What was measured.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Probe {
+    /// Under which scheduler.
+    pub scheduler: String,
+    /// How long it took, s.
+    pub seconds: f64,
+    /// What reading the clock costs, ns.
+    pub clock_cost: u64,
+    /// Asleep until the tick.
+    pub asleep: Lateness,
+    /// The same with the idle states held off, where that is allowed.
+    pub asleep_held: Option<Lateness>,
+    /// Asleep until 200 µs before the tick, then spinning: as runs wait.
+    pub spun: Lateness,
+    /// Clock ticks stolen by the hypervisor meanwhile.
+    pub stolen: u64,
+    /// Clock ticks of all cores meanwhile.
+    pub clock_ticks: u64,
+}
+
+impl Probe {
+    /// Measures for about three seconds, at real-time `priority` if it is granted.
+    ///
+    /// # Errors
+    /// No thread for it.
+    pub fn run(priority: u8) -> Result<Self, Failure> {
+        // A thread of its own: the priority ends with it.
+        let thread = std::thread::Builder::new().name("probe".to_owned()).spawn(move || measure(priority));
+        let joined = thread.map_err(Failure::internal)?.join();
+        joined
+            .map_err(|_| Failure::internal("the measurement of the wake-up failed"))?
+            .map_err(Failure::internal)
+    }
+}
+
+fn measure(priority: u8) -> Result<Probe, hdrhistogram::CreationError> {
+    let began = Instant::now();
+    let before = cpu_time();
+    let granted = prepare(&RtRequest { priority: Some(priority), cpu: None, lock_memory: false });
+    let asleep = lateness(0)?;
+    let asleep_held = match hold(Path::new("/")) {
+        Some(_held) => Some(lateness(0)?),
+        None => None,
+    };
+    let spun = lateness(SPIN)?;
+    let after = cpu_time();
+    let passed = |of: fn(&CpuTime) -> u64| match (&before, &after) {
+        (Some(before), Some(after)) => of(after).saturating_sub(of(before)),
+        _ => 0,
+    };
+    Ok(Probe {
+        scheduler: granted.machine.scheduler,
+        clock_cost: clock_cost(),
+        asleep,
+        asleep_held,
+        spun,
+        stolen: passed(|time| time.stolen),
+        clock_ticks: passed(|time| time.total),
+        seconds: began.elapsed().as_secs_f64(),
+    })
+}
+
+fn cpu_time() -> Option<CpuTime> {
+    CpuTime::of(&std::fs::read_to_string("/proc/stat").ok()?)
+}
+
+/// Keeps the cores out of deep idle states until the file is closed.
+fn hold(root: &Path) -> Option<File> {
+    let mut file = OpenOptions::new().write(true).open(root.join(DMA_LATENCY)).ok()?;
+    file.write_all(&0_i32.to_ne_bytes()).ok()?;
+    Some(file)
+}
+
+fn lateness(spin: u64) -> Result<Lateness, hdrhistogram::CreationError> {
+    let mut late = Histogram::<u64>::new_with_bounds(1, 100_000_000_000, 3)?;
+    let schedule = Schedule { start_ns: now_ns() + PERIOD, period_ns: PERIOD };
+    for tick in 0..TICKS {
+        let awake = sleep_then_spin_until(schedule.due_ns(tick), spin);
+        late.saturating_record(schedule.late_ns(tick, awake).max(1));
+    }
+    Ok(Lateness { p50: late.value_at_quantile(0.5), p99: late.value_at_quantile(0.99), max: late.max() })
+}
+
+/// The median of what two readings in a row are apart, ns.
+fn clock_cost() -> u64 {
+    let mut apart: Vec<u64> = (0..1001)
+        .map(|_| {
+            let first = now_ns();
+            now_ns() - first
+        })
+        .collect();
+    apart.sort_unstable();
+    apart[500]
+}

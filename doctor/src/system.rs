@@ -1,0 +1,181 @@
+//! What the kernel, its rights and the memory of a machine mean for a run.
+
+use crate::facts::Facts;
+use crate::findings::{Finding, Use, fail, ok, warn};
+use crate::probe::Around;
+
+/// Room in shared memory that a run needs with all of its slots, and with a wide margin, bytes.
+const ROOM: [u64; 2] = [8 << 20, 64 << 20];
+
+/// The kernel.
+pub fn kernel(facts: &Facts) -> Finding {
+    let kind = if facts.is_virtual { ", on a virtual machine" } else { "" };
+    ok("kernel", format!("Linux {}{kind}", facts.kernel.as_deref().unwrap_or("of unknown release")))
+}
+
+/// How the kernel may be interrupted.
+pub fn preemption(facts: &Facts) -> Finding {
+    let item = "preemption model";
+    let build = facts.build.as_deref().unwrap_or_default();
+    let has = |word: &str| build.split_whitespace().any(|part| part == word);
+    let remedy = "install a PREEMPT_RT kernel; failing that, boot with preempt=full";
+    if facts.realtime || has("PREEMPT_RT") {
+        ok(item, "PREEMPT_RT")
+    } else if has("PREEMPT_DYNAMIC") {
+        warn(item, "PREEMPT_DYNAMIC: chosen at boot, not a real-time kernel", remedy)
+    } else if has("PREEMPT") {
+        warn(item, "PREEMPT: not a real-time kernel", remedy)
+    } else {
+        warn(item, "none or voluntary: a system call of anybody can delay a tick by milliseconds", remedy)
+    }
+}
+
+/// Whether a real-time priority of `wanted` may be had.
+pub fn priority(facts: &Facts, wanted: u8) -> Finding {
+    let item = "real-time priority";
+    match facts.priority {
+        Some(most) if most >= u64::from(wanted) => {
+            ok(item, format!("allowed up to {most}, {wanted} is asked for"))
+        }
+        found => {
+            let found = match found {
+                None => "unknown".to_owned(),
+                Some(0) => "refused".to_owned(),
+                Some(most) => format!("allowed up to {most}, {wanted} is asked for"),
+            };
+            let remedy =
+                "add \"@realtime - rtprio 95\" to /etc/security/limits.conf, or run with CAP_SYS_NICE";
+            fail(Use::Tails, item, found, remedy)
+        }
+    }
+}
+
+/// Whether memory may be locked.
+pub fn memory(facts: &Facts) -> Finding {
+    let item = "locking memory";
+    if facts.may_lock == Some(true) {
+        return ok(item, "allowed");
+    }
+    let remedy =
+        "add \"@realtime - memlock unlimited\" to /etc/security/limits.conf, or run with CAP_IPC_LOCK";
+    warn(item, "refused: a page that is not there costs a tick its time", remedy)
+}
+
+/// What real-time threads leave to the others.
+pub fn budget(facts: &Facts) -> Finding {
+    let item = "real-time budget";
+    match facts.realtime_share {
+        None => ok(item, "not limited"),
+        Some(share) if share > 0.5 => {
+            ok(item, format!("{:.0} % of each second; the loop sleeps for most of it", share * 100.0))
+        }
+        Some(share) => fail(
+            Use::Tails,
+            item,
+            format!("{:.0} % of each second", share * 100.0),
+            "sysctl kernel.sched_rt_runtime_us=950000",
+        ),
+    }
+}
+
+/// How many cores there are.
+pub fn cores(facts: &Facts) -> Finding {
+    let item = "cores";
+    let Some(cores) = facts.cores else {
+        return warn(item, "unknown", "mount /proc");
+    };
+    match facts.quota {
+        Some(quota) => fail(
+            Use::Tails,
+            item,
+            format!(
+                "{cores}, but its control group allows {quota:.2} cores' worth of time and then stops it"
+            ),
+            "lift the CPU quota of the container (no --cpus; cpu.max = max)",
+        ),
+        None if cores < 2 => fail(
+            Use::Medians,
+            item,
+            "1: plant and controller take turns on it",
+            "give this process two cores or more",
+        ),
+        None if cores < 4 => warn(
+            item,
+            format!("{cores}: one for the plant, one for the controller, none for the rest"),
+            "use four cores or more, or stop everything else",
+        ),
+        None => ok(item, cores.to_string()),
+    }
+}
+
+/// What else the machine does.
+pub fn load(facts: &Facts) -> Finding {
+    let item = "load";
+    match (facts.load, facts.cores) {
+        (Some(load), Some(cores)) if load > 0.5 * cores as f64 => fail(
+            Use::Medians,
+            item,
+            format!("{load:.1} processes want to run on {cores} cores"),
+            "wait until nothing else runs; figures taken now are the others'",
+        ),
+        (Some(load), _) => ok(item, format!("{load:.1} processes want to run")),
+        _ => ok(item, "unknown"),
+    }
+}
+
+/// How the cores are clocked.
+pub fn governor(facts: &Facts) -> Finding {
+    let item = "frequency governor";
+    let others: Vec<&str> =
+        facts.governors.iter().map(String::as_str).filter(|name| *name != "performance").collect();
+    if facts.governors.is_empty() {
+        ok(item, "none to see: the firmware or the host sets the frequency")
+    } else if others.is_empty() {
+        ok(item, "performance")
+    } else {
+        warn(item, others.join(", "), "cpupower frequency-set --governor performance")
+    }
+}
+
+/// Whether cores are kept free of others.
+pub fn isolation(facts: &Facts) -> Finding {
+    let item = "isolated cores";
+    match (&facts.isolated, &facts.tickless) {
+        (Some(isolated), Some(tickless)) => ok(item, format!("isolcpus {isolated}, nohz_full {tickless}")),
+        (Some(isolated), None) => warn(
+            item,
+            format!("isolcpus {isolated}, but they still have a periodic interrupt"),
+            format!("boot with nohz_full={isolated}, too"),
+        ),
+        (None, _) => warn(
+            item,
+            "none: others run on the loop's cores",
+            "with cores to spare: boot with isolcpus=2,3 nohz_full=2,3 and set realtime.plant_cpu, realtime.controller_cpu",
+        ),
+    }
+}
+
+/// Room on tmpfs.
+pub fn shared_memory(around: &Around) -> Finding {
+    let item = "shared memory";
+    let path = around.shared_memory.display();
+    let Some(free) = around.free else {
+        return fail(
+            Use::Lockstep,
+            item,
+            format!("{path} cannot be used"),
+            "mount a tmpfs there, or name another folder in FREEPLAY_SHM",
+        );
+    };
+    let found = format!("{path}, {:.1} MiB free", free as f64 / f64::from(1 << 20));
+    let remedy = format!("free some of it, or mount -o remount,size=256M {path}");
+    if free < ROOM[0] {
+        fail(Use::Lockstep, item, found, remedy)
+    } else if free < ROOM[1] {
+        warn(item, found, remedy)
+    } else if !around.is_tmpfs {
+        warn(item, format!("{found}, on a disk"), "name a folder on a tmpfs in FREEPLAY_SHM")
+    } else {
+        ok(item, found)
+    }
+}

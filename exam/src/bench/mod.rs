@@ -1,0 +1,385 @@
+//! `freeplay bench`: how long every stage of the loop takes, beside a bare clock loop and bare iceoryx2 that take turns with it; why
+//! deadlines were missed; and how much more a controller may compute before the budget of a tick breaks.
+
+mod bench_page;
+mod bench_report;
+mod bench_words;
+mod blocks;
+mod cost;
+mod figures;
+mod yardstick;
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use clap::Args;
+use freeplay_controller::BUILT_IN;
+use freeplay_doctor::Examination;
+use freeplay_harness::run::{Contestant, load};
+use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
+use freeplay_harness::summary::RunSummary;
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::output::{say, show};
+use freeplay_terminal::progress;
+use indicatif::ProgressBar;
+use rustix::thread::{CpuSet, sched_getaffinity};
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::bench::bench_report::Report;
+use crate::bench::blocks::{Block, Stand};
+use crate::bench::figures::{Compared, Ratio, caught_up, ratios};
+use freeplay_terminal::files::claim;
+
+pub use yardstick::{YardstickArgs, yardstick};
+
+/// Missed ticks that are bridged: a bench measures the stall of a machine and does not end at it.
+const HOLD: u32 = 1000;
+/// What the wake-up's p99 may be of the bare loop's.
+pub const MOST_WAKE_UP: f64 = 1.10;
+/// What the transport's p50 may be of bare iceoryx2's.
+pub const MOST_TRANSPORT: f64 = 1.15;
+/// What share of the missed deadlines must have a cause.
+pub const LEAST_CAUSED: f64 = 0.95;
+/// Share of missed deadlines at which the budget is broken.
+pub const BROKEN: f64 = 0.01;
+
+/// Times the loop.
+#[derive(Args, Debug)]
+pub struct BenchArgs {
+    /// The scenario, as for `freeplay run`.
+    scenario: Option<PathBuf>,
+    /// A controller: a built-in name or the path of an executable; without any: all built-in ones.
+    #[arg(long)]
+    controller: Vec<String>,
+    /// Ticks of each controller, and of each yardstick.
+    #[arg(long, default_value_t = 10_000)]
+    ticks: u64,
+    /// Blocks in which the full loop and the yardsticks take turns: the shorter, the more alike is what the machine does to them.
+    #[arg(long, default_value_t = 20)]
+    pairs: usize,
+    /// Also find the cliff: a block of each controller with each of these microseconds of added compute, as in --load 100,300,600.
+    #[arg(long, value_name = "US", value_delimiter = ',')]
+    load: Vec<f64>,
+    /// Instead: what recording and the live view cost the loop of the first controller: blocks with and without take turns.
+    #[arg(long, conflicts_with = "load")]
+    cost: bool,
+    /// Cores of the plant and of the controller; without it the last two that this process may use.
+    #[arg(long, value_name = "P,C", value_parser = two_cores)]
+    cpus: Option<[usize; 2]>,
+    /// Change a key of the scenario, as in --set path.period=12.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Seed of all noise.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// End with code 4 unless the machine is fit for tails of latencies (see `freeplay doctor`).
+    #[arg(long)]
+    require_rt: bool,
+    /// Folder for what is left; without it: out/ and the time.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// One controller against the yardsticks.
+#[derive(Debug, Serialize)]
+pub struct Contest {
+    /// The controller.
+    pub controller: String,
+    /// The wake-up of ticks that were waited for against the bare loop's at p50, p99, p99.9.
+    pub wake_up: [Option<Ratio>; 3],
+    /// The lateness of all ticks against the bare loop's.
+    pub lateness: [Option<Ratio>; 3],
+    /// The transport against bare iceoryx2's.
+    pub transport: [Option<Ratio>; 3],
+    /// Ticks played.
+    pub ticks: u64,
+    /// Ticks that were due before the loop got to them: it was catching up after a stall, and nothing woke it.
+    pub caught_up: u64,
+    /// The same of the bare loop.
+    pub bare_caught_up: u64,
+    /// Ticks without an answer in time, and ticks at which the plant itself was a period late.
+    pub missed: u64,
+    /// How many of them by cause.
+    pub causes: BTreeMap<String, u64>,
+}
+
+impl Contest {
+    fn of(blocks: &[Block], which: usize, controller: &str) -> Self {
+        let mut causes = BTreeMap::new();
+        let [mut ticks, mut missed, mut ours, mut bare] = [0; 4];
+        for (block, (run, stages)) in blocks.iter().map(|block| (block, &block.full[which])) {
+            ticks += run.ticks;
+            ours += caught_up(stages);
+            bare += caught_up(&block.clock);
+            missed += missed_of(run);
+            for (cause, count) in run.deadlines["by_evidence"].as_object().into_iter().flatten() {
+                *causes.entry(cause.clone()).or_insert(0) += count.as_u64().unwrap_or(0);
+            }
+        }
+        Self {
+            controller: controller.to_owned(),
+            wake_up: ratios(blocks, which, Compared::WakeUp),
+            lateness: ratios(blocks, which, Compared::Lateness),
+            transport: ratios(blocks, which, Compared::Transport),
+            ticks,
+            caught_up: ours,
+            bare_caught_up: bare,
+            missed,
+            causes,
+        }
+    }
+
+    /// What is compared, in words, with its ratios.
+    pub fn compared(&self) -> [(&'static str, &[Option<Ratio>; 3]); 3] {
+        [
+            ("wake-up", &self.wake_up),
+            ("lateness, catching up included", &self.lateness),
+            ("transport", &self.transport),
+        ]
+    }
+}
+
+/// Deadlines that a run missed, by the controller or by the plant.
+fn missed_of(run: &RunSummary) -> u64 {
+    ["missed", "plant_late"].iter().filter_map(|key| run.deadlines[key].as_u64()).sum()
+}
+
+/// What is asked of all of them together.
+#[derive(Debug, Serialize)]
+pub struct Verdicts {
+    /// Greatest ratio of a wake-up's p99, the median of the blocks: each is set against the bare loop's block next to it, and what the host
+    /// does to one block alone is no matter.
+    pub wake_up_p99: Option<f64>,
+    /// Greatest ratio of a transport's p50.
+    pub transport_p50: Option<f64>,
+    /// Missed deadlines.
+    pub missed: u64,
+    /// Of these, with a cause.
+    pub caused: u64,
+    limits: Value,
+}
+
+impl Verdicts {
+    fn of(contests: &[Contest]) -> Self {
+        let most = |of: &dyn Fn(&Contest) -> Option<f64>| contests.iter().filter_map(of).reduce(f64::max);
+        let unknown: u64 = contests.iter().filter_map(|contest| contest.causes.get("unknown")).sum();
+        let missed = contests.iter().map(|contest| contest.missed).sum::<u64>();
+        Self {
+            wake_up_p99: most(&|contest| contest.wake_up[1].map(|ratio| ratio.median)),
+            transport_p50: most(&|contest| contest.transport[0].map(|ratio| ratio.all)),
+            missed,
+            caused: contests.iter().flat_map(|contest| contest.causes.values()).sum::<u64>() - unknown,
+            limits: json!({ "wake_up_p99": MOST_WAKE_UP, "transport_p50": MOST_TRANSPORT, "caused": LEAST_CAUSED }),
+        }
+    }
+
+    /// Whether wake-up, transport and causes are within their limits, each.
+    pub fn hold(&self) -> [bool; 3] {
+        [
+            self.wake_up_p99.is_some_and(|ratio| ratio <= MOST_WAKE_UP),
+            self.transport_p50.is_some_and(|ratio| ratio <= MOST_TRANSPORT),
+            self.caused as f64 >= LEAST_CAUSED * self.missed as f64,
+        ]
+    }
+}
+
+/// A block with added compute.
+#[derive(Debug, Serialize)]
+pub struct Step {
+    /// The controller.
+    pub controller: String,
+    /// Added compute of each answer, µs.
+    pub load_us: f64,
+    /// Share of the ticks whose deadline was missed; 1 where the run ended otherwise than at its last tick.
+    pub missed_share: f64,
+    /// The round trip, µs.
+    pub round_trip_us: Value,
+}
+
+/// What was played.
+struct Played {
+    blocks: Vec<Block>,
+    cliff: Vec<Step>,
+}
+
+/// Times the loop as `args` say.
+///
+/// # Errors
+/// Bad input; a machine that is not fit, with `--require-rt`; a process that fails.
+pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
+    let examination = Examination::quick();
+    if args.require_rt {
+        examination.require_rt()?;
+    }
+    let scenario = scenario(args)?;
+    let contestants: Vec<Contestant> =
+        scenario.controllers.iter().map(|asked| Contestant::of(asked)).collect::<Result<_, _>>()?;
+    let folder = claim(args.out.as_deref(), &["bench.json", "cost.json"], args.force)?;
+    let out = folder.path().to_path_buf();
+    let stop = Arc::new(AtomicBool::new(false));
+    freeplay_terminal::process::stop_on_signals(&stop)?;
+    let stand = Stand { scenario: &scenario, contestants: &contestants, out: &out, stop: &stop };
+    if args.cost {
+        return cost::cost(&stand, args.pairs, args.format);
+    }
+    let steps = args.load.len() * contestants.len();
+    let bar = progress::bar((args.pairs + steps) as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
+    let played = play(args, &stand, &bar);
+    bar.finish_and_clear();
+    let Some(Played { blocks, cliff }) = played? else { return Ok(Exit::Interrupted) };
+    let contests: Vec<Contest> = contestants
+        .iter()
+        .enumerate()
+        .map(|(which, contestant)| Contest::of(&blocks, which, contestant.asked()))
+        .collect();
+    let report = Report {
+        scenario: &scenario,
+        machine: examination.machine(),
+        verdicts: Verdicts::of(&contests),
+        contests: &contests,
+        blocks: &blocks,
+        cliff: &cliff,
+    };
+    let text = report.write(&out)?;
+    match args.format {
+        Format::Json => say(&format!("{text}\n"))?,
+        Format::Text => show(&report.in_words(&out))?,
+    }
+    let holds = report.verdicts.hold().iter().all(|&holds| holds);
+    Ok(if holds { Exit::Done } else { Exit::Verdict })
+}
+
+/// The scenario of a block.
+fn scenario(args: &BenchArgs) -> Result<Scenario, Failure> {
+    let sets: Vec<String> =
+        args.set.iter().cloned().chain(args.seed.map(|seed| format!("seed={seed}"))).collect();
+    let mut scenario = load(args.scenario.as_deref(), &sets)?;
+    if args.pairs == 0 || args.ticks / (args.pairs as u64) < 100 {
+        return Err(Failure::usage(
+            "bench needs a block or more (--pairs) of a hundred ticks or more (--ticks)",
+        ));
+    }
+    let faulty = args.load.iter().any(|&us| !us.is_finite() || !(0.0..=1e6).contains(&us));
+    if faulty {
+        return Err(Failure::usage("--load: give microseconds from 0 to 1000000"));
+    }
+    scenario.pace = Pacing::Realtime;
+    scenario.recording = RecordingKind::None;
+    scenario.hold = scenario.hold.max(HOLD);
+    scenario.duration = Some((args.ticks / args.pairs as u64) as f64 / scenario.rate);
+    scenario.controllers = match args.controller.as_slice() {
+        [] => BUILT_IN.iter().map(|name| (*name).to_owned()).collect(),
+        given => given.to_vec(),
+    };
+    let built_in = |asked: &String| BUILT_IN.contains(&asked.as_str());
+    if !args.load.is_empty() && !scenario.controllers.iter().all(built_in) {
+        return Err(Failure::usage("--load loads built-in controllers alone: add the load in your own"));
+    }
+    let [plant, controller] = match args.cpus {
+        Some([plant, controller]) => {
+            let all: Vec<usize> = cores().into_iter().rev().collect();
+            if let Some(cpu) = [plant, controller].into_iter().find(|cpu| !all.contains(cpu)) {
+                return Err(Failure::usage(format!(
+                    "--cpus: no core {cpu} for this process; choose among {all:?}"
+                )));
+            }
+            [Some(plant), Some(controller)]
+        }
+        None => last_cores(),
+    };
+    scenario.realtime.plant_cpu = scenario.realtime.plant_cpu.or(plant);
+    scenario.realtime.controller_cpu = scenario.realtime.controller_cpu.or(controller);
+    Ok(scenario)
+}
+
+/// Two numbers of cores.
+fn two_cores(text: &str) -> Result<[usize; 2], String> {
+    let both = text
+        .split_once(',')
+        .and_then(|(plant, controller)| Some([plant.parse().ok()?, controller.parse().ok()?]));
+    both.ok_or_else(|| "give two cores, as in 2,3".to_owned())
+}
+
+/// The cores that this process may use, the last first; none where the system does not tell.
+fn cores() -> Vec<usize> {
+    let Ok(allowed) = sched_getaffinity(None) else { return Vec::new() };
+    (0..CpuSet::MAX_CPU).rev().filter(|&cpu| allowed.is_set(cpu)).collect()
+}
+
+/// The last two cores that this process may use: the first have the interrupts. None where there is but one.
+fn last_cores() -> [Option<usize>; 2] {
+    match cores().as_slice() {
+        &[plant, controller, ..] => [Some(plant), Some(controller)],
+        _ => [None; 2],
+    }
+}
+
+/// All blocks, then the cliff; `None` if interrupted.
+fn play(args: &BenchArgs, stand: &Stand, bar: &ProgressBar) -> Result<Option<Played>, Failure> {
+    let mut blocks = Vec::with_capacity(args.pairs);
+    for number in 0..args.pairs {
+        let Some(block) = stand.play(number)? else { return Ok(None) };
+        blocks.push(block);
+        bar.inc(1);
+    }
+    let mut cliff = Vec::new();
+    for contestant in stand.contestants {
+        for &load_us in &args.load {
+            let mut scenario = stand.scenario.clone();
+            scenario.realtime.load = load_us * 1e-6;
+            let Some((run, _)) = stand.full(contestant, &scenario)? else { return Ok(None) };
+            cliff.push(step(&run, contestant.asked(), load_us));
+            bar.inc(1);
+        }
+    }
+    Ok(Some(Played { blocks, cliff }))
+}
+
+fn step(run: &RunSummary, controller: &str, load_us: f64) -> Step {
+    let finished = run.ending.as_str() == Some("finished");
+    let missed = run.deadlines["missed"].as_u64().unwrap_or(0) as f64 / run.ticks.max(1) as f64;
+    Step {
+        controller: controller.to_owned(),
+        load_us,
+        missed_share: if finished { missed } else { 1.0 },
+        round_trip_us: run.latency_us.get("round_trip").cloned().unwrap_or_default(),
+    }
+}
+
+/// The largest added compute of `controller` before which the budget held, µs, and the first at which it broke.
+pub fn cliff_of(cliff: &[Step], controller: &str) -> Option<(Option<f64>, f64)> {
+    let steps = || cliff.iter().filter(|step| step.controller == controller);
+    let broken =
+        steps().filter(|step| step.missed_share > BROKEN).map(|step| step.load_us).reduce(f64::min)?;
+    let held = steps().map(|step| step.load_us).filter(|&load| load < broken).reduce(f64::max);
+    Some((held, broken))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Step, cliff_of};
+
+    #[test]
+    fn the_cliff_lies_between_the_last_load_that_held_and_the_first_that_did_not() {
+        let step = |load_us, missed_share| Step {
+            controller: "a".to_owned(),
+            load_us,
+            missed_share,
+            round_trip_us: serde_json::Value::Null,
+        };
+        let steps = [step(0.0, 0.0), step(400.0, 0.002), step(800.0, 0.3), step(1200.0, 1.0)];
+        assert_eq!(cliff_of(&steps, "a"), Some((Some(400.0), 800.0)));
+        assert_eq!(cliff_of(&steps[..2], "a"), None);
+        assert_eq!(cliff_of(&steps[2..], "a"), Some((None, 800.0)));
+    }
+}

@@ -1,0 +1,182 @@
+//! The yardsticks: a bare loop on an absolute clock, and bare iceoryx2 with the same messages at the same pace. Both wait as runs do, on
+//! the same cores and at the same priority, each in processes of its own.
+
+use std::path::PathBuf;
+use std::time::{Instant, SystemTime};
+
+use clap::{Args, ValueEnum};
+use freeplay_harness::histogram_files::write_hlog;
+use freeplay_plant::{Stage, Stages};
+use freeplay_shm::{
+    Address, BareController, BarePlant, Command, RtRequest, Schedule, State, now_ns, prepare,
+    sleep_then_spin_until,
+};
+use freeplay_terminal::exit::{Exit, Failure};
+
+/// How long before a tick the loops stop sleeping, ns: as in runs.
+const SPIN_NS: u64 = 200_000;
+/// How long before the next tick a command is given up, ns: as in runs.
+const JUDGING_NS: u64 = 50_000;
+/// How long the end that answers lets pass before it does, ns: about what the fastest controller computes. Else the answer would be there
+/// before the other end has begun to look for it, which no command of a controller is.
+const THOUGHT_NS: u64 = 10_000;
+/// How long the two ends wait for each other, ns.
+const PATIENCE_NS: u64 = 10_000_000_000;
+/// Joints of the messages; they are of one size for any number.
+const JOINTS: usize = 6;
+
+/// A part in a yardstick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Role {
+    /// A loop that only wakes.
+    Clock,
+    /// The end that publishes states by the clock.
+    Plant,
+    /// The end that answers.
+    Controller,
+}
+
+/// Plays one part of a yardstick; `freeplay bench` starts it.
+#[derive(Args, Debug)]
+pub struct YardstickArgs {
+    /// The part.
+    role: Role,
+    /// Address of the run in shared memory.
+    #[arg(long)]
+    run: String,
+    /// Ticks.
+    #[arg(long)]
+    ticks: u64,
+    /// Time between two ticks, ns.
+    #[arg(long)]
+    period: u64,
+    /// Core to stay on.
+    #[arg(long)]
+    cpu: Option<usize>,
+    /// SCHED_FIFO priority to ask for.
+    #[arg(long)]
+    priority: Option<u8>,
+    /// Lock all memory.
+    #[arg(long)]
+    lock_memory: bool,
+    /// Where the histograms go.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// End when this process, the parent, ends.
+    #[arg(long, value_name = "PID")]
+    with_parent: Option<u32>,
+}
+
+/// Plays the part of `args`.
+///
+/// # Errors
+/// A run that can't be joined; a peer that does not come; a file that can't be written.
+pub fn yardstick(args: &YardstickArgs) -> Result<Exit, Failure> {
+    args.with_parent.map_or(Ok(()), freeplay_terminal::process::die_with_parent)?;
+    let address = Address::parse(&args.run).map_err(Failure::usage)?;
+    let request = RtRequest { priority: args.priority, cpu: args.cpu, lock_memory: args.lock_memory };
+    let mut stages = Stages::new().map_err(Failure::internal)?;
+    let (began, clock) = (SystemTime::now(), Instant::now());
+    match args.role {
+        Role::Clock => {
+            let _ = prepare(&request);
+            wake(args, &mut stages);
+        }
+        Role::Plant => {
+            let plant = BarePlant::open(&address).map_err(Failure::internal)?;
+            let _ = prepare(&request);
+            exchange(args, plant, address.run(), &mut stages)?;
+        }
+        Role::Controller => {
+            let controller = BareController::open(&address).map_err(Failure::internal)?;
+            let _ = prepare(&request);
+            answer(args, controller)?;
+        }
+    }
+    if let Some(path) = &args.out {
+        write_hlog(path, &stages, began, clock.elapsed())?;
+    }
+    Ok(Exit::Done)
+}
+
+fn wake(args: &YardstickArgs, stages: &mut Stages) {
+    let schedule = Schedule { start_ns: now_ns() + args.period, period_ns: args.period };
+    for tick in 0..args.ticks {
+        stages.record_arrival(schedule.await_tick(tick, SPIN_NS));
+    }
+}
+
+/// The command that answers `state`, if it comes before `deadline`.
+fn command(plant: &BarePlant, state: &State, deadline: u64) -> Result<Option<(Command, u64)>, Failure> {
+    loop {
+        let command = plant.next_command().map_err(Failure::internal)?;
+        let now = now_ns();
+        match command {
+            Some(command) if command.tick == state.tick => return Ok(Some((command, now))),
+            _ if now >= deadline => return Ok(None),
+            _ => std::hint::spin_loop(),
+        }
+    }
+}
+
+fn exchange(
+    args: &YardstickArgs,
+    mut plant: BarePlant,
+    run: u64,
+    stages: &mut Stages,
+) -> Result<(), Failure> {
+    let mut state = State::new(run, JOINTS);
+    let patience = now_ns() + PATIENCE_NS;
+    // The other end may still be opening: tick 0 is said until it is answered.
+    while command(&plant, &state, now_ns() + args.period)?.is_none() {
+        plant.publish(&state).map_err(Failure::internal)?;
+        if now_ns() > patience {
+            return Err(Failure::peer("the other end of the yardstick did not come"));
+        }
+    }
+    let schedule = Schedule { start_ns: now_ns(), period_ns: args.period };
+    for tick in 1..=args.ticks {
+        stages.record_arrival(schedule.await_tick(tick, SPIN_NS));
+        (state.tick, state.scheduled_ns, state.published_ns) = (tick, schedule.due_ns(tick), now_ns());
+        state.flags = if tick == args.ticks { State::FLAG_LAST } else { 0 };
+        plant.publish(&state).map_err(Failure::internal)?;
+        let deadline = schedule.due_ns(tick + 1) - JUDGING_NS;
+        if let Some((command, received)) = command(&plant, &state, deadline)? {
+            stages.record(Stage::StateTransport, command.received_ns.saturating_sub(state.published_ns));
+            stages.record(Stage::CommandTransport, received.saturating_sub(command.sent_ns));
+            stages.record(Stage::Uncorrected, received.saturating_sub(state.published_ns));
+        }
+    }
+    Ok(())
+}
+
+fn answer(args: &YardstickArgs, mut controller: BareController) -> Result<(), Failure> {
+    let mut last = now_ns();
+    let mut due = 0;
+    loop {
+        let Some(state) = controller.next_state().map_err(Failure::internal)? else {
+            let now = now_ns();
+            if now > last + PATIENCE_NS {
+                return Err(Failure::peer("the other end of the yardstick is gone"));
+            }
+            // As a controller in real time waits: asleep until shortly before the next state is due.
+            if now + SPIN_NS < due {
+                sleep_then_spin_until(due - SPIN_NS, 0);
+            } else {
+                std::hint::spin_loop();
+            }
+            continue;
+        };
+        last = now_ns();
+        let received_ns = last;
+        due = state.scheduled_ns + args.period;
+        while now_ns() < received_ns + THOUGHT_NS {
+            std::hint::spin_loop();
+        }
+        let answer = Command { received_ns, sent_ns: now_ns(), ..Command::answer_to(&state, 0) };
+        controller.send(&answer).map_err(Failure::internal)?;
+        if state.has(State::FLAG_LAST) {
+            return Ok(());
+        }
+    }
+}

@@ -1,0 +1,311 @@
+//! What came of each fault, and the verdict on each kind.
+
+use std::collections::BTreeMap;
+
+use freeplay_harness::scenario::Pacing;
+use freeplay_harness::summary::RunSummary;
+use freeplay_plant::{PROBATION, Rejection, Stall};
+use freeplay_recording::Recording;
+use freeplay_terminal::exit::Failure;
+use serde::Serialize;
+
+use crate::faults::kinds::{Expected, Injection, Kind, LENGTH};
+use crate::swap_measures::{AROUND, Alone, deviation, stalls_in};
+
+/// What a deviation may be over that without a fault where a fault is to do no harm.
+const HARMLESS: f64 = 1.05;
+/// Codes of the column `in_force`.
+const HELD: f64 = 2.0;
+const BRAKED: f64 = 3.0;
+
+/// What came of one fault.
+#[derive(Clone, Debug, Serialize)]
+pub struct Finding {
+    /// The fault.
+    pub injection: Injection,
+    /// Whether the controller was in charge when it set in, and no brakes were closed; else there was nothing to find.
+    pub was_in_charge: bool,
+    /// Whether a journal was in contact when it set in.
+    pub in_contact: bool,
+    /// Ticks from the first faulty answer to the one in which something else than the controller's answers was in force.
+    pub detected_after: Option<u64>,
+    /// Ticks from the first answer that did not pass to the one whose successor had the standby's command in force; 0: no tick was lost.
+    pub taken_over_after: Option<u64>,
+    /// Why the answer did not pass.
+    pub reason: Option<&'static str>,
+    /// Faulty answers that were in force.
+    pub faulty_in_force: u64,
+    /// Ticks for which the last command was held.
+    pub held: u64,
+    /// Whether the brakes closed.
+    pub braked: bool,
+    /// Who was in charge next.
+    pub next_in_charge: String,
+    /// Whether the controller was in charge again before the next fault.
+    pub back: bool,
+    /// Stalls of the machine around the fault, until the standby was in force; where the standby has to contradict it, from as long before
+    /// as it takes to be believed again. Such a fault says more of the machine than of who was examined.
+    pub stalls: u64,
+    /// Greatest deviation of the tool until then, mm.
+    pub deviation_peak_mm: f64,
+    /// Over the greatest of the two controllers alone in the same ticks.
+    pub deviation_ratio: f64,
+}
+
+fn column<'a>(recording: &'a Recording, name: &str) -> Result<&'a [f64], Failure> {
+    recording.column(name).ok_or_else(|| Failure::internal(format!("the recording has no column {name}")))
+}
+
+impl Finding {
+    /// Of `injection`, from the recording of its run with these `stalls` of the machine: the `window` ticks from it on, beside the controllers
+    /// `alone`.
+    ///
+    /// # Errors
+    /// A recording that lacks what a run records.
+    pub fn of(
+        injection: Injection,
+        recording: &Recording,
+        stalls: &[Stall],
+        alone: &[Alone],
+        names: &[String],
+        window: usize,
+    ) -> Result<Self, Failure> {
+        let (rejected, in_force) = (column(recording, "rejected")?, column(recording, "in_force")?);
+        let in_charge = column(recording, "in_charge")?;
+        let begin = injection.tick as usize;
+        let (end, faulty) =
+            ((begin + window).min(rejected.len()), (begin + LENGTH as usize).min(rejected.len()));
+        let refused = (begin..faulty).find(|&tick| rejected[tick] != 0.0);
+        // The answer to tick k is in force during tick k + 1.
+        let was_faulty = |tick: usize| in_force[tick] == 1.0 && in_charge[tick] == 0.0;
+        let is_taken_over = |tick: &usize| in_force[*tick] == 1.0 && in_charge[*tick] != 0.0;
+        let taken_over = refused.and_then(|tick| Some((tick + 1..end).find(is_taken_over)? - tick - 1));
+        let norm = deviation(recording)?;
+        let peak = norm[begin.min(norm.len())..end.min(norm.len())].iter().copied().fold(0.0, f64::max);
+        let without = alone.iter().map(|alone| alone.peak(begin..end)).fold(0.0, f64::max);
+        let held = |code| in_force[begin..end].iter().filter(|&&what| what == code).count() as u64;
+        let next = refused.and_then(|tick| in_charge.get(tick + 1)).map_or(0, |&slot| slot as usize);
+        let name = |slot: usize| names.get(slot).cloned().unwrap_or_default();
+        // A standby that was stalled is no witness until it has agreed for a while; one that is says nothing.
+        let is_compared = injection.kind.expected() == Expected::Compared;
+        let (before, unrefused) = if is_compared { (u64::from(PROBATION), faulty) } else { (AROUND, begin) };
+        let over = refused.map_or(unrefused, |tick| tick + taken_over.unwrap_or(0)) as u64;
+        let around = injection.tick.saturating_sub(before)..over + AROUND + 1;
+        // What the examined one lacks once it is spoiled is the fault's.
+        let is_machines = |stall: &&Stall| stall.slot != Some(0) || stall.first < injection.tick;
+        Ok(Self {
+            injection,
+            was_in_charge: in_charge.get(begin).is_some_and(|&slot| slot == 0.0) && in_force[begin] != BRAKED,
+            in_contact: recording.others.iter().any(|(name, values)| {
+                name.ends_with("_contact_time") && values[begin.min(values.len() - 1)] > 0.0
+            }),
+            detected_after: refused.map(|tick| (tick - begin) as u64 + 1),
+            taken_over_after: taken_over.map(|ticks| ticks as u64),
+            reason: refused.map(|tick| reason(rejected[tick])),
+            faulty_in_force: (begin + 1..(faulty + 1).min(end)).filter(|&tick| was_faulty(tick)).count()
+                as u64,
+            held: held(HELD),
+            braked: held(BRAKED) > 0,
+            next_in_charge: name(next),
+            back: end > 0 && in_charge.get(end).is_some_and(|&slot| slot == 0.0),
+            stalls: stalls_in(stalls.iter().filter(is_machines), &around),
+            deviation_peak_mm: peak * 1e3,
+            deviation_ratio: if without > 0.0 { peak / without } else { f64::NAN },
+        })
+    }
+
+    /// Whether the controller was late for another reason than the fault: it was not in charge when that set in, or lacked an answer where
+    /// none is taken away.
+    pub fn is_late(&self, expected: Expected) -> bool {
+        let loses_none = matches!(expected, Expected::Compared | Expected::Harmless);
+        !self.was_in_charge || (loses_none && self.reason == Some(Rejection::Missing.name()))
+    }
+
+    /// What was in force while it lasted.
+    fn applied(&self) -> &'static str {
+        match (self.braked, self.held, self.detected_after, self.faulty_in_force) {
+            (true, ..) => "brakes",
+            (_, 1.., ..) => "held, then the standby's",
+            (_, _, Some(_), 0) => "the standby's",
+            (_, _, Some(_), _) => "its own, then the standby's",
+            (_, _, None, _) => "its own",
+        }
+    }
+
+    /// Whether this is what should come of it.
+    fn holds(&self, expected: Expected) -> bool {
+        match expected {
+            Expected::Detected { ticks } => self.detected_after.is_some_and(|after| after <= ticks),
+            Expected::Compared => self.detected_after.is_some() || self.deviation_ratio <= HARMLESS,
+            Expected::Harmless => self.detected_after.is_none() && self.deviation_ratio <= HARMLESS,
+        }
+    }
+}
+
+/// The name of a code of the column `rejected`.
+fn reason(code: f64) -> &'static str {
+    Rejection::ALL
+        .into_iter()
+        .find(|&reason| f64::from(reason as u8 + 1) == code)
+        .map_or("?", Rejection::name)
+}
+
+/// What came of the faults of one run, and of the run itself.
+pub struct RunFindings {
+    findings: Vec<Finding>,
+    bad_applied: u64,
+    plant_late: u64,
+    unrecorded: u64,
+    swept: usize,
+}
+
+impl RunFindings {
+    /// Of a run with its `findings`; `swept` runs in shared memory were found dead after it.
+    ///
+    /// # Errors
+    /// A recording that lacks what a run records.
+    pub fn of(
+        findings: Vec<Finding>,
+        summary: &RunSummary,
+        recording: &Recording,
+        limits: &[[f64; 2]],
+        swept: usize,
+    ) -> Result<Self, Failure> {
+        let mut bad_applied = 0;
+        for (joint, [lower, upper]) in limits.iter().enumerate() {
+            let applied = column(recording, &format!("applied_{}", joint + 1))?;
+            bad_applied += applied.iter().filter(|value| !(*lower..=*upper).contains(*value)).count() as u64;
+        }
+        let count = |key: &str| summary.deadlines[key].as_u64().unwrap_or(0);
+        Ok(Self {
+            findings,
+            bad_applied,
+            plant_late: count("plant_late"),
+            unrecorded: count("unrecorded"),
+            swept,
+        })
+    }
+}
+
+/// The verdict on one kind of fault.
+#[derive(Clone, Debug, Serialize)]
+pub struct Verdict {
+    /// The kind.
+    pub kind: Kind,
+    /// Whether all was as it should be.
+    pub holds: bool,
+    /// Faults injected.
+    pub count: usize,
+    /// Of these, while a journal was in contact.
+    pub in_contact: usize,
+    /// Of these, while the controller was in charge and no stall of the machine had a part in it: the figures from here on are of these, as far
+    /// as they say how a fault was met.
+    pub judged: usize,
+    /// Faults that fell on a stall of the machine.
+    pub stalled: usize,
+    /// Of these, detected.
+    pub detected: usize,
+    /// Faults after which the standby's answer to the very tick that lacked one was in force.
+    pub taken_over_at_once: usize,
+    /// Faults after which the standby was in charge within two ticks more.
+    pub taken_over_soon: usize,
+    /// Ticks until the slowest was detected.
+    pub slowest: Option<u64>,
+    /// Faults that were not met as they should be.
+    pub not_as_expected: usize,
+    /// What was in force, and how often.
+    pub applied: BTreeMap<&'static str, usize>,
+    /// Why answers did not pass, and how often.
+    pub reasons: BTreeMap<&'static str, usize>,
+    /// Who was in charge next, and how often.
+    pub next_in_charge: BTreeMap<String, usize>,
+    /// Most ticks for which a command was held.
+    pub most_held: u64,
+    /// Faults after which the controller was in charge again.
+    pub back: usize,
+    /// Greatest deviation of the tool over that without a fault.
+    pub deviation_ratio: f64,
+    /// Greatest deviation of the tool, mm.
+    pub deviation_peak_mm: f64,
+    /// Values beyond a limit, or none at all, that were in force.
+    pub bad_applied: u64,
+    /// Ticks at which the plant itself woke up more than a period late.
+    pub plant_late: u64,
+    /// Ticks missing in the recordings.
+    pub unrecorded: u64,
+    /// Runs left in shared memory by killed processes, which were swept.
+    pub swept: usize,
+    /// All faults.
+    pub findings: Vec<Finding>,
+}
+
+impl Verdict {
+    /// On `kind`, without any fault yet.
+    pub fn new(kind: Kind) -> Self {
+        Self {
+            kind,
+            holds: true,
+            count: 0,
+            in_contact: 0,
+            judged: 0,
+            stalled: 0,
+            detected: 0,
+            taken_over_at_once: 0,
+            taken_over_soon: 0,
+            slowest: None,
+            not_as_expected: 0,
+            applied: BTreeMap::new(),
+            reasons: BTreeMap::new(),
+            next_in_charge: BTreeMap::new(),
+            most_held: 0,
+            back: 0,
+            deviation_ratio: 0.0,
+            deviation_peak_mm: 0.0,
+            bad_applied: 0,
+            plant_late: 0,
+            unrecorded: 0,
+            swept: 0,
+            findings: Vec::new(),
+        }
+    }
+
+    /// Adds what came of a run.
+    pub fn add(&mut self, run: RunFindings) {
+        self.bad_applied += run.bad_applied;
+        self.plant_late += run.plant_late;
+        self.unrecorded += run.unrecorded;
+        self.swept += run.swept;
+        for finding in run.findings {
+            self.count += 1;
+            self.in_contact += usize::from(finding.in_contact);
+            let is_stalled = finding.was_in_charge && finding.stalls > 0;
+            self.stalled += usize::from(is_stalled);
+            if finding.was_in_charge && !is_stalled {
+                self.judged += 1;
+                self.detected += usize::from(finding.detected_after.is_some());
+                self.taken_over_at_once += usize::from(finding.taken_over_after == Some(0));
+                self.taken_over_soon += usize::from(matches!(finding.taken_over_after, Some(1 | 2)));
+                self.slowest = self.slowest.max(finding.detected_after);
+                self.not_as_expected += usize::from(!finding.holds(self.kind.expected()));
+            }
+            *self.applied.entry(finding.applied()).or_default() += 1;
+            if let Some(reason) = finding.reason {
+                *self.reasons.entry(reason).or_default() += 1;
+            }
+            *self.next_in_charge.entry(finding.next_in_charge.clone()).or_default() += 1;
+            self.most_held = self.most_held.max(finding.held);
+            self.back += usize::from(finding.back);
+            self.deviation_ratio = self.deviation_ratio.max(finding.deviation_ratio);
+            self.deviation_peak_mm = self.deviation_peak_mm.max(finding.deviation_peak_mm);
+            self.findings.push(finding);
+        }
+    }
+
+    /// Closes it: where no fault could be judged, nothing is shown. In real time the machine, too, makes answers late: a sound controller
+    /// is then allowed to be relieved.
+    pub fn with_pace(mut self, pace: Pacing) -> Self {
+        let tolerated = pace == Pacing::Realtime && self.kind.expected() == Expected::Harmless;
+        self.holds = self.bad_applied == 0 && self.judged > 0 && (self.not_as_expected == 0 || tolerated);
+        self
+    }
+}

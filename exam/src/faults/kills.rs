@@ -1,0 +1,211 @@
+//! `kill -9` of any process of a run at any moment, also while it starts: does the next run start, does nothing grow in shared
+//! memory, does every recording open?
+
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use freeplay_recording::ReadError;
+use freeplay_storage::{list, remove_folder};
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::write;
+use freeplay_terminal::messages;
+use freeplay_terminal::output::say;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rustix::process::{Pid, Signal, kill_process};
+use serde::Serialize;
+use serde_json::json;
+
+/// Within this time after the start the kill comes, ms: start-up takes most of it.
+const LATEST_MS: f64 = 900.0;
+/// How long a run may take to end after a process of it was killed.
+const LONGEST: Duration = Duration::from_secs(30);
+const LOOK: Duration = Duration::from_millis(1);
+/// Where segments are.
+const SEGMENTS: &str = "/dev/shm";
+
+/// Which process of a run is killed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Victim {
+    Plant,
+    Controller,
+    Run,
+}
+
+/// What came of all kills.
+#[derive(Debug, Default, Serialize)]
+struct Tally {
+    kills: u32,
+    /// Kills that came when the victim was there.
+    struck: u32,
+    /// Of these, before the recording had its first tick.
+    during_start: u32,
+    hung: u32,
+    next_did_not_start: u32,
+    recordings: u32,
+    recordings_that_do_not_open: u32,
+    /// Kills after which something was left in shared memory, for the next run to sweep.
+    left_and_swept: u32,
+    /// How long the processes of a killed run outlived it at most, ms.
+    slowest_orphan_ms: f64,
+    /// Files of all these runs that are in shared memory at the end.
+    files_left: usize,
+    #[serde(skip)]
+    runs: Vec<u32>,
+}
+
+/// Kills `count` runs of `controller`, each followed by one that has to end well.
+///
+/// # Errors
+/// A run that can't be started at all; results that can't be written.
+pub fn kill_runs(
+    controller: &str,
+    count: u32,
+    seed: u64,
+    out: &Path,
+    stop: &AtomicBool,
+) -> Result<Exit, Failure> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut tally = Tally::default();
+    while tally.kills < count && !stop.load(Ordering::Relaxed) {
+        let victim = [Victim::Plant, Victim::Controller, Victim::Run][random.random_range(0..3)];
+        let after = Duration::from_secs_f64(random.random_range(0.0..LATEST_MS) * 1e-3);
+        kill_one(controller, out, victim, after, &mut tally)?;
+    }
+    tally.files_left = files_of(&tally.runs);
+    let holds = tally.hung + tally.next_did_not_start + tally.recordings_that_do_not_open == 0
+        && tally.files_left == 0;
+    let report = json!({ "schema": "freeplay.kills/1", "controller": controller, "seed": seed, "holds": holds, "tally": tally });
+    let text = serde_json::to_string_pretty(&report).map_err(Failure::internal)?;
+    write(&out.join("kills.json"), &text)?;
+    say(&format!("{text}\n"))?;
+    Ok(if holds { Exit::Done } else { Exit::Verdict })
+}
+
+fn kill_one(
+    controller: &str,
+    out: &Path,
+    victim: Victim,
+    after: Duration,
+    tally: &mut Tally,
+) -> Result<(), Failure> {
+    let folder = out.join("killed");
+    remove_folder(&folder)?;
+    let mut run = start(controller, &folder, &["duration=6", "recording=mcap", "patience=2"])?;
+    let begun = Instant::now();
+    let mut struck = false;
+    // On a busy machine the victim comes late.
+    while !struck && begun.elapsed() < LONGEST && run.try_wait().map_err(Failure::internal)?.is_none() {
+        std::thread::sleep(after.saturating_sub(begun.elapsed()).max(LOOK));
+        let orphans = if victim == Victim::Run { children_of(run.id()) } else { Vec::new() };
+        struck = pid_of(victim, run.id()).is_some_and(kill);
+        tally.slowest_orphan_ms = tally.slowest_orphan_ms.max(outlive_ms(&orphans));
+    }
+    tally.kills += 1;
+    tally.struck += u32::from(struck);
+    tally.hung += u32::from(!ends(&mut run)?);
+    let entries = list(&folder).unwrap_or_default().into_iter();
+    let recordings: Vec<PathBuf> = entries
+        .map(|entry| entry.path)
+        .filter(|path| path.extension().is_some_and(|extension| extension == "mcap"))
+        .collect();
+    let mut has_ticks = false;
+    for path in &recordings {
+        tally.recordings += 1;
+        match freeplay_recording::read(path, None) {
+            Ok(_) => has_ticks = true,
+            // It opens: it was killed before its first tick was written.
+            Err(ReadError::NoSamples { .. } | ReadError::Empty { .. }) => {}
+            Err(error) => {
+                messages::fault(format_args!("{}: {error}", path.display()));
+                tally.recordings_that_do_not_open += 1;
+            }
+        }
+    }
+    tally.during_start += u32::from(struck && !has_ticks);
+    tally.runs.push(run.id());
+    tally.left_and_swept += u32::from(files_of(&[run.id()]) > 0);
+    let mut next = start(controller, &out.join("next"), &["duration=0.02", "recording=none"])?;
+    let well = ends(&mut next)? && next.wait().is_ok_and(|status| status.success());
+    tally.next_did_not_start += u32::from(!well);
+    tally.runs.push(next.id());
+    Ok(())
+}
+
+fn start(controller: &str, folder: &Path, sets: &[&str]) -> Result<Child, Failure> {
+    let program = std::env::current_exe().map_err(Failure::internal)?;
+    Command::new(program)
+        .args(["run", "--quiet", "--force", "--controller", controller, "--out"])
+        .arg(folder)
+        .args(sets.iter().flat_map(|set| ["--set", set]))
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .map_err(Failure::internal)
+}
+
+/// Waits for the end of `run`; `false` if it has to be killed.
+fn ends(run: &mut Child) -> Result<bool, Failure> {
+    let begun = Instant::now();
+    while begun.elapsed() < LONGEST {
+        if run.try_wait().map_err(Failure::internal)?.is_some() {
+            return Ok(true);
+        }
+        std::thread::sleep(LOOK);
+    }
+    let _ = run.kill();
+    let _ = run.wait();
+    Ok(false)
+}
+
+/// The process of `victim` in the run of the process `run`, if it is there.
+fn pid_of(victim: Victim, run: u32) -> Option<u32> {
+    let word = match victim {
+        Victim::Run => return Some(run),
+        Victim::Plant => "plant",
+        Victim::Controller => "controller",
+    };
+    children_of(run).into_iter().find(|id| {
+        let line = std::fs::read_to_string(format!("/proc/{id}/cmdline")).unwrap_or_default();
+        line.split('\0').nth(1) == Some(word)
+    })
+}
+
+/// The processes that the process `run` has started and that live.
+fn children_of(run: u32) -> Vec<u32> {
+    let children = std::fs::read_to_string(format!("/proc/{run}/task/{run}/children")).unwrap_or_default();
+    children.split_whitespace().filter_map(|id| id.parse().ok()).collect()
+}
+
+/// How long it takes until none of the processes `orphans` runs, ms; one that has ended and that nobody has asked for is no more.
+fn outlive_ms(orphans: &[u32]) -> f64 {
+    let begun = Instant::now();
+    let runs = |pid: &u32| {
+        let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+        // The state follows the name, which is in brackets.
+        stat.rsplit_once(") ").is_some_and(|(_, rest)| !rest.starts_with(['Z', 'X']))
+    };
+    while orphans.iter().any(runs) && begun.elapsed() < LONGEST {
+        std::thread::sleep(LOOK);
+    }
+    if orphans.is_empty() { 0.0 } else { begun.elapsed().as_secs_f64() * 1e3 }
+}
+
+fn kill(pid: u32) -> bool {
+    let pid = i32::try_from(pid).ok().and_then(Pid::from_raw);
+    pid.is_some_and(|pid| kill_process(pid, Signal::KILL).is_ok())
+}
+
+/// The files in shared memory of the runs that the processes `runs` made: a run's id begins with that of its process.
+fn files_of(runs: &[u32]) -> usize {
+    let is_theirs = |name: &str| {
+        let id = name.strip_prefix("freeplay-").and_then(|rest| rest.split('-').next()?.parse().ok());
+        id.is_some_and(|id| runs.contains(&id))
+    };
+    let entries = std::fs::read_dir(SEGMENTS).into_iter().flatten().flatten();
+    entries.filter(|entry| is_theirs(&entry.file_name().to_string_lossy())).count()
+}

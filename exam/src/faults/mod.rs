@@ -1,0 +1,121 @@
+//! `freeplay faults`: the exam of a controller. Faults are injected on purpose, at ticks drawn from a seed, and what the plant,
+//! its gate and a standby make of each is measured.
+//!
+//! In the order of the exam: `kinds` (what goes wrong), `saboteur` and `spoil` (the process that makes it go wrong), `exam` (the
+//! runs), `findings` (what came of each fault), `surroundings` (faults that are not the controller's), `exam_report` (words, JSON, JUnit and HTML), `kills` (processes killed at random).
+
+mod exam;
+mod exam_report;
+mod findings;
+mod kills;
+pub mod kinds;
+pub mod saboteur;
+mod spoil;
+mod surroundings;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Args;
+use freeplay_harness::run::{Contestant, load};
+use freeplay_harness::scenario::{Pacing, RecordingKind};
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::output::say;
+use freeplay_terminal::progress;
+
+use crate::faults::exam::Exam;
+use crate::faults::kinds::Kind;
+use freeplay_terminal::files::claim;
+
+/// Examines a controller.
+#[derive(Args, Debug)]
+pub struct FaultsArgs {
+    /// The controller under examination: a built-in name or the path of an executable.
+    controller: String,
+    /// The scenario, as for `freeplay run`; without it: the paper's arm.
+    #[arg(long)]
+    scenario: Option<PathBuf>,
+    /// Who stands by.
+    #[arg(long, default_value = "computed-torque")]
+    standby: String,
+    /// What goes wrong; without it: everything, one after the other.
+    #[arg(long, value_enum)]
+    kind: Vec<Kind>,
+    /// Faults of each kind.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    seeds: u32,
+    /// Kill so many runs at random moments, with SIGKILL, instead: the plant, the controller or the run itself.
+    #[arg(long, value_name = "COUNT", conflicts_with_all = ["kind", "seeds"], value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    kills: Option<u32>,
+    /// By the wall clock or in lockstep.
+    #[arg(long)]
+    pace: Option<Pacing>,
+    /// Change a key of the scenario, as in --set path.kind=square_sharp.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Seed of the ticks, of what is random in a fault and of all noise.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder for what is left; without it: out/ and the time.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// Examines the controller of `args`.
+///
+/// # Errors
+/// Bad input; a run that fails otherwise than by the fault.
+pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
+    let mut scenario = load(args.scenario.as_deref(), &args.set)?;
+    scenario.pace = args.pace.unwrap_or(scenario.pace);
+    scenario.recording = RecordingKind::Mcap;
+    let examined = Contestant::of(&args.controller)?;
+    Contestant::of(&args.standby)?;
+    let folder = claim(args.out.as_deref(), &["faults.json", "kills.json"], args.force)?;
+    let out = folder.path().to_path_buf();
+    let stop = Arc::new(AtomicBool::new(false));
+    freeplay_terminal::process::stop_on_signals(&stop)?;
+    if let Some(count) = args.kills {
+        return kills::kill_runs(&args.controller, count, args.seed, &out, &stop);
+    }
+    let kinds = if args.kind.is_empty() { Kind::ALL.to_vec() } else { args.kind.clone() };
+    let bar =
+        progress::bar(u64::from(args.seeds) * kinds.len() as u64, "faults {bar:30} {pos}/{len} {elapsed}");
+    let mut exam =
+        Exam::new(scenario, examined, args.standby.clone(), args.seed, out.clone(), Arc::clone(&stop))?;
+    let verdicts = exam.examine(&kinds, args.seeds, &bar);
+    bar.finish_and_clear();
+    let (verdicts, interrupted) = (verdicts?, stop.load(Ordering::Relaxed));
+    if verdicts.is_empty() {
+        return Ok(Exit::Interrupted);
+    }
+    let surroundings = match args.kind.is_empty() && !interrupted {
+        true => surroundings::examine(exam.scenario(), exam.examined(), &out)?,
+        false => Vec::new(),
+    };
+    let report = exam_report::Report {
+        examined: &args.controller,
+        standby: &args.standby,
+        scenario: exam.scenario(),
+        verdicts: &verdicts,
+        surroundings: &surroundings,
+    };
+    report.write(&out)?;
+    match args.format {
+        Format::Json => say(&format!("{}\n", report.json()?))?,
+        Format::Text => say(&report.in_words(&out))?,
+    }
+    Ok(match (interrupted, report.holds()) {
+        (true, _) => Exit::Interrupted,
+        (false, true) => Exit::Done,
+        (false, false) => Exit::Verdict,
+    })
+}

@@ -1,0 +1,409 @@
+//! `freeplay swap`: controllers that take over from each other at random ticks, and what each swap costs.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Args;
+use comfy_table::{CellAlignment, Table, presets};
+use freeplay_controller::BUILT_IN;
+use freeplay_doctor::Examination;
+use freeplay_harness::run::{Contestant, Files, load, play};
+use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
+use freeplay_harness::setup::Setup;
+use freeplay_harness::summary::RunSummary;
+use freeplay_harness::swaps;
+use freeplay_recording::Recording;
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::{claim, write};
+use freeplay_terminal::output::{say, show};
+use freeplay_terminal::{messages, progress};
+use indicatif::ProgressBar;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::swap_measures::{Alone, Measured, SETTLING, measure, steady_change};
+
+/// The schema of `swap.json`.
+const SCHEMA: &str = "freeplay.swap/1";
+/// What a deviation may be over that without swap.
+const MOST_DEVIATION: f64 = 1.05;
+/// Deviations below this, a tenth of a micrometre, are not judged, mm: where two controllers leave some nanometres, twice as many are no harm.
+const LEAST_DEVIATION_MM: f64 = 1e-4;
+/// Least time to wait in lockstep for an answer, s: a swap is judged by its ticks, whatever else the machine has to do.
+const LEAST_PATIENCE_S: f64 = 120.0;
+/// What a jump may be over the greatest steady change.
+const MOST_JUMP: f64 = 1.0;
+
+/// Swaps controllers.
+#[derive(Args, Debug)]
+pub struct SwapArgs {
+    /// The scenario, as for `freeplay run`.
+    scenario: Option<PathBuf>,
+    /// The controllers: built-in names or paths of executables; without any: all built-in ones.
+    #[arg(long)]
+    controller: Vec<String>,
+    /// Swaps in all.
+    #[arg(long, default_value_t = 200)]
+    swaps: u32,
+    /// Swaps of one run.
+    #[arg(long, default_value_t = 15)]
+    per_run: u32,
+    /// By the wall clock or in lockstep.
+    #[arg(long)]
+    pace: Option<Pacing>,
+    /// Change a key of the scenario, as in --set path.period=12.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Seed of the ticks and of all noise; each run has the next.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Folder for what is left; without it: out/ and the time.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// Runs each controller alone, then all of them with swaps until there were enough, and judges.
+///
+/// # Errors
+/// Bad input; a run that fails.
+pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
+    let mut sets = args.set.clone();
+    sets.extend(args.seed.iter().map(|seed| format!("seed={seed}")));
+    let mut scenario = load(args.scenario.as_deref(), &sets)?;
+    scenario.pace = args.pace.unwrap_or(scenario.pace);
+    scenario.recording = RecordingKind::Mcap;
+    if scenario.pace == Pacing::Lockstep {
+        scenario.patience = scenario.patience.max(LEAST_PATIENCE_S);
+    }
+    scenario.controllers = match args.controller.as_slice() {
+        [] => BUILT_IN.iter().map(|name| (*name).to_owned()).collect(),
+        given => given.to_vec(),
+    };
+    if scenario.controllers.len() < 2 || args.swaps == 0 || args.per_run == 0 {
+        return Err(Failure::usage(
+            "swapping needs two controllers or more (--controller twice; without it all built-in ones) and a swap",
+        ));
+    }
+    for asked in scenario.controllers.iter().chain(&scenario.standby) {
+        Contestant::of(asked)?;
+    }
+    let folder = claim(args.out.as_deref(), &["swap.json"], args.force)?;
+    let out = folder.path().to_path_buf();
+    let stop = Arc::new(AtomicBool::new(false));
+    freeplay_terminal::process::stop_on_signals(&stop)?;
+    let stage = Stage { scenario, out, stop, seed: args.seed.unwrap_or(1) };
+    let bar = progress::bar(args.swaps.into(), "swaps {bar:30} {pos}/{len} {elapsed}");
+    let ended = stage.play_all(args.swaps, args.per_run, &bar);
+    bar.finish_and_clear();
+    let played = ended?;
+    if played.swaps.is_empty() {
+        return Ok(Exit::Interrupted);
+    }
+    let verdicts = Verdicts::of(&played, args.swaps);
+    let text = json!({
+        "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"), "scenario": stage.scenario,
+        "machine": Examination::quick().machine(), "runs": played.runs, "verdicts": verdicts, "swaps": played.swaps,
+    });
+    let text = serde_json::to_string_pretty(&text).map_err(Failure::internal)?;
+    write(&stage.out.join("swap.json"), &text)?;
+    match args.format {
+        Format::Json => say(&format!("{text}\n"))?,
+        Format::Text => show(&in_words(&played, &verdicts, &stage.out))?,
+    }
+    Ok(match (played.planned() < args.swaps as usize, verdicts.all_hold()) {
+        (true, _) => Exit::Interrupted,
+        (false, true) => Exit::Done,
+        (false, false) => Exit::Verdict,
+    })
+}
+
+/// What all runs share.
+struct Stage {
+    scenario: Scenario,
+    out: PathBuf,
+    stop: Arc<AtomicBool>,
+    seed: u64,
+}
+
+/// What all runs came to.
+struct Played {
+    runs: usize,
+    /// Ticks of a run for which a swap is looked at.
+    window: usize,
+    /// Greatest share of ticks with a held command of any controller alone.
+    held_alone: f64,
+    swaps: Vec<Measured>,
+}
+
+impl Played {
+    /// Swaps that were asked for.
+    fn planned(&self) -> usize {
+        self.swaps.iter().filter(|swap| swap.is_planned()).count()
+    }
+}
+
+impl Stage {
+    /// Plays until there were `count` swaps; fewer if interrupted.
+    fn play_all(&self, count: u32, per_run: u32, bar: &ProgressBar) -> Result<Played, Failure> {
+        let window = (self.scenario.swap_blend * self.scenario.rate).round() as usize + SETTLING;
+        let mut played = Played { runs: 0, window, held_alone: 0.0, swaps: Vec::new() };
+        let mut alone = Vec::new();
+        let asked = &self.scenario.controllers;
+        let (first, standby) = asked.split_first().ok_or_else(|| Failure::usage("no controller"))?;
+        for (asked, name) in asked.iter().zip(swaps::names(first, standby)) {
+            bar.set_message(format!("{name} alone"));
+            let folder = self.out.join("alone").join(&name);
+            let Some((summary, recording)) = self.play(&self.scenario, asked, &folder)? else {
+                return Ok(played);
+            };
+            alone.push(Alone::new(&summary, &name, &recording)?);
+        }
+        played.held_alone = alone.iter().map(Alone::held_share).fold(0.0, f64::max);
+        while (played.planned() as u32) < count {
+            let left = count - played.planned() as u32;
+            let Some(swaps) = self.play_swaps(played.runs, left.min(per_run), &alone, window)? else {
+                return Ok(played);
+            };
+            if !swaps.iter().any(Measured::is_planned) {
+                return Err(Failure::internal("no swap took place"));
+            }
+            played.runs += 1;
+            played.swaps.extend(swaps);
+            bar.set_position(played.planned() as u64);
+        }
+        Ok(played)
+    }
+
+    /// One run with `count` swaps; each run begins with the next controller.
+    fn play_swaps(
+        &self,
+        run: usize,
+        count: u32,
+        alone: &[Alone],
+        window: usize,
+    ) -> Result<Option<Vec<Measured>>, Failure> {
+        let mut scenario = self.scenario.clone();
+        let first = run % scenario.controllers.len();
+        scenario.controllers.rotate_left(first);
+        scenario.standby = scenario.controllers.split_off(1);
+        (scenario.random_swaps, scenario.seed) = (count, self.seed + run as u64);
+        scenario.swap_change.get_or_insert_with(|| steady_change(alone));
+        // The names by which they were run alone.
+        let mut names: Vec<String> = alone.iter().map(|alone| alone.name.clone()).collect();
+        names.rotate_left(first);
+        let folder = self.out.join("swapped");
+        let asked = scenario.controllers[0].clone();
+        let Some((mut summary, recording)) = self.play(&scenario, &asked, &folder)? else { return Ok(None) };
+        rename(&mut summary, &swaps::names(&asked, &scenario.standby), &names);
+        measure(&summary, &recording, alone, &names, scenario.seed, window).map(Some)
+    }
+
+    /// Plays `scenario` with the controller `asked` in charge; `None` if interrupted.
+    fn play(
+        &self,
+        scenario: &Scenario,
+        asked: &str,
+        folder: &Path,
+    ) -> Result<Option<(RunSummary, Recording)>, Failure> {
+        let setup = Setup::new(scenario)?;
+        let files = Files::write(scenario, &setup, folder)?;
+        let (exit, summary) = play(scenario, &Contestant::of(asked)?, &files, 0.0, &self.stop)?;
+        if self.stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
+        let no_end = || Failure { exit, message: format!("{asked}: a run ended before it was played") };
+        let summary = summary.ok_or_else(no_end)?;
+        let name = summary.recording.clone().ok_or_else(no_end)?;
+        let recording = freeplay_recording::read(&files.out.join(name), None).map_err(Failure::input)?;
+        Ok(Some((summary, recording)))
+    }
+}
+
+/// Gives the swaps of a run the names that its controllers have alone: with others in front, `mine#2` may be `mine` there.
+fn rename(summary: &mut RunSummary, from: &[String], to: &[String]) {
+    for swap in summary.line_up["swaps"].as_array_mut().into_iter().flatten() {
+        for key in ["from", "to"] {
+            let slot = from.iter().position(|name| swap[key] == name.as_str());
+            if let Some(slot) = slot {
+                swap[key] = Value::from(to[slot].as_str());
+            }
+        }
+    }
+}
+
+/// The deviation over that without swap where it is large enough to be judged; else 0.
+fn judged_ratio(swap: &Measured) -> f64 {
+    if swap.deviation_peak_mm > LEAST_DEVIATION_MM { swap.deviation_ratio } else { 0.0 }
+}
+
+/// What is asked of all swaps together.
+#[derive(Debug, Serialize)]
+struct Verdicts {
+    swaps: usize,
+    asked: u32,
+    with_contact_event: usize,
+    /// Changes that nobody asked for: an answer lacked or did not pass.
+    fail_overs: usize,
+    /// Greatest gap of these.
+    greatest_gap_of_fail_overs: u64,
+    /// Swaps that did not fall on a stall of the machine: of these is the gap.
+    met: usize,
+    greatest_gap_ticks: u64,
+    /// Swaps without a stall of the machine until they had settled: of these are the figures below.
+    undisturbed: usize,
+    missed_ticks: u64,
+    held_ticks: u64,
+    /// Ticks in which these were counted.
+    watched_ticks: u64,
+    /// The greatest share of such ticks of any controller alone: without a swap.
+    held_share_alone: f64,
+    greatest_jump: f64,
+    greatest_blend_change: f64,
+    greatest_deviation_ratio: f64,
+    above_deviation_limit: usize,
+    limits: Value,
+}
+
+impl Verdicts {
+    fn of(played: &Played, asked: u32) -> Self {
+        let (planned, fail_overs): (Vec<&Measured>, Vec<&Measured>) =
+            played.swaps.iter().partition(|swap| swap.is_planned());
+        let gap = |swaps: &[&Measured]| swaps.iter().map(|swap| swap.gap_ticks).max().unwrap_or(0);
+        let met: Vec<&Measured> = planned.iter().copied().filter(|swap| swap.stalls_in_gap == 0).collect();
+        let swaps: Vec<&Measured> = planned.iter().copied().filter(|swap| swap.stalls == 0).collect();
+        let most = |of: &dyn Fn(&Measured) -> f64| swaps.iter().map(|swap| of(swap)).fold(0.0, f64::max);
+        Self {
+            swaps: planned.len(),
+            asked,
+            with_contact_event: planned.iter().filter(|swap| swap.contact_event).count(),
+            fail_overs: fail_overs.len(),
+            greatest_gap_of_fail_overs: gap(&fail_overs),
+            met: met.len(),
+            greatest_gap_ticks: gap(&met),
+            undisturbed: swaps.len(),
+            missed_ticks: swaps.iter().map(|swap| swap.missed_ticks).sum(),
+            held_ticks: swaps.iter().map(|swap| swap.held_ticks).sum(),
+            watched_ticks: (swaps.len() * played.window) as u64,
+            held_share_alone: played.held_alone,
+            greatest_jump: most(&|swap| swap.jump),
+            greatest_blend_change: most(&|swap| swap.blend_change),
+            greatest_deviation_ratio: most(&judged_ratio),
+            above_deviation_limit: swaps.iter().filter(|swap| judged_ratio(swap) > MOST_DEVIATION).count(),
+            limits: json!({
+                "gap_ticks": 0, "held_share": "that without swap", "jump": MOST_JUMP, "deviation_ratio": MOST_DEVIATION,
+                "least_deviation_mm": LEAST_DEVIATION_MM,
+            }),
+        }
+    }
+
+    /// Each verdict in words; without a swap to judge it by, none holds.
+    fn lines(&self) -> [(bool, String); 4] {
+        let is_undisturbed = self.undisturbed > 0;
+        let held_share = self.held_ticks as f64 / self.watched_ticks.max(1) as f64;
+        [
+            (
+                self.met > 0 && self.greatest_gap_ticks == 0,
+                format!("gap: {} ticks at most in {} swaps", self.greatest_gap_ticks, self.met),
+            ),
+            (
+                is_undisturbed && held_share <= self.held_share_alone,
+                format!(
+                    "held commands: {} in {} ticks after {} swaps ({:.3} %; without swap {:.3} %); missed ticks: {}",
+                    self.held_ticks,
+                    self.watched_ticks,
+                    self.undisturbed,
+                    100.0 * held_share,
+                    100.0 * self.held_share_alone,
+                    self.missed_ticks
+                ),
+            ),
+            (
+                is_undisturbed && self.greatest_jump <= MOST_JUMP,
+                format!("jump: {:.3} of the greatest steady change, limit {MOST_JUMP}", self.greatest_jump),
+            ),
+            (
+                is_undisturbed && self.above_deviation_limit == 0,
+                format!(
+                    "deviation: {:.3} of that without swap at most, limit {MOST_DEVIATION}; above it: {}; peaks below {} µm are not judged",
+                    self.greatest_deviation_ratio,
+                    self.above_deviation_limit,
+                    LEAST_DEVIATION_MM * 1e3
+                ),
+            ),
+        ]
+    }
+
+    fn all_hold(&self) -> bool {
+        self.lines().iter().all(|(holds, _)| *holds)
+    }
+}
+
+fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
+    let mut pairs: BTreeMap<(&str, &str), Vec<&Measured>> = BTreeMap::new();
+    for swap in played.swaps.iter().filter(|swap| swap.is_planned() && swap.stalls == 0) {
+        pairs.entry((&swap.from, &swap.to)).or_default().push(swap);
+    }
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_header([
+        "from",
+        "to",
+        "swaps",
+        "gap\n[ticks]",
+        "held\n[ticks]",
+        "jump\nof steady",
+        "blend\nof steady",
+        "deviation\npeak [mm]",
+        "of that\nwithout swap",
+    ]);
+    for ((from, to), swaps) in &pairs {
+        let most = |of: &dyn Fn(&Measured) -> f64| swaps.iter().map(|swap| of(swap)).fold(0.0, f64::max);
+        table.add_row([
+            (*from).to_owned(),
+            (*to).to_owned(),
+            swaps.len().to_string(),
+            swaps.iter().map(|swap| swap.gap_ticks).max().unwrap_or(0).to_string(),
+            swaps.iter().map(|swap| swap.held_ticks).sum::<u64>().to_string(),
+            format!("{:.3}", most(&|swap| swap.jump)),
+            format!("{:.3}", most(&|swap| swap.blend_change)),
+            format!("{:.4}", most(&|swap| swap.deviation_peak_mm)),
+            format!("{:.3}", most(&|swap| swap.deviation_ratio)),
+        ]);
+    }
+    for column in 2..9 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    let mut text = format!(
+        "{} swaps in {} runs, {} of them with a contact event until they had settled; greatest values of each pair\n\n{table}\n\n",
+        verdicts.swaps, played.runs, verdicts.with_contact_event
+    );
+    for (holds, words) in verdicts.lines() {
+        text += &format!("{} {words}\n", messages::judgement(holds));
+    }
+    if verdicts.undisturbed < verdicts.swaps {
+        text += &format!(
+            "{} of {} swaps fell on a stall of the machine, another {} had one before they had settled; what is said above is of the others\n",
+            verdicts.swaps - verdicts.met,
+            verdicts.swaps,
+            verdicts.met - verdicts.undisturbed
+        );
+    }
+    if verdicts.fail_overs > 0 {
+        text += &format!(
+            "{} changes that nobody asked for, as an answer lacked or did not pass: {} ticks until somebody was in charge at most\n",
+            verdicts.fail_overs, verdicts.greatest_gap_of_fail_overs
+        );
+    }
+    text + &format!("\nall swaps   {}\n", out.join("swap.json").display())
+}

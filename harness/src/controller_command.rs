@@ -1,0 +1,90 @@
+//! `freeplay controller`: the process of a controller.
+
+use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use clap::Args;
+use freeplay_controller::{BUILT_IN, Ended, ServeOptions, built_in, serve_with};
+use freeplay_shm::{Address, RtRequest};
+use freeplay_terminal::exit::{Exit, Failure};
+
+use crate::load::Loaded;
+
+/// Runs a controller as a process of its own; `freeplay run` starts it.
+#[derive(Args, Debug)]
+pub struct ControllerArgs {
+    /// Name of a built-in controller, or path of an executable, which finds the run in its environment.
+    pub name: PathBuf,
+    /// Address of the run in shared memory.
+    #[arg(long, env = "FREEPLAY_RUN")]
+    pub run: String,
+    /// Slot to ask for.
+    #[arg(long, env = "FREEPLAY_SLOT", default_value_t = 0)]
+    pub slot: u32,
+    /// SCHED_FIFO priority to ask for.
+    #[arg(long)]
+    pub priority: Option<u8>,
+    /// Core to stay on.
+    #[arg(long)]
+    pub cpu: Option<usize>,
+    /// Lock all memory.
+    #[arg(long)]
+    pub lock_memory: bool,
+    /// Seconds that it computes in vain for each answer.
+    #[arg(long, default_value_t = 0.0, value_name = "S")]
+    pub load: f64,
+    /// A plan of faults that it is made to have.
+    #[arg(long, value_name = "FILE")]
+    pub faults: Option<PathBuf>,
+    /// End when this process, the parent, ends.
+    #[arg(long, value_name = "PID")]
+    pub with_parent: Option<u32>,
+}
+
+/// Serves one run.
+///
+/// # Errors
+/// An unknown name, an executable that can't be started, a run that can't be joined, a task that can't be used.
+pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
+    let Some(mut controller) = args.name.to_str().and_then(built_in) else {
+        return Err(become_executable(&args.name));
+    };
+    if args.load > 0.0 {
+        controller = Box::new(Loaded::new(controller, args.load));
+    }
+    let address = Address::parse(&args.run).map_err(Failure::usage)?;
+    let realtime = RtRequest { priority: args.priority, cpu: args.cpu, lock_memory: args.lock_memory };
+    let options = ServeOptions { slot: args.slot, realtime, ..ServeOptions::new(address) };
+    match serve_with(controller.as_mut(), &options) {
+        Ok(report) if report.ended == Ended::Interrupted => Ok(Exit::Interrupted),
+        Ok(_) => Ok(Exit::Done),
+        Err(error) => Err(Failure {
+            exit: match error.exit_code() {
+                2 => Exit::Usage,
+                3 => Exit::Input,
+                5 => Exit::Peer,
+                _ => Exit::Internal,
+            },
+            message: error.to_string(),
+        }),
+    }
+}
+
+/// Lets the executable `path` take this process over: it ends with the parent as a built-in controller does.
+/// Returns only if it does not.
+fn become_executable(path: &Path) -> Failure {
+    if path.components().count() < 2 {
+        return unknown(&path.display().to_string());
+    }
+    let error = Command::new(path).exec();
+    Failure::peer(format!("cannot start the controller {}: {error}", path.display()))
+}
+
+/// No built-in controller has this name.
+pub fn unknown(name: &str) -> Failure {
+    Failure::usage(format!(
+        "no controller {name:?}: built-in are {}; for a controller of your own give the path of its executable",
+        BUILT_IN.join(", ")
+    ))
+}

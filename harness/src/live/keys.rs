@@ -1,0 +1,83 @@
+//! What a key asks for.
+
+use std::time::Duration;
+
+use ratatui::crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers, poll, read};
+
+/// The keys in words.
+pub const HELP: &str = "1–8 swap · k kill · h hang/go on · n spoil (NaN) · r restart · m mark · q quit";
+
+/// What a person asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Action {
+    /// Put the controller in this slot in charge.
+    Swap(usize),
+    /// Kill the controller in charge (`SIGKILL`).
+    Kill,
+    /// Stop the controller in charge (`SIGSTOP`), or let all that are stopped go on (`SIGCONT`).
+    Hang,
+    /// Spoil the next answer of the controller in charge: NaN.
+    Spoil,
+    /// Start controllers that have ended again.
+    Restart,
+    /// Mark the recording.
+    Mark,
+    /// End the run, its recording closed properly.
+    Quit,
+    /// The same as an interruption.
+    Interrupt,
+    /// Nothing: the key has no meaning here.
+    Nothing(KeyCode),
+}
+
+impl Action {
+    /// What `key` asks for.
+    fn of(key: KeyEvent) -> Option<Self> {
+        if key.kind == KeyEventKind::Release {
+            return None;
+        }
+        match key.code {
+            KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => Some(Self::Interrupt),
+            KeyCode::Char(digit @ '1'..='8') => Some(Self::Swap(digit as usize - '1' as usize)),
+            KeyCode::Char('k') => Some(Self::Kill),
+            KeyCode::Char('h') => Some(Self::Hang),
+            KeyCode::Char('n') => Some(Self::Spoil),
+            KeyCode::Char('r') => Some(Self::Restart),
+            KeyCode::Char('m') => Some(Self::Mark),
+            KeyCode::Char('q') | KeyCode::Esc => Some(Self::Quit),
+            other => Some(Self::Nothing(other)),
+        }
+    }
+
+    /// What was pressed since the last time, in its order; the terminal must be in raw mode.
+    ///
+    /// # Errors
+    /// What the terminal says.
+    pub fn pressed() -> std::io::Result<Vec<Self>> {
+        let mut actions = Vec::new();
+        while poll(Duration::ZERO)? {
+            if let Event::Key(key) = read()? {
+                actions.extend(Self::of(key));
+            }
+        }
+        Ok(actions)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+
+    use super::Action;
+
+    #[test]
+    fn keys_mean_what_the_help_says() {
+        let key = |code, modifiers| Action::of(KeyEvent::new(code, modifiers));
+        assert_eq!(key(KeyCode::Char('1'), KeyModifiers::NONE), Some(Action::Swap(0)));
+        assert_eq!(key(KeyCode::Char('8'), KeyModifiers::NONE), Some(Action::Swap(7)));
+        assert_eq!(key(KeyCode::Char('9'), KeyModifiers::NONE), Some(Action::Nothing(KeyCode::Char('9'))));
+        assert_eq!(key(KeyCode::Up, KeyModifiers::NONE), Some(Action::Nothing(KeyCode::Up)));
+        assert_eq!(key(KeyCode::Char('c'), KeyModifiers::CONTROL), Some(Action::Interrupt));
+        assert_eq!(key(KeyCode::Esc, KeyModifiers::NONE), Some(Action::Quit));
+    }
+}

@@ -1,0 +1,323 @@
+//! A run that is watched: the terminal with its keys, or plain lines where there is none.
+
+use std::io::{BufRead, BufReader, IsTerminal, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdin, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use freeplay_plant::Wish;
+use freeplay_storage::{LiveFile, read_text, remove_file};
+use freeplay_terminal::exit::Failure;
+use freeplay_terminal::files::unwritable;
+use freeplay_terminal::messages::is_coloured;
+use freeplay_terminal::output::tell;
+use freeplay_terminal::process::Running;
+use indicatif::ProgressBar;
+use ratatui::backend::TestBackend;
+use ratatui::crossterm::style::force_color_output;
+use ratatui::{DefaultTerminal, Terminal};
+use rustix::process::{Pid, Signal, kill_process};
+
+use super::keys::HELP;
+use super::{Action, Dashboard, Fate, Glance, PICTURE, Title, draw};
+
+/// Time between two lines.
+const LINE: Duration = Duration::from_secs(1);
+
+/// How a run is shown.
+enum Face {
+    /// The whole terminal.
+    Screen(Box<DefaultTerminal>),
+    /// A line a second on standard error.
+    Lines,
+    /// A bar that shows how far the run is.
+    Bar(ProgressBar),
+    /// The picture that a terminal would show, drawn as often, and shown to nobody.
+    Unseen(Box<Terminal<TestBackend>>),
+}
+
+/// Columns and lines of a picture that nobody sees.
+const UNSEEN: (u16, u16) = (140, 48);
+
+/// A run that is watched.
+pub struct Watch {
+    face: Face,
+    board: Dashboard,
+    shown: Option<Instant>,
+    /// The last tick that a line was about.
+    told: Option<u64>,
+    /// What the processes of the run say meanwhile, kept off the picture.
+    said: PathBuf,
+    plant: Option<ChildStdin>,
+    glances: Option<Receiver<Glance>>,
+    stopped: Vec<usize>,
+    /// When something new was seen last.
+    seen: Instant,
+    /// Whether the person has left by a key.
+    left: Arc<AtomicBool>,
+}
+
+impl Watch {
+    /// Opens the terminal for the run `title`, whose processes' words go to the file `said` until it is closed.
+    ///
+    /// # Errors
+    /// A terminal that can't be taken.
+    pub fn open(title: Title, said: &Path) -> Result<Self, Failure> {
+        let has_terminal = std::io::stdout().is_terminal() && std::io::stdin().is_terminal();
+        let face = if has_terminal {
+            let terminal = ratatui::try_init()
+                .map_err(|error| Failure::usage(format!("--live: the terminal can't be taken: {error}")))?;
+            // The library looks at NO_COLOR alone.
+            force_color_output(is_coloured());
+            Face::Screen(Box::new(terminal))
+        } else {
+            Face::Lines
+        };
+        Ok(Self::with(face, title, said))
+    }
+
+    /// A watch that does all the work of a live view in a terminal but has none: what that costs the loop can be measured.
+    ///
+    /// # Errors
+    /// None that is known; what the library says.
+    pub fn unseen(title: Title, said: &Path) -> Result<Self, Failure> {
+        let terminal = Terminal::new(TestBackend::new(UNSEEN.0, UNSEEN.1)).map_err(Failure::internal)?;
+        Ok(Self::with(Face::Unseen(Box::new(terminal)), title, said))
+    }
+
+    /// A watch that moves `bar` up to the ticks of the run `title`.
+    pub fn behind(bar: ProgressBar, title: Title, said: &Path) -> Self {
+        Self::with(Face::Bar(bar), title, said)
+    }
+
+    /// Becomes true once the person has left by a key.
+    pub fn left(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.left)
+    }
+
+    fn with(face: Face, title: Title, said: &Path) -> Self {
+        Self {
+            face,
+            board: Dashboard::new(title),
+            shown: None,
+            told: None,
+            said: said.to_owned(),
+            plant: None,
+            glances: None,
+            stopped: Vec::new(),
+            seen: Instant::now(),
+            left: Arc::default(),
+        }
+    }
+
+    /// Where the processes of the run are to write what they have to say.
+    ///
+    /// # Errors
+    /// A file that can't be written.
+    pub fn stderr(&self) -> Result<Stdio, Failure> {
+        Ok(match &self.face {
+            Face::Lines | Face::Bar(_) | Face::Unseen(_) => Stdio::inherit(),
+            Face::Screen(_) => {
+                LiveFile::append(&self.said)?.to_stdio().map_err(|error| unwritable(&self.said, error))?
+            }
+        })
+    }
+
+    /// Begins to listen to `plant`, whose standard input and output are pipes.
+    ///
+    /// # Errors
+    /// What the system says if it has no thread for it.
+    pub fn listen(&mut self, plant: &mut Child) -> Result<(), Failure> {
+        self.plant = plant.stdin.take();
+        let Some(out) = plant.stdout.take() else { return Ok(()) };
+        let (sender, glances) = channel();
+        self.glances = Some(glances);
+        std::thread::Builder::new()
+            .name("glances".to_owned())
+            .spawn(move || {
+                let lines = BufReader::new(out).lines().map_while(Result::ok);
+                let mut glances = lines.filter_map(|line| serde_json::from_str(&line).ok());
+                while glances.next().is_some_and(|glance| sender.send(glance).is_ok()) {}
+            })
+            .map_err(Failure::internal)?;
+        Ok(())
+    }
+
+    /// Looks at the run once, and does what keys ask for; whether the person has had enough.
+    ///
+    /// # Errors
+    /// The terminal is gone; a controller that can't be started again.
+    pub fn look(
+        &mut self,
+        controllers: &mut [Running],
+        restart: &dyn Fn(usize, Stdio) -> Result<Running, Failure>,
+    ) -> Result<bool, Failure> {
+        while let Some(glance) = self.glances.as_ref().and_then(|glances| glances.try_recv().ok()) {
+            self.board.look(glance);
+            self.seen = Instant::now();
+        }
+        self.board.still = self.seen.elapsed().as_secs_f64();
+        self.board.fates = controllers.iter_mut().map(fate).collect();
+        let mut quits = false;
+        if matches!(self.face, Face::Screen(_)) {
+            for action in Action::pressed().map_err(Failure::internal)? {
+                quits |= matches!(action, Action::Quit | Action::Interrupt);
+                self.left.fetch_or(action == Action::Quit, Ordering::Relaxed);
+                self.act(action, controllers, restart)?;
+            }
+        }
+        self.show()?;
+        Ok(quits)
+    }
+
+    /// Looks a last time, at what the plant told before it ended.
+    ///
+    /// # Errors
+    /// The terminal is gone.
+    pub fn end(&mut self) -> Result<(), Failure> {
+        // The channel closes when the plant's standard output does.
+        while let Some(Ok(glance)) = self.glances.as_ref().map(|glances| glances.recv_timeout(LINE)) {
+            self.board.look(glance);
+        }
+        self.shown = None;
+        self.show()
+    }
+
+    fn show(&mut self) -> Result<(), Failure> {
+        let every = if matches!(self.face, Face::Lines) { LINE } else { PICTURE };
+        if self.shown.is_some_and(|shown| shown.elapsed() < every) {
+            return Ok(());
+        }
+        self.shown = Some(Instant::now());
+        match &mut self.face {
+            Face::Lines => {
+                let tick = self.board.now.as_ref().map(|now| now.tick).filter(|&tick| tick > 0);
+                if tick > self.told {
+                    tell(&self.board.line());
+                    self.told = tick;
+                } else if let Some(words) =
+                    self.board.waits().filter(|_| self.board.still >= LINE.as_secs_f64())
+                {
+                    tell(&words);
+                }
+            }
+            Face::Bar(bar) => {
+                if let Some(now) = &self.board.now {
+                    bar.set_position(now.tick);
+                }
+            }
+            Face::Screen(terminal) => {
+                let colours = is_coloured();
+                terminal.draw(|frame| draw(frame, &self.board, colours)).map_err(Failure::internal)?;
+            }
+            Face::Unseen(terminal) => {
+                terminal.draw(|frame| draw(frame, &self.board, true)).map_err(Failure::internal)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn act(
+        &mut self,
+        action: Action,
+        controllers: &mut [Running],
+        restart: &dyn Fn(usize, Stdio) -> Result<Running, Failure>,
+    ) -> Result<(), Failure> {
+        let in_charge = self.board.now.as_ref().map_or(0, |now| now.in_charge);
+        let name = self.board.controller(in_charge).to_owned();
+        match action {
+            Action::Swap(to) if to >= controllers.len() => {
+                self.board.note(format!("there is no controller {}: name more with --standby", to + 1));
+            }
+            Action::Swap(to) => {
+                let words = format!("asked for {}", self.board.controller(to));
+                self.wish(Wish::Swap { to }, words);
+            }
+            Action::Spoil => self.wish(Wish::Spoil, format!("an answer of {name} is spoiled")),
+            Action::Mark => self.wish(Wish::Mark, "asked for a mark".to_owned()),
+            Action::Kill | Action::Hang if self.board.fates.get(in_charge) == Some(&Fate::Ended) => {
+                self.board.note(format!("{name} has ended already: r starts it again"));
+            }
+            Action::Kill => {
+                send(Signal::KILL, &controllers[in_charge]);
+                self.board.note(format!("{name} killed"));
+            }
+            Action::Hang if self.stopped.is_empty() => {
+                send(Signal::STOP, &controllers[in_charge]);
+                self.stopped.push(in_charge);
+                self.board.note(format!("{name} hangs"));
+            }
+            Action::Hang => {
+                for slot in self.stopped.drain(..) {
+                    send(Signal::CONT, &controllers[slot]);
+                }
+                self.board.note("all go on");
+            }
+            Action::Restart if self.board.fates.iter().all(|fate| *fate != Fate::Ended) => {
+                self.board.note("nothing to start again: no controller has ended");
+            }
+            Action::Restart => {
+                for (slot, controller) in controllers.iter_mut().enumerate() {
+                    if controller.0.try_wait().map_err(Failure::internal)?.is_some() {
+                        *controller = restart(slot, self.stderr()?)?;
+                        let words = format!("{} started again", self.board.controller(slot));
+                        self.board.note(words);
+                    }
+                }
+            }
+            Action::Quit | Action::Interrupt => self.board.note("asked to end"),
+            Action::Nothing(key) => self.board.note(format!("the key {key} does nothing; the keys: {HELP}")),
+        }
+        Ok(())
+    }
+
+    /// Hands `wish` to the plant, which may have ended meanwhile.
+    fn wish(&mut self, wish: Wish, words: String) {
+        let line = serde_json::to_string(&wish).unwrap_or_default();
+        let told = self.plant.as_mut().map(|plant| writeln!(plant, "{line}").and_then(|()| plant.flush()));
+        self.board.note(if matches!(told, Some(Ok(()))) {
+            words
+        } else {
+            "the plant does not listen".to_owned()
+        });
+    }
+}
+
+impl Drop for Watch {
+    /// Gives the terminal back, and says what the processes had to say.
+    fn drop(&mut self) {
+        if matches!(self.face, Face::Screen(_)) {
+            ratatui::restore();
+        }
+        if let Ok(said) = read_text(&self.said) {
+            said.lines().for_each(tell);
+            // What was said is on the terminal now; a file that stays does no harm.
+            let _ = remove_file(&self.said);
+        }
+    }
+}
+
+/// How the process of a controller fares.
+fn fate(controller: &mut Running) -> Fate {
+    match controller.0.try_wait() {
+        Ok(None) if is_stopped(controller.0.id()) => Fate::Hangs,
+        Ok(None) => Fate::Runs,
+        _ => Fate::Ended,
+    }
+}
+
+/// Whether the process `id` is stopped by a signal: the letter behind its name in its `stat`.
+fn is_stopped(id: u32) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).unwrap_or_default();
+    stat.rsplit_once(") ").is_some_and(|(_, rest)| rest.starts_with(['T', 't']))
+}
+
+/// Sends `signal` to a controller that may have ended.
+fn send(signal: Signal, controller: &Running) {
+    if let Some(pid) = i32::try_from(controller.0.id()).ok().and_then(Pid::from_raw) {
+        let _ = kill_process(pid, signal);
+    }
+}

@@ -1,0 +1,220 @@
+//! `freeplay replay`: the recorded states to a new controller process, its commands beside the recorded ones.
+
+use std::path::PathBuf;
+use std::process::Child;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use clap::Args;
+use freeplay_recording::Recording;
+use freeplay_shm::{Backoff, Command, Greeting, Offer, Pace, PlantLink, now_ns};
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::output::say;
+use serde::Serialize;
+
+use crate::columns::state_at;
+use crate::processes::{new_run, start_controller};
+use crate::run::Contestant;
+use crate::scenario::{Pacing, Scenario};
+use crate::setup::Setup;
+
+/// How long a controller may take to come, and to answer.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// How long an answer may take before the controller's process is looked after, ns.
+const LOOK_AFTER_NS: u64 = 50_000_000;
+
+/// Replays a recording to a controller.
+#[derive(Args, Debug)]
+pub struct ReplayArgs {
+    /// A recording of `freeplay run`, MCAP.
+    recording: PathBuf,
+    /// The controller: a built-in name or the path of an executable.
+    #[arg(long)]
+    against: String,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// How the new commands differ from the recorded ones.
+#[derive(Debug, Default, Serialize)]
+struct Difference {
+    schema: &'static str,
+    controller: String,
+    ticks: usize,
+    identical_ticks: usize,
+    first_differing_tick: Option<u64>,
+    /// Greatest difference of each joint's command, N·m or rad.
+    greatest: Vec<f64>,
+    rms: Vec<f64>,
+}
+
+impl Difference {
+    /// Adds one tick: the recorded and the new values of all joints.
+    fn add(&mut self, tick: u64, recorded: &[f64], new: &[f64]) {
+        self.ticks += 1;
+        self.greatest.resize(recorded.len(), 0.0);
+        self.rms.resize(recorded.len(), 0.0);
+        if recorded.iter().zip(new).all(|(old, new)| old.to_bits() == new.to_bits()) {
+            self.identical_ticks += 1;
+            return;
+        }
+        self.first_differing_tick.get_or_insert(tick);
+        for (joint, (old, new)) in recorded.iter().zip(new).enumerate() {
+            let error = (old - new).abs();
+            self.greatest[joint] = self.greatest[joint].max(error);
+            self.rms[joint] += error * error;
+        }
+    }
+
+    fn finish(&mut self) {
+        let ticks = self.ticks.max(1) as f64;
+        self.rms.iter_mut().for_each(|sum| *sum = (*sum / ticks).sqrt());
+    }
+}
+
+/// Replays a recording.
+///
+/// # Errors
+/// A recording that is none of `freeplay run`; a controller that does not come or stops answering.
+pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
+    let recording = freeplay_recording::read(&args.recording, None).map_err(Failure::input)?;
+    let folder = tempfile::tempdir().map_err(Failure::internal)?;
+    let mut scenario = recorded_scenario(&recording, &args.recording, folder.path())?;
+    scenario.pace = Pacing::Lockstep;
+    let setup = Setup::new(&scenario)?;
+    let task = setup.write_task(&scenario, folder.path())?;
+    let contestant = Contestant::of(&args.against)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    freeplay_terminal::process::stop_on_signals(&stop)?;
+    let root = new_run()?;
+    let offer = Offer {
+        joints: recording.joints(),
+        mode: setup.plant.mode,
+        pace: Pace::Lockstep,
+        period_ns: setup.plant.period_ns,
+        ticks: recording.len() as u64,
+        task: task.display().to_string(),
+    };
+    let mut link = PlantLink::open(root.address(), 1, offer).map_err(Failure::internal)?;
+    let mut controller = start_controller(&scenario, &contestant, root.address())?;
+    let outcome = feed(&mut link, &mut controller.0, &recording, &setup, root.address().run(), &stop);
+    drop(controller);
+    let difference = Difference { controller: args.against.clone(), ..outcome? };
+    match args.format {
+        Format::Json => {
+            say(&format!("{}\n", serde_json::to_string_pretty(&difference).map_err(Failure::internal)?))?
+        }
+        Format::Text => say(&in_words(&difference))?,
+    }
+    Ok(Exit::Done)
+}
+
+/// The scenario that an MCAP of `freeplay run` carries.
+fn recorded_scenario(
+    recording: &Recording,
+    origin: &std::path::Path,
+    folder: &std::path::Path,
+) -> Result<Scenario, Failure> {
+    let Some((_, text)) = recording.metadata.iter().find(|(key, _)| key == "scenario") else {
+        return Err(Failure::input(format!(
+            "{}: it carries no scenario; replay needs an MCAP recording of `freeplay run`",
+            origin.display()
+        )));
+    };
+    let file = folder.join("scenario.toml");
+    freeplay_terminal::files::write(&file, text)?;
+    Scenario::load(Some(&file), &[]).map_err(Failure::input)
+}
+
+fn feed(
+    link: &mut PlantLink,
+    controller: &mut Child,
+    recording: &Recording,
+    setup: &Setup,
+    run: u64,
+    stop: &AtomicBool,
+) -> Result<Difference, Failure> {
+    greet(link, controller)?;
+    let mut difference = Difference { schema: "freeplay.replay/1", ..Difference::default() };
+    let joints = recording.joints();
+    for index in 0..recording.len() {
+        if stop.load(Ordering::Relaxed) {
+            let message = format!("interrupted before tick {index}");
+            return Err(Failure { exit: Exit::Interrupted, message });
+        }
+        let state = state_at(recording, index, run, setup.plant.mode, setup.plant.period_ns);
+        let mut state =
+            state.ok_or_else(|| Failure::input("the recording lacks columns that `freeplay run` writes"))?;
+        state.published_ns = now_ns();
+        link.publish(&state).map_err(Failure::internal)?;
+        let command = answer(link, controller, state.tick)?;
+        let recorded: Option<Vec<f64>> = (1..=joints)
+            .map(|joint| recording.column(&format!("command_{joint}")).map(|column| column[index]))
+            .collect();
+        let recorded =
+            recorded.ok_or_else(|| Failure::input("the recording lacks the columns command_1…"))?;
+        // Ticks that the recorded controller left unanswered have nothing to compare.
+        if recorded.iter().all(|value| value.is_finite()) {
+            difference.add(state.tick, &recorded, &command.value[..joints]);
+        }
+    }
+    difference.finish();
+    Ok(difference)
+}
+
+/// Fails if the process of the controller has ended.
+fn see_alive(controller: &mut Child) -> Result<(), Failure> {
+    match controller.try_wait() {
+        Ok(Some(status)) => {
+            Err(Failure::peer(format!("the controller ended ({status}); what it said of that is above")))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn greet(link: &mut PlantLink, controller: &mut Child) -> Result<(), Failure> {
+    let deadline = now_ns() + PATIENCE.as_nanos() as u64;
+    while now_ns() < deadline {
+        match link.greet().map_err(Failure::internal)?.into_iter().next() {
+            Some(Greeting::Accepted { .. }) => return Ok(()),
+            Some(Greeting::Refused { name, verdict, .. }) => {
+                return Err(Failure::input(format!("{name} was refused: {verdict:?}")));
+            }
+            None => see_alive(controller)?,
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    Err(Failure::peer(format!("no controller came within {PATIENCE:?}")))
+}
+
+fn answer(link: &mut PlantLink, controller: &mut Child, tick: u64) -> Result<Command, Failure> {
+    let mut backoff = Backoff::for_this_machine();
+    let deadline = now_ns() + PATIENCE.as_nanos() as u64;
+    while now_ns() < deadline {
+        match link.next_command(0).map_err(Failure::internal)? {
+            Some(command) if command.tick == tick => return Ok(command),
+            Some(_) => {}
+            None if backoff.wait() > LOOK_AFTER_NS => see_alive(controller)?,
+            None => {}
+        }
+    }
+    Err(Failure::peer(format!("no answer to tick {tick} within {PATIENCE:?}")))
+}
+
+fn in_words(difference: &Difference) -> String {
+    let mut text = format!(
+        "{} of {} commands of {} are identical to the recorded ones\n",
+        difference.identical_ticks, difference.ticks, difference.controller
+    );
+    if let Some(tick) = difference.first_differing_tick {
+        text += &format!("the first differs at tick {tick}; by joint, greatest and RMS difference:\n");
+        for (joint, (greatest, rms)) in difference.greatest.iter().zip(&difference.rms).enumerate() {
+            text += &format!("  {}: {greatest:.4e}  {rms:.4e}\n", joint + 1);
+        }
+    }
+    text
+}

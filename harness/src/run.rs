@@ -1,0 +1,536 @@
+//! `freeplay run`: for each controller a plant process and a controller process, then one table and one report.
+
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use clap::Args;
+use freeplay_controller::BUILT_IN;
+use freeplay_doctor::Examination;
+use freeplay_shm::RunRoot;
+use freeplay_storage::{FileIdentity, read_text, remove_file};
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::{claim, write};
+use freeplay_terminal::hex::hex;
+use freeplay_terminal::output::say;
+use freeplay_terminal::process::Running;
+use freeplay_terminal::{messages, progress};
+use indicatif::ProgressBar;
+use rustix::fs::{Access, access};
+use serde_json::json;
+use sha2::{Digest, Sha256};
+
+use crate::live::{Title, Watch};
+use crate::plant_command::pace_name;
+use crate::processes::{
+    Ended, exit as exit_of, new_run, start_in_slot, start_plant, start_watched_plant, supervise,
+};
+use crate::scenario::{Pacing, RecordingKind, Scenario, ScenarioError};
+use crate::scenario_place::located;
+use crate::setup::Setup;
+use crate::summary::{RunSummary, SCHEMA};
+
+use crate::{gains, run_report, screen, swaps};
+
+/// How much is shown of what the processes of a run that did not begin had to say, bytes: a screenful.
+const LAST_WORDS: usize = 2000;
+
+/// What every run writes first and last.
+const RESULTS: [&str; 3] = ["scenario.toml", "task.toml", "summary.json"];
+
+/// Runs a scenario.
+#[derive(Args, Debug)]
+pub struct RunArgs {
+    /// The scenario; without it: the paper's arm, 0.6 mm of play in joint 5, the smooth path in 6 s.
+    scenario: Option<PathBuf>,
+    /// A controller: a built-in name or the path of an executable. Several run one after the other.
+    #[arg(long)]
+    controller: Vec<String>,
+    /// By the wall clock, or as fast as it goes and deterministic; without it: the scenario's, else lockstep.
+    #[arg(long)]
+    pace: Option<Pacing>,
+    /// The plant's arm: "paper" or an arm file.
+    #[arg(long)]
+    model: Option<String>,
+    /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
+    /// A controller that runs beside each of them, warm, and takes over where it fails; several are allowed.
+    #[arg(long)]
+    standby: Vec<String>,
+    /// Change a key of the scenario, as in --set path.period=12.
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// How the motion is recorded.
+    #[arg(long)]
+    recording: Option<RecordingKind>,
+    /// Seed of all noise.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Folder for what the run leaves; without it: out/ and the time.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+    /// Watch the run in the terminal, and swap, kill or hang controllers by key; in real time unless --pace says otherwise.
+    #[arg(long)]
+    live: bool,
+    /// Print the effective scenario and end.
+    #[arg(long)]
+    show: bool,
+    /// End with code 4 unless the machine is fit for tails of latencies (see `freeplay doctor`).
+    #[arg(long)]
+    require_rt: bool,
+    /// Start the controller this many seconds after the plant, or before it if negative.
+    #[arg(long, default_value_t = 0.0, allow_hyphen_values = true, value_name = "S", hide = true)]
+    controller_delay: f64,
+}
+
+/// One controller to run.
+#[derive(Clone, Debug)]
+pub struct Contestant {
+    /// As it was asked for.
+    asked: String,
+    /// Name of its files.
+    name: String,
+    /// Executable of its own, if it is none of the built-in.
+    pub executable: Option<PathBuf>,
+    /// A plan of faults that it is made to have.
+    pub faults: Option<PathBuf>,
+}
+
+impl Contestant {
+    /// As it was asked for.
+    pub fn asked(&self) -> &str {
+        &self.asked
+    }
+
+    /// Name of its files.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The same with the faults of the file `plan`.
+    pub fn with_faults(self, plan: PathBuf) -> Self {
+        Self { faults: Some(plan), ..self }
+    }
+
+    /// The controller `asked`: a built-in name or the path of an executable.
+    ///
+    /// # Errors
+    /// Neither of the two.
+    pub fn of(asked: &str) -> Result<Self, Failure> {
+        let built_in = BUILT_IN.contains(&asked);
+        let path = Path::new(asked);
+        if !built_in && !path.is_file() {
+            return Err(if path.is_dir() && asked.contains('/') {
+                Failure::input(format!("controller {asked}: is a folder; name the executable in it"))
+            } else if asked.contains('/') {
+                Failure::input(format!(
+                    "controller {asked}: there is no such executable; build it, and check the path"
+                ))
+            } else {
+                crate::controller_command::unknown(asked)
+            });
+        }
+        if !built_in && access(path, Access::EXEC_OK).is_err() {
+            return Err(Failure::input(format!(
+                "controller {asked}: not executable: name a program, or allow it with chmod +x"
+            )));
+        }
+        let name =
+            path.file_name().map_or_else(|| asked.to_owned(), |name| name.to_string_lossy().into_owned());
+        let executable =
+            (!built_in).then(|| std::path::absolute(path)).transpose().map_err(Failure::input)?;
+        Ok(Self { asked: asked.to_owned(), name, executable, faults: None })
+    }
+}
+
+/// Runs the scenario of `args` with each of its controllers.
+///
+/// # Errors
+/// Bad input, a controller that does not start, a process that fails.
+pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
+    if args.live && messages::is_quiet() {
+        return Err(Failure::usage("--live cannot be used with --quiet: choose one of them"));
+    }
+    let mut scenario = effective(args)?;
+    if let Some(found) = gains::settle(&mut scenario)? {
+        messages::note(found);
+    }
+    if args.show {
+        say(&scenario.to_toml().map_err(Failure::internal)?)?;
+        return Ok(Exit::Done);
+    }
+    if args.require_rt {
+        Examination::quick().require_rt()?;
+    }
+    let contestants = contestants(&scenario)?;
+    let at =
+        |failure: Failure| Failure { message: located(args.scenario.as_deref(), failure.message), ..failure };
+    let setup = Setup::new(&scenario).map_err(at)?;
+    for contestant in &contestants {
+        let names = swaps::names(&contestant.asked, &scenario.standby);
+        let period = setup.plant.period_ns as f64 * 1e-9;
+        swaps::line_up(&scenario, &names, setup.plant.ticks, period).map_err(at)?;
+    }
+    for standby in &scenario.standby {
+        Contestant::of(standby)?;
+    }
+    let folder = claim(args.out.as_deref(), &RESULTS, args.force)?;
+    let files = Files::write(&scenario, &setup, folder.path())?;
+    let stop = Arc::new(AtomicBool::new(false));
+    freeplay_terminal::process::stop_on_signals(&stop)?;
+    stands_still(&setup).into_iter().for_each(messages::note);
+    let (mut runs, mut exit, mut failure) = (Vec::new(), Exit::Done, None);
+    for contestant in &contestants {
+        let progress = progress(args.live, contestant, &setup, scenario.pace);
+        let watch = if args.live {
+            Some(watch(contestant, &scenario, &setup, &files)?)
+        } else {
+            // Where a terminal shows how far the run is, the plant tells it.
+            let is_told = scenario.pace == Pacing::Lockstep && !progress.is_hidden();
+            is_told.then(|| {
+                Watch::behind(
+                    progress.clone(),
+                    title(contestant, &scenario, &setup),
+                    &said(contestant, &files),
+                )
+            })
+        };
+        let left = watch.as_ref().map(Watch::left);
+        let ended = play_watched(&scenario, contestant, &files, args.controller_delay, &stop, watch);
+        progress.finish_and_clear();
+        match ended {
+            Err(error) if stop.load(Ordering::Relaxed) => {
+                // It was asked to end, and so it does, whatever came of it.
+                messages::note(&error.message);
+            }
+            Err(error) => {
+                failure = Some(error);
+                break;
+            }
+            Ok((ended, summary)) => {
+                runs.extend(summary);
+                exit = if exit == Exit::Done { ended } else { exit };
+            }
+        }
+        if stop.load(Ordering::Relaxed) {
+            // Who leaves the live view by its key has seen enough: that is no interruption.
+            let is_left = left.is_some_and(|left| left.load(Ordering::Relaxed));
+            exit = match exit {
+                Exit::Done | Exit::Interrupted if is_left => Exit::Done,
+                Exit::Verdict if is_left => Exit::Verdict,
+                _ => Exit::Interrupted,
+            };
+            break;
+        }
+    }
+    // What other controllers came to is not lost with the one that failed.
+    if failure.is_none() || !runs.is_empty() {
+        finish(args, &scenario, &setup, &files.out, &runs)?;
+    }
+    failure.map_or(Ok(exit), Err)
+}
+
+/// What is to be known of a run that lasts longer than its path.
+fn stands_still(setup: &Setup) -> Option<String> {
+    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9;
+    let path = setup.path.duration();
+    (seconds > path + setup.plant.period_ns as f64 * 1e-9).then(|| {
+        let laps = (seconds / path).ceil();
+        format!(
+            "the path ends after {path} s: from then on the arm stands still until the run ends at {seconds} s \
+             (path.laps = {laps} would repeat it)"
+        )
+    })
+}
+
+/// A watch for the run of `contestant`.
+fn watch(
+    contestant: &Contestant,
+    scenario: &Scenario,
+    setup: &Setup,
+    files: &Files,
+) -> Result<Watch, Failure> {
+    Watch::open(title(contestant, scenario, setup), &said(contestant, files))
+}
+
+/// Plays one run as [`play`] does, with the live view of a terminal that nobody sees.
+///
+/// # Errors
+/// As [`play`].
+pub fn play_unseen(
+    scenario: &Scenario,
+    contestant: &Contestant,
+    setup: &Setup,
+    files: &Files,
+    stop: &AtomicBool,
+) -> Result<(Exit, Option<RunSummary>), Failure> {
+    let watch = Watch::unseen(title(contestant, scenario, setup), &said(contestant, files))?;
+    play_watched(scenario, contestant, files, 0.0, stop, Some(watch))
+}
+
+/// Where the processes of a watched run say what they have to say.
+fn said(contestant: &Contestant, files: &Files) -> PathBuf {
+    files.out.join(format!("{}.stderr", contestant.name))
+}
+
+fn title(contestant: &Contestant, scenario: &Scenario, setup: &Setup) -> Title {
+    Title {
+        words: screen::heading(scenario, setup),
+        seconds: setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9,
+        period: setup.plant.period_ns as f64 * 1e-9,
+        controllers: swaps::names(&contestant.asked, &scenario.standby),
+        plays: setup.plays(),
+        patience: scenario.patience,
+    }
+}
+
+/// The files that the processes of a run share.
+pub struct Files {
+    /// The effective scenario.
+    pub scenario: PathBuf,
+    /// What controllers are given.
+    pub task: PathBuf,
+    /// The folder of results.
+    pub out: PathBuf,
+}
+
+impl Files {
+    /// Writes them into the folder `out`, made first.
+    ///
+    /// # Errors
+    /// A folder or a file that can't be made.
+    pub fn write(scenario: &Scenario, setup: &Setup, out: &Path) -> Result<Self, Failure> {
+        freeplay_terminal::files::make_folder(out)?;
+        let out = std::path::absolute(out).map_err(Failure::input)?;
+        let files =
+            Self { scenario: out.join("scenario.toml"), task: setup.write_task(scenario, &out)?, out };
+        write(&files.scenario, &absolute(scenario)?.to_toml().map_err(Failure::internal)?)?;
+        Ok(files)
+    }
+}
+
+fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
+    // The model comes first: another arm drops the paper's play, which a later --set may put back.
+    let mut sets: Vec<String> = args.model.iter().map(|model| format!("model={model}")).collect();
+    sets.extend(args.set.iter().cloned());
+    sets.extend(args.seed.iter().map(|seed| format!("seed={seed}")));
+    let mut scenario = load(args.scenario.as_deref(), &sets)?;
+    if args.tip.is_some() {
+        scenario.tip.clone_from(&args.tip);
+    }
+    if !args.controller.is_empty() {
+        scenario.controllers.clone_from(&args.controller);
+    }
+    if !args.standby.is_empty() {
+        scenario.standby.clone_from(&args.standby);
+    }
+    let pace = if args.live { Pacing::Realtime } else { scenario.pace };
+    scenario.pace = args.pace.unwrap_or(pace);
+    scenario.recording = args.recording.unwrap_or(scenario.recording);
+    Ok(scenario)
+}
+
+/// The scenario of `file` changed by `sets`.
+///
+/// # Errors
+/// As bad usage or bad input.
+pub fn load(file: Option<&Path>, sets: &[String]) -> Result<Scenario, Failure> {
+    Scenario::load(file, sets).map_err(|error| match error {
+        ScenarioError::Set { .. } => Failure::usage(error),
+        error => Failure::input(located(file, error.to_string())),
+    })
+}
+
+/// The scenario with paths that hold in any folder.
+fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
+    let mut scenario = scenario.clone();
+    if scenario.model != freeplay_controller::task::PAPER_MODEL {
+        scenario.model = std::path::absolute(&scenario.model).map_err(Failure::input)?.display().to_string();
+    }
+    if let Some(model) = scenario.controller.model.as_mut()
+        && *model != freeplay_controller::task::PAPER_MODEL
+    {
+        *model = std::path::absolute(&*model).map_err(Failure::input)?.display().to_string();
+    }
+    scenario.path.file = scenario.path.file.map(std::path::absolute).transpose().map_err(Failure::input)?;
+    if let Some(sound) = scenario.compare.as_mut().and_then(|compare| compare.sound.as_mut()) {
+        *sound = std::path::absolute(&*sound).map_err(Failure::input)?;
+    }
+    Ok(scenario)
+}
+
+/// The controllers of `scenario`, each with a name of its own.
+fn contestants(scenario: &Scenario) -> Result<Vec<Contestant>, Failure> {
+    let mut found: Vec<Contestant> = Vec::new();
+    for asked in &scenario.controllers {
+        let mut contestant = Contestant::of(asked)?;
+        let same =
+            found.iter().filter(|other| other.name.split('#').next() == Some(&contestant.name)).count();
+        if same > 0 {
+            contestant.name = format!("{}#{}", contestant.name, same + 1);
+        }
+        found.push(contestant);
+    }
+    Ok(found)
+}
+
+/// Plays one run; what it came to, unless it was interrupted before it began.
+///
+/// # Errors
+/// A process that can't be started or that fails.
+pub fn play(
+    scenario: &Scenario,
+    contestant: &Contestant,
+    files: &Files,
+    delay: f64,
+    stop: &AtomicBool,
+) -> Result<(Exit, Option<RunSummary>), Failure> {
+    play_watched(scenario, contestant, files, delay, stop, None)
+}
+
+/// The same; `watch` looks on and is closed at the end of the run.
+fn play_watched(
+    scenario: &Scenario,
+    contestant: &Contestant,
+    files: &Files,
+    delay: f64,
+    stop: &AtomicBool,
+    watch: Option<Watch>,
+) -> Result<(Exit, Option<RunSummary>), Failure> {
+    let left = files.out.join(format!("{}.json", contestant.name));
+    // One of an earlier run stays until this run has one of its own.
+    let earlier = FileIdentity::of(&left);
+    let has_left = || FileIdentity::of(&left).is_some_and(|now| Some(&now) != earlier.as_ref());
+    let members: Vec<Contestant> = std::iter::once(Ok(contestant.clone()))
+        .chain(scenario.standby.iter().map(|asked| Contestant::of(asked)))
+        .collect::<Result<_, _>>()?;
+    let root = new_run()?;
+    let ended = processes(scenario, &members, files, &root, delay, stop, watch)?;
+    let exit = exit_of(&ended, &members, has_left())?;
+    if exit != Exit::Done && !has_left() {
+        for line in last_lines(&said(contestant, files)) {
+            messages::note(line);
+        }
+    }
+    match read_text(&left) {
+        Ok(text) if has_left() => {
+            let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
+            if exit == Exit::Input && summary.ending["braked"]["tick"] == 0 {
+                // A controller that refuses what it is given has not run: nothing may say that it has.
+                remove_file(&left)?;
+                return Err(Failure::input(format!(
+                    "{} did not start; its message is above",
+                    contestant.asked
+                )));
+            }
+            summary.controller.clone_from(&contestant.asked);
+            Ok((exit, Some(summary)))
+        }
+        _ if exit == Exit::Input => Err(Failure::input("the plant ended; its message is above")),
+        _ if exit != Exit::Done => Ok((exit, None)),
+        Ok(_) => Err(Failure::internal(format!("{}: the plant has not written it", left.display()))),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// The end of what the processes of a run that was watched on a screen had to say; nothing where they could say it themselves.
+/// Control characters are escaped.
+fn last_lines(said: &Path) -> Vec<String> {
+    let text = std::fs::read(said).unwrap_or_default();
+    let text = String::from_utf8_lossy(&text[text.len().saturating_sub(LAST_WORDS)..]).into_owned();
+    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
+    text.lines().map(|line| line.chars().map(escaped).collect()).collect()
+}
+
+/// Starts the processes of a run, the first of `members` in charge, and waits until it has ended.
+fn processes(
+    scenario: &Scenario,
+    members: &[Contestant],
+    files: &Files,
+    root: &RunRoot,
+    delay: f64,
+    stop: &AtomicBool,
+    mut watch: Option<Watch>,
+) -> Result<Ended, Failure> {
+    let (address, wait) = (root.address(), Duration::from_secs_f64(delay.abs().min(60.0)));
+    let start = |slot: usize, stderr: Stdio| start_in_slot(scenario, &members[slot], slot, address, stderr);
+    let stderr = |watch: &Option<Watch>| watch.as_ref().map_or_else(|| Ok(Stdio::inherit()), Watch::stderr);
+    let start_all = |watch: &Option<Watch>| -> Result<Vec<Running>, Failure> {
+        (0..members.len()).map(|slot| start(slot, stderr(watch)?)).collect()
+    };
+    let mut controllers = Vec::new();
+    if delay < 0.0 {
+        controllers = start_all(&watch)?;
+        std::thread::sleep(wait);
+    }
+    let mut plant = Running::alone(match &mut watch {
+        Some(watch) => start_watched_plant(&members[0], files, address, watch)?,
+        None => start_plant(&members[0], files, address)?,
+    });
+    if delay >= 0.0 {
+        std::thread::sleep(wait);
+        controllers = start_all(&watch)?;
+    }
+    let ended = supervise(root, &mut plant.0, &mut controllers, stop, |controllers| {
+        if let Some(watch) = &mut watch {
+            stop.fetch_or(watch.look(controllers, &start)?, Ordering::Relaxed);
+        }
+        Ok(())
+    })?;
+    watch.map_or(Ok(()), |mut watch| watch.end())?;
+    Ok(ended)
+}
+
+/// A line on standard error while a run goes on; none where it is watched.
+fn progress(is_watched: bool, contestant: &Contestant, setup: &Setup, pace: Pacing) -> ProgressBar {
+    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
+    let words = format!("{}: {seconds} s of motion, {}", contestant.asked, pace_name(pace));
+    messages::detail(&words);
+    if is_watched {
+        return ProgressBar::hidden();
+    }
+    match pace {
+        Pacing::Lockstep => {
+            progress::bar(setup.plant.ticks, "{msg} {bar:30} {percent} % {elapsed}").with_message(words)
+        }
+        Pacing::Realtime => progress::clock(words, seconds),
+    }
+}
+
+/// Writes the summary and the report, and prints what a person, or a program, wants to see.
+fn finish(
+    args: &RunArgs,
+    scenario: &Scenario,
+    setup: &Setup,
+    out: &Path,
+    runs: &[RunSummary],
+) -> Result<(), Failure> {
+    let effective = scenario.to_toml().map_err(Failure::internal)?;
+    let hash = hex(&Sha256::digest(effective.as_bytes()));
+    let machine = Examination::quick().machine();
+    let summary = json!({
+        "schema": SCHEMA, "freeplay": env!("CARGO_PKG_VERSION"),
+        "scenario": json!(scenario), "config_hash": hash, "machine": machine, "runs": runs,
+    });
+    let text = serde_json::to_string_pretty(&summary).map_err(Failure::internal)?;
+    let report = write(&out.join("summary.json"), &text)
+        .and_then(|()| run_report::write(scenario, setup, out, runs, &machine));
+    // Shown even where the disk has no room for it.
+    match args.format {
+        Format::Json => say(&format!("{text}\n"))?,
+        Format::Text => {
+            say(&screen::table(scenario, setup, runs, out, report.as_deref().unwrap_or(out)))?;
+        }
+    }
+    report.map(|_| ())
+}

@@ -1,0 +1,297 @@
+//! What a person sees in the terminal after a run.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use comfy_table::{CellAlignment, Table, presets};
+use serde_json::Value;
+
+use crate::plant_command::pace_name;
+use crate::scenario::Scenario;
+use crate::setup::Setup;
+use crate::summary::RunSummary;
+use crate::verdict::{failure_words, limit_words};
+use freeplay_report::paste::pasted;
+
+/// Fail-overs that are told one by one.
+const MOST_FAIL_OVERS: usize = 10;
+
+/// The result of `freeplay run` in words and one table.
+pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path, report: &Path) -> String {
+    let mut text = heading(scenario, setup) + "\n";
+    for note in &setup.truth.ignored {
+        let _ = writeln!(text, "{note}");
+    }
+    for line in machine_lines(runs) {
+        let _ = writeln!(text, "{line}");
+    }
+    let _ = writeln!(text, "\n{}", results(setup, runs));
+    let _ = writeln!(
+        text,
+        "deviation: true tool minus the perfect arm on the desired joints; rms, max and z after the first 0.5 s"
+    );
+    let _ = writeln!(text, "(the drop of the centred journal can't be compensated)\n");
+    for run in runs {
+        let _ = writeln!(text, "{}", drives(run));
+    }
+    for run in runs {
+        for note in remarks(run).into_iter().chain(bounces(scenario, run)) {
+            let _ = writeln!(text, "{}: {note}", run.controller);
+        }
+    }
+    let _ = writeln!(text, "report      {}", pasted(report));
+    let _ = writeln!(text, "summary     {}", pasted(&out.join("summary.json")));
+    if let Some(run) = runs.last() {
+        if let Some(recording) = &run.recording {
+            let _ = writeln!(text, "recording   {}   (one a controller)", pasted(&out.join(recording)));
+        }
+        let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", pasted(out));
+    }
+    let _ = writeln!(
+        text,
+        "next        freeplay run --pace realtime   ·   freeplay run --controller ./mine   ·   freeplay faults ./mine   ·   freeplay doctor"
+    );
+    text
+}
+
+/// Arm, play, path and pace in one line.
+pub fn heading(scenario: &Scenario, setup: &Setup) -> String {
+    let plays: Vec<String> = setup
+        .plays()
+        .iter()
+        .map(|(joint, clearance)| format!("{joint} c = {:.2} mm", clearance * 1e3))
+        .collect();
+    let plays = if plays.is_empty() { "no play".to_owned() } else { plays.join(", ") };
+    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
+    let path =
+        toml::Value::try_from(scenario.path.kind).map_or_else(|_| String::new(), |kind| kind.to_string());
+    format!(
+        "Freeplay {} · {} · {plays} · path {}, {seconds} s · {} Hz, {}",
+        env!("CARGO_PKG_VERSION"),
+        setup.arm().name(),
+        path.trim_matches('"'),
+        scenario.rate,
+        pace_name(scenario.pace),
+    )
+}
+
+/// The machine, and what it refused, once.
+fn machine_lines(runs: &[RunSummary]) -> Vec<String> {
+    let Some(run) = runs.first() else { return Vec::new() };
+    let machine = &run.realtime["machine"];
+    let text = |value: &Value| value.as_str().unwrap_or("?").to_owned();
+    let mut lines = vec![format!(
+        "machine: {} cores, {}, {}, wait: {}",
+        machine["cores"],
+        text(&machine["kernel"]).split(" #").next().unwrap_or_default(),
+        text(&machine["scheduler"]),
+        text(&machine["wait_policy"]),
+    )];
+    for item in ["priority", "cpu", "lock_memory"] {
+        if let Some(reason) = run.realtime[item]["refused"].as_str() {
+            lines.push(format!("refused: {}: {reason}", item.replace('_', " ")));
+        }
+    }
+    lines
+}
+
+fn results(setup: &Setup, runs: &[RunSummary]) -> Table {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    let joint =
+        setup.plant.effects.clearances.first().map(|(joint, _)| setup.arm().joints()[*joint].name.clone());
+    let contact = joint.as_ref().map_or_else(|| "contact".to_owned(), |joint| format!("contact in {joint}"));
+    table.set_header(vec![
+        "\ncontroller".to_owned(),
+        "deviation [mm]\nrms".to_owned(),
+        "\nmax".to_owned(),
+        "\nz rms".to_owned(),
+        format!("{contact}\nfree / impact / continuous"),
+        "missed\nticks".to_owned(),
+        "round trip [µs]\np50".to_owned(),
+        "\np99".to_owned(),
+        "\np99.9".to_owned(),
+    ]);
+    for run in runs {
+        table.add_row(row(run, joint.as_deref()));
+    }
+    for column in [1, 2, 3, 5, 6, 7, 8] {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    table
+}
+
+fn row(run: &RunSummary, joint: Option<&str>) -> Vec<String> {
+    let mm = |value: &Value| value.as_f64().map_or_else(|| "–".to_owned(), |mm| format!("{mm:.4}"));
+    let us = |key: &str| {
+        run.latency_us
+            .get("round_trip")
+            .and_then(|stage| stage[key].as_f64())
+            .map_or("–".to_owned(), |us| format!("{us:.0}"))
+    };
+    let contact = joint.map_or_else(
+        || "–".to_owned(),
+        |joint| {
+            let tally = &run.contact["joints"][joint];
+            let percent = |key: &str| tally[key].as_f64().unwrap_or(f64::NAN) * 100.0;
+            format!("{:5.2} / {:.2} / {:.2} %", percent("free"), percent("impact"), percent("continuous"))
+        },
+    );
+    let deviation = &run.deviation_mm;
+    vec![
+        run.controller.clone(),
+        mm(&deviation["rms_after_start"]),
+        mm(&deviation["max_after_start"]),
+        mm(&deviation["axes"]["z"]["rms_after_start"]),
+        contact,
+        run.deadlines["missed"].to_string(),
+        us("p50"),
+        us("p99"),
+        us("p99.9"),
+    ]
+}
+
+/// Share of a run in free flight from which on a journal does not come to rest.
+pub const BOUNCING: f64 = 0.25;
+
+/// The joints whose journals do not come to rest, and what may be tried: in light arms feedback may throw them again and again.
+fn bounces(scenario: &Scenario, run: &RunSummary) -> Vec<String> {
+    if (run.ticks as f64) < scenario.rate {
+        // Less than a second is all fall and first bounces.
+        return Vec::new();
+    }
+    let joints = run.contact["joints"].as_object().into_iter().flatten();
+    let flies = joints.filter_map(|(name, tally)| Some((name, tally["free"].as_f64()?)));
+    let hard = scenario.controller.gains.natural_frequency;
+    flies
+        .filter(|&(_, share)| share > BOUNCING)
+        .map(|(name, share)| {
+            let share = 100.0 * share;
+            format!(
+                "the journal of {name} flies for {share:.0} % of the run: the feedback may keep throwing it; try another \
+                 controller.gains.natural_frequency (now {hard}), or another posture (path.start)"
+            )
+        })
+        .collect()
+}
+
+/// The greatest share of the limits that a run used, by quantity, and where.
+fn drives(run: &RunSummary) -> String {
+    let greatest = |quantity: &str| {
+        let joints = run.joint_use.as_object().into_iter().flatten();
+        let shares = joints.filter_map(|(name, used)| Some((used[quantity]["share"].as_f64()?, name)));
+        let most = shares.max_by(|one, two| one.0.total_cmp(&two.0));
+        most.map_or_else(
+            || "no limits".to_owned(),
+            |(share, name)| format!("{:.0} % ({name})", 100.0 * share),
+        )
+    };
+    let [speed, acceleration, torque] = ["speed", "acceleration", "torque"].map(greatest);
+    format!(
+        "{}: of the limits after 0.5 s, speed {speed}, acceleration {acceleration}, torque {torque}",
+        run.controller
+    )
+}
+
+/// How a run ended that did not end as planned.
+pub fn ending(run: &RunSummary) -> Option<String> {
+    let of = |how: &str| run.ending.get(how);
+    if let Some(braked) = of("braked") {
+        let reason = braked["reason"].as_str().unwrap_or("?").replace('_', " ");
+        let limit = limit_words(&run.stopped);
+        return Some(match limit {
+            Some(limit) if run.stopped["reason"] == run.stopped["quantity"] => {
+                format!("the arm was stopped at tick {}: {limit}", braked["tick"])
+            }
+            Some(limit) => {
+                format!("the brakes closed at tick {}: last command {reason} ({limit})", braked["tick"])
+            }
+            None => format!("the brakes closed at tick {}: last command {reason}", braked["tick"]),
+        });
+    }
+    of("interrupted").map(|interrupted| format!("interrupted after {} ticks", interrupted["tick"]))
+}
+
+/// What is out of the ordinary in a run, a line each.
+fn remarks(run: &RunSummary) -> Vec<String> {
+    let mut remarks = run.notes.clone();
+    remarks.extend(ending(run));
+    remarks.extend(run.failures.iter().filter_map(failure_words).map(|words| format!("failed: {words}")));
+    if let Some(rejected) = run.gate["rejected"].as_object() {
+        let counted: Vec<String> = rejected
+            .iter()
+            .filter(|(_, count)| count.as_u64() != Some(0))
+            .map(|(reason, count)| format!("{} {count}", reason.replace('_', " ")))
+            .collect();
+        if !counted.is_empty() {
+            remarks.push(format!("commands that did not pass the gate: {}", counted.join(", ")));
+        }
+    }
+    remarks.extend(first_refusal(&run.gate["first"]));
+    for (key, said) in [("qp_failed", "had no solution"), ("qp_limit", "stopped at its limit of iterations")]
+    {
+        let count = run.answers[key].as_u64().unwrap_or(0);
+        if count > 0 {
+            remarks.push(format!("answers whose quadratic programme {said}: {count}"));
+        }
+    }
+    let implausible = run.answers["implausible_times"].as_u64().unwrap_or(0);
+    if implausible > 0 {
+        remarks.push(format!("answers whose times cannot be, left out of the latencies: {implausible}"));
+    }
+    remarks.extend(swap_remarks(run));
+    if run.deadlines["unrecorded"].as_u64().unwrap_or(0) > 0 {
+        remarks.push(format!("ticks missing in the recording: {}", run.deadlines["unrecorded"]));
+    }
+    remarks
+}
+
+/// The first command that was refused for a limit, in words.
+fn first_refusal(first: &Value) -> Option<String> {
+    let limit = limit_words(first)?;
+    let (controller, tick) = (first["controller"].as_str()?, &first["tick"]);
+    let reason = first["reason"].as_str()?.replace('_', " ");
+    Some(if first["takes_over"] == true {
+        format!("tick {tick}: the hand-over to {controller} was refused as {reason} ({limit})")
+    } else {
+        format!("tick {tick}: the first command refused was {controller}'s, {reason} ({limit})")
+    })
+}
+
+/// Who took over from whom.
+fn swap_remarks(run: &RunSummary) -> Vec<String> {
+    let Some(swaps) = run.line_up["swaps"].as_array() else { return Vec::new() };
+    let (planned, failed): (Vec<&Value>, Vec<&Value>) =
+        swaps.iter().partition(|swap| swap["cause"] == "planned");
+    let word = |value: &Value| value.as_str().unwrap_or("?").replace('_', " ");
+    let mut remarks: Vec<String> = failed
+        .iter()
+        .take(MOST_FAIL_OVERS)
+        .map(|swap| {
+            format!(
+                "tick {}: {} took over from {} ({}), {} ticks held",
+                swap["tick"],
+                swap["to"].as_str().unwrap_or("?"),
+                swap["from"].as_str().unwrap_or("?"),
+                word(&swap["cause"]["failed"]),
+                swap["held_ticks"]
+            )
+        })
+        .collect();
+    if failed.len() > MOST_FAIL_OVERS {
+        remarks
+            .push(format!("and {} more fail-overs; all are in the summary", failed.len() - MOST_FAIL_OVERS));
+    }
+    if !planned.is_empty() {
+        let held = |key: &str| planned.iter().filter_map(|swap| swap[key].as_u64()).max().unwrap_or(0);
+        remarks.push(format!(
+            "{} planned swaps; greatest gap {} ticks, most held {} ticks",
+            planned.len(),
+            held("gap_ticks"),
+            held("held_ticks")
+        ));
+    }
+    remarks
+}

@@ -1,0 +1,245 @@
+//! From what was typed to what runs.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use freeplay_arm::{Arm, ArmFile, EffectTable, Purpose, Selection};
+pub use freeplay_controller::task::PAPER_MODEL;
+use freeplay_controller::{LimitsFrom, Task, TaskMode};
+use freeplay_laws::{Clearance, Effects, LawError, Placed};
+use freeplay_path::JointPath;
+use freeplay_plant::{LineUpSpec, PlantConfig, SystemError};
+use freeplay_shm::{MAX_JOINTS, Mode, Pace, RtRequest};
+use freeplay_terminal::exit::Failure;
+use freeplay_terminal::files::write;
+use freeplay_terminal::messages;
+use nalgebra::Vector3;
+
+use crate::scenario::{Drive, Pacing, Scenario};
+
+/// A scenario with its files read and its path planned.
+pub struct Setup {
+    /// What the plant is made of.
+    pub plant: PlantConfig,
+    /// The reference motion.
+    pub path: Arc<JointPath>,
+    /// The arm file with all plays of the scenario as effects: the truth.
+    pub truth: ArmFile,
+}
+
+/// Reads the arm file `model`, or the paper's arm.
+///
+/// # Errors
+/// The file's own error, as bad input.
+pub fn load_model(model: &str) -> Result<ArmFile, Failure> {
+    load_selected(model, &Selection::default())
+}
+
+/// The same with the chain of its robot that `selection` says.
+///
+/// # Errors
+/// The file's own error, as bad input.
+pub fn load_selected(model: &str, selection: &Selection) -> Result<ArmFile, Failure> {
+    if model == PAPER_MODEL {
+        return match &selection.tip {
+            None => Ok(freeplay_arm::paper_arm()),
+            Some(tip) => {
+                Err(Failure::input(format!("tip `{tip}`: the arm of the paper has no links to choose from")))
+            }
+        };
+    }
+    let file = freeplay_arm::load_selected(Path::new(model), selection).map_err(Failure::input)?;
+    let (arm, effects) = (&file.arm, file.effects.len());
+    messages::detail(format_args!("read {model}: {} of {} joints, {effects} effects", arm.name(), arm.dof()));
+    Ok(file)
+}
+
+/// The arm file of `scenario` with its gravity and with the scenario's plays as effects.
+fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
+    let selection = Selection { tip: scenario.tip.clone(), joints: Vec::new() };
+    let mut file = load_selected(&scenario.model, &selection)?;
+    let joints = file.arm.dof();
+    if joints > MAX_JOINTS {
+        return Err(Failure::input(format!(
+            "{}: the arm has {joints} joints, a run carries at most {MAX_JOINTS}: choose a shorter chain of it with --tip LINK, or give joints that stand still type = \"fixed\"",
+            scenario.model
+        )));
+    }
+    fold_rotors(&mut file)?;
+    if let Some(gravity) = scenario.gravity {
+        file.arm = file.arm.with_gravity(Vector3::from(gravity));
+    }
+    for (joint, table) in &scenario.clearance {
+        if file.arm.joint_index(joint).is_none() {
+            let names: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
+            return Err(Failure::input(format!(
+                "scenario: clearance.{joint}: the arm has no joint of that name; it has {}",
+                names.join(", ")
+            )));
+        }
+        let parameters = toml::Table::try_from(table).map_err(Failure::internal)?;
+        let effect =
+            EffectTable { kind: Clearance::KIND.to_owned(), joint: Some(joint.clone()), parameters, line: 0 };
+        Clearance::new(table)
+            .and_then(|_| Placed::new(&effect, &file.arm))
+            .map_err(|error| Failure::input(format!("scenario: clearance.{joint}: {error}")))?;
+        file.effects.push(effect);
+    }
+    Ok(file)
+}
+
+/// Makes rotors that are effects part of an arm that moves no inertia without them, so that its controllers can use it as well.
+fn fold_rotors(file: &mut ArmFile) -> Result<(), Failure> {
+    let arm = &file.arm;
+    if arm.require(Purpose::Simulation).is_ok() {
+        return Ok(());
+    }
+    let mut joints = arm.joints().to_vec();
+    file.effects.retain(|effect| {
+        let joint =
+            effect.joint.as_ref().filter(|_| effect.kind == ROTOR).and_then(|name| arm.joint_index(name));
+        let inertia = effect.parameters.get("inertia").and_then(toml::Value::as_float);
+        let Some((joint, inertia)) = joint.zip(inertia.filter(|inertia| *inertia > 0.0)) else { return true };
+        joints[joint].rotor_inertia += inertia;
+        false
+    });
+    file.arm = Arm::with_fitness(arm.name(), joints, *arm.tool(), *arm.gravity(), arm.fitness())
+        .map_err(Failure::input)?;
+    Ok(())
+}
+
+/// The effect that is the inertia of a rotor.
+const ROTOR: &str = "rotor_inertia";
+
+/// Says of an effect that can't be used whether it stands in the file `model` or in the scenario.
+fn faulty_effect(model: &str, error: &LawError) -> Failure {
+    let place = if error.line().is_some() { model } else { "scenario: clearance" };
+    Failure::input(format!("{place}: {error}"))
+}
+
+impl Setup {
+    /// The joints with play: name, and radial clearance in m.
+    pub fn plays(&self) -> Vec<(String, f64)> {
+        let of =
+            |(joint, play): &(usize, Clearance)| (self.arm().joints()[*joint].name.clone(), play.clearance);
+        self.plant.effects.clearances.iter().map(of).collect()
+    }
+
+    /// Reads the files of `scenario` and plans its path.
+    ///
+    /// # Errors
+    /// Bad input: an arm file, an effect or a path that can't be used.
+    pub fn new(scenario: &Scenario) -> Result<Self, Failure> {
+        let truth = truth(scenario)?;
+        let effects = Effects::of(&truth).map_err(|error| faulty_effect(&scenario.model, &error))?;
+        let path = JointPath::plan(&truth.arm, &scenario.path, scenario.rate).map_err(Failure::input)?;
+        let period_ns = (1e9 / scenario.rate).round() as u64;
+        let duration = scenario.duration.unwrap_or_else(|| path.duration());
+        let plant = PlantConfig {
+            arm: truth.arm.clone(),
+            effects: Arc::new(effects),
+            mode: match scenario.mode {
+                Drive::Torque => Mode::Torque,
+                Drive::Driven => Mode::Driven,
+            },
+            pace: match scenario.pace {
+                Pacing::Lockstep => Pace::Lockstep,
+                Pacing::Realtime => Pace::RealTime,
+            },
+            period_ns,
+            substeps: scenario.substeps,
+            ticks: (duration * 1e9 / period_ns as f64).round().max(1.0) as u64,
+            sensors: scenario.sensors,
+            seed: scenario.seed,
+            hold: scenario.hold,
+            patience: Duration::from_secs_f64(scenario.patience),
+            answer_patience: scenario.answer_patience.map(Duration::from_secs_f64),
+            evidence: scenario.realtime.evidence,
+            line_up: LineUpSpec::default(),
+            reflex: scenario.reflex.clone(),
+            natural_frequency: scenario.controller.gains.natural_frequency,
+        };
+        if let Some(fault) = scenario.reflex.fault(truth.arm.dof()) {
+            return Err(Failure::input(format!("scenario: {fault}")));
+        }
+        check_step(&scenario.model, &plant, &path)?;
+        Ok(Self { plant, path: Arc::new(path), truth })
+    }
+
+    /// The arm without its plays.
+    pub fn arm(&self) -> &Arm {
+        &self.truth.arm
+    }
+
+    /// Writes the task of the controllers into `folder`, and the model beside it where none is named.
+    ///
+    /// # Errors
+    /// A file that can't be written.
+    pub fn write_task(&self, scenario: &Scenario, folder: &Path) -> Result<PathBuf, Failure> {
+        let model = match &scenario.controller.model {
+            Some(model) if model == PAPER_MODEL => model.clone(),
+            Some(model) => self.controller_model(model, folder)?,
+            None => {
+                let path = folder.join("model.toml");
+                write(&path, &freeplay_arm::to_toml(&self.truth))?;
+                "model.toml".to_owned()
+            }
+        };
+        let mut path = scenario.path.clone();
+        path.file = path.file.map(std::path::absolute).transpose().map_err(Failure::input)?;
+        let task = Task {
+            model,
+            gravity: Some((*self.truth.arm.gravity()).into()),
+            mode: match scenario.mode {
+                Drive::Torque => TaskMode::Torque,
+                Drive::Driven => TaskMode::Driven,
+            },
+            rate: scenario.rate,
+            limits: LimitsFrom::Model,
+            path,
+            gains: scenario.controller.gains,
+            options: scenario.controller.options.clone(),
+        };
+        let file = folder.join("task.toml");
+        write(&file, &task.to_toml().map_err(Failure::internal)?)?;
+        std::path::absolute(&file).map_err(Failure::input)
+    }
+}
+
+impl Setup {
+    /// The model file of the controllers: `model` itself, or in `folder` the chain of its robot that has the plant's joints, where another
+    /// one would be taken by itself.
+    fn controller_model(&self, model: &str, folder: &Path) -> Result<String, Failure> {
+        let given = std::path::absolute(model).map_err(Failure::input)?.display().to_string();
+        let names = |arm: &Arm| arm.joints().iter().map(|joint| joint.name.clone()).collect::<Vec<_>>();
+        let wanted = names(self.arm());
+        let selection = Selection { tip: None, joints: wanted.clone() };
+        // A file that can't be read is the controller's to complain of.
+        let found = freeplay_arm::load(Path::new(model)).ok().filter(|file| names(&file.arm) != wanted);
+        let chosen = found.and_then(|_| freeplay_arm::load_selected(Path::new(model), &selection).ok());
+        let Some(chosen) = chosen.filter(|file| names(&file.arm) == wanted) else { return Ok(given) };
+        write(&folder.join("controller_model.toml"), &freeplay_arm::to_toml(&chosen))?;
+        Ok("controller_model.toml".to_owned())
+    }
+}
+
+/// Effects and steps that can't be are refused before any process starts.
+fn check_step(model: &str, plant: &PlantConfig, path: &JointPath) -> Result<(), Failure> {
+    plant.system(path).map(|_| ()).map_err(|error| match error {
+        SystemError::Law(error) => Failure::input(error),
+        SystemError::Unfit(error) => Failure::input(error),
+        error @ SystemError::DampingTooStiff { .. } => Failure::input(format!("{model}: {error}")),
+        error => Failure::input(format!("scenario: substeps = {}: {error}", plant.substeps)),
+    })
+}
+
+/// What the scenario asks of the operating system for the plant, or for the controller.
+pub fn realtime_request(scenario: &Scenario, cpu: Option<usize>) -> RtRequest {
+    let wanted = scenario.pace == Pacing::Realtime;
+    RtRequest {
+        priority: (wanted && scenario.realtime.priority > 0).then_some(scenario.realtime.priority),
+        cpu: cpu.filter(|_| wanted),
+        lock_memory: wanted && scenario.realtime.lock_memory,
+    }
+}

@@ -1,0 +1,197 @@
+//! Which controller is to be in charge when: from the names and times of a scenario to slots and ticks.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use freeplay_plant::{Comparison, LineUpSpec, PlannedSwap, Usual};
+use freeplay_shm::MAX_JOINTS;
+use freeplay_terminal::exit::Failure;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::columns;
+use crate::scenario::Scenario;
+
+/// First tick at which a random swap may take place: before, nothing can be in force.
+const FIRST_TICK: u64 = 2;
+
+/// A change of controller at a tick.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SwapTable {
+    /// Tick whose answer is to be the new controller's; it is in force from the next tick on.
+    pub tick: u64,
+    /// The new controller: the one of the run or a standby, by its name.
+    pub to: String,
+}
+
+/// When two controllers disagree.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CompareTable {
+    /// Greatest difference of each joint's command between controllers that agree, N·m or rad; with `sound`: beyond what is usual.
+    pub tolerance: Vec<f64>,
+    /// A recording of a sound run of the same motion with the same controllers in the same order: what they differed by there within two
+    /// ticks is usual. Without it, the tolerance holds for the whole motion.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sound: Option<PathBuf>,
+    /// Ticks in a row for which they disagree before the one in charge is not believed.
+    #[serde(default = "CompareTable::default_ticks")]
+    pub ticks: u32,
+}
+
+impl CompareTable {
+    fn default_ticks() -> u32 {
+        2
+    }
+
+    /// The comparison of `controllers` controllers.
+    fn comparison(&self, controllers: usize) -> Result<Comparison, Failure> {
+        if let Some(bad) = self.tolerance.iter().find(|value| value.is_nan() || **value < 0.0) {
+            return Err(Failure::input(format!(
+                "scenario: compare.tolerance = {bad} is out of range; it must be at least 0"
+            )));
+        }
+        let mut tolerance = [f64::INFINITY; MAX_JOINTS];
+        tolerance.iter_mut().zip(&self.tolerance).for_each(|(to, from)| *to = *from);
+        let usual = self.sound.as_deref().map(|file| usual_of(file, controllers)).transpose()?;
+        Ok(Comparison { tolerance, ticks: self.ticks, usual: usual.map(Arc::new) })
+    }
+}
+
+/// What the `controllers` controllers of the sound run recorded in `file` differed by.
+fn usual_of(file: &Path, controllers: usize) -> Result<Usual, Failure> {
+    let recording = freeplay_recording::read(file, None).map_err(Failure::input)?;
+    columns::usual(&recording).filter(|usual| usual.slots() == controllers).ok_or_else(|| {
+        Failure::input(format!(
+            "scenario: compare.sound = {}: it is no recording of a run of {controllers} controllers; give one that `freeplay run` made with \
+             the same controllers and standbys, in the same order",
+            file.display()
+        ))
+    })
+}
+
+/// The names of a run's controllers by slot, the one that begins first; of several with one name, the second is `name#2`.
+pub fn names(first: &str, standby: &[String]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    for asked in std::iter::once(first).chain(standby.iter().map(String::as_str)) {
+        let plain = Path::new(asked)
+            .file_name()
+            .map_or_else(|| asked.to_owned(), |name| name.to_string_lossy().into_owned());
+        let same = names.iter().filter(|name| name.split('#').next() == Some(&plain)).count();
+        names.push(if same == 0 { plain } else { format!("{plain}#{}", same + 1) });
+    }
+    names
+}
+
+/// The line-up of `scenario` with the controllers `names`, over `ticks` ticks of `period` s.
+///
+/// # Errors
+/// A swap to nobody, after the end or to where there is no standby; more controllers than a run has slots.
+pub fn line_up(
+    scenario: &Scenario,
+    names: &[String],
+    ticks: u64,
+    period: f64,
+) -> Result<LineUpSpec, Failure> {
+    let bad = |message: String| Err(Failure::input(format!("scenario: {message}")));
+    if names.len() > freeplay_shm::MAX_SLOTS {
+        return bad(format!(
+            "{} controllers at once; a run has room for {}",
+            names.len(),
+            freeplay_shm::MAX_SLOTS
+        ));
+    }
+    let blend = (scenario.swap_blend / period).round() as u32;
+    let mut swaps = Vec::with_capacity(scenario.swap.len() + scenario.random_swaps as usize);
+    for swap in &scenario.swap {
+        let Some(to) = names.iter().position(|name| *name == swap.to) else {
+            return bad(format!(
+                "swap to {:?}: this run has {}; name others in standby",
+                swap.to,
+                names.join(", ")
+            ));
+        };
+        if swap.tick >= ticks {
+            return bad(format!("swap at tick {}: the run has {ticks} ticks", swap.tick));
+        }
+        swaps.push(PlannedSwap { tick: swap.tick, to });
+    }
+    if scenario.random_swaps > 0 {
+        let (count, apart) = (u64::from(scenario.random_swaps), u64::from(blend.max(1)));
+        if names.len() < 2 || ticks < FIRST_TICK + count * apart + 1 {
+            return bad(format!(
+                "random_swaps = {count}: needs a standby, and ticks enough for swaps {apart} apart, the length of a blend; there are {} \
+                 controllers and {ticks} ticks",
+                names.len()
+            ));
+        }
+        swaps.extend(random(scenario.seed, scenario.random_swaps, names.len(), ticks, apart));
+    }
+    swaps.sort_by_key(|swap| swap.tick);
+    let comparison = scenario.compare.as_ref().map(|compare| compare.comparison(names.len())).transpose()?;
+    if let Some(bad) = scenario.swap_change.iter().flatten().find(|value| value.is_nan() || **value < 0.0) {
+        return Err(Failure::input(format!(
+            "scenario: swap_change = {bad} is out of range; it must be at least 0"
+        )));
+    }
+    let hand_over_change = scenario.swap_change.as_ref().map(|given| {
+        let mut most = [f64::INFINITY; MAX_JOINTS];
+        most.iter_mut().zip(given).for_each(|(to, from)| *to = *from);
+        most
+    });
+    Ok(LineUpSpec { controllers: names.len(), swaps, blend, hand_over_change, comparison })
+}
+
+/// `count` swaps at random ticks at least `apart` apart, each to another than the one before.
+fn random(seed: u64, count: u32, slots: usize, ticks: u64, apart: u64) -> Vec<PlannedSwap> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let free = ticks - u64::from(count) * apart;
+    let mut at: Vec<u64> = (0..count).map(|_| random.random_range(FIRST_TICK..free)).collect();
+    at.sort_unstable();
+    at.iter_mut().zip(0..).for_each(|(tick, before)| *tick += before * apart);
+    let mut in_charge = 0;
+    let swap = |tick| {
+        in_charge = (in_charge + random.random_range(1..slots)) % slots;
+        PlannedSwap { tick, to: in_charge }
+    };
+    at.into_iter().map(swap).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{line_up, names};
+    use crate::scenario::Scenario;
+
+    #[test]
+    fn controllers_of_one_name_are_told_apart() {
+        let standby = ["./bin/mine", "quasi-static", "other/mine"].map(str::to_owned);
+        assert_eq!(names("quasi-static", &standby), ["quasi-static", "mine", "quasi-static#2", "mine#2"]);
+    }
+
+    #[test]
+    fn random_swaps_repeat_with_their_seed_and_always_change_something() {
+        let names = ["a", "b", "c"].map(str::to_owned);
+        let of = |seed| {
+            let scenario = Scenario { seed, random_swaps: 500, swap_blend: 0.01, ..Scenario::default() };
+            line_up(&scenario, &names, 6000, 1e-3).unwrap().swaps
+        };
+        let swaps = of(7);
+        assert_eq!((swaps.len(), &swaps), (500, &of(7)));
+        assert_ne!(swaps, of(8));
+        assert!(swaps.windows(2).all(|pair| pair[0].tick < pair[1].tick && pair[0].to != pair[1].to));
+        assert!(swaps[0].to != 0 && (0..3).all(|slot| swaps.iter().any(|swap| swap.to == slot)));
+    }
+
+    #[test]
+    fn a_swap_to_nobody_is_told() {
+        let mut scenario = Scenario { random_swaps: 1, ..Scenario::default() };
+        let alone = ["a".to_owned()];
+        assert!(line_up(&scenario, &alone, 6000, 1e-3).unwrap_err().message.contains("needs a standby"));
+        scenario.random_swaps = 0;
+        scenario.swap = vec![super::SwapTable { tick: 3, to: "b".into() }];
+        assert!(line_up(&scenario, &alone, 6000, 1e-3).unwrap_err().message.contains("this run has a"));
+    }
+}

@@ -1,0 +1,226 @@
+//! How far the deviation at sharp corners can be taken down at all; see `bound_table` for how much of that a controller reaches.
+//!
+//! The bound of a cell (period T, clearance c of the sharp square) is the least that an offline optimisation finds which knows the true
+//! arm: over the corrections of the joints, within their limits of speed, acceleration and torque, and over the way of the journal, tick
+//! by tick in a window around every corner, with the journal held by the law of contact (Gauss–Newton, see
+//! `freeplay_controller::passage_planner`). The weights that keep a controller's plan gentle are taken off: corrections may use all of the
+//! acceleration limits, the bearing's push may fall to nothing, the tool may turn. For RMS, the squares of the deviation after the start
+//! are minimised; for the maximum, their fourth powers; both from several starts, in which the journal first goes ahead or behind.
+//! Outside the windows the bound counts no deviation at all, so that it is on the low side. It is a bound for journals that keep
+//! touching: motions that throw the journal on purpose are not searched.
+//!
+//! As a check, the optimal motion is given to the true plant as prescribed joints; what the plant then measures is printed beside it.
+
+use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
+use freeplay_controller::outlook::Outlook;
+use freeplay_controller::{CornerSearch, Passage, PassageOptions, Step, Weights};
+use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_path::{JointPath, PathKind, PathSpec};
+use freeplay_plant::{DeviationStatistics, Hermite, Input, System};
+use freeplay_terminal::exit::Failure;
+use freeplay_terminal::messages;
+use serde::Serialize;
+
+/// Length of a tick, s.
+const PERIOD: f64 = 1e-3;
+/// Joint with play.
+const JOINT: usize = 4;
+/// Half width of the moving average over the predicted journals that the windows begin and end with, ticks.
+const HALF: usize = 10;
+/// Starts: the turn of the journal's way in the middle of a window, rad.
+const STARTS: [f64; 3] = [0.0, 0.6, -0.6];
+
+/// What one start led to, mm.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Found {
+    /// The start: turn of the journal's way, rad.
+    pub start: f64,
+    /// RMS after the start of the run.
+    pub rms: f64,
+    /// Greatest deviation.
+    pub max: f64,
+}
+
+/// The bound of one cell, mm.
+#[derive(Clone, Debug, Serialize)]
+pub struct Bound {
+    /// Time of a lap, s.
+    pub period: f64,
+    /// Clearance, mm.
+    pub clearance: f64,
+    /// What the starts led to when the squares were minimised.
+    pub squares: Vec<Found>,
+    /// And the fourth powers.
+    pub fourth_powers: Vec<Found>,
+    /// RMS and maximum in the windows that the true plant measures on the motion of the least squares.
+    pub measured: Option<Found>,
+    /// What the passages of `narx-qp` as it plans them would leave.
+    pub planned: Found,
+}
+
+impl Bound {
+    /// The least RMS.
+    pub fn rms(&self) -> f64 {
+        self.squares.iter().map(|found| found.rms).fold(f64::NAN, f64::min)
+    }
+
+    /// The least maximum.
+    pub fn max(&self) -> f64 {
+        self.squares.iter().chain(&self.fourth_powers).map(|found| found.max).fold(f64::NAN, f64::min)
+    }
+}
+
+/// One cell being worked on.
+struct Cell {
+    play: ArmWithPlay,
+    path: JointPath,
+    period: f64,
+    ticks: u64,
+}
+
+impl Cell {
+    fn new(period: f64, clearance: f64) -> Result<Cell, Failure> {
+        let arm = paper_arm().arm;
+        let law = Clearance::new(&ClearanceTable::new(clearance * 1e-3)).map_err(Failure::input)?;
+        let spec = PathSpec { kind: PathKind::SquareSharp, period, ..PathSpec::default() };
+        Ok(Cell {
+            play: ArmWithPlay::new(&arm, &[(JOINT, law)]).map_err(Failure::input)?,
+            path: JointPath::plan(&arm, &spec, 1.0 / PERIOD).map_err(Failure::input)?,
+            period,
+            ticks: (period / PERIOD).round() as u64,
+        })
+    }
+
+    /// The passages that `weights` and `options` lead to.
+    fn passages(&self, weights: Weights, options: PassageOptions) -> Vec<Passage> {
+        let arm = paper_arm().arm;
+        let search = CornerSearch { arm: &arm, with_play: &self.play, period: PERIOD, weights, options };
+        let mut outlook = Outlook::new(self.path.clone(), &self.play, PERIOD, HALF);
+        let begin = (DeviationStatistics::START / PERIOD) as u64;
+        let found = search.passages(&mut outlook, begin, self.ticks);
+        for corner in found.unplanned() {
+            messages::note(format_args!("T = {} s, tick {}: {}", self.period, corner.first, corner.fault));
+        }
+        found.planned().to_vec()
+    }
+
+    /// The joints at `tick` with the corrections `corrections`.
+    fn joints(&self, tick: u64, corrections: &[f64]) -> Vec<f64> {
+        let (mut q, mut v, mut a) = (vec![0.0; 6], vec![0.0; 6], vec![0.0; 6]);
+        self.path.at(tick as f64 * PERIOD, &mut q, &mut v, &mut a);
+        q.iter().zip(corrections).map(|(q, correction)| q + correction).collect()
+    }
+
+    /// What the deviations (mm) `norms` of the ticks in windows come to over the run.
+    fn figures(&self, start: f64, norms: &[f64]) -> Found {
+        let counted = self.ticks as f64 - DeviationStatistics::START / PERIOD;
+        let squares: f64 = norms.iter().map(|norm| norm * norm).sum();
+        Found { start, rms: (squares / counted).sqrt(), max: norms.iter().copied().fold(0.0, f64::max) }
+    }
+
+    /// The deviation that a passage means the tool to have, mm, tick by tick to the end of the run.
+    fn meant(&self, passage: &Passage) -> Vec<f64> {
+        let arm = paper_arm().arm;
+        let (mut nominal, mut workspace) = (Workspace::new(&arm), Workspace::new(self.play.arm()));
+        let slides = self.play.plays()[0].slides;
+        let end = (passage.first() + passage.ticks() as u64).min(self.ticks);
+        let rows = (passage.first()..end).filter_map(|tick| passage.at(tick).map(|row| (tick, row)));
+        rows.map(|(tick, Step { corrections, journals, .. })| {
+            let mut extended = vec![0.0; self.play.arm().dof()];
+            self.play.spread(&self.joints(tick, corrections), &mut extended);
+            slides.into_iter().zip(journals).for_each(|(slide, &journal)| extended[slide] = journal);
+            let tool = forward_kinematics(self.play.arm(), &mut workspace, &extended);
+            let desired = forward_kinematics(&arm, &mut nominal, &self.joints(tick, &[0.0; 6]));
+            1e3 * (tool.translation.vector - desired.translation.vector).norm()
+        })
+        .collect()
+    }
+
+    fn all_meant(&self, passages: &[Passage]) -> Vec<f64> {
+        passages.iter().flat_map(|passage| self.meant(passage)).collect()
+    }
+
+    /// The deviation that the true plant measures when its joints are prescribed as `passage` says, mm, tick by tick.
+    fn measured(&self, passage: &Passage) -> Result<Vec<f64>, Failure> {
+        let arm = paper_arm().arm;
+        let mut system = System::new(self.play.clone(), &arm, PERIOD, 50).map_err(Failure::input)?;
+        let row = |tick: u64| passage.at(tick).map(|step| self.joints(tick, step.corrections));
+        let centred = |tick: u64| -> Option<Vec<[f64; 3]>> {
+            let [before, now, after] = [row(tick - 1)?, row(tick)?, row(tick + 1)?];
+            let state = |i: usize| {
+                let v = (after[i] - before[i]) / (2.0 * PERIOD);
+                [now[i], v, (after[i] - 2.0 * now[i] + before[i]) / (PERIOD * PERIOD)]
+            };
+            Some((0..now.len()).map(state).collect())
+        };
+        let first = passage.first() + 1;
+        let Some(begin) = centred(first) else { return Ok(Vec::new()) };
+        let start = |order: usize| begin.iter().map(|state| state[order]).collect::<Vec<_>>();
+        system.start(&start(0), &start(1));
+        if let (Some(before), Some(now), Some(after)) =
+            (passage.at(first - 1), passage.at(first), passage.at(first + 1))
+        {
+            let [before, now, after] = [before, now, after].map(|step| step.journals);
+            let speed = [0, 1].map(|i| (after[i] - before[i]) / (2.0 * PERIOD));
+            system.place_journal(0, [now[0], now[1]], speed);
+        }
+        let (mut motion, mut norms, mut nominal) = (Hermite::new(6), Vec::new(), Workspace::new(&arm));
+        let last = (first + passage.ticks() as u64 - 3).min(self.ticks);
+        for tick in first..last {
+            let desired = forward_kinematics(&arm, &mut nominal, &self.joints(tick, &[0.0; 6]));
+            norms.push(1e3 * (system.tool().translation.vector - desired.translation.vector).norm());
+            let (Some(from), Some(to)) = (centred(tick), centred(tick + 1)) else { break };
+            motion.begin(system.time(), PERIOD, from.into_iter());
+            motion.finish(to.into_iter());
+            let input = Input { torque: &[0.0; 6], driven: &[true; 6], motion: &motion };
+            system.tick(&input).map_err(Failure::internal)?;
+        }
+        Ok(norms)
+    }
+
+    fn bound(&self, clearance: f64) -> Result<Bound, Failure> {
+        let free = PassageOptions {
+            acceleration: 1e-9,
+            least_push: 0.5,
+            missing_push: 1e-3,
+            ..PassageOptions::default()
+        };
+        let mut bound = Bound {
+            period: self.period,
+            clearance,
+            squares: Vec::new(),
+            fourth_powers: Vec::new(),
+            measured: None,
+            planned: self
+                .figures(0.0, &self.all_meant(&self.passages(Weights::default(), PassageOptions::default()))),
+        };
+        // The tool may turn.
+        let weights = Weights { orientation: 1e-5, ..Weights::default() };
+        for emphasis in [0.0, 2.0] {
+            for detour in STARTS {
+                let passages = self.passages(weights, PassageOptions { emphasis, detour, ..free });
+                let norms = self.all_meant(&passages);
+                let found = self.figures(detour, &norms);
+                if emphasis > 0.0 {
+                    bound.fourth_powers.push(found);
+                    continue;
+                }
+                if bound.squares.iter().all(|other| found.rms < other.rms) {
+                    let norms = passages.iter().map(|passage| self.measured(passage));
+                    bound.measured =
+                        Some(self.figures(detour, &norms.collect::<Result<Vec<_>, _>>()?.concat()));
+                }
+                bound.squares.push(found);
+            }
+        }
+        Ok(bound)
+    }
+}
+
+/// The bound of the sharp square with laps of `period` s and `clearance` mm in joint 5.
+///
+/// # Errors
+/// A clearance or a period that cannot be.
+pub fn sharp_square(period: f64, clearance: f64) -> Result<Bound, Failure> {
+    Cell::new(period, clearance)?.bound(clearance)
+}

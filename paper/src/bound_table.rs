@@ -1,0 +1,135 @@
+//! `freeplay bound`: the least deviation at sharp corners beside what the controllers reach, and how much of the way they go.
+//!
+//! What is printed as the optimum is found, not proved: a local search with all knowledge of the arm, from several starts (see `bound`),
+//! so that the true optimum can lie below it; and it counts no deviation outside the corners, so that no controller can reach it
+//! entirely. The share of the way is `(quasi-static − narx-qp)/(quasi-static − optimum)`, with the controllers' deviations from lockstep
+//! runs on the true plant in this process (see `cells`): feedback, torques that are held for a tick, and the first half second included.
+
+use std::fmt::Write as _;
+
+use clap::Args;
+use comfy_table::{CellAlignment, Table, presets};
+use freeplay_path::{PathKind, PathSpec};
+use freeplay_plant::DeviationStatistics;
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::arguments::above_zero;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::output::say;
+use freeplay_terminal::parallel::on_all_cores;
+use serde::Serialize;
+
+use crate::bound::{Bound, sharp_square};
+use crate::cells::{Cell, Part, Row};
+
+/// Computes bounds.
+#[derive(Args, Debug)]
+pub struct BoundArgs {
+    /// Times of a lap, s.
+    #[arg(long, value_delimiter = ',', default_value = "6,12", value_parser = above_zero)]
+    period: Vec<f64>,
+    /// Clearances, mm.
+    #[arg(long, value_delimiter = ',', default_value = "0.2,0.4,0.6", value_parser = above_zero)]
+    clearance: Vec<f64>,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// The optimum of one cell and what the controllers come to in it.
+#[derive(Clone, Debug, Serialize)]
+struct Compared {
+    bound: Bound,
+    reached: Row,
+    /// Share of the way from quasi-static to the optimum that narx-qp goes: of the RMS, and of the maximum.
+    closed: [f64; 2],
+}
+
+impl Compared {
+    fn of(period: f64, clearance: f64) -> Result<Self, Failure> {
+        let path = PathSpec { kind: PathKind::SquareSharp, period, ..PathSpec::default() };
+        let bound = sharp_square(period, clearance)?;
+        let reached = Cell::plain(Part::Tracked, path, clearance).row(Default::default())?;
+        let closed = |from: f64, to: f64, least: f64| (from - to) / (from - least);
+        let (from, to) = (&reached.quasi_static, &reached.narx_qp);
+        Ok(Self {
+            closed: [closed(from.rms, to.rms, bound.rms()), closed(from.max, to.max, bound.max())],
+            bound,
+            reached,
+        })
+    }
+}
+
+/// Computes the bounds and prints them beside what the controllers reach.
+///
+/// # Errors
+/// A clearance or a period that cannot be; runs that fail.
+pub fn bound(args: &BoundArgs) -> Result<Exit, Failure> {
+    let cells = args.period.iter().flat_map(|&period| args.clearance.iter().map(move |&c| (period, c)));
+    let cells: Vec<_> = cells.collect();
+    let compared = on_all_cores(cells.len(), |index| Compared::of(cells[index].0, cells[index].1))?;
+    match args.format {
+        Format::Json => {
+            say(&format!("{}\n", serde_json::to_string_pretty(&compared).map_err(Failure::internal)?))?;
+        }
+        Format::Text => say(&in_words(&compared))?,
+    }
+    Ok(Exit::Done)
+}
+
+fn in_words(all: &[Compared]) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_header([
+        "\nT [s]",
+        "\nc [mm]",
+        "RMS [mm]\nnone",
+        "\nquasi-static",
+        "\nnarx-qp",
+        "\nits plan",
+        "\noptimum",
+        "on the\nplant",
+        "share of\nthe way",
+        "max [mm]\nnone",
+        "\nquasi-static",
+        "\nnarx-qp",
+        "\noptimum",
+        "share of\nthe way",
+    ]);
+    for Compared { bound, reached, closed } in all {
+        let mm = |value: f64| format!("{value:.4}");
+        let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+        table.add_row([
+            bound.period.to_string(),
+            bound.clearance.to_string(),
+            mm(reached.none.rms),
+            mm(reached.quasi_static.rms),
+            mm(reached.narx_qp.rms),
+            mm(bound.planned.rms),
+            mm(bound.rms()),
+            bound.measured.map_or_else(|| "–".to_owned(), |found| mm(found.rms)),
+            percent(closed[0]),
+            mm(reached.none.max),
+            mm(reached.quasi_static.max),
+            mm(reached.narx_qp.max),
+            mm(bound.max()),
+            percent(closed[1]),
+        ]);
+    }
+    for column in 0..14 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    let least = all.iter().map(|one| one.closed[0]).fold(f64::INFINITY, f64::min);
+    let mut text = format!(
+        "Sharp square, joint 5, after {} s: what the controllers reach, and the least that was found with all knowledge of the arm\n{table}\n",
+        DeviationStatistics::START
+    );
+    let _ = writeln!(
+        text,
+        "\nThe optimum is found by a local search from several starts, not proved, and counts nothing outside the corners; \"on the plant\" is \
+         what prescribed joints on it measure there.\nnarx-qp goes at least {:.0} % of the way from quasi-static to it in RMS.",
+        100.0 * least
+    );
+    text
+}

@@ -1,0 +1,240 @@
+//! `freeplay reproduce`: the paper (S. Erkaya, 2018) reproduced, judged and drawn.
+//!
+//! Modules in the order in which numbers pass through them: `case` (what is simulated), `trace` and `peaks` (what a run leaves),
+//! `orbit` (the journal in its bearing), `dataset`, `network` and `free_run` (learning), `compensation`; `reference` (what
+//! others found), `claim`, `motion_claims` and `network_claims` (verdicts); `parameters`, `figures`, `tables`, `document` and
+//! `screen` (what a person sees).
+
+mod case;
+mod claim;
+mod compensation;
+mod dataset;
+mod document;
+mod figures;
+mod free_run;
+mod motion_claims;
+mod network;
+mod network_claims;
+mod orbit;
+mod parameters;
+mod peaks;
+mod reference;
+mod screen;
+mod tables;
+mod trace;
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use freeplay_harness::scenario::Drive;
+use freeplay_path::PathKind;
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::output::say;
+use freeplay_terminal::parallel::on_all_cores;
+use freeplay_terminal::{messages, progress};
+use serde::Serialize;
+use serde_json::json;
+
+use case::{CLEARANCES, Case, PERIODS, Scope};
+use claim::Claim;
+use compensation::Played;
+use dataset::{Dataset, Pool};
+use freeplay_terminal::files::claim;
+use motion_claims::Evidence;
+use network::{Cut, Setting, Study, study};
+use orbit::Orbit;
+use reference::Independent;
+use trace::Runs;
+
+/// The schema of `reproduce.json`.
+const SCHEMA: &str = "freeplay.reproduce/1";
+
+/// A part that can be left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Part {
+    /// The trainings, and the claims about the network.
+    Network,
+    /// The runs of the built-in controllers.
+    Compensation,
+}
+
+/// Reproduces the paper.
+#[derive(Args, Debug)]
+pub struct ReproduceArgs {
+    /// Folder for report.html and reproduce.json; without it: out/reproduce.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
+    /// The smooth path with prescribed motion alone, one short training a network, one run of the controllers.
+    #[arg(long)]
+    quick: bool,
+    /// Leave a part out; may be given twice.
+    #[arg(long, value_name = "PART")]
+    skip: Vec<Part>,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// How much is trained.
+struct Effort {
+    /// Trainings of each network.
+    seeds: u64,
+    /// Most epochs of a training.
+    epochs: usize,
+}
+
+/// All that was found.
+pub struct Reproduction {
+    command: String,
+    scope: Scope,
+    runs: Runs,
+    orbits: Vec<(&'static str, &'static str, Orbit)>,
+    studies: Vec<Study>,
+    played: Vec<Played>,
+    claims: Vec<Claim>,
+    independent: Independent,
+}
+
+/// Reproduces the paper and writes report and numbers.
+///
+/// # Errors
+/// A run that can't be simulated, a training that can't be made, a folder that can't be written.
+pub fn reproduce(args: &ReproduceArgs) -> Result<Exit, Failure> {
+    let out = args.out.clone().unwrap_or_else(|| PathBuf::from("out").join("reproduce"));
+    let folder = claim(Some(&out), &["report.html", "reproduce.json"], args.force)?;
+    let folder = folder.path();
+    let done = find(args)?;
+    let numbers = serde_json::to_string_pretty(&numbers(&done)).map_err(Failure::internal)?;
+    freeplay_terminal::files::write(&folder.join("report.html"), &document::document(&done)?.to_html())?;
+    freeplay_terminal::files::write(&folder.join("reproduce.json"), &numbers)?;
+    match args.format {
+        Format::Json => say(&format!("{numbers}\n"))?,
+        Format::Text => say(&screen::summary(&done.claims, folder))?,
+    }
+    Ok(Exit::Done)
+}
+
+fn find(args: &ReproduceArgs) -> Result<Reproduction, Failure> {
+    let (scope, effort) = if args.quick {
+        (Scope::quick(), Effort { seeds: 1, epochs: 100 })
+    } else {
+        (Scope::whole(), Effort { seeds: 3, epochs: 1000 })
+    };
+    let independent = Independent::read()?;
+    let cases = scope.cases();
+    let runs = Runs(over("simulating", cases.len(), |index| trace::simulate(&cases[index]))?);
+    let orbits = orbits(&scope)?;
+    let studies = if args.skip.contains(&Part::Network) {
+        Vec::new()
+    } else {
+        let settings = settings(&scope, args.quick);
+        let studies = over("training", settings.len(), |index| train(&settings[index], &runs, &effort))?;
+        studies.into_iter().flatten().collect()
+    };
+    let played = if args.skip.contains(&Part::Compensation) {
+        Vec::new()
+    } else {
+        let tasks = compensation::tasks(args.quick);
+        over("compensating", tasks.len(), |index| compensation::play(&tasks[index]))?
+    };
+    let mut claims = Evidence { runs: &runs, independent: &independent, scope: &scope }.claims();
+    if !studies.is_empty() {
+        claims.extend(network_claims::claims(&studies));
+    }
+    Ok(Reproduction { command: command(args), scope, runs, orbits, studies, played, claims, independent })
+}
+
+/// What was typed, as far as it decides on the numbers.
+fn command(args: &ReproduceArgs) -> String {
+    let mut command = "freeplay reproduce".to_owned();
+    if args.quick {
+        command += " --quick";
+    }
+    for part in args.skip.iter().filter_map(ValueEnum::to_possible_value) {
+        command += &format!(" --skip {}", part.get_name());
+    }
+    command
+}
+
+/// The journal's way during the first drop and, where there is a corner, around it.
+fn orbits(scope: &Scope) -> Result<Vec<(&'static str, &'static str, Orbit)>, Failure> {
+    let largest = |path| Case::new(Drive::Driven, path, PERIODS[0], CLEARANCES[2]);
+    let mut views = vec![(
+        "The first drop: the journal falls from the middle of its bearing and bounces",
+        "c = 0.6 mm, smooth path, prescribed motion, T = 6 s, the first 0.3 s; seen along the axis of joint 5. After the bounces the journal stays in contact.",
+        largest(PathKind::Lissajous),
+        0.0,
+    )];
+    if scope.paths.contains(&PathKind::SquareSharp) {
+        views.push((
+            "A sharp corner: the journal leaves its bearing and crosses it",
+            "c = 0.6 mm, sharp square, prescribed motion, T = 6 s, 0.3 s around the second corner at 3 s.",
+            largest(PathKind::SquareSharp),
+            2.95,
+        ));
+    }
+    let found = over("following the journal", views.len(), |index| {
+        let (_, _, case, start) = &views[index];
+        Orbit::follow(case, *start, 0.3)
+    })?;
+    Ok(views.iter().zip(found).map(|((title, caption, _, _), orbit)| (*title, *caption, orbit)).collect())
+}
+
+/// The questions to the network: single runs and all clearances, both splits; three laps in blocks.
+fn settings(scope: &Scope, quick: bool) -> Vec<Setting> {
+    let mut settings = Vec::new();
+    let pools: &[Pool] = if quick { &[Pool::Single] } else { &[Pool::Clearances, Pool::Single, Pool::Laps] };
+    for &pool in pools {
+        for (drive, path) in scope.pairs() {
+            for period in PERIODS {
+                let cuts: &[Cut] =
+                    if pool == Pool::Laps { &[Cut::Block] } else { &[Cut::Random, Cut::Block] };
+                settings.extend(cuts.iter().map(|&cut| Setting { drive, path, period, pool, cut }));
+            }
+        }
+    }
+    settings
+}
+
+/// The study of `setting`; none where its runs were not made.
+fn train(setting: &Setting, runs: &Runs, effort: &Effort) -> Result<Option<Study>, Failure> {
+    let data = Dataset::new(runs, setting.pool, (setting.drive, setting.path), setting.period)?;
+    data.map(|data| study(*setting, &data, effort.seeds, effort.epochs)).transpose()
+}
+
+/// `reproduce.json`.
+fn numbers(done: &Reproduction) -> serde_json::Value {
+    #[derive(Serialize)]
+    struct Run<'a> {
+        case: &'a Case,
+        figures: &'a trace::Figures,
+    }
+    let runs: Vec<Run> =
+        done.runs.0.iter().map(|run| Run { case: &run.case, figures: &run.figures }).collect();
+    json!({
+        "schema": SCHEMA, "version": env!("CARGO_PKG_VERSION"), "command": done.command,
+        "claims": done.claims, "runs": runs, "networks": done.studies, "compensation": done.played,
+    })
+}
+
+/// Calls `work` for every number below `count` on all cores, with a bar for the `stage`.
+fn over<T: Send>(
+    stage: &'static str,
+    count: usize,
+    work: impl Fn(usize) -> Result<T, Failure> + Sync,
+) -> Result<Vec<T>, Failure> {
+    messages::detail(stage);
+    let bar = progress::bar(count as u64, "{msg:<22} {bar:30} {pos}/{len} {elapsed}").with_message(stage);
+    bar.tick();
+    let done = on_all_cores(count, |index| {
+        let result = work(index);
+        bar.inc(1);
+        result
+    });
+    bar.finish();
+    done
+}

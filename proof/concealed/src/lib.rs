@@ -1,0 +1,54 @@
+//! Recordings of machines whose physics is concealed: what the blind proof of `diagnose` is judged on.
+//!
+//! The generator shares no law and no integrator with its judge: it may name `arm` and `recording` alone. The nouns, in the
+//! order in which data passes through them:
+//!
+//! - [`Quota`]: how many cases of which sort; [`draw_set`] draws them from a seed. [`Matrix`]: every kind at every [`Place`] instead.
+//! - [`Case`]: what is asked for: a [`Machine`] (an arm by its data sheet), [`Demand`]s (which physics is left out of the data
+//!   sheet, how strong), a [`Noise`] level and a seed.
+//! - [`Physics`]: one effect, of the catalogue or outside it, with its parameters.
+//! - [`Motion`]: what the machine is told to do.
+//! - [`Tolerances`]: how far, inside its tolerances, the true arm is from its data sheet.
+//! - [`Plan`]: the machine as it is: arm, drives, transmissions, bearings, springs.
+//! - [`Trace`]: what it did, by the servo controller and the time stepping of [`Plan::run`].
+//! - [`Chain`]: the sensors: what of it is written down.
+//! - [`SetupFault`]: a recording that is not read as its data sheet means it, put in by [`with_setup_faults`], of [`Kept`] channels.
+//! - [`Made`]: the data sheet, two recordings and the [`Truth`]; from [`make_case`], [`make_here`] or [`generate`].
+
+mod arms;
+mod calibrate;
+mod case;
+mod distinct;
+mod draft;
+mod felt;
+mod kinds;
+mod machine;
+mod matrix;
+mod motion;
+mod physics;
+mod random;
+mod sensors;
+mod servo;
+mod set;
+mod setup;
+mod sizing;
+mod tolerances;
+mod truth;
+mod write;
+
+pub use arms::{Load, Machine};
+pub use calibrate::{Floor, Strength};
+pub use case::{Case, Demand, GenerateError, Made, Severity, generate};
+pub use distinct::Equivalent;
+pub use kinds::{CATALOGUE, OUTSIDE, Seat, seats};
+pub use machine::{Plan, PlanError, Trace};
+pub use matrix::{Matrix, Place};
+pub use motion::{Family, Motion};
+pub use physics::{Effect, Physics};
+pub use sensors::{Chain, Noise, Samples};
+pub use servo::Servo;
+pub use set::{Quota, draw_set, make_case, make_here};
+pub use setup::{Kept, SETUP, SetupFault, with_setup_faults};
+pub use tolerances::Tolerances;
+pub use truth::{Truth, TruthEffect};
+pub use write::{WriteCaseError, write_case, write_sealed};

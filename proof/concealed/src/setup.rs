@@ -1,0 +1,432 @@
+//! Set-up faults: a recording that is not read as its model means it.
+//!
+//! They change nothing of the machine. What is changed is what stands in the file (units, signs, order, zeros, clocks), or, for gravity
+//! and for another arm, what stands on the data sheet.
+
+use freeplay_arm::{
+    Arm, ArmFile, JointKind, Workspace, forward_kinematics, gravity_torque, parse_toml, to_toml,
+};
+use nalgebra::Vector3;
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::path::Path;
+
+use crate::arms::Machine;
+use crate::case::{GenerateError, Made};
+use crate::random::{log_uniform, pick, sign, stream, uniform};
+use crate::sensors::Samples;
+
+/// The kinds of set-up faults.
+pub const SETUP: [&str; 14] = [
+    "time_unit",
+    "angle_unit",
+    "angle_wrap",
+    "joint_order",
+    "joint_direction",
+    "joint_zero",
+    "joint_coordinates",
+    "torque_sign",
+    "torque_unit",
+    "gravity_direction",
+    "gravity_compensated",
+    "clock_offset",
+    "frozen_channel",
+    "another_arm",
+];
+
+/// A posture or a torque that changes by less than this share of its own deviation shows nothing of a fault.
+const SHOWS: f64 = 0.6;
+/// A tool that moves by less than this does not either, m.
+const SHOWS_AT_TOOL: f64 = 0.03;
+/// Draws of a fault before the recording counts as one that can't show it.
+const DRAWS: usize = 40;
+
+/// One fault of the set-up.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SetupFault {
+    /// One of [`SETUP`].
+    pub kind: &'static str,
+    /// The joints (from 0) that it is about; none for the whole recording.
+    pub joints: Vec<usize>,
+    /// Its numbers: what the meaning of the kind says, SI.
+    pub values: Vec<f64>,
+    /// Whether a torque flips with its joint; which channels are late or still.
+    pub detail: String,
+}
+
+/// What of the recordings is kept, and of the data sheet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Kept {
+    /// The torques.
+    pub torque: bool,
+    /// The tracked tool.
+    pub tool: bool,
+    /// The friction of the data sheet.
+    pub friction: bool,
+}
+
+/// `made` with what is `kept`, and with a fault of each of `kinds`, drawn from `seed`; `None` where its motion shows none of a kind.
+///
+/// # Errors
+/// The data sheet of the case, which is one of this program's own.
+pub fn with_setup_faults(
+    made: &Made,
+    kinds: &[&'static str],
+    kept: Kept,
+    seed: u64,
+) -> Result<Option<(Made, Vec<SetupFault>)>, GenerateError> {
+    let mut rng = stream(seed, "set-up");
+    let mut made = made.clone();
+    let mut sheet = parse_toml(&made.model, Path::new("model.toml"))?.arm;
+    if !kept.friction {
+        sheet = without_friction(&sheet);
+    }
+    for samples in [&mut made.recording, &mut made.second] {
+        keep(samples, kept);
+    }
+    let mut faults: Vec<SetupFault> = Vec::new();
+    for kind in kinds {
+        let taken: Vec<usize> = faults.iter().flat_map(|fault| fault.joints.clone()).collect();
+        let drawn = (0..DRAWS).find_map(|_| {
+            let fault = draw(kind, &sheet, &made.recording, &mut rng)?;
+            let is_free = fault.joints.iter().all(|joint| !taken.contains(joint));
+            (is_free && shows(&fault, &sheet, &made.recording)).then_some(fault)
+        });
+        let Some(fault) = drawn else { return Ok(None) };
+        faults.push(fault);
+    }
+    // What needs the true positions comes before they are changed.
+    let order = |fault: &SetupFault| SETUP.iter().rev().position(|kind| *kind == fault.kind);
+    faults.sort_by_key(order);
+    for fault in &faults {
+        for samples in [&mut made.recording, &mut made.second] {
+            apply(fault, &sheet, samples);
+        }
+    }
+    for fault in &faults {
+        sheet = on_sheet(fault, sheet)?;
+    }
+    made.model = to_toml(&ArmFile { arm: sheet, effects: Vec::new(), ignored: Vec::new() });
+    Ok(Some((made, faults)))
+}
+
+fn without_friction(sheet: &Arm) -> Arm {
+    let mut joints = sheet.joints().to_vec();
+    joints.iter_mut().for_each(|joint| joint.friction = freeplay_arm::JointFriction::default());
+    Arm::new(sheet.name(), joints, *sheet.tool(), *sheet.gravity()).unwrap_or_else(|_| sheet.clone())
+}
+
+fn keep(samples: &mut Samples, kept: Kept) {
+    let is_kept = |name: &str| {
+        (kept.torque || !name.starts_with("tau")) && (kept.tool || !matches!(name, "x" | "y" | "z"))
+    };
+    let all: Vec<bool> = samples.names.iter().map(|name| is_kept(name)).collect();
+    let mut each = all.iter();
+    samples.names.retain(|_| *each.next().unwrap_or(&true));
+    let mut each = all.iter();
+    samples.columns.retain(|_| *each.next().unwrap_or(&true));
+}
+
+/// A fault of `kind`; `None` where the arm or the recording has no room for it.
+fn draw(kind: &str, sheet: &Arm, samples: &Samples, rng: &mut ChaCha8Rng) -> Option<SetupFault> {
+    let n = sheet.dof();
+    let all: Vec<usize> = (0..n).collect();
+    let joint = pick(rng, &all);
+    let is_revolute = sheet.joints()[joint].kind == JointKind::Revolute;
+    let kind = *SETUP.iter().find(|known| **known == kind)?;
+    let fault = |joints: Vec<usize>, values: Vec<f64>, detail: &str| {
+        Some(SetupFault { kind, joints, values, detail: detail.to_owned() })
+    };
+    let (torque, tool) = (has(samples, "tau1"), has(samples, "x"));
+    match kind {
+        "time_unit" => fault(vec![], vec![1e3], ""),
+        "angle_unit" => fault(vec![], vec![180.0 / PI], ""),
+        "angle_wrap" if is_revolute => fault(vec![joint], vec![TAU], ""),
+        "joint_order" if n > 1 => {
+            let other = (joint + 1 + (uniform(rng, 0.0, 1.0) * (n - 1) as f64) as usize) % n;
+            let is_same = sheet.joints()[joint].kind == sheet.joints()[other].kind;
+            (joint != other && is_same).then_some(())?;
+            fault(vec![joint.min(other), joint.max(other)], vec![], "")
+        }
+        "joint_direction" => {
+            let with = if torque && uniform(rng, 0.0, 1.0) < 0.4 { "alone" } else { "with torque" };
+            fault(vec![joint], vec![-1.0], with)
+        }
+        "joint_zero" if is_revolute => {
+            let usual = [FRAC_PI_2, -FRAC_PI_2, PI];
+            let zero = if uniform(rng, 0.0, 1.0) < 0.7 {
+                pick(rng, &usual)
+            } else {
+                sign(rng) * uniform(rng, 0.5, 2.6)
+            };
+            fault(vec![joint], vec![zero], "")
+        }
+        "joint_coordinates" if n > 1 && joint > 0 && is_revolute => {
+            (sheet.joints()[joint - 1].kind == JointKind::Revolute).then_some(())?;
+            fault(vec![joint], vec![sign(rng)], "")
+        }
+        "torque_sign" if torque => {
+            let joints = if uniform(rng, 0.0, 1.0) < 0.4 { all } else { vec![joint] };
+            fault(joints, vec![-1.0], "")
+        }
+        "torque_unit" if torque => {
+            let (joints, values) = scales(n, joint, rng);
+            fault(joints, values, "")
+        }
+        "gravity_direction" if torque => {
+            let down = pick(rng, &[Vector3::z(), Vector3::x(), -Vector3::x(), Vector3::y(), -Vector3::y()]);
+            let free =
+                Vector3::new(uniform(rng, -1.0, 1.0), uniform(rng, -1.0, 1.0), uniform(rng, -1.0, 1.0));
+            let down = if uniform(rng, 0.0, 1.0) < 0.7 { down } else { free.normalize() };
+            let size = sheet.gravity().norm();
+            (down * size).iter().all(|x| x.is_finite()).then_some(())?;
+            ((down * size).angle(sheet.gravity()) > 0.7).then_some(())?;
+            fault(vec![], (down * size).as_slice().to_vec(), "")
+        }
+        "gravity_compensated" if torque => fault(vec![], vec![], ""),
+        "clock_offset" if torque || tool => {
+            let late = match (torque, tool) {
+                (true, true) => pick(rng, &["tau", "tool"]),
+                (true, false) => "tau",
+                _ => "tool",
+            };
+            fault(vec![], vec![sign(rng) * log_uniform(rng, 0.05, 0.4)], late)
+        }
+        "frozen_channel" => fault(vec![joint], vec![], if torque { pick(rng, &["tau", "q"]) } else { "q" }),
+        "another_arm" => fault(vec![], vec![], ""),
+        _ => None,
+    }
+}
+
+/// Which joints have another torque unit, and what is recorded per N·m (N).
+fn scales(n: usize, joint: usize, rng: &mut ChaCha8Rng) -> (Vec<usize>, Vec<f64>) {
+    let all: Vec<usize> = (0..n).collect();
+    match pick(rng, &[0, 1, 2, 3, 4]) {
+        // Newton millimetres.
+        0 => (all, vec![1e3; n]),
+        // Amperes behind gears.
+        1 => (all, (0..n).map(|_| 1.0 / log_uniform(rng, 3.0, 15.0)).collect()),
+        // The motor's side of the gears.
+        2 => (all, (0..n).map(|_| 1.0 / pick(rng, &[50.0, 80.0, 100.0, 101.0, 121.0, 160.0])).collect()),
+        // Feedback that is not divided, of the large drives.
+        3 => {
+            let some: Vec<usize> = (0..n.div_ceil(2)).collect();
+            let factors = vec![4.0; some.len()];
+            (some, factors)
+        }
+        // Counts, or a wrong constant, at one joint.
+        _ => {
+            let factor = log_uniform(rng, 3.0, 300.0);
+            (vec![joint], vec![if uniform(rng, 0.0, 1.0) < 0.5 { factor } else { 1.0 / factor }])
+        }
+    }
+}
+
+fn has(samples: &Samples, name: &str) -> bool {
+    samples.names.iter().any(|known| known == name)
+}
+
+fn column<'s>(samples: &'s mut Samples, name: &str) -> Option<&'s mut Vec<f64>> {
+    let place = samples.names.iter().position(|known| known == name)?;
+    samples.columns.get_mut(place)
+}
+
+fn read(samples: &Samples, prefix: &str, joints: usize) -> Option<Vec<Vec<f64>>> {
+    let one = |joint: usize| {
+        let name = format!("{prefix}{}", joint + 1);
+        let place = samples.names.iter().position(|known| *known == name)?;
+        samples.columns.get(place).cloned()
+    };
+    (0..joints).map(one).collect()
+}
+
+/// What the rigid arm of `sheet` holds at the positions `q`, and where its tool is, one row of fifty.
+fn at_rest(sheet: &Arm, q: &[Vec<f64>]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    let n = sheet.dof();
+    let mut ws = Workspace::new(sheet);
+    let (mut here, mut held) = (vec![0.0; n], vec![0.0; n]);
+    let (mut torques, mut tool) = (vec![Vec::new(); n], vec![Vec::new(); 3]);
+    for row in (0..q[0].len()).step_by(50) {
+        here.iter_mut().zip(q).for_each(|(here, column)| *here = column[row]);
+        gravity_torque(sheet, &mut ws, &here, &mut held);
+        torques.iter_mut().zip(&held).for_each(|(column, x)| column.push(*x));
+        let place = forward_kinematics(sheet, &mut ws, &here).translation.vector;
+        tool.iter_mut().zip(place.iter()).for_each(|(column, x)| column.push(*x));
+    }
+    (torques, tool)
+}
+
+fn deviation(column: &[f64]) -> f64 {
+    let mean = column.iter().sum::<f64>() / column.len().max(1) as f64;
+    (column.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / column.len().max(1) as f64).sqrt()
+}
+
+/// Whether what is recorded differs enough from what would be without the fault: by the torque that holds the arm, or by the tool.
+fn shows(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
+    let n = sheet.dof();
+    let (Some(q), torque) = (read(samples, "q", n), read(samples, "tau", n)) else { return false };
+    let mut faulty = samples.clone();
+    apply(fault, sheet, &mut faulty);
+    let (Some(other), seen) = (read(&faulty, "q", n), read(&faulty, "tau", n)) else { return false };
+    let (held, tool) = at_rest(sheet, &q);
+    let changed = |a: &[f64], b: &[f64]| deviation(&a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>());
+    let thin = |column: &[f64]| column.iter().step_by(50).copied().collect::<Vec<f64>>();
+    let moves = |joint: usize| deviation(&q[joint]) > 0.05;
+    match fault.kind {
+        "time_unit" | "another_arm" => true,
+        "angle_unit" => q.iter().any(|q| deviation(q) > 0.15),
+        "angle_wrap" => fault.joints.iter().all(|&joint| moves(joint)),
+        "frozen_channel" => fault.joints.iter().all(|&joint| moves(joint)),
+        "torque_sign" | "torque_unit" => fault.joints.iter().all(|&joint| {
+            let Some(torque) = &torque else { return false };
+            deviation(&held[joint]) > 0.3 * deviation(&thin(&torque[joint])) || n == 1
+        }),
+        "gravity_direction" | "gravity_compensated" => {
+            let loads = held.iter().zip(torque.iter().flatten());
+            loads.filter(|(held, torque)| deviation(held) > 0.5 * deviation(&thin(torque))).count() > 0
+        }
+        "clock_offset" => q.iter().any(|q| deviation(q) > 0.1),
+        _ => {
+            let (torques, at) = at_rest(sheet, &other);
+            let at_tool =
+                has(samples, "x") && tool.iter().zip(&at).any(|(a, b)| changed(a, b) > SHOWS_AT_TOOL);
+            let (Some(torque), Some(seen)) = (torque, seen) else { return at_tool };
+            let in_torque = (0..n).any(|joint| {
+                let before: Vec<f64> =
+                    thin(&torque[joint]).iter().zip(&held[joint]).map(|(seen, held)| seen - held).collect();
+                let after: Vec<f64> =
+                    thin(&seen[joint]).iter().zip(&torques[joint]).map(|(seen, held)| seen - held).collect();
+                let size = deviation(&thin(&torque[joint]));
+                deviation(&after) > deviation(&before) + SHOWS * size && deviation(&held[joint]) > 0.3 * size
+            });
+            at_tool || in_torque
+        }
+    }
+}
+
+/// Writes the fault into `samples`.
+fn apply(fault: &SetupFault, sheet: &Arm, samples: &mut Samples) {
+    let n = sheet.dof();
+    let value = fault.values.first().copied().unwrap_or(0.0);
+    let positions = ["q", "q_ref", "q_link"];
+    let each = |samples: &mut Samples, prefixes: &[&str], joint: usize, change: &dyn Fn(f64) -> f64| {
+        for prefix in prefixes {
+            let column = column(samples, &format!("{prefix}{}", joint + 1));
+            column.into_iter().flatten().for_each(|x| *x = change(*x));
+        }
+    };
+    match fault.kind {
+        "time_unit" => samples.t.iter_mut().for_each(|t| *t *= value),
+        "angle_unit" => {
+            for joint in 0..n {
+                let unit = if sheet.joints()[joint].kind == JointKind::Revolute { value } else { 1e3 };
+                each(samples, &positions, joint, &|x| x * unit);
+            }
+        }
+        "angle_wrap" => wrap(samples, fault.joints[0]),
+        "joint_order" => {
+            let (a, b) = (fault.joints[0] + 1, fault.joints[1] + 1);
+            for prefix in ["q", "q_ref", "q_link", "tau"] {
+                let place = |k: usize| samples.names.iter().position(|name| *name == format!("{prefix}{k}"));
+                if let (Some(a), Some(b)) = (place(a), place(b)) {
+                    samples.columns.swap(a, b);
+                }
+            }
+        }
+        "joint_direction" => {
+            each(samples, &positions, fault.joints[0], &|x| -x);
+            if fault.detail == "with torque" {
+                each(samples, &["tau"], fault.joints[0], &|x| -x);
+            }
+        }
+        "joint_zero" => each(samples, &positions, fault.joints[0], &|x| x + value),
+        "joint_coordinates" => relative(samples, fault.joints[0], value, &positions),
+        "torque_sign" | "torque_unit" => {
+            for (k, &joint) in fault.joints.iter().enumerate() {
+                let factor = fault.values.get(k).copied().unwrap_or(value);
+                each(samples, &["tau"], joint, &|x| x * factor);
+            }
+        }
+        "gravity_compensated" => compensate(sheet, samples),
+        "clock_offset" => late(samples, &fault.detail, value),
+        "frozen_channel" => {
+            let name = format!("{}{}", fault.detail, fault.joints[0] + 1);
+            if let Some(column) = column(samples, &name) {
+                let still = if fault.detail == "tau" { 0.0 } else { column[0] };
+                column.fill(still);
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Positions of `joint` as a controller shows them that knows one turn only, which ends where this joint passes.
+fn wrap(samples: &mut Samples, joint: usize) {
+    let Some(q) = column(samples, &format!("q{}", joint + 1)) else { return };
+    let (least, most) =
+        q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), x| (least.min(*x), most.max(*x)));
+    let end = 0.5 * (least + most);
+    q.iter_mut().for_each(|x| *x -= if *x > end { TAU } else { 0.0 });
+}
+
+fn relative(samples: &mut Samples, joint: usize, factor: f64, prefixes: &[&str]) {
+    for prefix in prefixes {
+        let before = column(samples, &format!("{prefix}{joint}")).cloned();
+        let this = column(samples, &format!("{prefix}{}", joint + 1));
+        if let (Some(before), Some(this)) = (before, this) {
+            this.iter_mut().zip(&before).for_each(|(x, before)| *x += factor * before);
+        }
+    }
+}
+
+fn compensate(sheet: &Arm, samples: &mut Samples) {
+    let n = sheet.dof();
+    let (Some(q), mut ws) = (read(samples, "q", n), Workspace::new(sheet)) else { return };
+    let (mut here, mut held) = (vec![0.0; n], vec![0.0; n]);
+    for row in 0..samples.t.len() {
+        here.iter_mut().zip(&q).for_each(|(here, column)| *here = column[row]);
+        gravity_torque(sheet, &mut ws, &here, &mut held);
+        for (joint, held) in held.iter().enumerate() {
+            if let Some(tau) = column(samples, &format!("tau{}", joint + 1)) {
+                tau[row] -= held;
+            }
+        }
+    }
+}
+
+/// The columns of a group as they were `delay` s before.
+fn late(samples: &mut Samples, group: &str, delay: f64) {
+    let Samples { t, names, columns } = samples;
+    for (name, column) in names.iter().zip(columns) {
+        let is_late =
+            if group == "tau" { name.starts_with("tau") } else { matches!(name.as_str(), "x" | "y" | "z") };
+        if !is_late {
+            continue;
+        }
+        let at = |time: f64| {
+            let above = t.partition_point(|t| *t <= time).clamp(1, t.len() - 1);
+            let u = ((time - t[above - 1]) / (t[above] - t[above - 1])).clamp(0.0, 1.0);
+            column[above - 1] + u * (column[above] - column[above - 1])
+        };
+        *column = t.iter().map(|time| at(time - delay)).collect();
+    }
+}
+
+/// The data sheet that stands beside the recording. Gravity of the machine is that of the data sheet; the file says another one.
+fn on_sheet(fault: &SetupFault, sheet: Arm) -> Result<Arm, GenerateError> {
+    match fault.kind {
+        "gravity_direction" => Ok(sheet.with_gravity(Vector3::from_column_slice(&fault.values))),
+        "another_arm" => {
+            let others = Machine::ALL.into_iter().filter(|machine| machine.name() != sheet.name());
+            for machine in others {
+                let other = machine.data_sheet()?;
+                if other.dof() == sheet.dof() {
+                    return Ok(other);
+                }
+            }
+            Ok(sheet)
+        }
+        _ => Ok(sheet),
+    }
+}

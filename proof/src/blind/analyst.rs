@@ -1,0 +1,62 @@
+//! The process that answers for one case. It sees the folder of that case and nothing else.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use freeplay_diagnosis::{DiagnoseSettings, diagnose};
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::output::say;
+use freeplay_terminal::process::die_with_parent;
+use rustix::time::{ClockId, clock_gettime};
+
+use super::answer::Answer;
+use super::channels::Lures;
+use super::sandbox;
+
+/// The files of a case, by name: the model that is given, and two recordings of one machine.
+pub const FILES: [&str; 3] = ["model.toml", "recording.csv", "second.csv"];
+
+/// Answers for the case in the working folder; `freeplay blind` starts it.
+#[derive(Args, Debug)]
+pub struct AnalystArgs {
+    /// The process that it ends with.
+    #[arg(long, value_name = "PID")]
+    with_parent: u32,
+    /// A file that this process must not be able to read.
+    #[arg(long, value_name = "FILE")]
+    canary: Option<PathBuf>,
+    /// An abstract socket that it must not be able to reach.
+    #[arg(long, value_name = "NAME")]
+    socket: Option<String>,
+    /// A TCP port of this machine that it must not be able to reach.
+    #[arg(long, value_name = "PORT")]
+    port: Option<u16>,
+}
+
+/// Answers, as JSON on standard output.
+///
+/// # Errors
+/// Standard output can't be written.
+pub fn analyst(args: &AnalystArgs) -> Result<Exit, Failure> {
+    die_with_parent(args.with_parent)?;
+    let lures = Lures { canary: args.canary.clone(), socket: args.socket.clone(), port: args.port };
+    let isolation = sandbox::enter(&lures);
+    let mut answer = answer().unwrap_or_else(Answer::failed);
+    answer.isolation = isolation;
+    let clock = clock_gettime(ClockId::ProcessCPUTime);
+    answer.cpu_seconds = clock.tv_sec as f64 + (clock.tv_nsec / 1_000_000) as f64 * 1e-3;
+    say(&serde_json::to_string(&answer).map_err(Failure::internal)?)?;
+    Ok(Exit::Done)
+}
+
+fn answer() -> Result<Answer, String> {
+    let [model, recordings @ ..] = FILES.map(PathBuf::from);
+    let file = freeplay_arm::load(&model).map_err(|error| error.to_string())?;
+    let present = recordings.iter().filter(|path| path.is_file());
+    let recordings = present
+        .map(|path| freeplay_recording::read(path, Some(file.arm.dof())))
+        .collect::<Result<Vec<_>, _>>()
+        .map_err(|error| error.to_string())?;
+    let diagnosis = diagnose(&file, &recordings, &DiagnoseSettings::default(), &mut |_| {});
+    diagnosis.map(|diagnosis| Answer::of(&diagnosis)).map_err(|error| error.to_string())
+}

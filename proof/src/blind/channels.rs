@@ -1,0 +1,172 @@
+//! The ways by which an analyst could learn of anything but its case, each tried.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::net::{TcpStream, UdpSocket};
+use std::os::linux::net::SocketAddrExt;
+use std::os::unix::net::{SocketAddr, UnixStream};
+use std::os::unix::process::parent_id;
+use std::path::{Path, PathBuf};
+
+use rustix::process::{
+    Pid, PidfdFlags, PidfdGetfdFlags, getpgid, pidfd_getfd, pidfd_open, test_kill_process,
+};
+
+use super::namespaces::Parted;
+
+/// A channel that could not be used.
+pub const CLOSED: &str = "closed";
+
+/// What an analyst must not be able to reach. The parent holds it ready, so that a refusal says something.
+#[derive(Debug, Default)]
+pub struct Lures {
+    /// A file beside the sealed cases.
+    pub canary: Option<PathBuf>,
+    /// The name of an abstract Unix socket that listens.
+    pub socket: Option<String>,
+    /// A TCP port of this machine that listens.
+    pub port: Option<u16>,
+}
+
+/// Open files beyond the three standard ones, and variables of the environment, as this process was given them.
+#[derive(Debug, Default)]
+pub struct Inherited {
+    files: Vec<String>,
+    variables: usize,
+}
+
+/// What this process was given.
+pub fn inherited() -> Inherited {
+    let variables = std::env::vars_os().count();
+    let Ok(open) = std::fs::read_dir("/proc/self/fd") else {
+        return Inherited { files: vec!["their list can't be read".to_owned()], variables };
+    };
+    // The list itself is open, too.
+    let list = PathBuf::from(format!("/proc/{}/fd", std::process::id()));
+    let told = open.flatten().filter_map(|entry| {
+        let number: u32 = entry.file_name().to_str()?.parse().ok()?;
+        let target = std::fs::read_link(entry.path()).unwrap_or_default();
+        (number > 2 && target != list).then(|| format!("{number}, {}", target.display()))
+    });
+    Inherited { files: told.collect(), variables }
+}
+
+/// Every channel by its name: [`CLOSED`], or `open: ` and how.
+pub fn all(lures: &Lures, inherited: &Inherited, parted: &Parted) -> BTreeMap<String, String> {
+    let parent = parent_id();
+    let variables = (inherited.variables > 0).then(|| format!("{} variables", inherited.variables));
+    let states = [
+        ("files", files(lures.canary.as_deref())),
+        ("names and sizes of files", names(lures.canary.as_deref())),
+        ("writing", writing()),
+        ("inherited files", inherited.files.first().cloned()),
+        ("environment", variables),
+        ("memory", memory(parent)),
+        ("processes", processes(parent)),
+        ("numbers of processes", numbers(parent)),
+        ("signals", signals(parent)),
+        ("network", network(lures.port)),
+        ("abstract sockets", abstract_sockets(lures.socket.as_deref())),
+        ("socket files", (!parted.root).then(|| "the root is that of all processes".to_owned())),
+        ("shared memory files", shared_memory()),
+        (
+            "System V memory and queues",
+            (!parted.spaces).then(|| "they are those of all processes".to_owned()),
+        ),
+        // Nothing above parts these: whoever needs more separates analysts by machines.
+        ("kernel keyring", Some("the session's keyring is inherited; no truth is in it".to_owned())),
+        ("load of the machine", Some("analysts share processors and caches".to_owned())),
+    ];
+    let state = |how: Option<String>| how.map_or_else(|| CLOSED.to_owned(), |how| format!("open: {how}"));
+    states.into_iter().map(|(name, how)| (name.to_owned(), state(how))).collect()
+}
+
+/// The canary and the folder that it is in.
+fn files(canary: Option<&Path>) -> Option<String> {
+    if canary.is_none() {
+        return Some("not tried: the parent holds no file".to_owned());
+    }
+    let folder = canary.and_then(Path::parent);
+    let read = canary.filter(|canary| std::fs::read(canary).is_ok());
+    let listed = folder.filter(|folder| std::fs::read_dir(folder).is_ok());
+    read.or(listed).map(|path| format!("{} was read", path.display()))
+}
+
+fn names(canary: Option<&Path>) -> Option<String> {
+    let about = canary?.symlink_metadata().ok()?;
+    Some(format!("of a file whose path is known, as of the canary: {} bytes", about.len()))
+}
+
+/// A file of its own in the folder, and the permissions that the folder has already.
+fn writing() -> Option<String> {
+    let name = "written";
+    let written = std::fs::File::create_new(name).and_then(|mut file| file.write_all(b"0")).is_ok();
+    if written {
+        // It was this process that made it.
+        let _ = std::fs::remove_file(name);
+    }
+    if written {
+        return Some("a file was made in the folder of the case".to_owned());
+    }
+    let permissions = std::fs::metadata(".").ok()?.permissions();
+    std::fs::set_permissions(".", permissions).ok()?;
+    Some("permissions and times of the folder can be changed".to_owned())
+}
+
+/// The parent's memory and its open files, by its folder in /proc and by a handle of the process.
+fn memory(parent: u32) -> Option<String> {
+    if std::fs::File::open(format!("/proc/{parent}/mem")).is_ok() {
+        return Some(format!("/proc/{parent}/mem was opened"));
+    }
+    let handle = pidfd_open(pid(parent)?, PidfdFlags::empty()).ok()?;
+    let stolen = pidfd_getfd(handle, 0, PidfdGetfdFlags::empty()).is_ok();
+    stolen.then(|| "a file of the parent was taken".to_owned())
+}
+
+/// What /proc tells of the parent and of any other process.
+fn processes(parent: u32) -> Option<String> {
+    let path = |what: &str| PathBuf::from(format!("/proc/{parent}/{what}"));
+    let read = ["cmdline", "environ", "status", "maps"].map(path);
+    let linked = ["cwd", "root", "exe", "fd/0"].map(path);
+    let read = read.into_iter().find(|path| std::fs::read(path).is_ok());
+    let open = read.or_else(|| linked.into_iter().find(|path| std::fs::read_link(path).is_ok()));
+    open.or_else(|| Some(PathBuf::from("/proc")).filter(|path| std::fs::read_dir(path).is_ok()))
+        .map(|path| format!("{} was read", path.display()))
+}
+
+/// Whether a process of that number lives, which many system calls tell.
+fn numbers(parent: u32) -> Option<String> {
+    getpgid(pid(parent)).ok()?;
+    Some("system calls tell which process numbers are in use; they follow the order of the names".to_owned())
+}
+
+fn signals(parent: u32) -> Option<String> {
+    test_kill_process(pid(parent)?).ok()?;
+    Some("the parent can be signalled".to_owned())
+}
+
+fn pid(number: u32) -> Option<Pid> {
+    Pid::from_raw(i32::try_from(number).ok()?)
+}
+
+/// A connection to the parent's port and a datagram to this machine.
+fn network(port: Option<u16>) -> Option<String> {
+    if port.is_some_and(|port| TcpStream::connect(("127.0.0.1", port)).is_ok()) {
+        return Some("TCP reaches the parent".to_owned());
+    }
+    let socket = UdpSocket::bind("0.0.0.0:0").ok()?;
+    let sent = socket.send_to(b"0", "127.0.0.1:9").is_ok();
+    sent.then(|| "UDP reaches this machine".to_owned())
+}
+
+fn abstract_sockets(name: Option<&str>) -> Option<String> {
+    let Some(name) = name else { return Some("not tried: the parent holds no socket".to_owned()) };
+    let address = SocketAddr::from_abstract_name(name).ok()?;
+    UnixStream::connect_addr(&address).ok()?;
+    Some("an abstract socket of the parent was reached".to_owned())
+}
+
+fn shared_memory() -> Option<String> {
+    std::fs::read_dir("/dev/shm").ok()?;
+    Some("/dev/shm was listed".to_owned())
+}

@@ -1,0 +1,240 @@
+//! The process that makes the sealed recordings, and the parent's side of it.
+
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitStatus, Stdio};
+
+use clap::Args;
+use freeplay_concealed::{
+    Case, GenerateError, Made, Matrix, Quota, draw_set, make_case, make_here, write_sealed,
+};
+use freeplay_storage::{EntryKind, StorageError, list, remove_folder, set_times};
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::output::say;
+use freeplay_terminal::parallel::on_cores;
+use freeplay_terminal::process::{Running, die_with_parent};
+use indicatif::ProgressBar;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::names::name;
+use super::truth::at;
+
+/// Makes sealed recordings as standard input asks; `freeplay blind` starts it.
+#[derive(Args, Debug)]
+pub struct GenerateArgs {
+    /// The process that it ends with.
+    #[arg(long, value_name = "PID")]
+    with_parent: u32,
+}
+
+/// What is to be made.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Order {
+    /// Everything that is drawn comes from it.
+    pub seed: u64,
+    /// How many cases of which sort, over all shards.
+    pub quota: Quota,
+    /// What is swept instead of drawn at random.
+    pub matrix: Option<Matrix>,
+    /// The key that the names of their folders follow from.
+    pub names: String,
+    /// Which part of the cases: every `shard[1]`-th, from the `shard[0]`-th on, counted from 1.
+    pub shard: [usize; 2],
+    /// Where the cases are written.
+    pub folder: PathBuf,
+    /// Cases made at a time.
+    pub jobs: usize,
+    /// Cases that are not to be made any more, by their place in the draw: an earlier generator made them, or died over them.
+    pub done: BTreeSet<usize>,
+}
+
+impl Order {
+    /// The cases of all shards.
+    fn cases(&self) -> Result<Vec<Case>, GenerateError> {
+        match &self.matrix {
+            Some(matrix) => matrix.draw(self.seed),
+            None => draw_set(&self.quota, self.seed),
+        }
+    }
+
+    /// The places in the draw of `count` cases that are still to be made in this shard.
+    fn open(&self, count: usize) -> Vec<usize> {
+        let [shard, shards] = self.shard;
+        (0..count).filter(|index| index % shards == shard - 1 && !self.done.contains(index)).collect()
+    }
+
+    /// Makes `case`: a place of a matrix is that place, anything else may go to another machine.
+    fn make(&self, case: &Case) -> Result<Made, GenerateError> {
+        if self.matrix.is_some() && !case.hollow { make_here(case) } else { make_case(case) }
+    }
+
+    /// What `case` asks for, in words: its kinds, or the [`place`] of a matrix.
+    fn asked(&self, case: &Case) -> String {
+        let words = case.effects.iter().map(|effect| {
+            if self.matrix.is_none() || case.hollow {
+                return effect.kind.clone();
+            }
+            let arm = case.machine.data_sheet().ok();
+            let joint = effect.joint.and_then(|joint| Some(arm?.joints().get(joint)?.name.clone()));
+            place(&effect.kind, joint.as_deref(), case.machine.name(), effect.severity.name())
+        });
+        words.collect::<Vec<_>>().join(" + ")
+    }
+}
+
+/// A place of a matrix in words.
+pub fn place(kind: &str, joint: Option<&str>, machine: &str, severity: &str) -> String {
+    format!("{} on {machine}, {severity}", at(kind, joint))
+}
+
+/// A case that was made, or not.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub enum Line {
+    /// The folder's name and what is concealed.
+    Made {
+        /// Name of the folder.
+        name: String,
+        /// What is concealed, as the generator says it.
+        truth: Value,
+    },
+    /// No machine shows what was drawn as strongly as asked for.
+    NotMade {
+        /// What was drawn.
+        asked: String,
+        /// Why it was not made.
+        why: String,
+    },
+}
+
+/// What the process tells of a case: its place in the draw, and what came of it, which is nothing yet when it is begun.
+type Told = (usize, Option<Line>);
+
+/// The process: reads an [`Order`] from standard input and writes the cases. Of each it tells its place in the draw on standard
+/// output, when it is begun, and again with the [`Line`] that says what came of it.
+///
+/// # Errors
+/// An order that can't be read; a data sheet or a file that can't be written.
+pub fn generate(args: &GenerateArgs) -> Result<Exit, Failure> {
+    die_with_parent(args.with_parent)?;
+    let mut text = String::new();
+    std::io::stdin().read_to_string(&mut text).map_err(Failure::input)?;
+    let order: Order = serde_json::from_str(&text).map_err(Failure::input)?;
+    let cases = order.cases().map_err(Failure::internal)?;
+    let open = order.open(cases.len());
+    let tell = |line: &Told| say(&(serde_json::to_string(line).map_err(Failure::internal)? + "\n"));
+    on_cores(order.jobs, open.len(), |at| {
+        let index = open[at];
+        let name = name(&order.names, index);
+        tell(&(index, None))?;
+        let line = match order.make(&cases[index]) {
+            Ok(made) => {
+                write_sealed(&order.folder.join(&name), &made).map_err(Failure::input)?;
+                let truth = serde_json::to_value(&made.truth).map_err(Failure::internal)?;
+                Line::Made { name, truth }
+            }
+            Err(error) => Line::NotMade { asked: order.asked(&cases[index]), why: error.to_string() },
+        };
+        tell(&(index, Some(line)))
+    })?;
+    Ok(Exit::Done)
+}
+
+/// Has `order` made by a process of its own; what it made, by name, and what it did not. Where the process is killed, the cases that
+/// it had begun are not made, and another one makes the rest.
+///
+/// # Errors
+/// A process that can't be started, that fails otherwise than by being killed, or says what can't be read.
+pub fn made(order: &Order, bar: &ProgressBar) -> Result<Vec<Line>, Failure> {
+    let (mut order, mut lines) = (order.clone(), Vec::new());
+    loop {
+        let (told, killed) = made_until_killed(&order, bar)?;
+        let begun: BTreeSet<usize> = told.iter().map(|(index, _)| *index).collect();
+        let ended: BTreeSet<usize> =
+            told.iter().filter(|(_, line)| line.is_some()).map(|(index, _)| *index).collect();
+        lines.extend(told.into_iter().filter_map(|(_, line)| line));
+        let Some(how) = killed else { return Ok(lines) };
+        remove_unfinished(&order.folder, &lines)?;
+        let cases = order.cases().map_err(Failure::internal)?;
+        let mut lost: Vec<usize> = (&begun - &ended).into_iter().collect();
+        if begun.is_empty() {
+            // Whatever kills it before it begins anything: every attempt costs a case, so there is an end.
+            lost.extend(order.open(cases.len()).first());
+        }
+        lines.extend(lost.iter().map(|&index| Line::NotMade {
+            asked: order.asked(&cases[index]),
+            why: format!("the generator was killed over it ({how})"),
+        }));
+        order.done.extend(begun.into_iter().chain(lost));
+        if order.open(cases.len()).is_empty() {
+            return Ok(lines);
+        }
+    }
+}
+
+/// What one process told of `order`, each with the place in the draw; and how it ended, if it was killed.
+fn made_until_killed(order: &Order, bar: &ProgressBar) -> Result<(Vec<Told>, Option<ExitStatus>), Failure> {
+    let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
+    command.arg("blind-generate").args(["--with-parent", &std::process::id().to_string()]);
+    command.stdin(Stdio::piped()).stdout(Stdio::piped());
+    let mut child =
+        Running::alone(command.spawn().map_err(|error| Failure::internal(format!("generator: {error}")))?);
+    let order = serde_json::to_string(order).map_err(Failure::internal)?;
+    // It fails where the process has been killed already, of which the status tells.
+    let given = child.0.stdin.take().map(|mut pipe| pipe.write_all(order.as_bytes()));
+    let mut told = Vec::new();
+    let mut garbled = None;
+    if let Some(pipe) = child.0.stdout.take() {
+        for line in BufReader::new(pipe).split(b'\n') {
+            match serde_json::from_slice::<Told>(&line.map_err(Failure::internal)?) {
+                Ok(line) => {
+                    bar.inc(u64::from(line.1.is_some()));
+                    told.push(line);
+                }
+                Err(error) => garbled = garbled.or(Some(error)),
+            }
+        }
+    }
+    let status = child.0.wait().map_err(Failure::internal)?;
+    if status.signal().is_some() {
+        return Ok((told, Some(status)));
+    }
+    if status.code() == Some(Exit::Input as i32) {
+        return Err(Failure::input("the generator ended; its message is above"));
+    }
+    if !status.success() {
+        return Err(Failure::internal(format!("the generator ended with {status}")));
+    }
+    given.transpose().map_err(Failure::internal)?;
+    garbled.map_or(Ok((told, None)), |error| Err(Failure::internal(error)))
+}
+
+/// Removes from `folder` what a killed generator has left half written: the folders that none of `lines` tells of.
+fn remove_unfinished(folder: &Path, lines: &[Line]) -> Result<(), Failure> {
+    let is_made = |path: &Path| {
+        lines.iter().any(|line| matches!(line, Line::Made { name, .. } if path.file_name().is_some_and(|it| it == name.as_str())))
+    };
+    for entry in list(folder)? {
+        if !is_made(&entry.path) {
+            remove_folder(&entry.path)?;
+        }
+    }
+    Ok(())
+}
+
+/// Gives every file and folder below `folder` the same time, so that none tells when it was made.
+///
+/// # Errors
+/// What the file system says.
+pub fn without_times(folder: &Path) -> Result<(), StorageError> {
+    let one = std::time::SystemTime::UNIX_EPOCH + std::time::Duration::from_secs(946_684_800);
+    for entry in list(folder)? {
+        if entry.kind == EntryKind::Folder {
+            without_times(&entry.path)?;
+        }
+        set_times(&entry.path, one)?;
+    }
+    Ok(())
+}

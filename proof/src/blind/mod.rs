@@ -1,0 +1,213 @@
+//! `freeplay blind`: the proof on concealed effects.
+//!
+//! Freeze, seed, generate, seal, analyse once, commit to the answers, reveal, score. Generator and analysts are processes of their
+//! own; the truth is in the memory of their parent alone until the answers are committed to.
+//!
+//! Modules in the order of the protocol: `hash` and `canonical` (what is frozen), `sweep` (what is asked for), `generator`, `names` and `arrange` (the
+//! sealed folder), `analysis` and `lures` (who is asked, and held off what), `analyst` and `answer` (who answers what), `sandbox`, `namespaces` and `channels`
+//! (where), `truth`, `score`, `interval`, `tally`, `confusion`, `controls` and `leak` (what it is worth), `receipt`, `strict`, `verify`, `verification`, `merge` and `history`
+//! (what stays), `screen`, `document` and `matrix` (what a person sees).
+
+mod analysis;
+mod analyst;
+mod answer;
+mod arrange;
+mod canonical;
+mod channels;
+mod confusion;
+mod controls;
+mod document;
+mod generator;
+mod hash;
+mod history;
+mod interval;
+mod leak;
+mod lures;
+mod matrix;
+mod merge;
+mod names;
+mod namespaces;
+mod protocol;
+mod receipt;
+mod sandbox;
+mod score;
+mod screen;
+mod strict;
+mod sweep;
+mod tally;
+mod truth;
+mod verification;
+mod verify;
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use freeplay_terminal::arguments::{Format, at_least_one};
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::{check_target, claim, claim_or_new};
+use freeplay_terminal::output::say;
+use rustix::process::{DumpableBehavior, set_dumpable_behavior};
+use serde_json::json;
+
+use freeplay_storage::OutputFolder;
+use receipt::Receipt;
+use sweep::Sweep;
+use tally::Score;
+
+pub use analyst::{AnalystArgs, analyst};
+pub use generator::{GenerateArgs, generate};
+
+/// Proves the diagnosis on concealed effects: recordings are made and their truth is sealed before the analysis, which has one try.
+///
+/// Without --full a small set of half single effects, a fifth each of negative controls and of physics outside the catalogue, a tenth of
+/// two effects at once. Exit code 1: a receipt does not verify. What the goals ask for is said, and is no reason to fail.
+#[derive(Args, Debug)]
+pub struct BlindArgs {
+    /// Seed of the set; without it the operating system is asked for one, after the freeze.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Number of cases.
+    #[arg(long, value_name = "N", default_value_t = 40, conflicts_with_all = ["full", "matrix"], value_parser = at_least_one)]
+    cases: usize,
+    /// The full set: 1080 single effects, 300 negative controls, 152 outside the catalogue, 156 double.
+    #[arg(long)]
+    full: bool,
+    #[command(flatten)]
+    sweep: Sweep,
+    /// Only every N-th case, from the I-th on, so that N machines can share a set: give all the same --seed. Merge with --merge.
+    #[arg(long, value_name = "I/N", value_parser = shard, default_value = "1/1")]
+    shard: Shard,
+    /// Merge the receipts in these folders into one score and report.
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["full", "matrix", "seed"])]
+    merge: Vec<PathBuf>,
+    /// Answer for a folder that someone else sealed: DIR/NAME/{model.toml,recording.csv,second.csv}. Writes DIR/receipt.json.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["full", "matrix", "seed", "merge"])]
+    analyse: Option<PathBuf>,
+    /// Score the answers of --analyse DIR by TRUTH, a JSON file. Writes DIR/receipt.json and DIR/report.html.
+    #[arg(long, value_names = ["DIR", "TRUTH"], num_args = 2, conflicts_with_all = ["full", "matrix", "seed", "merge", "analyse"])]
+    score: Vec<PathBuf>,
+    /// Compute every hash of receipts anew; with --history, also whether the list has their seals.
+    #[arg(long, value_name = "RECEIPT", num_args = 1.., conflicts_with_all = ["full", "matrix", "seed", "merge", "analyse", "score"])]
+    verify: Vec<PathBuf>,
+    /// Folder for the sealed recordings, receipt.json and report.html; must be empty. Without it: out/blind-TIME.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
+    /// Processes at work at a time; without it: one a core.
+    #[arg(long, value_name = "N", value_parser = at_least_one)]
+    jobs: Option<usize>,
+    /// How long an analyst may take for a case, s; one that takes longer has answered wrongly.
+    #[arg(long, value_name = "S", default_value_t = 120, value_parser = clap::value_parser!(u64).range(1..))]
+    patience: u64,
+    /// A list to which a line is appended when the set is sealed, and one when it is scored.
+    #[arg(long, value_name = "FILE")]
+    history: Option<PathBuf>,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// Which part of a set.
+#[derive(Clone, Copy, Debug)]
+struct Shard(usize, usize);
+
+fn shard(text: &str) -> Result<Shard, String> {
+    let numbers = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+    match numbers {
+        Some((i, n)) if i >= 1 && i <= n => Ok(Shard(i, n)),
+        _ => Err("I/N with 1 ≤ I ≤ N, such as 2/8".to_owned()),
+    }
+}
+
+impl BlindArgs {
+    fn jobs(&self) -> usize {
+        self.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from)).max(1)
+    }
+
+    fn patience(&self) -> Duration {
+        Duration::from_secs(self.patience)
+    }
+
+    /// The folder of the results.
+    fn claim(&self) -> Result<OutputFolder, Failure> {
+        if let [folder, _] = self.score.as_slice() {
+            // The receipt in it is what is scored.
+            return claim(Some(folder), &[], self.force);
+        }
+        let time = receipt::now().replace(':', "-");
+        let new = PathBuf::from("out").join(format!("blind-{}", time.trim_end_matches('Z')));
+        claim_or_new(self.out.as_deref(), &new, &["sealed", "receipt.json", "report.html"], self.force)
+    }
+}
+
+/// Does what `args` ask for.
+///
+/// # Errors
+/// Bad input; a folder that can't be written; a process that can't be started.
+pub fn blind(args: &BlindArgs) -> Result<Exit, Failure> {
+    if !args.verify.is_empty() {
+        return verification::verify(&args.verify, args.history.as_deref(), args.format);
+    }
+    // Before what takes minutes.
+    args.history.as_deref().map_or(Ok(()), check_target)?;
+    private()?;
+    if let Some(folder) = &args.analyse {
+        return analyse(args, folder);
+    }
+    let folder = args.claim()?;
+    let receipt = match args.score.as_slice() {
+        [folder, truth] => protocol::opened(folder, truth)?,
+        _ if args.merge.is_empty() => protocol::whole(args, folder.path())?,
+        _ => merge::merged(&args.merge)?,
+    };
+    publish(args, folder.path(), receipt)
+}
+
+/// Scores `receipt`, writes it with its report into `folder`, and prints the score.
+fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit, Failure> {
+    let judged = receipt.judged()?;
+    for case in &judged {
+        if let Some(record) = receipt.cases.get_mut(&case.name) {
+            record.outcome = Some(case.outcome);
+        }
+    }
+    let score = Score::of(&judged);
+    receipt.score = json!(score);
+    let path = folder.join("receipt.json");
+    receipt.write(&path)?;
+    let report = folder.join("report.html");
+    freeplay_terminal::files::write(&report, &document::document(&receipt, &judged, &score).to_html())?;
+    if let (Some(list), [part]) = (&args.history, receipt.parts.as_slice()) {
+        history::scored(list, part.seal(), &receipt.sha256, &score)?;
+    }
+    match args.format {
+        Format::Json => say(&format!("{:#}\n", receipt.score))?,
+        Format::Text => say(&screen::summary(&receipt, &judged, &score, &path, &report))?,
+    }
+    Ok(Exit::Done)
+}
+
+/// Answers for the sealed `folder` of someone else.
+fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
+    // The folder of somebody else is not made here.
+    freeplay_storage::list(folder)?;
+    let _claimed = claim(Some(folder), &["receipt.json"], args.force)?;
+    let mut receipt = protocol::answered(args, folder)?;
+    let path = folder.join("receipt.json");
+    receipt.write(&path)?;
+    match args.format {
+        Format::Json => say(&format!("{:#}\n", json!(receipt.cases)))?,
+        Format::Text => say(&screen::answers(&receipt, &path))?,
+    }
+    Ok(Exit::Done)
+}
+
+/// Keeps what this process knows from its children and from others of the same user: no open file is inherited by whom it starts, and its
+/// memory can't be read without privilege.
+fn private() -> Result<(), Failure> {
+    close_fds::set_fds_cloexec(3, &[]);
+    set_dumpable_behavior(DumpableBehavior::NotDumpable).map_err(Failure::internal)
+}

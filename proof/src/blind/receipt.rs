@@ -1,0 +1,295 @@
+//! The receipt: all that was done, in order, with the hashes that bind it.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use freeplay_concealed::{Matrix, Quota};
+use freeplay_terminal::exit::Failure;
+use freeplay_terminal::files::read_text;
+use serde::{Deserialize, Serialize};
+use serde_json::error::Category;
+use serde_json::{Value, json};
+
+use super::analysis::Sealed;
+use super::answer::Answer;
+use super::canonical::difference;
+use super::score::Outcome;
+use super::tally::Judged;
+use super::truth::Truth;
+use super::{hash, strict};
+
+/// The schema of a [`Receipt`].
+pub const SCHEMA: &str = "freeplay.receipt/2";
+/// The schema before, whose hashes left out fields.
+const EARLIER: &str = "freeplay.receipt/1";
+/// What a person should give for a receipt.
+const WANTED: &str = "give a receipt.json that freeplay blind left";
+
+/// What was done, from freeze to score.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Receipt {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// One protocol each, from freeze to reveal: one, or the shards of a large set.
+    pub parts: Vec<Part>,
+    /// The cases of all parts, by the name of their folder.
+    pub cases: BTreeMap<String, Record>,
+    /// The score; null before the reveal.
+    pub score: Value,
+    /// SHA-256 of all fields above.
+    pub sha256: String,
+}
+
+/// One protocol.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Part {
+    /// What was frozen.
+    pub program: Program,
+    /// What was drawn; `None` for a folder that someone else sealed.
+    pub draw: Option<Draw>,
+    /// SHA-256 of the files of each case.
+    pub sealed: Sealed,
+    /// The commitment to the truth of each case; of a folder that someone else sealed, those that came with it.
+    pub commitments: BTreeMap<String, String>,
+    /// What was drawn and could not be made.
+    pub not_made: Vec<String>,
+    /// How many analysts worked behind what, in words.
+    pub isolation: BTreeMap<String, usize>,
+    /// SHA-256 of all answers.
+    pub answers: String,
+    /// Time of the generation and of the analysis, s.
+    pub seconds: [f64; 2],
+    /// Processor and kernel, as this machine says.
+    pub machine: String,
+    /// The stages with their chain.
+    pub stages: Vec<Stage>,
+}
+
+/// What was frozen before anything was drawn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Program {
+    /// Version of Freeplay.
+    pub version: String,
+    /// SHA-256 of the executable.
+    pub sha256: String,
+    /// SHA-256 of the catalogue's definition.
+    pub catalogue: String,
+}
+
+impl Program {
+    /// The program that runs.
+    ///
+    /// # Errors
+    /// An executable that can't be read.
+    pub fn this() -> Result<Self, Failure> {
+        let version = env!("CARGO_PKG_VERSION").to_owned();
+        Ok(Self { version, sha256: hash::of_program()?, catalogue: hash::of_catalogue() })
+    }
+}
+
+/// What was drawn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Draw {
+    /// The seed.
+    pub seed: u64,
+    /// Where it came from: the operating system after the freeze, or the command line.
+    pub seed_from: String,
+    /// The key that the names of the folders follow from; always from the operating system.
+    pub names: String,
+    /// How many cases of which sort, over all shards.
+    pub quota: Quota,
+    /// Which shard, and of how many.
+    pub shard: [usize; 2],
+    /// What is swept, where kinds and places were not drawn at random.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub matrix: Option<Matrix>,
+}
+
+/// A case.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Record {
+    /// The salt of its commitment; empty before the reveal.
+    pub salt: String,
+    /// What it conceals; null before the reveal.
+    pub truth: Value,
+    /// The answer.
+    pub answer: Answer,
+    /// How that compares; `None` before the reveal.
+    pub outcome: Option<Outcome>,
+}
+
+/// A stage of the protocol.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Stage {
+    /// Its name.
+    pub name: String,
+    /// When it was completed.
+    pub at: String,
+    /// SHA-256 of what it brought.
+    pub brought: String,
+    /// SHA-256 over the chain before, name, time and what it brought.
+    pub chain: String,
+}
+
+impl Part {
+    /// Appends a stage to the chain; its hash.
+    fn complete(&mut self, name: &str, brought: &Value) -> String {
+        let before = self.chain();
+        let (at, brought) = (now(), hash::of_json(name, brought));
+        let chain = link(before, name, &at, &brought);
+        self.stages.push(Stage { name: name.to_owned(), at, brought, chain: chain.clone() });
+        chain
+    }
+
+    /// What each stage has to have brought, by name, given the cases of this part.
+    pub fn brought(&self, cases: &BTreeMap<String, Record>) -> BTreeMap<&'static str, Value> {
+        let truths: BTreeMap<_, _> =
+            self.records(cases).map(|(name, record)| (name, (&record.salt, &record.truth))).collect();
+        BTreeMap::from([
+            ("freeze", json!([self.program, self.machine])),
+            ("seed", json!(self.draw)),
+            ("seal", json!([self.sealed, self.commitments, self.not_made, self.seconds[0]])),
+            ("answer", json!([self.answers, self.isolation, self.seconds[1]])),
+            ("reveal", json!(truths)),
+        ])
+    }
+
+    /// Completes the stage `name` with what it has to have brought; its hash.
+    pub fn finish(&mut self, name: &str, cases: &BTreeMap<String, Record>) -> String {
+        let brought = self.brought(cases).remove(name).unwrap_or_default();
+        self.complete(name, &brought)
+    }
+
+    /// Whether the truth of its cases was revealed.
+    pub fn is_open(&self) -> bool {
+        self.stages.iter().any(|stage| stage.name == "reveal")
+    }
+
+    /// The last hash of the chain.
+    pub fn chain(&self) -> &str {
+        self.stages.last().map_or("", |stage| stage.chain.as_str())
+    }
+
+    /// The hash of the chain at the seal, which whoever wants to check it later notes down.
+    pub fn seal(&self) -> &str {
+        let seal = self.stages.iter().find(|stage| stage.name == "seal");
+        seal.map_or("", |stage| stage.chain.as_str())
+    }
+
+    /// The cases of this part.
+    pub fn records<'a>(
+        &'a self,
+        cases: &'a BTreeMap<String, Record>,
+    ) -> impl Iterator<Item = (&'a String, &'a Record)> {
+        cases.iter().filter(|(name, _)| self.sealed.contains_key(*name))
+    }
+
+    /// SHA-256 of the answers of this part.
+    pub fn hash_of_answers(&self, cases: &BTreeMap<String, Record>) -> String {
+        let answers: BTreeMap<_, _> =
+            self.records(cases).map(|(name, record)| (name, &record.answer)).collect();
+        hash::of_json("answers", &json!(answers))
+    }
+}
+
+/// A link of the chain.
+pub fn link(before: &str, name: &str, at: &str, brought: &str) -> String {
+    hash::of_json("chain", &json!([before, name, at, brought]))
+}
+
+/// Date and time, UTC.
+pub fn now() -> String {
+    let now = time::OffsetDateTime::now_utc();
+    let (date, (hour, minute, second)) = (now.date(), now.to_hms());
+    format!("{date}T{hour:02}:{minute:02}:{second:02}Z")
+}
+
+/// What a file holds that should be a receipt.
+pub enum Form {
+    /// A receipt, whose hashes may or may not hold.
+    Receipt(Box<Receipt>),
+    /// None, and why.
+    Wrong(String),
+}
+
+impl Form {
+    /// The form of the file `path`. Every field has to be there, once, and no other.
+    ///
+    /// # Errors
+    /// A file that can't be read, is no JSON, or was written by the schema before.
+    pub fn of(path: &Path) -> Result<Self, Failure> {
+        let shown = path.display();
+        let value = match strict::parse(&read_text(path)?) {
+            Ok(value) => value,
+            Err(error) if error.classify() == Category::Data => return Ok(Form::Wrong(error.to_string())),
+            Err(error) => return Err(Failure::input(format!("{shown}: {error}; {WANTED}"))),
+        };
+        if value["schema"] == EARLIER {
+            let program = value["parts"][0]["program"]["sha256"].as_str().unwrap_or("of its first part");
+            return Err(Failure::input(format!(
+                "{shown}: schema {EARLIER}, where {SCHEMA} is understood; verify it with the program that made it, whose SHA-256 is \
+                 {program}"
+            )));
+        }
+        if value["schema"] != SCHEMA {
+            return Ok(Form::Wrong(format!("schema {}, where \"{SCHEMA}\" is understood", value["schema"])));
+        }
+        let receipt: Receipt = match serde_json::from_value(value.clone()) {
+            Ok(receipt) => receipt,
+            Err(error) => return Ok(Form::Wrong(error.to_string())),
+        };
+        let known = serde_json::to_value(&receipt).map_err(Failure::internal)?;
+        Ok(match difference(&value, &known) {
+            Some(pointer) => Form::Wrong(format!("{pointer} is no field of a receipt, or not of its type")),
+            None => Form::Receipt(Box::new(receipt)),
+        })
+    }
+}
+
+impl Receipt {
+    /// Reads the receipt `path`.
+    ///
+    /// # Errors
+    /// As [`Form::of`]; a file that is no receipt.
+    pub fn read(path: &Path) -> Result<Self, Failure> {
+        match Form::of(path)? {
+            Form::Receipt(receipt) => Ok(*receipt),
+            Form::Wrong(why) => Err(Failure::input(format!("{}: {why}; {WANTED}", path.display()))),
+        }
+    }
+
+    /// SHA-256 of all fields but `sha256`.
+    ///
+    /// # Errors
+    /// A receipt that is no JSON.
+    pub fn hash(&self) -> Result<String, Failure> {
+        let mut value = serde_json::to_value(self).map_err(Failure::internal)?;
+        if let Some(fields) = value.as_object_mut() {
+            fields.shift_remove("sha256");
+        }
+        Ok(hash::of_json("receipt", &value))
+    }
+
+    /// Writes it to `path`, with its hash.
+    ///
+    /// # Errors
+    /// A file that can't be written.
+    pub fn write(&mut self, path: &Path) -> Result<(), Failure> {
+        self.sha256 = self.hash()?;
+        let text = serde_json::to_string(self).map_err(Failure::internal)?;
+        freeplay_terminal::files::write(path, &(text + "\n"))
+    }
+
+    /// The cases, judged.
+    ///
+    /// # Errors
+    /// A truth that is none.
+    pub fn judged(&self) -> Result<Vec<Judged>, Failure> {
+        let judged = self.cases.iter().map(|(name, record)| {
+            let truth: Truth = serde_json::from_value(record.truth.clone())
+                .map_err(|error| Failure::input(format!("the truth of {name}: {error}")))?;
+            Ok(Judged::new(name, truth, record.answer.clone()))
+        });
+        judged.collect()
+    }
+}

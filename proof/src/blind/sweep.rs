@@ -1,0 +1,50 @@
+//! `freeplay blind --matrix`: which kinds on which machines.
+
+use clap::Args;
+use freeplay_concealed::{CATALOGUE, Machine, Matrix};
+use freeplay_terminal::exit::Failure;
+
+/// What a matrix sweeps.
+#[derive(Args, Debug)]
+pub struct Sweep {
+    /// Every kind of the catalogue at every joint that it can sit on, at three severities, on arms of six (the paper's), three and seven
+    /// joints; with 200 negative controls.
+    #[arg(long, conflicts_with = "full")]
+    matrix: bool,
+    /// Only this kind in the matrix; may be given several times.
+    #[arg(long, value_name = "KIND", requires = "matrix", value_parser = CATALOGUE)]
+    kind: Vec<String>,
+    /// Only this machine in the matrix, one of the seven of the generator; may be given several times.
+    #[arg(long, value_name = "NAME", requires = "matrix", value_parser = Machine::ALL.map(Machine::name))]
+    machine: Vec<String>,
+    /// Negative controls beside the matrix.
+    #[arg(long, value_name = "N", requires = "matrix", default_value_t = Matrix::NEGATIVE)]
+    negative: usize,
+}
+
+impl Sweep {
+    /// The matrix; `None` where none is asked for.
+    ///
+    /// # Errors
+    /// None of the kinds has a place on any of the machines.
+    pub fn matrix(&self) -> Result<Option<Matrix>, Failure> {
+        if !self.matrix {
+            return Ok(None);
+        }
+        let mut matrix = Matrix { negative: self.negative, ..Matrix::whole() };
+        if !self.kind.is_empty() {
+            matrix.kinds.retain(|kind| self.kind.contains(kind));
+        }
+        if !self.machine.is_empty() {
+            let asked = |machine: &Machine| self.machine.iter().any(|name| name == machine.name());
+            matrix.machines = Machine::ALL.into_iter().filter(asked).collect();
+        }
+        if matrix.places().map_err(Failure::internal)?.is_empty() {
+            let (kinds, machines) = (self.kind.join(", "), self.machine.join(", "));
+            return Err(Failure::usage(format!(
+                "{kinds} has no place on {machines}; give another --kind or --machine"
+            )));
+        }
+        Ok(Some(matrix))
+    }
+}

@@ -1,0 +1,238 @@
+//! `freeplay demo`: the loop closed. A plant with something concealed plays the real machine; the diagnosis finds it in the recording
+//! alone; the controller is given the diagnosed model; the tool's deviation falls.
+
+mod cases;
+mod page;
+mod play;
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
+
+use clap::Args;
+use freeplay_diagnosis::page::{outcome as in_words, title};
+use freeplay_diagnosis::{Effect, Verdict};
+use freeplay_report::units::{people, written};
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::{check_target, claim};
+use freeplay_terminal::output::say;
+use freeplay_terminal::progress;
+use serde_json::Value;
+
+use cases::Case;
+use play::{CONTROLLER, Outcome, outcome};
+
+/// Cases that are played at the same time: a run in lockstep is two processes that wait for each other.
+const AT_ONCE: usize = 2;
+
+/// The loop closed: a machine with concealed physics is played, diagnosed from its recording alone, and controlled with what was found.
+///
+/// Seven machines: play, friction, backlash, payload and late encoders in the paper's arm, one that is its model, and one with a damaged
+/// gear tooth, which the catalogue lacks. The controller is quasi-static each time, first with the nominal model, then with
+/// the diagnosed one. Sensors are noisy: 0.1 µrad, 0.05 N·m, 10 µm. Exit code 1 if a diagnosis is not right.
+#[derive(Args, Debug)]
+pub struct DemoArgs {
+    /// Only these machines: clearance, friction, backlash, payload, delay, nothing, notch.
+    #[arg(long = "case", value_name = "NAME")]
+    cases: Vec<String>,
+    /// Time of one of the two laps of the path, s.
+    #[arg(long, default_value_t = 6.0, value_name = "S")]
+    period: f64,
+    /// Seed of all noise.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder for report.html and for what each machine left; without it: out/ and the time.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replace results of an earlier command in the folder.
+    #[arg(long)]
+    force: bool,
+    /// Write the picture of the first finding as SVG, too.
+    #[arg(long, value_name = "FILE")]
+    picture: Option<PathBuf>,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// Plays the demonstration.
+///
+/// # Errors
+/// Bad usage, a process that fails, a file that can't be written.
+pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
+    if !(args.period >= 1.0 && args.period <= 120.0) {
+        return Err(Failure::usage(format!("--period {}: between 1 and 120 s", args.period)));
+    }
+    let cases = chosen(&args.cases)?;
+    args.picture.as_deref().map_or(Ok(()), check_target)?;
+    let names: Vec<&str> = cases.iter().map(|case| case.name).chain(["report.html"]).collect();
+    let folder = claim(args.out.as_deref(), &names, args.force)?;
+    let out = folder.path();
+    let stop = Arc::new(AtomicBool::new(false));
+    freeplay_terminal::process::stop_on_signals(&stop)?;
+    let outcomes = all(&cases, args, out, &stop)?;
+    if stop.load(Ordering::Relaxed) {
+        return Ok(Exit::Interrupted);
+    }
+    let page = out.join("report.html");
+    freeplay_terminal::files::write(&page, &page::document(&outcomes, args.period)?.to_html())?;
+    if let Some(picture) = &args.picture {
+        let drawn = outcomes.iter().find_map(page::picture).and_then(|drawing| drawing.to_svg());
+        let drawn = drawn.ok_or_else(|| Failure::input("nothing was found that could be drawn"))?;
+        freeplay_terminal::files::write(picture, &drawn)?;
+    }
+    match args.format {
+        Format::Json => say(&format!("{:#}\n", json(&outcomes)))?,
+        Format::Text => {
+            say(&text(&outcomes))?;
+            say(&format!("\nreport  {}\n", page.display()))?;
+        }
+    }
+    Ok(if outcomes.iter().all(Outcome::is_right) { Exit::Done } else { Exit::Verdict })
+}
+
+/// The cases with these names; all without a name.
+fn chosen(names: &[String]) -> Result<Vec<Case>, Failure> {
+    let all = cases::all();
+    if let Some(unknown) = names.iter().find(|name| all.iter().all(|case| case.name != name.as_str())) {
+        let known: Vec<&str> = all.iter().map(|case| case.name).collect();
+        return Err(Failure::usage(format!("--case {unknown}: choose among {}", known.join(", "))));
+    }
+    Ok(all
+        .into_iter()
+        .filter(|case| names.is_empty() || names.iter().any(|name| name == case.name))
+        .collect())
+}
+
+/// All outcomes in the order of `cases`, some at the same time.
+fn all(
+    cases: &[Case],
+    args: &DemoArgs,
+    out: &std::path::Path,
+    stop: &AtomicBool,
+) -> Result<Vec<Outcome>, Failure> {
+    let bar = progress::bar(cases.len() as u64, "playing and diagnosing {bar:30} {pos}/{len}  {msg}");
+    let next = AtomicUsize::new(0);
+    let done: Mutex<Vec<(usize, Result<Outcome, Failure>)>> = Mutex::new(Vec::new());
+    let work = || {
+        loop {
+            let number = next.fetch_add(1, Ordering::Relaxed);
+            let Some(case) = cases.get(number).filter(|_| !stop.load(Ordering::Relaxed)) else { return };
+            let came = outcome(case, args.period, args.seed, &out.join(case.name), stop);
+            bar.inc(1);
+            bar.set_message(case.name);
+            // A poisoned lock means that the other worker has ended badly, which is said below by its missing outcome.
+            if let Ok(mut done) = done.lock() {
+                done.push((number, came));
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        (1..AT_ONCE).for_each(|_| {
+            scope.spawn(work);
+        });
+        work();
+    });
+    bar.finish_and_clear();
+    let mut done = done.into_inner().map_err(Failure::internal)?;
+    done.sort_by_key(|(number, _)| *number);
+    done.into_iter().map(|(_, came)| came).collect()
+}
+
+/// The effects that were found, each with its first uncertain parameter.
+fn found(outcome: &Outcome) -> Vec<String> {
+    let of = |effect: &Effect| {
+        let name = title(effect.kind, effect.joint.as_deref());
+        let size = effect.parameters.iter().find_map(|(name, parameter)| {
+            let (value, [low, high]) = (parameter.value.as_float()?, parameter.ci95?);
+            let (scale, unit) = people(&parameter.unit, value);
+            let size = freeplay_report::text::uncertain(value * scale, 0.5 * (high - low) * scale);
+            Some(format!("{name} {size} {unit}"))
+        });
+        format!("{name}: {}", size.unwrap_or_default())
+    };
+    outcome.diagnosis.effects.iter().map(of).collect()
+}
+
+/// Held-out error before and after in the channel in which the first finding shows first: channel, unit, before, after.
+fn errors(outcome: &Outcome) -> Option<(String, String, f64, f64)> {
+    let fit = outcome.diagnosis.fit.as_ref()?;
+    let channels = outcome.diagnosis.effects.first()?.evidence.channels.iter();
+    // The one in which the model as given is farthest from the floor.
+    let far =
+        |channel: &&String| fit.before[*channel].rmse / fit.noise_floor[*channel].rmse.max(f64::MIN_POSITIVE);
+    let channel = channels.max_by(|a, b| far(a).total_cmp(&far(b)))?;
+    let (before, after) = (fit.before[channel].rmse, fit.after[channel].rmse);
+    let (scale, unit) = people(fit.units[channel], before);
+    Some((channel.clone(), unit, before * scale, after * scale))
+}
+
+fn text(outcomes: &[Outcome]) -> String {
+    let mut table = comfy_table::Table::new();
+    table.load_style(comfy_table::presets::NOTHING);
+    table.set_header(["hidden", "verdict", "found", "held-out error", "tool deviation, RMS [mm]", ""]);
+    for outcome in outcomes {
+        let error = errors(outcome).map_or_else(String::new, |(channel, unit, before, after)| {
+            format!("{channel} {} → {} {unit}", written(before), written(after))
+        });
+        let deviation = outcome.after.as_ref().map_or_else(
+            || format!("{:.3}", outcome.before.deviation),
+            |after| format!("{:.3} → {:.3}", outcome.before.deviation, after.deviation),
+        );
+        table.add_row([
+            outcome.case.hidden.to_owned(),
+            verdict(outcome).to_owned(),
+            found(outcome).join("; "),
+            error,
+            deviation,
+            judged(outcome).1.to_owned(),
+        ]);
+    }
+    let mut text = format!("{table}\n");
+    let _ = write!(
+        text,
+        "\nhidden: in the plant, known to nobody else; found: from joints, torques and tracked tool alone; held-out error: model as given →\nwith what was found; tool deviation: {CONTROLLER} with the nominal model → with the diagnosed one, after the first 0.5 s\n"
+    );
+    text
+}
+
+/// How a diagnosis came out.
+fn judged(outcome: &Outcome) -> (freeplay_report::Verdict, &'static str) {
+    if outcome.is_right() {
+        (freeplay_report::Verdict::Ok, "right")
+    } else if outcome.is_found_with_others() {
+        (freeplay_report::Verdict::Warn, "found, with others")
+    } else {
+        (freeplay_report::Verdict::Fail, "WRONG")
+    }
+}
+
+fn verdict(outcome: &Outcome) -> &'static str {
+    in_words(outcome.diagnosis.verdict).1
+}
+
+fn json(outcomes: &[Outcome]) -> Value {
+    let cases = outcomes.iter().map(|outcome| {
+        let held_out = errors(outcome).map(|(channel, unit, before, after)| {
+            serde_json::json!({ "channel": channel, "unit": unit, "before": before, "after": after })
+        });
+        serde_json::json!({
+            "name": outcome.case.name,
+            "hidden": outcome.case.hidden,
+            "verdict": outcome.diagnosis.verdict,
+            "effects": outcome.diagnosis.effects,
+            "right": outcome.is_right(),
+            "held_out": held_out,
+            "deviation_mm": { "before": outcome.before.deviation,
+                              "after": outcome.after.as_ref().map(|after| after.deviation) },
+        })
+    });
+    serde_json::json!({ "schema": "freeplay.demo/1", "cases": cases.collect::<Vec<_>>() })
+}
+
+/// Whether anything was named.
+fn named(outcome: &Outcome) -> bool {
+    outcome.diagnosis.verdict == Verdict::Named
+}

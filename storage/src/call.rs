@@ -1,0 +1,54 @@
+//! The function that every call to the operating system passes through.
+
+use std::io;
+use std::path::Path;
+
+/// A call to the operating system. `handle` numbers the files that a process has created, from 1.
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(
+    not(debug_assertions),
+    allow(dead_code, reason = "only the fault injection of debug builds reads the fields")
+)]
+pub(crate) enum Call<'a> {
+    /// Opens a file for reading.
+    Open(&'a Path),
+    /// Reads from an open file.
+    Read(&'a Path),
+    /// Lists a folder.
+    List(&'a Path),
+    /// Creates a file that does not exist.
+    Create { path: &'a Path, handle: u64 },
+    /// Opens a file for appending, made if it is missing.
+    Append { path: &'a Path, handle: u64 },
+    /// Writes at an offset, bytes.
+    Write { handle: u64, offset: u64, bytes: &'a [u8] },
+    /// Cuts a file to a length, bytes.
+    Truncate { handle: u64, length: u64 },
+    /// Makes the data of a file durable.
+    SyncFile { handle: u64 },
+    /// Makes the names in a folder durable.
+    SyncFolder(&'a Path),
+    /// Gives a file another name, in place of what has it.
+    Rename { from: &'a Path, to: &'a Path },
+    /// Makes one folder.
+    MakeFolder(&'a Path),
+    /// Locks an open file or folder.
+    Lock(&'a Path),
+    /// Sets the times of a file.
+    SetTimes(&'a Path),
+    /// Removes a file.
+    Remove(&'a Path),
+    /// Removes an empty folder.
+    RemoveFolder(&'a Path),
+}
+
+/// Makes `call` by `act`.
+pub(crate) fn perform<T>(call: &Call, act: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
+    #[cfg(debug_assertions)]
+    return crate::injection::perform(call, act);
+    #[cfg(not(debug_assertions))]
+    {
+        let _ = call;
+        act()
+    }
+}

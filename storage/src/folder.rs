@@ -1,0 +1,212 @@
+//! Folders: made, listed, reserved; names removed and made durable.
+
+use std::fs::{DirBuilder, File, FileTimes};
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use crate::call::{Call, perform};
+use crate::error::{Operation, Refusal, StorageError};
+use crate::path::{check_path, parent};
+
+/// Open to its owner alone.
+const PRIVATE: u32 = 0o700;
+
+/// Makes the names in `folder` durable. A file system that cannot does nothing.
+pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
+    let synced = perform(&Call::SyncFolder(folder), || File::open(folder)?.sync_all());
+    match synced {
+        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
+        done => done,
+    }
+}
+
+/// Removes a name. A link is removed, not what it stands for.
+pub(crate) fn remove(path: &Path) -> io::Result<()> {
+    perform(&Call::Remove(path), || std::fs::remove_file(path))
+}
+
+/// Removes the file or link `path`, if it is there.
+///
+/// # Errors
+/// What the system says.
+pub fn remove_file(path: &Path) -> Result<(), StorageError> {
+    match check_path(path).and_then(|()| remove(path)) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        done => done.map_err(|source| StorageError::new(Operation::Write, path, source)),
+    }
+}
+
+/// Makes the folder `path` and those above it, each for its owner alone, and durable.
+///
+/// # Errors
+/// A path that is refused; a file or a link in its place; what the system says.
+pub fn make_folder(path: &Path) -> Result<(), StorageError> {
+    let failed = |source| StorageError::new(Operation::Folder, path, source);
+    check_path(path).map_err(failed)?;
+    if std::fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink()) {
+        return Err(failed(Refusal::Link.into()));
+    }
+    make_missing(path).map_err(failed)
+}
+
+/// Makes those of `path` and the folders above it that are missing.
+pub(crate) fn make_missing(path: &Path) -> io::Result<()> {
+    for folder in missing(path).iter().rev() {
+        let made = perform(&Call::MakeFolder(folder), || DirBuilder::new().mode(PRIVATE).create(folder));
+        match made {
+            // Another process made it in between.
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && folder.is_dir() => {}
+            done => done?,
+        }
+        sync_folder(&parent(folder))?;
+    }
+    // A file in the place of the folder, or of one above it, is told by asking for the folder.
+    if path.as_os_str().is_empty() || std::fs::metadata(path)?.is_dir() {
+        Ok(())
+    } else {
+        Err(ErrorKind::AlreadyExists.into())
+    }
+}
+
+/// The folders of `path` that are not there, the innermost first.
+fn missing(path: &Path) -> Vec<PathBuf> {
+    let is_missing = |folder: &&Path| {
+        let found = std::fs::symlink_metadata(folder);
+        !folder.as_os_str().is_empty() && found.is_err_and(|error| error.kind() == ErrorKind::NotFound)
+    };
+    path.ancestors().take_while(is_missing).map(Path::to_owned).collect()
+}
+
+/// The folders that are made for results which take minutes to be found. Those that nothing is in are gone again with this value.
+#[derive(Debug)]
+pub(crate) struct ReservedFolder {
+    made: Vec<PathBuf>,
+}
+
+impl ReservedFolder {
+    /// Notes which folders of `path` are missing.
+    pub fn before(path: &Path) -> Self {
+        Self { made: missing(path) }
+    }
+}
+
+impl Drop for ReservedFolder {
+    fn drop(&mut self) {
+        // The system removes no folder that holds something.
+        let _ = self.made.iter().try_for_each(|folder| remove_one_folder(folder));
+    }
+}
+
+fn remove_one_folder(folder: &Path) -> io::Result<()> {
+    perform(&Call::RemoveFolder(folder), || std::fs::remove_dir(folder))
+}
+
+/// Removes the folder `path` with all that is in it, if it is there. No link is followed.
+///
+/// # Errors
+/// What the system says.
+pub fn remove_folder(path: &Path) -> Result<(), StorageError> {
+    match perform(&Call::RemoveFolder(path), || std::fs::remove_dir_all(path)) {
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        done => done.map_err(|source| StorageError::new(Operation::Folder, path, source)),
+    }
+}
+
+/// What an entry of a folder is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EntryKind {
+    /// A regular file.
+    File,
+    /// A folder.
+    Folder,
+    /// A link, wherever it leads.
+    Link,
+    /// A pipe, device or socket.
+    Other,
+}
+
+/// An entry of a folder.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// The folder's path with the entry's name.
+    pub path: PathBuf,
+    /// Its kind; a link is not followed.
+    pub kind: EntryKind,
+}
+
+/// The entries of the folder `path`, by name. The folder itself may be a link, its entries are not followed.
+///
+/// # Errors
+/// A path that is refused; what the system says.
+pub fn list(path: &Path) -> Result<Vec<Entry>, StorageError> {
+    let failed = |source| StorageError::new(Operation::Read, path, source);
+    check_path(path).map_err(failed)?;
+    let entries = perform(&Call::List(path), || std::fs::read_dir(path)?.collect::<io::Result<Vec<_>>>());
+    let mut found = Vec::new();
+    for entry in entries.map_err(failed)? {
+        let kind = match entry.file_type().map_err(failed)? {
+            kind if kind.is_file() => EntryKind::File,
+            kind if kind.is_dir() => EntryKind::Folder,
+            kind if kind.is_symlink() => EntryKind::Link,
+            _ => EntryKind::Other,
+        };
+        found.push(Entry { path: entry.path(), kind });
+    }
+    found.sort_by(|a, b| a.path.cmp(&b.path));
+    Ok(found)
+}
+
+/// Sets when the file or folder `path` was read and changed last.
+///
+/// # Errors
+/// What the system says.
+pub fn set_times(path: &Path, time: SystemTime) -> Result<(), StorageError> {
+    let times = FileTimes::new().set_accessed(time).set_modified(time);
+    perform(&Call::SetTimes(path), || File::open(path)?.set_times(times))
+        .map_err(|source| StorageError::new(Operation::Write, path, source))
+}
+
+/// Whether a file could be written to `path`, without leaving anything: for results that take minutes to be found.
+///
+/// # Errors
+/// A path that is refused; a missing folder; a folder in the place of the file.
+pub fn check_target(path: &Path) -> Result<(), StorageError> {
+    let failed = |source| Err(StorageError::new(Operation::Write, path, source));
+    if let Err(refused) = check_path(path) {
+        return failed(refused);
+    }
+    let folder = parent(path);
+    let (kind, text) = match (folder.is_dir(), path.is_dir()) {
+        (true, false) => return Ok(()),
+        (true, true) => (ErrorKind::IsADirectory, "it is a folder".to_owned()),
+        (false, _) if folder.exists() => {
+            (ErrorKind::NotADirectory, format!("{} is no folder", folder.display()))
+        }
+        (false, _) => (ErrorKind::NotFound, format!("there is no folder {}", folder.display())),
+    };
+    failed(io::Error::new(kind, text))
+}
+
+/// Which file a path leads to. A file that was written whole in place of another has another identity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FileIdentity {
+    device: u64,
+    inode: u64,
+}
+
+impl FileIdentity {
+    /// The identity of the file `path`, links followed; none if there is none.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        let found = std::fs::metadata(path).ok()?;
+        Some(Self { device: found.dev(), inode: found.ino() })
+    }
+}
+
+/// Whether two paths lead to one file. Links are followed.
+#[must_use]
+pub fn same_file(one: &Path, other: &Path) -> bool {
+    FileIdentity::of(one).is_some_and(|one| FileIdentity::of(other) == Some(one))
+}

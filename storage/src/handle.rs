@@ -1,0 +1,140 @@
+//! An open file whose writes, cuts and syncs pass through [`perform`].
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rustix::fs::{FlockOperation, OFlags, flock};
+
+use crate::call::{Call, perform};
+use crate::error::Refusal;
+
+/// Readable and writable by its owner alone.
+const PRIVATE: u32 = 0o600;
+
+/// The number of the next created file.
+static NEXT: AtomicU64 = AtomicU64::new(1);
+
+/// Flags for `open`: no link is followed, no pipe is waited for.
+pub(crate) fn flags(flags: OFlags) -> i32 {
+    flags.bits().cast_signed()
+}
+
+/// A file open for writing.
+#[derive(Debug)]
+pub(crate) struct Handle {
+    file: File,
+    path: PathBuf,
+    number: u64,
+    offset: u64,
+}
+
+impl Handle {
+    /// Creates the file `path`, which must not exist, for its owner alone.
+    pub fn create_new(path: &Path) -> io::Result<Self> {
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let file = perform(&Call::Create { path, handle: number }, || {
+            let mut options = OpenOptions::new();
+            options.read(true).write(true).create_new(true).mode(PRIVATE);
+            options.custom_flags(flags(OFlags::NOFOLLOW)).open(path)
+        })?;
+        Ok(Self { file, path: path.to_path_buf(), number, offset: 0 })
+    }
+
+    /// Opens the regular file `path` for appending, made for its owner alone if it is missing.
+    pub fn append(path: &Path) -> io::Result<Self> {
+        let number = NEXT.fetch_add(1, Ordering::Relaxed);
+        let file = perform(&Call::Append { path, handle: number }, || {
+            let mut options = OpenOptions::new();
+            options.append(true).create(true).mode(PRIVATE);
+            options.custom_flags(flags(OFlags::NOFOLLOW | OFlags::NONBLOCK)).open(path)
+        })?;
+        let metadata = file.metadata()?;
+        if !metadata.is_file() {
+            return Err(Refusal::NotRegular(crate::input::kind(metadata.file_type())).into());
+        }
+        Ok(Self { file, path: path.to_path_buf(), number, offset: metadata.len() })
+    }
+
+    /// Locks the file until it is closed, unless another process holds the lock.
+    pub fn lock(&self) -> io::Result<()> {
+        perform(&Call::Lock(&self.path), || lock(&self.file))
+    }
+
+    /// Whether the name `path` still stands for this file.
+    pub fn is_at(&self, path: &Path) -> bool {
+        std::fs::symlink_metadata(path).is_ok_and(|found| !found.is_symlink()) && is_at(&self.file, path)
+    }
+
+    /// The file got another name.
+    pub fn renamed(&mut self, path: &Path) {
+        self.path = path.to_path_buf();
+    }
+
+    /// Cuts the file to `length` bytes and goes on there.
+    pub fn truncate(&mut self, length: u64) -> io::Result<()> {
+        let call = Call::Truncate { handle: self.number, length };
+        perform(&call, || self.file.set_len(length))?;
+        self.seek(SeekFrom::Start(length)).map(|_| ())
+    }
+
+    /// Makes what was written durable.
+    pub fn sync(&self) -> io::Result<()> {
+        perform(&Call::SyncFile { handle: self.number }, || self.file.sync_all())
+    }
+
+    /// The same open file under a second descriptor.
+    pub fn try_clone(&self) -> io::Result<Self> {
+        Ok(Self { file: self.file.try_clone()?, path: self.path.clone(), ..*self })
+    }
+
+    /// The open file itself.
+    pub fn into_file(self) -> File {
+        self.file
+    }
+}
+
+/// Whether the name `path` stands for the open `file`.
+pub(crate) fn is_at(file: &File, path: &Path) -> bool {
+    let (Ok(there), Ok(here)) = (std::fs::metadata(path), file.metadata()) else { return false };
+    (there.dev(), there.ino()) == (here.dev(), here.ino())
+}
+
+/// Takes the lock of an open file or folder without waiting.
+pub(crate) fn lock(file: &File) -> io::Result<()> {
+    match flock(file, FlockOperation::NonBlockingLockExclusive) {
+        Err(rustix::io::Errno::WOULDBLOCK) => Err(Refusal::Busy.into()),
+        done => done.map_err(io::Error::from),
+    }
+}
+
+impl Write for Handle {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let call = Call::Write { handle: self.number, offset: self.offset, bytes };
+        // A short write is completed here: the log of a debug build has whole writes.
+        perform(&call, || self.file.write_all(bytes))?;
+        self.offset += bytes.len() as u64;
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Read for Handle {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let read = perform(&Call::Read(&self.path), || self.file.read(buffer))?;
+        self.offset += read as u64;
+        Ok(read)
+    }
+}
+
+impl Seek for Handle {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.offset = self.file.seek(to)?;
+        Ok(self.offset)
+    }
+}

@@ -1,0 +1,138 @@
+//! Regular files open for reading, and whole files up to a limit.
+
+use std::fs::{File, FileType, OpenOptions};
+use std::io::{self, ErrorKind, Read, Seek, SeekFrom};
+use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
+use std::path::{Path, PathBuf};
+
+use rustix::fs::OFlags;
+
+use crate::call::{Call, perform};
+use crate::error::{Operation, Refusal, StorageError};
+use crate::handle::flags;
+use crate::path::check_path;
+
+/// The most that is read of a document: a model, scenario, task, mapping, weight file, path, diagnosis, summary or receipt; bytes.
+/// Parsers hold a document in memory several times over; the largest of the project, the receipt of a full blind set, has 3 MB.
+pub const DOCUMENT_LIMIT: u64 = 32 << 20;
+
+/// A regular file open for reading.
+///
+/// Pipes, devices, sockets and folders are refused: recordings are read more than once, and a pipe that nobody writes to would be waited
+/// for without end. `/dev/stdin` is read where it is redirected from a file, and refused where it is a pipe or a terminal.
+#[derive(Debug)]
+pub struct InputFile {
+    file: File,
+    path: PathBuf,
+    length: u64,
+}
+
+impl InputFile {
+    /// Opens `path`. The last component may be a link.
+    ///
+    /// # Errors
+    /// A path that is refused; [`Refusal::NotRegular`]; what the system says.
+    pub fn open(path: &Path) -> Result<Self, StorageError> {
+        Self::open_with(path, OFlags::empty())
+    }
+
+    fn open_with(path: &Path, more: OFlags) -> Result<Self, StorageError> {
+        let failed = |source| StorageError::new(Operation::Read, path, source);
+        check_path(path).map_err(failed)?;
+        let file = perform(&Call::Open(path), || {
+            let all = OFlags::NONBLOCK | OFlags::NOCTTY | more;
+            OpenOptions::new().read(true).custom_flags(flags(all)).open(path)
+        });
+        let file = file.map_err(|error| failed(explained(path, error)))?;
+        let metadata = file.metadata().map_err(failed)?;
+        if metadata.is_dir() {
+            return Err(failed(rustix::io::Errno::ISDIR.into()));
+        }
+        if !metadata.is_file() {
+            return Err(failed(Refusal::NotRegular(kind(metadata.file_type())).into()));
+        }
+        Ok(Self { file, path: path.to_path_buf(), length: metadata.len() })
+    }
+
+    /// Its length when it was opened, bytes.
+    #[must_use]
+    pub fn length(&self) -> u64 {
+        self.length
+    }
+
+    /// The file itself, for a reader that goes to and fro in it, as that of Parquet does.
+    #[must_use]
+    pub fn into_file(self) -> File {
+        self.file
+    }
+}
+
+/// Opening a socket, or a link where none is followed, fails with a number that says little.
+fn explained(path: &Path, error: io::Error) -> io::Error {
+    let found = std::fs::symlink_metadata(path).map(|metadata| metadata.file_type());
+    match (found, rustix::io::Errno::from_io_error(&error)) {
+        (Ok(found), Some(rustix::io::Errno::LOOP)) if found.is_symlink() => Refusal::Link.into(),
+        (Ok(found), Some(rustix::io::Errno::NXIO)) => Refusal::NotRegular(kind(found)).into(),
+        _ => error,
+    }
+}
+
+/// A kind of file in words.
+pub(crate) fn kind(found: FileType) -> &'static str {
+    match found {
+        found if found.is_fifo() => "a pipe",
+        found if found.is_socket() => "a socket",
+        found if found.is_block_device() || found.is_char_device() => "a device",
+        found if found.is_dir() => "a folder",
+        _ => "of another kind",
+    }
+}
+
+impl Read for InputFile {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        perform(&Call::Read(&self.path), || self.file.read(buffer))
+    }
+}
+
+impl Seek for InputFile {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        self.file.seek(to)
+    }
+}
+
+/// Opens `path`, whose last component must not be a link.
+///
+/// # Errors
+/// As [`InputFile::open`]; [`Refusal::Link`].
+pub fn open_without_links(path: &Path) -> Result<InputFile, StorageError> {
+    InputFile::open_with(path, OFlags::NOFOLLOW)
+}
+
+/// The bytes of the file `path`, at most `limit`.
+///
+/// # Errors
+/// As [`InputFile::open`]; [`Refusal::TooLarge`].
+pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, StorageError> {
+    let mut file = InputFile::open(path)?;
+    let failed = |source| StorageError::new(Operation::Read, path, source);
+    if file.length() > limit {
+        return Err(failed(Refusal::TooLarge { limit }.into()));
+    }
+    let mut bytes = Vec::new();
+    (&mut file).take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
+    if bytes.len() as u64 > limit {
+        return Err(failed(Refusal::TooLarge { limit }.into()));
+    }
+    Ok(bytes)
+}
+
+/// The text of the document `path`, at most [`DOCUMENT_LIMIT`] bytes.
+///
+/// # Errors
+/// As [`read_bytes`]; [`ErrorKind::InvalidData`] if it is not UTF-8.
+pub fn read_text(path: &Path) -> Result<String, StorageError> {
+    String::from_utf8(read_bytes(path, DOCUMENT_LIMIT)?).map_err(|error| {
+        let source = io::Error::new(ErrorKind::InvalidData, error.utf8_error());
+        StorageError::new(Operation::Read, path, source)
+    })
+}

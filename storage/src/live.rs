@@ -1,0 +1,68 @@
+//! A file that is readable while it grows: the recording of a run.
+
+use std::io::{self, Write};
+use std::path::Path;
+use std::process::Stdio;
+
+use crate::atomic::AtomicFile;
+use crate::error::{Operation, StorageError};
+use crate::handle::Handle;
+use crate::path::check_path;
+
+/// A file that takes its name at once and grows under it. A killed process leaves what it wrote; a power cut may take what was not yet
+/// [finished](LiveFile::finish). Its reader has to cope with a file that ends early.
+#[derive(Debug)]
+pub struct LiveFile(Handle);
+
+impl LiveFile {
+    /// Begins an empty file in place of `target`, readable by its owner alone. A link under this name is replaced.
+    ///
+    /// # Errors
+    /// As [`AtomicFile::create`].
+    pub fn create(target: &Path) -> Result<Self, StorageError> {
+        AtomicFile::create(target)?.into_published().map(Self)
+    }
+
+    /// Goes on at the end of the regular file `target`, made if it is missing.
+    ///
+    /// # Errors
+    /// A path that is refused; a link, a pipe or a device under the name; what the system says.
+    pub fn append(target: &Path) -> Result<Self, StorageError> {
+        let opened = check_path(target).and_then(|()| Handle::append(target));
+        opened.map(Self).map_err(|source| StorageError::new(Operation::Write, target, source))
+    }
+
+    /// Cuts the file to `length` bytes and goes on there.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn truncate(&mut self, length: u64) -> io::Result<()> {
+        self.0.truncate(length)
+    }
+
+    /// Makes what was written durable.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn finish(&self) -> io::Result<()> {
+        self.0.sync()
+    }
+
+    /// The file as the standard output or error of a child process.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn to_stdio(&self) -> io::Result<Stdio> {
+        self.0.try_clone().map(|handle| handle.into_file().into())
+    }
+}
+
+impl Write for LiveFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.0.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}

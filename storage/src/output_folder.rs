@@ -1,0 +1,121 @@
+//! The folder of results of one command.
+
+use std::fs::File;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+
+use crate::call::{Call, perform};
+use crate::error::{Operation, Refusal, StorageError};
+use crate::folder::{ReservedFolder, make_missing};
+use crate::handle::{is_at, lock};
+use crate::path::check_path;
+
+/// What a command wants of its folder.
+#[derive(Clone, Copy, Debug)]
+pub struct Claim<'a> {
+    /// Names in the folder that the command writes. One that is there is a result of an earlier command.
+    pub results: &'a [&'a str],
+    /// Results of an earlier command may be replaced.
+    pub force: bool,
+}
+
+/// A folder that one command has to itself. The lock is on the folder, so that it leaves no file behind, and ends with the process.
+#[derive(Debug)]
+pub struct OutputFolder {
+    path: PathBuf,
+    // Dropped in this order: removed if it is empty, then unlocked.
+    _reserved: ReservedFolder,
+    lock: Option<File>,
+}
+
+impl OutputFolder {
+    /// Makes the folder `path` and those above it, locks it, and looks for earlier results.
+    ///
+    /// # Errors
+    /// A path that is refused; [`Refusal::Busy`]; [`Refusal::Occupied`]; what the system says.
+    pub fn claim(path: &Path, claim: Claim) -> Result<Self, StorageError> {
+        let failed = |source| StorageError::new(Operation::Folder, path, source);
+        let mut absolute = check_path(path).and_then(|()| std::path::absolute(path)).map_err(failed)?;
+        if absolute.is_symlink() {
+            // The folder that a person names may be a link; those that are made in it may not.
+            absolute = std::fs::canonicalize(&absolute).map_err(failed)?;
+        }
+        // A relative path in a deep folder, or in one that is no text.
+        check_path(&absolute).map_err(failed)?;
+        let reserved = ReservedFolder::before(&absolute);
+        make_missing(&absolute).map_err(failed)?;
+        let lock = lock_folder(&absolute).map_err(failed)?;
+        if !lock.as_ref().is_none_or(|lock| is_at(lock, &absolute)) {
+            // Whoever removed it has ended since, and so has its claim; the name is free for the next.
+            return Err(failed(Refusal::Busy.into()));
+        }
+        let folder = Self { path: absolute, _reserved: reserved, lock };
+        if !claim.force {
+            folder.refuse_results(claim.results).map_err(failed)?;
+        }
+        Ok(folder)
+    }
+
+    /// Claims a folder `path`, or `path-2`, `path-3` … where another command has the name already.
+    ///
+    /// # Errors
+    /// As [`OutputFolder::claim`].
+    pub fn claim_new(path: &Path) -> Result<Self, StorageError> {
+        let mut number = 1_u32;
+        loop {
+            let name = if number == 1 { path.to_path_buf() } else { numbered(path, number) };
+            if std::fs::symlink_metadata(&name).is_err() {
+                match Self::claim(&name, Claim { results: &[], force: false }) {
+                    Err(error) if error.refusal() == Some(&Refusal::Busy) => {}
+                    done => return done,
+                }
+            }
+            number += 1;
+        }
+    }
+
+    /// The folder, as an absolute path.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether the file system could lock the folder. Some network file systems cannot.
+    #[must_use]
+    pub fn is_locked(&self) -> bool {
+        self.lock.is_some()
+    }
+
+    fn refuse_results(&self, names: &[&str]) -> io::Result<()> {
+        let is_there = |name: &&&str| std::fs::symlink_metadata(self.path.join(name)).is_ok();
+        match names.iter().find(is_there) {
+            Some(name) => Err(Refusal::Occupied((*name).to_owned()).into()),
+            None => Ok(()),
+        }
+    }
+}
+
+fn numbered(path: &Path, number: u32) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(format!("-{number}"));
+    name.into()
+}
+
+/// Locks a folder; none where its file system has no such lock.
+fn lock_folder(path: &Path) -> io::Result<Option<File>> {
+    let locked = perform(&Call::Lock(path), || {
+        let folder = File::open(path)?;
+        lock(&folder).map(|()| folder)
+    });
+    match locked {
+        Ok(folder) => Ok(Some(folder)),
+        Err(error) if has_no_lock(&error) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn has_no_lock(error: &io::Error) -> bool {
+    use rustix::io::Errno;
+    matches!(Errno::from_io_error(error), Some(Errno::BADF | Errno::NOLCK | Errno::OPNOTSUPP))
+        || error.kind() == ErrorKind::Unsupported
+}

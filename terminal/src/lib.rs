@@ -1,0 +1,27 @@
+//! What every command does at its edges, towards a person, a shell and the system.
+//!
+//! - [`exit`]: the exit codes, and [`Failure`](exit::Failure), the error that ends a command with one of them.
+//! - [`arguments`]: values of options that several commands share.
+//! - [`output`]: results, on standard output.
+//! - [`messages`]: progress, notes, details and colour, on standard error.
+//! - [`files`]: files that a person names, and errors that say what to do.
+//! - [`progress`]: how far long work is, in one line.
+//! - [`outside`]: names from arguments and the environment, kept on one line.
+//! - [`target`]: whether `--out` names a file or a folder.
+//! - [`process`]: signals, parents and child processes.
+//! - [`guard`]: the process that ends an executable, with all that it has started, with its run.
+//! - [`parallel`]: the same work for many cases, on several cores.
+//! - [`hex`]: bytes as text.
+
+pub mod arguments;
+pub mod exit;
+pub mod files;
+pub mod guard;
+pub mod hex;
+pub mod messages;
+pub mod output;
+pub mod outside;
+pub mod parallel;
+pub mod process;
+pub mod progress;
+pub mod target;

@@ -1,0 +1,107 @@
+//! Standard output and standard error, each of which may be a pipe that nobody reads to its end.
+//!
+//! All text passes through here, and [`shown`] escapes what no reader could see: names that come from files, arguments or the
+//! environment cannot speak to the terminal. Only [`raw`] writes bytes as they are, for scripts and manual pages of this program.
+
+use std::io::{Error, ErrorKind, Write};
+
+use clap::builder::styling::Style;
+use freeplay_report::visible;
+
+use crate::exit::Failure;
+use crate::messages::STYLES;
+use crate::{outside, progress};
+
+/// Writes `text` to standard output: words without colour, or JSON and TOML, whose values stay the same.
+///
+/// # Errors
+/// Standard output can't be written otherwise.
+pub fn say(text: &str) -> Result<(), Failure> {
+    progress::clear();
+    let text = outside::on_one_line(text);
+    written(std::io::stdout().lock().write_all(visible(&text).as_bytes()))
+}
+
+/// Writes `text` for a person, which may have styles: they are left out where --color, `NO_COLOR` or the lack of a terminal says so.
+///
+/// # Errors
+/// As [`say`].
+pub fn show(text: &str) -> Result<(), Failure> {
+    progress::clear();
+    written(anstream::stdout().lock().write_all(shown(text).as_bytes()))
+}
+
+/// Writes `text`, all of it this program's own, as it is.
+///
+/// # Errors
+/// As [`say`].
+pub fn raw(text: &str) -> Result<(), Failure> {
+    written(std::io::stdout().lock().write_all(text.as_bytes()))
+}
+
+/// Writes a line to standard error; where that is not possible, there is nobody to tell.
+pub fn tell(line: &str) {
+    progress::clear();
+    let _ = writeln!(anstream::stderr().lock(), "{}", shown(line));
+}
+
+/// `text` as it is shown: styles of this program are kept, everything else that no reader could see is escaped.
+pub fn shown(text: &str) -> String {
+    let text = outside::on_one_line(text);
+    let mut rest = text.as_ref();
+    let mut shown = String::with_capacity(rest.len());
+    while let Some((before, styled, after)) = first_styled(rest) {
+        shown.push_str(&visible(before));
+        shown.push_str(styled);
+        rest = after;
+    }
+    shown + &visible(rest)
+}
+
+/// The first words of `text` in one of our styles, from the style's first byte to its reset: what is before, the words, what is after.
+///
+/// Words with another escape sequence in them are not ours, nor is a style without its reset.
+fn first_styled(text: &str) -> Option<(&str, &str, &str)> {
+    let mut from = 0;
+    loop {
+        let begin = from + text[from..].find('\u{1b}')?;
+        let end_of = |style: &Style| {
+            let open = style.render().to_string();
+            let inner = text[begin..].strip_prefix(&open).filter(|_| !open.is_empty())?;
+            let close = style.render_reset().to_string();
+            let length = inner.find(&close)?;
+            let is_plain = visible(&inner[..length]).len() == length && !inner[..length].contains('\n');
+            is_plain.then_some(begin + open.len() + length + close.len())
+        };
+        if let Some(end) = STYLES.iter().find_map(end_of) {
+            return Some((&text[..begin], &text[begin..end], &text[end..]));
+        }
+        from = begin + 1;
+    }
+}
+
+fn written(done: Result<(), Error>) -> Result<(), Failure> {
+    match done {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            Err(Failure::internal(format!("standard output: {error}")))
+        }
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shown;
+    use crate::messages::{BAD, GOOD, painted};
+
+    #[test]
+    fn styles_of_this_program_stay_and_others_are_escaped() {
+        let own = format!("a {} b {}\n", painted(GOOD, "named"), painted(BAD, "FAILS"));
+        assert_eq!(shown(&own), own);
+        let foreign = "\u{1b}[31mred\u{1b}[0m \u{1b}]0;title\u{7}\u{9b}2J\r\u{202e}";
+        let written = shown(foreign);
+        assert_eq!(written, "\\u001b[31mred\\u001b[0m \\u001b]0;title\\u0007\\u009b2J\\r\\u202e");
+        let within = painted(GOOD, format!("named {foreign}"));
+        assert!(!shown(&within).contains(['\u{1b}', '\u{7}']), "{:?}", shown(&within));
+    }
+}

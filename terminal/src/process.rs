@@ -1,0 +1,117 @@
+//! Processes: signals, the parent, and children that end with their owner.
+
+use std::process::Child;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
+
+use rustix::process::{Signal, getppid, set_parent_process_death_signal};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::flag::{register, register_conditional_shutdown};
+
+use crate::exit::{Exit, Failure};
+use crate::guard::Group;
+
+/// A child process, with all that it has started if it is a group's; ended when this is dropped.
+pub struct Running(pub Child, Option<Group>);
+
+impl Running {
+    /// `child`, which starts no processes of its own.
+    pub fn alone(child: Child) -> Self {
+        Self(child, None)
+    }
+
+    /// `child`, with all processes of its group if it has one.
+    pub fn new(child: Child, group: Option<Group>) -> Self {
+        Self(child, group)
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // Errors here mean that the child is gone already, which is what is wanted.
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+        drop(self.1.take());
+    }
+}
+
+/// Whether a signal that asks this process to end does so at once.
+static ENDS_AT_ONCE: OnceLock<Arc<AtomicBool>> = OnceLock::new();
+
+/// Makes SIGINT, SIGTERM and SIGHUP end this process at once with the exit code of an interruption, until [`stop_on_signals`]
+/// has something to be left in order.
+///
+/// # Errors
+/// What the system says.
+pub fn end_on_signals() -> Result<(), Failure> {
+    let at_once = ENDS_AT_ONCE.get_or_init(|| Arc::new(AtomicBool::new(true)));
+    for signal in stop_signals() {
+        let code = i32::from(Exit::Interrupted as u8);
+        register_conditional_shutdown(signal, code, Arc::clone(at_once)).map_err(Failure::internal)?;
+    }
+    Ok(())
+}
+
+/// Makes SIGINT, SIGTERM and SIGHUP set `stop`, and a file that reaches the largest size allowed (`ulimit -f`) an error of the
+/// write like a full disk, where it would end the process.
+///
+/// # Errors
+/// What the system says.
+pub fn stop_on_signals(stop: &Arc<AtomicBool>) -> Result<(), Failure> {
+    for signal in stop_signals() {
+        register(signal, Arc::clone(stop)).map_err(Failure::internal)?;
+    }
+    // Nobody reads the flag: that the signal is handled is enough for the write to return.
+    register(SIGXFSZ, Arc::default()).map_err(Failure::internal)?;
+    // Last, so that no signal in between is lost.
+    leave_signals_alone();
+    Ok(())
+}
+
+/// Ends what [`end_on_signals`] has begun.
+pub fn leave_signals_alone() {
+    if let Some(at_once) = ENDS_AT_ONCE.get() {
+        at_once.store(false, Ordering::Relaxed);
+    }
+}
+
+/// The signals that ask a process to end. Whoever was started with SIGHUP ignored, as `nohup` does, goes on without a terminal.
+fn stop_signals() -> impl Iterator<Item = i32> {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0);
+    let hears_hang_ups = ignored & 1 << (SIGHUP - 1) == 0;
+    [SIGINT, SIGTERM].into_iter().chain(hears_hang_ups.then_some(SIGHUP))
+}
+
+/// Asks the system to kill this process when its parent, the process `parent`, dies, so that a killed `freeplay run` leaves
+/// none. It holds for a program that takes this process over, too, whatever it does about signals.
+///
+/// # Errors
+/// What the system says; or the parent is gone already.
+pub fn die_with_parent(parent: u32) -> Result<(), Failure> {
+    end_with_parent(parent, Signal::KILL)
+}
+
+/// The same, but the signal is SIGTERM, for a process that has something to be left in order.
+///
+/// # Errors
+/// As [`die_with_parent`].
+pub fn stop_with_parent(parent: u32) -> Result<(), Failure> {
+    end_with_parent(parent, Signal::TERM)
+}
+
+fn end_with_parent(parent: u32, signal: Signal) -> Result<(), Failure> {
+    set_parent_process_death_signal(Some(signal)).map_err(Failure::internal)?;
+    // The parent may have died before the system was asked.
+    if lives(parent) {
+        Ok(())
+    } else {
+        Err(Failure::peer(format!("process {parent}, which started this one, has ended")))
+    }
+}
+
+/// Whether the process `parent`, which started this one, still lives: an orphan has another parent.
+pub fn lives(parent: u32) -> bool {
+    getppid().is_some_and(|pid| pid.as_raw_nonzero().get().cast_unsigned() == parent)
+}

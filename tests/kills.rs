@@ -1,0 +1,203 @@
+//! `kill -9` at each step of a run with its shared memory: the run itself, its plant or its controller dies at the n-th system call
+//! that makes, opens, sizes, locks, maps, closes or removes something of the run. The next run starts, nothing is left, every
+//! recording opens.
+//!
+//! strace strikes. Where there is none the test says so and passes. A few steps are played; `FREEPLAY_KILLS=N` plays N, spread over all,
+//! `FREEPLAY_KILLS=all` plays each. `freeplay faults --kills N` kills at random moments.
+
+mod common;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+
+use common::{FREEPLAY, assert_recordings_open, fresh_folder, in_own_shared_memory, processes_with, until};
+use freeplay_shm::RunRoot;
+
+const SHM: &str = "/dev/shm";
+
+/// The system calls by which shared memory is made, opened, sized, closed to others, locked, mapped, closed and removed.
+const CALLS: &str =
+    "openat,mkdir,mkdirat,ftruncate,fallocate,fchmod,chmod,flock,fcntl,mmap,close,unlink,unlinkat,rmdir";
+
+/// Every so many kills a whole run follows; else only the making of one, which is what sweeps.
+const WHOLE_RUN: usize = 10;
+
+/// Who is killed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Victim {
+    Run,
+    Plant,
+    Controller,
+}
+
+/// The `when`-th call of `call` by a victim.
+#[derive(Clone, Debug)]
+struct Step {
+    victim: Victim,
+    call: String,
+    when: usize,
+}
+
+/// A place to play in: the files that the processes of a run share, and a mark in their environment.
+struct Stage {
+    folder: tempfile::TempDir,
+    mark: String,
+}
+
+impl Stage {
+    fn new() -> Self {
+        let folder = fresh_folder();
+        let mark = folder.path().display().to_string();
+        Self { folder, mark }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// `freeplay` with `arguments`, under strace with `options` if there are any.
+    fn freeplay(&self, strace: &[String], arguments: &[&str]) -> Command {
+        let mut command = Command::new(if strace.is_empty() { FREEPLAY } else { "strace" });
+        if !strace.is_empty() {
+            command.args(strace).arg(FREEPLAY);
+        }
+        command.args(arguments).current_dir(self.folder.path()).env("FREEPLAY_TEST_MARK", &self.mark);
+        command.env_remove("FREEPLAY_SHM").env_remove("FREEPLAY_RUN");
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    }
+
+    /// A whole run, under strace with `options` if there are any.
+    fn whole(&self, strace: &[String]) -> Child {
+        let arguments = ["run", "--quiet", "--controller", "computed-torque", "--out", "out"];
+        let sets = ["--set", "duration=0.02", "--set", "recording=mcap", "--set", "patience=5"];
+        self.freeplay(strace, &[&arguments[..], &sets].concat()).spawn().expect("it starts")
+    }
+
+    /// Plant and controller in a run of this process, `victim` under strace with `options`.
+    fn in_parts(&self, victim: Victim, strace: &[String]) {
+        let root = RunRoot::create().expect("a run");
+        let address = root.address().to_string();
+        let of = |who: Victim| if who == victim { strace } else { &[] };
+        let plant =
+            ["plant", "--run", &address, "--scenario", "out/scenario.toml", "--task", "out/task.toml"];
+        let plant = [&plant[..], &["--out", "out", "--name", "computed-torque"]].concat();
+        let mut plant = self.freeplay(of(Victim::Plant), &plant).spawn().expect("it starts");
+        let controller = ["controller", "computed-torque", "--run", &address];
+        let mut controller = self.freeplay(of(Victim::Controller), &controller).spawn().expect("it starts");
+        if victim == Victim::Plant {
+            plant.wait().expect("a child");
+            // It would find out by itself; see the tests of faults for how long that takes.
+            let _ = controller.kill();
+        }
+        controller.wait().expect("a child");
+        root.tell_ended(0);
+        plant.wait().expect("a child");
+        self.until_gone();
+    }
+
+    fn play(&self, victim: Victim, strace: &[String]) {
+        match victim {
+            Victim::Run => {
+                self.whole(strace).wait().expect("a child");
+                self.until_gone();
+            }
+            victim => self.in_parts(victim, strace),
+        }
+    }
+
+    /// Waits until no process of the stage lives.
+    fn until_gone(&self) {
+        let variable = format!("FREEPLAY_TEST_MARK={}", self.mark);
+        until("the end of all processes", || processes_with(&variable).is_empty().then_some(()));
+    }
+
+    /// The steps of `victim` that concern shared memory, in an undisturbed run.
+    fn steps(&self, victim: Victim) -> Vec<Step> {
+        let trace = self.path("trace");
+        // Descriptors are shown with their paths.
+        let options =
+            ["-y", "-o", &trace.display().to_string(), "-e", &format!("trace={CALLS}")].map(str::to_owned);
+        self.play(victim, &options);
+        let text = std::fs::read_to_string(&trace).unwrap_or_default();
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        let mut steps = Vec::new();
+        for line in text.lines() {
+            let Some((call, rest)) = line.split_once('(') else { continue };
+            let count = counts.entry(call).or_default();
+            *count += 1;
+            if rest.contains(SHM) {
+                steps.push(Step { victim, call: call.to_owned(), when: *count });
+            }
+        }
+        steps
+    }
+
+    /// Kills at `step`; whether that struck.
+    fn strike(&self, step: &Step) -> bool {
+        let (call, when) = (&step.call, step.when);
+        let trace = self.path("trace");
+        let options = [
+            "-o".to_owned(),
+            trace.display().to_string(),
+            "-e".to_owned(),
+            format!("trace={call}"),
+            "-e".to_owned(),
+            format!("inject={call}:signal=SIGKILL:when={when}"),
+        ];
+        self.play(step.victim, &options);
+        std::fs::read_to_string(&trace).unwrap_or_default().contains("killed by SIGKILL")
+    }
+}
+
+/// What is in shared memory.
+fn left() -> Vec<PathBuf> {
+    std::fs::read_dir(SHM).expect("shared memory").flatten().map(|entry| entry.path()).collect()
+}
+
+#[test]
+fn a_kill_at_each_step_with_shared_memory_is_survived() {
+    const NAME: &str = "a_kill_at_each_step_with_shared_memory_is_survived";
+    let can = Command::new("strace").args(["-o", "/dev/null", "true"]).output();
+    if !can.is_ok_and(|output| output.status.success()) {
+        println!("skipped: there is no strace here, or it may not trace");
+        return;
+    }
+    if !in_own_shared_memory(NAME) {
+        return;
+    }
+    let stage = Stage::new();
+    stage.whole(&[]).wait().expect("a child");
+    assert!(Path::new(&stage.path("out/task.toml")).is_file(), "a run leaves the files of its processes");
+    let steps: Vec<Step> = [Victim::Run, Victim::Plant, Victim::Controller]
+        .into_iter()
+        .flat_map(|victim| stage.steps(victim))
+        .collect();
+    let count = match std::env::var("FREEPLAY_KILLS").as_deref() {
+        Ok("all") => steps.len(),
+        Ok(count) => count.parse().expect("a number of kills, or all"),
+        Err(_) => 12,
+    };
+    assert!(steps.len() > 100, "{steps:?}");
+    let (mut struck, mut recordings) = (0, 0);
+    let chosen = (0..count).map(|index| &steps[index * steps.len() / count % steps.len()]);
+    for (index, step) in chosen.enumerate() {
+        struck += usize::from(stage.strike(step));
+        recordings += assert_recordings_open(&stage.path("out"), false);
+        if index % WHOLE_RUN == 0 {
+            let status = stage.whole(&[]).wait().expect("a child");
+            assert!(status.success(), "the run after {step:?}: {status}");
+        } else {
+            drop(RunRoot::create().unwrap_or_else(|error| panic!("the run after {step:?}: {error}")));
+        }
+        let left: Vec<PathBuf> =
+            left().into_iter().filter(|path| path.to_string_lossy().contains("freeplay-")).collect();
+        assert!(left.is_empty(), "after {step:?} the next run left {left:?}");
+    }
+    println!(
+        "{} steps, {count} kills, {struck} struck, {recordings} recordings opened, nothing left",
+        steps.len()
+    );
+    assert!(struck * 2 > count, "most kills missed: {struck} of {count}");
+}

@@ -1,0 +1,95 @@
+//! `freeplay diagnose`, `compare` and `record info` on a recording that is not read as its model means it: the verdict, the words, and the
+//! mapping that mends it.
+
+mod common;
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use common::{Call, fresh_folder};
+use freeplay_arm::{Workspace, paper_arm, rnea};
+use serde_json::Value;
+
+/// The paper's arm on sines, the torque of its second joint in amperes of 12 N·m and its third joint counted backwards, as CSV.
+fn faulty() -> String {
+    let arm = paper_arm().arm;
+    let n = arm.dof();
+    let (mut ws, mut tau) = (Workspace::new(&arm), vec![0.0; n]);
+    let mut text = String::from("t");
+    for name in ["q", "tau"] {
+        (1..=n).for_each(|j| {
+            let _ = write!(text, ",{name}{j}");
+        });
+    }
+    text.push('\n');
+    for k in 0..1400 {
+        let t = 0.01 * f64::from(k);
+        let of = |j: usize| {
+            let w = std::f64::consts::TAU * (0.17 + 0.05 * j as f64);
+            let (sin, cos) = (w * t + 0.7 * j as f64).sin_cos();
+            [0.3 + 0.6 * sin, 0.6 * w * cos, -0.6 * w * w * sin]
+        };
+        let [mut q, v, a] = [0, 1, 2].map(|order| (0..n).map(|j| of(j)[order]).collect::<Vec<f64>>());
+        rnea(&arm, &mut ws, &q, &v, &a, &mut tau);
+        q[2] = -q[2];
+        tau[2] = -tau[2];
+        tau[1] /= 12.0;
+        let _ = write!(text, "{t}");
+        q.iter().chain(&tau).for_each(|x| {
+            let _ = write!(text, ",{x:.7}");
+        });
+        text.push('\n');
+    }
+    text
+}
+
+fn json(folder: &Path, arguments: &[&str]) -> Value {
+    let call = Call::new(fresh_folder(), arguments);
+    std::fs::write(call.folder.path().join("run.csv"), faulty()).expect("a file");
+    let mapping = folder.join("setup.toml");
+    if mapping.exists() {
+        std::fs::copy(&mapping, call.folder.path().join("setup.toml")).expect("a copy");
+    }
+    let ran = call.run().expect(0);
+    let made = ran.folder.path().join("out/setup.toml");
+    if made.exists() {
+        std::fs::copy(&made, &mapping).expect("a copy");
+    }
+    serde_json::from_str(&ran.stdout()).expect("JSON")
+}
+
+fn kinds(value: &Value) -> Vec<(String, String)> {
+    let text = |value: &Value| value.as_str().unwrap_or_default().to_owned();
+    let findings = value["setup"].as_array().expect("a list").iter();
+    findings.map(|finding| (text(&finding["kind"]), text(&finding["joint"]))).collect()
+}
+
+#[test]
+fn a_faulty_set_up_is_said_first_and_its_mapping_mends_it() {
+    let folder = fresh_folder();
+    let joints: Vec<String> = paper_arm().arm.joints().iter().map(|joint| joint.name.clone()).collect();
+    let expected =
+        [("joint_direction".to_owned(), joints[2].clone()), ("torque_unit".to_owned(), joints[1].clone())];
+    let given = ["--model", "paper", "--recording", "run.csv", "--format", "json"];
+    let diagnosis =
+        json(folder.path(), &[&["diagnose", "--out", "out", "--twins", "4"], given.as_slice()].concat());
+    println!("{}", diagnosis["statement"]);
+    assert_eq!(diagnosis["verdict"], "setup");
+    assert_eq!(kinds(&diagnosis), expected);
+    assert_eq!(
+        diagnosis["effects"].as_array().map(Vec::len),
+        Some(0),
+        "nothing is missing from the mended reading"
+    );
+
+    let compared = json(folder.path(), &[&["compare"], given.as_slice()].concat());
+    assert_eq!(kinds(&compared), expected);
+    let mended = [&["compare", "--mapping", "setup.toml"], given.as_slice()].concat();
+    let compared = json(folder.path(), &mended);
+    assert_eq!(kinds(&compared), []);
+    let worst = compared["channels"].as_array().expect("channels").iter().filter_map(|c| c["nrmse"].as_f64());
+    assert!(worst.fold(0.0, f64::max) < 0.05, "{:#}", compared["channels"]);
+
+    let looked = json(folder.path(), &["record", "info", "--model", "paper", "--format", "json", "run.csv"]);
+    assert_eq!(kinds(&looked), expected);
+}
