@@ -169,7 +169,15 @@ fn all_sources(folder: &Path, found: &mut Vec<String>) {
 fn touches_files(text: &str) -> Option<&str> {
     let code = text.split("#[cfg(test)]\nmod tests").next().unwrap_or(text);
     let code = code.split("#[cfg(test)]\npub(crate) mod tests").next().unwrap_or(code);
-    let signs = ["std::fs", "unix::fs::", "OpenOptions", ".from_path(", "rustix::fs::open", "generate_to(", "Connection::open"];
+    let signs = [
+        "std::fs",
+        "unix::fs::",
+        "OpenOptions",
+        ".from_path(",
+        "rustix::fs::open",
+        "generate_to(",
+        "Connection::open",
+    ];
     let is_opening = |line: &str| {
         line.match_indices("File::").any(|(at, _)| {
             let before = line[..at].chars().next_back();

@@ -45,7 +45,7 @@ fn runs(column: &[f64]) -> Vec<std::ops::Range<usize>> {
 impl Grid {
     /// Whether `column` of `recording` is there at each grid point of `stretch`, with `around` s on either side of what is missing; `None` if
     /// nothing is missing.
-    fn present(
+    pub(crate) fn present(
         &self,
         stretch: &Stretch,
         recording: &Recording,

@@ -169,7 +169,8 @@ impl<'a> McapBag<'a> {
             Item::Summary(_) => return Ok(()),
             Item::Damage(what) => {
                 self.is_damaged = true;
-                let note = format!("the bag is damaged at byte {offset} ({what}): its messages there are lost");
+                let note =
+                    format!("the bag is damaged at byte {offset} ({what}): its messages there are lost");
                 self.bag.notes.push(note);
                 return Ok(());
             }

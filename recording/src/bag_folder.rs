@@ -20,7 +20,8 @@ pub(crate) fn is_bag(path: &Path) -> bool {
 /// # Errors
 /// See [`ReadError`].
 pub(crate) fn read(path: &Path, source: &Source, bag: &mut Bag) -> Result<(), ReadError> {
-    let named = freeplay_storage::read_text(&path.join(METADATA)).map(|text| named(&text)).unwrap_or_default();
+    let named =
+        freeplay_storage::read_text(&path.join(METADATA)).map(|text| named(&text)).unwrap_or_default();
     let (there, gone): (Vec<PathBuf>, Vec<PathBuf>) =
         named.iter().map(|name| path.join(name)).partition(|file| file.is_file());
     let files = if there.is_empty() { found(path) } else { there };

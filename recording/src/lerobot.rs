@@ -68,7 +68,8 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>, levels: usize) {
 
 /// Gives the numbers of lists, `observation.state[2]`, the names that `info` has for them: `observation.state.elbow.pos`.
 fn name_lists(foreign: &mut Foreign, info: &Path) {
-    let parsed = freeplay_storage::read_text(info).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
+    let parsed =
+        freeplay_storage::read_text(info).ok().and_then(|text| serde_json::from_str::<Value>(&text).ok());
     let Some(features) = parsed.as_ref().and_then(|info| info["features"].as_object()) else {
         foreign.notes.push(format!("{} can't be read: what lists hold has no names", info.display()));
         return;

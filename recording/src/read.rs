@@ -129,6 +129,10 @@ fn read_named(source: &Source, options: &ImportOptions) -> Result<Recording, Rea
     let source = &Source { size: Some(file.length()), ..*source };
     let head = open::head(&mut file, path)?;
     match Kind::of(&head) {
+        Kind::Mcap | Kind::Sqlite | Kind::Ros1 if mapping.is_some() => {
+            let what = "a mapping file is for columns of text, Parquet, .npz or .mat: turn this into CSV first, freeplay record export --format csv";
+            Err(ReadError::Unusable { file: path.to_path_buf(), what: what.to_owned() })
+        }
         Kind::Mcap => match dispatch(Cursor::new(head).chain(file), source) {
             Err(ReadError::NoTopic { .. }) => from_bag(&options.bag, source),
             // Of a bag, too, only what is damaged is lost.

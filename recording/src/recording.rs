@@ -165,18 +165,24 @@ impl Recording {
 
     /// A column by its name in the contract, or by its own name if it is another.
     pub fn column(&self, name: &str) -> Option<&[f64]> {
-        let column = match role(name) {
-            Ok(Role::Time) => Some(&self.t),
-            Ok(Role::Joint(Group::Position, joint)) => self.q.get(joint),
-            Ok(Role::Joint(Group::Velocity, joint)) => self.qd.as_ref()?.get(joint),
-            Ok(Role::Joint(Group::Torque, joint)) => self.tau.as_ref()?.get(joint),
-            Ok(Role::Joint(Group::Reference, joint)) => self.q_ref.as_ref()?.get(joint),
-            Ok(Role::Joint(Group::Link, joint)) => self.q_link.get(joint)?.as_ref(),
-            Ok(Role::Tool(axis)) => self.tool.as_ref()?.get(axis),
-            Ok(Role::Orientation(part)) => self.orientation.as_ref()?.get(part),
-            _ => self.others.iter().find(|(known, _)| known == name).map(|(_, values)| values),
-        };
-        column.map(Vec::as_slice)
+        // A quantity of a joint without a position stands among the others under its own name.
+        let other = || self.others.iter().find(|(known, _)| known == name).map(|(_, values)| values);
+        self.of_role(role(name).unwrap_or(Role::Other)).or_else(other).map(Vec::as_slice)
+    }
+
+    /// The column that has this meaning.
+    fn of_role(&self, role: Role) -> Option<&Vec<f64>> {
+        match role {
+            Role::Time => Some(&self.t),
+            Role::Joint(Group::Position, joint) => self.q.get(joint),
+            Role::Joint(Group::Velocity, joint) => self.qd.as_ref()?.get(joint),
+            Role::Joint(Group::Torque, joint) => self.tau.as_ref()?.get(joint),
+            Role::Joint(Group::Reference, joint) => self.q_ref.as_ref()?.get(joint),
+            Role::Joint(Group::Link, joint) => self.q_link.get(joint)?.as_ref(),
+            Role::Tool(axis) => self.tool.as_ref()?.get(axis),
+            Role::Orientation(part) => self.orientation.as_ref()?.get(part),
+            Role::Other => None,
+        }
     }
 
     /// The names of all columns in the order of the contract, others last: the order in which
