@@ -37,6 +37,11 @@ const TURNS: usize = 5;
 /// Distance of the points at which a load at the tool is weighed, m.
 const LEVER: f64 = 0.1;
 
+/// Values by joint and row.
+type Rows = Vec<Vec<f64>>;
+/// An arm and the number under which its torques are kept.
+type Numbered<'a> = (usize, &'a Arm);
+
 /// An arm, the rows of a recording, and what was already worked out for them.
 pub(crate) struct Problem<'a> {
     pub arm: &'a Arm,
@@ -49,7 +54,7 @@ pub(crate) struct Problem<'a> {
     loads: Vec<Arm>,
     seen: RefCell<HashMap<Vec<u64>, Rc<Along>>>,
     /// Torques of the arm with other masses along motions, `[joint][row]`.
-    weighed: RefCell<HashMap<Vec<u64>, Rc<Vec<Vec<f64>>>>>,
+    weighed: RefCell<HashMap<Vec<u64>, Rc<Rows>>>,
 }
 
 /// The model along a motion, `[joint][row]`.
@@ -465,7 +470,7 @@ impl<'p, 'a> Torques<'p, 'a> {
     fn beside(&self, gravity: &Vector3<f64>) -> Vec<Vec<Vec<f64>>> {
         let problem = self.problem;
         // An arm with another mass, by its number, and the arm that it is compared with.
-        let mut arms: Vec<(usize, &Arm, Option<(usize, &Arm)>)> = Vec::new();
+        let mut arms: Vec<(usize, &Arm, Option<Numbered>)> = Vec::new();
         let loads = 1 + problem.links.len();
         for change in self.changes {
             match *change {
