@@ -89,7 +89,8 @@ impl Examination<'_> {
         if let Some(other) = kinds::another_arm::found(&best, self.arm.dof(), has_torques, has_tool) {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
-            setup.stop = Some(finding.statement.clone());
+            // Torques alone can be far from any model; geometry can't.
+            setup.stop = (finding.certainty == Certainty::Sure).then(|| finding.statement.clone());
             setup.findings.push(finding);
             return;
         }

@@ -30,6 +30,9 @@ const FRICTION: usize = 3;
 const MOST_ROTOR: f64 = 4.0;
 const MOST_LOAD: f64 = 0.7;
 const MOST_LINK: f64 = 2.0;
+/// What an arm may lack of its mass, and a link of its own: no arm is without weight.
+const LEAST_LOAD: f64 = 0.2;
+const LEAST_LINK: f64 = 0.6;
 /// No unit makes a torque larger or smaller than by this: counts of 16 bits, micronewton metres of a wrist are below.
 const MOST_SCALE: f64 = 1e6;
 /// Rounds in which gravity and scales, whose product is fitted, are fitted in turn.
@@ -350,11 +353,11 @@ impl<'p, 'a> Torques<'p, 'a> {
         let are_masses = self.changes.iter().all(|change| match change {
             Change::Beside(Physics::Payload) => {
                 at += 4;
-                (-MOST_LOAD * mass..=MOST_LOAD * mass).contains(&fitted.shared[at - 4])
+                (-LEAST_LOAD * mass..=MOST_LOAD * mass).contains(&fitted.shared[at - 4])
             }
             Change::Beside(Physics::Link(joint)) if self.problem.links[*joint].is_some() => {
                 at += 1;
-                (-1.0..=MOST_LINK).contains(&fitted.shared[at - 1])
+                (-LEAST_LINK..=MOST_LINK).contains(&fitted.shared[at - 1])
             }
             _ => true,
         });
