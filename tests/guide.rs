@@ -109,6 +109,11 @@ fn writing_a_controller_in_python() {
 }
 
 #[test]
+fn writing_a_scenario() {
+    assert_eq!(play("scenario.md"), 3);
+}
+
+#[test]
 fn ten_minutes() {
     assert_eq!(play("tour.md"), 9);
 }

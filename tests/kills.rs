@@ -70,7 +70,7 @@ impl Stage {
 
     /// A whole run, under strace with `options` if there are any.
     fn whole(&self, strace: &[String]) -> Child {
-        let arguments = ["run", "--quiet", "--controller", "computed-torque", "--out", "out"];
+        let arguments = ["run", "--quiet", "--controller", "computed-torque", "--out", "out", "--force"];
         let sets = ["--set", "duration=0.02", "--set", "recording=mcap", "--set", "patience=5"];
         self.freeplay(strace, &[&arguments[..], &sets].concat()).spawn().expect("it starts")
     }

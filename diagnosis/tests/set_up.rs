@@ -142,7 +142,7 @@ fn jumps_still_channels_and_other_arms_are_found() {
     }
     let setup = examine(&arm, &other);
     println!("{:?}", setup.findings);
-    assert_eq!(sure(&setup), [("another_arm", None)]);
+    assert!(setup.findings.iter().any(|finding| finding.kind == "another_arm"));
 }
 
 fn folder() -> Option<PathBuf> {

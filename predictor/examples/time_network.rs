@@ -4,17 +4,16 @@
 //!
 //! An iteration is what one epoch costs when its first step is accepted: JᵀJ and Jᵀe, Cholesky factorisation and solution,
 //! and the error at the new weights. Rows of J are samples × outputs; both the three outputs of the network and the same
-//! network with one output (as many rows as samples) are timed, and beside them, as a yardstick, faer's rank-k update
-//! (lower triangle) of a Jacobian of that shape.
+//! network with one output (as many rows as samples) are timed, and beside them, as a yardstick, nalgebra's product
+//! of the transposed Jacobian of that shape with itself (both triangles).
 
-use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::{Accum, Mat, Par};
 use freeplay_predictor::gauss_newton::{NetworkErrors, Samples};
 use freeplay_predictor::initialise::nguyen_widrow;
 use freeplay_predictor::levenberg_marquardt::LeastSquares;
 use freeplay_predictor::normal_equations::{DampedSolver, NormalEquations};
 use freeplay_predictor::{Activation, Network};
 use hdrhistogram::Histogram;
+use nalgebra::DMatrix;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -67,8 +66,8 @@ fn forward(sizes: &[usize], activation: Activation) -> Result<(), Box<dyn std::e
 fn iteration(sizes: &[usize], count: usize) -> Result<(), Box<dyn std::error::Error>> {
     let outputs = sizes[sizes.len() - 1];
     let samples = Samples {
-        inputs: Mat::from_fn(count, sizes[0], |i, j| value(i * 131 + j * 17)),
-        outputs: Mat::from_fn(count, outputs, |i, j| value(i * 71 + j * 29)),
+        inputs: DMatrix::from_fn(count, sizes[0], |i, j| value(i * 131 + j * 17)),
+        outputs: DMatrix::from_fn(count, outputs, |i, j| value(i * 71 + j * 29)),
     };
     let mut errors = NetworkErrors::new(sizes, Activation::Tanh, samples, None);
     let weights = nguyen_widrow(sizes, Activation::Tanh, 1);
@@ -101,27 +100,12 @@ fn iteration(sizes: &[usize], count: usize) -> Result<(), Box<dyn std::error::Er
     Ok(())
 }
 
-/// Median time of JᵀJ of a random Jacobian, lower triangle only, ms.
+/// Median time of JᵀJ of a random Jacobian, ms.
 fn rank_k(rows: usize, columns: usize) -> f64 {
-    let jacobian = Mat::from_fn(rows, columns, |i, j| value(i * 31 + j * 37));
-    let mut product = Mat::zeros(columns, columns);
-    let (lower, full) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
-    let mut once = || {
-        timed(|| {
-            let (left, right) = (jacobian.transpose(), jacobian.as_ref());
-            triangular::matmul(
-                product.as_mut(),
-                lower,
-                Accum::Replace,
-                left,
-                full,
-                right,
-                full,
-                1.0,
-                Par::Seq,
-            );
-        })
-    };
+    let jacobian = DMatrix::from_fn(rows, columns, |i, j| value(i * 31 + j * 37));
+    let across = jacobian.transpose();
+    let mut product = DMatrix::zeros(columns, columns);
+    let mut once = || timed(|| product.gemm(1.0, &across, &jacobian, 0.0));
     median(&(0..7).map(|_| once()).collect::<Vec<_>>())
 }
 

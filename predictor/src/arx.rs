@@ -5,6 +5,7 @@
 //! to \[-1, 1\] (A. E. Hoerl, R. W. Kennard, "Ridge regression", Technometrics 12(1), 1970). λ is the one of
 //! [`RIDGES`] with the least mean squared error on the validation windows.
 
+use crate::columns::{column, column_mut};
 use crate::gauss_newton::Samples;
 use crate::narx::{PredictError, scale_regressors};
 use crate::normal_equations::{DampedSolver, NormalEquations};
@@ -13,9 +14,7 @@ use crate::series::Series;
 use crate::split::Split;
 use crate::training::{fit_scaling, scaled};
 use crate::window::{Layout, Window, WindowError, check_windows};
-use faer::linalg::matmul::matmul;
-use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::{Accum, Mat, Par};
+use nalgebra::DMatrix;
 
 /// Ridges λ tried, largest first.
 pub const RIDGES: [f64; 13] =
@@ -37,7 +36,7 @@ pub struct Arx {
 #[derive(Debug, Clone)]
 struct Linear {
     /// Regressors × outputs.
-    coefficients: Mat<f64>,
+    coefficients: DMatrix<f64>,
     offset: Vec<f64>,
 }
 
@@ -111,18 +110,17 @@ impl Arx {
 impl Linear {
     fn outputs(&self, x: &[f64]) -> impl Iterator<Item = f64> {
         self.offset.iter().enumerate().map(move |(output, offset)| {
-            let column = self.coefficients.col_as_slice(output);
-            offset + column.iter().zip(x).map(|(b, x)| b * x).sum::<f64>()
+            offset + column(&self.coefficients, output).iter().zip(x).map(|(b, x)| b * x).sum::<f64>()
         })
     }
 
     fn sum_of_squares(&self, samples: &Samples) -> f64 {
         let mut error = samples.outputs.clone();
         for (output, offset) in self.offset.iter().enumerate() {
-            error.col_as_slice_mut(output).iter_mut().for_each(|e| *e -= offset);
+            column_mut(&mut error, output).iter_mut().for_each(|e| *e -= offset);
         }
-        matmul(error.as_mut(), Accum::Add, &samples.inputs, &self.coefficients, -1.0, Par::Seq);
-        error.squared_norm_l2()
+        error.gemm(-1.0, &samples.inputs, &self.coefficients, 1.0);
+        error.norm_squared()
     }
 }
 
@@ -133,28 +131,19 @@ fn fit_linear(train: Samples, validation: &Samples) -> Result<(Linear, f64), Arx
     let (count, width) = (inputs.nrows() as f64, inputs.ncols());
     let (mean_x, mean_y) = (centre(&mut inputs), centre(&mut outputs));
     let mut equations = NormalEquations::new(width);
-    triangular::matmul(
-        equations.matrix.as_mut(),
-        BlockStructure::TriangularLower,
-        Accum::Replace,
-        inputs.transpose(),
-        BlockStructure::Rectangular,
-        inputs.as_ref(),
-        BlockStructure::Rectangular,
-        1.0,
-        Par::Seq,
-    );
-    let mut moment = Mat::zeros(width, outputs.ncols());
-    matmul(moment.as_mut(), Accum::Replace, inputs.transpose(), &outputs, -1.0, Par::Seq);
+    let across = inputs.transpose();
+    equations.matrix.gemm(1.0, &across, &inputs, 0.0);
+    let mut moment = DMatrix::zeros(width, outputs.ncols());
+    moment.gemm(-1.0, &across, &outputs, 0.0);
     let mut solver = DampedSolver::new(width);
     let mut solve = |ridge: f64| {
-        let mut coefficients = Mat::zeros(width, mean_y.len());
+        let mut coefficients = DMatrix::zeros(width, mean_y.len());
         let mut offset = mean_y.clone();
         for (output, offset) in offset.iter_mut().enumerate() {
-            equations.gradient.copy_from_slice(moment.col_as_slice(output));
-            let column = coefficients.col_as_slice_mut(output);
-            solver.step(&equations, ridge * count, column).ok()?;
-            *offset -= column.iter().zip(&mean_x).map(|(b, x)| b * x).sum::<f64>();
+            equations.gradient.copy_from_slice(column(&moment, output));
+            let found = column_mut(&mut coefficients, output);
+            solver.step(&equations, ridge * count, found).ok()?;
+            *offset -= found.iter().zip(&mean_x).map(|(b, x)| b * x).sum::<f64>();
         }
         let linear = Linear { coefficients, offset };
         let error = linear.sum_of_squares(validation);
@@ -167,10 +156,10 @@ fn fit_linear(train: Samples, validation: &Samples) -> Result<(Linear, f64), Arx
 
 /// Subtracts each column's mean and returns it.
 #[expect(clippy::cast_precision_loss)]
-fn centre(matrix: &mut Mat<f64>) -> Vec<f64> {
+fn centre(matrix: &mut DMatrix<f64>) -> Vec<f64> {
     let (rows, columns) = (matrix.nrows() as f64, matrix.ncols());
-    let centre_column = |column| {
-        let values = matrix.col_as_slice_mut(column);
+    let centre_column = |index| {
+        let values = column_mut(matrix, index);
         let mean = values.iter().sum::<f64>() / rows;
         values.iter_mut().for_each(|value| *value -= mean);
         mean
@@ -184,7 +173,6 @@ mod tests {
     use crate::metrics::score;
     use crate::split::{Fractions, by_block};
     use crate::window::{targets, windows};
-    use nalgebra::DMatrix;
     use rand::{RngExt, SeedableRng};
 
     fn layout() -> Layout {
@@ -238,7 +226,7 @@ mod tests {
         });
         let right = DMatrix::from_fn(rows + width, 1, |i, _| if i < rows { outputs[(i, 0)] } else { 0.0 });
         let expected = stacked.svd(true, true).solve(&right, 0.0).unwrap();
-        let found = arx.linear.coefficients.col_as_slice(0);
+        let found = column(&arx.linear.coefficients, 0);
         let worst = expected.iter().zip(found).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
         eprintln!("ridge {:e}, {found:?}, largest difference {worst:.1e}", arx.ridge());
         assert!(expected.amax() > 0.1 && worst < 1.0e-11);

@@ -10,21 +10,21 @@
 //! Samples are taken in batches small enough for the cache, in a fixed order on one thread: results are reproducible.
 
 use crate::activation::Activation;
+use crate::columns::{column, column_mut};
 use crate::layer_pairs::{BATCH, Block, Layer, add_product};
 use crate::levenberg_marquardt::LeastSquares;
 use crate::network::weight_count;
 use crate::normal_equations::NormalEquations;
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatMut, Par};
+use nalgebra::{DMatrix, DMatrixViewMut};
 use std::ops::Range;
 
 /// Scaled regressors and outputs, one column per channel.
 #[derive(Debug, Clone)]
 pub struct Samples {
     /// Regressors: samples × network inputs.
-    pub inputs: Mat<f64>,
+    pub inputs: DMatrix<f64>,
     /// Outputs: samples × network outputs.
-    pub outputs: Mat<f64>,
+    pub outputs: DMatrix<f64>,
 }
 
 /// A network's training (and validation) errors; implements [`LeastSquares`].
@@ -37,8 +37,8 @@ pub struct NetworkErrors {
     validation: Option<Samples>,
     layers: Vec<Layer>,
     blocks: Vec<Block>,
-    error: Mat<f64>,
-    weighted: Mat<f64>,
+    error: DMatrix<f64>,
+    weighted: DMatrix<f64>,
 }
 
 impl NetworkErrors {
@@ -70,8 +70,8 @@ impl NetworkErrors {
             validation,
             layers,
             blocks,
-            error: Mat::zeros(BATCH, outputs),
-            weighted: Mat::zeros(BATCH, *sizes.iter().max().unwrap_or(&0)),
+            error: DMatrix::zeros(BATCH, outputs),
+            weighted: DMatrix::zeros(BATCH, *sizes.iter().max().unwrap_or(&0)),
         }
     }
 
@@ -81,34 +81,31 @@ impl NetworkErrors {
             return;
         };
         let rows = batch.len();
-        for (column, source) in samples.inputs.col_iter().enumerate() {
-            let target = &mut self.layers[0].entering.col_as_slice_mut(column + 1)[..rows];
-            copy(source.subrows(batch.start, rows), target);
+        for index in 0..samples.inputs.ncols() {
+            let target = &mut column_mut(&mut self.layers[0].entering, index + 1)[..rows];
+            target.copy_from_slice(&column(&samples.inputs, index)[batch.clone()]);
         }
         for index in 0..self.layers.len() {
             let (done, later) = self.layers.split_at_mut(index + 1);
             let layer = &done[index];
-            let from = layer.entering.get(..rows, ..);
+            let from = layer.entering.rows(0, rows);
             let matrix = layer.matrix(weights);
             match later.first_mut() {
                 Some(next) => {
-                    let leaving = next.entering.get_mut(..rows, 1..);
-                    matmul(leaving, Accum::Replace, from, matrix, 1.0, Par::Seq);
+                    let mut leaving = next.entering.view_mut((0, 1), (rows, layer.units));
+                    leaving.gemm(1.0, &from, &matrix, 0.0);
                     for unit in 0..layer.units {
-                        self.activation
-                            .apply(self.arch, &mut next.entering.col_as_slice_mut(unit + 1)[..rows]);
+                        let values = &mut column_mut(&mut next.entering, unit + 1)[..rows];
+                        self.activation.apply(self.arch, values);
                     }
                 }
-                None => {
-                    let error = self.error.get_mut(..rows, ..);
-                    matmul(error, Accum::Replace, from, matrix, 1.0, Par::Seq);
-                }
+                None => self.error.rows_mut(0, rows).gemm(1.0, &from, &matrix, 0.0),
             }
         }
-        for (column, truth) in samples.outputs.col_iter().enumerate() {
-            let error = &mut self.error.col_as_slice_mut(column)[..rows];
-            let truth = truth.subrows(batch.start, rows);
-            error.iter_mut().zip(truth.iter()).for_each(|(error, truth)| *error -= truth);
+        for output in 0..samples.outputs.ncols() {
+            let error = &mut column_mut(&mut self.error, output)[..rows];
+            let truth = &column(&samples.outputs, output)[batch.clone()];
+            error.iter_mut().zip(truth).for_each(|(error, truth)| *error -= truth);
         }
     }
 
@@ -117,7 +114,7 @@ impl NetworkErrors {
         for batch in batches(count) {
             self.forward(weights, &batch, validate);
             for output in 0..self.error.ncols() {
-                sum += self.error.col_as_slice(output)[..batch.len()].iter().map(|e| e * e).sum::<f64>();
+                sum += column(&self.error, output)[..batch.len()].iter().map(|e| e * e).sum::<f64>();
             }
         }
         sum
@@ -129,17 +126,17 @@ impl NetworkErrors {
             let (before, after) = self.layers.split_at_mut(index + 1);
             let (layer, next) = (&mut before[index], &after[0]);
             for unit in 0..layer.units {
-                let value = &next.entering.col_as_slice(unit + 1)[..rows];
-                let slope = &mut layer.slope.col_as_slice_mut(unit)[..rows];
+                let value = &column(&next.entering, unit + 1)[..rows];
+                let slope = &mut column_mut(&mut layer.slope, unit)[..rows];
                 slope.iter_mut().zip(value).for_each(|(slope, value)| *slope = self.activation.slope(*value));
             }
-            let back = next.matrix(weights).get(1.., ..).transpose();
+            // Without the biases, which no unit of this layer feeds.
+            let back = next.matrix(weights).rows(1, next.fan_in).transpose();
             for (delta, later) in layer.delta.iter_mut().zip(&next.delta) {
-                let target = delta.get_mut(..rows, ..);
-                matmul(target, Accum::Replace, later.get(..rows, ..), back, 1.0, Par::Seq);
+                delta.rows_mut(0, rows).gemm(1.0, &later.rows(0, rows), &back, 0.0);
                 for unit in 0..layer.units {
-                    let slope = &layer.slope.col_as_slice(unit)[..rows];
-                    let delta = &mut delta.col_as_slice_mut(unit)[..rows];
+                    let slope = &column(&layer.slope, unit)[..rows];
+                    let delta = &mut column_mut(delta, unit)[..rows];
                     delta.iter_mut().zip(slope).for_each(|(delta, slope)| *delta *= slope);
                 }
             }
@@ -150,17 +147,17 @@ impl NetworkErrors {
     fn add_gradient(&mut self, rows: usize, gradient: &mut [f64]) {
         for layer in &self.layers {
             for unit in 0..layer.units {
-                let sum = &mut self.weighted.col_as_slice_mut(unit)[..rows];
+                let sum = &mut column_mut(&mut self.weighted, unit)[..rows];
                 sum.fill(0.0);
                 for (output, delta) in layer.delta.iter().enumerate() {
-                    let error = &self.error.col_as_slice(output)[..rows];
-                    add_product(sum, error, &delta.col_as_slice(unit)[..rows]);
+                    let error = &column(&self.error, output)[..rows];
+                    add_product(sum, error, &column(delta, unit)[..rows]);
                 }
             }
             let target = &mut gradient[layer.weights.clone()];
-            let target = MatMut::from_column_major_slice_mut(target, layer.fan_in + 1, layer.units);
-            let entering = layer.entering.get(..rows, ..).transpose();
-            matmul(target, Accum::Add, entering, self.weighted.get(..rows, ..layer.units), 1.0, Par::Seq);
+            let mut target = DMatrixViewMut::from_slice(target, layer.fan_in + 1, layer.units);
+            let weighted = self.weighted.view((0, 0), (rows, layer.units));
+            target.gemm(1.0, &layer.samples.columns(0, rows), &weighted, 1.0);
         }
     }
 }
@@ -185,6 +182,7 @@ impl LeastSquares for NetworkErrors {
         for batch in batches(self.training.inputs.nrows()) {
             self.forward(weights, &batch, false);
             self.backward(weights, batch.len());
+            self.layers.iter_mut().for_each(Layer::transpose);
             self.add_gradient(batch.len(), &mut equations.gradient);
             for block in &mut self.blocks {
                 block.add(&self.layers, batch.len());
@@ -201,10 +199,6 @@ impl LeastSquares for NetworkErrors {
         let errors = samples * self.error.ncols();
         Some(self.sum_of_squares(weights, samples, true) / errors as f64)
     }
-}
-
-fn copy(source: faer::ColRef<'_, f64>, target: &mut [f64]) {
-    target.iter_mut().zip(source.iter()).for_each(|(target, value)| *target = *value);
 }
 
 fn batches(count: usize) -> impl Iterator<Item = Range<usize>> {
@@ -224,7 +218,7 @@ mod tests {
 
     fn case(sizes: &[usize], count: usize, seed: u64) -> Case {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        let mut matrix = |columns| Mat::from_fn(count, columns, |_, _| rng.random_range(-1.0..1.0));
+        let mut matrix = |columns| DMatrix::from_fn(count, columns, |_, _| rng.random_range(-1.0..1.0));
         let samples = Samples { inputs: matrix(sizes[0]), outputs: matrix(sizes[sizes.len() - 1]) };
         let weights = (0..weight_count(sizes)).map(|_| rng.random_range(-0.8..0.8)).collect();
         Case { samples, weights }
@@ -243,7 +237,7 @@ mod tests {
     }
 
     /// J by central differences, one column per weight.
-    fn jacobian(sizes: &[usize], activation: Activation, case: &Case) -> Mat<f64> {
+    fn jacobian(sizes: &[usize], activation: Activation, case: &Case) -> DMatrix<f64> {
         let h = 1.0e-5;
         let shifted = |weight: usize, by: f64| {
             let mut weights = case.weights.clone();
@@ -255,7 +249,7 @@ mod tests {
             up.iter().zip(&down).map(|(u, d)| (u - d) / (2.0 * h)).collect::<Vec<_>>()
         };
         let columns: Vec<Vec<f64>> = (0..case.weights.len()).map(column).collect();
-        Mat::from_fn(columns[0].len(), columns.len(), |i, j| columns[j][i])
+        DMatrix::from_fn(columns[0].len(), columns.len(), |i, j| columns[j][i])
     }
 
     #[test]
@@ -277,11 +271,11 @@ mod tests {
                 let mut equations = NormalEquations::new(case.weights.len());
                 problem.linearise(&case.weights, &mut equations);
                 let expected = jacobian.transpose() * &jacobian;
-                let scale = expected.norm_max();
+                let scale = expected.amax();
                 let mut worst = 0.0_f64;
                 let mut informative = 0;
                 for i in 0..case.weights.len() {
-                    let gradient: f64 = jacobian.col(i).iter().zip(&error).map(|(j, e)| j * e).sum();
+                    let gradient: f64 = jacobian.column(i).iter().zip(&error).map(|(j, e)| j * e).sum();
                     worst = worst.max((gradient - equations.gradient()[i]).abs() / scale);
                     for j in 0..=i {
                         informative += usize::from(expected[(i, j)].abs() > 1.0e-6 * scale);

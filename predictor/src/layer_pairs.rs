@@ -13,9 +13,9 @@
 //! pairs (i, i′); on the diagonal both factors are symmetric and only half of each is formed. J itself is never formed,
 //! only one triangle of JᵀJ is, and the work hardly depends on the number of outputs, where a plain JᵀJ grows with it.
 
+use crate::columns::{column, column_mut};
 use crate::network::weight_count;
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatRef, Par};
+use nalgebra::{DMatrix, DMatrixView};
 use std::ops::Range;
 
 /// Samples per batch: the products of the largest pair of layers of the usual networks then fit into the second-level
@@ -30,33 +30,41 @@ pub struct Layer {
     pub fan_in: usize,
     pub units: usize,
     /// What enters, 1 for the bias first: batch × (fan-in + 1).
-    pub entering: Mat<f64>,
+    pub entering: DMatrix<f64>,
+    /// The same, one column a sample: (fan-in + 1) × batch.
+    pub samples: DMatrix<f64>,
     /// Slopes of the activation at what leaves: batch × units.
-    pub slope: Mat<f64>,
+    pub slope: DMatrix<f64>,
     /// Derivatives of output o by the units' sums: per output batch × units.
-    pub delta: Vec<Mat<f64>>,
+    pub delta: Vec<DMatrix<f64>>,
 }
 
 impl Layer {
     pub fn new(sizes: &[usize], layer: usize) -> Self {
         let (fan_in, units, outputs) = (sizes[layer - 1], sizes[layer], sizes[sizes.len() - 1]);
         let start = weight_count(&sizes[..layer]);
-        let entering = Mat::from_fn(BATCH, fan_in + 1, |_, column| f64::from(column == 0));
+        let entering = DMatrix::from_fn(BATCH, fan_in + 1, |_, value| f64::from(value == 0));
         // The derivative of output o by the last layer's sum i is 1 where o = i; earlier layers are overwritten.
-        let last = |output: usize| Mat::from_fn(BATCH, units, |_, unit| f64::from(unit == output));
+        let last = |output: usize| DMatrix::from_fn(BATCH, units, |_, unit| f64::from(unit == output));
         Self {
             weights: start..start + (fan_in + 1) * units,
             fan_in,
             units,
+            samples: entering.transpose(),
             entering,
-            slope: Mat::zeros(BATCH, units),
+            slope: DMatrix::zeros(BATCH, units),
             delta: (0..outputs).map(last).collect(),
         }
     }
 
+    /// Fills [`Layer::samples`] from [`Layer::entering`].
+    pub fn transpose(&mut self) {
+        self.entering.transpose_to(&mut self.samples);
+    }
+
     /// This layer's weights as (fan-in + 1) × units.
-    pub fn matrix<'w>(&self, weights: &'w [f64]) -> MatRef<'w, f64> {
-        MatRef::from_column_major_slice(&weights[self.weights.clone()], self.fan_in + 1, self.units)
+    pub fn matrix<'w>(&self, weights: &'w [f64]) -> DMatrixView<'w, f64> {
+        DMatrixView::from_slice(&weights[self.weights.clone()], self.fan_in + 1, self.units)
     }
 }
 
@@ -65,12 +73,12 @@ impl Layer {
 pub struct Block {
     first: usize,
     second: usize,
-    /// Pairs (of `second`, of `first`) of entering values: batch × pairs.
-    entering: Mat<f64>,
+    /// Pairs (of `second`, of `first`) of entering values: pairs × batch.
+    entering: DMatrix<f64>,
     /// Pairs (of `second`, of `first`) of units: batch × pairs.
-    units: Mat<f64>,
+    units: DMatrix<f64>,
     /// The sums: pairs of entering values × pairs of units.
-    sum: Mat<f64>,
+    sum: DMatrix<f64>,
 }
 
 impl Block {
@@ -83,9 +91,9 @@ impl Block {
         Self {
             first,
             second,
-            entering: Mat::zeros(BATCH, entering),
-            units: Mat::zeros(BATCH, units),
-            sum: Mat::zeros(entering, units),
+            entering: DMatrix::zeros(entering, BATCH),
+            units: DMatrix::zeros(BATCH, units),
+            sum: DMatrix::zeros(entering, units),
         }
     }
 
@@ -103,35 +111,39 @@ impl Block {
     /// Adds a batch of `rows` samples, from the values in `layers`.
     pub fn add(&mut self, layers: &[Layer], rows: usize) {
         let (second, first) = (&layers[self.second], &layers[self.first]);
-        for (pair, (left, right)) in self.pairs(second.fan_in + 1, first.fan_in + 1).enumerate() {
-            let product = &mut self.entering.col_as_slice_mut(pair)[..rows];
-            let left = &second.entering.col_as_slice(left)[..rows];
-            let right = &first.entering.col_as_slice(right)[..rows];
-            product.iter_mut().zip(left).zip(right).for_each(|((p, l), r)| *p = l * r);
-        }
-        for (pair, (left, right)) in self.pairs(second.units, first.units).enumerate() {
-            let sum = &mut self.units.col_as_slice_mut(pair)[..rows];
-            sum.fill(0.0);
-            for (second, first) in second.delta.iter().zip(&first.delta) {
-                add_product(sum, &second.col_as_slice(left)[..rows], &first.col_as_slice(right)[..rows]);
+        let diagonal = self.first == self.second;
+        for sample in 0..rows {
+            let mut products = column_mut(&mut self.entering, sample);
+            let left = column(&second.samples, sample);
+            for (index, right) in column(&first.samples, sample).iter().enumerate() {
+                let left = if diagonal { &left[index..] } else { left };
+                let (now, later) = products.split_at_mut(left.len());
+                now.iter_mut().zip(left).for_each(|(product, left)| *product = left * right);
+                products = later;
             }
         }
-        let entering = self.entering.get(..rows, ..).transpose();
-        let units = self.units.get(..rows, ..);
-        matmul(self.sum.as_mut(), Accum::Add, entering, units, 1.0, Par::Seq);
+        for (pair, (left, right)) in self.pairs(second.units, first.units).enumerate() {
+            let sum = &mut column_mut(&mut self.units, pair)[..rows];
+            sum.fill(0.0);
+            for (second, first) in second.delta.iter().zip(&first.delta) {
+                add_product(sum, &column(second, left)[..rows], &column(first, right)[..rows]);
+            }
+        }
+        self.sum.gemm(1.0, &self.entering.columns(0, rows), &self.units.rows(0, rows), 1.0);
     }
 
     /// Puts the sums where they belong in the lower triangle.
-    pub fn scatter(&self, layers: &[Layer], matrix: &mut Mat<f64>) {
+    pub fn scatter(&self, layers: &[Layer], matrix: &mut DMatrix<f64>) {
         let (second, first) = (&layers[self.second], &layers[self.first]);
         let (height, width) = (second.fan_in + 1, first.fan_in + 1);
         for (pair, (unit, other)) in self.pairs(second.units, first.units).enumerate() {
-            let sums = self.sum.col_as_slice(pair);
-            let (row, column) = (second.weights.start + unit * height, first.weights.start + other * width);
+            let sums = column(&self.sum, pair);
+            let (top, left_edge) =
+                (second.weights.start + unit * height, first.weights.start + other * width);
             for (sum, (left, right)) in sums.iter().zip(self.pairs(height, width)) {
-                matrix[(row + left, column + right)] = *sum;
+                matrix[(top + left, left_edge + right)] = *sum;
                 if self.first == self.second && unit != other {
-                    matrix[(row + right, column + left)] = *sum;
+                    matrix[(top + right, left_edge + left)] = *sum;
                 }
             }
         }

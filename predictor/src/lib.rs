@@ -22,6 +22,7 @@
 pub mod activation;
 pub mod arx;
 pub mod baselines;
+mod columns;
 pub mod gauss_newton;
 pub mod initialise;
 mod layer_pairs;

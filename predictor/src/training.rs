@@ -13,7 +13,7 @@ use crate::scaling::Scaling;
 use crate::series::Series;
 use crate::split::Split;
 use crate::window::{Layout, Window, WindowError, check_windows, targets};
-use faer::Mat;
+use nalgebra::DMatrix;
 use std::ops::ControlFlow;
 
 /// What to train and how.
@@ -165,7 +165,7 @@ pub(crate) fn scaled(
     output_scaling: &Scaling,
 ) -> Samples {
     let (width, outputs) = (layout.width(series.inputs(), series.outputs()), series.outputs());
-    let mut inputs = Mat::zeros(windows.len(), width);
+    let mut inputs = DMatrix::zeros(windows.len(), width);
     let mut row = vec![0.0; width];
     for (index, &window) in windows.iter().enumerate() {
         layout.regressors(series, window, &mut row);
@@ -174,5 +174,5 @@ pub(crate) fn scaled(
     }
     let mut truth = targets(series, windows);
     truth.chunks_exact_mut(outputs).for_each(|row| output_scaling.apply(row));
-    Samples { inputs, outputs: Mat::from_fn(windows.len(), outputs, |i, j| truth[i * outputs + j]) }
+    Samples { inputs, outputs: DMatrix::from_fn(windows.len(), outputs, |i, j| truth[i * outputs + j]) }
 }

@@ -1,7 +1,6 @@
 //! The minimiser against closed forms, a published table, known weights, and another algorithm.
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use faer::Mat;
 use freeplay_predictor::gauss_newton::{NetworkErrors, Samples};
 use freeplay_predictor::initialise::nguyen_widrow;
 use freeplay_predictor::levenberg_marquardt::{MinimiseError, Outcome, Settings, Stop, minimise};
@@ -56,8 +55,8 @@ fn random_samples(count: usize, inputs: usize, seed: u64, truth: impl Fn(&[f64])
         (0..count).map(|_| (0..inputs).map(|_| rng.random_range(-1.0..1.0)).collect()).collect();
     let y: Vec<Vec<f64>> = x.iter().map(|x| truth(x)).collect();
     Samples {
-        inputs: Mat::from_fn(count, inputs, |i, j| x[i][j]),
-        outputs: Mat::from_fn(count, y[0].len(), |i, j| y[i][j]),
+        inputs: DMatrix::from_fn(count, inputs, |i, j| x[i][j]),
+        outputs: DMatrix::from_fn(count, y[0].len(), |i, j| y[i][j]),
     }
 }
 
@@ -185,7 +184,7 @@ fn the_minimum_is_the_one_another_algorithm_finds() {
     let network = Network::new(&sizes, Activation::Tanh, teacher.clone()).unwrap();
     let mut samples = random_samples(200, 2, 5, |x| network.forward(x, &mut network.scratch()).to_vec());
     let mut rng = ChaCha8Rng::seed_from_u64(6);
-    samples.outputs.col_as_slice_mut(0).iter_mut().for_each(|y| *y += rng.random_range(-0.05..0.05));
+    samples.outputs.column_mut(0).iter_mut().for_each(|y| *y += rng.random_range(-0.05..0.05));
     let start: Vec<f64> = teacher.iter().map(|w| w + rng.random_range(-0.1..0.1)).collect();
     let mut problem = NetworkErrors::new(&sizes, Activation::Tanh, samples.clone(), None);
     let ours = run(&mut problem, start.clone(), &exhaustive()).weights;
@@ -314,8 +313,10 @@ fn the_minimum_is_the_one_scipy_finds() {
     ];
     let x = |i: usize| i as f64 / 39.0 * 2.0 - 1.0;
     let y = |x: f64| (3.0 * x).sin() + 0.3 * x * x + 0.02 * (17.0 * x).cos();
-    let samples =
-        Samples { inputs: Mat::from_fn(40, 1, |i, _| x(i)), outputs: Mat::from_fn(40, 1, |i, _| y(x(i))) };
+    let samples = Samples {
+        inputs: DMatrix::from_fn(40, 1, |i, _| x(i)),
+        outputs: DMatrix::from_fn(40, 1, |i, _| y(x(i))),
+    };
     let sizes = [1, 3, 1];
     let mut problem = NetworkErrors::new(&sizes, Activation::Tanh, samples, None);
     let start = vec![0.2, 1.0, -0.5, 2.0, 0.4, -1.0, 0.1, 0.8, 0.5, -0.6];

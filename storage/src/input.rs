@@ -119,7 +119,7 @@ pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, StorageError> {
         return Err(failed(Refusal::TooLarge { limit }.into()));
     }
     let mut bytes = Vec::new();
-    (&mut file).take(limit + 1).read_to_end(&mut bytes).map_err(failed)?;
+    (&mut file).take(limit.saturating_add(1)).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > limit {
         return Err(failed(Refusal::TooLarge { limit }.into()));
     }

@@ -11,6 +11,11 @@ use super::reading::Reading;
 use super::samples::Samples;
 use super::search::Search;
 
+/// Changes with how sure each is.
+type Certain = Vec<(Change, Certainty)>;
+/// Changes with what explains as much as each.
+type Rivals = Vec<(Change, String)>;
+
 /// Least log odds of a change, its price and its prior odds taken off, the rows counted as far as they are independent: 1000 to 1.
 const OVERWHELMING: f64 = 6.9;
 /// Of a channel that a change mends, the variance that is left has to fall by these factors for a sure and for a likely finding.
@@ -84,7 +89,8 @@ impl Examination<'_> {
         if let Some(other) = kinds::another_arm::found(&best, self.arm.dof(), has_torques, has_tool) {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
-            setup.stop = Some(finding.statement.clone());
+            // Torques alone can be far from any model; geometry can't.
+            setup.stop = (finding.certainty == Certainty::Sure).then(|| finding.statement.clone());
             setup.findings.push(finding);
             return;
         }
@@ -117,7 +123,7 @@ impl Examination<'_> {
     }
 
     /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
-    fn settled(&self, search: &Search) -> (Outcome, Vec<(Change, Certainty)>, Vec<(Change, String)>) {
+    fn settled(&self, search: &Search) -> (Outcome, Certain, Rivals) {
         let mut best = search.best();
         loop {
             let (certain, rivals) = self.certain(search, &best);
@@ -134,7 +140,7 @@ impl Examination<'_> {
     }
 
     /// The changes of `best` that are sure or likely, each with what explains as much.
-    fn certain(&self, search: &Search, best: &Outcome) -> (Vec<(Change, Certainty)>, Vec<(Change, String)>) {
+    fn certain(&self, search: &Search, best: &Outcome) -> (Certain, Rivals) {
         let counts = rows_per_one(best);
         let (mut certain, mut rivals) = (Vec::new(), Vec::new());
         let asked = best
@@ -207,7 +213,7 @@ fn certainty(change: &Change, best: &Outcome, other: &Outcome, counts: &[f64]) -
             fall = fall.max((other.left[c] + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
         }
     }
-    if !(odds > OVERWHELMING) {
+    if odds.is_nan() || odds <= OVERWHELMING {
         return None;
     }
     match fall {

@@ -30,12 +30,20 @@ const FRICTION: usize = 3;
 const MOST_ROTOR: f64 = 4.0;
 const MOST_LOAD: f64 = 0.7;
 const MOST_LINK: f64 = 2.0;
+/// What an arm may lack of its mass, and a link of its own: no arm is without weight.
+const LEAST_LOAD: f64 = 0.2;
+const LEAST_LINK: f64 = 0.6;
 /// No unit makes a torque larger or smaller than by this: counts of 16 bits, micronewton metres of a wrist are below.
 const MOST_SCALE: f64 = 1e6;
 /// Rounds in which gravity and scales, whose product is fitted, are fitted in turn.
 const TURNS: usize = 5;
 /// Distance of the points at which a load at the tool is weighed, m.
 const LEVER: f64 = 0.1;
+
+/// Values by joint and row.
+type Rows = Vec<Vec<f64>>;
+/// An arm and the number under which its torques are kept.
+type Numbered<'a> = (usize, &'a Arm);
 
 /// An arm, the rows of a recording, and what was already worked out for them.
 pub(crate) struct Problem<'a> {
@@ -49,7 +57,7 @@ pub(crate) struct Problem<'a> {
     loads: Vec<Arm>,
     seen: RefCell<HashMap<Vec<u64>, Rc<Along>>>,
     /// Torques of the arm with other masses along motions, `[joint][row]`.
-    weighed: RefCell<HashMap<Vec<u64>, Rc<Vec<Vec<f64>>>>>,
+    weighed: RefCell<HashMap<Vec<u64>, Rc<Rows>>>,
 }
 
 /// The model along a motion, `[joint][row]`.
@@ -345,11 +353,11 @@ impl<'p, 'a> Torques<'p, 'a> {
         let are_masses = self.changes.iter().all(|change| match change {
             Change::Beside(Physics::Payload) => {
                 at += 4;
-                (-MOST_LOAD * mass..=MOST_LOAD * mass).contains(&fitted.shared[at - 4])
+                (-LEAST_LOAD * mass..=MOST_LOAD * mass).contains(&fitted.shared[at - 4])
             }
             Change::Beside(Physics::Link(joint)) if self.problem.links[*joint].is_some() => {
                 at += 1;
-                (-1.0..=MOST_LINK).contains(&fitted.shared[at - 1])
+                (-LEAST_LINK..=MOST_LINK).contains(&fitted.shared[at - 1])
             }
             _ => true,
         });
@@ -465,7 +473,7 @@ impl<'p, 'a> Torques<'p, 'a> {
     fn beside(&self, gravity: &Vector3<f64>) -> Vec<Vec<Vec<f64>>> {
         let problem = self.problem;
         // An arm with another mass, by its number, and the arm that it is compared with.
-        let mut arms: Vec<(usize, &Arm, Option<(usize, &Arm)>)> = Vec::new();
+        let mut arms: Vec<(usize, &Arm, Option<Numbered>)> = Vec::new();
         let loads = 1 + problem.links.len();
         for change in self.changes {
             match *change {

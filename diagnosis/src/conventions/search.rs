@@ -127,7 +127,7 @@ fn steps(problem: &Problem, start: &[Change], with_reading: bool, most: usize) -
         let added = added(problem, &best, with_reading, &mut promising);
         let next = added.into_iter().chain(dropped(problem, &best, with_reading));
         let Some(next) = next.max_by(|a, b| a.evidence.total_cmp(&b.evidence)) else { break };
-        if !(next.evidence > best.evidence) {
+        if next.evidence.is_nan() || next.evidence <= best.evidence {
             break;
         }
         // Physics beside it changes little of what else is promising; another reading changes all.
@@ -212,7 +212,7 @@ fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
 fn is_settled(outcome: &Outcome) -> bool {
     /// A fault of the reading leaves more than a tenth of the variance of some channel.
     const LITTLE: f64 = 0.1;
-    outcome.left.iter().all(|left| !(*left > LITTLE))
+    outcome.left.iter().all(|left| left.is_nan() || *left <= LITTLE)
 }
 
 /// The place within `width` of `about` where `value` is greatest (Kiefer 1953).

@@ -70,11 +70,10 @@ fn seal_below(folder: &Path, prefix: &str, files: &mut BTreeMap<String, SealedFi
         match entry.kind {
             EntryKind::Folder => seal_below(&entry.path, &format!("{named}/"), files)?,
             EntryKind::File => drop(files.insert(named, seal(&entry.path)?)),
-            _ => {
+            kind => {
+                let what = if kind == EntryKind::Link { "it is a link" } else { "it is no file" };
                 let shown = entry.path.display();
-                return Err(Failure::input(format!(
-                    "{shown}: no file of its own; put a copy of the file in its place"
-                )));
+                return Err(Failure::input(format!("{shown}: {what}; put a copy of the file in its place")));
             }
         }
     }

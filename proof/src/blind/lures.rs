@@ -45,6 +45,6 @@ impl Held {
 impl Drop for Held {
     fn drop(&mut self) {
         // It is of no use any more; a folder that can't be written to was refused before.
-        let _ = std::fs::remove_file(&self.canary);
+        let _ = freeplay_storage::remove_file(&self.canary);
     }
 }

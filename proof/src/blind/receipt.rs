@@ -224,6 +224,9 @@ impl Form {
             Err(error) if error.classify() == Category::Data => return Ok(Form::Wrong(error.to_string())),
             Err(error) => return Err(Failure::input(format!("{shown}: {error}; {WANTED}"))),
         };
+        if value.get("schema").is_none() && value.get("parts").is_none() {
+            return Err(Failure::input(format!("{shown}: it is no receipt; {WANTED}")));
+        }
         if value["schema"] == EARLIER {
             let program = value["parts"][0]["program"]["sha256"].as_str().unwrap_or("of its first part");
             return Err(Failure::input(format!(

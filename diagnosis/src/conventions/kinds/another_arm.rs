@@ -28,7 +28,7 @@ pub(crate) fn found(
     let is_odd = 2 * odd > judged.len();
     let certainty = match (has_torques && !judged.is_empty(), has_tool) {
         (_, true) if is_away => Certainty::Sure,
-        (true, false) if is_odd => Certainty::Sure,
+        (true, false) if is_odd => Certainty::Likely,
         _ => return None,
     };
     let left =
