@@ -332,3 +332,29 @@ fn twenty_thousand_columns_are_read_in_seconds() {
     assert_eq!((recording.joints(), found), (COLUMNS, COLUMNS + 1));
     assert!(begun.elapsed().as_secs() < 60);
 }
+
+/// One flipped bit in a bag costs the messages of its chunk, wherever the channels were described.
+#[test]
+fn a_damaged_chunk_of_a_bag_costs_its_messages_alone() {
+    const MESSAGES: u64 = 40_000;
+    let state = |k: u64| joint_state(START + k * 1_000_000, &["a"], &[(k as f64).sin()], &[], &[]);
+    let messages: Vec<_> =
+        (0..MESSAGES).map(|k| ("/joint_states", STATES, START + k * 1_000_000, state(k))).collect();
+    let folder = folder();
+    let path = folder.path().join("bag.mcap");
+    bag(&path, &messages);
+    let bytes = fs::read(&path).expect("read");
+    // In the chunk that describes the channels, and anywhere: in a chunk or in the index of one.
+    for at in [1_000, bytes.len() / 3, bytes.len() / 2] {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 4;
+        fs::write(&path, damaged).expect("written");
+        for recording in [import_bag(&path, &BagOptions::default()), freeplay_recording::read(&path, None)] {
+            let recording = recording.unwrap_or_else(|error| panic!("{at}: {error}"));
+            println!("{at}: {} of {MESSAGES}, {:?}", recording.len(), recording.notes);
+            let is_told = recording.notes.iter().any(|note| note.contains("the bag is damaged at byte"));
+            assert_eq!(is_told, recording.len() < MESSAGES as usize);
+            assert!(recording.len() > MESSAGES as usize / 4 && (is_told || at != 1_000));
+        }
+    }
+}
