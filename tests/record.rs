@@ -65,8 +65,11 @@ fn a_csv_in_degrees_is_imported_and_what_does_not_fit_is_said() {
     let recording = freeplay_recording::read(&ran.folder.path().join("r.mcap"), Some(2)).expect("read");
     assert_eq!((recording.t[1], recording.q[0][1]), (0.004, std::f64::consts::PI));
 
-    let ran = record(ran.folder, &["import", "log.csv", "--out", "s.mcap"]).expect(3);
-    assert!(ran.stderr().contains("say with --mapping FILE what its columns mean"), "{}", ran.dump());
+    let ran = record(ran.folder, &["import", "log.csv", "--out", "guessed.mcap"]).expect(0);
+    let guessed = std::fs::read_to_string(ran.folder.path().join("guessed.mapping.toml")).expect("a mapping");
+    for words in ["columns = \"ms\"", "unit = \"ms\"", "columns = [\"j1\", \"j2\"]"] {
+        assert!(guessed.contains(words) && ran.stdout().contains(words), "{guessed}");
+    }
     std::fs::write(ran.folder.path().join("log.csv"), "ms,j1,j2\n0,0,90\n4,x,45\n").expect("written");
     let again = ["import", "log.csv", "--mapping", "map.toml", "--out", "s.mcap"];
     let ran = record(ran.folder, &again).expect(3);

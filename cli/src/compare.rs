@@ -34,7 +34,7 @@ pub struct CompareArgs {
     /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// The recording: CSV or MCAP, from a machine or from `freeplay run`.
+    /// The recording, of any kind that `freeplay record` reads, from a machine or from `freeplay run`.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
     /// What the columns of the recording mean, a mapping file such as the setup.toml of a diagnosis; for CSV.
@@ -331,6 +331,10 @@ fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Char
         }
         Series::line(name, &t, &y)
     };
+    let there = |values: &[f64]| -> Vec<f64> {
+        let Some(present) = &channel.present else { return values.to_vec() };
+        values.iter().zip(present).map(|(value, present)| if *present { *value } else { f64::NAN }).collect()
+    };
     let what = match channel.kind {
         Kind::Torque(_) if channel.unit == "N" => "force",
         Kind::Torque(_) => "torque",
@@ -338,10 +342,10 @@ fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Char
     };
     let chart =
         Chart::trace(label(error), Axis::new("time", "s"), Axis::new(what, unit)).group("time").in_view(0.0);
-    let difference = line("measured − model", &channel.residual());
+    let difference = line("measured − model", &there(&channel.residual()));
     if matches!(channel.kind, Kind::Torque(_)) {
         chart
-            .series(line("measured", &channel.measured))
+            .series(line("measured", &there(&channel.measured)))
             .series(line("model", &channel.model))
             .series(difference.dashed())
     } else {

@@ -36,7 +36,7 @@ impl Measured {
     /// # Errors
     /// The model's own, as bad input.
     pub fn model(&self, model: &str, tip: Option<&str>) -> Result<ArmFile, Failure> {
-        let joints = recorded::joint_names(&self.0);
+        let joints = self.0.joint_names.clone();
         load_selected(model, &Selection { tip: tip.map(str::to_owned), joints })
     }
 

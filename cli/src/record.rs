@@ -1,24 +1,23 @@
 //! `freeplay record`: what is in a recording, to other forms, and from other people's forms.
 
-use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
 use comfy_table::{CellAlignment, Table, presets};
 use freeplay_diagnosis::examine;
 use freeplay_harness::setup::load_model;
-use freeplay_recording::{BagOptions, Group, Mapping, Recording};
+use freeplay_recording::{BagOptions, Group, ImportOptions, Mapping, Recording};
 use freeplay_report::one_line;
 use freeplay_report::text::{Digits, NOTHING, number};
-use freeplay_storage::{InputFile, same_file};
+use freeplay_storage::same_file;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::files::unreadable;
 use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
 use serde_json::{Value, json};
 
 use crate::check;
+
 /// Looks into recordings and turns them into other forms.
 #[derive(Args, Debug)]
 pub struct RecordArgs {
@@ -32,13 +31,13 @@ enum Action {
     Info(InfoArgs),
     /// Write a recording in another form: CSV, Parquet or MCAP.
     Export(ExportArgs),
-    /// Turn somebody else's recording into one of ours: a ROS 2 bag, a CSV with other columns, a libfranka log.
+    /// Turn somebody else's recording into one of ours: a ROS bag, a CSV with other columns, Parquet, NumPy, MATLAB, a robot's log.
     Import(ImportArgs),
 }
 
 #[derive(Args, Debug)]
 struct InfoArgs {
-    /// The recording, MCAP or CSV.
+    /// The recording, of any kind that can be read.
     recording: PathBuf,
     /// The model of its arm, URDF or TOML: with it, whether both mean the same (units, signs, order, zeros, gravity, clocks).
     #[arg(long, value_name = "FILE")]
@@ -61,7 +60,7 @@ enum Form {
 
 #[derive(Args, Debug)]
 struct ExportArgs {
-    /// The recording, MCAP or CSV.
+    /// The recording, of any kind that can be read.
     recording: PathBuf,
     /// The form to write.
     #[arg(long)]
@@ -76,18 +75,18 @@ struct ExportArgs {
 
 #[derive(Args, Debug)]
 struct ImportArgs {
-    /// The file: an MCAP bag of ROS 2, or a CSV.
+    /// The file or folder: a ROS bag (MCAP, SQLite, ROS 1), CSV, Parquet, a LeRobot data set, .npz, .mat.
     file: PathBuf,
-    /// What the columns of the CSV mean: a mapping file; a libfranka log needs none.
+    /// What the columns mean: a mapping file; without it they are taken by their names, and the mapping is written beside the recording.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
-    /// The bag's topic of sensor_msgs/msg/JointState; without it: the only one.
+    /// The bag's topic of sensor_msgs/JointState; without it: the only one, or /joint_states.
     #[arg(long)]
     topic: Option<String>,
     /// The bag's topic of geometry_msgs/msg/PoseStamped with the tool's pose in the base frame; without it: the only one.
     #[arg(long)]
     pose_topic: Option<String>,
-    /// The bag's joints from base to tool; without it: all, in the order of the first message.
+    /// The joints from base to tool, each by its name or a part of it that no other has; without it: all, in the order of the file.
     #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
     joints: Vec<String>,
     /// The recording to write, .mcap, .csv or .parquet.
@@ -182,12 +181,25 @@ fn describe(recording: &Recording) -> Value {
     let median = timing.map(|_| recording.median_step());
     json!({
         "schema": "freeplay.recording-info/1", "file": recording.origin, "joints": recording.joints(),
+        "joint_names": recording.joint_names, "mapping": recording.guessed,
         "samples": recording.len(), "duration_s": timing.map(|(duration, _)| duration), "rate_hz": timing.map(|(_, rate)| rate),
         "step_s": { "min": shortest, "median": median, "max": longest },
         "tool_tracked": recording.tool.is_some(), "columns": columns,
         "metadata": recording.metadata.iter().map(|(key, value)| (key.clone(), json!(value))).collect::<serde_json::Map<_, _>>(),
         "events": recording.events, "truncated": recording.truncated, "notes": recording.notes,
     })
+}
+
+/// More columns outside the contract are named on one line.
+const MOST_OTHERS: usize = 6;
+
+/// The joints' names, where there are any.
+fn joints_in_words(recording: &Recording) -> String {
+    match recording.joint_names.as_slice() {
+        [] => String::new(),
+        [only] => format!("joint q1: {only}\n\n"),
+        names => format!("joints q1…q{}: {}\n\n", names.len(), names.join(", ")),
+    }
 }
 
 fn in_words(recording: &Recording) -> String {
@@ -209,11 +221,18 @@ fn in_words(recording: &Recording) -> String {
         recording.joints(),
         samples(recording),
     );
+    text += &joints_in_words(recording);
     let mut table = Table::new();
     table.load_style(presets::NOTHING).set_header(["column", "unit", "least", "greatest", ""]);
-    for (name, values) in recording.named() {
+    let others = recording.others.len();
+    let shown = recording.columns().len() - if others > MOST_OTHERS { others } else { 0 };
+    for (name, values) in recording.named().take(shown) {
         let (range, odd) = range(values);
-        let note = if odd == 0 { String::new() } else { format!("{odd} not finite") };
+        let note = match odd {
+            0 => String::new(),
+            odd if odd == values.len() => "missing".to_owned(),
+            odd => format!("missing in {odd}"),
+        };
         let [least, most] =
             range.map_or([(); 2].map(|()| NOTHING.to_owned()), |both| both.map(|value| fixed(value, 6)));
         table.add_row([name.as_str(), unit(&name), &least, &most, &note]);
@@ -224,6 +243,13 @@ fn in_words(recording: &Recording) -> String {
         }
     }
     text += &format!("{table}\n");
+    if others > MOST_OTHERS {
+        let names: Vec<&str> = recording.others.iter().map(|(name, _)| name.as_str()).collect();
+        text += &format!(
+            "\n{others} other columns, not used (--format json shows their ranges): {}\n",
+            names.join(", ")
+        );
+    }
     if !recording.metadata.is_empty() {
         let keys: Vec<&str> = recording.metadata.iter().map(|(key, _)| key.as_str()).collect();
         text += &format!("\nmetadata: {} (--format json shows them)\n", one_line(&keys.join(", ")));
@@ -254,44 +280,34 @@ fn export(args: &ExportArgs) -> Result<Exit, Failure> {
 
 fn import(args: &ImportArgs) -> Result<Exit, Failure> {
     may_write(&args.out, &args.file, args.force)?;
-    let head = head(&args.file)?;
-    let recording = if head.starts_with(&[0x89, b'M', b'C', b'A', b'P']) {
-        let options = BagOptions {
-            topic: args.topic.clone(),
-            pose_topic: args.pose_topic.clone(),
-            joints: args.joints.clone(),
-        };
-        freeplay_recording::import_bag(&args.file, &options)
-    } else {
-        let mapping = match &args.mapping {
-            Some(path) => Mapping::load(path).map_err(Failure::input)?,
-            None if String::from_utf8_lossy(&head).contains("state.q[0]") => Mapping::libfranka(),
-            None if head.starts_with(b"t,q1") => {
-                return Err(Failure::input(format!(
-                    "{}: has the columns of a recording already: use it as it is, or freeplay record export turns it into another form",
-                    args.file.display()
-                )));
-            }
-            None => {
-                return Err(Failure::input(format!(
-                    "{}: neither an MCAP bag nor a libfranka log: say with --mapping FILE what its columns mean",
-                    args.file.display()
-                )));
-            }
-        };
-        freeplay_recording::import_csv(&args.file, &mapping)
+    let mapping = args.mapping.as_deref().map(Mapping::load).transpose().map_err(Failure::input)?;
+    let bag = BagOptions {
+        topic: args.topic.clone(),
+        pose_topic: args.pose_topic.clone(),
+        joints: args.joints.clone(),
     };
-    write(&recording.map_err(Failure::input)?, &args.out)
+    let recording = freeplay_recording::import(&args.file, &ImportOptions { mapping, bag });
+    let mut recording = recording.map_err(Failure::input)?;
+    if !args.joints.is_empty() && !is_named_as(&recording, &args.joints) {
+        recording = recording.for_joints(&args.joints).map_err(Failure::input)?;
+    }
+    let Some(guessed) = recording.guessed.take() else { return write(&recording, &args.out) };
+    let beside = args.out.with_extension("mapping.toml");
+    may_write(&beside, &args.file, args.force)?;
+    let done = write(&recording, &args.out)?;
+    freeplay_terminal::files::write(&beside, &guessed)?;
+    say(&format!(
+        "\n{guessed}\n{}: this mapping; correct what is wrong, and import again with --mapping {} --force\n",
+        beside.display(),
+        beside.display()
+    ))?;
+    Ok(done)
 }
 
-/// The first line of `file`, at most some thousand bytes.
-fn head(file: &Path) -> Result<Vec<u8>, Failure> {
-    const LONGEST: u64 = 1 << 16;
-    let failed = |error| unreadable(file, error);
-    let mut line = Vec::new();
-    let input = BufReader::new(InputFile::open(file)?);
-    input.take(LONGEST).read_until(b'\n', &mut line).map_err(failed)?;
-    Ok(line)
+/// Whether the joints of `recording` are those asked for, one by one.
+fn is_named_as(recording: &Recording, asked: &[String]) -> bool {
+    let names = &recording.joint_names;
+    names.len() == asked.len() && names.iter().zip(asked).all(|(name, asked)| name.contains(asked.as_str()))
 }
 
 /// Whether `out` may be written: it is not the source, and not there unless `force`.
@@ -317,7 +333,8 @@ fn write(recording: &Recording, out: &Path) -> Result<Exit, Failure> {
         messages::note(format_args!("note: {note}"));
     }
     say(&format!(
-        "{}: {} of {} columns, {:.1} kB\n",
+        "{}{}: {} of {} columns, {:.1} kB\n",
+        joints_in_words(recording).replace("\n\n", "\n"),
         summary.file.display(),
         samples(recording),
         recording.columns().len(),

@@ -100,7 +100,7 @@ impl Comparison {
     pub fn tool_distance(&self) -> Option<f64> {
         let tool = self.channels.iter().filter(|channel| matches!(channel.kind, Kind::Tool(_)));
         let squares: Vec<f64> = tool.map(|channel| channel.rmse.powi(2)).collect();
-        (!squares.is_empty()).then(|| squares.iter().sum::<f64>().sqrt())
+        (squares.len() == 3).then(|| squares.iter().sum::<f64>().sqrt())
     }
 }
 
@@ -142,6 +142,9 @@ pub(crate) fn in_parts(
         channels.iter_mut().zip(&residuals.channels).for_each(|(tally, channel)| tally.add(channel));
         curves.add(residuals);
     }
+    let missing: Vec<Kind> =
+        channels.iter().filter(|channel| channel.is_missing()).map(|channel| channel.kind).collect();
+    channels.retain(|channel| !channel.is_missing());
     let errors: Vec<ChannelError> = channels.iter().map(|channel| channel.error(arm)).collect();
     let mut notes = recording.notes.clone();
     notes.extend_from_slice(treatment.notes());
@@ -160,5 +163,7 @@ pub(crate) fn in_parts(
         setup: examine(arm, recording).findings,
         notes,
     };
-    Ok((comparison, curves.finish()))
+    let mut curves = curves.finish();
+    curves.channels.retain(|channel| !missing.contains(&channel.kind));
+    Ok((comparison, curves))
 }

@@ -84,6 +84,12 @@ fn extremes(channels: &[Channel], range: Range<usize>) -> Vec<usize> {
 fn take(whole: &mut Channel, part: &Channel, kept: &[usize]) {
     whole.measured.extend(kept.iter().map(|&k| part.measured[k]));
     whole.model.extend(kept.iter().map(|&k| part.model[k]));
+    let present = |k: usize| part.present.as_ref().is_none_or(|present| present[k]);
+    if whole.present.is_some() || !kept.iter().all(|&k| present(k)) {
+        let all = whole.present.get_or_insert_default();
+        all.resize(whole.measured.len() - kept.len(), true);
+        all.extend(kept.iter().map(|&k| present(k)));
+    }
     if let (Some(whole), Some(part)) = (&mut whole.friction, &part.friction) {
         whole.extend(kept.iter().map(|&k| part[k]));
     }
@@ -96,6 +102,7 @@ fn without_points(channel: &Channel) -> Channel {
         unit: channel.unit,
         measured: Vec::new(),
         model: Vec::new(),
+        present: None,
         friction: channel.friction.as_ref().map(|_| Vec::new()),
     }
 }

@@ -12,6 +12,7 @@ use freeplay_recording::Recording;
 
 use crate::filter::{LowPass, derivatives};
 use crate::motion::{LEAST_CUTOFF, Treatment};
+use crate::presence::only;
 use crate::statistics::Moments;
 
 /// Bands, each a third of an octave wide: the cutoff is not lowered by more than two octaves.
@@ -37,7 +38,14 @@ pub(crate) fn cutoff_for(arm: &Arm, recording: &Recording, treatment: &Treatment
     let joints: Vec<Vec<Astray>> = measured
         .iter()
         .zip(&torques)
-        .map(|(measured, model)| astray(&below(model), &below(&treatment.whole_column(recording, measured))))
+        .filter(|(measured, _)| measured.iter().any(|torque| !torque.is_nan()))
+        .map(|(measured, model)| {
+            let present = treatment.present(recording, measured);
+            let of = |columns: Vec<Vec<f64>>| -> Vec<Vec<f64>> {
+                columns.iter().map(|column| only(column, present.as_deref()).into_owned()).collect()
+            };
+            astray(&of(below(model)), &of(below(&treatment.whole_column(recording, measured))))
+        })
         .collect();
     let is_worth = |band: &usize| {
         let of_joints = |of: fn(&Astray) -> f64| middle(joints.iter().map(|joint| of(&joint[band - 1])));

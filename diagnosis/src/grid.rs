@@ -6,6 +6,7 @@ use std::ops::Range;
 use freeplay_recording::Recording;
 
 use crate::error::ResidualError;
+use crate::presence::bridged;
 use crate::stamps::steadied;
 use crate::statistics::{roughness, span};
 
@@ -144,25 +145,25 @@ impl Grid {
         1.0 / self.step
     }
 
-    /// The samples of `column` on the grid points of `stretch`.
+    /// The samples of `column` on the grid points of `stretch`, with what is missing bridged.
     pub(crate) fn resample<'a>(
         &self,
         stretch: &Stretch,
         recording: &Recording,
         column: &'a [f64],
     ) -> Cow<'a, [f64]> {
-        let column = &column[stretch.rows.clone()];
-        if stretch.even {
-            return Cow::Borrowed(column);
-        }
         let t = stretch.times.as_deref().unwrap_or_else(|| &recording.t[stretch.rows.clone()]);
+        let column = bridged(t, &column[stretch.rows.clone()]);
+        if stretch.even {
+            return column;
+        }
         let mut below = 0;
         let point = |k: usize| {
             let time = stretch.start + k as f64 * self.step;
             while below + 2 < t.len() && t[below + 1] <= time {
                 below += 1;
             }
-            interpolate(t, column, below, time)
+            interpolate(t, &column, below, time)
         };
         Cow::Owned((0..stretch.len).map(point).collect())
     }

@@ -37,14 +37,16 @@ mod long;
 #[cfg(test)]
 #[path = "../tests/common/mod.rs"]
 mod made;
-mod matching;
 mod motion;
 mod notes;
 pub mod page;
+mod presence;
 pub mod recorded;
 mod residual;
+mod rest;
 mod stamps;
 mod statistics;
+mod stuck;
 mod tally;
 
 pub use comparison::{ChannelError, Comparison, SCHEMA, compare};

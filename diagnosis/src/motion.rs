@@ -10,6 +10,7 @@ use crate::cutoff::cutoff_for;
 use crate::error::ResidualError;
 use crate::filter::{LowPass, derivatives};
 use crate::grid::{Grid, Stretch};
+use crate::presence::only;
 use crate::statistics::Quantile;
 
 /// The default cutoff: this share of the sampling rate, within these bounds, Hz.
@@ -291,8 +292,13 @@ impl Treatment {
 
     /// Standard deviation of white noise that has in the octave above the cutoff what `column`, on all grid points, has there.
     ///
-    /// By a `quantile` of its size: what jumps now and then is no noise (Hampel 1974).
-    pub(crate) fn deviation_above(&self, column: &[f64], quantile: Quantile) -> f64 {
+    /// By a `quantile` of its size where it is `present`: what jumps now and then is no noise (Hampel 1974).
+    pub(crate) fn deviation_above(
+        &self,
+        column: &[f64],
+        present: Option<&[bool]>,
+        quantile: Quantile,
+    ) -> f64 {
         let (rate_hz, cutoff_hz) = (self.rate_hz(), self.filter.cutoff_hz());
         let Ok(wider) = LowPass::new(rate_hz, (2.0 * cutoff_hz).min(MOST_FINE * rate_hz)) else { return 0.0 };
         let mut band = Vec::with_capacity(column.len());
@@ -306,6 +312,7 @@ impl Treatment {
                     .map(|(wide, narrow)| (wide - narrow).abs()),
             );
         }
+        let mut band = only(&band, present).into_owned();
         let place = (quantile.below * band.len() as f64) as usize;
         if band.is_empty() {
             return 0.0;

@@ -5,6 +5,7 @@ use freeplay_recording::Recording;
 
 use crate::comparison::ChannelError;
 use crate::motion::Treatment;
+use crate::presence::only;
 use crate::statistics::white_noise;
 use crate::tally::Tally;
 
@@ -73,7 +74,10 @@ impl MotionTally {
             joint.recorded.add(&recorded);
             joint.smooth.add(&smooth);
             if let Some(velocity) = recording.qd.as_ref().map(|qd| treatment.smooth(recording, &qd[index])) {
+                let present = recording.qd.as_ref().and_then(|qd| treatment.present(recording, &qd[index]));
+                let present = present.as_deref();
                 let off: Vec<f64> = velocity.iter().zip(&derived).map(|(v, derived)| v - derived).collect();
+                let (derived, off) = (only(&derived, present), only(&off, present));
                 joint.derived.add(&derived);
                 joint.off.add(&off);
             }
@@ -120,7 +124,7 @@ fn removed(recorded: &Tally, smooth: &Tally) -> Option<f64> {
 }
 
 /// Deviation of the white noise of an encoder that read `q`, or its step, if that is more: the least change between two samples.
-fn noise(q: &[f64]) -> f64 {
+pub(crate) fn noise(q: &[f64]) -> f64 {
     let changes = q.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|change| *change > 0.0);
     let step = changes.fold(f64::INFINITY, f64::min);
     white_noise(q).max(if step.is_finite() { step } else { 0.0 })

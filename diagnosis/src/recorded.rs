@@ -3,13 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use freeplay_arm::{Arm, ArmFile, Purpose, Shortfall};
-use freeplay_recording::{ColumnError, Mapping, ReadError, Recording};
+use freeplay_recording::{ColumnError, JointsError, Mapping, Place, ReadError, Recording, Row};
 use freeplay_storage::same_file;
 use thiserror::Error;
 
 use crate::conventions::{Reading, SetupFinding, time_unit};
-use crate::matching;
-pub use crate::matching::joint_names;
 
 /// No arm reaches farther, m.
 const FARTHEST_M: f64 = 30.0;
@@ -20,6 +18,9 @@ pub enum RecordedError {
     /// The file cannot be read.
     #[error(transparent)]
     Read(#[from] ReadError),
+    /// The recording names some of the model's joints, and not all.
+    #[error(transparent)]
+    Names(#[from] JointsError),
     /// The recording has another number of joints than the model.
     #[error("{error} The joints of {model} are {joints}{locked}")]
     Joints {
@@ -51,7 +52,7 @@ pub enum RecordedError {
     },
 }
 
-/// Reads the recording at `path` as it is, or a CSV as `mapping` says.
+/// Reads the recording at `path` as it is, or as `mapping` says.
 ///
 /// # Errors
 /// The reader's own.
@@ -66,17 +67,17 @@ pub fn unmatched(path: &Path, mapping: Option<&Mapping>) -> Result<Recording, Re
 /// where the model has no masses; with the arm's weight where `mapping` says that it is missing from them. What may be in another unit is noted in it.
 ///
 /// # Errors
-/// Another number of joints; times that are no seconds; torques alone for a model without masses.
+/// Joints that are not the arm's; times that are no seconds; torques alone for a model without masses.
 pub fn of_arm(
-    mut recording: Recording,
+    recording: Recording,
     model: &str,
     file: &ArmFile,
     mapping: Option<&Mapping>,
 ) -> Result<Recording, RecordedError> {
-    matching::by_name(&mut recording, &file.arm);
-    if recording.joints() != file.arm.dof() {
-        let counted = freeplay_recording::read(&recording.origin, Some(file.arm.dof()));
-        recording = counted.map_err(|error| unreadable(error, model, file))?;
+    let joints: Vec<String> = file.arm.joints().iter().map(|joint| joint.name.clone()).collect();
+    let mut recording = recording.for_joints(&joints)?;
+    if recording.joints() != joints.len() {
+        return Err(other_number(&recording, model, file));
     }
     check_times(&recording)?;
     check_masses(&mut recording, &file.arm)?;
@@ -88,15 +89,15 @@ pub fn of_arm(
     Ok(recording)
 }
 
-/// The reader's error; where the number of joints differs, with what the model says of its own.
-fn unreadable(error: ReadError, model: &str, file: &ArmFile) -> RecordedError {
-    let ReadError::Columns { source: ColumnError::JointCount { .. }, .. } = error else {
-        return error.into();
-    };
+/// The error of a recording with another number of joints than the model in `file`, with what that says of its own.
+fn other_number(recording: &Recording, model: &str, file: &ArmFile) -> RecordedError {
     let joints: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
     let taken = file.ignored.first().filter(|note| note.starts_with("arm: "));
     let locked = taken.map_or_else(String::new, |taken| format!("; {taken}; another chain: --tip LINK"));
-    RecordedError::Joints { error: error.into(), model: model.to_owned(), joints: joints.join(", "), locked }
+    let place = Place { file: recording.origin.clone(), row: Row::Whole };
+    let source = ColumnError::JointCount { expected: joints.len(), found: recording.joints() };
+    let error = Box::new(ReadError::Columns { place, source });
+    RecordedError::Joints { error, model: model.to_owned(), joints: joints.join(", "), locked }
 }
 
 /// Leaves torques out that the model can say nothing of, and says so.

@@ -11,6 +11,8 @@ use freeplay_recording::{Group, Recording};
 use crate::begin::begun;
 use crate::error::ResidualError;
 use crate::motion::Treatment;
+use crate::presence::masked;
+use crate::rest::settle;
 use crate::statistics::Moments;
 
 /// What a channel measures, and what the model says in its place.
@@ -57,20 +59,29 @@ pub struct Channel {
     pub measured: Vec<f64>,
     /// The model's answer to the measured motion, nominal friction included.
     pub model: Vec<f64>,
+    /// Whether it was measured, point by point: where it was not, `measured` bridges what is missing and counts for nothing. `None`: at all.
+    pub present: Option<Vec<bool>>,
     /// The nominal friction in it; torque channels of a joint for which the model names friction.
     pub friction: Option<Vec<f64>>,
 }
 
 impl Channel {
-    /// Measured minus model at every point.
+    /// Measured minus model at every point; zero where nothing was measured.
     pub fn residual(&self) -> Vec<f64> {
-        self.measured.iter().zip(&self.model).map(|(measured, model)| measured - model).collect()
+        masked(difference(&self.measured, &self.model), self.present.as_deref())
+    }
+
+    /// Nothing of it was measured.
+    pub fn is_missing(&self) -> bool {
+        self.present.as_ref().is_some_and(|present| !present.contains(&true))
     }
 
     /// Measured minus model without its friction; `None` if the channel has none.
     pub fn residual_without_friction(&self) -> Option<Vec<f64>> {
         let friction = self.friction.as_ref()?;
-        Some(self.residual().iter().zip(friction).map(|(residual, friction)| residual + friction).collect())
+        let without =
+            self.residual().iter().zip(friction).map(|(residual, friction)| residual + friction).collect();
+        Some(masked(without, self.present.as_deref()))
     }
 }
 
@@ -86,7 +97,8 @@ pub struct Residuals {
 }
 
 /// The residuals of `recording` against `arm` with its `effects`, both under `treatment`. The model is evaluated on every point of the
-/// grid and treated as the measured columns are, so that laws that jump or remember see the whole motion.
+/// grid and treated as the measured columns are, so that laws that jump or remember see the whole motion. Of a joint at rest dry friction says what is
+/// nearest to what was measured.
 ///
 /// # Errors
 /// [`ResidualError::JointCount`], [`ResidualError::Effects`], [`ResidualError::NothingToCompare`], [`ResidualError::NotFinite`].
@@ -99,7 +111,9 @@ pub fn residuals(
     check_joints(arm, recording)?;
     let whole = treatment.whole_motion(recording);
     let sharpening = Sharpening::of(arm, recording, treatment, &whole);
-    residuals_along(arm, effects, recording, treatment, &whole, &sharpening)
+    let mut residuals = residuals_along(arm, effects, recording, treatment, &whole, &sharpening)?;
+    settle(arm, effects, recording, treatment, (&whole, &sharpening), &mut residuals)?;
+    Ok(residuals)
 }
 
 /// [`residuals`] for the treated motion `whole` of `recording`, and what sharpens the model along it.
@@ -117,13 +131,14 @@ pub(crate) fn residuals_along(
         Ok(baseline.prediction().clone())
     };
     let left = |prediction: &Prediction, kind: Kind| {
-        let measured = treatment.smooth(recording, kind.measured(recording)?);
-        Some(difference(&measured, &treatment.keep(kind.of(prediction))))
+        let column = kind.measured(recording)?;
+        let off = difference(&treatment.smooth(recording, column), &treatment.keep(kind.of(prediction)));
+        Some(masked(off, treatment.present(recording, column).as_deref()))
     };
     let effects: Vec<&Placed> = effects.iter().collect();
     let prediction = begun(&effects, sharp, left)?;
     let channels = channels(arm, recording, treatment, &prediction);
-    if channels.is_empty() {
+    if channels.iter().all(Channel::is_missing) {
         return Err(ResidualError::NothingToCompare { origin: recording.origin.clone(), joints: arm.dof() });
     }
     if let Some(odd) = channels.iter().find(|channel| !Moments::of(&channel.residual()).rms.is_finite()) {
@@ -186,6 +201,7 @@ fn channels(arm: &Arm, recording: &Recording, treatment: &Treatment, model: &Pre
         unit,
         measured: treatment.smooth(recording, measured),
         model: treatment.keep(model),
+        present: treatment.present(recording, measured),
         friction: None,
     };
     let mut channels = Vec::new();

@@ -3,6 +3,7 @@
 use freeplay_arm::Arm;
 
 use crate::comparison::ChannelError;
+use crate::presence::only;
 use crate::residual::{Channel, Kind};
 use crate::statistics::Moments;
 
@@ -35,6 +36,9 @@ impl Tally {
     pub fn add(&mut self, values: &[f64]) {
         if self.count == 0 {
             *self = Self::of(values);
+            return;
+        }
+        if values.is_empty() {
             return;
         }
         let (before, part) = (self.moments, Moments::of(values));
@@ -86,16 +90,22 @@ impl ChannelTally {
 
     /// Takes one part of the channel.
     pub fn add(&mut self, part: &Channel) {
+        let present = part.present.as_deref();
         let residual = part.residual();
-        self.measured.add(&part.measured);
-        self.model.add(&part.model);
-        self.error.add(&residual);
+        self.measured.add(&only(&part.measured, present));
+        self.model.add(&only(&part.model, present));
+        self.error.add(&only(&residual, present));
         if let (Some(tally), Some(residual)) =
             (self.without_friction.as_mut(), part.residual_without_friction())
         {
-            tally.add(&residual);
+            tally.add(&only(&residual, present));
         }
         self.max_error = residual.iter().fold(self.max_error, |most, error| most.max(error.abs()));
+    }
+
+    /// Nothing of the channel was measured.
+    pub fn is_missing(&self) -> bool {
+        self.error.count == 0
     }
 
     /// How far `arm` is from the channel.

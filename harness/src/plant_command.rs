@@ -81,7 +81,8 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let link = PlantLink::open(&address, names.len(), offer).map_err(Failure::internal)?;
     let queue = Arc::new(ArrayQueue::new(QUEUE));
     let plays: Vec<String> = setup.plays().into_iter().map(|(joint, _)| joint).collect();
-    let joints = setup.arm().joints().iter().map(|joint| joint.name.clone()).collect();
+    let joints: Vec<String> = setup.arm().joints().iter().map(|joint| joint.name.clone()).collect();
+    let joint_names = joints.join(",");
     let mut plant =
         Plant::new(setup.plant.clone(), Arc::clone(&setup.path), link, address.run(), Arc::clone(&queue))
             .map_err(failure)?;
@@ -98,7 +99,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     } else {
         (None, None)
     };
-    let recorder = start_recorder(args, &scenario, columns, queue, observer)?;
+    let recorder = start_recorder(args, &scenario, (columns, joint_names), queue, observer)?;
     let request = realtime_request(&scenario, scenario.realtime.plant_cpu);
     let granted = realtime::prepare(&request);
     let (began, clock) = (SystemTime::now(), Instant::now());
@@ -176,7 +177,7 @@ pub fn pace_name(pace: Pacing) -> &'static str {
 fn start_recorder(
     args: &PlantArgs,
     scenario: &Scenario,
-    columns: RunColumns,
+    (columns, joints): (RunColumns, String),
     queue: Arc<ArrayQueue<freeplay_plant::TickRecord>>,
     observer: Option<Observer>,
 ) -> Result<Recorder, Failure> {
@@ -190,6 +191,7 @@ fn start_recorder(
         ("freeplay".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         ("controller".to_owned(), args.name.clone()),
         ("scenario".to_owned(), scenario.to_toml().map_err(Failure::internal)?),
+        ("joints".to_owned(), joints),
     ];
     let writer = extension
         .map(|extension| {

@@ -1,69 +1,195 @@
-//! Reading a recording from CSV.
+//! Reading a recording from CSV and its relatives: what separates cells and decimals, where the header is and what columns hold is told
+//! from the first lines.
 
-use std::io::{self, Read};
+use std::io::{self, Cursor, Read};
 
 use csv::{ByteRecord, ErrorKind, Reader, ReaderBuilder};
 
-use crate::error::{Place, ReadError, Row};
+use crate::csv_columns::Columns;
+use crate::csv_form::{Form, Told};
+use crate::error::{ReadError, Row};
+use crate::interpret::interpret;
 use crate::line_guard::{LineGuard, LongLine, MAX_LINE};
-use crate::mapping::{Mapped, Mapping};
+use crate::mapped::Mapped;
+use crate::mapping::Mapping;
 use crate::names::shorten;
 use crate::read::Source;
 use crate::recording::Recording;
+use crate::squeeze::Squeeze;
 use crate::table::Table;
 
 /// After how many rows the size of the whole is estimated.
 const ROWS_TO_ESTIMATE: u64 = 1000;
+/// Bytes at the beginning by which the form is told, and lines of them that it takes at least, if these are long.
+const HEAD: usize = 1 << 16;
+const FEWEST_LINES: usize = 8;
+/// Rows by which it is told what columns hold.
+const SAMPLE: usize = 32;
 
 type Lines<R> = Reader<LineGuard<R>>;
 
-/// Reads a CSV with our columns, row by row.
-pub(crate) fn read(input: impl Read, source: &Source) -> Result<Recording, ReadError> {
-    read_mapped(input, source, None)
-}
-
-/// Reads a CSV, row by row, with our columns or with those that `mapping` makes ours.
-pub(crate) fn read_mapped(
-    input: impl Read,
+/// Reads a text with columns, row by row: ours, those that `mapping` makes ours, or those whose names tell.
+pub(crate) fn read(
+    mut input: impl Read,
     source: &Source,
     mapping: Option<&Mapping>,
 ) -> Result<Recording, ReadError> {
-    let mut lines = ReaderBuilder::new()
+    let head = head(&mut input, source)?;
+    if head.contains(&0) {
+        return Err(ReadError::NotText { file: source.file.to_path_buf(), what: "it holds zero bytes" });
+    }
+    let form = Form::of(whole_lines(&head), mapping.map_or_else(Told::default, Mapping::told));
+    let form = form.ok_or_else(|| ReadError::Empty { file: source.file.to_path_buf() })?;
+    let (start, line) = form.data;
+    let sample = sampled(&whole_lines(&head)[start.min(whole_lines(&head).len())..], &form);
+    let mut columns = Columns::of(&form, &sample);
+    let (names, sample) = (columns.names.clone(), columns.sample(&sample));
+    let rest = Cursor::new(head.get(start..).unwrap_or_default().to_vec()).chain(input);
+    let header = source.place(Row::Line(form.header_line));
+    let interpreted = interpret(names, columns.numbered, &sample, mapping, Some(&form), &header)?;
+    let table = Table::new(header, interpreted.mapped.names.clone(), source.joints, source.limit)?;
+    let mut table = table.with_overview(source.overview);
+    table.joint_names = interpreted.joints;
+    if let Some(guess) = interpreted.guess {
+        table.take_guess(guess);
+    }
+    let rows = Rows { columns, mapped: interpreted.mapped, table, base: None, misfits: None };
+    if form.separator == b' ' {
+        return rows.read(lines(Squeeze::new(rest), &form, line), source);
+    }
+    rows.read(lines(rest, &form, line), source)
+}
+
+/// A reader of the cells of `input`, which begins with the line number `line`.
+fn lines<R: Read>(input: R, form: &Form, line: u64) -> Lines<R> {
+    ReaderBuilder::new()
         .has_headers(false)
         .flexible(true)
-        .delimiter(mapping.map_or(b',', Mapping::separator))
+        .delimiter(form.separator)
         .buffer_capacity(1 << 16)
-        .from_reader(LineGuard::new(input));
-    let mut record = ByteRecord::new();
-    for _ in 0..mapping.map_or(0, Mapping::skip) {
-        next(&mut lines, &mut record, source)?;
-    }
-    let Some(at) = next(&mut lines, &mut record, source)? else {
-        return Err(ReadError::Empty { file: source.file.to_path_buf() });
-    };
-    let names = header(&record, source.place(at))?;
-    let Mapped { names, factors } = match mapping {
-        None => Mapped { factors: vec![1.0; names.len()], names },
-        Some(mapping) => mapping
-            .apply(names)
-            .map_err(|error| ReadError::Mapping { place: source.place(at), source: error })?,
-    };
-    let decimal = mapping.map_or(b'.', Mapping::decimal);
-    let table = Table::new(source.place(at), names, source.joints, source.limit)?;
-    let mut table = table.with_overview(source.overview);
-    let mut row = vec![0.0; table.names().len()];
-    while let Some(at) = next(&mut lines, &mut record, source)? {
-        read_row(&record, at, decimal, &mut row, &mut table)?;
-        row.iter_mut().zip(&factors).for_each(|(value, factor)| *value *= factor);
-        table.push(&row, at)?;
-        if table.rows() == ROWS_TO_ESTIMATE
-            && let Some(size) = source.size
-        {
-            let bytes_per_row = lines.position().byte() / ROWS_TO_ESTIMATE;
-            table.expect_rows(size / bytes_per_row.max(1))?;
+        .from_reader(LineGuard::at(input, line))
+}
+
+/// The first bytes of `input`: more than a few if lines are long.
+fn head(input: &mut impl Read, source: &Source) -> Result<Vec<u8>, ReadError> {
+    let mut head = Vec::new();
+    loop {
+        let taken = input.by_ref().take(HEAD as u64).read_to_end(&mut head);
+        let taken =
+            taken.map_err(|error| ReadError::Io { file: source.file.to_path_buf(), source: error })?;
+        let ends = head.iter().filter(|byte| matches!(byte, b'\n' | b'\r')).count();
+        if taken < HEAD || ends >= FEWEST_LINES || head.len() > 2 * MAX_LINE {
+            return Ok(head);
         }
     }
-    table.into_recording()
+}
+
+/// `head` without the line that it may cut.
+fn whole_lines(head: &[u8]) -> &[u8] {
+    if head.len() < HEAD {
+        return head;
+    }
+    let end = head.iter().rposition(|byte| matches!(byte, b'\n' | b'\r'));
+    end.map_or(head, |end| &head[..=end])
+}
+
+/// The first rows of the data in `text`.
+fn sampled(text: &[u8], form: &Form) -> Vec<ByteRecord> {
+    let records: Vec<ByteRecord> = if form.separator == b' ' {
+        lines(Squeeze::new(text), form, 1).into_byte_records().map_while(Result::ok).take(SAMPLE).collect()
+    } else {
+        lines(text, form, 1).into_byte_records().map_while(Result::ok).take(SAMPLE).collect()
+    };
+    records.into_iter().filter(|record| !is_comment(record)).collect()
+}
+
+/// A line of comment among the data, or one with nothing in it.
+fn is_comment(record: &ByteRecord) -> bool {
+    let first = record.get(0).unwrap_or_default().trim_ascii_start();
+    first.starts_with(b"#")
+        || first.starts_with(b"%")
+        || record.iter().all(|cell| cell.trim_ascii().is_empty())
+}
+
+/// Rows on their way into a table.
+struct Rows {
+    columns: Columns,
+    mapped: Mapped,
+    table: Table,
+    /// The first whole second of a time in two columns.
+    base: Option<f64>,
+    /// The first row with another number of cells than the header, and how many it has.
+    misfits: Option<(Row, usize)>,
+}
+
+impl Rows {
+    fn read<R: Read>(mut self, mut lines: Lines<R>, source: &Source) -> Result<Recording, ReadError> {
+        let mut record = ByteRecord::new();
+        let mut file = vec![f64::NAN; self.columns.names.len()];
+        let mut ours = vec![f64::NAN; self.mapped.names.len()];
+        while let Some(at) = next(&mut lines, &mut record, source)? {
+            if is_comment(&record) || !self.fits(&record, at) {
+                continue;
+            }
+            let Self { columns, mapped, table, .. } = &mut self;
+            columns.read(&record, &mut file, |place, text| odd_cell(mapped, table, place, at, text))?;
+            self.mapped.row(&file, &mut self.base, &mut ours);
+            self.table.push(&ours, at)?;
+            if self.table.rows() == ROWS_TO_ESTIMATE
+                && let Some(size) = source.size
+            {
+                let bytes_per_row = lines.position().byte() / ROWS_TO_ESTIMATE;
+                self.table.expect_rows(size / bytes_per_row.max(1))?;
+            }
+        }
+        if self.table.rows() == 0
+            && let Some((row, found)) = self.misfits
+        {
+            let expected = self.columns.cells();
+            return Err(ReadError::Ragged { place: self.table.place(row), expected, found });
+        }
+        self.table.into_recording()
+    }
+
+    /// Whether a row has the cells of the header, but for empty ones behind them; counts those that have not.
+    fn fits(&mut self, record: &ByteRecord, at: Row) -> bool {
+        let expected = self.columns.cells();
+        let more = record.iter().skip(expected).any(|cell| !cell.trim_ascii().is_empty());
+        if record.len() >= expected && !more {
+            return true;
+        }
+        self.misfits.get_or_insert((at, record.len()));
+        let file = self.table.place(at);
+        self.table.left_out.count(&format!("other than {expected} cells"), || file);
+        false
+    }
+}
+
+/// A cell of the file's number `place` that holds text: an error in a column that is used, else noted.
+#[cold]
+fn odd_cell(mapped: &Mapped, table: &mut Table, place: usize, at: Row, text: &str) -> Result<(), ReadError> {
+    let is_from =
+        |pick: &crate::mapped::Pick| pick.source == place || pick.rest.is_some_and(|(rest, _)| rest == place);
+    let Some(column) = mapped.picks.iter().position(is_from) else { return Ok(()) };
+    if table.is_used(column) {
+        return Err(ReadError::NotANumber {
+            place: table.place(at),
+            column: table.names()[column].clone(),
+            value: shorten(text),
+            remedy: remedy(text),
+        });
+    }
+    table.note_text(column, at, text);
+    Ok(())
+}
+
+/// What to do about a cell that is no number.
+fn remedy(text: &str) -> &'static str {
+    if text.contains(',') && text.replacen(',', ".", 1).parse::<f64>().is_ok() {
+        "write decimals with a point instead of a comma"
+    } else {
+        "correct the cell, empty it or remove the row"
+    }
 }
 
 /// Reads the next line that is not blank and says where it is; none at the end.
@@ -92,115 +218,4 @@ fn not_read(error: csv::Error, source: &Source) -> ReadError {
         }
         None => ReadError::Io { file: source.file.to_path_buf(), source: error },
     }
-}
-
-/// The column names of the first line.
-fn header(record: &ByteRecord, place: Place) -> Result<Vec<String>, ReadError> {
-    let not_text = |what| ReadError::NotText { file: place.file.clone(), what };
-    if record.as_slice().contains(&0) {
-        return Err(not_text("its first line holds zero bytes"));
-    }
-    let cells = record.iter().map(std::str::from_utf8).collect::<Result<Vec<_>, _>>();
-    let cells = cells.map_err(|_| not_text("its first line is no UTF-8 text"))?;
-    let names: Vec<String> = cells.iter().map(|cell| unquote(cell).to_string()).collect();
-    if let Some(first) = names.first().filter(|first| first.starts_with(['#', '%'])) {
-        return Err(ReadError::Comment { place, value: shorten(first) });
-    }
-    if let [only] = names.as_slice()
-        && let Some(separator) = only.chars().find(|c| matches!(c, ';' | '\t' | ' '))
-    {
-        return Err(wrong_separator(place, separator));
-    }
-    if names.first().is_some_and(|name| number(name.as_bytes()).is_some()) {
-        return Err(ReadError::NoHeader { place, value: shorten(&names[0]) });
-    }
-    Ok(names)
-}
-
-fn wrong_separator(place: Place, separator: char) -> ReadError {
-    let name = place.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let remedy = match separator {
-        ';' => format!("sed 's/,/./g; s/;/,/g' {name} > comma.csv"),
-        '\t' => format!("tr ',\\t' '.,' < {name} > comma.csv"),
-        _ => format!("sed 's/,/./g; s/  */,/g' {name} > comma.csv"),
-    };
-    ReadError::Separator { place, separator, remedy }
-}
-
-/// Reads one line into `row`.
-fn read_row(
-    record: &ByteRecord,
-    at: Row,
-    decimal: u8,
-    row: &mut [f64],
-    table: &mut Table,
-) -> Result<(), ReadError> {
-    if record.len() != row.len() {
-        let (place, expected, found) = (table.place(at), row.len(), record.len());
-        return Err(ReadError::Ragged { place, expected, found });
-    }
-    for (column, cell) in record.iter().enumerate() {
-        let value = if decimal == b'.' { number(cell) } else { number_with(decimal, cell) };
-        row[column] = match value {
-            Some(value) if value.is_finite() => value,
-            value => odd_cell(column, cell, value, at, table)?,
-        };
-    }
-    Ok(())
-}
-
-/// The number in a cell that has `decimal` before its decimals.
-fn number_with(decimal: u8, cell: &[u8]) -> Option<f64> {
-    let pointed: Vec<u8> = cell.iter().map(|&byte| if byte == decimal { b'.' } else { byte }).collect();
-    number(&pointed)
-}
-
-/// A cell that is no finite number: an error in a column that is used, else kept (text as NaN).
-#[cold]
-fn odd_cell(
-    column: usize,
-    cell: &[u8],
-    value: Option<f64>,
-    at: Row,
-    table: &mut Table,
-) -> Result<f64, ReadError> {
-    let text = String::from_utf8_lossy(cell);
-    let text = unquote(&text);
-    match (table.is_used(column), value) {
-        (true, Some(_)) => Err(table.not_finite(column, at, shorten(text))),
-        (true, None) => Err(ReadError::NotANumber {
-            place: table.place(at),
-            column: table.names()[column].clone(),
-            value: shorten(text),
-            remedy: remedy(text),
-        }),
-        (false, Some(value)) => Ok(value),
-        (false, None) => {
-            table.note_text(column, at, text);
-            Ok(f64::NAN)
-        }
-    }
-}
-
-/// What to do about a cell that is no number.
-fn remedy(text: &str) -> &'static str {
-    if text.is_empty() {
-        "the cell is empty: remove the row or interpolate it"
-    } else if text.contains(',') && number(text.replacen(',', ".", 1).as_bytes()).is_some() {
-        "write decimals with a point instead of a comma"
-    } else {
-        "correct the cell or remove the row"
-    }
-}
-
-/// The number in a cell, which may have spaces around it and quotes around that.
-fn number(cell: &[u8]) -> Option<f64> {
-    let text = std::str::from_utf8(cell.trim_ascii()).ok()?;
-    text.parse().ok().or_else(|| unquote(text).parse().ok())
-}
-
-/// A cell without the spaces around it, nor quotes that the CSV parser left because of them.
-fn unquote(cell: &str) -> &str {
-    let cell = cell.trim_start_matches('\u{feff}').trim();
-    cell.strip_prefix('"').and_then(|c| c.strip_suffix('"')).unwrap_or(cell).trim()
 }

@@ -57,7 +57,7 @@ pub enum ReadError {
         source: io::Error,
     },
     /// A folder where a file is expected.
-    #[error("{}: is a folder; name one recording in it (.csv or .mcap)", file.display())]
+    #[error("{}: is a folder without a ROS bag or a LeRobot data set; name one recording in it", file.display())]
     Folder {
         /// The folder.
         file: PathBuf,
@@ -71,39 +71,25 @@ pub enum ReadError {
         /// The file.
         file: PathBuf,
     },
-    /// Bytes that are no text.
-    #[error("{}: neither CSV nor MCAP ({what}); give a UTF-8 CSV or a MCAP", file.display())]
+    /// A file of a kind that is not read.
+    #[error("{}: {what}; what is read: CSV, MCAP, ROS bags, Parquet, .npz, .mat", file.display())]
     NotText {
         /// The file.
         file: PathBuf,
-        /// What the bytes look like.
+        /// What it is, and the way out.
         what: &'static str,
     },
-    /// Columns separated by something else than commas.
-    #[error(
-        "{place}: columns are separated by {separator:?}; separate them by \",\" and write decimals with a point: {remedy}; or say with a mapping file what they are: freeplay record import"
-    )]
-    Separator {
-        /// The header's line.
-        place: Place,
-        /// What separates the columns.
-        separator: char,
-        /// A command that converts the file.
-        remedy: String,
-    },
-    /// The first line is a comment.
-    #[error(
-        "{place}: the first line should be the header, but is a comment ({value:?}); remove the lines of comment, and a mark before the column names"
-    )]
-    Comment {
-        /// The line.
-        place: Place,
-        /// Its first cell.
-        value: String,
+    /// A file of a known kind that can't be used.
+    #[error("{}: {what}", file.display())]
+    Unusable {
+        /// The file.
+        file: PathBuf,
+        /// Why, and what to do.
+        what: String,
     },
     /// The first line holds numbers.
     #[error(
-        "{place}: no header: the first line begins with the number {value}; put the column names first, e.g. t,q1,q2"
+        "{place}: no header: the first line begins with {value:?}; put the column names first, e.g. t,q1,q2, or name the columns by number in a mapping file (columns = \"1\") for freeplay record import"
     )]
     NoHeader {
         /// The line.
@@ -143,19 +129,21 @@ pub enum ReadError {
         /// What to do.
         remedy: &'static str,
     },
-    /// A value that is not finite.
-    #[error("{place}: column {column}: {value:?} is not a finite number; remove the row or interpolate it")]
-    NotFinite {
-        /// The row.
-        place: Place,
-        /// The column.
-        column: String,
-        /// The value as it stands in the file.
-        value: String,
-    },
-    /// Time that stands still or runs back.
+    /// No row is left after those that lack something.
     #[error(
-        "{place}: column t: {value:?} does not come after {previous:?} in the row before; time must increase: sort the rows, remove repeated ones"
+        "{place}: {what}, and so in all {rows} rows: nothing is left; record it, or name another column for it in a mapping file: freeplay record import"
+    )]
+    NothingLeft {
+        /// The first such row.
+        place: Place,
+        /// What is lacking.
+        what: String,
+        /// Rows that are left out.
+        rows: u64,
+    },
+    /// Time that runs back and begins again, or stands still.
+    #[error(
+        "{place}: column t: {value:?} does not come after {previous:?} in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each"
     )]
     Time {
         /// The row.
@@ -207,12 +195,6 @@ pub enum ReadError {
         /// Values of the first column.
         expected: usize,
     },
-    /// A file called MCAP that is none.
-    #[error("{}: does not begin like a MCAP; name it .csv if it is one, else record it again", file.display())]
-    NotMcap {
-        /// The file.
-        file: PathBuf,
-    },
     /// A MCAP that contradicts itself.
     #[error("{}: damaged at byte {offset}: {what}; `mcap recover` saves what is left", file.display())]
     Damaged {
@@ -224,7 +206,7 @@ pub enum ReadError {
         what: String,
     },
     /// A MCAP this crate has no decompressor for.
-    #[error("{}: chunks are compressed with {compression:?}; convert them: `mcap compress --compression zstd`", file.display())]
+    #[error("{}: chunks are compressed with {compression:?}; convert it: `mcap compress --compression zstd`", file.display())]
     Compression {
         /// The file.
         file: PathBuf,

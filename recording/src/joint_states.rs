@@ -1,30 +1,21 @@
-//! Joint states and tool poses of a ROS 2 bag (MCAP) as a recording.
+//! Joint states and tool poses of a ROS bag as a recording.
 //!
-//! Sources: ROS 2 interface definitions `sensor_msgs/msg/JointState` and `geometry_msgs/msg/PoseStamped`; OMG DDSI-RTPS 2.3, §10 (CDR
-//! with its four bytes of encapsulation). Positions are rad or m, velocities rad/s or m/s, efforts N·m or N, as ROS says.
+//! Sources: ROS interface definitions `sensor_msgs/msg/JointState` and `geometry_msgs/msg/PoseStamped`; their messages as [`crate::messages`] reads
+//! them. Positions are rad or m, velocities rad/s or m/s, efforts N·m or N, as ROS says.
 
 use std::collections::BTreeMap;
-use std::io::{BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use byteorder::{BigEndian, LittleEndian};
-use freeplay_storage::InputFile;
-use mcap::records::Record;
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
-
+use crate::bag::{Bag, JOINT_STATE, Message, POSE_STAMPED, Topics};
 use crate::error::{ReadError, Row};
-use crate::mcap_records::{Item, Records, damaged, is_magic};
-use crate::names::{Group, ORIENTATION, TOOL};
+use crate::joints::places;
+use crate::messages::{JointState, PoseStamped, Stamped, decode};
+use crate::missing::is_missing;
+use crate::names::{Group, ORIENTATION, TOOL, list};
 use crate::read::Source;
 use crate::recording::Recording;
-use crate::table::{MAX_NUMBERS, Table};
-use crate::tool_track::{Pose, ToolTrack};
-
-/// The type of joint states.
-const JOINT_STATE: &str = "sensor_msgs/msg/JointState";
-/// The type of poses.
-const POSE_STAMPED: &str = "geometry_msgs/msg/PoseStamped";
+use crate::table::Table;
+use crate::tool_track::ToolTrack;
 
 /// What to take from a bag.
 #[derive(Clone, Debug, Default)]
@@ -33,148 +24,48 @@ pub struct BagOptions {
     pub topic: Option<String>,
     /// The topic of the tool's poses; absent: the only one of their type, if there is one.
     pub pose_topic: Option<String>,
-    /// The joints by name, from base to tool; empty: all, in the order of the first message.
+    /// The joints by name, or by a part of it that no other has, from base to tool; empty: all, in the order of the messages.
     pub joints: Vec<String>,
 }
 
-#[derive(Deserialize)]
-struct Stamp {
-    sec: i32,
-    nanosec: u32,
-}
-
-#[derive(Deserialize)]
-struct Header {
-    stamp: Stamp,
-    #[serde(rename = "frame_id")]
-    _frame_id: String,
-}
-
-#[derive(Deserialize)]
-struct JointState {
-    header: Header,
-    name: Vec<String>,
-    position: Vec<f64>,
-    velocity: Vec<f64>,
-    effort: Vec<f64>,
-}
-
-#[derive(Deserialize)]
-struct PoseStamped {
-    header: Header,
-    pose: Pose,
-}
-
-/// A message of one topic: its own time, ns, its number on the topic, its bytes.
-struct Message {
-    log_ns: u64,
-    number: u64,
-    data: Vec<u8>,
-}
-
-/// The messages of one type, by topic.
-type Topics = BTreeMap<String, Vec<Message>>;
-
-/// Reads the joint states and, where there are, the tool's poses of the bag at `path`. Time begins at the first joint state; poses are
-/// interpolated to the times of the joint states, which end where the poses end.
+/// Reads the joint states and, where there are, the tool's poses of the bag at `path`, a file or a folder. Time begins at the first joint
+/// state; poses are interpolated to the times of the joint states, and missing outside of their own.
 ///
 /// # Errors
 /// See [`ReadError`].
 pub fn import_bag(path: &Path, options: &BagOptions) -> Result<Recording, ReadError> {
-    let mut file = crate::read::open_file(path)?;
-    let mut magic = [0; mcap::MAGIC.len()];
-    if file.read_exact(&mut magic).is_err() || !is_magic(&magic) {
-        return Err(ReadError::NotMcap { file: path.to_path_buf() });
-    }
-    let source = Source { file: path, size: None, joints: None, limit: MAX_NUMBERS, overview: None };
-    Bag::read(file, &source)?.into_recording(options, &source)
+    from_bag(options, &Source::of(path))
 }
 
-/// What a bag holds of the two types.
-struct Bag {
-    states: Topics,
-    poses: Topics,
-    /// Every topic with its type.
-    topics: BTreeMap<String, String>,
-    /// Where it is damaged, one line each.
-    damage: Vec<String>,
-    truncated: bool,
+/// [`import_bag`] of the bag that `source` names.
+pub(crate) fn from_bag(options: &BagOptions, source: &Source) -> Result<Recording, ReadError> {
+    let mut bag = Bag::read(source.file, source)?;
+    let topic = choose(&bag.states, options.topic.as_deref(), JOINT_STATE, "--topic", source)?;
+    let Some((topic, messages)) = topic.and_then(|topic| bag.states.remove_entry(&topic)) else {
+        let topics: Vec<String> =
+            bag.topics.iter().map(|(topic, kind)| format!("{topic} ({kind})")).collect();
+        let (file, topics) = (source.file.to_path_buf(), list(&topics));
+        return Err(ReadError::NoJointStates { file, expected: JOINT_STATE, topics });
+    };
+    let mut notes = std::mem::take(&mut bag.notes);
+    if bag.truncated {
+        notes.push("the bag ends before its end was written: what is there is read".to_owned());
+    }
+    if !bag.states.is_empty() && options.topic.is_none() {
+        let others: Vec<String> = bag.states.keys().cloned().collect();
+        notes.push(format!("topic {topic}; not {}: choose with --topic", list(&others)));
+    }
+    let states = States::decode(&topic, &messages, &options.joints, source)?;
+    let pose_topic = choose(&bag.poses, options.pose_topic.as_deref(), POSE_STAMPED, "--pose-topic", source)?;
+    let track = match pose_topic.and_then(|topic| bag.poses.remove_entry(&topic)) {
+        Some((topic, messages)) => Some(decode_poses(&topic, &messages, source)?),
+        None => None,
+    };
+    states.into_recording(track, bag.truncated, notes, source)
 }
 
-impl Bag {
-    fn read(file: InputFile, source: &Source) -> Result<Self, ReadError> {
-        let mut types: BTreeMap<u16, String> = BTreeMap::new();
-        let mut channels: BTreeMap<u16, (String, String)> = BTreeMap::new();
-        let (mut states, mut poses) = (Topics::new(), Topics::new());
-        let mut damage = Vec::new();
-        let mut records = Records::new(BufReader::with_capacity(1 << 16, file), source);
-        records.for_each(&mut |offset, item| {
-            let record = match item {
-                Item::Record(record) => record,
-                Item::Summary(_) => return Ok(()),
-                Item::Damage(what) => {
-                    damage.push(format!(
-                        "the bag is damaged at byte {offset} ({what}): its messages there are lost"
-                    ));
-                    return Ok(());
-                }
-            };
-            match record {
-                Record::Schema { header, .. } => {
-                    types.insert(header.id, header.name);
-                }
-                Record::Channel(channel) => {
-                    let kind = types.get(&channel.schema_id).cloned().unwrap_or_default();
-                    channels.insert(channel.id, (channel.topic, kind));
-                }
-                Record::Message { header, data } => {
-                    let Some((topic, kind)) = channels.get(&header.channel_id) else {
-                        if !damage.is_empty() {
-                            // Its channel was described in a chunk that is lost.
-                            return Ok(());
-                        }
-                        return Err(damaged(source, offset, "a message of a channel that is not described"));
-                    };
-                    let of_type = match kind.as_str() {
-                        JOINT_STATE => states.entry(topic.clone()),
-                        POSE_STAMPED => poses.entry(topic.clone()),
-                        _ => return Ok(()),
-                    };
-                    let messages = of_type.or_default();
-                    let number = messages.len() as u64 + 1;
-                    messages.push(Message { log_ns: header.log_time, number, data: data.into_owned() });
-                }
-                _ => {}
-            }
-            Ok(())
-        })?;
-        let topics = channels.into_values().collect();
-        Ok(Bag { states, poses, topics, damage, truncated: records.truncated })
-    }
-
-    fn into_recording(mut self, options: &BagOptions, source: &Source) -> Result<Recording, ReadError> {
-        let file = || source.file.to_path_buf();
-        let topic = choose(&self.states, options.topic.as_deref(), JOINT_STATE, "--topic", source)?;
-        let Some((topic, messages)) = topic.and_then(|topic| self.states.remove_entry(&topic)) else {
-            let topics: Vec<String> =
-                self.topics.iter().map(|(topic, kind)| format!("{topic} ({kind})")).collect();
-            let topics = crate::names::list(&topics);
-            return Err(ReadError::NoJointStates { file: file(), expected: JOINT_STATE, topics });
-        };
-        let states = States::decode(&topic, &messages, &options.joints, source)?;
-        let pose_topic =
-            choose(&self.poses, options.pose_topic.as_deref(), POSE_STAMPED, "--pose-topic", source)?;
-        let track = match pose_topic.and_then(|topic| self.poses.remove_entry(&topic)) {
-            Some((topic, messages)) => Some(decode_poses(&topic, &messages, source)?),
-            None => None,
-        };
-        let mut recording = states.into_recording(track, self.truncated, source)?;
-        recording.notes.extend(self.damage);
-        Ok(recording)
-    }
-}
-
-/// The topic asked for, or the only one; none if there is none and none is asked for.
+/// The topic asked for, with or without a slash before it; or the only one, or `/joint_states` among several; none if there is none and
+/// none is asked for.
 fn choose(
     topics: &Topics,
     asked: Option<&str>,
@@ -183,45 +74,33 @@ fn choose(
     source: &Source,
 ) -> Result<Option<String>, ReadError> {
     let names: Vec<String> = topics.keys().cloned().collect();
-    let file: PathBuf = source.file.to_path_buf();
+    let file = source.file.to_path_buf();
+    let like =
+        |wanted: &str| names.iter().find(|name| name.trim_matches('/') == wanted.trim_matches('/')).cloned();
     match (asked, names.as_slice()) {
-        (Some(asked), _) if topics.contains_key(asked) => Ok(Some(asked.to_owned())),
-        (Some(_), _) => {
-            Err(ReadError::NoJointStates { file, expected: kind, topics: crate::names::list(&names) })
-        }
+        (Some(asked), _) => match like(asked) {
+            Some(topic) => Ok(Some(topic)),
+            None => Err(ReadError::NoJointStates { file, expected: kind, topics: list(&names) }),
+        },
         (None, []) => Ok(None),
         (None, [only]) => Ok(Some(only.clone())),
-        (None, _) => Err(ReadError::ManyTopics { file, kind, topics: names.join(", "), option }),
+        (None, _) => match like("joint_states") {
+            Some(topic) => Ok(Some(topic)),
+            None => Err(ReadError::ManyTopics { file, kind, topics: names.join(", "), option }),
+        },
     }
 }
 
-/// The body of `message` in its byte order, or what is wrong with it.
-fn decode<T: DeserializeOwned>(data: &[u8]) -> Result<T, String> {
-    let read = match data {
-        [0, 1, _, _, body @ ..] => cdr_encoding::from_bytes::<T, LittleEndian>(body),
-        [0, 0, _, _, body @ ..] => cdr_encoding::from_bytes::<T, BigEndian>(body),
-        _ => {
-            return Err(format!(
-                "the message begins with {:02x?}; it must be CDR",
-                &data[..data.len().min(4)]
-            ));
-        }
-    };
-    read.map(|(value, _)| value)
-        .map_err(|error| format!("the message can't be decoded: {error}; record the bag again"))
-}
-
 /// When a message was made, ns: its stamp, or when it was logged if it has none.
-fn time_ns(header: &Header, message: &Message) -> i64 {
-    let stamp = i64::from(header.stamp.sec) * 1_000_000_000 + i64::from(header.stamp.nanosec);
-    if stamp == 0 { message.log_ns as i64 } else { stamp }
+fn time_ns(stamp_ns: i64, message: &Message) -> i64 {
+    if stamp_ns == 0 { message.log_ns as i64 } else { stamp_ns }
 }
 
 fn decode_poses(topic: &str, messages: &[Message], source: &Source) -> Result<ToolTrack, ReadError> {
     let poses = messages.iter().map(|message| {
-        let decoded: Result<PoseStamped, String> = decode(&message.data);
+        let decoded: Result<PoseStamped, String> = decode(message);
         let pose = decoded.map_err(|what| bag_error(topic, message.number, what, source))?;
-        Ok((time_ns(&pose.header, message), pose.pose))
+        Ok((time_ns(pose.stamp_ns(), message), pose.pose))
     });
     Ok(ToolTrack::new(topic, poses.collect::<Result<_, ReadError>>()?))
 }
@@ -235,6 +114,7 @@ struct States {
     joints: Vec<String>,
     groups: Vec<Group>,
     rows: Vec<(i64, u64, Vec<f64>)>,
+    notes: Vec<String>,
 }
 
 impl States {
@@ -244,60 +124,94 @@ impl States {
         asked: &[String],
         source: &Source,
     ) -> Result<Self, ReadError> {
-        let mut states = States { joints: asked.to_vec(), groups: Vec::new(), rows: Vec::new() };
+        let mut decoded: Vec<(&Message, JointState)> = Vec::with_capacity(messages.len());
         for message in messages {
-            let fault = |what: String| bag_error(topic, message.number, what, source);
-            let state: JointState = decode(&message.data).map_err(fault)?;
-            // Another publisher on the same topic, a gripper's say.
-            if !asked.is_empty() && !state.name.iter().any(|name| asked.contains(name)) {
-                continue;
+            let state = decode(message).map_err(|what| bag_error(topic, message.number, what, source))?;
+            decoded.push((message, state));
+        }
+        let joints = chosen_joints(&decoded, asked).map_err(|what| {
+            bag_error(topic, decoded.first().map_or(1, |(message, _)| message.number), what, source)
+        })?;
+        let is_there =
+            |values: &[f64], state: &JointState| !state.name.is_empty() && values.len() == state.name.len();
+        let has = |group: Group, state: &JointState| is_there(state.values(group), state);
+        let of_joints = |state: &JointState| joints.iter().all(|joint| state.name.contains(joint));
+        let optional = [Group::Velocity, Group::Torque];
+        let present = optional
+            .into_iter()
+            .filter(|&group| decoded.iter().any(|(_, state)| of_joints(state) && has(group, state)));
+        let groups: Vec<Group> = std::iter::once(Group::Position).chain(present).collect();
+        let mut states = Self { joints, groups, rows: Vec::new(), notes: Vec::new() };
+        let (mut others, mut lacking) = (0_u64, 0_u64);
+        for (message, state) in &decoded {
+            if !states.joints.iter().all(|joint| state.name.contains(joint)) {
+                others += 1;
+            } else if states.groups.iter().all(|group| has(*group, state)) {
+                let row = states.row(state);
+                states.rows.push((time_ns(state.stamp_ns(), message), message.number, row));
+            } else {
+                lacking += 1;
             }
-            if states.rows.is_empty() {
-                if states.joints.is_empty() {
-                    states.joints.clone_from(&state.name);
-                }
-                let present = [(Group::Velocity, &state.velocity), (Group::Torque, &state.effort)];
-                let present = present.into_iter().filter(|(_, values)| !values.is_empty());
-                states.groups =
-                    std::iter::once(Group::Position).chain(present.map(|(group, _)| group)).collect();
-            }
-            let row = states.row(&state).map_err(fault)?;
-            states.rows.push((time_ns(&state.header, message), message.number, row));
+        }
+        let all = decoded.len();
+        if states.rows.is_empty() {
+            let what = "no message has a position for each of its names; record the bag again".to_owned();
+            return Err(bag_error(topic, 1, what, source));
+        }
+        if others > 0 {
+            states.notes.push(format!(
+                "{others} of {all} messages of {topic} are passed over: they are of other joints"
+            ));
+        }
+        if lacking > 0 {
+            states.notes.push(format!(
+                "{lacking} of {all} messages of {topic} are passed over: they lack positions, velocities or efforts that others have"
+            ));
         }
         Ok(states)
     }
 
     /// The values of one message in our order.
-    fn row(&self, state: &JointState) -> Result<Vec<f64>, String> {
-        let mut row = Vec::with_capacity(self.joints.len() * self.groups.len());
-        for group in &self.groups {
-            let (name, values) = match group {
-                Group::Velocity => ("velocity", &state.velocity),
-                Group::Torque => ("effort", &state.effort),
-                _ => ("position", &state.position),
-            };
-            if values.len() != state.name.len() {
-                return Err(format!("{name} has {} values for {} names", values.len(), state.name.len()));
-            }
-            for joint in &self.joints {
-                let Some(place) = state.name.iter().position(|name| name == joint) else {
-                    let (wanted, found) = (self.joints.join(","), state.name.join(","));
-                    return Err(format!(
-                        "no joint {joint:?}; it has {found}, wanted are {wanted}: name those of the arm with --joints"
-                    ));
-                };
-                row.push(values[place]);
-            }
+    fn row(&self, state: &JointState) -> Vec<f64> {
+        let of_joint = |joint: &String| state.name.iter().position(|name| name == joint);
+        let places: Vec<Option<usize>> = self.joints.iter().map(of_joint).collect();
+        let of_group = |group: &Group| {
+            let values = state.values(*group);
+            places.iter().map(|place| place.and_then(|place| values.get(place)).copied().unwrap_or(f64::NAN))
+        };
+        self.groups.iter().flat_map(of_group).collect()
+    }
+
+    /// Leaves out joints that never have a position, unless that is all of them.
+    fn drop_joints_without_position(&mut self) {
+        let column = |joint: usize| self.rows.iter().map(|row| row.2[joint]).collect::<Vec<f64>>();
+        let (count, groups) = (self.joints.len(), self.groups.len());
+        let kept: Vec<usize> = (0..count).filter(|&joint| !is_missing(&column(joint))).collect();
+        if kept.is_empty() || kept.len() == count {
+            return;
         }
-        Ok(row)
+        let gone: Vec<String> = (0..count)
+            .filter(|joint| !kept.contains(joint))
+            .map(|joint| self.joints[joint].clone())
+            .collect();
+        self.notes.push(format!("joints without any position are left out: {}", list(&gone)));
+        for (_, _, row) in &mut self.rows {
+            *row = (0..groups)
+                .flat_map(|group| kept.iter().map(move |joint| group * count + joint))
+                .map(|place| row[place])
+                .collect();
+        }
+        self.joints = kept.iter().map(|&joint| self.joints[joint].clone()).collect();
     }
 
     fn into_recording(
-        self,
+        mut self,
         track: Option<ToolTrack>,
         truncated: bool,
+        notes: Vec<String>,
         source: &Source,
     ) -> Result<Recording, ReadError> {
+        self.drop_joints_without_position();
         let mut names = vec!["t".to_owned()];
         for group in &self.groups {
             names.extend((0..self.joints.len()).map(|joint| group.column(joint)));
@@ -305,29 +219,49 @@ impl States {
         if track.is_some() {
             names.extend(TOOL.iter().chain(&ORIENTATION).map(ToString::to_string));
         }
-        let mut table = Table::new(source.place(Row::Whole), names, None, source.limit)?;
-        let (first, mut left_out) = (self.rows.first().map_or(0, |row| row.0), 0_u64);
+        let table = Table::new(source.place(Row::Whole), names, source.joints, source.limit)?;
+        let mut table = table.with_overview(source.overview);
+        let first = self.rows.iter().map(|row| row.0).min().unwrap_or(0);
         for (time, number, values) in &self.rows {
             let mut row = vec![(time - first) as f64 * 1e-9];
             row.extend(values);
             if let Some(track) = &track {
-                let Some(pose) = track.at(*time) else {
-                    left_out += 1;
-                    continue;
-                };
-                row.extend(pose);
+                row.extend(track.at(*time).unwrap_or([f64::NAN; 7]));
             }
             table.push(&row, Row::Message(*number))?;
         }
         table.truncated = truncated;
-        table.metadata = vec![("joints".to_owned(), self.joints.join(","))];
-        table.notes.push(format!("joints q1…q{}: {}", self.joints.len(), self.joints.join(", ")));
-        if let Some(track) = &track {
-            table.notes.push(format!(
-                "tool: {}; {left_out} joint states outside of it are left out",
-                track.in_words()
-            ));
-        }
+        table.notes.extend(notes);
+        table.notes.extend(self.notes);
+        table.notes.extend(track.as_ref().map(|track| format!("tool: {}", track.in_words())));
+        table.joint_names = self.joints;
         table.into_recording()
     }
+}
+
+/// The joints asked for by the names that the messages have for them; where none are asked for, those of the messages that hold most.
+fn chosen_joints(decoded: &[(&Message, JointState)], asked: &[String]) -> Result<Vec<String>, String> {
+    let mut sets: BTreeMap<Vec<&String>, (u64, &JointState)> = BTreeMap::new();
+    for (_, state) in decoded {
+        let mut names: Vec<&String> = state.name.iter().collect();
+        names.sort();
+        sets.entry(names).or_insert((0, state)).0 += 1;
+    }
+    let most = |with: &dyn Fn(&JointState) -> bool| {
+        let sets = sets.values().filter(|(_, state)| with(state));
+        sets.max_by_key(|(count, state)| count * state.name.len() as u64).map(|(_, state)| *state)
+    };
+    let all = |_: &JointState| true;
+    let Some(largest) = most(&all) else { return Err("it has no messages".to_owned()) };
+    if asked.is_empty() {
+        return Ok(largest.name.clone());
+    }
+    let found = |state: &JointState| -> Option<Vec<String>> {
+        places(asked, &state.name).into_iter().map(|place| Some(state.name[place?].clone())).collect()
+    };
+    most(&|state| found(state).is_some()).and_then(found).ok_or_else(|| {
+        let missing = asked.iter().zip(places(asked, &largest.name)).find(|(_, place)| place.is_none());
+        let missing = missing.map_or("", |(name, _)| name.as_str());
+        format!("no joint {missing:?}; it has {}: name those of the arm with --joints", list(&largest.name))
+    })
 }

@@ -1,4 +1,4 @@
-//! Recordings of an arm: CSV and MCAP, read and written with one set of column names.
+//! Recordings of an arm: read from files of many kinds, written as CSV, MCAP and Parquet, with one set of column names.
 //!
 //! Units are SI, angles are radians. In the order in which data passes through them:
 //!
@@ -6,13 +6,14 @@
 //! - a [`RowWriter`] takes one row per tick and writes it as it comes: a [`CsvWriter`] or a
 //!   [`McapWriter`], which also keeps [`Event`]s and metadata and survives being killed;
 //! - a [`Summary`] says what ended up in the file, a [`WriteError`] why it did not;
-//! - [`read`] turns a file of either kind into a [`Recording`]; a [`ReadError`] names the [`Place`] (file
+//! - [`read`] turns a file or a folder of any kind into a [`Recording`]: text with columns, bags, tables of other programs; a [`ReadError`] names the [`Place`] (file
 //!   and [`Row`]), the column, the value and the remedy; a [`ColumnError`] is about the header alone;
 //! - a [`Recording`] holds the columns by their meaning, sorted into [`Group`]s; [`Absent`] is what it
 //!   answers when asked for columns it does not have;
 //! - [`export`] writes a recording again, as CSV, MCAP or Parquet;
-//! - [`import_csv`] reads somebody else's CSV by a [`Mapping`] (a [`MappingError`] says what does not fit), [`import_bag`] the joint
-//!   states of a ROS 2 bag by [`BagOptions`].
+//! - [`import`] reads somebody else's recording by [`ImportOptions`]: by a [`Mapping`] (a [`MappingError`] says what does not fit), which is guessed from
+//!   the names of the columns where there is none, or, of a bag, by [`BagOptions`]; [`import_csv`] and [`import_bag`] do one of them;
+//! - [`Recording::for_joints`] pairs its joints with those of an arm by name; a [`JointsError`] says which is not there.
 //!
 //! | column | meaning | unit |
 //! | --- | --- | --- |
@@ -21,17 +22,30 @@
 //! | `qd1`…`qdn` | joint velocity (optional) | rad/s |
 //! | `tau1`…`taun` | joint torque as the robot measures it (optional) | N·m |
 //! | `q_ref1`…`q_refn` | commanded position (optional) | rad |
-//! | `q_link1`… | link-side encoder (optional, any of the joints) | rad |
+//! | `q_link1`… | link-side encoder (optional) | rad |
 //! | `x`, `y`, `z` | tool position of frame `tool0` in the base frame (optional) | m |
 //! | `qx`, `qy`, `qz`, `qw` | its orientation (optional) | – |
 //! | others | kept, not used | – |
 
+mod arrays;
+mod bag;
+mod bag_folder;
+mod cells;
+mod csv_columns;
+mod csv_form;
 mod csv_reader;
 mod csv_writer;
 mod error;
+mod foreign;
+mod guess;
+mod interpret;
 mod joint_states;
+mod joints;
+mod lerobot;
 mod line_guard;
+mod mapped;
 mod mapping;
+mod mat_reader;
 mod mcap_checksum;
 mod mcap_chunk;
 mod mcap_losses;
@@ -39,25 +53,36 @@ mod mcap_reader;
 mod mcap_records;
 mod mcap_window;
 mod mcap_writer;
+mod messages;
+mod missing;
 mod names;
+mod npz_reader;
+mod open;
+mod order;
 mod output;
 mod overview;
+mod parquet_reader;
 mod parquet_writer;
 mod read;
 mod recording;
 mod reread;
+mod ros1_bag;
+mod sqlite_bag;
+mod squeeze;
 mod table;
 mod tick;
 mod tool_track;
+mod units;
 mod write;
 
 pub use csv_writer::CsvWriter;
 pub use error::{Place, ReadError, Row, WriteError};
 pub use joint_states::{BagOptions, import_bag};
+pub use joints::JointsError;
 pub use mapping::{Mapping, MappingError};
 pub use mcap_writer::McapWriter;
 pub use names::{ColumnError, Group};
-pub use read::{import_csv, read, read_from, read_overview};
+pub use read::{ImportOptions, import, import_csv, read, read_from, read_overview};
 pub use recording::{Absent, Event, Recording};
 pub use reread::{shifted, unwrapped};
 pub use table::MAX_NUMBERS;

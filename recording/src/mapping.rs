@@ -1,12 +1,13 @@
 //! What the columns of somebody else's CSV mean: a mapping file in TOML.
 //!
 //! ```toml
-//! separator = ";"                 # optional; "," unless said
-//! decimal = ","                   # optional; "." unless said
-//! skip = 2                        # optional: lines before the header
+//! separator = ";"                 # optional, as are decimal and skip: else told from the file
+//! decimal = ","
+//! skip = 2                        # lines before the header
+//! joints = ["shoulder", "elbow"]  # optional: the joints' names, in the order of the columns
 //!
 //! [t]
-//! columns = "Time"
+//! columns = "Time"                # or two, of whole seconds and of the rest: ["sec", "nanosec"], unit = ["s", "ns"]
 //! unit = "ms"                     # s, ms, us, ns
 //!
 //! [q]
@@ -25,15 +26,19 @@
 //! joint's), and `gravity_compensated = true` (the arm's weight is missing from the torques). `freeplay diagnose --out` writes such a file, `setup.toml`.
 //!
 //! Tables: `t` and `q`, and where there are such columns `qd` (rad/s, deg/s, rpm, m/s, mm/s), `tau`, `q_ref` and `q_link` (as q),
-//! `tool` (x, y, z; m, mm) and `orientation` (qx, qy, qz, qw). Columns that it does not name are kept under their own names, or, where
-//! that is a name of ours, under `file_` and the name.
+//! `tool` (x, y, z; m, mm) and `orientation` (qx, qy, qz, qw). A unit is one for all columns or a list of one for each. Columns that it does
+//! not name are kept under their own names, or, where that is a name of ours, under `file_` and the name.
+//!
+//! The columns of a file without a header are named by their numbers, `"1"`, `"2"` and on. There a name with `{}` and other letters stands for
+//! its share of the columns that no number claims, in the order of the list above.
 
-use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 use thiserror::Error;
 
+use crate::csv_form::Told;
+use crate::mapped::{Mapped, Places};
 use crate::names::{Group, ORIENTATION, TOOL, list};
 use crate::recording::Recording;
 use crate::reread::{Relative, shifted, unwrapped};
@@ -42,12 +47,10 @@ use crate::reread::{Relative, shifted, unwrapped};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mapping {
-    #[serde(default = "comma")]
-    separator: char,
-    #[serde(default = "point")]
-    decimal: char,
-    #[serde(default)]
-    skip: usize,
+    separator: Option<char>,
+    decimal: Option<char>,
+    skip: Option<usize>,
+    joints: Option<Vec<String>>,
     t: Columns,
     q: Columns,
     qd: Option<Columns>,
@@ -62,14 +65,6 @@ pub struct Mapping {
     gravity_compensated: bool,
 }
 
-fn comma() -> char {
-    ','
-}
-
-fn point() -> char {
-    '.'
-}
-
 /// The columns of one quantity.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -77,7 +72,7 @@ struct Columns {
     columns: Names,
     #[serde(default = "one")]
     first: usize,
-    unit: Option<String>,
+    unit: Option<UnitNames>,
     scale: Option<Scale>,
     offset: Option<Scale>,
     #[serde(default)]
@@ -94,6 +89,14 @@ fn one() -> usize {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(untagged)]
 enum Names {
+    One(String),
+    All(Vec<String>),
+}
+
+/// A unit for all columns of a quantity, or one for each.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+enum UnitNames {
     One(String),
     All(Vec<String>),
 }
@@ -190,13 +193,6 @@ const TORQUE: Units = &[("N*m", 1.0), ("N*mm", 1e-3), ("N", 1.0)];
 const LENGTH: Units = &[("m", 1.0), ("mm", 1e-3)];
 const NUMBER: Units = &[("1", 1.0)];
 
-/// The columns of a file as ours: their names and the factor of each to SI.
-#[derive(Debug)]
-pub(crate) struct Mapped {
-    pub names: Vec<String>,
-    pub factors: Vec<f64>,
-}
-
 impl Mapping {
     /// Reads a mapping file.
     ///
@@ -206,15 +202,24 @@ impl Mapping {
         let file = || path.to_path_buf();
         let text = freeplay_storage::read_text(path)
             .map_err(|error| MappingError::Unreadable { file: file(), source: error.into() })?;
-        let mapping: Self = toml::from_str(&text)
-            .map_err(|source| MappingError::Syntax { file: file(), source: Box::new(source) })?;
+        Self::parse(&text, path)
+    }
+
+    /// The mapping in `text`, which stands in `file`.
+    ///
+    /// # Errors
+    /// See [`MappingError`].
+    pub(crate) fn parse(text: &str, file: &Path) -> Result<Self, MappingError> {
+        let mapping: Self = toml::from_str(text)
+            .map_err(|source| MappingError::Syntax { file: file.to_path_buf(), source: Box::new(source) })?;
         for (key, value) in [("separator", mapping.separator), ("decimal", mapping.decimal)] {
+            let Some(value) = value else { continue };
             if !value.is_ascii() || value.is_ascii_alphanumeric() || value == '"' {
                 return Err(MappingError::Sign { key, value });
             }
         }
         for (key, columns, units) in mapping.quantities() {
-            columns.factor(key, units)?;
+            columns.factors(key, units)?;
         }
         Ok(mapping)
     }
@@ -223,10 +228,11 @@ impl Mapping {
     pub fn libfranka() -> Self {
         let joints = |name: &str| Columns { first: 0, ..Columns::of(name) };
         Mapping {
-            separator: ',',
-            decimal: '.',
-            skip: 0,
-            t: Columns { unit: Some("ms".to_owned()), ..Columns::of("time") },
+            separator: Some(','),
+            decimal: Some('.'),
+            skip: None,
+            joints: None,
+            t: Columns { unit: Some(UnitNames::One("ms".to_owned())), ..Columns::of("time") },
             q: joints("state.q[{}]"),
             qd: Some(joints("state.dq[{}]")),
             tau: Some(joints("state.tau_J[{}]")),
@@ -278,50 +284,86 @@ impl Mapping {
         self.relative.iter().try_for_each(|relative| relative.take_out(recording))
     }
 
-    /// What stands between two cells.
-    pub(crate) fn separator(&self) -> u8 {
-        self.separator as u8
+    /// What it says of the form of the file.
+    pub(crate) fn told(&self) -> Told {
+        let byte = |sign: Option<char>| sign.map(|sign| sign as u8);
+        Told { separator: byte(self.separator), decimal: byte(self.decimal), skip: self.skip }
     }
 
-    /// What stands before the decimals.
-    pub(crate) fn decimal(&self) -> u8 {
-        self.decimal as u8
+    /// The joints' names, in the order of the columns.
+    pub(crate) fn joints(&self) -> &[String] {
+        self.joints.as_deref().unwrap_or_default()
     }
 
-    /// Lines before the header.
-    pub(crate) fn skip(&self) -> usize {
-        self.skip
-    }
-
-    /// The columns `names` of a file as ours.
-    pub(crate) fn apply(&self, names: Vec<String>) -> Result<Mapped, MappingError> {
-        let places: HashMap<&str, usize> =
-            names.iter().enumerate().map(|(i, name)| (name.as_str(), i)).collect();
+    /// The columns `names` of a file as ours; those of a file without a header are `numbered`.
+    pub(crate) fn apply(&self, names: Vec<String>, numbered: bool) -> Result<Mapped, MappingError> {
+        let places = Places::of(&names);
         let mut ours: Vec<Option<String>> = vec![None; names.len()];
-        let mut factors = vec![1.0; names.len()];
-        let joints = self.q.expand(&places).len();
+        let mut picks = Mapped::own(names.clone()).picks;
+        let mut time = 0;
+        let shares = if numbered { self.shares(names.len()) } else { Vec::new() };
+        let starts: Vec<String> = self.quantities().filter_map(|(_, columns, _)| columns.number()).collect();
+        let expand = |key: &str, columns: &Columns| {
+            let share = shares.iter().find(|(shared, _)| *shared == key);
+            share.map_or_else(|| columns.expand(&places, &starts), |(_, share)| share.clone())
+        };
+        let joints = expand("q", &self.q).len();
         for (key, columns, units) in self.quantities() {
-            let expanded = columns.expand(&places);
-            let expected =
-                expected_columns(key).unwrap_or(if key == "q" { expanded.len().max(1) } else { joints });
+            let expanded = expand(key, columns);
+            let expected = match key {
+                "t" => expanded.len().clamp(1, 2),
+                "q" => expanded.len().max(1),
+                _ => expected_columns(key).unwrap_or(joints),
+            };
             if expanded.len() != expected && key != "q_link" {
                 return Err(MappingError::Count { key, what: "columns", found: expanded.len(), expected });
             }
-            let unit = columns.factor(key, units)?;
-            for (index, column) in expanded.iter().enumerate() {
-                let Some(&place) = places.get(column.as_str()) else {
+            let units = columns.factors(key, units)?;
+            for (index, column) in expanded.iter().enumerate().filter(|(_, column)| !column.is_empty()) {
+                let Some(place) = places.get(column) else {
                     return Err(MappingError::NoColumn { key, column: column.clone(), found: list(&names) });
                 };
+                let unit = match units.as_slice() {
+                    [one] => *one,
+                    all => *all.get(index).ok_or(MappingError::Count {
+                        key,
+                        what: "units",
+                        found: all.len(),
+                        expected: expanded.len(),
+                    })?,
+                };
+                let factor = unit * columns.scale(key, index, expanded.len())?;
+                if key == "t" && index == 1 {
+                    picks[time].rest = Some((place, factor));
+                    continue;
+                }
                 let name = our_name(key, index);
                 if let Some(one) = ours[place].replace(name.clone()) {
                     return Err(MappingError::Twice { column: column.clone(), one, other: name });
                 }
-                factors[place] = unit * columns.scale(key, index, expanded.len())?;
+                picks[place].factor = factor;
+                time = if key == "t" { place } else { time };
             }
         }
         let names =
             names.into_iter().zip(ours).map(|(theirs, ours)| ours.unwrap_or_else(|| kept_name(theirs)));
-        Ok(Mapped { names: names.collect(), factors })
+        Ok(Mapped { names: names.collect(), picks, time })
+    }
+
+    /// What each pattern of a name stands for in a file without a header of `count` columns: the same number of those that no number claims.
+    fn shares(&self, count: usize) -> Vec<(&'static str, Vec<String>)> {
+        let patterns: Vec<&str> =
+            self.quantities().filter(|(_, columns, _)| columns.is_pattern()).map(|(key, ..)| key).collect();
+        let claimed = |number: &String| {
+            self.quantities().any(|(_, columns, _)| match &columns.columns {
+                Names::All(names) => names.contains(number),
+                Names::One(name) => name == number,
+            })
+        };
+        let free: Vec<String> =
+            (1..=count).map(|number| number.to_string()).filter(|n| !claimed(n)).collect();
+        let each = free.len() / patterns.len().max(1);
+        patterns.into_iter().zip(free.chunks(each.max(1))).map(|(key, share)| (key, share.to_vec())).collect()
     }
 
     /// All quantities of the mapping: key, columns, units.
@@ -346,34 +388,53 @@ impl Columns {
         Columns { columns, first: 1, unit: None, scale: None, offset: None, unwrap: false, delay: 0.0 }
     }
 
-    /// The names, a pattern written out for as many numbers as the file has columns.
-    fn expand(&self, places: &HashMap<&str, usize>) -> Vec<String> {
+    /// Whether it is a name with `{}` and other letters.
+    fn is_pattern(&self) -> bool {
+        matches!(&self.columns, Names::One(name) if name.contains("{}") && name != "{}")
+    }
+
+    /// The number of its first column, where columns are named by numbers.
+    fn number(&self) -> Option<String> {
+        let name = match &self.columns {
+            Names::One(name) if name == "{}" => self.first.to_string(),
+            Names::One(name) => name.clone(),
+            Names::All(names) => names.first()?.clone(),
+        };
+        Some(name).filter(|name| name.parse::<usize>().is_ok())
+    }
+
+    /// The names, a pattern written out for as many numbers as the file has columns, up to where another quantity `starts`.
+    fn expand(&self, places: &Places, starts: &[String]) -> Vec<String> {
         match &self.columns {
             Names::All(names) => names.clone(),
             Names::One(pattern) if pattern.contains("{}") => {
                 let numbered = (self.first..).map(|number| pattern.replacen("{}", &number.to_string(), 1));
-                let found: Vec<String> =
-                    numbered.take_while(|name| places.contains_key(name.as_str())).collect();
+                let own = pattern.replacen("{}", &self.first.to_string(), 1);
+                let found: Vec<String> = numbered
+                    .take_while(|name| places.get(name).is_some() && (*name == own || !starts.contains(name)))
+                    .collect();
                 // None at all: the first one is the one to name as missing.
-                if found.is_empty() {
-                    vec![pattern.replacen("{}", &self.first.to_string(), 1)]
-                } else {
-                    found
-                }
+                if found.is_empty() { vec![own] } else { found }
             }
             Names::One(name) => vec![name.clone()],
         }
     }
 
-    /// The factor from the unit to SI.
-    fn factor(&self, key: &'static str, units: Units) -> Result<f64, MappingError> {
-        let Some(unit) = &self.unit else { return Ok(1.0) };
-        let known = units.iter().find(|(name, _)| name == unit);
-        known.map(|(_, factor)| *factor).ok_or_else(|| MappingError::Unit {
-            key,
-            unit: unit.clone(),
-            known: units.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", "),
-        })
+    /// The factors from the units to SI: one for all columns, or one for each.
+    fn factors(&self, key: &'static str, units: Units) -> Result<Vec<f64>, MappingError> {
+        let factor = |unit: &String| {
+            let known = units.iter().find(|(name, _)| name == unit);
+            known.map(|(_, factor)| *factor).ok_or_else(|| MappingError::Unit {
+                key,
+                unit: unit.clone(),
+                known: units.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", "),
+            })
+        };
+        match &self.unit {
+            None => Ok(vec![1.0]),
+            Some(UnitNames::One(unit)) => Ok(vec![factor(unit)?]),
+            Some(UnitNames::All(units)) => units.iter().map(factor).collect(),
+        }
     }
 
     /// The factor beyond the unit of column `index` of `count`.
@@ -459,7 +520,6 @@ impl Relative {
 /// How many columns a quantity has that is not one of joints.
 fn expected_columns(key: &str) -> Option<usize> {
     match key {
-        "t" => Some(1),
         "tool" => Some(TOOL.len()),
         "orientation" => Some(ORIENTATION.len()),
         _ => None,

@@ -1,6 +1,7 @@
 //! One chunk of a MCAP: taken apart only if all of it is sound.
 
 use std::borrow::Cow;
+use std::io::Read;
 
 use mcap::records::{ChunkHeader, Record, op};
 
@@ -116,6 +117,15 @@ fn decompress<'b>(header: &ChunkHeader, data: &'b [u8]) -> Result<Cow<'b, [u8]>,
         "zstd" => zstd::bulk::decompress(data, size)
             .map(Cow::Owned)
             .map_err(|error| ChunkFault::Damaged(format!("a chunk does not decompress: {error}")))?,
+        "lz4" => {
+            let mut records = Vec::with_capacity(size);
+            let decoder = lz4_flex::frame::FrameDecoder::new(data);
+            decoder
+                .take(header.uncompressed_size + 1)
+                .read_to_end(&mut records)
+                .map_err(|error| ChunkFault::Damaged(format!("a chunk does not decompress: {error}")))?;
+            Cow::Owned(records)
+        }
         other => return Err(ChunkFault::Compression(crate::names::shorten(other))),
     };
     if records.len() != size {

@@ -15,7 +15,7 @@ pub enum Group {
     Torque,
     /// `q_ref1`…: commanded position; rad.
     Reference,
-    /// `q_link1`…: link-side encoder; rad. The only group that may exist for some joints alone.
+    /// `q_link1`…: link-side encoder; rad.
     Link,
 }
 
@@ -97,28 +97,6 @@ pub enum ColumnError {
         /// Its name without the number.
         prefix: &'static str,
     },
-    /// A quantity of a joint that has no position.
-    #[error(
-        "column {column} belongs to joint {joint}, but the positions end at q{joints}; add q{joint} or remove {column}"
-    )]
-    NoSuchJoint {
-        /// The column.
-        column: String,
-        /// Its joint, counted from 1.
-        joint: usize,
-        /// Number of joints that have a position.
-        joints: usize,
-    },
-    /// Columns that only make sense together.
-    #[error("column {missing} is missing beside {present}; give all of {whole} or none")]
-    Incomplete {
-        /// The first missing column.
-        missing: String,
-        /// A column of the same set that is there.
-        present: String,
-        /// The whole set.
-        whole: String,
-    },
     /// The same name twice.
     #[error("column {column} occurs twice; rename or remove one of them")]
     Duplicate {
@@ -172,13 +150,15 @@ pub(crate) struct Roles {
     pub roles: Vec<Role>,
     /// Number of joints.
     pub joints: usize,
+    /// Columns that are not used though the contract knows their names, one sentence each.
+    pub notes: Vec<String>,
 }
 
 impl Roles {
     /// Understands `names`; `expected` is the number of joints of the arm, where it is known.
     pub fn new(names: &[String], expected: Option<usize>) -> Result<Self, ColumnError> {
         check_spelling(names)?;
-        let roles = names.iter().map(|name| role(name)).collect::<Result<Vec<_>, _>>()?;
+        let mut roles = names.iter().map(|name| role(name)).collect::<Result<Vec<_>, _>>()?;
         let present: HashSet<Role> = roles.iter().copied().collect();
         if !present.contains(&Role::Time) {
             return Err(missing("t", names));
@@ -187,10 +167,8 @@ impl Roles {
         if let Some(expected) = expected.filter(|e| *e != joints) {
             return Err(ColumnError::JointCount { expected, found: joints });
         }
-        check_groups(&roles, &present, joints)?;
-        check_set(&present, &TOOL, Role::Tool)?;
-        check_set(&present, &ORIENTATION, Role::Orientation)?;
-        Ok(Roles { roles, joints })
+        let notes = set_aside_without_position(&mut roles, joints);
+        Ok(Roles { roles, joints, notes })
     }
 }
 
@@ -221,43 +199,21 @@ fn count_joints(present: &HashSet<Role>, names: &[String]) -> Result<usize, Colu
     }
 }
 
-/// Each group has the joints of `q`, all of them unless it is the link-side encoder.
-fn check_groups(roles: &[Role], present: &HashSet<Role>, joints: usize) -> Result<(), ColumnError> {
-    let gap_in = |group| match group {
-        Group::Link => None,
-        group => (0..joints).find(|j| !present.contains(&Role::Joint(group, *j))),
-    };
-    // Looked for once per group: a search per column would take the square of the number of columns.
-    let gaps = Group::ALL.map(|group| (group, gap_in(group)));
-    for role in roles {
-        let Role::Joint(group, joint) = *role else { continue };
-        if joint >= joints {
-            let column = group.column(joint);
-            return Err(ColumnError::NoSuchJoint { column, joint: joint + 1, joints });
-        }
-        if let Some((_, Some(gap))) = gaps.iter().find(|(known, _)| *known == group) {
-            return Err(ColumnError::Incomplete {
-                missing: group.column(*gap),
-                present: group.column(joint),
-                whole: format!("{}…{}", group.column(0), group.column(joints - 1)),
-            });
+/// Keeps quantities of joints that have no position as other columns, and says so.
+fn set_aside_without_position(roles: &mut [Role], joints: usize) -> Vec<String> {
+    let mut columns = Vec::new();
+    for role in roles.iter_mut() {
+        if let Role::Joint(group, joint) = *role
+            && joint >= joints
+        {
+            columns.push(group.column(joint));
+            *role = Role::Other;
         }
     }
-    Ok(())
-}
-
-/// The tool's columns come all or not at all.
-fn check_set(present: &HashSet<Role>, names: &[&str], role: fn(usize) -> Role) -> Result<(), ColumnError> {
-    let there = (0..names.len()).find(|i| present.contains(&role(*i)));
-    let gap = (0..names.len()).find(|i| !present.contains(&role(*i)));
-    match (there, gap) {
-        (Some(there), Some(gap)) => Err(ColumnError::Incomplete {
-            missing: names[gap].into(),
-            present: names[there].into(),
-            whole: names.join(", "),
-        }),
-        _ => Ok(()),
+    if columns.is_empty() {
+        return Vec::new();
     }
+    vec![format!("not used: {}, since the positions end at q{joints}", list(&columns))]
 }
 
 /// The columns of that many positions: `q1…q6`, or `q1`.
@@ -325,10 +281,12 @@ mod tests {
     }
 
     #[test]
-    fn link_encoders_may_be_partial_and_nothing_else() {
-        assert_eq!(roles("t,q1,q2,q_link2").expect("partial link encoders").joints, 2);
-        for header in ["t,q1,q2,qd1", "t,q1,q2,tau2", "t,q1,q2,q_ref1", "t,q1,x,y", "t,q1,qx,qy,qz"] {
-            assert!(matches!(roles(header), Err(ColumnError::Incomplete { .. })), "{header}");
+    fn every_group_but_the_positions_may_be_partial() {
+        for header in ["t,q1,q2,q_link2", "t,q1,q2,qd1", "t,q1,q2,tau2", "t,q1,q2,x,y", "t,q1,q2,qx"] {
+            assert_eq!(roles(header).expect(header).joints, 2);
         }
+        let roles = roles("t,q1,tau3").expect("the torque is set aside");
+        assert_eq!(roles.roles[2], Role::Other);
+        assert!(roles.notes[0].contains("tau3") && roles.notes[0].contains("end at q1"), "{:?}", roles.notes);
     }
 }

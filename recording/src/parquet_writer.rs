@@ -50,7 +50,7 @@ fn write(recording: &Recording, file: impl Write + Send) -> Result<(), ParquetEr
     let properties = WriterProperties::builder()
         .set_compression(Compression::SNAPPY)
         .set_dictionary_enabled(false)
-        .set_created_by("freeplay".to_owned())
+        .set_created_by(crate::parquet_reader::CREATED_BY.to_owned())
         .set_key_value_metadata(Some(metadata.collect()));
     let mut writer = SerializedFileWriter::new(file, schema(&columns)?, Arc::new(properties.build()))?;
     for begin in (0..recording.len()).step_by(GROUP) {

@@ -1,16 +1,15 @@
-//! Reading a recording of either format.
+//! Reading a recording of any kind: what it is is told from its content.
 
-use std::io::{Cursor, ErrorKind, Read};
+use std::io::{Cursor, Read};
 use std::path::Path;
 
-use freeplay_storage::{InputFile, Refusal};
-
 use crate::error::{Place, ReadError, Row};
+use crate::joint_states::{BagOptions, from_bag};
 use crate::mapping::Mapping;
-use crate::mcap_records::is_magic;
+use crate::open::{self, Kind, open};
 use crate::recording::Recording;
 use crate::table::MAX_NUMBERS;
-use crate::{csv_reader, mcap_reader};
+use crate::{bag_folder, csv_reader, lerobot, mat_reader, mcap_reader, npz_reader, parquet_reader};
 
 /// What a reader is told about its input.
 #[derive(Debug, Clone, Copy)]
@@ -27,21 +26,39 @@ pub(crate) struct Source<'a> {
     pub overview: Option<usize>,
 }
 
-impl Source<'_> {
+impl<'a> Source<'a> {
+    /// All of the file at `file`, of any arm.
+    pub fn of(file: &'a Path) -> Self {
+        Self { file, size: None, joints: None, limit: MAX_NUMBERS, overview: None }
+    }
+
     /// A place in this input.
     pub fn place(&self, row: Row) -> Place {
         Place { file: self.file.to_path_buf(), row }
     }
 }
 
-/// Reads a recording, CSV or MCAP by its first bytes; `joints` is the number of joints it must have, where
+/// What somebody else's recording is told by beside its content.
+#[derive(Debug, Clone, Default)]
+pub struct ImportOptions {
+    /// What the columns are, where that is not told by their names; of no use for a bag.
+    pub mapping: Option<Mapping>,
+    /// What to take from a bag.
+    pub bag: BagOptions,
+}
+
+/// Reads a recording; what kind of file it is is told by its content, not by its name. `joints` is the number of joints it must have, where
 /// the arm is known.
 ///
-/// Required are `t` and `q1`…`qn`. `qd`, `tau` and `q_ref` come for all joints or for none, `x, y, z` and
-/// `qx, qy, qz, qw` all together. All their values are finite and `t` increases, by steps of any size. Columns
-/// outside the contract are kept in [`Recording::others`]; text in them becomes NaN and a note.
-/// CSV: comma-separated, a header, decimal points; a byte order mark, CRLF, quotes, blank lines and spaces
-/// around cells are fine. MCAP: see [`crate::McapWriter`]; a file without its end is read up to there.
+/// Required are a time and the position of every joint; of all else any may be missing, for a while or throughout, and is NaN there. Rows
+/// without time or positions are left out, late ones put in order, repeated ones dropped; each of these is a note. Columns outside the contract
+/// are kept in [`Recording::others`]; text in them becomes NaN and a note.
+///
+/// - CSV and its relatives: any separator, decimal points or commas, comments, units below the names, lists in cells, ISO times. Columns with other
+///   names than ours are taken by what their names say, which is in [`Recording::guessed`] and a note.
+/// - MCAP: see [`crate::McapWriter`]; a file without its end is read up to there.
+/// - ROS bags: MCAP, SQLite and ROS 1, files and folders: see [`BagOptions`].
+/// - Parquet, LeRobot data sets, `.npz`, `.mat` of version 5.
 ///
 /// At most [`MAX_NUMBERS`] numbers are read: 2 GiB of memory, for a moment up to twice that; a line of a CSV may
 /// have 1 MiB, a chunk of a MCAP 64 MiB.
@@ -49,7 +66,7 @@ impl Source<'_> {
 /// # Errors
 /// See [`ReadError`]; each names the place, the value and the remedy.
 pub fn read(path: &Path, joints: Option<usize>) -> Result<Recording, ReadError> {
-    open(path, joints, None)
+    read_as(&Source { joints, ..Source::of(path) }, &ImportOptions::default())
 }
 
 /// Reads a recording of any length in at most about `rows` rows: where it has more, of each stretch of time the least and the greatest
@@ -58,13 +75,15 @@ pub fn read(path: &Path, joints: Option<usize>) -> Result<Recording, ReadError> 
 /// # Errors
 /// See [`ReadError`].
 pub fn read_overview(path: &Path, joints: Option<usize>, rows: usize) -> Result<Recording, ReadError> {
-    open(path, joints, Some(rows))
+    read_as(&Source { joints, overview: Some(rows), ..Source::of(path) }, &ImportOptions::default())
 }
 
-fn open(path: &Path, joints: Option<usize>, overview: Option<usize>) -> Result<Recording, ReadError> {
-    let file = open_file(path)?;
-    let size = Some(file.length());
-    dispatch(file, &Source { file: path, size, joints, limit: MAX_NUMBERS, overview })
+/// Reads somebody else's recording as `options` say. See [`read`].
+///
+/// # Errors
+/// See [`ReadError`]; each names the place, the value and the remedy.
+pub fn import(path: &Path, options: &ImportOptions) -> Result<Recording, ReadError> {
+    read_as(&Source::of(path), options)
 }
 
 /// Reads a CSV with other columns, named and scaled by `mapping`. See [`read`].
@@ -72,64 +91,100 @@ fn open(path: &Path, joints: Option<usize>, overview: Option<usize>) -> Result<R
 /// # Errors
 /// See [`ReadError`]; each names the place, the value and the remedy.
 pub fn import_csv(path: &Path, mapping: &Mapping) -> Result<Recording, ReadError> {
-    let file = open_file(path)?;
-    let source =
-        Source { file: path, size: Some(file.length()), joints: None, limit: MAX_NUMBERS, overview: None };
-    let mut recording = csv_reader::read_mapped(file, &source, Some(mapping))?;
-    mapping
-        .finish(&mut recording)
-        .map_err(|error| ReadError::Mapping { place: source.place(Row::Whole), source: error })?;
-    Ok(recording)
+    import(path, &ImportOptions { mapping: Some(mapping.clone()), bag: BagOptions::default() })
 }
 
-/// Opens a recording, which must be a regular file.
-pub(crate) fn open_file(path: &Path) -> Result<InputFile, ReadError> {
-    InputFile::open(path).map_err(|error| match error.refusal() {
-        _ if error.source.kind() == ErrorKind::IsADirectory => ReadError::Folder { file: path.to_path_buf() },
-        Some(Refusal::NotRegular(_)) => ReadError::NotAFile(error),
-        _ => ReadError::Io { file: path.to_path_buf(), source: error.into() },
-    })
-}
-
-/// Reads a recording from any stream of bytes; `origin` stands for the file in messages. See [`read`].
+/// Reads a recording from any stream of bytes, MCAP or text; `origin` stands for the file in messages. See [`read`].
 ///
 /// # Errors
 /// See [`ReadError`].
 pub fn read_from(input: impl Read, origin: &Path, joints: Option<usize>) -> Result<Recording, ReadError> {
-    dispatch(input, &Source { file: origin, size: None, joints, limit: MAX_NUMBERS, overview: None })
+    dispatch(input, &Source { joints, ..Source::of(origin) })
 }
 
-/// Chooses the reader by the first bytes.
-pub(crate) fn dispatch(mut input: impl Read, source: &Source) -> Result<Recording, ReadError> {
+/// Chooses the reader of what `source` names: a file or a folder.
+fn read_as(source: &Source, options: &ImportOptions) -> Result<Recording, ReadError> {
+    let mut recording = read_named(source, options)?;
+    if let Some(mapping) = &options.mapping {
+        mapping
+            .finish(&mut recording)
+            .map_err(|error| ReadError::Mapping { place: source.place(Row::Whole), source: error })?;
+    }
+    Ok(recording)
+}
+
+/// The recording with the columns as they are named and scaled.
+fn read_named(source: &Source, options: &ImportOptions) -> Result<Recording, ReadError> {
+    let path = source.file;
+    let mapping = options.mapping.as_ref();
+    if path.is_dir() {
+        if lerobot::is_dataset(path) {
+            return lerobot::read_folder(path, source)?.into_recording(source, mapping);
+        }
+        if bag_folder::is_bag(path) {
+            return from_bag(&options.bag, source);
+        }
+    }
+    let mut file = open(path)?;
+    let source = &Source { size: Some(file.length()), ..*source };
+    let head = open::head(&mut file, path)?;
+    match Kind::of(&head) {
+        Kind::Mcap | Kind::Sqlite | Kind::Ros1 if mapping.is_some() => {
+            let what = "a mapping file is for columns of text, Parquet, .npz or .mat: turn this into CSV first, freeplay record export --format csv";
+            Err(ReadError::Unusable { file: path.to_path_buf(), what: what.to_owned() })
+        }
+        Kind::Mcap => match dispatch(Cursor::new(head).chain(file), source) {
+            Err(ReadError::NoTopic { .. }) => from_bag(&options.bag, source),
+            // Of a bag, too, only what is damaged is lost.
+            Err(error @ ReadError::Damaged { .. }) => from_bag(&options.bag, source).map_err(|_| error),
+            other => other,
+        },
+        Kind::Sqlite | Kind::Ros1 => from_bag(&options.bag, source),
+        Kind::Foreign(what) if what.contains("zstd") && is_named_as_bag(path) => {
+            from_bag(&options.bag, source)
+        }
+        Kind::Parquet => {
+            let mut foreign = parquet_reader::read(open(path)?.into_file(), source)?;
+            lerobot::name_episode(&mut foreign, path);
+            foreign.into_recording(source, mapping)
+        }
+        Kind::Zip => npz_reader::read(&all_of(source)?, source)?.into_recording(source, mapping),
+        Kind::Npy => npz_reader::read_single(&all_of(source)?, source)?.into_recording(source, mapping),
+        Kind::Mat => mat_reader::read(&all_of(source)?, source)?.into_recording(source, mapping),
+        Kind::Text | Kind::Foreign(_) => dispatch_mapped(Cursor::new(head).chain(file), source, mapping),
+    }
+}
+
+/// Whether a compressed file says that a bag is in it.
+fn is_named_as_bag(path: &Path) -> bool {
+    path.file_stem().is_some_and(|stem| stem.to_string_lossy().ends_with(".mcap"))
+}
+
+/// All bytes of what `source` names.
+fn all_of(source: &Source) -> Result<Vec<u8>, ReadError> {
+    open::bytes(source.file, source.limit.saturating_mul(8))
+}
+
+/// Chooses the reader of a stream by its first bytes.
+pub(crate) fn dispatch(input: impl Read, source: &Source) -> Result<Recording, ReadError> {
+    dispatch_mapped(input, source, None)
+}
+
+fn dispatch_mapped(
+    mut input: impl Read,
+    source: &Source,
+    mapping: Option<&Mapping>,
+) -> Result<Recording, ReadError> {
     let file = || source.file.to_path_buf();
-    let mut head = Vec::new();
-    let taken = (&mut input).take(mcap::MAGIC.len() as u64).read_to_end(&mut head);
-    taken.map_err(|source| ReadError::Io { file: file(), source })?;
+    let head = open::head(&mut input, source.file)?;
     if head.is_empty() {
         return Err(ReadError::Empty { file: file() });
     }
-    if is_magic(&head) {
-        return mcap_reader::read(input, source);
-    }
-    if source.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mcap")) {
-        return Err(ReadError::NotMcap { file: file() });
-    }
-    if let Some(what) = known_format(&head) {
-        return Err(ReadError::NotText { file: file(), what });
-    }
-    csv_reader::read(Cursor::new(head).chain(input), source)
-}
-
-/// Formats that are handed over by mistake.
-fn known_format(head: &[u8]) -> Option<&'static str> {
-    match head {
-        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => Some("UTF-16 text"),
-        [b'P', b'K', 3, 4, ..] => Some("a ZIP archive or a spreadsheet: export it as CSV"),
-        [0x1f, 0x8b, ..] => Some("compressed by gzip: gunzip it first"),
-        [0x28, 0xb5, 0x2f, 0xfd, ..] => Some("compressed by zstd: unzstd it first"),
-        [b'#', b'R', b'O', b'S', b'B', b'A', b'G', ..] => Some("a ROS 1 bag: `mcap convert` it"),
-        [b'<', b'?' | b'!' | b'a'..=b'z', ..] => Some("XML, such as the model of a robot"),
-        _ => None,
+    match Kind::of(&head) {
+        Kind::Mcap => mcap_reader::read(Cursor::new(head[mcap::MAGIC.len()..].to_vec()).chain(input), source),
+        Kind::Text => csv_reader::read(Cursor::new(head).chain(input), source, mapping),
+        Kind::Foreign(what) => Err(ReadError::NotText { file: file(), what }),
+        _ => Err(ReadError::NotText { file: file(), what: "it can't be read from a stream: give a file" }),
     }
 }
 

@@ -8,13 +8,17 @@ use crate::error::ReadError;
 use crate::names::{Group, ORIENTATION, Role, TOOL, role};
 use crate::table::Table;
 
-/// What was measured on one arm over one stretch of time. All columns have one value per sample; every
-/// value of a contract column is finite and `t` increases (as long as it came from [`crate::read`],
-/// [`crate::read_from`] or [`Recording::new`]).
+/// What was measured on one arm over one stretch of time. All columns have one value per sample; `t` increases, and it and
+/// the positions are finite. Every other value may be NaN, which says that it is missing there: for a while, or throughout for
+/// a joint of a group that other joints have (as long as it came from [`crate::read`], [`crate::read_from`] or [`Recording::new`]).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Recording {
     /// The file it was read from, for messages.
     pub origin: PathBuf,
+    /// Names of the joints in the order of the columns, where the file has names; else empty.
+    pub joint_names: Vec<String>,
+    /// The mapping that was guessed from the names of the columns, as a mapping file; where one had to be.
+    pub guessed: Option<String>,
     /// Time, s.
     pub t: Vec<f64>,
     /// Joint position as the robot's own encoder reads it, `[joint][sample]`, rad.
@@ -161,18 +165,24 @@ impl Recording {
 
     /// A column by its name in the contract, or by its own name if it is another.
     pub fn column(&self, name: &str) -> Option<&[f64]> {
-        let column = match role(name) {
-            Ok(Role::Time) => Some(&self.t),
-            Ok(Role::Joint(Group::Position, joint)) => self.q.get(joint),
-            Ok(Role::Joint(Group::Velocity, joint)) => self.qd.as_ref()?.get(joint),
-            Ok(Role::Joint(Group::Torque, joint)) => self.tau.as_ref()?.get(joint),
-            Ok(Role::Joint(Group::Reference, joint)) => self.q_ref.as_ref()?.get(joint),
-            Ok(Role::Joint(Group::Link, joint)) => self.q_link.get(joint)?.as_ref(),
-            Ok(Role::Tool(axis)) => self.tool.as_ref()?.get(axis),
-            Ok(Role::Orientation(part)) => self.orientation.as_ref()?.get(part),
-            _ => self.others.iter().find(|(known, _)| known == name).map(|(_, values)| values),
-        };
-        column.map(Vec::as_slice)
+        // A quantity of a joint without a position stands among the others under its own name.
+        let other = || self.others.iter().find(|(known, _)| known == name).map(|(_, values)| values);
+        self.of_role(role(name).unwrap_or(Role::Other)).or_else(other).map(Vec::as_slice)
+    }
+
+    /// The column that has this meaning.
+    fn of_role(&self, role: Role) -> Option<&Vec<f64>> {
+        match role {
+            Role::Time => Some(&self.t),
+            Role::Joint(Group::Position, joint) => self.q.get(joint),
+            Role::Joint(Group::Velocity, joint) => self.qd.as_ref()?.get(joint),
+            Role::Joint(Group::Torque, joint) => self.tau.as_ref()?.get(joint),
+            Role::Joint(Group::Reference, joint) => self.q_ref.as_ref()?.get(joint),
+            Role::Joint(Group::Link, joint) => self.q_link.get(joint)?.as_ref(),
+            Role::Tool(axis) => self.tool.as_ref()?.get(axis),
+            Role::Orientation(part) => self.orientation.as_ref()?.get(part),
+            Role::Other => None,
+        }
     }
 
     /// The names of all columns in the order of the contract, others last: the order in which
@@ -198,7 +208,7 @@ impl Recording {
     }
 
     /// The columns of one group that exist, with their names.
-    fn group(&self, group: Group) -> Vec<(String, &[f64])> {
+    pub(crate) fn group(&self, group: Group) -> Vec<(String, &[f64])> {
         let whole = match group {
             Group::Position => Some(&self.q),
             Group::Velocity => self.qd.as_ref(),

@@ -3,7 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Place, ReadError, Row};
-use crate::names::{Group, Role, Roles, shorten};
+use crate::guess::Guess;
+use crate::missing::{self, LeftOut, is_missing};
+use crate::names::{Group, Role, Roles, list, shorten};
+use crate::order;
 use crate::overview::Overview;
 use crate::recording::{Event, Recording};
 
@@ -32,6 +35,12 @@ pub(crate) struct Table {
     limit: u64,
     /// Where but an overview is wanted.
     overview: Option<Overview>,
+    /// Rows that lack their time or a position.
+    pub left_out: LeftOut,
+    /// Where time first stands still or runs back: the row, its time, the time of the row before.
+    disorder: Option<(Row, f64, f64)>,
+    pub joint_names: Vec<String>,
+    pub guessed: Option<String>,
     pub metadata: Vec<(String, String)>,
     pub events: Vec<Event>,
     pub truncated: bool,
@@ -47,7 +56,7 @@ impl Table {
         joints: Option<usize>,
         limit: u64,
     ) -> Result<Self, ReadError> {
-        let roles = match Roles::new(&names, joints) {
+        let mut roles = match Roles::new(&names, joints) {
             Ok(roles) => roles,
             Err(source) => return Err(ReadError::Columns { place: header, source }),
         };
@@ -56,13 +65,17 @@ impl Table {
             columns: vec![Vec::new(); names.len()],
             oddities: vec![Oddities::default(); names.len()],
             names,
+            notes: std::mem::take(&mut roles.notes),
             roles,
             limit,
             overview: None,
+            left_out: LeftOut::default(),
+            disorder: None,
+            joint_names: Vec::new(),
+            guessed: None,
             metadata: Vec::new(),
             events: Vec::new(),
             truncated: false,
-            notes: Vec::new(),
         })
     }
 
@@ -148,6 +161,15 @@ impl Table {
         Err(ReadError::TooLarge { file: self.file.clone(), columns, rows, limit: self.limit, remedy })
     }
 
+    /// Takes note of how the meaning of the columns was guessed.
+    pub fn take_guess(&mut self, guess: Guess) {
+        self.notes.push(format!(
+            "columns by their names: {} (freeplay record import writes this as a mapping file, to be corrected)",
+            guess.words
+        ));
+        self.guessed = Some(guess.toml);
+    }
+
     /// Remembers that `text` stands in a column outside the contract where a number should.
     pub fn note_text(&mut self, column: usize, row: Row, text: &str) {
         let place = Place { file: self.file.clone(), row };
@@ -156,41 +178,51 @@ impl Table {
         oddities.first.get_or_insert_with(|| (place, shorten(text)));
     }
 
-    /// Adds a row, which has one value per column.
+    /// Adds a row, which has one value per column; what is not finite is missing. A row without its time or a position is left out.
     pub fn push(&mut self, row: &[f64], at: Row) -> Result<(), ReadError> {
         debug_assert_eq!(row.len(), self.columns.len());
         self.check_size(self.rows() + 1)?;
         for (column, value) in row.iter().enumerate() {
-            match self.roles.roles[column] {
-                Role::Other => {}
-                _ if !value.is_finite() => return Err(self.not_finite(column, at, format!("{value}"))),
-                Role::Time => self.check_time(column, *value, at)?,
-                _ => {}
+            let role = self.roles.roles[column];
+            if matches!(role, Role::Time | Role::Joint(Group::Position, _)) && !value.is_finite() {
+                let what = format!("column {} holds no number", self.names[column]);
+                let file = &self.file;
+                self.left_out.count(&what, || Place { file: file.clone(), row: at });
+                return Ok(());
+            }
+        }
+        let time = self.roles.roles.iter().position(|role| *role == Role::Time).unwrap_or(0);
+        if let Some(&previous) = self.columns[time].last().filter(|previous| row[time] <= **previous) {
+            self.disorder.get_or_insert((at, row[time], previous));
+            if self.overview.is_some() {
+                return Ok(());
             }
         }
         if let Some(overview) = &mut self.overview {
-            let time = self.roles.roles.iter().position(|role| *role == Role::Time);
-            overview.push(row, &mut self.columns, time.unwrap_or(usize::MAX));
+            overview.push(row, &mut self.columns, time);
             return Ok(());
         }
-        for (column, value) in self.columns.iter_mut().zip(row) {
-            column.push(*value);
+        for ((column, value), role) in self.columns.iter_mut().zip(row).zip(&self.roles.roles) {
+            column.push(if value.is_finite() || *role == Role::Other { *value } else { f64::NAN });
         }
         Ok(())
     }
 
-    /// The error for a value that is not finite.
-    pub fn not_finite(&self, column: usize, at: Row, value: String) -> ReadError {
-        ReadError::NotFinite { place: self.place(at), column: self.names[column].clone(), value }
-    }
-
-    fn check_time(&self, column: usize, value: f64, at: Row) -> Result<(), ReadError> {
-        match self.columns[column].last() {
-            Some(&previous) if value <= previous => {
-                Err(ReadError::Time { place: self.place(at), value, previous })
-            }
-            _ => Ok(()),
-        }
+    /// Puts the rows in the order of time.
+    fn sort(&mut self) -> Result<(), ReadError> {
+        let Some((row, value, previous)) = self.disorder.filter(|_| self.overview.is_none()) else {
+            return Ok(());
+        };
+        let of = |is: fn(&Role) -> bool| {
+            self.roles.roles.iter().enumerate().filter(move |(_, role)| is(role)).map(|(column, _)| column)
+        };
+        let positions: Vec<usize> = of(|role| matches!(role, Role::Joint(Group::Position, _))).collect();
+        let time = of(|role| *role == Role::Time).next().unwrap_or(0);
+        let sorted =
+            order::sort(&mut self.columns, time, &positions).filter(|_| self.columns[time].len() > 1);
+        let sorted = sorted.ok_or_else(|| ReadError::Time { place: self.place(row), value, previous })?;
+        self.notes.extend(sorted.in_words());
+        Ok(())
     }
 
     /// The finished recording.
@@ -199,13 +231,21 @@ impl Table {
             overview.finish(&mut self.columns);
         }
         if self.columns[0].is_empty() {
+            if let Some(error) = self.left_out.nothing_left() {
+                return Err(error);
+            }
             let why = if self.truncated { ENDS_EARLY } else { "" };
             return Err(ReadError::NoSamples { file: self.file, why });
         }
+        let all = self.rows() + self.left_out.rows();
+        self.notes.extend(self.left_out.in_words(all));
+        self.sort()?;
         self.describe_oddities();
         let joints = self.roles.joints;
         let mut recording = Recording {
             origin: self.file,
+            joint_names: self.joint_names,
+            guessed: self.guessed,
             q: vec![Vec::new(); joints],
             q_link: vec![None; joints],
             metadata: self.metadata,
@@ -218,10 +258,25 @@ impl Table {
         for ((name, role), values) in named {
             place_column(&mut recording, name, role, values);
         }
+        complete(&mut recording);
+        let notes = missing::in_words(&recording);
+        recording.notes.extend(notes);
+        drop_missing(&mut recording);
+        take_names(&mut recording);
         Ok(recording)
     }
 
     fn describe_oddities(&mut self) {
+        let rows = self.columns[0].len() as u64;
+        let of_text = self.names.iter().zip(&self.oddities).filter(|(_, oddities)| oddities.count >= rows);
+        let of_text: Vec<String> = of_text.map(|(name, _)| name.clone()).collect();
+        if of_text.len() > 1 {
+            self.notes.push(format!("columns of text are not used: {}", list(&of_text)));
+            self.oddities
+                .iter_mut()
+                .filter(|oddities| oddities.count >= rows)
+                .for_each(|oddities| oddities.first = None);
+        }
         for (name, oddities) in self.names.iter().zip(&self.oddities) {
             if let Some((place, text)) = &oddities.first {
                 self.notes.push(format!(
@@ -231,6 +286,46 @@ impl Table {
                 ));
             }
         }
+    }
+}
+
+/// Fills the columns that the file does not have beside others of their group: missing throughout.
+fn complete(recording: &mut Recording) {
+    let samples = recording.t.len();
+    let groups =
+        [&mut recording.qd, &mut recording.tau, &mut recording.q_ref].into_iter().flatten().flatten();
+    let axes = recording.tool.iter_mut().flatten().chain(recording.orientation.iter_mut().flatten());
+    groups.chain(axes).for_each(|column| column.resize(samples, f64::NAN));
+}
+
+/// Forgets the groups of which every column is missing throughout.
+fn drop_missing(recording: &mut Recording) {
+    for group in [&mut recording.qd, &mut recording.tau, &mut recording.q_ref] {
+        group.take_if(|columns| columns.iter().all(|column| is_missing(column)));
+    }
+    for link in &mut recording.q_link {
+        link.take_if(|column| is_missing(column));
+    }
+    recording.tool.take_if(|axes| axes.iter().all(|axis| is_missing(axis)));
+    recording.orientation.take_if(|parts| parts.iter().all(|part| is_missing(part)));
+}
+
+/// The key of the joints' names in a recording's metadata.
+pub(crate) const JOINTS_KEY: &str = "joints";
+
+/// Takes the joints' names from the metadata, or writes them there.
+fn take_names(recording: &mut Recording) {
+    let written = recording.metadata.iter().find(|(key, _)| key == JOINTS_KEY).map(|(_, names)| names);
+    if let Some(names) = written
+        && recording.joint_names.is_empty()
+    {
+        recording.joint_names = names.split(',').map(str::to_owned).collect();
+    } else if written.is_none() && !recording.joint_names.is_empty() {
+        recording.metadata.push((JOINTS_KEY.to_owned(), recording.joint_names.join(",")));
+        recording.metadata.sort();
+    }
+    if recording.joint_names.len() != recording.joints() {
+        recording.joint_names.clear();
     }
 }
 

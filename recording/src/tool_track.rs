@@ -27,6 +27,11 @@ pub(crate) struct Pose {
 }
 
 impl Pose {
+    /// The pose of the numbers x, y, z, qx, qy, qz, qw.
+    pub fn of([x, y, z, qx, qy, qz, qw]: [f64; 7]) -> Self {
+        Self { position: Point { x, y, z }, orientation: Quaternion { x: qx, y: qy, z: qz, w: qw } }
+    }
+
     fn numbers(self) -> [f64; 7] {
         let (p, o) = (self.position, self.orientation);
         [p.x, p.y, p.z, o.x, o.y, o.z, o.w]

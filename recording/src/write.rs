@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::csv_writer::CsvWriter;
 use crate::error::WriteError;
+use crate::interpret::JOINTS_COLUMN;
 use crate::mcap_writer::McapWriter;
 use crate::names::{ColumnError, Group, ORIENTATION, Roles, TOOL};
 use crate::parquet_writer;
@@ -171,8 +172,8 @@ impl RowWriter {
 }
 
 /// Writes `recording` to `path`, as CSV, MCAP or Parquet by the ending, columns in the order of the contract.
-/// Reading it again gives the same numbers, bit for bit. Parquet has no place for events. The file appears whole or not at all; one that
-/// was there is replaced by the whole new one.
+/// Reading it again gives the same numbers, bit for bit. Parquet has no place for events; a CSV has none for events and metadata, and the joints'
+/// names in the name of one more column. The file appears whole or not at all; one that was there is replaced by the whole new one.
 ///
 /// # Errors
 /// As [`RowWriter`] has them.
@@ -188,9 +189,18 @@ pub fn export(recording: &Recording, path: &Path) -> Result<Summary, WriteError>
 }
 
 fn export_rows(recording: &Recording, path: &Path) -> Result<Summary, WriteError> {
-    let layout = Layout::new(recording.columns())?;
+    let mut names = recording.columns();
+    let is_csv = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+    let zeros =
+        if is_csv && !recording.joint_names.is_empty() { vec![0.0; recording.len()] } else { Vec::new() };
+    let mut columns: Vec<&[f64]> = recording.named().map(|(_, values)| values).collect();
+    if !zeros.is_empty() {
+        // A CSV has no other place for names, and no reader minds one more column.
+        names.push(format!("{JOINTS_COLUMN}{}", recording.joint_names.join(";")));
+        columns.push(&zeros);
+    }
+    let layout = Layout::new(names)?;
     let mut writer = RowWriter::replace(path, &layout, &recording.metadata)?;
-    let columns: Vec<&[f64]> = recording.named().map(|(_, values)| values).collect();
     let mut events = recording.events.iter().peekable();
     let mut row = vec![0.0; columns.len()];
     for sample in 0..recording.len() {

@@ -13,10 +13,9 @@ fn with_joints(text: &str, joints: usize) -> Result<Recording, ReadError> {
     read_from(text.as_bytes(), Path::new("run.csv"), Some(joints))
 }
 
-const COLUMNS: [(&str, &str); 17] = [
+const COLUMNS: [(&str, &str); 6] = [
     ("\nq1,q2\n0,0", "run.csv:2: column t is missing (add the time of each row, s); found: q1, q2"),
-    ("time,q1\n0,0", "run.csv:1: column t is missing (rename time to t); found: time, q1"),
-    ("T,q1\n0,0", "run.csv:1: column t is missing (rename T to t); found: T, q1"),
+    ("u,v\n0,0", "run.csv:1: column t is missing (add the time of each row, s); found: u, v"),
     (
         "t,x,y,z\n0,0,0,0",
         "run.csv:1: column q1 is missing (add the position of joint 1, rad); found: t, x, y, z",
@@ -25,66 +24,21 @@ const COLUMNS: [(&str, &str); 17] = [
         "t,q1,q3\n0,0,0",
         "run.csv:1: column q2 is missing (add the position of joint 2, rad); found: t, q1, q3",
     ),
-    ("t,Q1,q2\n0,0,0", "run.csv:1: column q1 is missing (rename Q1 to q1); found: t, Q1, q2"),
     ("t,q0,q1\n0,0,0", "run.csv:1: column q0: joints are counted from 1; rename q0, q1… to q1, q2…"),
-    (
-        "t,q1,q2,tau3\n0,0,0,0",
-        "run.csv:1: column tau3 belongs to joint 3, but the positions end at q2; add q3 or remove tau3",
-    ),
-    (
-        "t,q1,q2,q_link5\n0,0,0,0",
-        "run.csv:1: column q_link5 belongs to joint 5, but the positions end at q2; add q5 or remove q_link5",
-    ),
-    (
-        "t,q1,q2,q3,qd1,qd2\n0,0,0,0,0,0",
-        "run.csv:1: column qd3 is missing beside qd1; give all of qd1…qd3 or none",
-    ),
-    ("t,q1,q2,tau2\n0,0,0,0", "run.csv:1: column tau1 is missing beside tau2; give all of tau1…tau2 or none"),
-    ("t,q1,x,z\n0,0,0,0", "run.csv:1: column y is missing beside x; give all of x, y, z or none"),
-    (
-        "t,q1,qx,qy,qz\n0,0,0,0,0",
-        "run.csv:1: column qw is missing beside qx; give all of qx, qy, qz, qw or none",
-    ),
     ("t,q1,u,q1\n0,0,0,0", "run.csv:1: column q1 occurs twice; rename or remove one of them"),
-    ("t,q1,u,u\n0,0,0,0", "run.csv:1: column u occurs twice; rename or remove one of them"),
-    (
-        "t,q1,\n0,0,",
-        "run.csv:1: column number 3 has no name; name it or remove it (a comma at the end of the header makes one)",
-    ),
-    (
-        "t,q1,\"a\nb\"\n0,0,0",
-        "run.csv:1: column number 3 is named \"a�b\"; remove the control characters and the spaces around the name",
-    ),
 ];
 
-const CELLS: [(&str, &str); 20] = [
-    (
-        "t,q1\n0,0\n1,nan\n",
-        "run.csv:3: column q1: \"nan\" is not a finite number; remove the row or interpolate it",
-    ),
-    (
-        "t,q1\n0,0\n1,-inf\n",
-        "run.csv:3: column q1: \"-inf\" is not a finite number; remove the row or interpolate it",
-    ),
-    (
-        "t,q1\n0,1e999\n",
-        "run.csv:2: column q1: \"1e999\" is not a finite number; remove the row or interpolate it",
-    ),
-    (
-        "t,q1\nNaN,0\n",
-        "run.csv:2: column t: \"NaN\" is not a finite number; remove the row or interpolate it",
-    ),
+const NOTHING_LEFT: &str =
+    "nothing is left; record it, or name another column for it in a mapping file: freeplay record import";
+
+const CELLS: [(&str, &str); 12] = [
     (
         "t,q1\n0,0\n\n\r\n1,oops\n",
-        "run.csv:5: column q1: \"oops\" is not a number; correct the cell or remove the row",
+        "run.csv:5: column q1: \"oops\" is not a number; correct the cell, empty it or remove the row",
     ),
     (
         "t,q1\r\n0,0\r\n1,0x1F\r\n",
-        "run.csv:3: column q1: \"0x1F\" is not a number; correct the cell or remove the row",
-    ),
-    (
-        "t,q1\n0,\n",
-        "run.csv:2: column q1: \"\" is not a number; the cell is empty: remove the row or interpolate it",
+        "run.csv:3: column q1: \"0x1F\" is not a number; correct the cell, empty it or remove the row",
     ),
     (
         "t,q1\n0,\"0,5\"\n",
@@ -92,63 +46,48 @@ const CELLS: [(&str, &str); 20] = [
     ),
     (
         "t,q1\n0,1.5.2\n",
-        "run.csv:2: column q1: \"1.5.2\" is not a number; correct the cell or remove the row",
+        "run.csv:2: column q1: \"1.5.2\" is not a number; correct the cell, empty it or remove the row",
     ),
     (
-        "t,q1,q2\n0,0,0\n1,0\n",
-        "run.csv:3: expected 3 cells as in the header, found 2; complete or remove the row (decimals are written with a point, not a comma)",
-    ),
-    (
-        "t,q1\n0,0,5\n",
+        "t,q1\n0,0,5\n0,1,5\n",
         "run.csv:2: expected 2 cells as in the header, found 3; complete or remove the row (decimals are written with a point, not a comma)",
     ),
     (
-        "t,q1\n0,0\n   \n",
-        "run.csv:3: expected 2 cells as in the header, found 1; complete or remove the row (decimals are written with a point, not a comma)",
-    ),
-    (
-        "t,q1\n0,0\n1,0\n1,0\n",
-        "run.csv:4: column t: 1.0 does not come after 1.0 in the row before; time must increase: sort the rows, remove repeated ones",
-    ),
-    (
-        "t,q1\n0,0\n1,0\n0.5,0\n",
-        "run.csv:4: column t: 0.5 does not come after 1.0 in the row before; time must increase: sort the rows, remove repeated ones",
+        "t,q1\n0,0\n0,0\n0,1\n",
+        "run.csv:3: column t: 0.0 does not come after 0.0 in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each",
     ),
     ("t,q1\n", "run.csv: no samples; record some motion"),
     ("", "run.csv: the file is empty; a CSV begins with a header such as t,q1,q2"),
     ("\n\n", "run.csv: the file is empty; a CSV begins with a header such as t,q1,q2"),
     (
         "0.0,1.5\n0.1,1.6\n",
-        "run.csv:1: no header: the first line begins with the number 0.0; put the column names first, e.g. t,q1,q2",
+        "run.csv:1: no header: the first line begins with \"0.0\"; put the column names first, e.g. t,q1,q2, or name the columns by number in a mapping file (columns = \"1\") for freeplay record import",
     ),
     (
-        "# made by hand\nt,q1\n0,0\n",
-        "run.csv:1: the first line should be the header, but is a comment (\"# made by hand\"); remove the lines of comment, and a mark before the column names",
+        "# made by hand\n0.0,1.5\n0.1,1.6\n",
+        "run.csv:1: no header: the first line begins with \"0.0\"; put the column names first, e.g. t,q1,q2, or name the columns by number in a mapping file (columns = \"1\") for freeplay record import",
     ),
     (
-        "# t,q1\n0,0\n",
-        "run.csv:1: the first line should be the header, but is a comment (\"# t\"); remove the lines of comment, and a mark before the column names",
+        "t,q1\n0,0\n0.01,0.1\n0.02,0.2\n0,5\n0.01,5.1\n0.02,5.2\n",
+        "run.csv:5: column t: 0.0 does not come after 0.02 in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each",
     ),
 ];
 
-const SEPARATORS: [(&str, &str); 3] = [
-    (
-        "t;q1\n0,5;1,5\n",
-        "run.csv:1: columns are separated by ';'; separate them by \",\" and write decimals with a point: sed 's/,/./g; s/;/,/g' run.csv > comma.csv; or say with a mapping file what they are: freeplay record import",
-    ),
-    (
-        "t\tq1\n0\t1\n",
-        "run.csv:1: columns are separated by '\\t'; separate them by \",\" and write decimals with a point: tr ',\\t' '.,' < run.csv > comma.csv; or say with a mapping file what they are: freeplay record import",
-    ),
-    (
-        "t q1\n0 1\n",
-        "run.csv:1: columns are separated by ' '; separate them by \",\" and write decimals with a point: sed 's/,/./g; s/  */,/g' run.csv > comma.csv; or say with a mapping file what they are: freeplay record import",
-    ),
+/// Files of which nothing is left, and what is lacking in their first row.
+const LACKING: [(&str, &str); 4] = [
+    ("t,q1\n0,1e999\n", "run.csv:2: column q1 holds no number, and so in all 1 rows: "),
+    ("t,q1\nNaN,0\n", "run.csv:2: column t holds no number, and so in all 1 rows: "),
+    ("t,q1\n0,\n", "run.csv:2: column q1 holds no number, and so in all 1 rows: "),
+    ("t,q1,q2\n0,nan,1\n1,0,null\n2,0,\n", "run.csv:3: column q2 holds no number, and so in all 3 rows: "),
 ];
 
 #[test]
 fn each_bad_text_has_its_message() {
-    let all = COLUMNS.iter().chain(&CELLS).chain(&SEPARATORS);
+    for (text, lacking) in LACKING {
+        let error = csv(text.as_bytes()).expect_err(text);
+        assert_eq!(error.to_string(), format!("{lacking}{NOTHING_LEFT}"), "{text:?}");
+    }
+    let all = COLUMNS.iter().chain(&CELLS);
     for (text, expected) in all.clone() {
         let error = csv(text.as_bytes()).expect_err(text);
         assert_eq!(error.to_string(), *expected, "{text:?}");
@@ -170,23 +109,28 @@ fn another_number_of_joints_is_an_error() {
 #[test]
 fn bytes_that_are_no_text_are_told_apart() {
     let utf16: Vec<u8> = "\u{feff}t,q1\n0,0\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
-    let cases: [(&[u8], &str); 8] = [
-        (&utf16, "UTF-16 text"),
-        (b"PK\x03\x04\x14\0\0\0", "a ZIP archive or a spreadsheet"),
-        (b"\x1f\x8b\x08\0", "compressed by gzip"),
+    let cases: [(&[u8], &str); 9] = [
+        (&utf16, "UTF-16 text: save it as UTF-8"),
+        (b"PK\x03\x04\x14\0\0\0", "it can't be read from a stream"),
+        (b"\x1f\x8b\x08\0", "compressed by gzip: gunzip it first"),
         (b"\x28\xb5\x2f\xfd", "compressed by zstd"),
-        (b"#ROSBAG V2.0\n", "a ROS 1 bag"),
+        (b"MATLAB 7.3 MAT-file, Platform: GLNXA64", "a MATLAB v7.3 file: save it with -v7"),
+        (b"\x89HDF\r\n\x1a\n", "a HDF5 file: write it as .npz or CSV"),
         (b"<?xml version=\"1.0\"?>\n<robot>\n", "XML, such as the model of a robot"),
-        (b"\x7fELF\x02\x01\x01\0\0\0\n\0\0", "its first line holds zero bytes"),
-        (b"t,q1,temp\xe9rature\n0,0,0\n", "its first line is no UTF-8 text"),
+        (b"{\"t\": [0, 1]}", "JSON: write it as CSV"),
+        (b"\x7fELF\x02\x01\x01\0\0\0\n\0\0", "it holds zero bytes"),
     ];
     for (bytes, what) in cases {
         let error = csv(bytes).expect_err(what);
         assert!(matches!(error, ReadError::NotText { .. }), "{error}");
-        assert!(error.to_string().starts_with(&format!("run.csv: neither CSV nor MCAP ({what}")), "{error}");
+        let error = error.to_string();
+        assert!(
+            error.starts_with(&format!("run.csv: {what}")) && error.contains("what is read: CSV, MCAP"),
+            "{error}"
+        );
     }
     let error = csv(b"t,q1\n0,\xff\xfe\n").expect_err("garbage below the header");
-    assert!(error.to_string().starts_with("run.csv:2: column q1: \"��\" is not a number"), "{error}");
+    assert!(error.to_string().starts_with("run.csv:2: column q1: \"ÿþ\" is not a number"), "{error}");
 }
 
 #[test]
@@ -201,7 +145,7 @@ fn a_line_without_end_is_refused_in_bounded_memory() {
     assert!(error.to_string().starts_with("run.csv:3: the line is longer"), "{error}");
 
     let zeros = read_from(std::io::repeat(0), Path::new("/dev/zero"), None).expect_err("endless zeros");
-    assert!(matches!(zeros, ReadError::LongLine { .. }), "{zeros}");
+    assert!(matches!(zeros, ReadError::NotText { .. }), "{zeros}");
 }
 
 #[test]
@@ -239,10 +183,7 @@ fn columns_outside_the_contract_are_kept_and_odd_cells_noted() {
     assert!(mode[0].is_nan() && mode[1].is_nan() && mode[2] == 2.0);
     assert_eq!(
         recording.notes,
-        [
-            "column mode is not used: 2 of its 3 cells are no numbers (first run.csv:2: \"idle\"), kept as NaN",
-            "column u is not used: 1 of its 3 cells are no numbers (first run.csv:2: \"\"), kept as NaN",
-        ]
+        ["column mode is not used: 2 of its 3 cells are no numbers (first run.csv:2: \"idle\"), kept as NaN",]
     );
     assert_eq!(recording.column("q2"), None);
 }
@@ -261,8 +202,7 @@ fn what_is_no_file_is_said_so() {
 
     let path = folder.path().join("run.mcap");
     fs::write(&path, "t,q1\n0,0\n").expect("written");
-    let error = read(&path, None).expect_err("a CSV under a wrong name");
-    assert!(matches!(error, ReadError::NotMcap { .. }), "{error}");
+    assert_eq!(read(&path, None).expect("a CSV under a wrong name").len(), 1);
 
     let link = folder.path().join("loop.csv");
     std::os::unix::fs::symlink(&link, &link).expect("a link to itself");
@@ -276,8 +216,8 @@ fn recordings_made_in_memory_obey_the_same_rules() {
         |t: Vec<f64>, q: Vec<f64>| Recording::new(Path::new("made"), vec![("t".into(), t), ("q1".into(), q)]);
     let recording = made(vec![0.0, 0.5, 1.5], vec![1.0, 2.0, 3.0]).expect("a recording");
     assert_eq!((recording.len(), recording.joints(), recording.duration()), (3, 1, 1.5));
-    let error = made(vec![0.0, 0.5], vec![1.0, f64::INFINITY]).expect_err("infinite");
-    assert!(error.to_string().starts_with("made, sample 2: column q1: \"inf\" is not a finite"), "{error}");
+    let error = made(vec![0.0], vec![f64::INFINITY]).expect_err("infinite");
+    assert!(error.to_string().starts_with("made, sample 1: column q1 holds no number"), "{error}");
     let error = made(vec![0.0, 0.5], vec![1.0]).expect_err("unequal");
     assert!(error.to_string().starts_with("made: column q1 has 1 values, t has 2"), "{error}");
     assert!(matches!(made(vec![], vec![]), Err(ReadError::NoSamples { .. })));

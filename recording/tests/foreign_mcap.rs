@@ -112,12 +112,12 @@ fn each_foreign_form_has_its_message() {
             format!("run.mcap, message 2: topic /freeplay/tick: the message has 24 bytes for 2 columns of 8{must}"),
         ),
         (
-            message_of(&[tick(joints, rows(&[&[0.0, 1.0], &[0.5, f64::NAN]]))]),
-            "run.mcap, message 2: column q1: \"NaN\" is not a finite number; remove the row or interpolate it".into(),
+            message_of(&[tick(joints, rows(&[&[0.5, f64::NAN]]))]),
+            "run.mcap, message 1: column q1 holds no number, and so in all 1 rows: nothing is left; record it, or name another column for it in a mapping file: freeplay record import".into(),
         ),
         (
             message_of(&[tick(joints, rows(&[&[0.5, 1.0], &[0.5, 1.0]]))]),
-            "run.mcap, message 2: column t: 0.5 does not come after 0.5 in the row before; time must increase: sort the rows, remove repeated ones".into(),
+            "run.mcap, message 2: column t: 0.5 does not come after 0.5 in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each".into(),
         ),
         (
             message_of(&[tick("float64 t\nfloat64 q2\n", q())]),

@@ -236,18 +236,22 @@ fn joint_states_are_read_by_name_and_poses_come_to_their_times() {
     let options = BagOptions { joints: vec!["a".into(), "b".into()], ..BagOptions::default() };
     let recording = imported(&messages, &options).expect("it reads");
     println!("{:?}", recording.notes);
+    assert_close(&column(&recording, "t"), &[0.0, 0.002, 0.004]);
+    assert_close(&column(&recording, "q1"), &[0.5, 1.5, 2.5]);
+    assert_close(&column(&recording, "q2"), &[10.5, 11.5, 12.5]);
+    assert_close(&column(&recording, "qd2"), &[-10.5, -11.5, -12.5]);
+    assert_close(&column(&recording, "tau1"), &[1.5, 4.5, 7.5]);
     // The first joint state is before the first pose.
-    assert_close(&column(&recording, "t"), &[0.002, 0.004]);
-    assert_close(&column(&recording, "q1"), &[1.5, 2.5]);
-    assert_close(&column(&recording, "q2"), &[11.5, 12.5]);
-    assert_close(&column(&recording, "qd2"), &[-11.5, -12.5]);
-    assert_close(&column(&recording, "tau1"), &[4.5, 7.5]);
-    assert_close(&column(&recording, "x"), &[0.5, 1.5]);
-    assert!(
-        recording.notes.iter().any(|note| note.contains("1 joint states outside")),
-        "{:?}",
-        recording.notes
-    );
+    let x = column(&recording, "x");
+    assert!(x[0].is_nan());
+    assert_close(&x[1..], &[0.5, 1.5]);
+    let said = recording.notes.join("; ");
+    for words in [
+        "3 of 6 messages of /joint_states are passed over: they are of other joints",
+        "x…z in 1 of 3 samples",
+    ] {
+        assert!(said.contains(words), "{words}: {said}");
+    }
 }
 
 #[test]
@@ -281,12 +285,12 @@ fn what_a_bag_lacks_is_said() {
         (
             vec![message("/a", &state(&["a", "b"], &[1.0], &[]))],
             asked(&[]),
-            "position has 1 values for 2 names",
+            "message 1: topic /a: no message has a position for each of its names",
         ),
         (
             vec![message("/a", &state(&["a", "b"], &[1.0, 2.0], &[]))],
             asked(&["a", "c"]),
-            "no joint \"c\"; it has a,b",
+            "no joint \"c\"; it has a, b",
         ),
         (vec![message("/a", &good), message("/a", &good)], asked(&[]), "message 2: column t"),
     ];
@@ -298,7 +302,7 @@ fn what_a_bag_lacks_is_said() {
     let folder = folder();
     let error =
         import_bag(&written(&folder, "x.mcap", "t,q1\n"), &BagOptions::default()).expect_err("no MCAP");
-    assert!(error.to_string().contains("does not begin like a MCAP"), "{error}");
+    assert!(error.to_string().contains("no ROS bag: neither MCAP, SQLite nor ROS 1"), "{error}");
 }
 
 /// A message whose lengths promise more than there is must not make the reader take memory.

@@ -59,6 +59,12 @@ impl InputFile {
     pub fn length(&self) -> u64 {
         self.length
     }
+
+    /// The file itself, for a reader that goes to and fro in it, as that of Parquet does.
+    #[must_use]
+    pub fn into_file(self) -> File {
+        self.file
+    }
 }
 
 /// Opening a socket, or a link where none is followed, fails with a number that says little.

@@ -12,6 +12,11 @@ pub(crate) fn mapping(reading: &Reading, recording: &Recording) -> Option<String
         return None;
     }
     let mut text = String::from("# How this recording is to be read. Correct it where it is wrong.\n");
+    if recording.guessed.is_some() {
+        text.push_str(
+            "# Its columns are those that freeplay record import gives the recording: import it before.\n",
+        );
+    }
     if reading.gravity_added {
         text.push_str("gravity_compensated = true\n");
     }

@@ -4,7 +4,8 @@ use freeplay_recording::Recording;
 
 use crate::error::ResidualError;
 use crate::filter::{LowPass, derivatives};
-use crate::grid::Grid;
+use crate::grid::{Grid, Stretch};
+use crate::stuck::Stuck;
 
 /// Time between two rows, s: a quarter of a period of 1.5 Hz, about where the motions of arms end.
 const SPACING: f64 = 0.15;
@@ -14,6 +15,9 @@ const MOST_ROWS: usize = 240;
 const CUTOFF: f64 = 10.0;
 /// Time left out at the ends, s, so that shifted columns stay inside; at most an eighth of a stretch.
 const ENDS: f64 = 0.55;
+
+/// Torques and the tool count as recorded where they are there for this share of the time; rows are taken from what is there.
+const THERE: f64 = 0.5;
 
 /// The rows of a recording, in recorded units.
 pub(crate) struct Samples {
@@ -48,8 +52,32 @@ impl Samples {
             spans.push((begin, begin + stretch.len));
             begin += stretch.len;
         }
-        let places = places(&spans, grid.step);
-        let mut motion = [const { Vec::new() }; 3];
+        let there = |columns: &[Vec<f64>]| -> Vec<bool> {
+            let around = ENDS.max(filter.settling_time());
+            let of = |stretch: &Stretch| {
+                let mut all = vec![true; stretch.len];
+                for column in columns {
+                    let present = grid.present(stretch, recording, column, around);
+                    all.iter_mut().zip(present.iter().flatten()).for_each(|(all, one)| *all &= *one);
+                }
+                all
+            };
+            grid.stretches.iter().flat_map(of).collect()
+        };
+        let mut places = places(&spans, grid.step);
+        let mut recorded = |columns: Option<&[Vec<f64>]>| -> Option<Vec<Smooth>> {
+            let columns = columns?;
+            let present = there(columns);
+            let kept: Vec<usize> = places.iter().copied().filter(|&point| present[point]).collect();
+            if (kept.len() as f64) < THERE * places.len() as f64 {
+                return None;
+            }
+            places = kept;
+            Some(columns.iter().map(smooth).collect())
+        };
+        let mut torques = recorded(recording.tau.as_deref());
+        let tool = recorded(recording.tool.as_ref().map(<[_; 3]>::as_slice));
+        let mut motion: [Vec<Vec<f64>>; 3] = [const { Vec::new() }; 3];
         for column in q {
             let smooth = smooth(column);
             let mut whole = [const { Vec::new() }; 3];
@@ -63,6 +91,19 @@ impl Samples {
                 motion.push(places.iter().map(|&point| whole[point]).collect());
             }
         }
+        let raw = |column: &Vec<f64>| -> Vec<f64> {
+            let parts = grid.stretches.iter();
+            parts.flat_map(|stretch| grid.resample(stretch, recording, column).into_owned()).collect()
+        };
+        let columns = torques.iter_mut().flatten().zip(recording.tau.iter().flatten());
+        for ((torque, column), (v, a)) in columns.zip(motion[1].iter().zip(&motion[2])) {
+            let whole = raw(column);
+            let rows: Vec<f64> = places.iter().map(|&point| whole[point]).collect();
+            // A torque that stays at one value while its joint moves is no measurement, in no unit.
+            if Stuck::along(&rows, v, a).is_some() {
+                torque.fill(f64::NAN);
+            }
+        }
         let starts = grid.stretches.iter().zip(&spans);
         let times: Vec<f64> = starts
             .flat_map(|(stretch, &(start, end))| {
@@ -73,8 +114,8 @@ impl Samples {
         Ok(Self {
             t: places.iter().map(|&point| times[point]).collect(),
             motion,
-            torques: recording.tau.as_ref().map(|columns| columns.iter().map(smooth).collect()),
-            tool: recording.tool.as_ref().map(|columns| columns.iter().map(smooth).collect()),
+            torques,
+            tool,
             places: places.iter().map(|&point| (in_span(point), point as f64)).collect(),
             step: grid.step,
             spans,

@@ -133,7 +133,7 @@ impl<'a> Case<'a> {
             self.stages.iter().map(|stage| stage.left_with(more)).collect::<Result<_, _>>()?;
         let mut left: Vec<Vec<f64>> = left.into_iter().flatten().collect();
         for channel in (0..left.len()).filter(|&channel| self.is_link(channel)) {
-            take_mean_off(&mut left[channel]);
+            take_mean_off(&mut left[channel], &self.kept[channel]);
         }
         Ok(left)
     }
@@ -161,7 +161,7 @@ impl<'a> Case<'a> {
         for (channel, part) in column.iter_mut().enumerate() {
             if let Some(rows) = part.as_mut().filter(|_| self.is_link(channel)) {
                 let size = rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-                take_mean_off(rows);
+                take_mean_off(rows, &self.kept[channel]);
                 if rows.iter().all(|x| x.abs() <= 1e-9 * size) {
                     *part = None;
                 }
@@ -287,8 +287,9 @@ impl<'a> Case<'a> {
     }
 }
 
-/// Takes their mean off `rows`.
-pub(crate) fn take_mean_off(rows: &mut [f64]) {
-    let mean = rows.iter().sum::<f64>() / rows.len().max(1) as f64;
-    rows.iter_mut().for_each(|x| *x -= mean);
+/// Takes their mean off those `rows` that are `kept`; the others are zero.
+pub(crate) fn take_mean_off(rows: &mut [f64], kept: &[f64]) {
+    let mean =
+        rows.iter().zip(kept).map(|(x, kept)| x * kept).sum::<f64>() / kept.iter().sum::<f64>().max(1.0);
+    rows.iter_mut().zip(kept).for_each(|(x, kept)| *x = (*x - mean) * kept);
 }

@@ -3,6 +3,7 @@
 use freeplay_laws::DriveFriction;
 
 use super::stage::Stage;
+use crate::presence::masked;
 use crate::residual::Kind;
 use crate::statistics::Moments;
 
@@ -49,10 +50,17 @@ impl Counted {
     }
 }
 
-/// How much each row of the channel number `channel` of `stage` counts, 0 to 1: of a torque, nothing if it is stuck or while its joint stands; the less, the
+/// How much each row of the channel number `channel` of `stage` counts, 0 to 1: nothing where it is missing; of a torque, nothing if it is stuck or while its joint stands; the less, the
 /// more the dry friction that the model knows is undecided, where the joint sticks or turns; the less, the faster the model's torque
 /// changes for the rate; and the less, the more of it the low-pass on the motion hides.
 pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Counted {
+    let present = stage.channels[channel].present.as_deref();
+    let Counted { rows, doubt } = measured_rows_that_count(stage, channel);
+    Counted { rows: masked(rows, present), doubt: masked(doubt, present) }
+}
+
+/// The same, were nothing missing.
+fn measured_rows_that_count(stage: &Stage, channel: usize) -> Counted {
     let points = stage.motion().len();
     let Kind::Torque(joint) = stage.channels[channel].kind else { return Counted::all(points) };
     if stage.ground.is_stuck(Kind::Torque(joint)) {

@@ -14,6 +14,7 @@ use super::report::Untestable;
 use super::stage::{Answer, Stage};
 use super::system::{Block, Score, System};
 use super::upon::acted_on;
+use crate::presence::masked;
 use crate::residual::{Channel, Kind};
 
 /// One effect at one place in one shape.
@@ -370,8 +371,9 @@ fn is_refuted(
         for (channel, said) in elsewhere {
             let Some(mut said) = said else { continue };
             let mut left = channel.residual();
-            take_mean_off(&mut said);
-            take_mean_off(&mut left);
+            let present = masked(vec![1.0; left.len()], channel.present.as_deref());
+            take_mean_off(&mut said, &present);
+            take_mean_off(&mut left, &present);
             let square = dot(&said, &said);
             if square > PLAIN * dot(&left, &left) && dot(&said, &left) < FOUND * square {
                 return Ok(true);

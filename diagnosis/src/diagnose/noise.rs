@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::motion::Treatment;
+use crate::presence::only;
 use crate::residual::{Channel, Kind};
 use crate::statistics::{Quantile, span, white_noise};
 
@@ -63,21 +64,23 @@ impl Noises {
         };
         let of_channel = |channel: &Channel| {
             let Some(column) = measured(channel.kind) else { return Noise { deviation: 0.0, step: 0.0 } };
-            let whole = whole(column);
-            let fine = Noise::of(&whole, column);
+            let (whole, present) = (whole(column), treatment.whole_present(recording, column));
+            let present = present.as_deref();
+            let read: Vec<f64> = column.iter().copied().filter(|value| !value.is_nan()).collect();
+            let fine = Noise::of(&only(&whole, present), &read);
             // A tracker that reads more slowly than it is recorded has noise that neighbours share. Torque jumps where it should, and in
             // some motions half of the time.
             let above = match channel.kind {
                 Kind::Torque(joint) => {
                     let beside: Vec<f64> =
                         whole.iter().zip(&sharp[joint]).map(|(x, sharp)| x - sharp).collect();
-                    let above = |column| treatment.deviation_above(column, Quantile::LOWER_QUARTILE);
+                    let above = |column| treatment.deviation_above(column, present, Quantile::LOWER_QUARTILE);
                     above(&whole).min(above(&beside))
                 }
-                Kind::Tool(_) | Kind::Link(_) => treatment.deviation_above(&whole, Quantile::MEDIAN),
+                Kind::Tool(_) | Kind::Link(_) => treatment.deviation_above(&whole, present, Quantile::MEDIAN),
             };
             let finest = match channel.kind {
-                Kind::Torque(_) => FINEST_TORQUE * span(column),
+                Kind::Torque(_) => FINEST_TORQUE * span(&read),
                 Kind::Tool(_) => FINEST_TOOL,
                 Kind::Link(_) => FINEST_LINK,
             };

@@ -5,9 +5,10 @@ use freeplay_arm::Arm;
 use super::case::Case;
 use super::noise::Noise;
 use super::stage::{Ground, Stage};
-use super::stuck::Stuck;
+use crate::presence::only;
 use crate::residual::{Channel, Kind};
 use crate::statistics::Moments;
+use crate::stuck::Stuck;
 
 /// Least length of what a fit rests on, s.
 const LEAST_S: f64 = 2.0;
@@ -62,6 +63,9 @@ pub(crate) fn notes(case: &Case) -> Vec<String> {
                 stuck.push(words);
                 continue;
             }
+            if channel.is_missing() {
+                continue;
+            }
             let spread = Moments::of(&channel.measured).std;
             if spread <= 1e-9 * Moments::of(&channel.measured).rms || spread == 0.0 {
                 notes.push(format!("{} is constant: nothing is to be seen in it", channel.name));
@@ -70,7 +74,8 @@ pub(crate) fn notes(case: &Case) -> Vec<String> {
                 rounded.push(format!("{} by {:.2e} {}", channel.name, noise.step, channel.unit));
             }
             let kept = &case.kept[number * case.per_stage() + index];
-            let left_out = 1.0 - kept.iter().sum::<f64>() / kept.len().max(1) as f64;
+            let measured = only(kept, channel.present.as_deref());
+            let left_out = 1.0 - measured.iter().sum::<f64>() / measured.len().max(1) as f64;
             if let (Kind::Torque(joint), true) = (channel.kind, left_out > 0.02) {
                 partly.push(format!("{:.0} % of {}", 100.0 * left_out, stage.arm().joints()[joint].name));
             }

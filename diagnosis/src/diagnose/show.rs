@@ -85,8 +85,8 @@ fn tuned(rows: &[Vec<f64>], system: &System, eta: &[f64], free: &[usize]) -> Vec
 
 /// Takes the mean off link encoders, whose zero nobody sets against the motors'.
 fn recentre(case: &Case, rows: &mut [Vec<f64>]) {
-    for (_, rows) in rows.iter_mut().enumerate().filter(|(channel, _)| case.is_link(*channel)) {
-        take_mean_off(rows);
+    for (channel, rows) in rows.iter_mut().enumerate().filter(|(channel, _)| case.is_link(*channel)) {
+        take_mean_off(rows, &case.kept[channel]);
     }
 }
 

@@ -12,12 +12,13 @@ use toml::Table;
 
 use super::beside::Beside;
 use super::noise::Noises;
-use super::stuck::Stuck;
 use super::tolerance::Nuisance;
 use crate::begin::{begun, between, within};
 use crate::error::ResidualError;
 use crate::motion::{Settings, Treatment};
+use crate::presence::masked;
 use crate::residual::{Channel, Kind, Sharpening, residuals_along};
+use crate::stuck::Stuck;
 
 /// What something adds to each channel of a stage; `None` where it adds nothing.
 pub(crate) type Answer = Vec<Option<Vec<f64>>>;
@@ -95,9 +96,10 @@ impl<'a> Ground<'a> {
         }
     }
 
-    /// Whether the channel that should measure `kind` is no measurement.
+    /// Whether the channel that should measure `kind` is no measurement: it stays at one value, or is missing throughout.
     pub fn is_stuck(&self, kind: Kind) -> bool {
-        matches!(kind, Kind::Torque(joint) if self.stuck[joint].is_some())
+        let is_missing = self.channels.iter().any(|channel| channel.kind == kind && channel.is_missing());
+        is_missing || matches!(kind, Kind::Torque(joint) if self.stuck[joint].is_some())
     }
 }
 
@@ -280,7 +282,8 @@ impl<'a> Stage<'a> {
         let with = |more: &[&Placed]| self.rough.with(more);
         let left = |prediction: &Prediction, channel: &Channel| -> Vec<f64> {
             let model = self.ground.treatment.keep(channel.kind.of(prediction));
-            channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect()
+            let off = channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect();
+            masked(off, channel.present.as_deref())
         };
         let left_of = |prediction: &Prediction, kind: Kind| {
             Some(left(prediction, &self.channels[self.number_of(kind)?]))

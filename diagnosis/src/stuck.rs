@@ -4,6 +4,7 @@ use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
 
 use crate::motion::Treatment;
+use crate::presence::only;
 
 /// A joint moves, and drives its load, where speed and acceleration are above this share of their greatest.
 const MOVES: f64 = 0.02;
@@ -26,14 +27,20 @@ impl Stuck {
     pub fn of(recording: &Recording, treatment: &Treatment, whole: &Trajectory) -> Vec<Option<Self>> {
         let Some(torques) = &recording.tau else { return vec![None; recording.joints()] };
         let of_joint = |(joint, torque): (usize, &Vec<f64>)| {
-            Self::along(&treatment.whole_column(recording, torque), &whole.v[joint], &whole.a[joint])
+            let present = treatment.whole_present(recording, torque);
+            let of = |column: &[f64]| only(column, present.as_deref()).into_owned();
+            Self::along(
+                &of(&treatment.whole_column(recording, torque)),
+                &of(&whole.v[joint]),
+                &of(&whole.a[joint]),
+            )
         };
         torques.iter().enumerate().map(of_joint).collect()
     }
 
     /// Of a torque whose joint has the velocities `v` and accelerations `a`. A drive in a steady motion may well have a steady torque, and dry friction
     /// another one each way: neither is stuck.
-    fn along(torque: &[f64], v: &[f64], a: &[f64]) -> Option<Self> {
+    pub fn along(torque: &[f64], v: &[f64], a: &[f64]) -> Option<Self> {
         let least = |x: &[f64]| MOVES * x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let (slow, steady) = (least(v), least(a));
         let drives = |&k: &usize| v[k].abs() > slow && a[k].abs() > steady;

@@ -1,0 +1,111 @@
+//! A table in memory from a file that holds whole columns: Parquet, NumPy, MATLAB.
+
+use std::collections::{BTreeMap, HashSet};
+
+use crate::error::{ReadError, Row};
+use crate::guess::Sample;
+use crate::interpret::{interpret, tidy};
+use crate::mapping::Mapping;
+use crate::read::Source;
+use crate::recording::Recording;
+use crate::table::Table;
+
+/// Rows by which it is told what columns are.
+const SAMPLE: usize = 32;
+/// Steps between one episode and the next, where both count from zero: far more than what counts as a gap.
+const APART: f64 = 50.0;
+
+/// Columns of numbers with their names, all of one length.
+#[derive(Debug, Default)]
+pub(crate) struct Foreign {
+    pub names: Vec<String>,
+    pub columns: Vec<Vec<f64>>,
+    /// Columns that are seconds since the first moment.
+    pub moments: HashSet<usize>,
+    /// The columns have no names but their numbers.
+    pub numbered: bool,
+    /// The joints' names, where the file has such a list.
+    pub joints: Vec<String>,
+    pub metadata: Vec<(String, String)>,
+    pub notes: Vec<String>,
+}
+
+impl Foreign {
+    /// Adds a column.
+    pub fn add(&mut self, name: String, values: Vec<f64>) {
+        self.names.push(name);
+        self.columns.push(values);
+    }
+
+    /// Adds the rows of `other`, which has the same columns; those that it has not are missing there.
+    pub fn append(&mut self, other: &Self) {
+        let rows = other.columns.first().map_or(0, Vec::len);
+        for (name, column) in self.names.iter().zip(&mut self.columns) {
+            match other.names.iter().position(|theirs| theirs == name) {
+                Some(place) => column.extend_from_slice(&other.columns[place]),
+                None => column.resize(column.len() + rows, f64::NAN),
+            }
+        }
+    }
+
+    /// Lays episodes, each of which counts its time from zero, one after the other.
+    pub fn lay_episodes_out(&mut self) {
+        let place = |name: &str| self.names.iter().position(|known| known == name);
+        let (Some(time), Some(episode)) = (place("timestamp"), place("episode_index")) else { return };
+        let (times, episodes) = (self.columns[time].clone(), &self.columns[episode]);
+        let mut steps: Vec<f64> =
+            times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+        if steps.is_empty() {
+            return;
+        }
+        let middle = steps.len() / 2;
+        let apart = APART * *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+        let (mut offset, mut count) = (0.0, 1_u64);
+        let mut laid = times.clone();
+        for row in 1..times.len() {
+            if episodes[row] != episodes[row - 1] && times[row] <= times[row - 1] {
+                offset = laid[row - 1] + apart - times[row];
+                count += 1;
+            }
+            laid[row] = times[row] + offset;
+        }
+        self.columns[time] = laid;
+        if count > 1 {
+            self.notes.push(format!("{count} episodes, laid one after the other, {apart:.2} s apart"));
+        }
+    }
+
+    /// The recording that these columns are: by `mapping`, by their own names, or guessed.
+    ///
+    /// # Errors
+    /// See [`ReadError`].
+    pub fn into_recording(self, source: &Source, mapping: Option<&Mapping>) -> Result<Recording, ReadError> {
+        let rows = self.columns.first().map_or(0, Vec::len);
+        let row = |k: usize| self.columns.iter().map(|column| column[k]).collect::<Vec<f64>>();
+        let sample = Sample {
+            rows: (0..rows.min(SAMPLE)).map(row).collect(),
+            texts: BTreeMap::new(),
+            moments: self.moments.clone(),
+        };
+        let whole = source.place(Row::Whole);
+        let interpreted = interpret(tidy(&self.names), self.numbered, &sample, mapping, None, &whole)?;
+        let mapped = interpreted.mapped;
+        let table = Table::new(whole, mapped.names.clone(), source.joints, source.limit)?;
+        let mut table = table.with_overview(source.overview);
+        table.check_size(rows as u64)?;
+        table.joint_names = if interpreted.joints.is_empty() { self.joints } else { interpreted.joints };
+        table.metadata = self.metadata;
+        table.notes.extend(self.notes);
+        if let Some(guess) = interpreted.guess {
+            table.take_guess(guess);
+        }
+        let (mut file, mut ours, mut base) =
+            (vec![0.0; self.names.len()], vec![0.0; mapped.names.len()], None);
+        for k in 0..rows {
+            file.iter_mut().zip(&self.columns).for_each(|(cell, column)| *cell = column[k]);
+            mapped.row(&file, &mut base, &mut ours);
+            table.push(&ours, Row::Sample(k as u64 + 1))?;
+        }
+        table.into_recording()
+    }
+}

@@ -1,0 +1,101 @@
+//! What the columns of a table are in ours: said by a mapping, by their own names, or guessed.
+
+use crate::csv_form::Form;
+use crate::error::{Place, ReadError};
+use crate::guess::{Guess, Sample, guess, joints_of};
+use crate::mapped::Mapped;
+use crate::mapping::Mapping;
+use crate::names::{Role, role, shorten};
+
+/// The name of a column that holds no numbers of its own but, behind this, the names of the joints: a CSV has no other place for them.
+pub(crate) const JOINTS_COLUMN: &str = "joints=";
+
+/// What the columns of a table are.
+#[derive(Debug)]
+pub(crate) struct Interpreted {
+    pub mapped: Mapped,
+    /// The joints' names, where they are known.
+    pub joints: Vec<String>,
+    pub guess: Option<Guess>,
+}
+
+/// What the columns `names` are; those of a file without a header are `numbered`.
+///
+/// # Errors
+/// A mapping that does not fit; a file without a header and without a mapping.
+pub(crate) fn interpret(
+    names: Vec<String>,
+    numbered: bool,
+    sample: &Sample,
+    mapping: Option<&Mapping>,
+    form: Option<&Form>,
+    place: &Place,
+) -> Result<Interpreted, ReadError> {
+    let apply = |mapping: &Mapping, names: Vec<String>| {
+        let mapped = mapping.apply(names, numbered);
+        mapped.map_err(|source| ReadError::Mapping { place: place.clone(), source })
+    };
+    if let Some(mapping) = mapping {
+        let mapped = apply(mapping, names.clone())?;
+        let mut joints = mapping.joints().to_vec();
+        if joints.is_empty() && !numbered {
+            joints = joints_of(&mapped.positions(), &names, sample);
+        }
+        return Ok(Interpreted { mapped, joints, guess: None });
+    }
+    if numbered {
+        let first = sample.rows.first().and_then(|row| row.first()).map(ToString::to_string);
+        let value = form.and_then(|form| form.first.first()).cloned().or(first).unwrap_or_default();
+        return Err(ReadError::NoHeader { place: place.clone(), value: shorten(&value) });
+    }
+    let has = |wanted: Role| names.iter().any(|name| role(name) == Ok(wanted));
+    let is_own = has(Role::Time) && has(Role::Joint(crate::names::Group::Position, 0));
+    if is_own {
+        return Ok(own(names));
+    }
+    if names.iter().any(|name| name == "state.q[0]") {
+        let mapped = apply(&Mapping::libfranka(), names)?;
+        return Ok(Interpreted { mapped, joints: Vec::new(), guess: None });
+    }
+    let file = place.file.file_name().unwrap_or_default().to_string_lossy();
+    let Some(guess) = guess(&file, &names, sample, form) else { return Ok(own(names)) };
+    let mapping = Mapping::parse(&guess.toml, &place.file)
+        .map_err(|source| ReadError::Mapping { place: place.clone(), source })?;
+    let (mapped, joints) = (apply(&mapping, names)?, mapping.joints().to_vec());
+    Ok(Interpreted { mapped, joints, guess: Some(guess) })
+}
+
+/// Columns that have our names, and the joints' names where one of them carries these.
+fn own(names: Vec<String>) -> Interpreted {
+    let carried = names.iter().position(|name| name.starts_with(JOINTS_COLUMN));
+    let joints =
+        carried.map(|place| names[place][JOINTS_COLUMN.len()..].split(';').map(str::to_owned).collect());
+    let mut mapped = Mapped::own(names);
+    if let Some(place) = carried {
+        mapped.remove(place);
+    }
+    Interpreted { mapped, joints: joints.unwrap_or_default(), guess: None }
+}
+
+/// `names` of columns as they can be kept: each printable, there, and, where the contract does not know it, unlike the others.
+pub(crate) fn tidy(names: &[String]) -> Vec<String> {
+    let mut tidy: Vec<String> = Vec::with_capacity(names.len());
+    let mut seen = std::collections::HashSet::new();
+    for (place, name) in names.iter().enumerate() {
+        let clean: String = name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+        let mut clean = clean.trim().to_owned();
+        if clean.is_empty() {
+            clean = if place == 0 { "index".to_owned() } else { format!("column {}", place + 1) };
+        }
+        let is_known = !matches!(role(&clean), Ok(Role::Other));
+        let mut unique = clean.clone();
+        let mut copy = 1;
+        while !is_known && seen.contains(&unique) {
+            copy += 1;
+            unique = format!("{clean} ({copy})");
+        }
+        seen.insert(unique.clone());
+        tidy.push(unique);
+    }
+    tidy
+}

@@ -1,0 +1,155 @@
+//! Joints by their names: which joint of a recording is which joint of an arm.
+
+use thiserror::Error;
+
+use crate::guess::words_of;
+use crate::names::list;
+use crate::recording::Recording;
+
+/// Why the joints of a recording are not paired with those of an arm.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum JointsError {
+    /// Some joints have their like, others have none.
+    #[error(
+        "{file}: no joint named {missing}; it has {found}, and the arm has {wanted}: give the model of this arm, or name the joints with joints = […] in a mapping or with --joints when importing"
+    )]
+    NoSuchJoint {
+        /// The recording.
+        file: String,
+        /// The joints of the arm that it has not.
+        missing: String,
+        /// The joints that it has.
+        found: String,
+        /// The joints of the arm.
+        wanted: String,
+    },
+}
+
+/// Whether the words of two names are alike.
+type Like = fn(&[String], &[String]) -> bool;
+
+/// The place of each of `wanted` among `found`: by the whole name, else by a part of it that no other has (`shoulder_pan` of
+/// `ur5e_shoulder_pan_joint`, or the other way round). The word "joint" does not count.
+pub(crate) fn places(wanted: &[String], found: &[String]) -> Vec<Option<usize>> {
+    let wanted_words: Vec<Vec<String>> = wanted.iter().map(|name| essential(name)).collect();
+    let found_words: Vec<Vec<String>> = found.iter().map(|name| essential(name)).collect();
+    let mut places: Vec<Option<usize>> =
+        wanted.iter().map(|name| found.iter().position(|other| other == name)).collect();
+    let like: [Like; 2] = [|a, b| a == b, |a, b| holds(a, b) || holds(b, a)];
+    for is_like in like {
+        let taken = places.clone();
+        let free = |place: &usize| !taken.contains(&Some(*place));
+        for (index, words) in wanted_words.iter().enumerate().filter(|(index, _)| taken[*index].is_none()) {
+            let mut candidates =
+                (0..found.len()).filter(free).filter(|&place| is_like(words, &found_words[place]));
+            let (Some(only), None) = (candidates.next(), candidates.next()) else { continue };
+            // No other joint that is wanted may be meant by it, too.
+            let others = wanted_words.iter().enumerate().filter(|(other, _)| taken[*other].is_none());
+            if others.filter(|(_, words)| is_like(words, &found_words[only])).count() == 1 {
+                places[index] = Some(only);
+            }
+        }
+    }
+    places
+}
+
+/// The words of a joint's name but for "joint".
+fn essential(name: &str) -> Vec<String> {
+    words_of(name).into_iter().filter(|word| word != "joint" && word != "joints").collect()
+}
+
+/// Whether the words `part` stand in `whole`, one after the other.
+fn holds(whole: &[String], part: &[String]) -> bool {
+    !part.is_empty() && whole.windows(part.len()).any(|window| window == part)
+}
+
+impl Recording {
+    /// The recording with its joints in the order of the joints `wanted` of an arm. They are paired by name where it has names; by number where
+    /// it has none, or none that is like one of the arm's, which a note says. Joints that the arm has not are left out, which a note says, too.
+    ///
+    /// # Errors
+    /// [`JointsError`] if it has some of the joints and not others.
+    pub fn for_joints(mut self, wanted: &[String]) -> Result<Self, JointsError> {
+        if self.joint_names.is_empty() {
+            self.notes.push("joints are paired by number: the recording has no names of them".to_owned());
+            return Ok(self);
+        }
+        let places = places(wanted, &self.joint_names);
+        if places.iter().all(Option::is_none) {
+            self.notes.push(format!(
+                "joints are paired by number: none of the recording's ({}) has a name like one of the arm's ({})",
+                list(&self.joint_names),
+                list(wanted)
+            ));
+            return Ok(self);
+        }
+        let Some(order) = places.iter().copied().collect::<Option<Vec<usize>>>() else {
+            let missing = wanted.iter().zip(&places).filter(|(_, place)| place.is_none());
+            return Err(JointsError::NoSuchJoint {
+                file: self.origin.display().to_string(),
+                missing: missing.map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", "),
+                found: list(&self.joint_names),
+                wanted: list(wanted),
+            });
+        };
+        let extra: Vec<String> = (0..self.joints())
+            .filter(|joint| !order.contains(joint))
+            .map(|joint| self.joint_names[joint].clone())
+            .collect();
+        if order.iter().enumerate().any(|(joint, place)| joint != *place) {
+            let named: Vec<String> = order.iter().map(|&place| self.joint_names[place].clone()).collect();
+            self.notes.push(format!("joints are paired by name: q1…q{} are {}", order.len(), list(&named)));
+        }
+        if !extra.is_empty() {
+            self.notes.push(format!("joints that the model has not are left out: {}", list(&extra)));
+        }
+        self.reorder(&order);
+        Ok(self)
+    }
+
+    /// Takes the joints at `order`, in that order.
+    fn reorder(&mut self, order: &[usize]) {
+        fn taken<T: Clone>(columns: &[T], order: &[usize]) -> Vec<T> {
+            order.iter().map(|&place| columns[place].clone()).collect()
+        }
+        self.joint_names = taken(&self.joint_names, order);
+        self.q = taken(&self.q, order);
+        self.q_link = taken(&self.q_link, order);
+        for group in [&mut self.qd, &mut self.tau, &mut self.q_ref].into_iter().flatten() {
+            *group = taken(group, order);
+        }
+        let names = self.joint_names.join(",");
+        if let Some((_, written)) = self.metadata.iter_mut().find(|(key, _)| key == crate::table::JOINTS_KEY)
+        {
+            *written = names;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::places;
+
+    fn of(wanted: &[&str], found: &[&str]) -> Vec<Option<usize>> {
+        let owned = |names: &[&str]| names.iter().map(ToString::to_string).collect::<Vec<_>>();
+        places(&owned(wanted), &owned(found))
+    }
+
+    #[test]
+    fn names_are_matched_whole_or_by_a_part_that_is_unique() {
+        let ur =
+            ["elbow_joint", "shoulder_lift_joint", "shoulder_pan_joint", "wrist_1_joint", "wrist_2_joint"];
+        let all = [Some(2), Some(1), Some(0), Some(3), Some(4)];
+        let wanted =
+            ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint"];
+        assert_eq!(of(&wanted, &ur), all);
+        assert_eq!(of(&wanted.map(|name| format!("ur5e_{name}")).each_ref().map(String::as_str), &ur), all);
+        assert_eq!(of(&["shoulder_pan", "lift", "elbow", "wrist_1", "2"], &ur), all);
+        assert_eq!(of(&["joint_1", "joint_2"], &["panda_joint2", "panda_joint1"]), [Some(1), Some(0)]);
+        assert_eq!(of(&["shoulder"], &ur), [None], "two are meant");
+        assert_eq!(
+            of(&["joint1", "joint2"], &["left/joint1", "right/joint1", "left/joint2"]),
+            [None, Some(2)]
+        );
+    }
+}

@@ -1,0 +1,189 @@
+//! Reading NumPy's `.npz` and `.npy`.
+//!
+//! Source: NumPy Enhancement Proposal 1, "A Simple File Format for NumPy Arrays", with versions 1 to 3 of the format.
+
+use std::io::Read;
+
+use rawzip::{CompressionMethod, ZipArchive};
+
+use crate::arrays::{Array, columns};
+use crate::error::ReadError;
+use crate::foreign::Foreign;
+use crate::names::{list, shorten};
+use crate::read::Source;
+
+/// What an array file holds.
+enum Held {
+    Numbers(Array),
+    Texts(Vec<String>),
+    /// Something else: the type.
+    Other(String),
+}
+
+/// The arrays of the `.npz` in `bytes`.
+///
+/// # Errors
+/// [`ReadError::Unusable`] for an archive without arrays, or one that is damaged.
+pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> {
+    let unusable = |what: String| ReadError::Unusable { file: source.file.to_path_buf(), what };
+    let damaged = |error: &dyn std::fmt::Display| {
+        unusable(format!("this archive can't be read: {error}; write it again"))
+    };
+    let archive = ZipArchive::from_slice(bytes).map_err(|error| damaged(&error))?;
+    let (mut arrays, mut texts, mut aside, mut entries) =
+        (Vec::new(), Vec::new(), Vec::new(), archive.entries());
+    let mut room = source.limit.saturating_mul(8);
+    while let Some(entry) = entries.next_entry().map_err(|error| damaged(&error))? {
+        let path = entry.file_path();
+        let path = String::from_utf8_lossy(path.as_ref()).into_owned();
+        let Some(name) = path.strip_suffix(".npy") else { continue };
+        let held = archive.get_entry(entry.wayfinder()).map_err(|error| damaged(&error))?;
+        let mut data = Vec::new();
+        let inflated = match entry.compression_method() {
+            CompressionMethod::STORE => held.data().take(room + 1).read_to_end(&mut data),
+            CompressionMethod::DEFLATE => {
+                flate2::read::DeflateDecoder::new(held.data()).take(room + 1).read_to_end(&mut data)
+            }
+            other => {
+                return Err(unusable(format!(
+                    "{path} is compressed by {other:?}; write it with numpy.savez_compressed"
+                )));
+            }
+        };
+        inflated.map_err(|error| damaged(&error))?;
+        room = room.checked_sub(data.len() as u64).ok_or_else(|| {
+            unusable("its arrays are larger than what is read; write fewer rows".to_owned())
+        })?;
+        match array(name, &data).map_err(|what| unusable(format!("{path}: {what}")))? {
+            Held::Numbers(array) => arrays.push(array),
+            Held::Texts(text) => texts.push(text),
+            Held::Other(kind) => aside.push(format!("{name} ({kind})")),
+        }
+    }
+    if arrays.is_empty() {
+        let what = "a ZIP archive or a spreadsheet, without arrays of numbers: export it as CSV, or write it with numpy.savez";
+        return Err(unusable(what.to_owned()));
+    }
+    let mut foreign = columns(arrays, texts);
+    if !aside.is_empty() {
+        foreign.notes.push(format!("arrays that hold no numbers are left out: {}", list(&aside)));
+    }
+    Ok(foreign)
+}
+
+/// The one array of the `.npy` in `bytes`, whose columns have numbers for names.
+///
+/// # Errors
+/// [`ReadError::Unusable`].
+pub(crate) fn read_single(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> {
+    let unusable = |what: String| ReadError::Unusable { file: source.file.to_path_buf(), what };
+    match array("column", bytes).map_err(unusable)? {
+        Held::Numbers(array) if array.shape.len() == 2 => {
+            let mut foreign = columns(vec![array], Vec::new());
+            foreign.names = (1..=foreign.names.len()).map(|number| number.to_string()).collect();
+            foreign.numbered = true;
+            Ok(foreign)
+        }
+        Held::Numbers(_) | Held::Texts(_) | Held::Other(_) => Err(unusable(
+            "a NumPy array that is no table of numbers; write all of them with numpy.savez('run.npz', t=t, q=q, tau=tau)".to_owned(),
+        )),
+    }
+}
+
+/// The array in the file `data`, or what is wrong with it.
+fn array(name: &str, data: &[u8]) -> Result<Held, String> {
+    let (header, body) = header(data).ok_or("no NumPy array, or its header is cut")?;
+    let kind = value_of(header, "descr").ok_or("its header has no descr")?.trim_matches(['\'', '"']);
+    let is_fortran = value_of(header, "fortran_order").is_some_and(|text| text.starts_with("True"));
+    let shape = value_of(header, "shape").ok_or("its header has no shape")?;
+    let shape: Vec<usize> =
+        shape.trim_matches(['(', ')']).split(',').filter_map(|size| size.trim().parse().ok()).collect();
+    let count = shape
+        .iter()
+        .try_fold(1_usize, |count, size| count.checked_mul(*size))
+        .ok_or("its shape is too large")?;
+    let (order, letter) = kind.split_at(usize::from(kind.starts_with(['<', '>', '|', '='])));
+    if let Some(length) = letter.strip_prefix('U').and_then(|length| length.parse::<usize>().ok()) {
+        return Ok(Held::Texts(texts(body, count, length, order == ">")));
+    }
+    let Some((size, number)) = number_of(letter) else { return Ok(Held::Other(shorten(kind))) };
+    if body.len() < count.saturating_mul(size) {
+        return Err("it ends before its last number; write it again".to_owned());
+    }
+    let read = |cell: &[u8]| {
+        let mut bytes = [0; 8];
+        bytes[..size].copy_from_slice(cell);
+        if order == ">" {
+            bytes[..size].reverse();
+        }
+        number(bytes)
+    };
+    let values: Vec<f64> = body.chunks_exact(size).take(count).map(read).collect();
+    let (shape, values) = if is_fortran { turned(&shape, &values) } else { (shape, values) };
+    Ok(Held::Numbers(Array { name: name.to_owned(), shape, values }))
+}
+
+/// The header's text and what follows it.
+fn header(data: &[u8]) -> Option<(&str, &[u8])> {
+    let rest = data.strip_prefix(b"\x93NUMPY")?;
+    let (version, rest) = rest.split_first_chunk::<2>()?;
+    let (length, rest) = if version[0] == 1 {
+        let (length, rest) = rest.split_first_chunk::<2>()?;
+        (usize::from(u16::from_le_bytes(*length)), rest)
+    } else {
+        let (length, rest) = rest.split_first_chunk::<4>()?;
+        (u32::from_le_bytes(*length) as usize, rest)
+    };
+    let (header, body) = rest.split_at_checked(length)?;
+    Some((std::str::from_utf8(header).ok()?, body))
+}
+
+/// The value of `key` in the literal of a Python dictionary of texts, truths and tuples of numbers.
+fn value_of<'h>(header: &'h str, key: &str) -> Option<&'h str> {
+    let (_, behind) = header.split_once(&format!("'{key}':"))?;
+    let behind = behind.trim_start();
+    let end = match behind.as_bytes().first()? {
+        b'(' => behind.find(')')? + 1,
+        b'\'' => behind[1..].find('\'')? + 2,
+        _ => behind.find([',', '}'])?,
+    };
+    Some(&behind[..end])
+}
+
+/// The number in eight bytes.
+type Number = fn([u8; 8]) -> f64;
+
+/// Bytes of a number of the type `letter`, and the number in eight of them, the least first.
+fn number_of(letter: &str) -> Option<(usize, Number)> {
+    Some(match letter {
+        "f8" => (8, f64::from_le_bytes),
+        "f4" => (4, |b| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
+        "i8" | "m8[ns]" | "M8[ns]" | "M8[us]" | "M8[ms]" => (8, |b| i64::from_le_bytes(b) as f64),
+        "u8" => (8, |b| u64::from_le_bytes(b) as f64),
+        "i4" => (4, |b| f64::from(i32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
+        "u4" => (4, |b| f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
+        "i2" => (2, |b| f64::from(i16::from_le_bytes([b[0], b[1]]))),
+        "u2" => (2, |b| f64::from(u16::from_le_bytes([b[0], b[1]]))),
+        "i1" => (1, |b| f64::from(i8::from_le_bytes([b[0]]))),
+        "u1" | "b1" => (1, |b| f64::from(b[0])),
+        _ => return None,
+    })
+}
+
+/// `count` texts of `length` UTF-32 characters each.
+fn texts(body: &[u8], count: usize, length: usize, is_big: bool) -> Vec<String> {
+    let character = |cell: &[u8]| {
+        let bytes = [cell[0], cell[1], cell[2], cell[3]];
+        char::from_u32(if is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+            .filter(|c| *c != '\0')
+    };
+    let text = |cell: &[u8]| cell.chunks_exact(4).filter_map(character).collect();
+    body.chunks_exact((4 * length).max(4)).take(count).map(text).collect()
+}
+
+/// An array whose first index runs fastest, with its last index running fastest.
+pub(crate) fn turned(shape: &[usize], values: &[f64]) -> (Vec<usize>, Vec<f64>) {
+    let [rows, columns] = *shape else { return (shape.to_vec(), values.to_vec()) };
+    let turned = (0..rows * columns).map(|k| values[(k % columns) * rows + k / columns]).collect();
+    (shape.to_vec(), turned)
+}
