@@ -46,6 +46,7 @@ mod residual;
 mod rest;
 mod stamps;
 mod statistics;
+mod stuck;
 mod tally;
 
 pub use comparison::{ChannelError, Comparison, SCHEMA, compare};

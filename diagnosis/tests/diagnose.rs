@@ -214,7 +214,9 @@ fn recordings_that_cannot_tell_say_so() {
     }
     let still = diagnosed(&model, &[recording(still)]);
     println!("still: {}", still.statement);
-    assert_eq!(still.verdict, Verdict::InsufficientData);
+    assert_eq!(still.verdict, Verdict::Setup);
+    assert!(still.setup.iter().any(|finding| finding.kind == "frozen_channel"));
+    assert!(still.effects.is_empty());
 }
 
 #[test]

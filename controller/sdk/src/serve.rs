@@ -155,7 +155,7 @@ pub struct ServeReport {
 /// the process: 0 done, 2 usage, 3 bad input, 5 peer missing, 70 internal fault, 130 interrupted. Errors go to standard error.
 ///
 /// ```no_run
-/// # use freeplay_controller::{Answer, Controller, ControllerError, RunInfo, Task, serve};
+/// # use freeplay_controller_sdk::{Answer, Controller, ControllerError, RunInfo, Task, serve};
 /// # struct Mine;
 /// # impl Controller for Mine {
 /// #     fn name(&self) -> &str { "mine" }

@@ -102,11 +102,11 @@ impl Examination<'_> {
         for change in &sure {
             match *change {
                 Change::Scale(joint) | Change::SameScale(joint, _) => {
-                    setup.reading.torques[joint].factor /= best.scale[joint];
+                    setup.reading.torques[joint].factor /= kinds::torque_unit::exact(best.scale[joint]);
                 }
                 Change::CommonScale => {
                     let each = setup.reading.torques.iter_mut().zip(&best.scale);
-                    each.for_each(|(torque, scale)| torque.factor /= scale);
+                    each.for_each(|(torque, scale)| torque.factor /= kinds::torque_unit::exact(*scale));
                 }
                 Change::AnyGravity => setup.reading.gravity = Some(best.gravity),
                 _ => {}

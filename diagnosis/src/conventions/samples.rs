@@ -5,6 +5,7 @@ use freeplay_recording::Recording;
 use crate::error::ResidualError;
 use crate::filter::{LowPass, derivatives};
 use crate::grid::{Grid, Stretch};
+use crate::stuck::Stuck;
 
 /// Time between two rows, s: a quarter of a period of 1.5 Hz, about where the motions of arms end.
 const SPACING: f64 = 0.15;
@@ -74,9 +75,9 @@ impl Samples {
             places = kept;
             Some(columns.iter().map(smooth).collect())
         };
-        let torques = recorded(recording.tau.as_deref());
+        let mut torques = recorded(recording.tau.as_deref());
         let tool = recorded(recording.tool.as_ref().map(<[_; 3]>::as_slice));
-        let mut motion = [const { Vec::new() }; 3];
+        let mut motion: [Vec<Vec<f64>>; 3] = [const { Vec::new() }; 3];
         for column in q {
             let smooth = smooth(column);
             let mut whole = [const { Vec::new() }; 3];
@@ -88,6 +89,19 @@ impl Samples {
             }
             for (motion, whole) in motion.iter_mut().zip(&whole) {
                 motion.push(places.iter().map(|&point| whole[point]).collect());
+            }
+        }
+        let raw = |column: &Vec<f64>| -> Vec<f64> {
+            let parts = grid.stretches.iter();
+            parts.flat_map(|stretch| grid.resample(stretch, recording, column).into_owned()).collect()
+        };
+        let columns = torques.iter_mut().flatten().zip(recording.tau.iter().flatten());
+        for ((torque, column), (v, a)) in columns.zip(motion[1].iter().zip(&motion[2])) {
+            let whole = raw(column);
+            let rows: Vec<f64> = places.iter().map(|&point| whole[point]).collect();
+            // A torque that stays at one value while its joint moves is no measurement, in no unit.
+            if Stuck::along(&rows, v, a).is_some() {
+                torque.fill(f64::NAN);
             }
         }
         let starts = grid.stretches.iter().zip(&spans);

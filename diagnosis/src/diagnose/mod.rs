@@ -59,7 +59,6 @@ mod show;
 mod sift;
 mod simplify;
 mod stage;
-mod stuck;
 mod system;
 mod through;
 mod tolerance;

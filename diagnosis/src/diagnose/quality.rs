@@ -5,10 +5,10 @@ use freeplay_arm::Arm;
 use super::case::Case;
 use super::noise::Noise;
 use super::stage::{Ground, Stage};
-use super::stuck::Stuck;
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
 use crate::statistics::Moments;
+use crate::stuck::Stuck;
 
 /// Least length of what a fit rests on, s.
 const LEAST_S: f64 = 2.0;

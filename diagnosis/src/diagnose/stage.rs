@@ -12,13 +12,13 @@ use toml::Table;
 
 use super::beside::Beside;
 use super::noise::Noises;
-use super::stuck::Stuck;
 use super::tolerance::Nuisance;
 use crate::begin::{begun, between, within};
 use crate::error::ResidualError;
 use crate::motion::{Settings, Treatment};
 use crate::presence::masked;
 use crate::residual::{Channel, Kind, Sharpening, residuals_along};
+use crate::stuck::Stuck;
 
 /// What something adds to each channel of a stage; `None` where it adds nothing.
 pub(crate) type Answer = Vec<Option<Vec<f64>>>;

@@ -146,6 +146,11 @@ fn times(scale: f64, count: usize) -> String {
     }
 }
 
+/// The scale itself, or that of newton millimetres where it is theirs: a unit has no tolerance.
+pub(crate) fn exact(scale: f64) -> f64 {
+    if (scale.abs() / 1e3 - 1.0).abs() < SAME { 1e3_f64.copysign(scale) } else { scale }
+}
+
 /// A guess of what makes a torque `scale` times as large.
 fn guess(scale: f64, count: usize) -> String {
     let is = |value: f64| (scale / value - 1.0).abs() < SAME;
@@ -154,7 +159,10 @@ fn guess(scale: f64, count: usize) -> String {
     if is(1e3) {
         format!("{are} {they} in N·mm?")
     } else if is(1.0 / KILOGRAM_FORCE) {
-        format!("{are} {they} in kilograms of force (kgf·m)?")
+        format!(
+            "{are} {they} in amperes (a torque constant of {} N·m/A), or in kilograms of force (kgf·m)?",
+            brief(1.0 / scale)
+        )
     } else if scale >= 1.0 {
         format!("Is the feedback of {drives} not divided by {}, or in counts?", brief(scale))
     } else {

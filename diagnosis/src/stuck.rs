@@ -40,7 +40,7 @@ impl Stuck {
 
     /// Of a torque whose joint has the velocities `v` and accelerations `a`. A drive in a steady motion may well have a steady torque, and dry friction
     /// another one each way: neither is stuck.
-    fn along(torque: &[f64], v: &[f64], a: &[f64]) -> Option<Self> {
+    pub fn along(torque: &[f64], v: &[f64], a: &[f64]) -> Option<Self> {
         let least = |x: &[f64]| MOVES * x.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         let (slow, steady) = (least(v), least(a));
         let drives = |&k: &usize| v[k].abs() > slow && a[k].abs() > steady;
