@@ -14,7 +14,9 @@ use tempfile::TempDir;
 const ARM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/arm.urdf");
 
 /// What tells a person what to do next; one of them is in every message.
-const NEXT_STEPS: [&str; 24] = [
+const NEXT_STEPS: [&str; 26] = [
+    "write it as ",
+    "add the time",
     "check ",
     "name ",
     "give ",
@@ -350,7 +352,6 @@ fn values_and_flags_that_cannot_be() {
         ("run --seed -1", 2, "-1"),
         ("run --quiet --out out --set rate=1e9", 3, "100000"),
         ("run --quiet --out out --set random_swaps=3", 3, "needs a standby"),
-        ("record import good.csv --out out.mcap", 3, "use it as it is"),
         (&format!("run --quiet --out out {ARM}"), 3, "is an arm, not a scenario"),
         ("run --quiet --out out --set clearance.joint_5=0.0004", 2, "clearance.JOINT.clearance"),
         ("fly", 2, "'fly'"),
