@@ -188,8 +188,8 @@ fn a_blind_set_outlives_a_killed_generator_and_a_killed_analyst() {
     let run = Call::new(fresh_folder(), &arguments).start();
     // The first before it has begun anything, the second amidst its work.
     kill_child(&run, "blind-generate");
-    let sealed = run.out().join("sealed");
-    run.until("the first case", || std::fs::read_dir(&sealed).ok()?.next().map(drop));
+    let making = run.out().join("making");
+    run.until("the first case", || std::fs::read_dir(&making).ok()?.next().map(drop));
     kill_child(&run, "blind-generate");
     kill_child(&run, "blind-analyst");
     let ran = run.wait();
