@@ -9,7 +9,7 @@
 //! Making, sweeping and removing runs happens under an exclusive `flock` on the folder of all runs.
 //!
 //! Other users can write to `/dev/shm`, too. A run is removed only if its folder is a directory of this user, closed to all
-//! others, and lies directly in a folder of runs that is the same; see [`crate::folder`] for how it is reached.
+//! others, and lies directly in a folder of runs that is the same; `folder.rs` says how it is reached.
 
 use std::collections::BTreeSet;
 use std::ffi::CStr;

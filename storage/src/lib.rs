@@ -6,7 +6,7 @@
 //! - [`list`] names what a folder holds, and follows no link out of it;
 //! - an [`OutputFolder`] is a folder that one command has to itself, locked until the command ends, and gone again if nothing was put into it;
 //! - [`make_folder`] makes a folder for its owner alone;
-//! - an [`AtomicFile`] appears under its name whole or not at all; [`write`] does the same for bytes in memory;
+//! - an [`AtomicFile`] appears under its name whole or not at all; [`write()`] does the same for bytes in memory;
 //! - a [`LiveFile`] is the exception: a recording that is readable while it grows;
 //! - a [`StorageError`] names the operation, the path, the cause and the remedy; a [`Refusal`] is a cause of this crate.
 //!

@@ -44,7 +44,11 @@ impl OutputFolder {
         check_path(&absolute).map_err(failed)?;
         let reserved = ReservedFolder::before(&absolute);
         make_missing(&absolute).map_err(failed)?;
-        let lock = lock_folder(&absolute).map_err(failed)?;
+        let lock = match lock_folder(&absolute) {
+            // Another command has removed it between our making and our locking it.
+            Err(error) if error.kind() == ErrorKind::NotFound => return Err(failed(Refusal::Busy.into())),
+            done => done.map_err(failed)?,
+        };
         if !lock.as_ref().is_none_or(|lock| is_at(lock, &absolute)) {
             // Whoever removed it has ended since, and so has its claim; the name is free for the next.
             return Err(failed(Refusal::Busy.into()));

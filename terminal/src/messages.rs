@@ -82,7 +82,7 @@ pub fn is_quiet() -> bool {
     VOICE.get().is_some_and(|voice| voice.asked.quiet)
 }
 
-/// Width of what a person reads, characters: the terminal's, else [`WIDTH`].
+/// Width of what a person reads, characters: the terminal's, else that of a usual one.
 pub fn width() -> usize {
     let terminal = terminal_size::terminal_size_of(std::io::stdout());
     terminal.map_or(WIDTH, |(terminal_size::Width(width), _)| usize::from(width).max(LEAST_WIDTH))

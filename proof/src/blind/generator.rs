@@ -112,8 +112,8 @@ pub enum Line {
 /// What the process tells of a case: its place in the draw, and what came of it, which is nothing yet when it is begun.
 type Told = (usize, Option<Line>);
 
-/// The process: reads an [`Order`] from standard input and writes the cases. Of each it tells its place in the draw on standard
-/// output, when it is begun, and again with the [`Line`] that says what came of it.
+/// The process: reads an order from standard input and writes the cases. Of each it tells its place in the draw on standard
+/// output, when it is begun, and again with the line that says what came of it.
 ///
 /// # Errors
 /// An order that can't be read; a data sheet or a file that can't be written.
