@@ -250,7 +250,7 @@ fn draw() -> Result<bool, Fault> {
             println!("{name}: kept {} values", new.len());
             continue;
         }
-        let differing = differences(name, &parse(&std::fs::read_to_string(&file)?), &new);
+        let differing = differences(name, &parse(&std::fs::read_to_string(&file).unwrap_or_default()), &new);
         println!("{name}: {differing} of {} values differ", new.len());
         same &= differing == 0;
     }
