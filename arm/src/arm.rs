@@ -149,12 +149,12 @@ impl Arm {
         Ok(Arm { fitness, ..arm })
     }
 
-    /// What this arm lacks, for the arms that are made of it.
+    /// The shortfalls of this arm, handed on to the arms that are made of it.
     pub fn fitness(&self) -> &Fitness {
         &self.fitness
     }
 
-    /// Whether the arm can be used for `purpose`. Arms of [`Arm::new`] can be used for all; those of a file may lack masses.
+    /// Checks that the arm can be used for `purpose`. Arms of [`Arm::new`] can be used for all; those of a file may lack masses.
     ///
     /// # Errors
     /// [`Shortfall`]: link, line and what is missing.

@@ -1,4 +1,4 @@
-//! What an arm can be used for, and what it lacks for the rest.
+//! The purposes that an arm can serve, and the masses and inertias that it lacks for the others.
 
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub enum Purpose {
     Simulation,
 }
 
-/// What an arm lacks for a [`Purpose`].
+/// The first thing that an arm lacks for a [`Purpose`].
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum Shortfall {
     /// No link that a joint moves has a mass.
@@ -41,7 +41,7 @@ pub enum Shortfall {
         link: String,
         /// As it stands in the file.
         value: String,
-        /// What is wrong with it.
+        /// The fault of the link, in words.
         problem: String,
     },
     /// A joint whose motion no inertia resists.
@@ -64,7 +64,7 @@ pub(crate) struct Origin {
     pub at: Place,
 }
 
-/// What an arm lacks, carried along to the arms that are made of it. The arms of [`crate::Arm::new`] lack nothing.
+/// The shortfalls of an arm, handed on to the arms that are made of it. The arms of [`crate::Arm::new`] lack nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fitness(Option<Arc<Lacks>>);
 
@@ -103,7 +103,7 @@ impl Fitness {
         Ok(Fitness(Some(Arc::new(Lacks { origins, torque, simulation }))))
     }
 
-    /// What is lacking for `purpose`.
+    /// The first shortfall for `purpose`.
     pub(crate) fn shortfall(&self, purpose: Purpose) -> Option<&Shortfall> {
         let lacks = self.0.as_ref()?;
         match purpose {

@@ -444,12 +444,10 @@ fn play_watched(
 }
 
 /// The end of what the processes of a run that was watched on a screen had to say; nothing where they could say it themselves.
-/// Control characters are escaped.
 fn last_lines(said: &Path) -> Vec<String> {
     let text = freeplay_storage::read_bytes(said, u64::MAX).unwrap_or_default();
     let text = String::from_utf8_lossy(&text[text.len().saturating_sub(LAST_WORDS)..]).into_owned();
-    let escaped = |c: char| if c.is_control() { c.escape_default().to_string() } else { c.to_string() };
-    text.lines().map(|line| line.chars().map(escaped).collect()).collect()
+    text.lines().map(str::to_owned).collect()
 }
 
 /// Starts the processes of a run, the first of `members` in charge, and waits until it has ended.

@@ -157,7 +157,7 @@ impl<'a> Ways<'a> {
             && branches.iter().all(|b| joints(b) <= before && reach(b) < self.reach[joint.parent])
     }
 
-    /// Whether `joint` follows one of those that carry it, as the rods of a parallelogram do.
+    /// True if `joint` mimics a joint that carries it, as the rods of a parallelogram do.
     fn is_rod(&self, joint: &Joint) -> bool {
         let Ok(details) = &joint.details else { return false };
         let Some(follows) = &details.follows else { return false };

@@ -168,7 +168,7 @@ pub enum ModelError {
         at: Place,
         /// The link asked for.
         tip: String,
-        /// What is wrong with it.
+        /// The fault, in words.
         problem: &'static str,
         /// Links that can be one.
         known: String,
@@ -178,7 +178,7 @@ pub enum ModelError {
     Arm {
         /// Where the joint stands, or the start of the file.
         at: Place,
-        /// What is wrong with it.
+        /// The fault, in words.
         source: Box<ArmError>,
     },
 }

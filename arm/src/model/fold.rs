@@ -47,7 +47,7 @@ fn held_at(robot: &Robot<'_>, chain: &Chain, joint: &Joint) -> f64 {
     }
 }
 
-/// What a joint does to its child at the position `q`.
+/// The displacement that a joint gives its child at the position `q`.
 fn moved(joint: &Joint, q: f64) -> Isometry3<f64> {
     let (Some(kind), Ok(details)) = (joint.motion.kind(), &joint.details) else {
         return Isometry3::identity();

@@ -21,7 +21,7 @@ const POSTURES: u8 = 16;
 
 /// A mass of the file.
 pub(super) struct Body {
-    /// What it is called, with its line.
+    /// Name of the body, with its line in the file.
     pub name: String,
     pub inertia: Inertia,
 }
@@ -32,7 +32,7 @@ impl Body {
         (0.5 * self.inertia.about_com.trace() / self.inertia.mass).sqrt()
     }
 
-    /// How much denser than the densest material the body is: of all bodies of a mass and a density a ball has the least ∫r² dm,
+    /// Density of the body over that of the densest material: of all bodies of a mass and a density a ball has the least ∫r² dm,
     /// 3/5 m R².
     fn density(&self) -> f64 {
         let ball = (3.0 * self.inertia.mass / (4.0 * std::f64::consts::PI * DENSEST)).cbrt();
