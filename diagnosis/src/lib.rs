@@ -30,6 +30,7 @@ mod conventions;
 mod curves;
 mod cutoff;
 mod diagnose;
+mod identify;
 mod error;
 mod filter;
 mod grid;
@@ -54,11 +55,11 @@ pub use conventions::{
     Certainty, Mended, PositionReading, Reading, Setup, SetupFinding, TorqueReading, examine, sentences,
     time_unit,
 };
-pub use diagnose::{
-    Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Effect,
-    Evidence, EvidenceRow, Excitation, ExciteError, ExciteSettings, Fit, Fourier, Gain, Location, Map,
-    Parameter, Passage, Rival, Rmse, TO_TELL, Tolerances, Trace, Tuned, Untestable, Used, Variable, Verdict,
-    diagnose, excite,
+pub use diagnose::{ChannelNoise, Excitation, ExciteError, ExciteSettings, Fourier, Rival, Used, excite};
+pub use identify::{
+    Alternative, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Discrepancy, Effect, Evidence,
+    EvidenceRow, Fit, Gain, Location, Map, Parameter, Passage, Rmse, TO_TELL, Tolerances, Trace, Tuned,
+    Untestable, Variable, Verdict, diagnose,
 };
 pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};

@@ -23,6 +23,28 @@ pub enum Site {
     Arm,
 }
 
+/// How often a machine has an effect, at a given place, that its model leaves out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Occurrence {
+    /// On every second joint: dry and viscous friction.
+    Common,
+    /// On one joint in twenty.
+    Occasional,
+    /// On one in four hundred: a bent disc of an encoder.
+    Rare,
+}
+
+impl Occurrence {
+    /// Prior odds of the effect at one place.
+    pub fn odds(self) -> f64 {
+        match self {
+            Self::Common => 1.0 / 2.0,
+            Self::Occasional => 1.0 / 20.0,
+            Self::Rare => 1.0 / 400.0,
+        }
+    }
+}
+
 /// Where an effect shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seen {
@@ -65,6 +87,8 @@ pub struct Kind {
     pub site: Site,
     /// Its parameters, in the order in which people name them.
     pub parameters: &'static [Parameter],
+    /// How often machines have it that their model does not: the prior odds of a diagnosis.
+    pub occurs: Occurrence,
     /// Where it shows.
     pub seen: Seen,
     /// Whether its law jumps with the motion, or looks back in it: it is evaluated on every point of the recording's grid, and what it

@@ -27,8 +27,8 @@ const MODELS: [(&str, Pick); 4] = [
 pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
     let fit = diagnosis.fit.as_ref()?;
     let mut section = Section::new("How much better").with(format!(
-        "Errors on {}: roots of mean squares with 95 % intervals from blocks of {BLOCK_S} s drawn with replacement. As given: the model as it is. Re-tuned: its masses, lengths, frictions, zeros and delays moved inside their tolerances. Unnamed correction: re-tuned, with splines in the place of the findings. Noise floor: what a perfect model would leave, from twins.",
-        fit.data
+        "Errors on {}: roots of mean squares with 95 % intervals from blocks of {BLOCK_S} s drawn with replacement. As given: the model as it is. Re-tuned: its masses, lengths, frictions, zeros and delays moved inside their tolerances. Unnamed correction: re-tuned, with splines in the place of the findings. Noise floor: what the instruments alone leave.",
+        fit.test
     ));
     let shown = channels(diagnosis);
     for channel in &shown {

@@ -12,7 +12,7 @@ use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::{Scene, loaded};
@@ -35,6 +35,7 @@ pub static KIND: Kind = Kind {
             range: Range::Word(SIDES),
         },
     ],
+    occurs: Occurrence::Rare,
     seen: Seen::TORQUE,
     rough: true,
     equation: "m at the tool for t ≥ t₀, or up to t₀: gravity and inertia on all joints before it",

@@ -10,7 +10,7 @@ use freeplay_arm::{Arm, Workspace};
 use nalgebra::Vector3;
 
 use crate::basis::Terms;
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::sag::{SagLaw, Sagging, pressure};
@@ -35,6 +35,7 @@ pub static KIND: Kind = Kind {
             [0.0, 1.0],
         ),
     ],
+    occurs: Occurrence::Rare,
     seen: Seen::POSE,
     rough: false,
     equation: "θ = c M, and the tool moves by θ × p",

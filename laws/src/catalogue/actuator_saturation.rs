@@ -10,7 +10,7 @@ use crate::DriveFriction;
 use crate::basis::{Place, Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::{Prediction, Scene};
@@ -26,6 +26,7 @@ pub static KIND: Kind = Kind {
         Parameter::number("share", "share of the torque beyond the limit that is lost", "1", [0.0, 1.0])
             .or(1.0),
     ],
+    occurs: Occurrence::Rare,
     seen: Seen::TORQUE,
     rough: true,
     equation: "|τ| ≤ L",

@@ -7,7 +7,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -33,6 +33,7 @@ pub static KIND: Kind = Kind {
         )
         .prismatic("N"),
     ],
+    occurs: Occurrence::Occasional,
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = F₊ for q̇ > 0, −F₋ for q̇ < 0",

@@ -7,7 +7,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -24,6 +24,7 @@ pub static KIND: Kind = Kind {
         [-1e6, 1e6],
     )
     .prismatic("N")],
+    occurs: Occurrence::Common,
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = F sign(q̇)",

@@ -10,7 +10,7 @@ use crate::basis::{Place, Term, Terms, along, vector, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, ToolForce};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -26,6 +26,7 @@ pub static KIND: Kind = Kind {
         Parameter::number("start", "when it sets in", "s", [-1e12, 1e12]).shape(),
         Parameter::number("end", "when it ends", "s", [-1e12, 1e12]).shape(),
     ],
+    occurs: Occurrence::Rare,
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = −Jᵀ f for start ≤ t < end",

@@ -11,7 +11,7 @@ use crate::basis::{Place, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -34,6 +34,7 @@ pub static KIND: Kind = Kind {
             .or(0.0)
             .given(),
     ],
+    occurs: Occurrence::Rare,
     seen: Seen::TORQUE,
     rough: true,
     equation: "F(t) = F (1 + α e^{−(t − t₀)/T})",

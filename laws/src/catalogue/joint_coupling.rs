@@ -14,7 +14,7 @@ use crate::basis::{Place, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::Scene;
@@ -44,6 +44,7 @@ pub static KIND: Kind = Kind {
             range: Range::Word(FORMS),
         },
     ],
+    occurs: Occurrence::Rare,
     seen: Seen::TORQUE,
     rough: true,
     equation: "τᵢ = X, τⱼ = s X, X = I u̇ + F_v u + F_c sign(u), u = q̇ᵢ + s q̇ⱼ; in the form cross without each joint's own share of I u̇ + F_v u",

@@ -11,7 +11,7 @@ use crate::LawError;
 use crate::basis::{Term, Terms, with};
 use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 
@@ -34,6 +34,7 @@ pub static KIND: Kind = Kind {
             range: Range::Word(DIRECTIONS),
         },
     ],
+    occurs: Occurrence::Rare,
     seen: Seen::BOTH,
     rough: false,
     equation: "r = r₀ + Δ e, r the way to the next joint or to the tool",

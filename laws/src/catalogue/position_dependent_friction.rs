@@ -7,7 +7,7 @@
 
 use crate::harmonic::{TERMS, TORQUE_PARAMETERS, Wave, orders};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 
 /// The entry.
@@ -17,6 +17,7 @@ pub static KIND: Kind = Kind {
     words: "friction that swings by {amplitude} with the position, {periods}",
     site: Site::Joint,
     parameters: TORQUE_PARAMETERS,
+    occurs: Occurrence::Rare,
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = a sin(Nq + φ) sign(q̇)",

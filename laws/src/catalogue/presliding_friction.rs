@@ -14,7 +14,7 @@ use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::{Effect, Start};
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, NOMINAL, START, Seen, Site};
+use crate::kind::{Kind, NOMINAL, Occurrence, START, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -47,6 +47,7 @@ pub static KIND: Kind = Kind {
         .or_else("straight, or as the torque of a recording has it")
         .given(),
     ],
+    occurs: Occurrence::Occasional,
     seen: Seen::TORQUE,
     rough: true,
     equation: "ż = q̇ − σ₀ |q̇| z/F, τ = σ₀ z + σ₁ ż",

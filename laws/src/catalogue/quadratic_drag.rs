@@ -5,7 +5,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -22,6 +22,7 @@ pub static KIND: Kind = Kind {
         [0.0, 1e6],
     )
     .prismatic("N*s^2/m^2")],
+    occurs: Occurrence::Rare,
     seen: Seen::TORQUE,
     rough: false,
     equation: "τ = c q̇|q̇|",

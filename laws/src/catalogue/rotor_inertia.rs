@@ -8,7 +8,7 @@ use crate::basis::Terms;
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -26,6 +26,7 @@ pub static KIND: Kind = Kind {
         [0.0, 1e6],
     )
     .prismatic("kg")],
+    occurs: Occurrence::Occasional,
     seen: Seen::TORQUE,
     rough: false,
     equation: "τ = I q̈",

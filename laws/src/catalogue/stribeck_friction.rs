@@ -9,7 +9,7 @@ use toml::Table;
 
 use crate::basis::{Place, Terms, with};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -26,6 +26,7 @@ pub static KIND: Kind = Kind {
             .prismatic("m/s")
             .shape(),
     ],
+    occurs: Occurrence::Occasional,
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = F e^{−(q̇/v_s)²} sign(q̇)",

@@ -6,7 +6,7 @@
 
 use crate::harmonic::{TERMS, TORQUE_PARAMETERS, Wave, orders};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 
 /// The entry.
@@ -16,6 +16,7 @@ pub static KIND: Kind = Kind {
     words: "a torque ripple of {amplitude}, {periods}",
     site: Site::Joint,
     parameters: TORQUE_PARAMETERS,
+    occurs: Occurrence::Rare,
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = a sin(Nq + φ)",

@@ -1,0 +1,515 @@
+//! From the answer of the search to what is said: tested on the part of the data that no step before has seen.
+
+use std::collections::BTreeMap;
+
+use freeplay_arm::{Arm, ArmFile, EffectTable};
+use freeplay_laws::{ArmParts, Kind, LawError, Placed, kind};
+use nalgebra::DVector;
+
+use super::alternatives::{alternatives, rows_of_evidence};
+use super::candidate::Candidate;
+use super::data::{Data, sum_of};
+use super::engine::DiagnoseSettings;
+use super::gain::{Compared, Gain};
+use super::interval::parameters;
+use super::locate::{Map, correct, maps};
+use super::nameless::{Nameless, is_unexplained};
+use super::parts::Part;
+use super::passage::{Columns, passages};
+use super::report::{
+    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, Fit as Errors, Location, Rmse,
+    Tuned, Untestable, Verdict,
+};
+use super::search::{AS_GOOD, Answer, Search};
+use super::system::Fit;
+use super::words;
+use crate::diagnose::ChannelNoise;
+use crate::residual::Kind as ChannelKind;
+
+/// Chance below which a part of the motion is named.
+const SIGNIFICANT: f64 = 0.05;
+
+/// The diagnosis of recordings that can't tell, because of `lack`: what is wrong; what to do.
+pub(crate) fn insufficient(
+    file: &ArmFile,
+    settings: &DiagnoseSettings,
+    quality: Vec<String>,
+    lack: String,
+) -> Diagnosis {
+    let (why, advice) = lack.rsplit_once("; ").unwrap_or((&lack, "record another motion"));
+    Diagnosis {
+        schema: DIAGNOSIS_SCHEMA,
+        verdict: Verdict::InsufficientData,
+        statement: format!("These recordings can't tell: {why}."),
+        setup: Vec::new(),
+        location: Vec::new(),
+        effects: Vec::new(),
+        alternatives: Vec::new(),
+        fit: None,
+        next: vec![advice.to_owned()],
+        untestable: Vec::new(),
+        quality,
+        evidence: Vec::new(),
+        maps: Vec::new(),
+        tuned: Vec::new(),
+        noise: BTreeMap::new(),
+        discrepancy: BTreeMap::new(),
+        seed: settings.seed,
+        passages: Vec::new(),
+        mapping: None,
+        model: file.clone(),
+    }
+}
+
+/// What remains of every row under the model as it is at different stages.
+pub(crate) struct Remains {
+    /// The model as given.
+    pub before: Vec<Vec<f64>>,
+    /// Its parameters tuned inside their tolerances.
+    pub retuned: Vec<Vec<f64>>,
+    /// The model as given with the findings, all of them at once, as an arm file has them.
+    pub as_given: Vec<Vec<f64>>,
+    /// The same, tuned.
+    pub after: Vec<Vec<f64>>,
+    /// Tuned, with shapes without a name in the place of the findings.
+    pub nameless: Vec<Vec<f64>>,
+}
+
+/// All that a conclusion rests on.
+pub(crate) struct Conclusion<'c, 'd, 'a> {
+    pub file: &'c ArmFile,
+    pub settings: &'c DiagnoseSettings,
+    pub search: &'c mut Search<'d, 'a>,
+    pub answer: &'c Answer,
+}
+
+/// A finding on its way to a report: what it is and what shows that, kept together.
+struct Finding {
+    member: usize,
+    table: EffectTable,
+    effect: Effect,
+}
+
+impl<'d, 'a> Conclusion<'_, 'd, 'a> {
+    fn data(&self) -> &'d Data<'a> {
+        self.search.system.data
+    }
+
+    fn arm(&self) -> &Arm {
+        &self.file.arm
+    }
+
+    /// The diagnosis.
+    ///
+    /// # Errors
+    /// See [`LawError`]; `None` if a fit is singular.
+    pub fn diagnosis(
+        mut self,
+        quality: Vec<String>,
+        untestable: Vec<Untestable>,
+    ) -> Result<Option<Diagnosis>, LawError> {
+        let system = &self.search.system;
+        let Some(fit) = system.fit(&self.answer.members) else { return Ok(None) };
+        let Some(findings) = self.findings(&fit) else { return Ok(None) };
+        let members: Vec<usize> = findings.iter().map(|finding| finding.member).collect();
+        let Some(fit) = self.search.system.fit(&members) else { return Ok(None) };
+        let Some(remains) = self.remains(&fit)? else { return Ok(None) };
+        let Some(bare) = self.search.system.fit(&[]) else { return Ok(None) };
+        let alternatives = alternatives(self.search, &fit);
+        let maps = self.maps(&self.search.system.left(&bare));
+        let errors = self.errors(&remains, &fit);
+        let location = self.location(&remains, &maps);
+        let nameless = Nameless::of(&self.search.system, &fit);
+        let verdict = self.verdict(&fit, &alternatives, &nameless);
+        let data = self.data();
+        let laws = members.iter().enumerate().map(|(place, &member)| {
+            let beta = self.search.system.coefficients(&fit, place);
+            sum_of(self.search.system.candidate(member).columns.iter().zip(beta.iter().copied()), &remains.before)
+        });
+        let columns = Columns { remains: &remains, laws: laws.collect() };
+        let passages = passages(data, &columns);
+        let (tables, effects): (Vec<EffectTable>, Vec<Effect>) =
+            findings.into_iter().map(|finding| (finding.table, finding.effect)).unzip();
+        let mut model = self.file.clone();
+        if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) && !tables.is_empty() {
+            model.arm = self.tuned_arm(&fit).unwrap_or(model.arm);
+            add_to(&mut model, tables);
+        }
+        let is_named = |one: &Untestable| effects.iter().any(|e| e.kind == one.kind && e.joint == one.joint);
+        let untestable = untestable.into_iter().filter(|one| !is_named(one)).collect();
+        let mut diagnosis = Diagnosis {
+            schema: DIAGNOSIS_SCHEMA,
+            verdict,
+            statement: String::new(),
+            setup: Vec::new(),
+            location,
+            effects,
+            alternatives,
+            fit: Some(errors),
+            next: Vec::new(),
+            untestable,
+            quality,
+            evidence: rows_of_evidence(self.search, &bare, &fit),
+            maps,
+            tuned: self.tuned(&fit),
+            noise: self.noise(&remains),
+            discrepancy: self.discrepancy(),
+            seed: self.settings.seed,
+            passages,
+            mapping: None,
+            model,
+        };
+        word(&mut diagnosis);
+        Ok(Some(diagnosis))
+    }
+
+    /// The findings with what shows them, those that take most away first; without those that the test part contradicts.
+    fn findings(&mut self, fit: &Fit) -> Option<Vec<Finding>> {
+        let all = parameters(&mut self.search.system, fit, self.settings.seed);
+        let system = &self.search.system;
+        let with = system.left(fit);
+        let test = system.weights.on(system.data, &[Part::Test]);
+        let on_test: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
+        let on_fit: Vec<Vec<f64>> = system.weights.rows.iter().map(super::weights::Rows::weights).collect();
+        let mut found = Vec::new();
+        for (place, parameters) in all.into_iter().enumerate() {
+            let member = fit.members[place];
+            let candidate = system.candidate(member);
+            let mut others = fit.members.clone();
+            others.remove(place);
+            let without_fit = system.fit(&others)?;
+            let without = system.left(&without_fit);
+            let is_shown = |weights: &[Vec<f64>], c: usize| {
+                let shows = |column: &super::data::Column| {
+                    column[c].as_ref().is_some_and(|rows| rows.iter().zip(&weights[c]).any(|(x, w)| x * w != 0.0))
+                };
+                candidate.columns.iter().any(shows)
+            };
+            let shown: Vec<usize> = (0..system.data.channels()).filter(|&c| is_shown(&on_test, c)).collect();
+            let held_out = !shown.is_empty();
+            let (weights, channels) =
+                if held_out { (&on_test, shown) } else { (&on_fit, candidate.channels.clone()) };
+            let compared = Compared { before: &without, after: &with, weights };
+            let gain = compared.gain(system.data, &channels, self.settings.seed)?;
+            let (removed, names) = removed(system.data, &compared, &channels);
+            if held_out && gain.ci95[1] < 0.0 {
+                continue;
+            }
+            let log_odds = fit.value - without_fit.value;
+            let table = candidate.table(self.arm(), system.coefficients(fit, place));
+            let phrase = words::phrase(candidate.kind, &parameters);
+            let effect = Effect {
+                kind: candidate.kind.name,
+                joint: table.joint.clone(),
+                statement: words::statement(&phrase, table.joint.as_deref()),
+                parameters,
+                equation: candidate.kind.equation,
+                source: candidate.kind.source,
+                evidence: Evidence {
+                    log_odds,
+                    odds: words::odds(log_odds),
+                    share: removed,
+                    held_out_gain: gain,
+                    held_out,
+                    channels: names,
+                },
+                phrase,
+            };
+            found.push(Finding { member, table, effect });
+        }
+        let all: f64 = found.iter().map(|finding| finding.effect.evidence.share.max(0.0)).sum();
+        for finding in &mut found {
+            finding.effect.evidence.share = (finding.effect.evidence.share / all.max(f64::MIN_POSITIVE)).max(0.0);
+        }
+        found.sort_by(|a, b| b.effect.evidence.share.total_cmp(&a.effect.evidence.share));
+        Some(found)
+    }
+
+    /// What remains of every row; `None` if a fit is singular.
+    fn remains(&self, fit: &Fit) -> Result<Option<Remains>, LawError> {
+        let system = &self.search.system;
+        let Some(bare) = system.fit(&[]) else { return Ok(None) };
+        let placed: Vec<Placed> = (0..fit.members.len())
+            .filter_map(|place| {
+                system.candidate(fit.members[place]).placed(self.arm(), system.coefficients(fit, place))
+            })
+            .collect();
+        // What happens at a time of one recording does not happen in the others.
+        let as_given = if fit.members.iter().any(|&member| system.candidate(member).form.only.is_some()) {
+            let said = sum_of(system.columns(&fit.members).zip(fit.beta.iter().copied()), &system.target);
+            less(&system.target, &said)
+        } else {
+            system.data.left_with(&placed.iter().collect::<Vec<_>>())?
+        };
+        let tuned = |rows: &[Vec<f64>], fit: &Fit| {
+            let mut rows = rows.to_vec();
+            system.without_tolerances(&mut rows, &system.tolerances_beside(fit));
+            (0..rows.len()).for_each(|channel| system.data.count(channel, &mut rows[channel]));
+            rows
+        };
+        let retuned = tuned(&system.target, &bare);
+        Ok(Some(Remains {
+            before: system.target.clone(),
+            nameless: less(&retuned, &super::nameless::said(system, &retuned)),
+            retuned,
+            after: tuned(&as_given, fit),
+            as_given,
+        }))
+    }
+
+    /// The errors on the test part, channel by channel.
+    fn errors(&self, remains: &Remains, fit: &Fit) -> Errors {
+        let system = &self.search.system;
+        let data = system.data;
+        let test = system.weights.on(data, &[Part::Test]);
+        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &[Part::Test])).collect();
+        let names = || data.stages[0].channels.iter();
+        let by_name = |rows: &[Vec<f64>]| -> BTreeMap<String, Rmse> {
+            let rms = data.rms(rows, &masks);
+            names().zip(rms).filter_map(|(c, rmse)| Some((c.name.clone(), Rmse { rmse: rmse? }))).collect()
+        };
+        let before = by_name(&remains.before);
+        let noise = names().zip(&system.weights.noise).map(|(c, noise)| (c.name.clone(), Rmse { rmse: *noise }));
+        let weights: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
+        let members = fit.members.iter().map(|&member| system.candidate(member));
+        let mut shown: Vec<usize> = members
+            .flat_map(|candidate| candidate.channels.iter().map(|c| c % data.per_stage()))
+            .flat_map(|c| (c..data.channels()).step_by(data.per_stage()))
+            .collect();
+        shown.sort_unstable();
+        shown.dedup();
+        let gain = |after: &[Vec<f64>]| -> Option<Gain> {
+            let compared = Compared { before: &remains.retuned, after, weights: &weights };
+            compared.gain(data, &shown, self.settings.seed)
+        };
+        Errors {
+            noise_floor: noise.filter(|(name, _)| before.contains_key(name)).collect(),
+            after: by_name(&remains.after),
+            retuned: by_name(&remains.retuned),
+            after_as_given: by_name(&remains.as_given),
+            black_box: by_name(&remains.nameless),
+            held_out: true,
+            test: data.how.clone(),
+            gain: gain(&remains.after),
+            black_box_gain: gain(&remains.nameless),
+            units: names().filter(|c| before.contains_key(&c.name)).map(|c| (c.name.clone(), c.unit)).collect(),
+            before,
+        }
+    }
+
+    /// Maps of what the tuned model leaves, over the first recording.
+    fn maps(&self, left: &[Vec<f64>]) -> Vec<Map> {
+        let data = self.data();
+        let mut all: Vec<Map> = (0..data.per_stage())
+            .flat_map(|c| maps(&data.stages[0], c, &left[c], &data.mask(c, &[Part::Fit, Part::Choice]), self.settings.seed))
+            .collect();
+        correct(&mut all);
+        all.sort_by(|a, b| a.p.total_cmp(&b.p).then(b.explained.total_cmp(&a.explained)));
+        all
+    }
+
+    /// Where the tuned model and the machine differ: shares of what is left beyond the noise, in squares of each channel's own.
+    fn location(&self, remains: &Remains, maps: &[Map]) -> Vec<Location> {
+        let data = self.data();
+        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &[Part::Fit, Part::Choice, Part::Test])).collect();
+        let left = data.rms(&remains.retuned, &masks);
+        let beyond = |c: usize| {
+            let noise = self.search.system.weights.noise[c].max(f64::MIN_POSITIVE);
+            left[c].map_or(0.0, |left| ((left / noise).powi(2) - 1.0).max(0.0))
+        };
+        let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
+        for (c, channel) in data.stages[0].channels.iter().enumerate() {
+            let joint = match channel.kind {
+                ChannelKind::Torque(joint) | ChannelKind::Link(joint) => Some(joint),
+                ChannelKind::Tool(_) => None,
+            };
+            let group = groups.entry(joint).or_default();
+            group.0 += beyond(c);
+            if beyond(c) > 1.0 {
+                group.1.push(c);
+            }
+        }
+        let all: f64 = groups.values().map(|group| group.0).sum();
+        let name = |c: &usize| data.stages[0].channels[*c].name.clone();
+        let mut location: Vec<Location> = groups
+            .into_iter()
+            .filter(|(_, (_, channels))| !channels.is_empty())
+            .map(|(joint, (sum, channels))| {
+                let channels: Vec<String> = channels.iter().map(name).collect();
+                let strongest = maps.iter().find(|map| channels.contains(&map.channel));
+                Location {
+                    joint: joint.map(|joint| self.arm().joints()[joint].name.clone()),
+                    channels,
+                    share: sum / all.max(f64::MIN_POSITIVE),
+                    when: words::when(strongest.filter(|map| map.p < SIGNIFICANT)),
+                    p: strongest.map_or(1.0, |map| map.p),
+                }
+            })
+            .collect();
+        location.sort_by(|a, b| b.share.total_cmp(&a.share));
+        location
+    }
+
+    /// The arm of the file, its masses, lengths and frictions where the fit has them inside their tolerances.
+    fn tuned_arm(&self, fit: &Fit) -> Option<Arm> {
+        let mut parts = ArmParts::of(self.arm());
+        for (nuisance, eta) in self.bound(&self.search.system.tolerances_beside(fit)) {
+            nuisance.of.change(&mut parts, &self.settings.tolerances, eta);
+        }
+        parts.into_arm(self.arm().name()).ok()
+    }
+
+    /// The tolerances that a prior binds, with their coefficients.
+    fn bound(&self, eta: &DVector<f64>) -> Vec<(&'d super::tolerance::Nuisance, f64)> {
+        let data = self.data();
+        let mut at = 0;
+        let mut all = Vec::new();
+        for nuisance in &data.nuisances[0] {
+            if nuisance.free {
+                at += data.stages.len();
+            } else {
+                all.push((nuisance, eta[at]));
+                at += 1;
+            }
+        }
+        all
+    }
+
+    /// How far the tolerances are used, farthest first.
+    fn tuned(&self, fit: &Fit) -> Vec<Tuned> {
+        let bound = self.bound(&self.search.system.tolerances_beside(fit));
+        let mut tuned: Vec<Tuned> =
+            bound.into_iter().map(|(of, eta)| Tuned { name: of.name.clone(), deviations: eta }).collect();
+        tuned.sort_by(|a, b| b.deviations.abs().total_cmp(&a.deviations.abs()));
+        tuned
+    }
+
+    /// What the findings leave in each channel, for the design of the next motion.
+    fn noise(&self, remains: &Remains) -> BTreeMap<String, ChannelNoise> {
+        let system = &self.search.system;
+        let data = system.data;
+        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &[Part::Fit])).collect();
+        let rms = data.rms(&remains.after, &masks);
+        let of = |(c, rms): (usize, Option<f64>)| {
+            let (stretch, step) = data.stretches(c).next()?;
+            let lasts = step * masks[c].iter().sum::<f64>();
+            let noise = ChannelNoise {
+                deviation: rms?.max(system.weights.noise[c]),
+                per_second: system.weights.rows[c].effective() / lasts.max(step * stretch.len().min(1) as f64).max(1e-9),
+            };
+            Some((data.stages[0].channels[c].name.clone(), noise))
+        };
+        rms.into_iter().enumerate().filter_map(of).collect()
+    }
+
+    /// To what each channel follows its laws.
+    fn discrepancy(&self) -> BTreeMap<String, Discrepancy> {
+        let system = &self.search.system;
+        let channels = system.data.stages[0].channels.iter().enumerate();
+        let heard = channels.filter(|(c, _)| system.weights.rows[*c].effective() > 0.0);
+        heard
+            .map(|(c, channel)| {
+                let discrepancy =
+                    Discrepancy { share: system.weights.rows[c].share, noise: system.weights.noise[c] };
+                (channel.name.clone(), discrepancy)
+            })
+            .collect()
+    }
+
+    fn verdict(&self, fit: &Fit, alternatives: &[Alternative], nameless: &Nameless) -> Verdict {
+        let system = &self.search.system;
+        let is_catalogued = |&member: &usize| system.candidate(member).kind.is_catalogued();
+        if !fit.members.iter().all(is_catalogued) || is_unexplained(system, fit, nameless) {
+            return Verdict::Unknown;
+        }
+        if fit.members.is_empty() {
+            return Verdict::NothingMissing;
+        }
+        if alternatives.iter().any(|alternative| alternative.indistinguishable) {
+            Verdict::OneOf
+        } else {
+            Verdict::Named
+        }
+    }
+}
+
+/// Squares that are gone over `channels`, and the names of these, most first.
+fn removed(data: &Data, compared: &Compared, channels: &[usize]) -> (f64, Vec<String>) {
+    let mut by_channel: BTreeMap<usize, f64> = BTreeMap::new();
+    for &c in channels {
+        let square = |errors: &[Vec<f64>]| -> f64 {
+            errors[c].iter().zip(&compared.weights[c]).map(|(x, w)| w * x * x).sum()
+        };
+        *by_channel.entry(c % data.per_stage()).or_default() += square(compared.before) - square(compared.after);
+    }
+    let sum = by_channel.values().sum();
+    let mut order: Vec<(usize, f64)> = by_channel.into_iter().collect();
+    order.sort_by(|a, b| b.1.total_cmp(&a.1));
+    (sum, order.into_iter().map(|(c, _)| data.stages[0].channels[c].name.clone()).collect())
+}
+
+fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let pairs = rows.iter().zip(said);
+    pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
+}
+
+/// Adds `tables` to `model`: what it has already of the same kind at the same place takes the new numbers' place, added up where that is what they mean.
+fn add_to(model: &mut ArmFile, tables: Vec<EffectTable>) {
+    for table in tables {
+        let same = |other: &&mut EffectTable| other.kind == table.kind && other.joint == table.joint;
+        match model.effects.iter_mut().find(same) {
+            Some(known) => *known = table,
+            None => model.effects.push(table),
+        }
+    }
+}
+
+/// Whether the catalogue has the kind of `effect`.
+fn is_catalogued(effect: &Effect) -> bool {
+    kind(effect.kind).is_some_and(Kind::is_catalogued)
+}
+
+/// Puts the verdict into words.
+fn word(diagnosis: &mut Diagnosis) {
+    let left_out = words::left_out(&diagnosis.along_the_arm());
+    diagnosis.statement = match diagnosis.verdict {
+        Verdict::NothingMissing => {
+            "The recording agrees with the model inside its tolerances. Nothing is missing that this motion could show.".to_owned()
+        }
+        Verdict::Named => left_out,
+        Verdict::OneOf => left_out + &words::open(&diagnosis.alternatives),
+        Verdict::Unknown => unknown(&diagnosis.along_the_arm()),
+        Verdict::InsufficientData | Verdict::Setup => diagnosis.statement.clone(),
+    };
+    if diagnosis.verdict == Verdict::OneOf {
+        let undecided = diagnosis.alternatives.iter().filter(|a| a.indistinguishable);
+        diagnosis.next = undecided.map(words::to_tell).collect();
+        diagnosis.next.dedup();
+    }
+}
+
+/// What is said where more is missing than has a name: that, what it looks like, and what has a name.
+fn unknown(effects: &[&Effect]) -> String {
+    let (named, nameless): (Vec<&Effect>, Vec<&Effect>) =
+        effects.iter().copied().partition(|effect| is_catalogued(effect));
+    let mut words =
+        "Something is missing from the model that no effect of the catalogue says well enough.".to_owned();
+    for like in nameless {
+        words.push_str(&format!(" It looks like this: {}", like.statement));
+    }
+    if !named.is_empty() {
+        words.push_str(&format!(" Part of it has a name. {}", words::left_out(&named)));
+    }
+    words
+}
+
+/// Whether two candidates may be told apart at all: the odds are beyond what is as good.
+pub(crate) fn is_told(log_odds: f64) -> bool {
+    log_odds > AS_GOOD
+}
+
+/// The name of a candidate's kind and place, as alternatives have it.
+pub(crate) fn called(arm: &Arm, candidate: &Candidate) -> String {
+    let joint = candidate.joint.map(|joint| arm.joints()[joint].name.as_str());
+    format!("{} {}", candidate.kind.name, words::site(joint))
+}

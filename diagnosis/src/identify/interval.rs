@@ -1,0 +1,139 @@
+//! Parameters of what was named, and how sure they are: the posterior of the coefficients, and the profile of the evidence over the numbers of a shape.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use toml::{Table, Value};
+
+use super::noise::normal;
+use super::report::Parameter;
+use super::system::{Fit, System};
+
+/// Draws of the posterior: a quantile of 2.5 % is known to half a percent of them.
+const DRAWS: usize = 1000;
+/// Steps of the logarithm of a shape's number between which the curvature of the evidence is taken.
+const STEPS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
+/// Greatest standard deviation of that logarithm: beyond, the motion does not tell the number.
+const VAGUE: f64 = 1.0;
+
+/// How sure a number of a shape is.
+struct Loose {
+    /// Its name.
+    name: String,
+    /// Standard deviation of its logarithm.
+    deviation: f64,
+    /// By how much the coefficients change with that logarithm.
+    pull: DVector<f64>,
+}
+
+/// The parameters of each member of `fit`, with intervals of 95 %.
+pub(crate) fn parameters(system: &mut System, fit: &Fit, seed: u64) -> Vec<BTreeMap<String, Parameter>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let factor = Cholesky::new(fit.normal.clone()).map(|factor| factor.l().transpose());
+    let draws: Vec<DVector<f64>> = (0..DRAWS)
+        .map(|_| {
+            let white = DVector::from_fn(fit.beta.len(), |_, _| normal(&mut rng));
+            let away = factor.as_ref().and_then(|upper| upper.solve_upper_triangular(&white));
+            &fit.beta + away.unwrap_or_else(|| DVector::zeros(fit.beta.len()))
+        })
+        .collect();
+    let mut at = 0;
+    let mut all = Vec::new();
+    for place in 0..fit.members.len() {
+        let size = system.candidate(fit.members[place]).size();
+        let own: Vec<DVector<f64>> = draws.iter().map(|draw| draw.rows(at, size).into_owned()).collect();
+        all.push(of_member(system, fit, place, own, &mut rng));
+        at += size;
+    }
+    all
+}
+
+/// The parameters of the member number `place` of `fit`, of whose coefficients `draws` are at hand.
+fn of_member(
+    system: &mut System,
+    fit: &Fit,
+    place: usize,
+    draws: Vec<DVector<f64>>,
+    rng: &mut ChaCha8Rng,
+) -> BTreeMap<String, Parameter> {
+    let loose = loose(system, fit, place);
+    let candidate = system.candidate(fit.members[place]);
+    let limits = candidate.limits();
+    let drawn: Vec<Table> = draws
+        .into_iter()
+        .map(|mut beta| {
+            let mut form = candidate.form.clone();
+            for number in &loose {
+                let by = number.deviation * normal(rng);
+                if let Some(Value::Float(value)) = form.shape.get_mut(&number.name) {
+                    *value *= by.exp();
+                }
+                beta.axpy(by, &number.pull, 1.0);
+            }
+            beta.iter_mut().zip(&limits).for_each(|(x, [least, most])| *x = x.clamp(*least, *most));
+            candidate.kind.compose(&form.shape, &candidate.of_all(beta.as_slice()))
+        })
+        .collect();
+    let interval = |name: &str| {
+        let mut values: Vec<f64> =
+            drawn.iter().filter_map(|table| table.get(name).and_then(Value::as_float)).collect();
+        values.sort_by(f64::total_cmp);
+        let (first, last) = (values.first()?, values.last()?);
+        (first < last).then(|| [values[values.len() / 40], values[values.len() - 1 - values.len() / 40]])
+    };
+    let joint = candidate.joint.map(|joint| &system.data.arm().joints()[joint]);
+    let table = candidate.parameters(system.coefficients(fit, place));
+    let parameter = |(name, value): (&String, &Value)| {
+        let parameter = Parameter {
+            value: value.clone(),
+            unit: candidate.kind.unit(name, joint).to_owned(),
+            ci95: interval(name).filter(|_| !candidate.kind.takes_as_given(name)),
+        };
+        (name.clone(), parameter)
+    };
+    table.iter().map(parameter).collect()
+}
+
+/// How sure the numbers in the shape of the member number `place` are, by the curvature of the profile of the evidence (Venzon & Moolgavkar 1988, Appl. Stat.
+/// 37:87); nothing of numbers that the motion does not tell.
+fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
+    let member = fit.members[place];
+    let mut others = fit.members.clone();
+    others.remove(place);
+    let Some(without) = system.fit(&others) else { return Vec::new() };
+    let Some(best) = system.gains(&without, &[member]).pop().flatten() else { return Vec::new() };
+    let mut all = Vec::new();
+    for name in system.candidate(member).numbers() {
+        let Some(value) = system.candidate(member).form.shape.get(&name).and_then(Value::as_float) else { continue };
+        // The evidence falls by half of (step/deviation)².
+        let (mut over, mut under, mut square) = (0.0, 0.0, 0.0);
+        let mut pull = DVector::zeros(best.beta.len());
+        for step in STEPS {
+            let form = system.candidate(member).with_number(&name, value * f64::exp(step));
+            let Some(other) = system.candidate(member).reformed(system.data, form) else { continue };
+            let Some(at) = system.take(other) else { continue };
+            let gain = system.gains(&without, &[at]).pop().flatten();
+            system.forget(at);
+            let Some(gain) = gain else { continue };
+            over += step.powi(4);
+            under += 2.0 * (best.value - gain.value) * step.powi(2);
+            square += step.powi(2);
+            pull += step * (gain.beta - &best.beta);
+        }
+        let deviation = (over / under).sqrt();
+        if deviation.is_finite() && square > 0.0 {
+            all.push(Loose { name, deviation: deviation.min(VAGUE), pull: pull / square });
+        }
+    }
+    all
+}
+
+/// Standard deviations of the coefficients of `fit`.
+pub(crate) fn deviations(fit: &Fit) -> Vec<f64> {
+    let inverse: Option<DMatrix<f64>> = Cholesky::new(fit.normal.clone()).map(|factor| factor.inverse());
+    inverse.map_or_else(|| vec![f64::INFINITY; fit.beta.len()], |inverse| {
+        inverse.diagonal().iter().map(|variance| variance.sqrt()).collect()
+    })
+}

@@ -1,0 +1,56 @@
+//! From a recording to what the model leaves out. The files in the order in which data passes through them:
+//!
+//! - `thinning` and `stage`: recordings made ready, and what any effect would add to each channel of them.
+//! - `tolerance`: how far a machine may be from its model without that being a finding.
+//! - `rows`, `parts` and `data`: which rows count, which of the three parts of the data they belong to, all of them stacked.
+//! - `noise`, `instruments`, `shapes` and `weights`: how much each row says.
+//! - `candidate` and `moments`: every effect at every place in every form, as columns.
+//! - `system` and `bvls`: the linear model and its evidence.
+//! - `search` and `choice`: the most probable set of effects.
+//! - `nameless`, `alternatives`, `interval`, `gain`, `locate`, `words`, `passage` and `conclude`: what is said, tested on data that no step before has seen.
+//! - `engine`: all of it, of recordings as they stand; `set_up`: after the question whether recording and model mean the same.
+
+mod alternatives;
+mod beside;
+mod bvls;
+mod candidate;
+mod choice;
+mod columns;
+mod conclude;
+mod data;
+mod engine;
+mod gain;
+mod instruments;
+mod interval;
+mod locate;
+mod moments;
+mod nameless;
+mod noise;
+mod parts;
+mod passage;
+mod quality;
+mod report;
+mod rows;
+mod search;
+mod set_up;
+mod shapes;
+mod stage;
+mod system;
+mod thinning;
+mod tolerance;
+mod variables;
+mod weights;
+mod words;
+
+pub use engine::{DiagnoseError, DiagnoseSettings};
+pub use gain::Gain;
+pub use locate::Map;
+pub use passage::{Passage, Trace};
+pub use report::{
+    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, EvidenceRow, Fit, Location,
+    Parameter, Rmse, Tuned, Untestable, Verdict,
+};
+pub use set_up::diagnose;
+pub use tolerance::Tolerances;
+pub use variables::Variable;
+pub use words::TO_TELL;

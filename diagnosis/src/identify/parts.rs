@@ -1,0 +1,86 @@
+//! The three parts of the data: the search sees the fit part, the choice between the few best answers the choice part too, and the report alone
+//! sees the test part.
+
+use super::stage::Stage;
+
+/// A part of the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// What the search sees.
+    Fit,
+    /// What decides between the few best answers.
+    Choice,
+    /// What the report alone sees.
+    Test,
+    /// A guard between two parts: what the low-pass smears from one into the other.
+    Guard,
+}
+
+/// Shares of one recording in the fit part, and in the fit and the choice part together. What is fitted needs most of the motion; a third for
+/// the test is what the field holds out.
+const SHARES: [f64; 2] = [0.55, 0.70];
+/// The same for a recording beside which another is the test part.
+const WITHOUT_TEST: [f64; 2] = [0.75, 1.0];
+
+/// The part of each row of `stages`, and how they were parted, in words. With two recordings the last is the test part; with three or more the one before is the
+/// choice part; one is cut in time, by rows in which anything moves.
+pub(crate) fn parts_of(stages: &[Stage], counts: &[Vec<f64>]) -> (Vec<Vec<Part>>, String) {
+    let whole = |stage: &Stage, part| vec![part; stage.motion().len()];
+    let name = |index: usize| file_name(&stages[index]);
+    let per_stage = stages.first().map_or(0, |stage| stage.channels.len());
+    let rows = |index: usize| &counts[index * per_stage..(index + 1) * per_stage];
+    match stages.len() {
+        0 => (Vec::new(), String::new()),
+        1 => {
+            let how = "the last 30 % of the recording, which no step before the report has seen".to_owned();
+            (vec![cut(&stages[0], rows(0), SHARES)], how)
+        }
+        2 => {
+            let how = format!("{}, which no step before the report has seen", name(1));
+            (vec![cut(&stages[0], rows(0), WITHOUT_TEST), whole(&stages[1], Part::Test)], how)
+        }
+        all => {
+            let part = |index: usize| match all - index {
+                1 => Part::Test,
+                2 => Part::Choice,
+                _ => Part::Fit,
+            };
+            let parts = (0..all).map(|index| whole(&stages[index], part(index))).collect();
+            (parts, format!("{}, which no step before the report has seen", name(all - 1)))
+        }
+    }
+}
+
+/// The name of the file of the recording of `stage`.
+pub(crate) fn file_name(stage: &Stage) -> String {
+    let origin = &stage.ground.recording.origin;
+    origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+}
+
+/// Cuts the rows of `stage` at the `shares` of its rows that count in any channel.
+fn cut(stage: &Stage, counts: &[Vec<f64>], shares: [f64; 2]) -> Vec<Part> {
+    let motion = stage.motion();
+    let weight = |row: usize| counts.iter().map(|counts| counts[row]).sum::<f64>();
+    let all: f64 = (0..motion.len()).map(weight).sum();
+    let mut seen = 0.0;
+    let mut parts: Vec<Part> = (0..motion.len())
+        .map(|row| {
+            seen += weight(row);
+            match seen / all.max(1.0) {
+                share if share <= shares[0] => Part::Fit,
+                share if share <= shares[1] => Part::Choice,
+                _ => Part::Test,
+            }
+        })
+        .collect();
+    // Rows on either side of a cut share what the low-pass smears.
+    let span = stage.ground.treatment.filter().settling_time();
+    let cuts: Vec<f64> =
+        (1..parts.len()).filter(|&row| parts[row] != parts[row - 1]).map(|row| motion.t[row]).collect();
+    for (part, t) in parts.iter_mut().zip(&motion.t) {
+        if cuts.iter().any(|cut| (t - cut).abs() < 0.5 * span) {
+            *part = Part::Guard;
+        }
+    }
+    parts
+}

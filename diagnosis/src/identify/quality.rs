@@ -1,0 +1,117 @@
+//! What a recording is good for, before anything is fitted.
+
+use super::data::Data;
+use super::noise::Noise;
+use super::parts::Part;
+use super::stage::Stage;
+use crate::presence::only;
+use crate::residual::{Channel, Kind};
+use crate::statistics::Moments;
+use crate::stuck::Stuck;
+
+/// Least length of what a fit rests on, s.
+const LEAST_S: f64 = 2.0;
+/// A joint that moves less than this, rad (m), does not move.
+const STILL: f64 = 1e-4;
+
+/// What makes these recordings useless for any finding: one sentence and what to do; `None` if they are not.
+pub(crate) fn lack(data: &Data) -> Option<String> {
+    let lasts = |part: Part| -> f64 {
+        let of_stage = |(index, parts): (usize, &Vec<Part>)| -> f64 {
+            let motion = data.stages[index].motion();
+            let step = motion.stretches.first().map_or(0.0, |stretch| motion.step(stretch));
+            parts.iter().filter(|own| **own == part).count() as f64 * step
+        };
+        data.parts.iter().enumerate().map(of_stage).sum()
+    };
+    let [fit, choice, test] = [Part::Fit, Part::Choice, Part::Test].map(lasts);
+    if fit < LEAST_S || choice + test < 0.25 * LEAST_S {
+        return Some(format!(
+            "too short: {fit:.1} s are left to fit, {choice:.1} s to choose by and {test:.1} s to test, after the ends that the low-pass needs; record \
+             at least 10 s"
+        ));
+    }
+    let moves = |joint: usize| {
+        data.stages.iter().any(|stage| {
+            let q = &stage.motion().q[joint];
+            let (least, most) =
+                q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), q| (l.min(*q), m.max(*q)));
+            most - least > STILL
+        })
+    };
+    if !(0..data.arm().dof()).any(moves) {
+        return Some("no joint moves; record a motion of the joints in question".to_owned());
+    }
+    let is_silent = |stage: &Stage| stage.channels.iter().all(|channel| stage.ground.is_stuck(channel.kind));
+    if data.stages.iter().all(is_silent) {
+        return Some(
+            "every torque stays at one value while its joint moves, and nothing else was recorded beside the motion; record measured torques \
+             or currents times the torque constant, or the tool's position"
+                .to_owned(),
+        );
+    }
+    None
+}
+
+/// What a reader should know of the recordings: noise, rounding, standing joints, torques that are stuck.
+pub(crate) fn notes(data: &Data) -> Vec<String> {
+    let mut notes = Vec::new();
+    for (number, stage) in data.stages.iter().enumerate() {
+        let (mut stuck, mut rounded, mut partly) = (Vec::new(), Vec::new(), Vec::new());
+        for (index, (channel, noise)) in stage.channels.iter().zip(&stage.ground.noises.channels).enumerate()
+        {
+            if let Some(words) = no_measurement(stage, channel) {
+                stuck.push(words);
+                continue;
+            }
+            if channel.is_missing() {
+                continue;
+            }
+            let spread = Moments::of(&channel.measured).std;
+            if spread <= 1e-9 * Moments::of(&channel.measured).rms || spread == 0.0 {
+                notes.push(format!("{} is constant: nothing is to be seen in it", channel.name));
+            }
+            if is_coarse(noise, spread) {
+                rounded.push(format!("{} by {:.2e} {}", channel.name, noise.step, channel.unit));
+            }
+            let kept = &data.counts[number * data.per_stage() + index];
+            let measured = only(kept, channel.present.as_deref());
+            let left_out = 1.0 - measured.iter().sum::<f64>() / measured.len().max(1) as f64;
+            if let (Kind::Torque(joint), true) = (channel.kind, left_out > 0.02) {
+                partly.push(format!("{:.0} % of {}", 100.0 * left_out, stage.arm().joints()[joint].name));
+            }
+        }
+        if !stuck.is_empty() {
+            notes.push(format!("no measurement of a torque, and left out: {}", stuck.join(", ")));
+        }
+        if !partly.is_empty() {
+            notes.push(format!(
+                "these rows of a torque do not count: {}; where a joint stands still, dry friction may hold any part of it, and where it jerks, the samples \
+                 say too little",
+                partly.join(", ")
+            ));
+        }
+        if !rounded.is_empty() {
+            notes.push(format!("rounded coarsely: {}", rounded.join(", ")));
+        }
+    }
+    notes
+}
+
+/// Where a `channel` of `stage` that is no measurement is stuck; `None` of one that is a measurement.
+fn no_measurement(stage: &Stage, channel: &Channel) -> Option<String> {
+    let Kind::Torque(joint) = channel.kind else { return None };
+    let Stuck { at, share } = stage.ground.stuck[joint]?;
+    Some(format!(
+        "{} stays at {at} {} in {:.0} % of the rows in which {} moves",
+        channel.name,
+        channel.unit,
+        100.0 * share,
+        stage.arm().joints()[joint].name
+    ))
+}
+
+/// Rounding that is a tenth of the signal's spread.
+fn is_coarse(noise: &Noise, spread: f64) -> bool {
+    noise.step > 0.1 * spread && spread > 0.0
+}

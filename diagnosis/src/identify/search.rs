@@ -1,0 +1,327 @@
+//! Which set of effects is the most probable: add, drop, swap and nest, as long as the evidence rises.
+
+use freeplay_laws::Occurrence;
+
+use super::candidate::Candidate;
+use super::system::{Fit, System};
+
+/// Odds within which two answers are as good: 20 to 1, as is usual for a name (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773, "strong").
+pub(crate) const AS_GOOD: f64 = 2.995_732_273_553_991;
+/// Most candidates of which each is tried in the place of several members.
+const TRIED: usize = 12;
+/// Steps of the logarithm of a shape's number, from one shape that is laid out to the next down to what no motion tells apart.
+const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, 0.004];
+/// Share of the log of the evidence that is worth another step.
+const WORTH: f64 = 0.01;
+
+/// A set of effects with its evidence.
+#[derive(Clone, Debug)]
+pub(crate) struct Answer {
+    /// The numbers of its blocks.
+    pub members: Vec<usize>,
+    /// The shares of discrepancy beside it.
+    pub shares: Vec<f64>,
+    /// The log of its evidence.
+    pub evidence: f64,
+}
+
+/// The search.
+pub(crate) struct Search<'d, 'a> {
+    /// The linear model.
+    pub system: System<'d, 'a>,
+    /// The blocks that were laid out.
+    pub laid: Vec<usize>,
+    /// All answers that were met, the best first.
+    pub met: Vec<Answer>,
+}
+
+impl<'d, 'a> Search<'d, 'a> {
+    /// A search among `candidates`.
+    pub fn new(mut system: System<'d, 'a>, candidates: Vec<Candidate>) -> Self {
+        let laid = candidates.into_iter().filter_map(|candidate| system.take(candidate)).collect();
+        Self { system, laid, met: Vec::new() }
+    }
+
+    /// Searches from nothing and from what is common, and goes back to the best; `None` if the system is singular.
+    pub fn run(&mut self, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+        let first = self.system.shares();
+        let from_nothing = self.improve(Vec::new(), progress)?;
+        self.system.set_shares(&first)?;
+        let common = self.common(&[]);
+        let from_common = self.improve(common, progress)?;
+        let best =
+            if from_common.evidence > from_nothing.evidence + WORTH { from_common } else { from_nothing };
+        self.system.set_shares(&best.shares)?;
+        Some(best)
+    }
+
+    /// The most probable form of each effect that is common on machines, beside `members`.
+    fn common(&self, members: &[usize]) -> Vec<usize> {
+        let odds = |index: usize| self.system.candidate(index).kind.occurs.odds();
+        let candidates: Vec<usize> = self.laid.iter().copied().filter(|&index| odds(index) >= Occurrence::Common.odds()).collect();
+        let Some(fit) = self.system.fit(members) else { return Vec::new() };
+        let gains = self.system.gains(&fit, &candidates);
+        let found = candidates.iter().zip(gains).filter(|(_, gain)| gain.as_ref().is_some_and(|g| g.value > 0.0));
+        found.map(|(&index, _)| index).collect()
+    }
+
+    /// Improves `members` until nothing makes them more probable.
+    pub fn improve(&mut self, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+        let mut now = self.settled(members)?;
+        loop {
+            progress(&format!("searching: {} effects", now.members.len()));
+            let better = match self.added(&now)? {
+                Some(better) => Some(better),
+                None => match self.dropped(&now)? {
+                    Some(better) => Some(better),
+                    None => match self.swapped(&now)? {
+                        Some(better) => Some(better),
+                        None => self.exchanged(&now)?,
+                    },
+                },
+            };
+            let Some(better) = better else { break };
+            self.meet(&now);
+            now = better;
+        }
+        self.meet(&now);
+        Some(now)
+    }
+
+    /// Keeps `answer` among those that were met.
+    fn meet(&mut self, answer: &Answer) {
+        if self.met.iter().all(|known| known.members != answer.members) {
+            self.met.push(answer.clone());
+            self.met.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+        }
+    }
+
+    /// `members` with the shares of discrepancy that are most probable beside them.
+    fn settled(&mut self, members: Vec<usize>) -> Option<Answer> {
+        /// A share moves by less at each turn; the grid of shares ends it.
+        const TURNS: usize = 4;
+        for _ in 0..TURNS {
+            let fit = self.system.fit(&members)?;
+            if !self.system.follow(&fit)? {
+                break;
+            }
+        }
+        let evidence = self.system.fit(&members)?.value + self.system.shared();
+        Some(Answer { members, shares: self.system.shares(), evidence })
+    }
+
+    /// The evidence of `members` with shares of their own, about.
+    fn about(&self, members: &[usize]) -> Option<f64> {
+        let fit = self.system.fit(members)?;
+        Some(fit.value + self.system.shared() + self.system.to_gain(&fit))
+    }
+
+    /// `members` settled, if that makes them more probable than `now`; else the system as it was.
+    fn accepted(&mut self, now: &Answer, members: Vec<usize>) -> Option<Option<Answer>> {
+        let there = self.settled(members)?;
+        if there.evidence > now.evidence + WORTH {
+            return Some(Some(there));
+        }
+        self.meet(&there);
+        self.system.set_shares(&now.shares)?;
+        Some(None)
+    }
+
+    /// The candidates that may join `members`.
+    fn open(&self, members: &[usize]) -> Vec<usize> {
+        let is_taken = |index: &usize| {
+            members.iter().any(|&member| self.system.candidate(member).excludes(self.system.candidate(*index)))
+        };
+        self.laid.iter().copied().filter(|index| !is_taken(index)).collect()
+    }
+
+    /// `now` with the effect that makes it most probable.
+    fn added(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        let fit = self.system.fit(&now.members)?;
+        let open = self.open(&now.members);
+        let gains = self.system.gains(&fit, &open);
+        let worth = open.iter().zip(&gains).filter_map(|(&index, gain)| {
+            let gain = gain.as_ref().filter(|gain| gain.value > 0.0 && gain.is_inside)?;
+            Some((index, gain.value))
+        });
+        let mut worth: Vec<(usize, f64)> = worth.collect();
+        worth.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut tried: Vec<usize> = Vec::new();
+        for (index, _) in worth {
+            let is_tried = |&other: &usize| {
+                self.system.candidate(other).same_effect(self.system.candidate(index))
+            };
+            if tried.iter().any(is_tried) {
+                continue;
+            }
+            tried.push(index);
+            if tried.len() > TRIED {
+                break;
+            }
+            let index = self.refined(&now.members, index)?;
+            let mut members = now.members.clone();
+            members.push(index);
+            if let Some(better) = self.accepted(now, members)? {
+                return Some(Some(better));
+            }
+        }
+        Some(None)
+    }
+
+    /// `now` without the member whose absence makes it most probable.
+    fn dropped(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        let mut without: Vec<(f64, Vec<usize>)> = (0..now.members.len())
+            .filter_map(|place| {
+                let mut members = now.members.clone();
+                members.remove(place);
+                Some((self.about(&members)?, members))
+            })
+            .collect();
+        without.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (about, members) in without {
+            if about <= now.evidence {
+                break;
+            }
+            if let Some(better) = self.accepted(now, members)? {
+                return Some(Some(better));
+            }
+        }
+        Some(None)
+    }
+
+    /// `now` with another effect in the place of one of its members, or of all members that the other contains.
+    fn swapped(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        let mut best: Option<(f64, Vec<usize>, usize)> = None;
+        for &member in &now.members {
+            let others: Vec<usize> = now.members.iter().copied().filter(|other| *other != member).collect();
+            let fit = self.system.fit(&others)?;
+            let meets = |index: &usize| {
+                *index != member && self.system.candidate(*index).meets(self.system.candidate(member))
+            };
+            let open: Vec<usize> = self.open(&others).into_iter().filter(meets).collect();
+            let own = self.system.gains(&fit, &[member]).pop().flatten().map_or(0.0, |gain| gain.value);
+            for (&index, gain) in open.iter().zip(self.system.gains(&fit, &open)) {
+                let Some(gain) = gain.filter(|gain| gain.is_inside) else { continue };
+                let more = gain.value - own;
+                if more > WORTH && best.as_ref().is_none_or(|best| more > best.0) {
+                    best = Some((more, others.clone(), index));
+                }
+            }
+        }
+        let Some((_, others, index)) = best else { return Some(None) };
+        let index = self.refined(&others, index)?;
+        let members = others.into_iter().chain([index]).collect();
+        self.accepted(now, members)
+    }
+
+    /// `now` with one effect more and without all members that it makes needless: one law in the place of several that imitate it.
+    fn exchanged(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        let fit = self.system.fit(&now.members)?;
+        let open = self.open(&now.members);
+        let gains = self.system.gains(&fit, &open);
+        let mut nearest: Vec<(usize, f64)> = open
+            .iter()
+            .zip(&gains)
+            .filter_map(|(&index, gain)| Some((index, gain.as_ref().filter(|gain| gain.is_inside)?.value)))
+            .collect();
+        nearest.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut tried: Vec<usize> = Vec::new();
+        for (index, _) in nearest {
+            let known = |&other: &usize| self.system.candidate(other).same_effect(self.system.candidate(index));
+            if tried.iter().any(known) {
+                continue;
+            }
+            tried.push(index);
+            if tried.len() > TRIED {
+                break;
+            }
+            let Some(members) = self.thinned(&now.members, index)? else { continue };
+            if self.about(&members)? <= now.evidence + WORTH {
+                continue;
+            }
+            if let Some(better) = self.accepted(now, members)? {
+                return Some(Some(better));
+            }
+        }
+        Some(None)
+    }
+
+    /// `members` and `index` without those of `members` that are not worth their place beside it; `None` if all are.
+    fn thinned(&mut self, members: &[usize], index: usize) -> Option<Option<Vec<usize>>> {
+        let mut all: Vec<usize> = members.to_vec();
+        all.push(index);
+        let mut value = self.system.fit(&all)?.value;
+        let before = all.len();
+        loop {
+            let mut best: Option<(f64, usize)> = None;
+            for place in 0..all.len() - 1 {
+                let mut rest = all.clone();
+                rest.remove(place);
+                let there = self.system.fit(&rest)?.value;
+                if there > value && best.is_none_or(|best| there > best.0) {
+                    best = Some((there, place));
+                }
+            }
+            let Some((there, place)) = best else { break };
+            all.remove(place);
+            value = there;
+        }
+        if all.len() == before {
+            return Some(None);
+        }
+        let index = self.refined(&all[..all.len() - 1], index)?;
+        if let Some(last) = all.last_mut() {
+            *last = index;
+        }
+        Some(Some(all))
+    }
+
+    /// The block number `index` in the form that explains most beside `members`: the numbers of its shape off their grid, its law taken about what was found.
+    pub fn refined(&mut self, members: &[usize], index: usize) -> Option<usize> {
+        let fit = self.system.fit(members)?;
+        let mut best = index;
+        let value = |search: &Self, at: usize| {
+            search.system.gains(&fit, &[at]).pop().flatten().map_or(f64::NEG_INFINITY, |gain| gain.value)
+        };
+        let mut now = value(self, best);
+        for step in STEPS {
+            for name in self.system.candidate(best).numbers() {
+                let mut step = step;
+                for direction in [1.0, -1.0] {
+                    step *= direction;
+                    loop {
+                        let candidate = self.system.candidate(best);
+                        let Some(at) = candidate.form.shape.get(&name).and_then(toml::Value::as_float) else { break };
+                        let form = candidate.with_number(&name, at * f64::exp(step));
+                        let Some(there) = self.try_form(&fit, best, form, now) else { break };
+                        (best, now) = there;
+                    }
+                }
+            }
+        }
+        for _ in 0..CENTRES {
+            let Some(gain) = self.system.gains(&fit, &[best]).pop().flatten() else { break };
+            let Some(form) = self.system.candidate(best).about(gain.beta.as_slice()) else { break };
+            let Some(there) = self.try_form(&fit, best, form, now) else { break };
+            (best, now) = there;
+        }
+        Some(best)
+    }
+
+    /// The number of `index` in another `form` and what it explains beside `fit`, if that is more than `now`.
+    fn try_form(&mut self, fit: &Fit, index: usize, form: super::candidate::Form, now: f64) -> Option<(usize, f64)> {
+        let other = self.system.candidate(index).reformed(self.system.data, form)?;
+        let at = self.system.take(other)?;
+        let gain = self.system.gains(fit, &[at]).pop().flatten().filter(|gain| gain.is_inside);
+        match gain.filter(|gain| gain.value > now + WORTH) {
+            Some(gain) => Some((at, gain.value)),
+            None => {
+                self.system.forget(at);
+                None
+            }
+        }
+    }
+}
+
+/// Most times that a law is taken about what was found.
+const CENTRES: usize = 6;

@@ -1,0 +1,54 @@
+//! A diagnosis that asks first whether recording and model mean the same.
+
+use freeplay_arm::ArmFile;
+use freeplay_recording::Recording;
+
+use super::conclude::insufficient;
+use super::engine::{self, DiagnoseError, DiagnoseSettings};
+use super::report::{Diagnosis, Verdict};
+use crate::conventions::{Certainty, Mended, SetupFinding, sentences};
+
+/// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on held-out data.
+///
+/// Before, it asks whether recordings and model mean the same: units, signs, order, zeros, gravity, clocks. What is surely wrong there makes the verdict
+/// [`Verdict::Setup`], and all else is said of the mended reading. A sure fault that can't be mended ends the diagnosis.
+///
+/// # Errors
+/// See [`DiagnoseError`].
+pub fn diagnose(
+    file: &ArmFile,
+    recordings: &[Recording],
+    settings: &DiagnoseSettings,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, DiagnoseError> {
+    engine::check(&file.arm, recordings)?;
+    progress("asking whether recording and model mean the same");
+    let mended = Mended::of(file, recordings);
+    let statement = in_words(&mended.findings);
+    if let Some(why) = &mended.stop {
+        let advice: Vec<String> = mended.findings.iter().map(|finding| finding.remedy.clone()).collect();
+        let mut stopped =
+            insufficient(file, settings, Vec::new(), format!("{why}; {}", advice.join(" ")));
+        stopped.verdict = Verdict::Setup;
+        stopped.statement = format!("{statement} There is nothing to diagnose before this is mended.");
+        stopped.next = advice;
+        stopped.setup = mended.findings;
+        return Ok(stopped);
+    }
+    if !mended.is_mended() {
+        let mut diagnosis = engine::diagnose(file, recordings, settings, progress)?;
+        diagnosis.setup = mended.findings;
+        return Ok(diagnosis);
+    }
+    let mut diagnosis = engine::diagnose(&mended.file, &mended.recordings, settings, progress)?;
+    diagnosis.statement = format!("{statement} With that reading: {}", diagnosis.statement);
+    diagnosis.verdict = Verdict::Setup;
+    diagnosis.setup = mended.findings;
+    diagnosis.mapping = mended.mapping;
+    Ok(diagnosis)
+}
+
+fn in_words(findings: &[SetupFinding]) -> String {
+    let sure = sentences(findings).into_iter().filter(|(certainty, ..)| *certainty == Certainty::Sure);
+    sure.map(|(_, statement, _)| statement).collect::<Vec<_>>().join(" ")
+}

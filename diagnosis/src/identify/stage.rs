@@ -1,0 +1,388 @@
+//! One recording made ready: its motion, what was measured, and what any effect would add to every channel.
+
+use std::cell::RefCell;
+
+use freeplay_arm::Arm;
+use freeplay_laws::{
+    ArmParts, Baseline, Change, Kind as EffectKind, LawError, Place, Placed, Prediction, Range, Recorded, START, Start, Term,
+    Trajectory, rigid_torques, tool_positions,
+};
+use freeplay_recording::Recording;
+use toml::Table;
+
+use super::beside::Beside;
+use super::noise::Noises;
+use super::tolerance::Nuisance;
+use crate::begin::{begun, between, within};
+use crate::error::ResidualError;
+use crate::motion::{Settings, Treatment};
+use crate::presence::masked;
+use crate::residual::{Channel, Kind, Sharpening, residuals_along};
+use crate::stuck::Stuck;
+
+/// What something adds to each channel of a stage; `None` where it adds nothing.
+pub(crate) type Answer = Vec<Option<Vec<f64>>>;
+
+/// By how much all signals are raised to see how much of it comes through: N·m (N), m, rad.
+const RAISED: f64 = 1e-6;
+
+/// What an effect acts on: a drive moves the arm as it is, and a sensor reads what both do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Level {
+    Arm,
+    Drive,
+    Sensor,
+}
+
+type LowPass = dyn Fn(&[f64]) -> Vec<f64>;
+
+/// One recording under its treatment: what a [`Stage`] stands on.
+pub(crate) struct Ground<'a> {
+    /// The recording.
+    pub recording: &'a Recording,
+    /// What every column went through.
+    pub treatment: Treatment,
+    /// The motion on the kept points.
+    pub motion: Trajectory,
+    /// The motion on all grid points, for laws that jump or remember.
+    pub whole: Trajectory,
+    /// Measured, channel by channel.
+    pub channels: Vec<Channel>,
+    /// How noisy what was measured is.
+    pub noises: Noises,
+    /// Torques that are no measurement, by joint.
+    pub stuck: Vec<Option<Stuck>>,
+    /// What the low-pass on the motion takes from the model.
+    pub sharpening: Sharpening,
+    treated: Box<LowPass>,
+    as_it_is: Box<LowPass>,
+}
+
+impl<'a> Ground<'a> {
+    /// Treats `recording` for the nominal `arm`.
+    ///
+    /// # Errors
+    /// See [`ResidualError`].
+    pub fn new(arm: &Arm, recording: &'a Recording, settings: &Settings) -> Result<Self, ResidualError> {
+        crate::residual::check_joints(arm, recording)?;
+        let treatment = Treatment::new(arm, recording, settings)?;
+        let (motion, whole) = (treatment.motion(recording), treatment.whole_motion(recording));
+        let sharpening = Sharpening::of(arm, recording, &treatment, &whole);
+        let channels = residuals_along(arm, &[], recording, &treatment, &whole, &sharpening)?.channels;
+        let noises = Noises::of(recording, &treatment, &channels, &sharpening.unresolved);
+        let stuck = Stuck::of(recording, &treatment, &whole);
+        let own = treatment.clone();
+        let treated = Box::new(move |column: &[f64]| own.low_pass(column));
+        let as_it_is = Box::new(|column: &[f64]| column.to_vec());
+        Ok(Self {
+            recording,
+            treatment,
+            motion,
+            whole,
+            channels,
+            noises,
+            stuck,
+            sharpening,
+            treated,
+            as_it_is,
+        })
+    }
+
+    /// The same for a `recording` of whose torques only their number matters: those of a motion that is planned are all zero.
+    ///
+    /// # Errors
+    /// See [`ResidualError`].
+    pub fn planned(arm: &Arm, recording: &'a Recording, settings: &Settings) -> Result<Self, ResidualError> {
+        Ok(Self { stuck: vec![None; arm.dof()], ..Self::new(arm, recording, settings)? })
+    }
+
+    /// Leaves out the torques that are no measurement in any of the `others`.
+    pub fn silence_as(&mut self, others: &[Ground]) {
+        for (joint, stuck) in self.stuck.iter_mut().enumerate() {
+            let everywhere: Option<Vec<Stuck>> = others.iter().map(|other| other.stuck[joint]).collect();
+            *stuck = everywhere.and_then(|all| all.first().copied()).or(*stuck);
+        }
+    }
+
+    /// Whether the channel that should measure `kind` is no measurement: it stays at one value, or is missing throughout.
+    pub fn is_stuck(&self, kind: Kind) -> bool {
+        let is_missing = self.channels.iter().any(|channel| channel.kind == kind && channel.is_missing());
+        is_missing || matches!(kind, Kind::Torque(joint) if self.stuck[joint].is_some())
+    }
+}
+
+/// One recording made ready, and what the model says of it.
+pub(crate) struct Stage<'a> {
+    /// What it stands on.
+    pub ground: &'a Ground<'a>,
+    /// Measured and model, channel by channel.
+    pub channels: Vec<Channel>,
+    /// The model on the kept points: for effects that are smooth.
+    smooth: Baseline<'a>,
+    /// The model on all grid points: for effects that jump.
+    rough: Baseline<'a>,
+    /// Torque and tool of the rigid arm on the kept points.
+    rigid: (Vec<Vec<f64>>, Vec<Vec<f64>>),
+    /// The effects that the arm file has.
+    known: Vec<&'a Placed>,
+    /// What was found: other laws act on the machine that has it.
+    found: RefCell<Vec<Placed>>,
+}
+
+impl<'a> Stage<'a> {
+    /// The stage of `arm` with the `effects` that its file knows.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if these leave no possible arm.
+    pub fn new(arm: &'a Arm, effects: &[&'a Placed], ground: &'a Ground<'a>) -> Result<Self, LawError> {
+        let smooth = Baseline::new(arm, effects, &ground.motion, &*ground.as_it_is)?;
+        let hidden = Some(&ground.sharpening.more);
+        let rough = Baseline::with_hidden(arm, effects, &ground.whole, &*ground.treated, hidden)?;
+        let mut channels = ground.channels.clone();
+        for channel in &mut channels {
+            channel.model = ground.treatment.keep(channel.kind.of(rough.prediction()));
+        }
+        let now = &smooth.scene().arm;
+        let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
+        let known = effects.to_vec();
+        Ok(Self { ground, channels, smooth, rough, rigid, known, found: RefCell::default() })
+    }
+
+    /// Lets the columns of laws act on the machine with what was `found`: friction that grows with the load grows with that of a payload, a limit of a
+    /// drive clips its friction, and a delay is late with it.
+    pub fn lay_upon(&self, found: Vec<Placed>) {
+        self.found.replace(found);
+    }
+
+    /// The arm with the effects that change it.
+    pub fn arm(&self) -> &Arm {
+        &self.smooth.scene().arm
+    }
+
+    /// The effects that the arm file has.
+    pub fn known(&self) -> &[&'a Placed] {
+        &self.known
+    }
+
+    /// The motion on the kept points.
+    pub fn motion(&self) -> &'a Trajectory {
+        &self.ground.motion
+    }
+
+    /// The motion on all grid points.
+    pub fn whole(&self) -> &'a Trajectory {
+        &self.ground.whole
+    }
+
+    /// Torques of the rigid arm on the kept points, `[joint][point]`.
+    pub fn load(&self) -> &[Vec<f64>] {
+        &self.smooth.scene().load
+    }
+
+    /// The same on all grid points.
+    pub fn whole_load(&self) -> &[Vec<f64>] {
+        &self.rough.scene().load
+    }
+
+    /// A signal on all grid points as a measured one would come out.
+    pub fn treated(&self, whole: &[f64]) -> Vec<f64> {
+        self.ground.treatment.keep(&(self.ground.treated)(whole))
+    }
+
+    /// The model on the grid on which effects of `kind` are evaluated.
+    pub fn baseline(&self, kind: &EffectKind) -> &Baseline<'a> {
+        if kind.rough { &self.rough } else { &self.smooth }
+    }
+
+    /// What was recorded.
+    pub fn recorded(&self) -> Recorded {
+        let recording = self.ground.recording;
+        Recorded {
+            torque: recording.tau.is_some(),
+            tool: recording.tool.is_some(),
+            link: recording.q_link.iter().map(Option::is_some).collect(),
+        }
+    }
+
+    /// The answers to each term of the effect `kind` at `joint` with `shape`, beside what was found. A memory stands as the recording has it, beside what
+    /// `nuisances` can say.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn terms(
+        &self,
+        kind: &'static EffectKind,
+        joint: Option<usize>,
+        shape: &Table,
+        nuisances: &[Nuisance],
+    ) -> Result<Vec<(Term, Answer)>, LawError> {
+        let middle = self.terms_as(kind, joint, shape)?;
+        let (Some(joint), Some(start)) = (joint, kind.parameter(START)) else { return Ok(middle) };
+        let at = |start: Start| self.terms_begun(kind, joint, shape, start).map(Some);
+        let is_open = shape.contains_key(START) && self.number_of(Kind::Torque(joint)).is_some();
+        let better = match start.range {
+            Range::Number { .. } if is_open => {
+                let beside = Beside::new(self, &[], |kind| kind == Kind::Torque(joint));
+                between(beside.left(&middle), |place| at(Start::Between(place)), |terms| beside.left(terms))?
+            }
+            Range::Vector { .. } if self.number_of(Kind::Tool(0)).is_some() => {
+                let beside = Beside::new(self, nuisances, |kind| matches!(kind, Kind::Tool(_)));
+                let left = |terms: &Vec<(Term, Answer)>| beside.left(terms);
+                let step = |here: &Vec<_>, nudged: [&Vec<_>; 2]| beside.step(here, nudged);
+                within(left(&middle), |place| at(Start::Within(place)), left, step)?.map(|(_, terms)| terms)
+            }
+            _ => None,
+        };
+        Ok(better.unwrap_or(middle))
+    }
+
+    /// The same with its memory standing at `start`.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn terms_begun(
+        &self,
+        kind: &'static EffectKind,
+        joint: usize,
+        shape: &Table,
+        start: Start,
+    ) -> Result<Vec<(Term, Answer)>, LawError> {
+        let mut begun = shape.clone();
+        begun.insert(START.to_owned(), start.said_of(&self.arm().joints()[joint]));
+        self.terms_as(kind, Some(joint), &begun)
+    }
+
+    /// The same with its memory standing as `shape` says.
+    fn terms_as(
+        &self,
+        kind: &'static EffectKind,
+        joint: Option<usize>,
+        shape: &Table,
+    ) -> Result<Vec<(Term, Answer)>, LawError> {
+        let found = self.found.borrow();
+        let place = Place { scene: self.baseline(kind).scene(), joint };
+        let first = kind.terms_at(&place, shape).into_iter().next();
+        let level = match first {
+            Some(term) if !found.is_empty() => self.level(&kind.place(&place, term.plus)?),
+            _ => Level::Arm,
+        };
+        let beneath: Vec<&Placed> = found.iter().filter(|placed| self.level(placed) < level).collect();
+        let columns = if beneath.is_empty() {
+            kind.columns(self.baseline(kind), joint, shape)?
+        } else {
+            kind.columns(&self.baseline(kind).upon(&beneath)?, joint, shape)?
+        };
+        Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
+    }
+
+    /// What `placed` acts on.
+    fn level(&self, placed: &Placed) -> Level {
+        let mut parts = ArmParts::of(self.arm());
+        if placed.effect.arm(&mut parts).is_ok() && !parts.are_of(self.arm()) {
+            Level::Arm
+        } else if placed.effect.measures() {
+            Level::Sensor
+        } else {
+            Level::Drive
+        }
+    }
+
+    /// What `placed` adds to each channel.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if it leaves no possible arm.
+    pub fn answer(&self, placed: &Placed) -> Result<Answer, LawError> {
+        Ok(self.answer_of(placed.kind, &self.baseline(placed.kind).change(placed)?))
+    }
+
+    /// Measured minus model with `more` effects, channel by channel: all of them at once, each acting on what the others say, as in an arm file.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
+        let with = |more: &[&Placed]| self.rough.with(more);
+        let left = |prediction: &Prediction, channel: &Channel| -> Vec<f64> {
+            let model = self.ground.treatment.keep(channel.kind.of(prediction));
+            let off = channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect();
+            masked(off, channel.present.as_deref())
+        };
+        let left_of = |prediction: &Prediction, kind: Kind| {
+            Some(left(prediction, &self.channels[self.number_of(kind)?]))
+        };
+        let best = begun(more, with, left_of)?;
+        Ok(self.channels.iter().map(|channel| left(&best, channel)).collect())
+    }
+
+    /// Which share of a small change each channel shows behind the laws `sensors`, beside what the laws `machine` say, on the kept points.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if the laws leave no possible arm.
+    pub fn let_through(&self, machine: &[Placed], sensors: &[Placed]) -> Result<Vec<Vec<f64>>, LawError> {
+        let said = self.rough.upon(&machine.iter().collect::<Vec<_>>())?;
+        let mut here = said.prediction().clone();
+        let mut raised = here.clone();
+        raised.columns_mut().flatten().for_each(|x| *x += RAISED);
+        for placed in sensors {
+            said.sense(placed, &mut here);
+            said.sense(placed, &mut raised);
+        }
+        let share = |(raised, here): (Vec<f64>, Vec<f64>)| {
+            raised.iter().zip(here).map(|(raised, here)| (raised - here) / RAISED).collect()
+        };
+        Ok(self.kept_of(&raised).into_iter().zip(self.kept_of(&here)).map(share).collect())
+    }
+
+    /// `prediction`, on all grid points, channel by channel on the kept ones.
+    fn kept_of(&self, prediction: &Prediction) -> Vec<Vec<f64>> {
+        let kept = |channel: &Channel| self.ground.treatment.keep(channel.kind.of(prediction));
+        self.channels.iter().map(kept).collect()
+    }
+
+    fn answer_of(&self, kind: &EffectKind, change: &Change) -> Answer {
+        self.by_channel(|channel| {
+            let column = match channel {
+                Kind::Torque(joint) => change.torque.written(joint),
+                Kind::Tool(axis) => change.tool.written(axis),
+                Kind::Link(joint) => change.link.written(joint),
+            };
+            let column = column.filter(|column| column.iter().any(|&x| x != 0.0))?;
+            Some(if kind.rough { self.ground.treatment.keep(column) } else { column.to_vec() })
+        })
+    }
+
+    /// What the rigid arm `arm` says more than the present one, with the links `shift` off.
+    pub fn rigid_answer(&self, arm: &Arm, shift: Option<&[Vec<f64>]>) -> Answer {
+        let motion = self.motion();
+        let torque = rigid_torques(arm, motion, shift);
+        let moved: Vec<Vec<f64>> = match shift {
+            Some(shift) => motion.q.iter().zip(shift).map(|(q, s)| sum(q, s)).collect(),
+            None => motion.q.clone(),
+        };
+        let tool = tool_positions(arm, &moved);
+        self.by_channel(|kind| match kind {
+            Kind::Torque(joint) => difference(&torque[joint], &self.rigid.0[joint]),
+            Kind::Tool(axis) => difference(&tool[axis], &self.rigid.1[axis]),
+            Kind::Link(_) => None,
+        })
+    }
+
+    /// The number of the channel that measures `kind`.
+    fn number_of(&self, kind: Kind) -> Option<usize> {
+        self.channels.iter().position(|channel| channel.kind == kind)
+    }
+
+    /// One column for each channel by its kind.
+    pub fn by_channel(&self, column: impl Fn(Kind) -> Option<Vec<f64>>) -> Answer {
+        self.channels.iter().map(|channel| column(channel.kind)).collect()
+    }
+}
+
+fn sum(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a + b).collect()
+}
+
+/// `a − b`; `None` if they are the same.
+fn difference(a: &[f64], b: &[f64]) -> Option<Vec<f64>> {
+    let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+    difference.iter().any(|&x| x != 0.0).then_some(difference)
+}

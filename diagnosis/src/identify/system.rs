@@ -1,0 +1,480 @@
+//! The linear model under the weights of its rows: y = Nη + Σ Zβ + ε, with η ~ N(0, Λ) eliminated.
+//!
+//! With W the weights and K = NᵀWN + Λ⁻¹, what a block Z of columns explains beside the tolerances is in G = ZᵀWZ − ZᵀWN K⁻¹ NᵀWZ and
+//! h = ZᵀWy − ZᵀWN K⁻¹ NᵀWy: small matrices, whatever the number of rows. The evidence of a set of blocks is in closed form in these.
+
+use std::cell::RefCell;
+use std::collections::BTreeMap;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use super::bvls::bounded;
+use super::candidate::Candidate;
+use super::columns::dot;
+use super::data::{Column, Data, add};
+use super::parts::Part;
+use super::weights::Weights;
+
+/// A prior's coefficient is of such a size that its column is half of its channel.
+const HALF: f64 = 0.5;
+
+/// What a block has in one channel, before the tolerances are eliminated.
+#[derive(Clone, Debug)]
+struct InChannel {
+    /// NᵀWZ, rows as [`Channel::tolerances`].
+    tolerances: DMatrix<f64>,
+    own: DMatrix<f64>,
+    target: DVector<f64>,
+}
+
+/// A candidate in the system.
+#[derive(Clone, Debug)]
+struct Block {
+    candidate: Candidate,
+    channels: Vec<(usize, InChannel)>,
+    /// Precision of the prior of its coefficients.
+    precision: DMatrix<f64>,
+    /// Half the log of its determinant, and the log of the prior odds.
+    log_prior: f64,
+    /// L⁻¹NᵀWZ, with K = LLᵀ.
+    whitened: DMatrix<f64>,
+    /// G + precision, and h.
+    normal: DMatrix<f64>,
+    right: DVector<f64>,
+}
+
+/// One channel under its weights.
+#[derive(Clone, Debug)]
+struct Channel {
+    weights: Vec<f64>,
+    /// The tolerances that show, and their columns times the weights.
+    tolerances: Vec<(usize, Vec<f64>)>,
+    target: Vec<f64>,
+    gram: DMatrix<f64>,
+    against: DVector<f64>,
+    square: f64,
+}
+
+/// The answer to the question what a set of blocks explains.
+#[derive(Clone, Debug)]
+pub(crate) struct Fit {
+    /// The numbers of the blocks.
+    pub members: Vec<usize>,
+    /// Their coefficients, stacked.
+    pub beta: DVector<f64>,
+    /// The log of the evidence but for what the same weights make the same.
+    pub value: f64,
+    /// The normal matrix of the coefficients: the inverse of their covariance.
+    pub normal: DMatrix<f64>,
+}
+
+/// What one block more would explain.
+#[derive(Clone, Debug)]
+pub(crate) struct Gain {
+    /// By how much the log of the evidence rises, prior odds included.
+    pub value: f64,
+    /// The block's coefficients.
+    pub beta: DVector<f64>,
+    /// Whether they are inside their bounds without being held there.
+    pub is_inside: bool,
+}
+
+/// The system.
+pub(crate) struct System<'d, 'a> {
+    pub data: &'d Data<'a>,
+    pub weights: Weights,
+    pub target: Vec<Vec<f64>>,
+    parts: Vec<Part>,
+    tolerances: Vec<Column>,
+    precision: Vec<f64>,
+    channels: Vec<Channel>,
+    factor: Cholesky<f64, Dyn>,
+    /// L⁻¹NᵀWy.
+    whitened_target: DVector<f64>,
+    blocks: Vec<Block>,
+    crosses: RefCell<BTreeMap<(usize, usize), DMatrix<f64>>>,
+}
+
+impl<'d, 'a> System<'d, 'a> {
+    /// The system of the rows of `data` in `parts` under `weights`; `None` if the tolerances are singular.
+    pub fn new(data: &'d Data<'a>, target: Vec<Vec<f64>>, weights: Weights, parts: &[Part]) -> Option<Self> {
+        let (tolerances, precision) = data.tolerances();
+        let channels: Vec<Channel> = (0..data.channels())
+            .map(|c| Channel::new(c, &tolerances, &target, weights.rows[c].weights()))
+            .collect();
+        let (factor, whitened_target) = eliminated(&channels, &precision)?;
+        let (blocks, crosses) = (Vec::new(), RefCell::default());
+        let parts = parts.to_vec();
+        Some(Self {
+            data,
+            weights,
+            target,
+            parts,
+            tolerances,
+            precision,
+            channels,
+            factor,
+            whitened_target,
+            blocks,
+            crosses,
+        })
+    }
+
+    /// Number of blocks.
+    pub fn len(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// The candidate of the block number `index`.
+    pub fn candidate(&self, index: usize) -> &Candidate {
+        &self.blocks[index].candidate
+    }
+
+    /// Takes `candidate` into the system, and gives its number; `None` if the rows show nothing of it.
+    pub fn take(&mut self, candidate: Candidate) -> Option<usize> {
+        let block = self.block(candidate)?;
+        self.blocks.push(block);
+        Some(self.blocks.len() - 1)
+    }
+
+    /// Forgets the block number `index`, if it is the last.
+    pub fn forget(&mut self, index: usize) {
+        if index + 1 == self.blocks.len() {
+            self.blocks.pop();
+            self.crosses.borrow_mut().retain(|(i, j), _| *i != index && *j != index);
+        }
+    }
+
+    fn block(&self, candidate: Candidate) -> Option<Block> {
+        let size = candidate.size();
+        let mut precision = DMatrix::zeros(size, size);
+        let (mut channels, mut count) = (Vec::new(), 0.0);
+        for &c in &candidate.channels {
+            let channel = &self.channels[c];
+            if channel.weights.iter().all(|w| *w == 0.0) {
+                continue;
+            }
+            let mask = self.data.mask(c, &self.parts);
+            let plain = own(&candidate.columns, c, &mask);
+            let rows = mask.iter().sum::<f64>();
+            let scale = HALF * self.weights.rows[c].scale;
+            if scale > 0.0 && plain.diagonal().iter().any(|x| *x > 0.0) {
+                precision += plain / (scale * scale);
+                count += rows;
+                channels.push((c, channel.of(&candidate.columns, c)));
+            }
+        }
+        if count <= 0.0 {
+            return None;
+        }
+        precision /= count;
+        for k in 0..size {
+            if precision[(k, k)] <= 0.0 {
+                return None;
+            }
+            precision[(k, k)] *= 1.0 + 1e-9;
+        }
+        let determinant = Cholesky::new(precision.clone())?.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+        let log_prior = determinant + candidate.kind.occurs.odds().ln() - (candidate.forms as f64).ln();
+        let mut block = Block {
+            candidate,
+            channels,
+            precision,
+            log_prior,
+            whitened: DMatrix::zeros(0, 0),
+            normal: DMatrix::zeros(0, 0),
+            right: DVector::zeros(0),
+        };
+        self.eliminate(&mut block);
+        Some(block)
+    }
+
+    /// Works out what `block` explains beside the tolerances.
+    fn eliminate(&self, block: &mut Block) {
+        let size = block.candidate.size();
+        let mut tolerances = DMatrix::zeros(self.tolerances.len(), size);
+        (block.normal, block.right) = (block.precision.clone(), DVector::zeros(size));
+        for (c, part) in &block.channels {
+            for (row, (index, _)) in self.channels[*c].tolerances.iter().enumerate() {
+                let mut there = tolerances.row_mut(*index);
+                there += part.tolerances.row(row);
+            }
+            block.normal += &part.own;
+            block.right += &part.target;
+        }
+        self.factor.l_dirty().solve_lower_triangular_mut(&mut tolerances);
+        block.normal -= tolerances.tr_mul(&tolerances);
+        block.right -= tolerances.tr_mul(&self.whitened_target);
+        block.whitened = tolerances;
+    }
+
+    /// ZᵢᵀWZⱼ less what goes through the tolerances.
+    fn cross(&self, i: usize, j: usize) -> DMatrix<f64> {
+        if i > j {
+            return self.cross(j, i).transpose();
+        }
+        if let Some(known) = self.crosses.borrow().get(&(i, j)) {
+            return known.clone();
+        }
+        let (left, right) = (&self.blocks[i], &self.blocks[j]);
+        let mut cross = -left.whitened.tr_mul(&right.whitened);
+        for &c in left.candidate.channels.iter().filter(|c| right.candidate.channels.contains(c)) {
+            let weights = &self.channels[c].weights;
+            for (b, column) in right.candidate.columns.iter().enumerate() {
+                let Some(column) = &column[c] else { continue };
+                let weighed: Vec<f64> = column.iter().zip(weights).map(|(x, w)| x * w).collect();
+                for (a, other) in left.candidate.columns.iter().enumerate() {
+                    if let Some(other) = &other[c] {
+                        cross[(a, b)] += dot(other, &weighed);
+                    }
+                }
+            }
+        }
+        self.crosses.borrow_mut().insert((i, j), cross.clone());
+        cross
+    }
+
+    /// What `members` explain together; `None` if they are singular.
+    pub fn fit(&self, members: &[usize]) -> Option<Fit> {
+        let sizes: Vec<usize> = members.iter().map(|&i| self.candidate(i).size()).collect();
+        let all: usize = sizes.iter().sum();
+        let (mut normal, mut right) = (DMatrix::zeros(all, all), DVector::zeros(all));
+        let (mut limits, mut log_prior, mut at) = (Vec::new(), 0.0, 0);
+        for (k, &i) in members.iter().enumerate() {
+            let block = &self.blocks[i];
+            normal.view_mut((at, at), (sizes[k], sizes[k])).copy_from(&block.normal);
+            right.rows_mut(at, sizes[k]).copy_from(&block.right);
+            let mut before = 0;
+            for (l, &j) in members[..k].iter().enumerate() {
+                let cross = self.cross(j, i);
+                normal.view_mut((before, at), (sizes[l], sizes[k])).copy_from(&cross);
+                normal.view_mut((at, before), (sizes[k], sizes[l])).copy_from(&cross.transpose());
+                before += sizes[l];
+            }
+            limits.extend(block.candidate.limits());
+            log_prior += block.log_prior;
+            at += sizes[k];
+        }
+        let volume = log_determinant(&normal)?;
+        let beta = bounded(&normal, &right, &limits)?;
+        let value = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta)) - 0.5 * volume + log_prior;
+        Some(Fit { members: members.to_vec(), beta, value, normal })
+    }
+
+    /// What each of `candidates` would explain more beside the members of `fit`.
+    pub fn gains(&self, fit: &Fit, candidates: &[usize]) -> Vec<Option<Gain>> {
+        let factor = Cholesky::new(fit.normal.clone());
+        let gain = |&index: &usize| {
+            let block = &self.blocks[index];
+            let size = block.candidate.size();
+            let mut cross = DMatrix::zeros(fit.beta.len(), size);
+            let mut at = 0;
+            for &member in &fit.members {
+                let of_member = self.cross(member, index);
+                cross.view_mut((at, 0), of_member.shape()).copy_from(&of_member);
+                at += of_member.nrows();
+            }
+            let right = &block.right - cross.tr_mul(&fit.beta);
+            if let Some(factor) = &factor {
+                factor.l_dirty().solve_lower_triangular_mut(&mut cross);
+            }
+            let normal = &block.normal - cross.tr_mul(&cross);
+            let volume = log_determinant(&normal)?;
+            let limits = block.candidate.limits();
+            let beta = bounded(&normal, &right, &limits)?;
+            let explained = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta));
+            let is_inside = beta.iter().zip(&limits).all(|(x, [least, most])| least < x && x < most);
+            Some(Gain { value: explained - 0.5 * volume + block.log_prior, beta, is_inside })
+        };
+        candidates.iter().map(gain).collect()
+    }
+
+    /// The log of the evidence but for what no weight changes: what all sets under the same weights share.
+    pub fn shared(&self) -> f64 {
+        let volumes: f64 = self.weights.rows.iter().map(super::weights::Rows::log_volume).sum();
+        let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
+        let determinant: f64 = self.factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+        volumes - 0.5 * squares + 0.5 * self.whitened_target.norm_squared() - determinant
+    }
+
+    /// The coefficients of the tolerances beside `fit`.
+    pub fn tolerances_beside(&self, fit: &Fit) -> DVector<f64> {
+        let (mut right, mut at) = (self.whitened_target.clone(), 0);
+        for &member in &fit.members {
+            let block = &self.blocks[member];
+            right -= &block.whitened * fit.beta.rows(at, block.candidate.size());
+            at += block.candidate.size();
+        }
+        let upper = self.factor.l().transpose();
+        upper.solve_upper_triangular(&right).unwrap_or(right)
+    }
+
+    /// What `fit` leaves of every row of the data, of all parts.
+    pub fn left(&self, fit: &Fit) -> Vec<Vec<f64>> {
+        let mut left = self.target.clone();
+        for (column, eta) in self.tolerances.iter().zip(self.tolerances_beside(fit).iter()) {
+            add(&mut left, column, -eta);
+        }
+        for (column, beta) in self.columns(&fit.members).zip(fit.beta.iter()) {
+            add(&mut left, column, -beta);
+        }
+        left
+    }
+
+    /// `rows` less what the tolerances with the coefficients `eta` say, those aside that no prior binds.
+    pub fn without_tolerances(&self, rows: &mut [Vec<f64>], eta: &DVector<f64>) {
+        let bound = self.tolerances.iter().zip(&self.precision).zip(eta.iter());
+        bound
+            .filter(|((_, precision), _)| **precision >= 1.0)
+            .for_each(|((column, _), eta)| add(rows, column, -eta));
+    }
+
+    /// The columns of `members`, in the order of their coefficients.
+    pub fn columns<'s>(&'s self, members: &'s [usize]) -> impl Iterator<Item = &'s Column> {
+        members.iter().flat_map(|&member| self.candidate(member).columns.iter())
+    }
+
+    /// The coefficients of the member number `place` of `fit`.
+    pub fn coefficients<'f>(&self, fit: &'f Fit, place: usize) -> &'f [f64] {
+        let at: usize = fit.members[..place].iter().map(|&member| self.candidate(member).size()).sum();
+        &fit.beta.as_slice()[at..at + self.candidate(fit.members[place]).size()]
+    }
+
+    /// Follows the shares of discrepancy to what `fit` leaves; whether any moved. `None` if that makes the tolerances singular.
+    pub fn follow(&mut self, fit: &Fit) -> Option<bool> {
+        let left = self.left(fit);
+        let moved: Vec<usize> = (0..self.channels.len())
+            .filter(|&c| {
+                let taken = self.taken(fit, c);
+                self.weights.rows[c].follow(&left[c], taken)
+            })
+            .collect();
+        self.weigh_anew(&moved)?;
+        Some(!moved.is_empty())
+    }
+
+    /// Sets the shares of discrepancy to those of `weights`.
+    pub fn set_shares(&mut self, shares: &[f64]) -> Option<()> {
+        let moved: Vec<usize> =
+            (0..self.channels.len()).filter(|&c| self.weights.rows[c].share != shares[c]).collect();
+        moved.iter().for_each(|&c| self.weights.rows[c].share = shares[c]);
+        self.weigh_anew(&moved)
+    }
+
+    /// By how much the evidence of `fit` would rise, were the shares of discrepancy its own.
+    pub fn to_gain(&self, fit: &Fit) -> f64 {
+        let left = self.left(fit);
+        (0..self.channels.len()).map(|c| self.weights.rows[c].to_gain(&left[c], self.taken(fit, c))).sum()
+    }
+
+    /// Number of coefficients of `fit` that show in the channel number `c`.
+    fn taken(&self, fit: &Fit, c: usize) -> f64 {
+        let members = fit.members.iter().map(|&member| &self.blocks[member].candidate);
+        members.filter(|candidate| candidate.channels.contains(&c)).map(|candidate| candidate.size() as f64).sum()
+    }
+
+    /// The share of discrepancy of each channel.
+    pub fn shares(&self) -> Vec<f64> {
+        self.weights.rows.iter().map(|rows| rows.share).collect()
+    }
+
+    /// Works out all products in the channels `moved` anew.
+    fn weigh_anew(&mut self, moved: &[usize]) -> Option<()> {
+        if moved.is_empty() {
+            return Some(());
+        }
+        for &c in moved {
+            self.channels[c] =
+                Channel::new(c, &self.tolerances, &self.target, self.weights.rows[c].weights());
+        }
+        (self.factor, self.whitened_target) = eliminated(&self.channels, &self.precision)?;
+        self.crosses.borrow_mut().clear();
+        let mut blocks = std::mem::take(&mut self.blocks);
+        for block in &mut blocks {
+            for (c, part) in &mut block.channels {
+                if moved.contains(c) {
+                    *part = self.channels[*c].of(&block.candidate.columns, *c);
+                }
+            }
+            self.eliminate(block);
+        }
+        self.blocks = blocks;
+        Some(())
+    }
+}
+
+impl Channel {
+    fn new(c: usize, tolerances: &[Column], target: &[Vec<f64>], weights: Vec<f64>) -> Self {
+        let weighed = |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&weights).map(|(x, w)| x * w).collect() };
+        let is_silent = weights.iter().all(|w| *w == 0.0);
+        let shown: Vec<(usize, Vec<f64>)> = tolerances
+            .iter()
+            .enumerate()
+            .filter(|_| !is_silent)
+            .filter_map(|(index, column)| Some((index, weighed(column[c].as_ref()?))))
+            .collect();
+        let column = |index: usize| tolerances[index][c].as_deref().unwrap_or(&[]);
+        let gram = DMatrix::from_fn(shown.len(), shown.len(), |i, j| {
+            if i <= j { dot(column(shown[i].0), &shown[j].1) } else { 0.0 }
+        });
+        let gram = &gram + gram.transpose() - DMatrix::from_diagonal(&gram.diagonal());
+        let against = DVector::from_fn(shown.len(), |i, _| dot(&shown[i].1, &target[c]));
+        let target_weighed = weighed(&target[c]);
+        let square = dot(&target_weighed, &target[c]);
+        Self { tolerances: shown, target: target_weighed, gram, against, square, weights }
+    }
+
+    /// What a block of `columns` has here.
+    fn of(&self, columns: &[Column], c: usize) -> InChannel {
+        let part = |k: usize| columns[k][c].as_deref();
+        let size = columns.len();
+        let with = |rows: &[f64], k: usize| part(k).map_or(0.0, |column| dot(column, rows));
+        InChannel {
+            tolerances: DMatrix::from_fn(self.tolerances.len(), size, |i, k| with(&self.tolerances[i].1, k)),
+            own: own(columns, c, &self.weights),
+            target: DVector::from_fn(size, |k, _| with(&self.target, k)),
+        }
+    }
+}
+
+/// ZᵀWZ of `columns` in the channel number `c`.
+fn own(columns: &[Column], c: usize, weights: &[f64]) -> DMatrix<f64> {
+    let size = columns.len();
+    let mut own = DMatrix::zeros(size, size);
+    for (i, left) in columns.iter().enumerate() {
+        let Some(left) = &left[c] else { continue };
+        let weighed: Vec<f64> = left.iter().zip(weights).map(|(x, w)| x * w).collect();
+        for (j, right) in columns[..=i].iter().enumerate() {
+            let Some(right) = &right[c] else { continue };
+            let product = dot(&weighed, right);
+            (own[(i, j)], own[(j, i)]) = (product, product);
+        }
+    }
+    own
+}
+
+/// The factor of K, and L⁻¹NᵀWy.
+fn eliminated(channels: &[Channel], precision: &[f64]) -> Option<(Cholesky<f64, Dyn>, DVector<f64>)> {
+    let n = precision.len();
+    let mut normal = DMatrix::from_diagonal(&DVector::from_column_slice(precision));
+    let mut right = DVector::zeros(n);
+    for channel in channels {
+        for (i, (a, _)) in channel.tolerances.iter().enumerate() {
+            right[*a] += channel.against[i];
+            for (j, (b, _)) in channel.tolerances.iter().enumerate() {
+                normal[(*a, *b)] += channel.gram[(i, j)];
+            }
+        }
+    }
+    // A zero of a link encoder without a row would be singular.
+    (0..n).for_each(|k| normal[(k, k)] += f64::MIN_POSITIVE);
+    let factor = Cholesky::new(normal)?;
+    factor.l_dirty().solve_lower_triangular_mut(&mut right);
+    Some((factor, right))
+}
+
+/// The log of the determinant of a positive definite matrix; `None` if it is none.
+fn log_determinant(matrix: &DMatrix<f64>) -> Option<f64> {
+    let factor = Cholesky::new(matrix.clone())?;
+    Some(2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>())
+}
