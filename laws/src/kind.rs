@@ -23,6 +23,23 @@ pub enum Site {
     Arm,
 }
 
+/// A number of a data sheet: how far a machine may be from its model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tolerance {
+    /// Of the mass of a link, as a share.
+    Mass,
+    /// Of an inertia, as a share.
+    Inertia,
+    /// Of friction, as a share.
+    Friction,
+    /// Of the zero of an encoder, rad (m).
+    Zero,
+    /// Of a length, m.
+    Length,
+    /// Of the delay of a channel, s.
+    Delay,
+}
+
 /// How often a machine has an effect, at a given place, that its model leaves out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Occurrence {
@@ -89,6 +106,8 @@ pub struct Kind {
     pub parameters: &'static [Parameter],
     /// How often machines have it that their model does not: the prior odds of a diagnosis.
     pub occurs: Occurrence,
+    /// Which number of a data sheet says how far a machine may be from its model in it; `None` where none does.
+    pub tolerance: Option<Tolerance>,
     /// Where it shows.
     pub seen: Seen,
     /// Whether its law jumps with the motion, or looks back in it: it is evaluated on every point of the recording's grid, and what it

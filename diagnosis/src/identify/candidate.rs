@@ -68,7 +68,7 @@ impl Candidate {
         joint: Option<usize>,
         form: Form,
     ) -> Result<Option<Self>, LawError> {
-        let (terms, mut columns) = columns(data, kind, joint, &form)?;
+        let (terms, mut columns) = columns(data, kind, joint, &form, false)?;
         if columns.iter().flatten().flatten().flatten().any(|x| !x.is_finite()) {
             return Ok(None);
         }
@@ -96,6 +96,19 @@ impl Candidate {
     pub fn reformed(&self, data: &Data, form: Form) -> Option<Self> {
         let other = Self::new(data, self.kind, self.joint, form).ok()??;
         (other.shown == self.shown).then_some(Self { forms: self.forms, ..other })
+    }
+
+    /// The same with its columns on the test part, too.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn tested(&self, data: &Data) -> Result<Self, LawError> {
+        let (_, mut all) = columns(data, self.kind, self.joint, &self.form, true)?;
+        all.resize_with(self.all, || vec![None; data.channels()]);
+        let columns: Vec<Column> = self.shown.iter().map(|&place| std::mem::take(&mut all[place])).collect();
+        let shows = |c: &usize| columns.iter().any(|column| column[*c].is_some());
+        let channels = (0..data.channels()).filter(shows).collect();
+        Ok(Self { columns: Rc::new(columns), channels, ..self.clone() })
     }
 
     /// Number of coefficients.
@@ -321,17 +334,23 @@ fn columns(
     kind: &'static EffectKind,
     joint: Option<usize>,
     form: &Form,
+    is_tested: bool,
 ) -> Result<(Vec<Term>, Vec<Column>), LawError> {
     let mut terms = Vec::new();
     let mut answers: Vec<Vec<Answer>> = Vec::new();
+    let is_asked = |number: usize| (is_tested || data.is_heard(number)) && form.only.is_none_or(|only| only == number);
     for (number, stage) in data.stages.iter().enumerate() {
+        if !is_asked(number) && !(terms.is_empty() && number + 1 == data.stages.len()) {
+            answers.iter_mut().for_each(|answers| answers.push(vec![None; data.per_stage()]));
+            continue;
+        }
         let (of_stage, mut said): (Vec<Term>, Vec<Answer>) =
             stage.terms(kind, joint, &form.shape, &data.nuisances[number])?.into_iter().unzip();
-        if form.only.is_some_and(|only| only != number) {
+        if !is_asked(number) {
             said.iter_mut().for_each(|said| said.fill(None));
         }
-        if number == 0 {
-            answers.resize_with(of_stage.len(), Vec::new);
+        if terms.is_empty() {
+            answers.resize_with(of_stage.len(), || vec![vec![None; data.per_stage()]; number]);
             terms = of_stage;
         }
         answers.iter_mut().zip(said).for_each(|(answers, said)| answers.push(said));

@@ -110,6 +110,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     ) -> Result<Option<Diagnosis>, LawError> {
         let system = &self.search.system;
         let Some(fit) = system.fit(&self.answer.members) else { return Ok(None) };
+        let Some(fit) = self.sure(fit) else { return Ok(None) };
         let Some(findings) = self.findings(&fit) else { return Ok(None) };
         let members: Vec<usize> = findings.iter().map(|finding| finding.member).collect();
         let Some(fit) = self.search.system.fit(&members) else { return Ok(None) };
@@ -161,6 +162,33 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         };
         word(&mut diagnosis);
         Ok(Some(diagnosis))
+    }
+
+    /// `fit` without those members that are no findings: the odds for them are not 20 to 1 beside the others, or they are a difference inside the tolerances.
+    fn sure(&self, mut fit: Fit) -> Option<Fit> {
+        let system = &self.search.system;
+        let step = 1.0 / self.data().stages[0].ground.treatment.rate_hz();
+        loop {
+            let mut least: Option<(f64, usize)> = None;
+            for place in 0..fit.members.len() {
+                let mut others = fit.members.clone();
+                others.remove(place);
+                let candidate = system.candidate(fit.members[place]);
+                let parameters = candidate.parameters(system.coefficients(&fit, place));
+                let odds = if self.settings.tolerances.hold(candidate.kind, &parameters, step) {
+                    f64::NEG_INFINITY
+                } else {
+                    fit.value - system.fit(&others)?.value
+                };
+                if least.is_none_or(|(known, _)| odds < known) {
+                    least = Some((odds, place));
+                }
+            }
+            let Some((_, place)) = least.filter(|(odds, _)| !is_told(*odds)) else { return Some(fit) };
+            let mut members = fit.members.clone();
+            members.remove(place);
+            fit = system.fit(&members)?;
+        }
     }
 
     /// The findings with what shows them, those that take most away first; without those that the test part contradicts.

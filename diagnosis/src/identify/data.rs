@@ -79,6 +79,11 @@ impl<'a> Data<'a> {
         rows.map(|(counts, part)| if parts.contains(part) { *counts } else { 0.0 }).collect()
     }
 
+    /// Whether any row of the recording number `stage` belongs to the fit or the choice part.
+    pub fn is_heard(&self, stage: usize) -> bool {
+        self.parts[stage].iter().any(|part| matches!(part, Part::Fit | Part::Choice))
+    }
+
     /// Stacks one answer a stage into a column, with the rows that don't count set to zero; nothing where none is left. The mean is taken off link
     /// encoders, whose zero nobody sets against the motors'.
     pub fn column(&self, answers: Vec<Answer>) -> Column {

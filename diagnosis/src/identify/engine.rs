@@ -112,6 +112,7 @@ pub(crate) fn diagnose(
     progress("choosing between the best answers");
     let answer = choose(&mut search).ok_or(DiagnoseError::Singular)?;
     progress("testing");
+    let answer = search.on_test(&answer)?.ok_or(DiagnoseError::Singular)?;
     let conclusion = Conclusion { file, settings, search: &mut search, answer: &answer };
     conclusion.diagnosis(notes, untestable)?.ok_or(DiagnoseError::Singular)
 }

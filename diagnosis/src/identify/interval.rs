@@ -31,12 +31,11 @@ struct Loose {
 /// The parameters of each member of `fit`, with intervals of 95 %.
 pub(crate) fn parameters(system: &mut System, fit: &Fit, seed: u64) -> Vec<BTreeMap<String, Parameter>> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let factor = Cholesky::new(fit.normal.clone()).map(|factor| factor.l().transpose());
+    let factor = Cholesky::new(covariance(system, fit)).map(|factor| factor.l());
     let draws: Vec<DVector<f64>> = (0..DRAWS)
         .map(|_| {
             let white = DVector::from_fn(fit.beta.len(), |_, _| normal(&mut rng));
-            let away = factor.as_ref().and_then(|upper| upper.solve_upper_triangular(&white));
-            &fit.beta + away.unwrap_or_else(|| DVector::zeros(fit.beta.len()))
+            factor.as_ref().map_or_else(|| fit.beta.clone(), |lower| &fit.beta + lower * white)
         })
         .collect();
     let mut at = 0;
@@ -130,10 +129,21 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
     all
 }
 
-/// Standard deviations of the coefficients of `fit`.
-pub(crate) fn deviations(fit: &Fit) -> Vec<f64> {
-    let inverse: Option<DMatrix<f64>> = Cholesky::new(fit.normal.clone()).map(|factor| factor.inverse());
-    inverse.map_or_else(|| vec![f64::INFINITY; fit.beta.len()], |inverse| {
-        inverse.diagonal().iter().map(|variance| variance.sqrt()).collect()
-    })
+/// Length of a block of rows that are taken to be alike, s.
+const BLOCK_S: f64 = 0.5;
+
+/// The covariance of the coefficients of `fit`: that of the posterior, or, where blocks of neighbouring rows pull the coefficients about by more, what
+/// these say (Huber 1967; White 1982, Econometrica 50:1): laws that are off are off the same way for a while.
+fn covariance(system: &System, fit: &Fit) -> DMatrix<f64> {
+    let n = fit.beta.len();
+    let Some(factor) = Cholesky::new(fit.normal.clone()) else { return DMatrix::identity(n, n) };
+    let posterior = factor.inverse();
+    let mut scores = DMatrix::zeros(n, n);
+    for pull in system.pulls(fit, BLOCK_S) {
+        scores += &pull * pull.transpose();
+    }
+    let sandwich = &posterior * scores * &posterior;
+    // Each coefficient is as unsure as the less sure of the two says, alike in their correlation.
+    let wider = DVector::from_fn(n, |k, _| (sandwich[(k, k)] / posterior[(k, k)]).max(1.0).sqrt());
+    DMatrix::from_fn(n, n, |i, j| posterior[(i, j)] * wider[i] * wider[j])
 }

@@ -1,6 +1,6 @@
 //! Which set of effects is the most probable: add, drop, swap and nest, as long as the evidence rises.
 
-use freeplay_laws::Occurrence;
+use freeplay_laws::{LawError, Occurrence};
 
 use super::candidate::Candidate;
 use super::system::{Fit, System};
@@ -86,6 +86,20 @@ impl<'d, 'a> Search<'d, 'a> {
         }
         self.meet(&now);
         Some(now)
+    }
+
+    /// `answer` with the columns of its members on the test part, too; `None` if the fit part shows nothing of one of them.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn on_test(&mut self, answer: &Answer) -> Result<Option<Answer>, LawError> {
+        let mut members = Vec::new();
+        for &member in &answer.members {
+            let tested = self.system.candidate(member).tested(self.system.data)?;
+            let Some(index) = self.system.take(tested) else { return Ok(None) };
+            members.push(index);
+        }
+        Ok(Some(Answer { members, ..answer.clone() }))
     }
 
     /// Keeps `answer` among those that were met.

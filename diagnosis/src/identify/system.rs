@@ -321,6 +321,46 @@ impl<'d, 'a> System<'d, 'a> {
         left
     }
 
+    /// What each block of neighbouring rows, `block_s` s long, pulls at the coefficients of `fit`, the tolerances eliminated: ZᵀW(what is left) of the block.
+    pub fn pulls(&self, fit: &Fit, block_s: f64) -> Vec<DVector<f64>> {
+        let left = self.left(fit);
+        // The columns beside the tolerances, Z − N K⁻¹NᵀWZ, channel by channel.
+        let upper = self.factor.l().transpose();
+        let through: Vec<DMatrix<f64>> = fit
+            .members
+            .iter()
+            .filter_map(|&member| upper.solve_upper_triangular(&self.blocks[member].whitened))
+            .collect();
+        let mut blocks: BTreeMap<(usize, usize), DVector<f64>> = BTreeMap::new();
+        for (c, channel) in self.channels.iter().enumerate().filter(|(_, channel)| !channel.tolerances.is_empty()) {
+            let mut columns = Vec::new();
+            for (&member, through) in fit.members.iter().zip(&through) {
+                for (k, column) in self.candidate(member).columns.iter().enumerate() {
+                    let mut own = column[c].clone().unwrap_or_else(|| vec![0.0; left[c].len()]);
+                    for (index, _) in &channel.tolerances {
+                        if let Some(tolerance) = &self.tolerances[*index][c] {
+                            let share = through[(*index, k)];
+                            own.iter_mut().zip(tolerance).for_each(|(x, t)| *x -= share * t);
+                        }
+                    }
+                    columns.push(own);
+                }
+            }
+            let (stage, _) = self.data.place(c);
+            for (stretch, step) in self.data.stretches(c) {
+                let long = ((block_s / step.max(1e-12)) as usize).max(1);
+                for from in stretch.clone().step_by(long) {
+                    let rows = from..(from + long).min(stretch.end);
+                    let pull = blocks.entry((stage, from)).or_insert_with(|| DVector::zeros(columns.len()));
+                    for (k, column) in columns.iter().enumerate() {
+                        pull[k] += rows.clone().map(|row| column[row] * channel.weights[row] * left[c][row]).sum::<f64>();
+                    }
+                }
+            }
+        }
+        blocks.into_values().collect()
+    }
+
     /// `rows` less what the tolerances with the coefficients `eta` say, those aside that no prior binds.
     pub fn without_tolerances(&self, rows: &mut [Vec<f64>], eta: &DVector<f64>) {
         let bound = self.tolerances.iter().zip(&self.precision).zip(eta.iter());

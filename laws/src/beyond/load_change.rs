@@ -36,6 +36,7 @@ pub static KIND: Kind = Kind {
         },
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
     equation: "m at the tool for t ≥ t₀, or up to t₀: gravity and inertia on all joints before it",

@@ -36,6 +36,7 @@ pub static KIND: Kind = Kind {
         ),
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::POSE,
     rough: false,
     equation: "θ = c M, and the tool moves by θ × p",

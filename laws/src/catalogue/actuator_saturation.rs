@@ -27,6 +27,7 @@ pub static KIND: Kind = Kind {
             .or(1.0),
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
     equation: "|τ| ≤ L",

@@ -84,6 +84,7 @@ pub static KIND: Kind = Kind {
         },
     ],
     occurs: Occurrence::Occasional,
+    tolerance: None,
     seen: Seen::BOTH,
     rough: true,
     equation: "q_link = q − τ_L/k − p, p = (j/2) sign(τ_L) at rest, M p'' = τ_L between the flanks; friction behind the gap: τ = F p, p = 0 while the motor crosses it",

@@ -37,6 +37,7 @@ pub static KIND: Kind = Kind {
         },
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::BOTH,
     rough: false,
     equation: "g_base = Rᵀ g, R = R_y(pitch) R_x(roll)",

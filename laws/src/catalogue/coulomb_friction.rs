@@ -7,7 +7,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -25,6 +25,7 @@ pub static KIND: Kind = Kind {
     )
     .prismatic("N")],
     occurs: Occurrence::Common,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = F sign(q̇)",

@@ -24,6 +24,7 @@ pub static KIND: Kind = Kind {
         Parameter::number("phase", "phase φ of the error at q = 0", "rad", [-7.0, 7.0]).or(0.0),
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::BOTH,
     rough: false,
     equation: "q_read = q + a sin(q + φ)",

@@ -7,7 +7,7 @@ use crate::basis::{Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -26,6 +26,7 @@ pub static KIND: Kind = Kind {
     )
     .prismatic("m")],
     occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Zero),
     seen: Seen::BOTH,
     rough: false,
     equation: "q_true = q − q₀",

@@ -27,6 +27,7 @@ pub static KIND: Kind = Kind {
         Parameter::number("end", "when it ends", "s", [-1e12, 1e12]).shape(),
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = −Jᵀ f for start ≤ t < end",

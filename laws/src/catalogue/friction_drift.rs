@@ -35,6 +35,7 @@ pub static KIND: Kind = Kind {
             .given(),
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
     equation: "F(t) = F (1 + α e^{−(t − t₀)/T})",

@@ -75,6 +75,7 @@ pub static KIND: Kind = Kind {
         Parameter { name: "material", meaning: "Young's modulus and Poisson's ratio", range: Range::Table },
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::BOTH,
     rough: false,
     equation: "d = (c + (|b|/K)^(2/3)) n, n along the pin force −b across the axis; the tool moves by J d",

@@ -43,6 +43,7 @@ pub static KIND: Kind = Kind {
             .given(),
     ],
     occurs: Occurrence::Occasional,
+    tolerance: None,
     seen: Seen::BOTH,
     rough: false,
     equation: "τ_L = k (θ − q) + d (θ̇ − q̇)",

@@ -21,6 +21,7 @@ pub static KIND: Kind = Kind {
         Parameter::number("rest", "position without torque", "rad", [-1e3, 1e3]).prismatic("m").or(0.0),
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
     equation: "τ = k (q − q₀)",

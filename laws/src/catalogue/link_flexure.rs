@@ -42,6 +42,7 @@ pub static KIND: Kind = Kind {
         },
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::POSE,
     rough: false,
     equation: "δ = F L³/(3EI) = F/k, and the slope 3F/(2kL)",

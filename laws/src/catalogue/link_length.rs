@@ -11,7 +11,7 @@ use crate::LawError;
 use crate::basis::{Term, Terms, with};
 use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 
@@ -35,6 +35,7 @@ pub static KIND: Kind = Kind {
         },
     ],
     occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Length),
     seen: Seen::BOTH,
     rough: false,
     equation: "r = r₀ + Δ e, r the way to the next joint or to the tool",

@@ -13,7 +13,7 @@ use crate::LawError;
 use crate::basis::{Place, Term, Terms, along, vector, with};
 use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -28,6 +28,7 @@ pub static KIND: Kind = Kind {
         Parameter::vector(SHIFT, "its centre of mass less the model's, in the link's frame", "m").or_zero(),
     ],
     occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Mass),
     seen: Seen::TORQUE,
     rough: false,
     equation: "m = s m₀, J = s J₀, c = c₀ + d of one link",

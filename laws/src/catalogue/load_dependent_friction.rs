@@ -6,7 +6,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -18,6 +18,7 @@ pub static KIND: Kind = Kind {
     site: Site::Joint,
     parameters: &[Parameter::number("coefficient", "friction torque per torque carried", "1", [0.0, 2.0])],
     occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = μ |τ_L| sign(q̇), τ_L the load by the model",

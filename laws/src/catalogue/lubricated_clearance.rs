@@ -55,6 +55,7 @@ pub static KIND: Kind = Kind {
         .given(),
     ],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::POSE,
     rough: false,
     equation: "film force(e, ė, q̇) = b (long bearing, half Sommerfeld); the tool moves by J e",

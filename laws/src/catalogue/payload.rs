@@ -34,6 +34,7 @@ pub static KIND: Kind = Kind {
             .or_zero(),
     ],
     occurs: Occurrence::Occasional,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
     equation: "m, m·c and J added to the last link: gravity and inertia on all joints before it",

@@ -7,7 +7,7 @@
 
 use crate::harmonic::{TERMS, TORQUE_PARAMETERS, Wave, orders};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
 
 /// The entry.
@@ -18,6 +18,7 @@ pub static KIND: Kind = Kind {
     site: Site::Joint,
     parameters: TORQUE_PARAMETERS,
     occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = a sin(Nq + φ) sign(q̇)",

@@ -14,7 +14,7 @@ use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::{Effect, Start};
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, NOMINAL, Occurrence, START, Seen, Site};
+use crate::kind::{Kind, NOMINAL, Occurrence, START, Seen, Site, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -48,6 +48,7 @@ pub static KIND: Kind = Kind {
         .given(),
     ],
     occurs: Occurrence::Occasional,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
     equation: "ż = q̇ − σ₀ |q̇| z/F, τ = σ₀ z + σ₁ ż",

@@ -5,7 +5,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -23,6 +23,7 @@ pub static KIND: Kind = Kind {
     )
     .prismatic("N*s^2/m^2")],
     occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: false,
     equation: "τ = c q̇|q̇|",

@@ -8,7 +8,7 @@ use crate::basis::Terms;
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::Injection;
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -27,6 +27,7 @@ pub static KIND: Kind = Kind {
     )
     .prismatic("kg")],
     occurs: Occurrence::Occasional,
+    tolerance: Some(Tolerance::Inertia),
     seen: Seen::TORQUE,
     rough: false,
     equation: "τ = I q̈",

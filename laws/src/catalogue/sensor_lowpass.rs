@@ -34,6 +34,7 @@ pub static KIND: Kind = Kind {
     site: Site::Joint,
     parameters: &[Parameter::number("cutoff", "frequency at which 71 % pass", "Hz", [1e-3, MOST])],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
     equation: "ẏ/(2π f_c) + y = τ",

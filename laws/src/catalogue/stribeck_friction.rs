@@ -9,7 +9,7 @@ use toml::Table;
 
 use crate::basis::{Place, Terms, with};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -27,6 +27,7 @@ pub static KIND: Kind = Kind {
             .shape(),
     ],
     occurs: Occurrence::Occasional,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = F e^{−(q̇/v_s)²} sign(q̇)",

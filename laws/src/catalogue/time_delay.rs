@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, small_and_about};
+use crate::kind::{Kind, Occurrence, Seen, Site, small_and_about, Tolerance};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::{Prediction, Scene, Trajectory};
@@ -39,6 +39,7 @@ pub static KIND: Kind = Kind {
         Parameter { name: CHANNEL, meaning: "which channels are late", range: Range::Word(CHANNELS) },
     ],
     occurs: Occurrence::Occasional,
+    tolerance: Some(Tolerance::Delay),
     seen: Seen::BOTH,
     rough: true,
     equation: "y_recorded(t) = y(t − d)",

@@ -21,6 +21,7 @@ pub static KIND: Kind = Kind {
     site: Site::Joint,
     parameters: &[Parameter::number("gain", "true over measured torque", "1", [0.1, 10.0])],
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
     equation: "τ_true = g τ_measured",

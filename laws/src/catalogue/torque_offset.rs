@@ -21,6 +21,7 @@ pub static KIND: Kind = Kind {
         Parameter::number("offset", "what the torque reads too much", "N*m", [-1e6, 1e6]).prismatic("N")
     ],
     occurs: Occurrence::Occasional,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
     equation: "τ_measured = τ + τ₀",

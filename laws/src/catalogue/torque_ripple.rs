@@ -17,6 +17,7 @@ pub static KIND: Kind = Kind {
     site: Site::Joint,
     parameters: TORQUE_PARAMETERS,
     occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
     equation: "τ = a sin(Nq + φ)",

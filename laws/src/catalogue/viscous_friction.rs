@@ -6,7 +6,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -24,6 +24,7 @@ pub static KIND: Kind = Kind {
     )
     .prismatic("N*s/m")],
     occurs: Occurrence::Common,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: false,
     equation: "τ = F_v q̇",
