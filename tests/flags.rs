@@ -56,7 +56,7 @@ fn every_command_understands_the_common_flags() {
 fn quiet_leaves_results_and_verbose_tells_of_the_work() {
     let commands = [
         "compare --model arm.urdf --recording r.csv",
-        "diagnose --twins 4 --model arm.urdf --recording r.csv",
+        "diagnose --seed 4 --model arm.urdf --recording r.csv",
         "record export r.csv --format mcap",
         "doctor --quick",
     ];

@@ -58,7 +58,7 @@ pub use conventions::{
 pub use diagnose::{ChannelNoise, Excitation, ExciteError, ExciteSettings, Fourier, Rival, Used, excite};
 pub use identify::{
     Alternative, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Discrepancy, Effect, Evidence,
-    EvidenceRow, Fit, Gain, Location, Map, Parameter, Passage, Rmse, TO_TELL, Tolerances, Trace, Tuned,
+    EvidenceRow, Fit, Gain, Location, Map, NAMED_FROM, Parameter, Passage, Rmse, TO_TELL, Tolerances, Trace, Tuned,
     Untestable, Variable, Verdict, diagnose,
 };
 pub use error::ResidualError;

@@ -113,6 +113,8 @@ pub struct Kind {
     /// Whether its law jumps with the motion, or looks back in it: it is evaluated on every point of the recording's grid, and what it
     /// predicts before the sensors goes through the low-pass that the measurement went through.
     pub rough: bool,
+    /// Whether parts come apart and meet again: what that does to torques, by blows and by the loop that answers them, is not in the law.
+    pub shakes: bool,
     /// The law, in one line with its symbols.
     pub equation: &'static str,
     /// Author, year.

@@ -10,6 +10,7 @@ use toml::{Table, Value};
 use super::columns::dot;
 use super::data::{Column, Data};
 use super::moments::{in_one_recording, struck};
+use super::parts::Part;
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
 use crate::residual::Kind;
@@ -80,6 +81,9 @@ impl Candidate {
             return Ok(None);
         }
         let columns: Vec<Column> = shown.iter().map(|&place| std::mem::take(&mut columns[place])).collect();
+        if kind.happens() && !begins_or_ends(data, &columns) {
+            return Ok(None);
+        }
         let terms: Vec<Term> = shown.iter().map(|&place| terms[place].clone()).collect();
         let gives_play = Placed::new(&table(kind, joint, data.arm(), terms[0].plus.clone()), data.arm())
             .is_ok_and(|placed| {
@@ -325,6 +329,24 @@ fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
         let measured: f64 = data.stages[stage].channels[channel].measured.iter().map(|x| x * x).sum();
         let said = part.as_ref().map_or(0.0, |rows| dot(rows, rows));
         said > 0.0 && said.sqrt() * most > SEEN * measured.sqrt()
+    })
+}
+
+/// Whether `columns` of what happens at a time have rows of the fit part with it and without it, each for longer than the low-pass remembers: what is there from
+/// the first sample to the last has not happened.
+fn begins_or_ends(data: &Data, columns: &[Column]) -> bool {
+    (0..data.channels()).any(|c| {
+        let mask = data.mask(c, &[Part::Fit]);
+        let says = |row: usize| columns.iter().any(|column| column[c].as_ref().is_some_and(|x| x[row] != 0.0));
+        let (mut with, mut without) = (0.0, 0.0);
+        for (stretch, step) in data.stretches(c) {
+            for row in stretch.filter(|&row| mask[row] > 0.0) {
+                *(if says(row) { &mut with } else { &mut without }) += step;
+            }
+        }
+        let stage = &data.stages[data.place(c).0];
+        let memory = stage.ground.treatment.filter().settling_time();
+        with > 0.0 && without > memory && (with > memory || without > with)
     })
 }
 

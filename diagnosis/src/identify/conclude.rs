@@ -13,7 +13,7 @@ use super::engine::DiagnoseSettings;
 use super::gain::{Compared, Gain};
 use super::interval::parameters;
 use super::locate::{Map, correct, maps};
-use super::nameless::{Nameless, is_unexplained};
+use super::nameless::is_unexplained;
 use super::parts::Part;
 use super::passage::{Columns, passages};
 use super::report::{
@@ -120,8 +120,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let maps = self.maps(&self.search.system.left(&bare));
         let errors = self.errors(&remains, &fit);
         let location = self.location(&remains, &maps);
-        let nameless = Nameless::of(&self.search.system, &fit);
-        let verdict = self.verdict(&fit, &alternatives, &nameless);
+        let verdict = self.verdict(&fit, &alternatives);
         let data = self.data();
         let laws = members.iter().enumerate().map(|(place, &member)| {
             let beta = self.search.system.coefficients(&fit, place);
@@ -220,7 +219,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let compared = Compared { before: &without, after: &with, weights };
             let gain = compared.gain(system.data, &channels, self.settings.seed)?;
             let (removed, names) = removed(system.data, &compared, &channels);
-            if held_out && gain.ci95[1] < 0.0 {
+            if held_out && gain.ci95[0] <= 0.0 {
                 continue;
             }
             let log_odds = fit.value - without_fit.value;
@@ -444,10 +443,10 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             .collect()
     }
 
-    fn verdict(&self, fit: &Fit, alternatives: &[Alternative], nameless: &Nameless) -> Verdict {
+    fn verdict(&self, fit: &Fit, alternatives: &[Alternative]) -> Verdict {
         let system = &self.search.system;
         let is_catalogued = |&member: &usize| system.candidate(member).kind.is_catalogued();
-        if !fit.members.iter().all(is_catalogued) || is_unexplained(system, fit, nameless) {
+        if !fit.members.iter().all(is_catalogued) || is_unexplained(system, fit) {
             return Verdict::Unknown;
         }
         if fit.members.is_empty() {

@@ -50,6 +50,7 @@ pub use report::{
     Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, EvidenceRow, Fit, Location,
     Parameter, Rmse, Tuned, Untestable, Verdict,
 };
+pub use search::AS_GOOD as NAMED_FROM;
 pub use set_up::diagnose;
 pub use tolerance::Tolerances;
 pub use variables::Variable;

@@ -2,7 +2,6 @@
 
 use super::data::Data;
 use super::parts::Part;
-use super::search::AS_GOOD;
 use super::shapes::{Knots, Shapes};
 use super::system::{Fit, System};
 use super::weights::USUAL_SHARE;
@@ -11,42 +10,28 @@ use crate::residual::Kind;
 /// A share of discrepancy this many times the usual one has 20 : 1 against it: the two-sided quantile of a normal at 95 %.
 const UNUSUAL: f64 = 1.96;
 
-/// By how much shapes without a name make rows more probable to which neither they nor the findings were fitted, by channel of a recording: log of the
-/// odds.
-pub(crate) struct Nameless {
-    gains: Vec<f64>,
-}
-
-impl Nameless {
-    /// Asks what `fit` leaves.
-    pub fn of(system: &System, fit: &Fit) -> Self {
-        let left = system.left(fit);
-        let choice = system.weights.on(system.data, &[Part::Choice]);
-        let said = said_by(system, &left, &[Part::Fit]);
-        let per_stage = system.data.per_stage();
-        let mut gains = vec![0.0; per_stage];
-        for c in 0..system.data.channels() {
-            let rest: Vec<f64> = left[c].iter().zip(&said[c]).map(|(x, said)| x - said).collect();
-            gains[c % per_stage] += choice.rows[c].score(&rest) - choice.rows[c].score(&left[c]);
-        }
-        Self { gains }
-    }
-}
-
-/// Whether more is missing than `fit` names: a torque is off by a share of itself that laws are seldom off by, and either no finding shows there or shapes
-/// without a name say what is left of it.
-pub(crate) fn is_unexplained(system: &System, fit: &Fit, nameless: &Nameless) -> bool {
+/// Whether more is missing than `fit` names: laws are off by a share of a torque that is unusual for this machine, or something is left of a pose in which no
+/// finding shows.
+///
+/// What is usual is pooled: the prior counts as one channel beside the machine's others. Where parts come apart and meet again, the laws don't say what
+/// that does to the torques.
+pub(crate) fn is_unexplained(system: &System, fit: &Fit) -> bool {
     let data = system.data;
-    let is_off = |c: usize| {
-        let share = system.weights.rows[c].share;
-        matches!(data.kind(c), Kind::Torque(_)) && share > UNUSUAL * USUAL_SHARE
+    let members = || fit.members.iter().map(|&member| system.candidate(member));
+    let shows = |c: usize| members().any(|candidate| candidate.channels.contains(&c));
+    let shakes = members().any(|candidate| candidate.kind.shakes);
+    let heard: Vec<usize> = (0..data.channels()).filter(|&c| system.weights.rows[c].effective() > 0.0).collect();
+    let is_torque = |c: &usize| matches!(data.kind(*c), Kind::Torque(_));
+    let torques: Vec<usize> = heard.iter().copied().filter(is_torque).collect();
+    let square = |c: usize| system.weights.rows[c].share.powi(2);
+    let all: f64 = torques.iter().map(|&c| square(c)).sum();
+    let is_unusual = |c: usize| {
+        let usual = (all - square(c) + USUAL_SHARE.powi(2)) / torques.len() as f64;
+        square(c) > UNUSUAL.powi(2) * usual
     };
-    let shows = |c: usize| fit.members.iter().any(|&member| system.candidate(member).channels.contains(&c));
-    (0..data.channels()).any(|c| {
-        system.weights.rows[c].effective() > 0.0
-            && is_off(c)
-            && (!shows(c) || nameless.gains[c % data.per_stage()] > AS_GOOD)
-    })
+    let is_left = |c: usize| system.weights.rows[c].share > UNUSUAL * USUAL_SHARE;
+    let poses = heard.iter().filter(|c| !is_torque(c));
+    !shakes && torques.iter().any(|&c| is_unusual(c)) || poses.into_iter().any(|&c| is_left(c) && !shows(c))
 }
 
 /// What shapes without a name, fitted to the fit and the choice part of `residual`, say of every row.

@@ -6,7 +6,7 @@ use super::candidate::Candidate;
 use super::system::{Fit, System};
 
 /// Odds within which two answers are as good: 20 to 1, as is usual for a name (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773, "strong").
-pub(crate) const AS_GOOD: f64 = 2.995_732_273_553_991;
+pub const AS_GOOD: f64 = 2.995_732_273_553_991;
 /// Most candidates of which each is tried in the place of several members.
 const TRIED: usize = 12;
 /// Steps of the logarithm of a shape's number, from one shape that is laid out to the next down to what no motion tells apart.

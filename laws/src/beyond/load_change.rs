@@ -39,6 +39,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "m at the tool for t ≥ t₀, or up to t₀: gravity and inertia on all joints before it",
     source: "Khalil & Dombre 2002, §9",
     signature: "from a time on, gravity and inertia of one body are off on all joints",

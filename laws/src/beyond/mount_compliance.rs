@@ -39,6 +39,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::POSE,
     rough: false,
+    shakes: false,
     equation: "θ = c M, and the tool moves by θ × p",
     source: "Abele, Weigold & Rothenbücher 2007",
     signature: "the tool moves with the overturning moment of the whole arm, by its place in the base frame",

@@ -30,6 +30,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "|τ| ≤ L",
     source: "Khalil 2002, §1.2.7",
     signature: "the torque stays below one value, to one side only, and only where much is asked",

@@ -37,6 +37,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = F₊ for q̇ > 0, −F₋ for q̇ < 0",
     source: "Armstrong-Hélouvry 1991",
     signature: "the torque steps where the velocity changes sign, by different amounts to the two sides",

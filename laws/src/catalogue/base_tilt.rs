@@ -40,6 +40,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::BOTH,
     rough: false,
+    shakes: false,
     equation: "g_base = Rᵀ g, R = R_y(pitch) R_x(roll)",
     source: "Khalil & Dombre 2002, §9.4",
     signature: "gravity is turned alike for all links, inertia is not",

@@ -28,6 +28,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = F sign(q̇)",
     source: "Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994",
     signature: "the torque steps where the velocity changes sign and depends on nothing else",

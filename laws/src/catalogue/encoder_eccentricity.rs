@@ -27,6 +27,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::BOTH,
     rough: false,
+    shakes: false,
     equation: "q_read = q + a sin(q + φ)",
     source: "Hagiwara et al. 1992",
     signature: "the tool swings once in a turn of the joint about where it should be",

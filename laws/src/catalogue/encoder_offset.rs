@@ -29,6 +29,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Zero),
     seen: Seen::BOTH,
     rough: false,
+    shakes: false,
     equation: "q_true = q − q₀",
     source: "Mooring, Roth & Driels 1991, §2",
     signature: "the tool is off by J_q q₀ in every pose, the gravity torque by ∂g/∂q q₀",

@@ -30,6 +30,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = −Jᵀ f for start ≤ t < end",
     source: "De Luca & Mattone 2005, Eq. 4",
     signature: "all torques are off for a time, in the pattern Jᵀ f of one force",

@@ -38,6 +38,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "F(t) = F (1 + α e^{−(t − t₀)/T})",
     source: "Bittencourt, Wernholt, Sander-Tavallaey & Brogårdh 2010, §IV",
     signature: "the same speeds cost less torque later in the recording, in both directions",

@@ -78,6 +78,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::BOTH,
     rough: false,
+    shakes: true,
     equation: "d = (c + (|b|/K)^(2/3)) n, n along the pin force −b across the axis; the tool moves by J d",
     source: "Erkaya 2018, Eqs. 1–7; Lankarani & Nikravesh 1990",
     signature: "the tool is off by up to c and follows the direction of the reaction force in the joint's plane",

@@ -48,6 +48,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τᵢ = X, τⱼ = s X, X = I u̇ + F_v u + F_c sign(u), u = q̇ᵢ + s q̇ⱼ; in the form cross without each joint's own share of I u̇ + F_v u",
     source: "Janot, Vandanjon & Gautier 2014, §IV",
     signature: "the residual of one joint follows the speed and acceleration of another, and the other way round",

@@ -46,6 +46,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::BOTH,
     rough: false,
+    shakes: false,
     equation: "τ_L = k (θ − q) + d (θ̇ − q̇)",
     source: "Spong 1987, Eqs. 3–4",
     signature: "the link lags behind the motor in proportion to the transmitted torque",

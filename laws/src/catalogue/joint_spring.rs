@@ -24,6 +24,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ = k (q − q₀)",
     source: "Hooke 1678; Swevers, Verdonck & De Schutter 2007, §3",
     signature: "the torque of one joint grows with its own position, whatever the pose of the others and the direction of gravity",

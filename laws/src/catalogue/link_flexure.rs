@@ -45,6 +45,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::POSE,
     rough: false,
+    shakes: false,
     equation: "δ = F L³/(3EI) = F/k, and the slope 3F/(2kL)",
     source: "Timoshenko 1955, §39",
     signature: "the tool sags with the load, with the lever of the link and what is beyond it",

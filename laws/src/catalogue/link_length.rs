@@ -38,6 +38,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Length),
     seen: Seen::BOTH,
     rough: false,
+    shakes: false,
     equation: "r = r₀ + Δ e, r the way to the next joint or to the tool",
     source: "Denavit & Hartenberg 1955; Mooring, Roth & Driels 1991, §3",
     signature: "the tool is off by the same amount in every pose, turning with the link, whatever the load",

@@ -31,6 +31,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Mass),
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "m = s m₀, J = s J₀, c = c₀ + d of one link",
     source: "Khalil & Dombre 2002, §9.2",
     signature: "gravity and inertia of one link are off by one factor, on its joint and all before it",

@@ -21,6 +21,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = μ |τ_L| sign(q̇), τ_L the load by the model",
     source: "Bittencourt & Gunnarsson 2012",
     signature: "torque over load is a butterfly: the step at a change of direction grows with the load",

@@ -58,6 +58,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::POSE,
     rough: false,
+    shakes: true,
     equation: "film force(e, ė, q̇) = b (long bearing, half Sommerfeld); the tool moves by J e",
     source: "Pinkus & Sternlicht 1961; Flores et al. 2006",
     signature: "as radial play, but smooth, late behind the force and smaller at speed",

@@ -37,6 +37,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "m, m·c and J added to the last link: gravity and inertia on all joints before it",
     source: "Khalil & Dombre 2002, §9",
     signature: "gravity and inertia of one body on all joints, growing towards the base",

@@ -21,6 +21,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = a sin(Nq + φ) sign(q̇)",
     source: "Popovic & Goldenberg 1998",
     signature: "residual × sign(q̇) repeats with the position",

@@ -51,6 +51,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "ż = q̇ − σ₀ |q̇| z/F, τ = σ₀ z + σ₁ ż",
     source: "Canudas de Wit, Olsson, Åström & Lischinsky 1995, Eqs. 1–3; Dahl 1968",
     signature: "torque over position makes loops: after a reversal the friction builds up over a way",

@@ -26,6 +26,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ = c q̇|q̇|",
     source: "Newton 1687; Changenet & Velex 2007",
     signature: "the torque grows with the square of the speed",

@@ -30,6 +30,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Inertia),
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ = I q̈",
     source: "Siciliano, Sciavicco, Villani & Oriolo 2009, §7.2.1",
     signature: "the torque of one joint grows with its own acceleration",

@@ -37,6 +37,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "ẏ/(2π f_c) + y = τ",
     source: "Franklin, Powell & Workman 1998, §4.3",
     signature: "fast changes of the torque are smaller and late; slow ones are as they should be",

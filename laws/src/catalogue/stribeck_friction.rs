@@ -30,6 +30,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = F e^{−(q̇/v_s)²} sign(q̇)",
     source: "Stribeck 1902; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994",
     signature: "the friction has a bump at low speed, below about 3 v_s",

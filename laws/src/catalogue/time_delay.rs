@@ -42,6 +42,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Delay),
     seen: Seen::BOTH,
     rough: true,
+    shakes: false,
     equation: "y_recorded(t) = y(t − d)",
     source: "Ljung 1999, §10.1",
     signature: "the residual follows the derivative of the channel; its phase grows with the frequency",

@@ -24,6 +24,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ_true = g τ_measured",
     source: "Gautier & Briot 2014, §3",
     signature: "the whole torque of a joint, gravity, inertia and friction alike, is off by one factor",

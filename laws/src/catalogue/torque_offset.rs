@@ -24,6 +24,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ_measured = τ + τ₀",
     source: "Swevers, Verdonck & De Schutter 2007, Eq. 4",
     signature: "the torque is off by a constant",

@@ -20,6 +20,7 @@ pub static KIND: Kind = Kind {
     tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = a sin(Nq + φ)",
     source: "Holtz & Springob 1996",
     signature: "lines at whole orders: frequencies that are proportional to the speed of the joint",

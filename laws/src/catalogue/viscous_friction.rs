@@ -27,6 +27,7 @@ pub static KIND: Kind = Kind {
     tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ = F_v q̇",
     source: "Reynolds 1886; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994",
     signature: "the torque grows in proportion to the speed",
