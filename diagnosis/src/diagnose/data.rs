@@ -46,6 +46,13 @@ impl<'a> Data<'a> {
         Self { stages, nuisances, counts, off, parts, how }
     }
 
+    /// The same with all rows in the fit part: a motion that is only planned.
+    pub fn whole(stages: Vec<Stage<'a>>, tolerances: &Tolerances) -> Self {
+        let mut data = Self::new(stages, tolerances);
+        data.parts.iter_mut().for_each(|parts| parts.fill(Part::Fit));
+        data
+    }
+
     /// The arm of the model, with the effects that its file has.
     pub fn arm(&self) -> &Arm {
         self.stages[0].arm()

@@ -5,7 +5,6 @@
 //! log-likelihood of each is weighed by φ, which turns the number of rows into the effective one, κ rows to one for the noise and for the discrepancy
 //! each.
 
-use super::columns::dot;
 use super::data::Data;
 use super::instruments::instruments;
 use super::noise::effective_samples;
@@ -162,6 +161,25 @@ impl Weights {
             rows
         }).collect();
         Self { rows, noise }
+    }
+
+    /// Weights of rows of which only the noise is known: its `deviation` and the number of `effective` rows, by channel.
+    pub fn plain(data: &Data, deviation: &[f64], effective: &[f64]) -> Self {
+        /// Prior size of what is asked for, in standard deviations of the noise: it leaves the data all of the say.
+        const WIDE: f64 = 1e6;
+        let of_channel = |c: usize| {
+            let counts = &data.counts[c];
+            let per_row = effective[c] / counts.iter().sum::<f64>().max(1.0);
+            let is_known = deviation[c].is_finite() && deviation[c] > 0.0;
+            Rows {
+                instrument: vec![if is_known { deviation[c].powi(2) } else { 1.0 }; counts.len()],
+                size: vec![0.0; counts.len()],
+                phi: counts.iter().map(|counts| if is_known { counts * per_row } else { 0.0 }).collect(),
+                share: 0.0,
+                scale: if is_known { WIDE * deviation[c] } else { 0.0 },
+            }
+        };
+        Self { rows: (0..data.channels()).map(of_channel).collect(), noise: deviation.to_vec() }
     }
 
     /// The same noise and shares for rows in other `parts`.

@@ -13,7 +13,6 @@ use super::moments::{in_one_recording, struck};
 use super::parts::Part;
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
-use crate::residual::Kind;
 
 /// What of an effect is not linear: all that its columns depend on.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -416,9 +415,4 @@ fn take_around(
         }
     }
     Ok(())
-}
-
-/// The effects that act on the torque of `joint` alone, as opposed to the whole arm.
-pub(crate) fn is_torque_of(data: &Data, candidate: &Candidate, joint: usize) -> bool {
-    candidate.channels.iter().all(|&c| data.kind(c) == Kind::Torque(joint))
 }
