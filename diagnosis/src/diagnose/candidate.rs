@@ -331,12 +331,20 @@ fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
     })
 }
 
+/// Share of a step that the low-pass remembers at the end of its settling time, about.
+const REMEMBERED: f64 = 1e-4;
+
 /// Whether `columns` of what happens at a time have rows of the fit part with it and without it, each for longer than the low-pass remembers: what is there from
 /// the first sample to the last has not happened.
 fn begins_or_ends(data: &Data, columns: &[Column]) -> bool {
     (0..data.channels()).any(|c| {
         let mask = data.mask(c, &[Part::Fit]);
-        let says = |row: usize| columns.iter().any(|column| column[c].as_ref().is_some_and(|x| x[row] != 0.0));
+        let parts: Vec<(&Vec<f64>, f64)> = columns
+            .iter()
+            .filter_map(|column| column[c].as_ref())
+            .map(|part| (part, REMEMBERED * part.iter().fold(0.0_f64, |most, x| most.max(x.abs()))))
+            .collect();
+        let says = |row: usize| parts.iter().any(|(part, least)| part[row].abs() > *least);
         let (mut with, mut without) = (0.0, 0.0);
         for (stretch, step) in data.stretches(c) {
             for row in stretch.filter(|&row| mask[row] > 0.0) {

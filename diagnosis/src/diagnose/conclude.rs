@@ -109,13 +109,16 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         untestable: Vec<Untestable>,
     ) -> Result<Option<Diagnosis>, LawError> {
         let system = &self.search.system;
-        let Some(fit) = system.fit(&self.answer.members) else { return Ok(None) };
+        let Some(fit) = system.held_fit(&self.answer.members) else { return Ok(None) };
+        if std::env::var_os("DEBUG").is_some() {
+            for &m in &fit.members { eprintln!("DBG member {} {:?}", self.search.system.candidate(m).kind.name, self.search.system.candidate(m).joint); }
+        }
         let Some(fit) = self.sure(fit) else { return Ok(None) };
         let Some(findings) = self.findings(&fit) else { return Ok(None) };
         let members: Vec<usize> = findings.iter().map(|finding| finding.member).collect();
-        let Some(fit) = self.search.system.fit(&members) else { return Ok(None) };
+        let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
         let Some(remains) = self.remains(&fit)? else { return Ok(None) };
-        let Some(bare) = self.search.system.fit(&[]) else { return Ok(None) };
+        let Some(bare) = self.search.system.held_fit(&[]) else { return Ok(None) };
         let alternatives = alternatives(self.search, &fit);
         let maps = self.maps(&self.search.system.left(&bare));
         let errors = self.errors(&remains, &fit);
@@ -186,7 +189,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let Some((_, place)) = least.filter(|(odds, _)| !is_told(*odds)) else { return Some(fit) };
             let mut members = fit.members.clone();
             members.remove(place);
-            fit = system.fit(&members)?;
+            fit = system.held_fit(&members)?;
         }
     }
 
@@ -204,7 +207,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let candidate = system.candidate(member);
             let mut others = fit.members.clone();
             others.remove(place);
-            let without_fit = system.fit(&others)?;
+            let without_fit = system.held_fit(&others)?;
             let without = system.left(&without_fit);
             let is_shown = |weights: &[Vec<f64>], c: usize| {
                 let shows = |column: &super::data::Column| {
@@ -219,7 +222,10 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let compared = Compared { before: &without, after: &with, weights };
             let gain = compared.gain(system.data, &channels, self.settings.seed)?;
             let (removed, names) = removed(system.data, &compared, &channels);
-            if held_out && gain.ci95[0] <= 0.0 {
+            if std::env::var_os("DEBUG").is_some() {
+                eprintln!("DBG {} {:?} held_out {held_out} gain {gain:?} odds {:.1} {}", candidate.kind.name, candidate.joint, fit.value - without_fit.value, candidate.parameters(system.coefficients(fit, place)).to_string().replace('\n', "; "));
+            }
+            if held_out && gain.value <= 0.0 {
                 continue;
             }
             let log_odds = fit.value - without_fit.value;
@@ -255,7 +261,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     /// What remains of every row; `None` if a fit is singular.
     fn remains(&self, fit: &Fit) -> Result<Option<Remains>, LawError> {
         let system = &self.search.system;
-        let Some(bare) = system.fit(&[]) else { return Ok(None) };
+        let Some(bare) = system.held_fit(&[]) else { return Ok(None) };
         let placed: Vec<Placed> = (0..fit.members.len())
             .filter_map(|place| {
                 system.candidate(fit.members[place]).placed(self.arm(), system.coefficients(fit, place))

@@ -66,6 +66,8 @@ pub(crate) struct Fit {
     pub value: f64,
     /// The normal matrix of the coefficients: the inverse of their covariance.
     pub normal: DMatrix<f64>,
+    /// The coefficients of the tolerances, where these are held inside them.
+    eta: Option<DVector<f64>>,
 }
 
 /// What one block more would explain.
@@ -255,7 +257,41 @@ impl<'d, 'a> System<'d, 'a> {
         let volume = log_determinant(&normal)?;
         let beta = bounded(&normal, &right, &limits)?;
         let value = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta)) - 0.5 * volume + log_prior;
-        Some(Fit { members: members.to_vec(), beta, value, normal })
+        Some(Fit { members: members.to_vec(), beta, value, normal, eta: None })
+    }
+
+    /// The same with every tolerance held inside its width: what is said of a machine of this data sheet.
+    pub fn held_fit(&self, members: &[usize]) -> Option<Fit> {
+        /// Half the width of an even spread of deviation one.
+        const EDGE: f64 = 1.732_050_807_568_877_2;
+        let fit = self.fit(members)?;
+        let (n, m) = (self.precision.len(), fit.beta.len());
+        let lower = self.factor.l();
+        let mut through = DMatrix::zeros(n, m);
+        let (mut right, mut at) = (DVector::zeros(n + m), 0);
+        right.rows_mut(0, n).copy_from(&(&lower * &self.whitened_target));
+        let mut limits: Vec<[f64; 2]> = self
+            .precision
+            .iter()
+            .map(|precision| if *precision < 1.0 { [f64::NEG_INFINITY, f64::INFINITY] } else { [-EDGE, EDGE] })
+            .collect();
+        for &member in members {
+            let block = &self.blocks[member];
+            let size = block.candidate.size();
+            through.columns_mut(at, size).copy_from(&block.whitened);
+            let whole = &block.right + block.whitened.tr_mul(&self.whitened_target);
+            right.rows_mut(n + at, size).copy_from(&whole);
+            limits.extend(block.candidate.limits());
+            at += size;
+        }
+        let mut normal = DMatrix::zeros(n + m, n + m);
+        normal.view_mut((0, 0), (n, n)).copy_from(&(&lower * lower.transpose()));
+        let crossed = &lower * &through;
+        normal.view_mut((0, n), (n, m)).copy_from(&crossed);
+        normal.view_mut((n, 0), (m, n)).copy_from(&crossed.transpose());
+        normal.view_mut((n, n), (m, m)).copy_from(&(&fit.normal + through.tr_mul(&through)));
+        let solved = bounded(&normal, &right, &limits)?;
+        Some(Fit { beta: solved.rows(n, m).into_owned(), eta: Some(solved.rows(0, n).into_owned()), ..fit })
     }
 
     /// What each of `candidates` would explain more beside the members of `fit`.
@@ -302,6 +338,9 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// The coefficients of the tolerances beside `fit`.
     pub fn tolerances_beside(&self, fit: &Fit) -> DVector<f64> {
+        if let Some(held) = &fit.eta {
+            return held.clone();
+        }
         let (mut right, mut at) = (self.whitened_target.clone(), 0);
         for &member in &fit.members {
             let block = &self.blocks[member];
