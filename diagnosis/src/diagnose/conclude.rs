@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable};
-use freeplay_laws::{ArmParts, Kind, LawError, Placed, kind};
+use freeplay_laws::{ArmParts, Kind, LawError, Placed, Range, Role, kind};
 use nalgebra::DVector;
 
 use super::alternatives::{alternatives, rows_of_evidence};
@@ -17,7 +17,7 @@ use super::nameless::is_unexplained;
 use super::parts::Part;
 use super::passage::{Columns, passages};
 use super::report::{
-    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, Fit as Errors, Location, Rmse,
+    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, Fit as Errors, Location, Parameter, Rmse,
     Tuned, Untestable, Verdict,
 };
 use super::search::{AS_GOOD, Answer, Search};
@@ -110,9 +110,6 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     ) -> Result<Option<Diagnosis>, LawError> {
         let system = &self.search.system;
         let Some(fit) = system.held_fit(&self.answer.members) else { return Ok(None) };
-        if std::env::var_os("DEBUG").is_some() {
-            for &m in &fit.members { eprintln!("DBG member {} {:?}", self.search.system.candidate(m).kind.name, self.search.system.candidate(m).joint); }
-        }
         let Some(fit) = self.sure(fit) else { return Ok(None) };
         let Some(findings) = self.findings(&fit) else { return Ok(None) };
         let members: Vec<usize> = findings.iter().map(|finding| finding.member).collect();
@@ -222,10 +219,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let compared = Compared { before: &without, after: &with, weights };
             let gain = compared.gain(system.data, &channels, self.settings.seed)?;
             let (removed, names) = removed(system.data, &compared, &channels);
-            if std::env::var_os("DEBUG").is_some() {
-                eprintln!("DBG {} {:?} held_out {held_out} gain {gain:?} odds {:.1} {}", candidate.kind.name, candidate.joint, fit.value - without_fit.value, candidate.parameters(system.coefficients(fit, place)).to_string().replace('\n', "; "));
-            }
-            if held_out && gain.value <= 0.0 {
+            if held_out && gain.value <= 0.0 || holds_nothing(candidate, &parameters) {
                 continue;
             }
             let log_odds = fit.value - without_fit.value;
@@ -464,6 +458,22 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             Verdict::Named
         }
     }
+}
+
+/// Whether the interval of every number of `candidate` holds the value at which it changes nothing.
+fn holds_nothing(candidate: &Candidate, parameters: &BTreeMap<String, Parameter>) -> bool {
+    let nothing = candidate.parameters(&vec![0.0; candidate.size()]);
+    let told = parameters.iter().filter_map(|(name, parameter)| {
+        let is_linear = matches!(
+            candidate.kind.parameter(name)?.range,
+            Range::Number { role: Role::Linear, .. }
+        );
+        let neutral = nothing.get(name)?.as_float()?;
+        let [low, high] = parameter.ci95.filter(|_| is_linear)?;
+        Some(low <= neutral && neutral <= high)
+    });
+    let told: Vec<bool> = told.collect();
+    !told.is_empty() && told.into_iter().all(|holds| holds)
 }
 
 /// Squares that are gone over `channels`, and the names of these, most first.

@@ -1,6 +1,6 @@
 //! Which set of effects is the most probable: add, drop, swap and nest, as long as the evidence rises.
 
-use freeplay_laws::{LawError, Occurrence};
+use freeplay_laws::{LawError, Occurrence, Placed, changed};
 
 use super::candidate::Candidate;
 use super::system::{Fit, System};
@@ -163,12 +163,22 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `members` settled, if that makes them more probable than `now`; else the system as it was.
     fn accepted(&mut self, now: &Answer, members: Vec<usize>) -> Option<Option<Answer>> {
         let there = self.settled(members)?;
-        if there.evidence > now.evidence + WORTH {
+        if there.evidence > now.evidence + WORTH && self.can_exist(&there.members) {
             return Some(Some(there));
         }
         self.meet(&there);
         self.system.set_shares(&now.shares)?;
         Some(None)
+    }
+
+    /// Whether an arm with `members` can exist: no link of it weighs less than nothing.
+    fn can_exist(&self, members: &[usize]) -> bool {
+        let arm = self.system.data.arm();
+        let Some(fit) = self.system.fit(members) else { return false };
+        let placed: Vec<Placed> = (0..members.len())
+            .filter_map(|place| self.system.candidate(members[place]).placed(arm, self.system.coefficients(&fit, place)))
+            .collect();
+        placed.len() == members.len() && changed(arm, &placed).is_ok()
     }
 
     /// The candidates that may join `members`.
