@@ -16,7 +16,9 @@ pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
     let mut all = Vec::new();
     for &member in &fit.members {
         let others: Vec<usize> = fit.members.iter().copied().filter(|other| *other != member).collect();
-        let Some(without) = search.system.fit(&others) else { continue };
+        // A tolerance that would stand in for the finding is held inside its width.
+        let pinned = search.system.fit(&others).and_then(|without| search.system.pin(&without));
+        let Some(without) = pinned.and_then(|_| search.system.fit(&others)) else { continue };
         let own = search.system.gains(&without, &[member]).pop().flatten().map_or(0.0, |gain| gain.value);
         for index in nearest(search, &without, member) {
             let Some(index) = search.refined(&others, index) else { continue };

@@ -11,14 +11,14 @@ pub(crate) fn choose(search: &mut Search) -> Option<Answer> {
         search.met.iter().filter(|answer| answer.evidence > best - AS_GOOD).cloned().collect();
     let mut chosen: Option<(f64, Answer)> = None;
     for answer in as_good {
-        search.system.set_shares(&answer.shares)?;
+        search.back(&answer)?;
         let score = score(search, &answer)?;
         if chosen.as_ref().is_none_or(|(known, _)| score > *known) {
             chosen = Some((score, answer));
         }
     }
     let (_, answer) = chosen?;
-    search.system.set_shares(&answer.shares)?;
+    search.back(&answer)?;
     Some(answer)
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable};
-use freeplay_laws::{ArmParts, Kind, LawError, Placed, Range, Role, kind};
+use freeplay_laws::{ArmParts, Kind, LawError, Placed, Range, Role, changed, kind};
 use nalgebra::DVector;
 
 use super::alternatives::{alternatives, rows_of_evidence};
@@ -176,18 +176,47 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 let parameters = candidate.parameters(system.coefficients(&fit, place));
                 let odds = if self.settings.tolerances.hold(candidate.kind, &parameters, step) {
                     f64::NEG_INFINITY
+                } else if self.can_exist(&fit) || self.changes_arm(&fit, place) {
+                    fit.value - system.held_fit(&others)?.value
                 } else {
-                    fit.value - system.fit(&others)?.value
+                    f64::INFINITY
                 };
                 if least.is_none_or(|(known, _)| odds < known) {
                     least = Some((odds, place));
                 }
             }
-            let Some((_, place)) = least.filter(|(odds, _)| !is_told(*odds)) else { return Some(fit) };
+            let is_sure = |(odds, _): &(f64, usize)| is_told(*odds) && self.can_exist(&fit);
+            let Some((_, place)) = least.filter(|least| !is_sure(least)) else { return Some(fit) };
             let mut members = fit.members.clone();
             members.remove(place);
             fit = system.held_fit(&members)?;
         }
+    }
+
+    /// The members of `fit` on the arm of the model.
+    fn placed(&self, fit: &Fit) -> Vec<Placed> {
+        let system = &self.search.system;
+        let placed = (0..fit.members.len()).filter_map(|place| {
+            system.candidate(fit.members[place]).placed(self.arm(), system.coefficients(fit, place))
+        });
+        placed.collect()
+    }
+
+    /// Whether the arm with the members of `fit` can exist, as given and tuned: else no file could say it.
+    fn can_exist(&self, fit: &Fit) -> bool {
+        let placed = self.placed(fit);
+        let tuned = self.tuned_arm(fit);
+        placed.len() == fit.members.len()
+            && changed(self.arm(), &placed).is_ok()
+            && tuned.is_some_and(|tuned| changed(&tuned, &placed).is_ok())
+    }
+
+    /// Whether the member number `place` of `fit` makes another arm, or none that a file could say.
+    fn changes_arm(&self, fit: &Fit, place: usize) -> bool {
+        let system = &self.search.system;
+        let placed = system.candidate(fit.members[place]).placed(self.arm(), system.coefficients(fit, place));
+        let mut parts = ArmParts::of(self.arm());
+        placed.is_none_or(|placed| placed.effect.arm(&mut parts).is_err() || !parts.are_of(self.arm()))
     }
 
     /// The findings with what shows them, those that take most away first; without those that the test part contradicts.
@@ -256,11 +285,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     fn remains(&self, fit: &Fit) -> Result<Option<Remains>, LawError> {
         let system = &self.search.system;
         let Some(bare) = system.held_fit(&[]) else { return Ok(None) };
-        let placed: Vec<Placed> = (0..fit.members.len())
-            .filter_map(|place| {
-                system.candidate(fit.members[place]).placed(self.arm(), system.coefficients(fit, place))
-            })
-            .collect();
+        let placed = self.placed(fit);
         // What happens at a time of one recording does not happen in the others.
         let as_given = if fit.members.iter().any(|&member| system.candidate(member).form.only.is_some()) {
             let said = sum_of(system.columns(&fit.members).zip(fit.beta.iter().copied()), &system.target);

@@ -47,11 +47,12 @@ impl<'d, 'a> Search<'d, 'a> {
         let first = self.system.shares();
         let from_nothing = self.improve(Vec::new(), progress)?;
         self.system.set_shares(&first)?;
+        self.system.unpin()?;
         let common = self.common(&[]);
         let from_common = self.improve(common, progress)?;
         let best =
             if from_common.evidence > from_nothing.evidence + WORTH { from_common } else { from_nothing };
-        self.system.set_shares(&best.shares)?;
+        self.back(&best)?;
         Some(best)
     }
 
@@ -146,7 +147,9 @@ impl<'d, 'a> Search<'d, 'a> {
         const TURNS: usize = 4;
         for _ in 0..TURNS {
             let fit = self.system.fit(&members)?;
-            if !self.system.follow(&fit)? {
+            let moved = self.system.follow(&fit)?;
+            let fit = self.system.fit(&members)?;
+            if !self.system.pin(&fit)? && !moved {
                 break;
             }
         }
@@ -167,8 +170,16 @@ impl<'d, 'a> Search<'d, 'a> {
             return Some(Some(there));
         }
         self.meet(&there);
-        self.system.set_shares(&now.shares)?;
+        self.back(now)?;
         Some(None)
+    }
+
+    /// Sets the system back to where `answer` was settled.
+    pub fn back(&mut self, answer: &Answer) -> Option<()> {
+        self.system.set_shares(&answer.shares)?;
+        let fit = self.system.fit(&answer.members)?;
+        self.system.pin(&fit)?;
+        Some(())
     }
 
     /// Whether an arm with `members` can exist: no link of it weighs less than nothing.

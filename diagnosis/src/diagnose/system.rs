@@ -15,6 +15,11 @@ use super::data::{Column, Data, add};
 use super::parts::Part;
 use super::weights::Weights;
 
+/// Half the width of a tolerance in standard deviations: an even spread of deviation one.
+const EDGE: f64 = 1.732_050_807_568_877_2;
+/// Precision with which a tolerance is held at an edge: far above what any recording says, far below what rounding spoils.
+const STIFF: f64 = 1e9;
+
 /// A prior's coefficient is of such a size that its column is half of its channel.
 const HALF: f64 = 0.5;
 
@@ -64,6 +69,8 @@ pub(crate) struct Fit {
     pub beta: DVector<f64>,
     /// The log of the evidence but for what the same weights make the same.
     pub value: f64,
+    /// What of it is not the sum of squares: volumes and prior odds.
+    log_prior: f64,
     /// The normal matrix of the coefficients: the inverse of their covariance.
     pub normal: DMatrix<f64>,
     /// The coefficients of the tolerances, where these are held inside them.
@@ -95,6 +102,10 @@ pub(crate) struct System<'d, 'a> {
     factor: Cholesky<f64, Dyn>,
     /// L⁻¹NᵀWy.
     whitened_target: DVector<f64>,
+    /// Half the log of the determinant of K with no tolerance held at an edge.
+    log_volume: f64,
+    /// The tolerances that are held at an edge of their width, where a set of blocks would have them beyond it.
+    pins: Vec<Option<f64>>,
     blocks: Vec<Block>,
     crosses: RefCell<BTreeMap<(usize, usize), DMatrix<f64>>>,
 }
@@ -106,10 +117,13 @@ impl<'d, 'a> System<'d, 'a> {
         let channels: Vec<Channel> = (0..data.channels())
             .map(|c| Channel::new(c, &tolerances, &target, weights.rows[c].weights()))
             .collect();
-        let (factor, whitened_target) = eliminated(&channels, &precision)?;
+        let pins = vec![None; precision.len()];
+        let (factor, whitened_target) = eliminated(&channels, &precision, &pins)?;
         let (blocks, crosses) = (Vec::new(), RefCell::default());
         let parts = parts.to_vec();
+        let log_volume = half_log_determinant(&factor);
         Some(Self {
+            log_volume,
             data,
             weights,
             target,
@@ -119,6 +133,7 @@ impl<'d, 'a> System<'d, 'a> {
             channels,
             factor,
             whitened_target,
+            pins,
             blocks,
             crosses,
         })
@@ -256,20 +271,23 @@ impl<'d, 'a> System<'d, 'a> {
         }
         let volume = log_determinant(&normal)?;
         let beta = bounded(&normal, &right, &limits)?;
-        let value = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta)) - 0.5 * volume + log_prior;
-        Some(Fit { members: members.to_vec(), beta, value, normal, eta: None })
+        let log_prior = log_prior - 0.5 * volume;
+        let value = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta)) + log_prior;
+        Some(Fit { members: members.to_vec(), beta, value, log_prior, normal, eta: None })
     }
 
-    /// The same with every tolerance held inside its width: what is said of a machine of this data sheet.
+    /// The same with every tolerance held inside its width: what is said of a machine of this data sheet. Its value is to be compared with those of other held
+    /// fits.
     pub fn held_fit(&self, members: &[usize]) -> Option<Fit> {
-        /// Half the width of an even spread of deviation one.
-        const EDGE: f64 = 1.732_050_807_568_877_2;
         let fit = self.fit(members)?;
         let (n, m) = (self.precision.len(), fit.beta.len());
         let lower = self.factor.l();
         let mut through = DMatrix::zeros(n, m);
         let (mut right, mut at) = (DVector::zeros(n + m), 0);
         right.rows_mut(0, n).copy_from(&(&lower * &self.whitened_target));
+        for (k, pin) in self.pins.iter().enumerate() {
+            right[k] -= pin.map_or(0.0, |edge| STIFF * edge);
+        }
         let mut limits: Vec<[f64; 2]> = self
             .precision
             .iter()
@@ -286,12 +304,37 @@ impl<'d, 'a> System<'d, 'a> {
         }
         let mut normal = DMatrix::zeros(n + m, n + m);
         normal.view_mut((0, 0), (n, n)).copy_from(&(&lower * lower.transpose()));
+        for (k, pin) in self.pins.iter().enumerate() {
+            normal[(k, k)] -= pin.map_or(0.0, |_| STIFF);
+        }
         let crossed = &lower * &through;
         normal.view_mut((0, n), (n, m)).copy_from(&crossed);
         normal.view_mut((n, 0), (m, n)).copy_from(&crossed.transpose());
         normal.view_mut((n, n), (m, m)).copy_from(&(&fit.normal + through.tr_mul(&through)));
         let solved = bounded(&normal, &right, &limits)?;
-        Some(Fit { beta: solved.rows(n, m).into_owned(), eta: Some(solved.rows(0, n).into_owned()), ..fit })
+        let value = right.dot(&solved) - 0.5 * solved.dot(&(&normal * &solved)) + fit.log_prior;
+        Some(Fit { value, beta: solved.rows(n, m).into_owned(), eta: Some(solved.rows(0, n).into_owned()), ..fit })
+    }
+
+    /// Holds the tolerances that `fit` would have beyond an edge of their width at that edge; whether any was taken up or let go.
+    pub fn pin(&mut self, fit: &Fit) -> Option<bool> {
+        let held = self.held_fit(&fit.members)?.eta?;
+        let edge = |(eta, precision): (&f64, &f64)| {
+            (*precision >= 1.0 && eta.abs() >= EDGE * (1.0 - 1e-9)).then(|| EDGE.copysign(*eta))
+        };
+        let pins: Vec<Option<f64>> = held.iter().zip(&self.precision).map(edge).collect();
+        let moved = pins != self.pins;
+        if moved {
+            self.pins = pins;
+            self.eliminate_anew()?;
+        }
+        Some(moved)
+    }
+
+    /// Lets all tolerances go.
+    pub fn unpin(&mut self) -> Option<()> {
+        self.pins.fill(None);
+        self.eliminate_anew()
     }
 
     /// What each of `candidates` would explain more beside the members of `fit`.
@@ -332,8 +375,8 @@ impl<'d, 'a> System<'d, 'a> {
     pub fn shared(&self) -> f64 {
         let volumes: f64 = self.weights.rows.iter().map(super::weights::Rows::log_volume).sum();
         let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
-        let determinant: f64 = self.factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
-        volumes - 0.5 * squares + 0.5 * self.whitened_target.norm_squared() - determinant
+        let stiff: f64 = self.pins.iter().flatten().map(|edge| STIFF * edge * edge).sum();
+        volumes - 0.5 * (squares + stiff) + 0.5 * self.whitened_target.norm_squared() - self.log_volume
     }
 
     /// The coefficients of the tolerances beside `fit`.
@@ -469,17 +512,25 @@ impl<'d, 'a> System<'d, 'a> {
             self.channels[c] =
                 Channel::new(c, &self.tolerances, &self.target, self.weights.rows[c].weights());
         }
-        (self.factor, self.whitened_target) = eliminated(&self.channels, &self.precision)?;
-        self.crosses.borrow_mut().clear();
-        let mut blocks = std::mem::take(&mut self.blocks);
-        for block in &mut blocks {
+        let moved_of = |block: &mut Block, channels: &[Channel]| {
             for (c, part) in &mut block.channels {
                 if moved.contains(c) {
-                    *part = self.channels[*c].of(&block.candidate.columns, *c);
+                    *part = channels[*c].of(&block.candidate.columns, *c);
                 }
             }
-            self.eliminate(block);
-        }
+        };
+        self.blocks.iter_mut().for_each(|block| moved_of(block, &self.channels));
+        let free = vec![None; self.precision.len()];
+        self.log_volume = half_log_determinant(&eliminated(&self.channels, &self.precision, &free)?.0);
+        self.eliminate_anew()
+    }
+
+    /// Eliminates the tolerances from all blocks anew.
+    fn eliminate_anew(&mut self) -> Option<()> {
+        (self.factor, self.whitened_target) = eliminated(&self.channels, &self.precision, &self.pins)?;
+        self.crosses.borrow_mut().clear();
+        let mut blocks = std::mem::take(&mut self.blocks);
+        blocks.iter_mut().for_each(|block| self.eliminate(block));
         self.blocks = blocks;
         Some(())
     }
@@ -535,8 +586,17 @@ fn own(columns: &[Column], c: usize, weights: &[f64]) -> DMatrix<f64> {
     own
 }
 
-/// The factor of K, and L⁻¹NᵀWy.
-fn eliminated(channels: &[Channel], precision: &[f64]) -> Option<(Cholesky<f64, Dyn>, DVector<f64>)> {
+/// Half the log of the determinant of the matrix of `factor`.
+fn half_log_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
+    factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum()
+}
+
+/// The factor of K, and L⁻¹NᵀWy, with the tolerances that `pins` holds at an edge.
+fn eliminated(
+    channels: &[Channel],
+    precision: &[f64],
+    pins: &[Option<f64>],
+) -> Option<(Cholesky<f64, Dyn>, DVector<f64>)> {
     let n = precision.len();
     let mut normal = DMatrix::from_diagonal(&DVector::from_column_slice(precision));
     let mut right = DVector::zeros(n);
@@ -547,6 +607,10 @@ fn eliminated(channels: &[Channel], precision: &[f64]) -> Option<(Cholesky<f64, 
                 normal[(*a, *b)] += channel.gram[(i, j)];
             }
         }
+    }
+    for (k, edge) in pins.iter().enumerate().filter_map(|(k, pin)| Some((k, (*pin)?))) {
+        normal[(k, k)] += STIFF;
+        right[k] += STIFF * edge;
     }
     // A zero of a link encoder without a row would be singular.
     (0..n).for_each(|k| normal[(k, k)] += f64::MIN_POSITIVE);
