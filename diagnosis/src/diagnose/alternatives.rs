@@ -16,15 +16,14 @@ pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
     let mut all = Vec::new();
     for &member in &fit.members {
         let others: Vec<usize> = fit.members.iter().copied().filter(|other| *other != member).collect();
-        // A tolerance that would stand in for the finding is held inside its width.
-        let pinned = search.system.fit(&others).and_then(|without| search.system.pin(&without));
-        let Some(without) = pinned.and_then(|_| search.system.fit(&others)) else { continue };
-        let own = search.system.gains(&without, &[member]).pop().flatten().map_or(0.0, |gain| gain.value);
+        let (Some(without), Some(own)) = (search.system.fit(&others), search.system.held_fit(&fit.members)) else {
+            continue;
+        };
         for index in nearest(search, &without, member) {
             let Some(index) = search.refined(&others, index) else { continue };
-            let Some(gain) = search.system.gains(&without, &[index]).pop().flatten() else { continue };
-            let against = own - gain.value;
-            all.push(alternative(search, member, index, against));
+            let instead: Vec<usize> = others.iter().copied().chain([index]).collect();
+            let Some(there) = search.system.held_fit(&instead) else { continue };
+            all.push(alternative(search, member, index, own.value - there.value));
         }
     }
     all

@@ -4,6 +4,7 @@ use std::rc::Rc;
 
 use freeplay_arm::{Arm, EffectTable};
 use freeplay_laws::{ABOUT, Injection, Kind as EffectKind, LawError, Place, Placed, Site, Term, kinds};
+use freeplay_recording::Group;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use toml::{Table, Value};
 
@@ -13,6 +14,7 @@ use super::moments::{in_one_recording, struck};
 use super::parts::Part;
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
+use crate::residual::Kind;
 
 /// What of an effect is not linear: all that its columns depend on.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -258,11 +260,22 @@ fn at_place(
         }
     }
     if found.is_empty() {
-        return Err(refused.unwrap_or_else(|| "this motion shows nothing of it".to_owned()));
+        let because = refused.or_else(|| no_torque_of(data, joint));
+        return Err(because.unwrap_or_else(|| "this motion shows nothing of it".to_owned()));
     }
     let count = found.len();
     found.iter_mut().for_each(|candidate| candidate.forms = count);
     Ok((found, lacks(&|place, stage| kind.missing(place, &stage.recorded()))))
+}
+
+/// That the torque of `joint` is no measurement in any recording, in words: the same for all such joints.
+fn no_torque_of(data: &Data, joint: Option<usize>) -> Option<String> {
+    let is_stuck = |j| data.stages.iter().all(|stage| stage.ground.is_stuck(Kind::Torque(j)));
+    joint.filter(|joint| is_stuck(*joint))?;
+    let stuck: Vec<String> =
+        (0..data.arm().dof()).filter(|j| is_stuck(*j)).map(|j| Group::Torque.column(j)).collect();
+    let is = if stuck.len() > 1 { "are" } else { "is" };
+    Some(format!("{} {is} no measurement", stuck.join(", ")))
 }
 
 /// The forms of `kind` at `joint` that are laid out.

@@ -2,6 +2,7 @@
 //! sees the test part.
 
 use super::stage::Stage;
+use crate::statistics::span;
 
 /// A part of the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,33 +23,57 @@ const SHARES: [f64; 2] = [0.55, 0.70];
 /// The same for a recording beside which another is the test part.
 const WITHOUT_TEST: [f64; 2] = [0.75, 1.0];
 
-/// The part of each row of `stages`, and how they were parted, in words. With two recordings the last is the test part; with three or more the one before is the
-/// choice part; one is cut in time, by rows in which anything moves.
+/// The part of each row of `stages`, and how they were parted, in words: with several recordings one is the test part, with three or more another is the
+/// choice part, and what is left to fit and to choose is cut in time, by rows in which anything moves.
+///
+/// The test part is the last recording in which no joint moves that the others leave at rest: where there is none, each recording is cut in time.
 pub(crate) fn parts_of(stages: &[Stage], counts: &[Vec<f64>]) -> (Vec<Vec<Part>>, String) {
-    let whole = |stage: &Stage, part| vec![part; stage.motion().len()];
-    let name = |index: usize| file_name(&stages[index]);
     let per_stage = stages.first().map_or(0, |stage| stage.channels.len());
-    let rows = |index: usize| &counts[index * per_stage..(index + 1) * per_stage];
-    match stages.len() {
-        0 => (Vec::new(), String::new()),
-        1 => {
-            let how = "the last 30 % of the recording, which no step before the report has seen".to_owned();
-            (vec![cut(&stages[0], rows(0), SHARES)], how)
+    let cut_at = |index: usize, shares| {
+        cut(&stages[index], &counts[index * per_stage..(index + 1) * per_stage], shares)
+    };
+    let all = 0..stages.len();
+    let Some(test) = all.clone().rev().find(|&index| is_covered(stages, index)) else {
+        let of = if stages.len() > 1 { "each" } else { "the" };
+        let how = format!("the last 30 % of {of} recording, which no step before the report has seen");
+        return (all.map(|index| cut_at(index, SHARES)).collect(), how);
+    };
+    let others: Vec<usize> = all.clone().filter(|&index| index != test).collect();
+    let choice = others.iter().copied().rev().find(|&index| {
+        let fitted: Vec<&Stage> =
+            others.iter().filter(|&&other| other != index).map(|&other| &stages[other]).collect();
+        !fitted.is_empty() && moves_less(&stages[index], &fitted)
+    });
+    let of = |index: usize| {
+        let whole = |part| vec![part; stages[index].motion().len()];
+        match choice {
+            _ if index == test => whole(Part::Test),
+            Some(choice) if index == choice => whole(Part::Choice),
+            Some(_) => whole(Part::Fit),
+            None => cut_at(index, WITHOUT_TEST),
         }
-        2 => {
-            let how = format!("{}, which no step before the report has seen", name(1));
-            (vec![cut(&stages[0], rows(0), WITHOUT_TEST), whole(&stages[1], Part::Test)], how)
-        }
-        all => {
-            let part = |index: usize| match all - index {
-                1 => Part::Test,
-                2 => Part::Choice,
-                _ => Part::Fit,
-            };
-            let parts = (0..all).map(|index| whole(&stages[index], part(index))).collect();
-            (parts, format!("{}, which no step before the report has seen", name(all - 1)))
-        }
-    }
+    };
+    (
+        all.map(of).collect(),
+        format!("{}, which no step before the report has seen", file_name(&stages[test])),
+    )
+}
+
+/// Whether every joint that moves in the recording number `index` moves in another one, too.
+fn is_covered(stages: &[Stage], index: usize) -> bool {
+    let others: Vec<&Stage> =
+        (0..stages.len()).filter(|&other| other != index).map(|other| &stages[other]).collect();
+    !others.is_empty() && moves_less(&stages[index], &others)
+}
+
+/// Whether every joint that moves in `stage` moves in one of the `others`, too: goes a hundredth of its way at least.
+fn moves_less(stage: &Stage, others: &[&Stage]) -> bool {
+    const LITTLE: f64 = 0.01;
+    let way = |stage: &Stage, joint: usize| span(&stage.motion().q[joint]);
+    (0..stage.arm().dof()).all(|joint| {
+        let most = others.iter().map(|other| way(other, joint)).fold(0.0, f64::max);
+        most >= LITTLE * way(stage, joint)
+    })
 }
 
 /// The name of the file of the recording of `stage`.

@@ -115,6 +115,8 @@ impl<'d, 'a> Search<'d, 'a> {
                 members.push(laid.unwrap_or(member));
             }
             now = self.settled(members)?;
+            let held = self.system.held_fit(&now.members)?;
+            self.system.distrust(&held)?;
         }
         Some(now)
     }

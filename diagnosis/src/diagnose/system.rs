@@ -288,11 +288,13 @@ impl<'d, 'a> System<'d, 'a> {
         for (k, pin) in self.pins.iter().enumerate() {
             right[k] -= pin.map_or(0.0, |edge| STIFF * edge);
         }
-        let mut limits: Vec<[f64; 2]> = self
-            .precision
-            .iter()
-            .map(|precision| if *precision < 1.0 { [f64::NEG_INFINITY, f64::INFINITY] } else { [-EDGE, EDGE] })
-            .collect();
+        let named = self.named_by(members);
+        let width = |(precision, is_named): (&f64, &bool)| match (*precision < 1.0, is_named) {
+            (true, _) => [f64::NEG_INFINITY, f64::INFINITY],
+            (false, true) => [0.0, 0.0],
+            (false, false) => [-EDGE, EDGE],
+        };
+        let mut limits: Vec<[f64; 2]> = self.precision.iter().zip(&named).map(width).collect();
         for &member in members {
             let block = &self.blocks[member];
             let size = block.candidate.size();
@@ -319,16 +321,48 @@ impl<'d, 'a> System<'d, 'a> {
     /// Holds the tolerances that `fit` would have beyond an edge of their width at that edge; whether any was taken up or let go.
     pub fn pin(&mut self, fit: &Fit) -> Option<bool> {
         let held = self.held_fit(&fit.members)?.eta?;
-        let edge = |(eta, precision): (&f64, &f64)| {
-            (*precision >= 1.0 && eta.abs() >= EDGE * (1.0 - 1e-9)).then(|| EDGE.copysign(*eta))
+        let named = self.named_by(&fit.members);
+        let edge = |((eta, precision), is_named): ((&f64, &f64), &bool)| match (*precision >= 1.0, is_named) {
+            (true, true) => Some(0.0),
+            (true, false) if eta.abs() >= EDGE * (1.0 - 1e-9) => Some(EDGE.copysign(*eta)),
+            _ => None,
         };
-        let pins: Vec<Option<f64>> = held.iter().zip(&self.precision).map(edge).collect();
+        let pins: Vec<Option<f64>> = held.iter().zip(&self.precision).zip(&named).map(edge).collect();
         let moved = pins != self.pins;
         if moved {
             self.pins = pins;
             self.eliminate_anew()?;
         }
         Some(moved)
+    }
+
+    /// Which tolerances say what one of `members` says, whatever its coefficients: what has a name is no tolerance any more.
+    fn named_by(&self, members: &[usize]) -> Vec<bool> {
+        /// Share of a column's square that another says for both to be the same.
+        const SAME: f64 = 0.99;
+        let lower = self.factor.l();
+        let squares: Vec<f64> = (0..self.precision.len())
+            .map(|k| {
+                let shown = self.channels.iter().flat_map(|channel| {
+                    let place = channel.tolerances.iter().position(|(index, _)| *index == k);
+                    place.map(|place| channel.gram[(place, place)])
+                });
+                shown.sum()
+            })
+            .collect();
+        let mut named = vec![false; self.precision.len()];
+        for &member in members {
+            let block = &self.blocks[member];
+            let own = &block.normal - &block.precision + block.whitened.tr_mul(&block.whitened);
+            let Some(factor) = Cholesky::new(own) else { continue };
+            let crossed = &lower * &block.whitened;
+            for (k, square) in squares.iter().enumerate() {
+                let cross = crossed.row(k).transpose();
+                let said = cross.dot(&factor.solve(&cross));
+                named[k] |= *square > 0.0 && said > SAME * square;
+            }
+        }
+        named
     }
 
     /// Lets all tolerances go.
@@ -476,6 +510,15 @@ impl<'d, 'a> System<'d, 'a> {
             .collect();
         self.weigh_anew(&moved)?;
         Some(!moved.is_empty())
+    }
+
+    /// Believes each row by what `fit` leaves of it: see [`super::weights::Rows::distrust`]. `None` if that makes the tolerances singular.
+    pub fn distrust(&mut self, fit: &Fit) -> Option<()> {
+        let left = self.left(fit);
+        let heard: Vec<usize> =
+            (0..self.channels.len()).filter(|&c| self.weights.rows[c].effective() > 0.0).collect();
+        heard.iter().for_each(|&c| self.weights.rows[c].distrust(&left[c]));
+        self.weigh_anew(&heard)
     }
 
     /// Sets the shares of discrepancy to those of `weights`.
