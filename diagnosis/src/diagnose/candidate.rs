@@ -182,6 +182,17 @@ impl Candidate {
         form
     }
 
+    /// Its form with each number of `along` moved by `step` of its logarithm that way.
+    pub fn moved(&self, along: &[(String, f64)], step: f64) -> Form {
+        let mut form = self.form.clone();
+        for (name, way) in along {
+            if let Some(Value::Float(value)) = form.shape.get_mut(name) {
+                *value *= (way * step).exp();
+            }
+        }
+        form
+    }
+
     /// Its form taken about these coefficients of the terms shown; `None` if that is the same for its law.
     pub fn about(&self, coefficients: &[f64]) -> Option<Form> {
         let mut form = self.form.clone();

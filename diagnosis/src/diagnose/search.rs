@@ -93,7 +93,7 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `None` if the system is singular.
     pub fn laid_upon_found(&mut self, answer: &Answer) -> Option<Answer> {
         /// One law changes what another acts on, and that the first once more.
-        const TURNS: usize = 2;
+        const TURNS: usize = 4;
         let mut now = answer.clone();
         for _ in 0..TURNS {
             let fit = self.system.fit(&now.members)?;
@@ -168,6 +168,7 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `members` settled, if that makes them more probable than `now`; else the system as it was.
     fn accepted(&mut self, now: &Answer, members: Vec<usize>) -> Option<Option<Answer>> {
         let there = self.settled(members)?;
+        let there = self.sharpened(there)?;
         if there.evidence > now.evidence + WORTH && self.can_exist(&there.members) {
             return Some(Some(there));
         }
@@ -182,6 +183,16 @@ impl<'d, 'a> Search<'d, 'a> {
         let fit = self.system.fit(&answer.members)?;
         self.system.pin(&fit)?;
         Some(())
+    }
+
+    /// `answer` with its last member in the form that explains most now that tolerances which say the same have given way to it.
+    fn sharpened(&mut self, answer: Answer) -> Option<Answer> {
+        let Some((&last, others)) = answer.members.split_last() else { return Some(answer) };
+        let index = self.refined(others, last)?;
+        if index == last {
+            return Some(answer);
+        }
+        self.settled(others.iter().copied().chain([index]).collect())
     }
 
     /// Whether an arm with `members` can exist: no link of it weighs less than nothing.
@@ -351,18 +362,13 @@ impl<'d, 'a> Search<'d, 'a> {
             search.system.gains(&fit, &[at]).pop().flatten().map_or(f64::NEG_INFINITY, |gain| gain.value)
         };
         let mut now = value(self, best);
+        let moves = moves(&self.system.candidate(best).numbers());
         for step in STEPS {
-            for name in self.system.candidate(best).numbers() {
-                let mut step = step;
-                for direction in [1.0, -1.0] {
-                    step *= direction;
-                    loop {
-                        let candidate = self.system.candidate(best);
-                        let Some(at) = candidate.form.shape.get(&name).and_then(toml::Value::as_float) else { break };
-                        let form = candidate.with_number(&name, at * f64::exp(step));
-                        let Some(there) = self.try_form(&fit, best, form, now) else { break };
-                        (best, now) = there;
-                    }
+            for along in &moves {
+                loop {
+                    let form = self.system.candidate(best).moved(along, step);
+                    let Some(there) = self.try_form(&fit, best, form, now) else { break };
+                    (best, now) = there;
                 }
             }
         }
@@ -388,6 +394,19 @@ impl<'d, 'a> Search<'d, 'a> {
             }
         }
     }
+}
+
+/// The ways to move the `numbers` of a shape: each alone, and of two each way together and against each other, a gap that is wider behind flanks that give less.
+fn moves(numbers: &[String]) -> Vec<Vec<(String, f64)>> {
+    let mut all = Vec::new();
+    for (k, name) in numbers.iter().enumerate() {
+        all.extend([1.0, -1.0].map(|way| vec![(name.clone(), way)]));
+        for other in &numbers[k + 1..] {
+            let ways = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
+            all.extend(ways.map(|[a, b]| vec![(name.clone(), a), (other.clone(), b)]));
+        }
+    }
+    all
 }
 
 /// Most times that a law is taken about what was found.

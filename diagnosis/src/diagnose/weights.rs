@@ -114,7 +114,7 @@ impl Rows {
 
     fn squares(&self, left: &[f64], taken: f64) -> Vec<f64> {
         let scale = self.effective() / (self.effective() - taken).max(1.0);
-        left.iter().map(|x| scale * x * x).collect()
+        left.iter().zip(&self.trust).map(|(x, trust)| trust * scale * x * x).collect()
     }
 
     /// Sets the share to the most probable one where `left` remains of each row, with `taken` effective rows used up by coefficients; whether it moved by
