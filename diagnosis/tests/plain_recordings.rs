@@ -247,12 +247,12 @@ fn friction_that_differs_by_direction_is_one_effect() {
 }
 
 /// A spring in series with a damper (Maxwell 1867): ż = q̇ − z/T, τ = k z. Bristles that slide are like it, and leave far more than noise; the
-/// other joint is followed to its noise, so that idealised laws are no excuse.
+/// other joints are followed to their noise, so that idealised laws are no excuse.
 #[test]
 fn a_spring_that_relaxes_has_no_name() {
-    const STIFFNESS: f64 = 12.0;
+    const STIFFNESS: f64 = 120.0;
     const RELAXATION: f64 = 1.2;
-    let arm = two_joints();
+    let arm = freeplay_arm::paper_arm().arm;
     let mut recordings = in_two_motions(&arm, &[]);
     for recording in &mut recordings {
         let (t, q) = (recording.t.clone(), recording.q[0].clone());

@@ -51,6 +51,8 @@ pub(crate) struct Candidate {
     pub channels: Vec<usize>,
     /// Number of forms that were laid out of it.
     pub forms: usize,
+    /// Whether it changes what is read of the machine, and so acts on all that the machine does.
+    pub is_read: bool,
     /// Whether it gives its joint play.
     gives_play: bool,
     /// Where its terms are among all terms of the law; the others are zero.
@@ -86,15 +88,16 @@ impl Candidate {
             return Ok(None);
         }
         let terms: Vec<Term> = shown.iter().map(|&place| terms[place].clone()).collect();
-        let gives_play = Placed::new(&table(kind, joint, data.arm(), terms[0].plus.clone()), data.arm())
-            .is_ok_and(|placed| {
-                let mut injection = Injection::default();
-                placed.effect.inject(&mut injection);
-                !injection.clearances.is_empty()
-            });
+        let placed = Placed::new(&table(kind, joint, data.arm(), terms[0].plus.clone()), data.arm());
+        let is_read = placed.as_ref().is_ok_and(|placed| placed.effect.measures());
+        let gives_play = placed.is_ok_and(|placed| {
+            let mut injection = Injection::default();
+            placed.effect.inject(&mut injection);
+            !injection.clearances.is_empty()
+        });
         let channels = (0..data.channels()).filter(|&c| columns.iter().any(|column| column[c].is_some()));
         let channels = channels.collect();
-        Ok(Some(Self { kind, joint, form, terms, columns: Rc::new(columns), channels, forms: 1, gives_play, shown, all }))
+        Ok(Some(Self { kind, joint, form, terms, columns: Rc::new(columns), channels, forms: 1, is_read, gives_play, shown, all }))
     }
 
     /// The same effect in another `form`; `None` if the motion shows nothing of it, or other terms.

@@ -111,7 +111,7 @@ pub(crate) fn diagnose(
     search.run(progress).ok_or(DiagnoseError::Singular)?;
     progress("choosing between the best answers");
     let answer = choose(&mut search).ok_or(DiagnoseError::Singular)?;
-    let answer = search.laid_upon_found(&answer).ok_or(DiagnoseError::Singular)?;
+    let answer = search.agreed(&answer).ok_or(DiagnoseError::Singular)?;
     progress("testing");
     let answer = search.on_test(&answer)?.ok_or(DiagnoseError::Singular)?;
     let conclusion = Conclusion { file, settings, search: &mut search, answer: &answer };

@@ -44,16 +44,68 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// Searches from nothing and from what is common, and goes back to the best; `None` if the system is singular.
     pub fn run(&mut self, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+        /// What a sensor reads changes with what is found, and that with the sensor.
+        const TURNS: usize = 2;
         let first = self.system.shares();
         let from_nothing = self.improve(Vec::new(), progress)?;
         self.system.set_shares(&first)?;
         self.system.unpin()?;
-        let common = self.common(&[]);
+        let common = self.settled(self.common(&[]))?;
+        let common = self.laid_upon(&common)?;
         let from_common = self.improve(common, progress)?;
-        let best =
+        let mut best =
             if from_common.evidence > from_nothing.evidence + WORTH { from_common } else { from_nothing };
+        for _ in 0..TURNS {
+            self.back(&best)?;
+            let laid = self.laid_upon(&best)?;
+            self.met.clear();
+            let better = self.improve(laid, progress)?;
+            let is_same = self.same_effects(&better.members, &best.members);
+            best = better;
+            if is_same {
+                break;
+            }
+        }
         self.back(&best)?;
         Some(best)
+    }
+
+    /// Whether `one` and `other` are the same effects in whatever form.
+    fn same_effects(&self, one: &[usize], other: &[usize]) -> bool {
+        let has = |all: &[usize], index: usize| {
+            all.iter().any(|&known| self.system.candidate(known).same_effect(self.system.candidate(index)))
+        };
+        one.len() == other.len() && one.iter().all(|&index| has(other, index))
+    }
+
+    /// Lets what sensors do, and the members of `answer`, act on the machine that has these members: what clips, is late or grows with the load does so with
+    /// all that was found. The members as they are then.
+    fn laid_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
+        let fit = self.system.fit(&answer.members)?;
+        let data = self.system.data;
+        data.lay_upon(|arm| {
+            let lasting = (0..fit.members.len())
+                .filter(|&place| !self.system.candidate(fit.members[place]).kind.happens());
+            let placed = lasting.filter_map(|place| {
+                let candidate = self.system.candidate(fit.members[place]);
+                candidate.placed(arm, self.system.coefficients(&fit, place))
+            });
+            placed.collect()
+        });
+        let laid: Vec<usize> = self.laid.clone();
+        for (place, index) in laid.into_iter().enumerate() {
+            if self.system.candidate(index).is_read {
+                self.laid[place] = self.anew(index);
+            }
+        }
+        Some(answer.members.iter().map(|&member| self.anew(member)).collect())
+    }
+
+    /// The number of the block `index` as it is on the machine of now.
+    fn anew(&mut self, index: usize) -> usize {
+        let candidate = self.system.candidate(index);
+        let laid = candidate.reformed(self.system.data, candidate.form.clone());
+        laid.and_then(|laid| self.system.take(laid)).unwrap_or(index)
     }
 
     /// The most probable form of each effect that is common on machines, beside `members`.
@@ -89,31 +141,14 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(now)
     }
 
-    /// `answer` with the law of each member acting on the machine that has the others: what clips, is late or grows with the load does so with all that was found.
-    /// `None` if the system is singular.
-    pub fn laid_upon_found(&mut self, answer: &Answer) -> Option<Answer> {
+    /// `answer` with its numbers brought into agreement with what each law acts on, and with rows that are far out believed less. `None` if the system is
+    /// singular.
+    pub fn agreed(&mut self, answer: &Answer) -> Option<Answer> {
         /// One law changes what another acts on, and that the first once more.
         const TURNS: usize = 4;
         let mut now = answer.clone();
         for _ in 0..TURNS {
-            let fit = self.system.fit(&now.members)?;
-            let data = self.system.data;
-            data.lay_upon(|arm| {
-                let lasting = (0..fit.members.len()).filter(|&place| {
-                    !self.system.candidate(fit.members[place]).kind.happens()
-                });
-                lasting
-                    .filter_map(|place| {
-                        self.system.candidate(fit.members[place]).placed(arm, self.system.coefficients(&fit, place))
-                    })
-                    .collect()
-            });
-            let mut members = Vec::new();
-            for &member in &now.members {
-                let candidate = self.system.candidate(member);
-                let laid = candidate.reformed(data, candidate.form.clone()).and_then(|laid| self.system.take(laid));
-                members.push(laid.unwrap_or(member));
-            }
+            let members = self.laid_upon(&now)?;
             now = self.settled(members)?;
             let held = self.system.held_fit(&now.members)?;
             self.system.distrust(&held)?;
