@@ -56,6 +56,9 @@ impl<'d, 'a> Search<'d, 'a> {
         let mut best =
             if from_common.evidence > from_nothing.evidence + WORTH { from_common } else { from_nothing };
         for _ in 0..TURNS {
+            if best.members.is_empty() {
+                break;
+            }
             self.back(&best)?;
             let laid = self.laid_upon(&best)?;
             self.met.clear();
@@ -81,6 +84,18 @@ impl<'d, 'a> Search<'d, 'a> {
     /// Lets what sensors do, and the members of `answer`, act on the machine that has these members: what clips, is late or grows with the load does so with
     /// all that was found. The members as they are then.
     fn laid_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
+        let members = self.members_upon(answer)?;
+        for place in 0..self.laid.len() {
+            let index = self.laid[place];
+            if self.system.candidate(index).is_read && !answer.members.is_empty() {
+                self.laid[place] = self.anew(index);
+            }
+        }
+        Some(members)
+    }
+
+    /// The same for the members alone.
+    fn members_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
         let fit = self.system.fit(&answer.members)?;
         let data = self.system.data;
         data.lay_upon(|arm| {
@@ -92,12 +107,6 @@ impl<'d, 'a> Search<'d, 'a> {
             });
             placed.collect()
         });
-        let laid: Vec<usize> = self.laid.clone();
-        for (place, index) in laid.into_iter().enumerate() {
-            if self.system.candidate(index).is_read {
-                self.laid[place] = self.anew(index);
-            }
-        }
         Some(answer.members.iter().map(|&member| self.anew(member)).collect())
     }
 
@@ -148,7 +157,7 @@ impl<'d, 'a> Search<'d, 'a> {
         const TURNS: usize = 4;
         let mut now = answer.clone();
         for _ in 0..TURNS {
-            let members = self.laid_upon(&now)?;
+            let members = self.members_upon(&now)?;
             now = self.settled(members)?;
             let held = self.system.held_fit(&now.members)?;
             self.system.distrust(&held)?;
