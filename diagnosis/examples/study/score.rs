@@ -148,7 +148,9 @@ fn same(truth: &Truth, effect: &Effect) -> bool {
 /// A shaft that two joints share is the same seen from either.
 fn is_partner(truth: &Truth, effect: &Effect) -> bool {
     let with = effect.parameters.get("with").and_then(|with| with.value.as_str());
-    with.is_some() && with == truth.joint.as_deref() && truth.parameters["with"].as_str() == effect.joint.as_deref()
+    with.is_some()
+        && with == truth.joint.as_deref()
+        && truth.parameters["with"].as_str() == effect.joint.as_deref()
 }
 
 /// right: all that was missing and nothing else; extra: all, and more; refused: a verdict without a name, or one of several with the

@@ -16,7 +16,8 @@ pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
     let mut all = Vec::new();
     for &member in &fit.members {
         let others: Vec<usize> = fit.members.iter().copied().filter(|other| *other != member).collect();
-        let (Some(without), Some(own)) = (search.system.fit(&others), search.system.held_fit(&fit.members)) else {
+        let (Some(without), Some(own)) = (search.system.fit(&others), search.system.held_fit(&fit.members))
+        else {
             continue;
         };
         for index in nearest(search, &without, member) {

@@ -91,8 +91,7 @@ mod tests {
             let held =
                 |i: usize| -> f64 { (0..n).filter(|k| !open.contains(k)).map(|k| a[(i, k)] * x[k]).sum() };
             let right = DVector::from_fn(open.len(), |i, _| b[open[i]] - held(open[i]));
-            let solved =
-                if open.is_empty() { right } else { part.lu().solve(&right).expect("regular") };
+            let solved = if open.is_empty() { right } else { part.lu().solve(&right).expect("regular") };
             open.iter().zip(solved.iter()).for_each(|(&k, s)| x[k] = *s);
             if (0..n).all(|k| x[k] >= limits[k][0] - 1e-12 && x[k] <= limits[k][1] + 1e-12) {
                 best = best.min(value(&x));

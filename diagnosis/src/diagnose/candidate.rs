@@ -97,7 +97,19 @@ impl Candidate {
         });
         let channels = (0..data.channels()).filter(|&c| columns.iter().any(|column| column[c].is_some()));
         let channels = channels.collect();
-        Ok(Some(Self { kind, joint, form, terms, columns: Rc::new(columns), channels, forms: 1, is_read, gives_play, shown, all }))
+        Ok(Some(Self {
+            kind,
+            joint,
+            form,
+            terms,
+            columns: Rc::new(columns),
+            channels,
+            forms: 1,
+            is_read,
+            gives_play,
+            shown,
+            all,
+        }))
     }
 
     /// The same effect in another `form`; `None` if the motion shows nothing of it, or other terms.
@@ -174,7 +186,8 @@ impl Candidate {
     /// The numbers of its shape that can take any value near by.
     pub fn numbers(&self) -> Vec<String> {
         let is_number = |value: &Value| value.as_float().is_some_and(|x| x != 0.0);
-        let numbers = self.form.shape.iter().filter(|(name, value)| is_number(value) && self.kind.refines(name));
+        let numbers =
+            self.form.shape.iter().filter(|(name, value)| is_number(value) && self.kind.refines(name));
         numbers.map(|(name, _)| name.clone()).collect()
     }
 
@@ -225,10 +238,7 @@ pub(crate) fn places(kind: &EffectKind, arm: &Arm) -> Vec<Option<usize>> {
 }
 
 /// Every effect that the recordings can show, in every form, and those that they can't.
-pub(crate) fn candidates(
-    data: &Data,
-    progress: &mut dyn FnMut(&str),
-) -> (Vec<Candidate>, Vec<Untestable>) {
+pub(crate) fn candidates(data: &Data, progress: &mut dyn FnMut(&str)) -> (Vec<Candidate>, Vec<Untestable>) {
     let (mut all, mut untestable) = (Vec::new(), Vec::new());
     let count = kinds().count();
     for (number, kind) in kinds().enumerate() {
@@ -246,7 +256,12 @@ pub(crate) fn candidates(
     (all, untestable)
 }
 
-fn untestable_at(data: &Data, kind: &'static EffectKind, joint: Option<usize>, because: String) -> Untestable {
+fn untestable_at(
+    data: &Data,
+    kind: &'static EffectKind,
+    joint: Option<usize>,
+    because: String,
+) -> Untestable {
     let joint = joint.map(|joint| data.arm().joints()[joint].name.clone());
     Untestable { kind: kind.name, joint, because }
 }
@@ -394,9 +409,10 @@ fn columns(
 ) -> Result<(Vec<Term>, Vec<Column>), LawError> {
     let mut terms = Vec::new();
     let mut answers: Vec<Vec<Answer>> = Vec::new();
-    let is_asked = |number: usize| (is_tested || data.is_heard(number)) && form.only.is_none_or(|only| only == number);
+    let is_asked =
+        |number: usize| (is_tested || data.is_heard(number)) && form.only.is_none_or(|only| only == number);
     for (number, stage) in data.stages.iter().enumerate() {
-        if !is_asked(number) && !(terms.is_empty() && number + 1 == data.stages.len()) {
+        if !(is_asked(number) || terms.is_empty() && number + 1 == data.stages.len()) {
             answers.iter_mut().for_each(|answers| answers.push(vec![None; data.per_stage()]));
             continue;
         }

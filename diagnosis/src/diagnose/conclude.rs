@@ -10,6 +10,7 @@ use super::alternatives::{alternatives, rows_of_evidence};
 use super::candidate::Candidate;
 use super::data::{Data, sum_of};
 use super::engine::DiagnoseSettings;
+use super::excite::ChannelNoise;
 use super::gain::{Compared, Gain};
 use super::interval::parameters;
 use super::locate::{Map, correct, maps};
@@ -17,13 +18,12 @@ use super::nameless::is_unexplained;
 use super::parts::Part;
 use super::passage::{Columns, passages};
 use super::report::{
-    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, Fit as Errors, Location, Parameter, Rmse,
-    Tuned, Untestable, Verdict,
+    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, Fit as Errors, Location,
+    Parameter, Rmse, Tuned, Untestable, Verdict,
 };
 use super::search::{AS_GOOD, Answer, Search};
 use super::system::Fit;
 use super::words;
-use super::excite::ChannelNoise;
 use crate::residual::Kind as ChannelKind;
 
 /// Chance below which a part of the motion is named.
@@ -124,7 +124,10 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let data = self.data();
         let laws = members.iter().enumerate().map(|(place, &member)| {
             let beta = self.search.system.coefficients(&fit, place);
-            sum_of(self.search.system.candidate(member).columns.iter().zip(beta.iter().copied()), &remains.before)
+            sum_of(
+                self.search.system.candidate(member).columns.iter().zip(beta.iter().copied()),
+                &remains.before,
+            )
         });
         let columns = Columns { remains: &remains, laws: laws.collect() };
         let passages = passages(data, &columns);
@@ -237,7 +240,9 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let without = system.left(&without_fit);
             let is_shown = |weights: &[Vec<f64>], c: usize| {
                 let shows = |column: &super::data::Column| {
-                    column[c].as_ref().is_some_and(|rows| rows.iter().zip(&weights[c]).any(|(x, w)| x * w != 0.0))
+                    column[c]
+                        .as_ref()
+                        .is_some_and(|rows| rows.iter().zip(&weights[c]).any(|(x, w)| x * w != 0.0))
                 };
                 candidate.columns.iter().any(shows)
             };
@@ -275,7 +280,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         }
         let all: f64 = found.iter().map(|finding| finding.effect.evidence.share.max(0.0)).sum();
         for finding in &mut found {
-            finding.effect.evidence.share = (finding.effect.evidence.share / all.max(f64::MIN_POSITIVE)).max(0.0);
+            finding.effect.evidence.share =
+                (finding.effect.evidence.share / all.max(f64::MIN_POSITIVE)).max(0.0);
         }
         found.sort_by(|a, b| b.effect.evidence.share.total_cmp(&a.effect.evidence.share));
         Some(found)
@@ -321,7 +327,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             names().zip(rms).filter_map(|(c, rmse)| Some((c.name.clone(), Rmse { rmse: rmse? }))).collect()
         };
         let before = by_name(&remains.before);
-        let noise = names().zip(&system.weights.noise).map(|(c, noise)| (c.name.clone(), Rmse { rmse: *noise }));
+        let noise =
+            names().zip(&system.weights.noise).map(|(c, noise)| (c.name.clone(), Rmse { rmse: *noise }));
         let weights: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
         let members = fit.members.iter().map(|&member| system.candidate(member));
         let mut shown: Vec<usize> = members
@@ -344,7 +351,10 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             test: data.how.clone(),
             gain: gain(&remains.after),
             black_box_gain: gain(&remains.nameless),
-            units: names().filter(|c| before.contains_key(&c.name)).map(|c| (c.name.clone(), c.unit)).collect(),
+            units: names()
+                .filter(|c| before.contains_key(&c.name))
+                .map(|c| (c.name.clone(), c.unit))
+                .collect(),
             before,
         }
     }
@@ -353,7 +363,15 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     fn maps(&self, left: &[Vec<f64>]) -> Vec<Map> {
         let data = self.data();
         let mut all: Vec<Map> = (0..data.per_stage())
-            .flat_map(|c| maps(&data.stages[0], c, &left[c], &data.mask(c, &[Part::Fit, Part::Choice]), self.settings.seed))
+            .flat_map(|c| {
+                maps(
+                    &data.stages[0],
+                    c,
+                    &left[c],
+                    &data.mask(c, &[Part::Fit, Part::Choice]),
+                    self.settings.seed,
+                )
+            })
             .collect();
         correct(&mut all);
         all.sort_by(|a, b| a.p.total_cmp(&b.p).then(b.explained.total_cmp(&a.explained)));
@@ -363,7 +381,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     /// Where the tuned model and the machine differ: shares of what is left beyond the noise, in squares of each channel's own.
     fn location(&self, remains: &Remains, maps: &[Map]) -> Vec<Location> {
         let data = self.data();
-        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &[Part::Fit, Part::Choice, Part::Test])).collect();
+        let masks: Vec<Vec<f64>> =
+            (0..data.channels()).map(|c| data.mask(c, &[Part::Fit, Part::Choice, Part::Test])).collect();
         let left = data.rms(&remains.retuned, &masks);
         let beyond = |c: usize| {
             let noise = self.search.system.weights.noise[c].max(f64::MIN_POSITIVE);
@@ -447,7 +466,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let lasts = step * masks[c].iter().sum::<f64>();
             let noise = ChannelNoise {
                 deviation: rms?.max(system.weights.noise[c]),
-                per_second: system.weights.rows[c].effective() / lasts.max(step * stretch.len().min(1) as f64).max(1e-9),
+                per_second: system.weights.rows[c].effective()
+                    / lasts.max(step * stretch.len().min(1) as f64).max(1e-9),
             };
             Some((data.stages[0].channels[c].name.clone(), noise))
         };
@@ -489,10 +509,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
 fn holds_nothing(candidate: &Candidate, parameters: &BTreeMap<String, Parameter>) -> bool {
     let nothing = candidate.parameters(&vec![0.0; candidate.size()]);
     let told = parameters.iter().filter_map(|(name, parameter)| {
-        let is_linear = matches!(
-            candidate.kind.parameter(name)?.range,
-            Range::Number { role: Role::Linear, .. }
-        );
+        let is_linear =
+            matches!(candidate.kind.parameter(name)?.range, Range::Number { role: Role::Linear, .. });
         let neutral = nothing.get(name)?.as_float()?;
         let [low, high] = parameter.ci95.filter(|_| is_linear)?;
         Some(low <= neutral && neutral <= high)
@@ -508,7 +526,8 @@ fn removed(data: &Data, compared: &Compared, channels: &[usize]) -> (f64, Vec<St
         let square = |errors: &[Vec<f64>]| -> f64 {
             errors[c].iter().zip(&compared.weights[c]).map(|(x, w)| w * x * x).sum()
         };
-        *by_channel.entry(c % data.per_stage()).or_default() += square(compared.before) - square(compared.after);
+        *by_channel.entry(c % data.per_stage()).or_default() +=
+            square(compared.before) - square(compared.after);
     }
     let sum = by_channel.values().sum();
     let mut order: Vec<(usize, f64)> = by_channel.into_iter().collect();

@@ -105,7 +105,9 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
     let Some(best) = system.gains(&without, &[member]).pop().flatten() else { return Vec::new() };
     let mut all = Vec::new();
     for name in system.candidate(member).numbers() {
-        let Some(value) = system.candidate(member).form.shape.get(&name).and_then(Value::as_float) else { continue };
+        let Some(value) = system.candidate(member).form.shape.get(&name).and_then(Value::as_float) else {
+            continue;
+        };
         // The evidence falls by half of (step/deviation)².
         let (mut over, mut under, mut square) = (0.0, 0.0, 0.0);
         let mut pull = DVector::zeros(best.beta.len());

@@ -30,12 +30,12 @@ pub(crate) fn struck(data: &Data, kind: &EffectKind, index: usize) -> Vec<Table>
     let of_share = |share: f64| {
         let long = (share * t.len() as f64) as usize;
         let more = |k: &usize| {
-            within(*k, k + long)
-                - 0.5 * (within(k.saturating_sub(long), *k) + within(k + long, k + 2 * long))
+            within(*k, k + long) - 0.5 * (within(k.saturating_sub(long), *k) + within(k + long, k + 2 * long))
         };
         let begin = (0..t.len().saturating_sub(long + 1)).max_by(|a, b| more(a).total_cmp(&more(b)))?;
         let times = [(BEGIN, t[begin]), (END, t[begin + long])];
-        (long > 1).then(|| times.map(|(name, time)| (name.to_owned(), Value::from(time))).into_iter().collect())
+        (long > 1)
+            .then(|| times.map(|(name, time)| (name.to_owned(), Value::from(time))).into_iter().collect())
     };
     BRIEF.into_iter().filter_map(of_share).collect()
 }

@@ -20,7 +20,8 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit) -> bool {
     let members = || fit.members.iter().map(|&member| system.candidate(member));
     let shows = |c: usize| members().any(|candidate| candidate.channels.contains(&c));
     let shakes = members().any(|candidate| candidate.kind.shakes);
-    let heard: Vec<usize> = (0..data.channels()).filter(|&c| system.weights.rows[c].effective() > 0.0).collect();
+    let heard: Vec<usize> =
+        (0..data.channels()).filter(|&c| system.weights.rows[c].effective() > 0.0).collect();
     let is_torque = |c: &usize| matches!(data.kind(*c), Kind::Torque(_));
     let torques: Vec<usize> = heard.iter().copied().filter(is_torque).collect();
     let square = |c: usize| system.weights.rows[c].share.powi(2);

@@ -53,10 +53,7 @@ pub(crate) fn parts_of(stages: &[Stage], counts: &[Vec<f64>]) -> (Vec<Vec<Part>>
             None => cut_at(index, WITHOUT_TEST),
         }
     };
-    (
-        all.map(of).collect(),
-        format!("{}, which no step before the report has seen", file_name(&stages[test])),
-    )
+    (all.map(of).collect(), format!("{}, which no step before the report has seen", file_name(&stages[test])))
 }
 
 /// Whether every joint that moves in the recording number `index` moves in another one, too.

@@ -117,5 +117,11 @@ fn part_of(motion: &Trajectory, rows: &[usize]) -> Trajectory {
             begin = at;
         }
     }
-    Trajectory { t: picked(&motion.t), q: columns(&motion.q), v: columns(&motion.v), a: columns(&motion.a), stretches }
+    Trajectory {
+        t: picked(&motion.t),
+        q: columns(&motion.q),
+        v: columns(&motion.v),
+        a: columns(&motion.a),
+        stretches,
+    }
 }

@@ -27,7 +27,14 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
     let [fit, choice, test] = [Part::Fit, Part::Choice, Part::Test].map(lasts);
     if fit < LEAST_S || choice + test < 0.25 * LEAST_S {
         let names: Vec<String> = data.stages.iter().map(file_name).collect();
-        let whole: f64 = data.stages.iter().map(|stage| stage.ground.recording.t.last().unwrap_or(&0.0) - stage.ground.recording.t.first().unwrap_or(&0.0)).sum();
+        let whole: f64 = data
+            .stages
+            .iter()
+            .map(|stage| {
+                stage.ground.recording.t.last().unwrap_or(&0.0)
+                    - stage.ground.recording.t.first().unwrap_or(&0.0)
+            })
+            .sum();
         return Some(format!(
             "{} lasts {whole:.1} s, of which {fit:.1} s are left to fit, {choice:.1} s to choose by and {test:.1} s to test, after the ends that the low-pass \
              needs; record at least 10 s",

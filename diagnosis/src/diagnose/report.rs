@@ -6,9 +6,9 @@ use freeplay_arm::ArmFile;
 use serde::Serialize;
 
 use super::excite::ChannelNoise;
+use super::gain::Gain;
 use super::locate::Map;
 use super::passage::Passage;
-use super::gain::Gain;
 use crate::conventions::SetupFinding;
 
 /// The schema of [`Diagnosis`] as JSON.

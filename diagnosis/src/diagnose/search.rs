@@ -120,10 +120,12 @@ impl<'d, 'a> Search<'d, 'a> {
     /// The most probable form of each effect that is common on machines, beside `members`.
     fn common(&self, members: &[usize]) -> Vec<usize> {
         let odds = |index: usize| self.system.candidate(index).kind.occurs.odds();
-        let candidates: Vec<usize> = self.laid.iter().copied().filter(|&index| odds(index) >= Occurrence::Common.odds()).collect();
+        let candidates: Vec<usize> =
+            self.laid.iter().copied().filter(|&index| odds(index) >= Occurrence::Common.odds()).collect();
         let Some(fit) = self.system.fit(members) else { return Vec::new() };
         let gains = self.system.gains(&fit, &candidates);
-        let found = candidates.iter().zip(gains).filter(|(_, gain)| gain.as_ref().is_some_and(|g| g.value > 0.0));
+        let found =
+            candidates.iter().zip(gains).filter(|(_, gain)| gain.as_ref().is_some_and(|g| g.value > 0.0));
         found.map(|(&index, _)| index).collect()
     }
 
@@ -244,7 +246,9 @@ impl<'d, 'a> Search<'d, 'a> {
         let arm = self.system.data.arm();
         let Some(fit) = self.system.fit(members) else { return false };
         let placed: Vec<Placed> = (0..members.len())
-            .filter_map(|place| self.system.candidate(members[place]).placed(arm, self.system.coefficients(&fit, place)))
+            .filter_map(|place| {
+                self.system.candidate(members[place]).placed(arm, self.system.coefficients(&fit, place))
+            })
             .collect();
         placed.len() == members.len() && changed(arm, &placed).is_ok()
     }
@@ -252,7 +256,9 @@ impl<'d, 'a> Search<'d, 'a> {
     /// The candidates that may join `members`.
     fn open(&self, members: &[usize]) -> Vec<usize> {
         let is_taken = |index: &usize| {
-            members.iter().any(|&member| self.system.candidate(member).excludes(self.system.candidate(*index)))
+            members
+                .iter()
+                .any(|&member| self.system.candidate(member).excludes(self.system.candidate(*index)))
         };
         self.laid.iter().copied().filter(|index| !is_taken(index)).collect()
     }
@@ -270,9 +276,8 @@ impl<'d, 'a> Search<'d, 'a> {
         worth.sort_by(|a, b| b.1.total_cmp(&a.1));
         let mut tried: Vec<usize> = Vec::new();
         for (index, _) in worth {
-            let is_tried = |&other: &usize| {
-                self.system.candidate(other).same_effect(self.system.candidate(index))
-            };
+            let is_tried =
+                |&other: &usize| self.system.candidate(other).same_effect(self.system.candidate(index));
             if tried.iter().any(is_tried) {
                 continue;
             }
@@ -349,7 +354,8 @@ impl<'d, 'a> Search<'d, 'a> {
         nearest.sort_by(|a, b| b.1.total_cmp(&a.1));
         let mut tried: Vec<usize> = Vec::new();
         for (index, _) in nearest {
-            let known = |&other: &usize| self.system.candidate(other).same_effect(self.system.candidate(index));
+            let known =
+                |&other: &usize| self.system.candidate(other).same_effect(self.system.candidate(index));
             if tried.iter().any(known) {
                 continue;
             }
@@ -426,7 +432,13 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// The number of `index` in another `form` and what it explains beside `fit`, if that is more than `now`.
-    fn try_form(&mut self, fit: &Fit, index: usize, form: super::candidate::Form, now: f64) -> Option<(usize, f64)> {
+    fn try_form(
+        &mut self,
+        fit: &Fit,
+        index: usize,
+        form: super::candidate::Form,
+        now: f64,
+    ) -> Option<(usize, f64)> {
         let other = self.system.candidate(index).reformed(self.system.data, form)?;
         let at = self.system.take(other)?;
         let gain = self.system.gains(fit, &[at]).pop().flatten().filter(|gain| gain.is_inside);

@@ -27,8 +27,7 @@ pub fn diagnose(
     let statement = in_words(&mended.findings);
     if let Some(why) = &mended.stop {
         let advice: Vec<String> = mended.findings.iter().map(|finding| finding.remedy.clone()).collect();
-        let mut stopped =
-            insufficient(file, settings, Vec::new(), format!("{why}; {}", advice.join(" ")));
+        let mut stopped = insufficient(file, settings, Vec::new(), format!("{why}; {}", advice.join(" ")));
         stopped.verdict = Verdict::Setup;
         stopped.statement = format!("{statement} There is nothing to diagnose before this is mended.");
         stopped.next = advice;

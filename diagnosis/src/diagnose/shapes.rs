@@ -75,7 +75,8 @@ impl Shapes {
         };
         let fitted: Vec<Vec<Vec<f64>>> = channels.iter().map(|&c| of(c, &masks[c])).collect();
         let count = fitted.first().map_or(0, Vec::len);
-        let mut own: Vec<Vec<f64>> = (0..count).map(|k| fitted.iter().flat_map(|columns| columns[k].clone()).collect()).collect();
+        let mut own: Vec<Vec<f64>> =
+            (0..count).map(|k| fitted.iter().flat_map(|columns| columns[k].clone()).collect()).collect();
         let sizes: Vec<f64> = own.iter().map(|c| dot(c, c).sqrt().max(f64::MIN_POSITIVE)).collect();
         for (column, size) in own.iter_mut().zip(&sizes) {
             column.iter_mut().for_each(|x| *x /= size);

@@ -4,8 +4,8 @@ use std::cell::RefCell;
 
 use freeplay_arm::Arm;
 use freeplay_laws::{
-    ArmParts, Baseline, Change, Kind as EffectKind, LawError, Place, Placed, Prediction, Range, Recorded, START, Start, Term,
-    Trajectory, rigid_torques, tool_positions,
+    ArmParts, Baseline, Change, Kind as EffectKind, LawError, Place, Placed, Prediction, Range, Recorded,
+    START, Start, Term, Trajectory, rigid_torques, tool_positions,
 };
 use freeplay_recording::Recording;
 use toml::Table;

@@ -188,7 +188,8 @@ impl<'d, 'a> System<'d, 'a> {
             }
             precision[(k, k)] *= 1.0 + 1e-9;
         }
-        let determinant = Cholesky::new(precision.clone())?.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
+        let determinant =
+            Cholesky::new(precision.clone())?.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
         let log_prior = determinant + candidate.kind.occurs.odds().ln() - (candidate.forms as f64).ln();
         let mut block = Block {
             candidate,
@@ -315,7 +316,12 @@ impl<'d, 'a> System<'d, 'a> {
         normal.view_mut((n, n), (m, m)).copy_from(&(&fit.normal + through.tr_mul(&through)));
         let solved = bounded(&normal, &right, &limits)?;
         let value = right.dot(&solved) - 0.5 * solved.dot(&(&normal * &solved)) + fit.log_prior;
-        Some(Fit { value, beta: solved.rows(n, m).into_owned(), eta: Some(solved.rows(0, n).into_owned()), ..fit })
+        Some(Fit {
+            value,
+            beta: solved.rows(n, m).into_owned(),
+            eta: Some(solved.rows(0, n).into_owned()),
+            ..fit
+        })
     }
 
     /// Holds the tolerances that `fit` would have beyond an edge of their width at that edge; whether any was taken up or let go.
@@ -451,7 +457,9 @@ impl<'d, 'a> System<'d, 'a> {
             .filter_map(|&member| upper.solve_upper_triangular(&self.blocks[member].whitened))
             .collect();
         let mut blocks: BTreeMap<(usize, usize), DVector<f64>> = BTreeMap::new();
-        for (c, channel) in self.channels.iter().enumerate().filter(|(_, channel)| !channel.tolerances.is_empty()) {
+        for (c, channel) in
+            self.channels.iter().enumerate().filter(|(_, channel)| !channel.tolerances.is_empty())
+        {
             let mut columns = Vec::new();
             for (&member, through) in fit.members.iter().zip(&through) {
                 for (k, column) in self.candidate(member).columns.iter().enumerate() {
@@ -472,7 +480,10 @@ impl<'d, 'a> System<'d, 'a> {
                     let rows = from..(from + long).min(stretch.end);
                     let pull = blocks.entry((stage, from)).or_insert_with(|| DVector::zeros(columns.len()));
                     for (k, column) in columns.iter().enumerate() {
-                        pull[k] += rows.clone().map(|row| column[row] * channel.weights[row] * left[c][row]).sum::<f64>();
+                        pull[k] += rows
+                            .clone()
+                            .map(|row| column[row] * channel.weights[row] * left[c][row])
+                            .sum::<f64>();
                     }
                 }
             }
@@ -538,7 +549,10 @@ impl<'d, 'a> System<'d, 'a> {
     /// Number of coefficients of `fit` that show in the channel number `c`.
     fn taken(&self, fit: &Fit, c: usize) -> f64 {
         let members = fit.members.iter().map(|&member| &self.blocks[member].candidate);
-        members.filter(|candidate| candidate.channels.contains(&c)).map(|candidate| candidate.size() as f64).sum()
+        members
+            .filter(|candidate| candidate.channels.contains(&c))
+            .map(|candidate| candidate.size() as f64)
+            .sum()
     }
 
     /// The share of discrepancy of each channel.

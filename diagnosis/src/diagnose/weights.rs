@@ -66,8 +66,13 @@ impl Rows {
     /// 84:881): what shakes at times bends no number.
     pub fn distrust(&mut self, left: &[f64]) {
         const FREEDOM: f64 = 4.0;
-        let v = self.instrument.iter().zip(&self.size).map(|(instrument, size)| instrument + self.share.powi(2) * size);
-        self.trust = left.iter().zip(v).map(|(x, v)| ((FREEDOM + 1.0) / (FREEDOM + x * x / v)).min(1.0)).collect();
+        let v = self
+            .instrument
+            .iter()
+            .zip(&self.size)
+            .map(|(instrument, size)| instrument + self.share.powi(2) * size);
+        self.trust =
+            left.iter().zip(v).map(|(x, v)| ((FREEDOM + 1.0) / (FREEDOM + x * x / v)).min(1.0)).collect();
     }
 
     /// Effective number of rows.
@@ -134,8 +139,7 @@ impl Weights {
     /// The weights of the rows of `data` in `parts`, of which `target` is what the model as given leaves. Their number is counted by what even shapes without a
     /// name leave: where a law is missing that all rows share, that would count none.
     pub fn new(data: &Data, target: &[Vec<f64>], parts: &[Part], seed: u64) -> Self {
-        let draws: Vec<Vec<Vec<f64>>> =
-            (0..DRAWS).map(|k| instruments(data, seed.wrapping_add(k))).collect();
+        let draws: Vec<Vec<Vec<f64>>> = (0..DRAWS).map(|k| instruments(data, seed.wrapping_add(k))).collect();
         let knots = data.stages.first().map(Knots::of).unwrap_or_default();
         let squares: Vec<Vec<f64>> = draws
             .iter()
@@ -143,35 +147,38 @@ impl Weights {
             .collect();
         let mean = |c: usize| (squares.iter().map(|draw| draw[c]).sum::<f64>() / draws.len() as f64).sqrt();
         let noise: Vec<f64> = (0..data.per_stage()).map(mean).collect();
-        let rows: Vec<Rows> = (0..data.channels()).map(|channel| {
-            let mask = data.mask(channel, parts);
-            let count: f64 = mask.iter().sum();
-            let masked = |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&mask).map(|(x, m)| x * m).collect() };
-            let square = noise[channel % data.per_stage()].powi(2);
-            let kappa_noise =
-                draws.iter().map(|draw| alike(&masked(&draw[channel]), &mask)).sum::<f64>() / draws.len() as f64;
-            let size = local_size(data, channel, target);
-            let instrument: Vec<f64> = data.off[channel].iter().map(|off| square + off * off).collect();
-            let scale = (size.iter().zip(&mask).map(|(x, m)| x * m).sum::<f64>() / count.max(1.0)).sqrt();
-            let rest = Shapes::new(data, channel, &mask, &knots).left(&masked(&target[channel]));
-            let kappa = alike(&rest, &mask);
-            let mut rows = Rows {
-                phi: mask.iter().map(|mask| mask / kappa).collect(),
-                trust: vec![1.0; mask.len()],
-                instrument,
-                size,
-                share: USUAL_SHARE,
-                scale,
-            };
-            rows.follow(&rest, 0.0);
-            let both = |(instrument, size): (&f64, &f64)| {
-                let off = rows.share * rows.share * size;
-                (instrument + off) / (kappa_noise * instrument + kappa * off).max(f64::MIN_POSITIVE)
-            };
-            let phi = rows.instrument.iter().zip(&rows.size).map(both);
-            rows.phi = phi.zip(&mask).map(|(phi, mask)| phi * mask).collect();
-            rows
-        }).collect();
+        let rows: Vec<Rows> = (0..data.channels())
+            .map(|channel| {
+                let mask = data.mask(channel, parts);
+                let count: f64 = mask.iter().sum();
+                let masked =
+                    |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&mask).map(|(x, m)| x * m).collect() };
+                let square = noise[channel % data.per_stage()].powi(2);
+                let kappa_noise = draws.iter().map(|draw| alike(&masked(&draw[channel]), &mask)).sum::<f64>()
+                    / draws.len() as f64;
+                let size = local_size(data, channel, target);
+                let instrument: Vec<f64> = data.off[channel].iter().map(|off| square + off * off).collect();
+                let scale = (size.iter().zip(&mask).map(|(x, m)| x * m).sum::<f64>() / count.max(1.0)).sqrt();
+                let rest = Shapes::new(data, channel, &mask, &knots).left(&masked(&target[channel]));
+                let kappa = alike(&rest, &mask);
+                let mut rows = Rows {
+                    phi: mask.iter().map(|mask| mask / kappa).collect(),
+                    trust: vec![1.0; mask.len()],
+                    instrument,
+                    size,
+                    share: USUAL_SHARE,
+                    scale,
+                };
+                rows.follow(&rest, 0.0);
+                let both = |(instrument, size): (&f64, &f64)| {
+                    let off = rows.share * rows.share * size;
+                    (instrument + off) / (kappa_noise * instrument + kappa * off).max(f64::MIN_POSITIVE)
+                };
+                let phi = rows.instrument.iter().zip(&rows.size).map(both);
+                rows.phi = phi.zip(&mask).map(|(phi, mask)| phi * mask).collect();
+                rows
+            })
+            .collect();
         Self { rows, noise }
     }
 

@@ -231,8 +231,8 @@ pub(crate) fn when(map: Option<&Map>) -> String {
 mod tests {
     use std::collections::BTreeMap;
 
-    use super::{on, phrase, uncertain};
     use super::super::report::Parameter;
+    use super::{on, phrase, uncertain};
 
     fn parameters(all: &[(&str, f64, &str, f64)]) -> BTreeMap<String, Parameter> {
         let of = |&(name, value, unit, half): &(&str, f64, &str, f64)| {

@@ -142,7 +142,8 @@ pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
         .column(Column::number("noise of the instruments", "").significant(2))
         .note("Share of the local size of the channel by which the laws are off: real machines follow theirs to some per cent.");
     for (channel, discrepancy) in &diagnosis.discrepancy {
-        let cells = [Cell::from(channel.as_str()), (100.0 * discrepancy.share).into(), discrepancy.noise.into()];
+        let cells =
+            [Cell::from(channel.as_str()), (100.0 * discrepancy.share).into(), discrepancy.noise.into()];
         followed = followed.row(cells);
     }
     let text = "The data were cut into three parts. The fit part shows which effects are missing and how large they are, the choice part decides between answers that are as good, and the test part was touched once, for the errors and gains of this report.";

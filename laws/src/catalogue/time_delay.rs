@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Occurrence, Seen, Site, small_and_about, Tolerance};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, small_and_about};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::{Prediction, Scene, Trajectory};
