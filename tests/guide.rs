@@ -60,7 +60,7 @@ fn play(name: &str) -> usize {
     std::fs::create_dir_all(folder.path().join("target")).expect("made");
     symlink(&binaries, folder.path().join("target/release")).expect("linked");
     std::fs::create_dir_all(folder.path().join("python")).expect("made");
-    for part in ["freeplay.py", "examples"] {
+    for part in ["freeplay", "examples"] {
         symlink(root().join("python").join(part), folder.path().join("python").join(part)).expect("linked");
     }
     let python = python();

@@ -1,4 +1,4 @@
-//! Controllers in Python, over the SDK in `python/freeplay.py`: they run, swap with controllers in Rust, and fail in words.
+//! Controllers in Python, over the SDK in `python/freeplay/controller.py`: they run, swap with controllers in Rust, and fail in words.
 //!
 //! `FREEPLAY_PYTHON` names an interpreter that has iceoryx2 0.10.0; else `python3` is asked. Without it these tests say so and pass.
 
