@@ -8,6 +8,7 @@ In the order in which data passes through it:
 - `Recording` is a recording of a machine, `Arm` a model of it; `compare` measures how far they are apart.
 - `diagnose` finds what the model leaves out; a `Diagnosis` holds it, with pictures and the completed model.
 - `run` plays a scenario under controllers, `Run` holds frames and latencies; `Controller` is what you write, `serve` its process.
+- `examine` injects faults and judges a controller by what comes of them.
 - `blind` proves the diagnosis on concealed effects; `campaign` spreads many cases over cores and machines.
 - Errors are a `FreeplayError` each, with the words of the command.
 
@@ -73,6 +74,7 @@ if TYPE_CHECKING:
         NotInstalled,
         PeerMissing,
     )
+    from .exams import Exam, examine
     from .proof import Proof, blind
     from .recording import Recording
     from .runs import Run, run
@@ -94,6 +96,8 @@ _HOMES = {
     "MachineNotFit": "errors",
     "NotInstalled": "errors",
     "PeerMissing": "errors",
+    "Exam": "exams",
+    "examine": "exams",
     "Proof": "proof",
     "blind": "proof",
     "Recording": "recording",
@@ -102,9 +106,9 @@ _HOMES = {
 }
 
 __all__ = [
-    "Arm", "BadInput", "BadUsage", "Campaign", "Comparison", "Diagnosis", "FreeplayError", "InternalFault",
+    "Arm", "BadInput", "BadUsage", "Campaign", "Comparison", "Diagnosis", "Exam", "FreeplayError", "InternalFault",
     "Interrupted", "MachineNotFit", "NotInstalled", "PeerMissing", "Proof", "Recording", "Run", "blind", "campaign",
-    "compare", "diagnose", "run",
+    "compare", "diagnose", "examine", "run",
     "BAD_INPUT", "DONE", "DRIVEN", "FLAG_FALLBACK", "FLAG_LAST", "FLAG_TOOL_TRACKED", "ICEORYX2", "INTERNAL",
     "INTERRUPTED", "KIND_POSITION", "KIND_TORQUE", "LAYOUT_VERSION", "LOCKSTEP", "MAGIC", "MAX_JOINTS", "NO_ANSWER",
     "OK", "PEER_MISSING", "QP_FAILED", "QP_LIMIT", "REALTIME", "TORQUE", "USAGE", "Answer", "Command", "Controller",
