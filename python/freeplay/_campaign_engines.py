@@ -12,6 +12,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -73,8 +74,9 @@ def hyperqueue(work: Work) -> None:
         job.program(work.command(task), name=str(task), stdout=None, stderr=None, crash_limit=work.attempts)
     with contextlib.ExitStack() as stack:
         if work.cluster is None:
+            server = stack.enter_context(tempfile.TemporaryDirectory(prefix="freeplay-hq-"))
             with _stdout_to_stderr():
-                cluster = LocalCluster(work.folder / "hyperqueue", WorkerConfig(cores=work.workers))
+                cluster = LocalCluster(server, WorkerConfig(cores=work.workers))
             stack.enter_context(cluster)
             client = cluster.client()
         else:

@@ -10,12 +10,13 @@ import pandas as pd
 # Text and lines take the colour of the page, so that they can be read on any.
 STYLE = """<style>
 .freeplay{font:13px/1.45 system-ui,sans-serif;color:inherit;max-width:64em}
-.freeplay h4{margin:.2em 0 .3em;font-size:15px}
+.freeplay h4{margin:.2em 0 .3em!important;font-size:15px!important;font-weight:600!important}
 .freeplay p{margin:.25em 0}
 .freeplay table{border-collapse:collapse;margin:.5em 0;font-variant-numeric:tabular-nums}
-.freeplay th,.freeplay td{padding:.15em .8em .15em 0;border:0;text-align:left;background:none;color:inherit}
+.freeplay tr{background:none!important}
+.freeplay th,.freeplay td{padding:.15em .8em .15em 0;border:0;text-align:left!important;background:none;color:inherit}
 .freeplay th{border-bottom:1px solid currentColor;font-weight:600}
-.freeplay td.n,.freeplay th.n{text-align:right}
+.freeplay td.n,.freeplay th.n{text-align:right!important}
 .freeplay ul{margin:.3em 0;padding-left:1.2em}
 .freeplay .q{opacity:.72}
 .freeplay .bar{display:inline-block;height:.62em;border-radius:2px;vertical-align:baseline}

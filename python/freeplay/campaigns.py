@@ -214,9 +214,14 @@ def _is_hopeless(folder: Path, missing: list[int], count: int) -> bool:
 
 
 def _sweep_out(folder: Path) -> None:
-    """Removes what killed tasks left half done."""
-    for part in (folder / TASKS).glob(".*"):
-        shutil.rmtree(part, ignore_errors=True)
+    """Removes what killed tasks left half done, the last of which may still be ending."""
+    patience = time.monotonic() + 10.0
+    while parts := list((folder / TASKS).glob(".*")):
+        for part in parts:
+            shutil.rmtree(part, ignore_errors=True)
+        if time.monotonic() > patience:
+            break
+        time.sleep(0.05)
 
 
 def _failure(folder: Path, missing: list[int], count: int) -> FreeplayError:

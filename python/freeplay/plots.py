@@ -51,8 +51,13 @@ def themed(theme: str) -> Iterator[dict[str, str]]:
         "axes.axisbelow": True, "font.size": 9.5, "axes.titlesize": 10.5, "axes.titlelocation": "left", "legend.frameon": False,
         "legend.labelcolor": ink, "figure.dpi": 110,
     }  # fmt: skip
-    with mpl.rc_context(cast("Any", parameters)):
+    # Of these alone: `rc_context` would put back what pyplot sets when it is first used in a notebook.
+    before = {name: mpl.rcParams[cast("Any", name)] for name in parameters}
+    mpl.rcParams.update(cast("Any", parameters))
+    try:
         yield palette
+    finally:
+        mpl.rcParams.update(cast("Any", before))
 
 
 def shown(unit: str) -> tuple[float, str]:
@@ -154,7 +159,7 @@ def _over_variable(ax: Axes, best: dict[str, Any], palette: dict[str, str]) -> N
     mean = np.array([np.nan if value is None else value for value in best["mean"]], dtype=float)
     ax.plot(best["at"], factor * mean, ".-", color=palette["given"], linewidth=1.1, markersize=4)
     ax.set_xlabel(f"{best['variable']} [{best.get('variable_unit', '')}]")
-    ax.set_ylabel(f"mean error of the model as given [{name}]")
+    ax.set_ylabel(f"mean error as given [{name}]")
     share = best.get("explained")
     if share is not None:
         ax.set_title(f"explains {float(share):.0%} of the error")

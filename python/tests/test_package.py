@@ -62,6 +62,10 @@ def test_notebooks_run(path: Path, tmp_path: Path) -> None:
     nbclient.NotebookClient(notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
     errors = [output for cell in notebook.cells for output in cell.get("outputs", []) if output.output_type == "error"]
     assert not errors
+    for cell in notebook.cells:
+        if "plot_" in cell.source or "plt." in cell.source:
+            shown = [output for output in cell.get("outputs", []) if "image/png" in output.get("data", {})]
+            assert shown or cell.cell_type != "code", f"no picture: {cell.source}"
     kept = os.environ.get("FREEPLAY_NOTEBOOKS")
     if kept:
         nbformat.write(notebook, Path(kept) / path.name)
