@@ -49,13 +49,13 @@ def table(frame: pd.DataFrame, limit: int = 20) -> str:
 
 
 def cell(item: object) -> str:
-    """`item` as a cell shows it: four significant digits, an interval with "to", nothing for what is missing."""
+    """`item` as a cell shows it: four significant digits or whole numbers, an interval with "to", nothing for what is missing."""
     if isinstance(item, (tuple, list)):
         return " to ".join(cell(part) for part in item)
     if item is None or item is pd.NA or (isinstance(item, float) and item != item):
         return "–"
     if isinstance(item, float):
-        return f"{item:.4g}"
+        return f"{item:.0f}" if 1e3 <= abs(item) < 1e9 else f"{item:.4g}"
     return str(item)
 
 

@@ -127,6 +127,13 @@ def _several(controllers: Sequence[ControllerLike] | ControllerLike | None) -> l
     return list(controllers)
 
 
+def _in_words(item: object) -> str:
+    """A failure of a summary: its numbers by name, such as "rule stopped, tick 6, reason speed"."""
+    if isinstance(item, Mapping):
+        return ", ".join(f"{name} {value}" for name, value in item.items() if value is not None)
+    return str(item)
+
+
 def _model(arm: ArmLike) -> str:
     path = arm.path if isinstance(arm, Arm) else arm
     return str(path) if str(path) == "paper" else str(Path(path).absolute())
@@ -178,9 +185,9 @@ class Run:
         """Why a run does not count, by controller: the arm was stopped, or left its limits. Empty where all is well."""
         found: dict[str, list[str]] = {}
         for name, each in zip(self.controllers, self.json["runs"]):
-            words = [item if isinstance(item, str) else str(item.get("statement", item)) for item in each.get("failures") or []]
+            words = [_in_words(item) for item in each.get("failures") or []]
             if words or each.get("stopped"):
-                found[name] = words or [str(each["stopped"])]
+                found[name] = words or [_in_words(each["stopped"])]
         return found
 
     @property
