@@ -83,7 +83,11 @@ def hyperqueue(work: Work) -> None:
             client = Client(work.cluster)
         submitted = client.submit(job)
         # A task of a lost worker is run again by the server. One that failed by itself is not: the campaign hands it over anew.
-        client.wait_for_jobs([submitted], raise_on_error=False)
+        try:
+            client.wait_for_jobs([submitted], raise_on_error=False)
+        except Exception as error:
+            # HyperQueue raises nothing more special where its server ends, by itself or by Ctrl-C.
+            raise PeerMissing(f"HyperQueue's server is gone ({error}): what is done stays, call it again to go on") from None
 
 
 def dask(work: Work) -> None:
