@@ -51,7 +51,6 @@ enum Command {
     /// What a model file holds: which chain is the arm, its joints, limits and effects.
     Arm(crate::arm_command::ArmArgs),
     /// Many shards of a command or of a sweep, spread over cores and machines; needs the Python package.
-    #[command(disable_help_flag = true)]
     Campaign(crate::campaign_command::CampaignArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
     ReferenceRuns(freeplay_paper::reference_runs::ReferenceArgs),

@@ -7,12 +7,33 @@ use std::process::{Command, Stdio};
 
 use clap::Args;
 use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::messages;
 
-/// Spreads the shards of a command over cores and machines.
+/// What the package's own command understands, for `--help`, which needs no Python.
+const OPTIONS: &str = "\
+Behind the command, with its own arguments:
+  --out DIR         Folder for the results, which every worker sees under this path
+  --shards N        Into how many tasks blind is cut; four a worker without it
+  --sweep KEY=V,V   Values of a key of the scenario, or of an option (--sweep=--seed=1,2,3)
+  --engine NAME     What carries out the tasks: local, hyperqueue, dask, slurm
+  --workers N       Tasks at a time; one a core without it
+  --cluster ADDRESS A cluster that is there: HyperQueue's server folder, Dask's scheduler, Slurm's partition
+  --attempts N      How often a task is tried; 4 without it
+  --keep            Keep the sealed recordings of blind
+
+Called again it goes on where it was:
+  freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proof
+  freeplay campaign run s.toml --sweep path.period=6,12 --sweep=--seed=1,2,3 --out swept";
+
+/// Spreads a command over cores and machines, and merges what it leaves into one receipt.
+///
+/// It is part of the Python package, which is looked for in the interpreter that FREEPLAY_PYTHON names, in the one beside this executable,
+/// and in the system's.
 #[derive(Args, Debug)]
+#[command(after_help = OPTIONS)]
 pub struct CampaignArgs {
-    /// What to spread, and how: freeplay campaign --help.
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGUMENTS")]
+    /// The command to spread: blind, or run, faults, swap, cells, reference-runs and others with --sweep; then its arguments.
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true, value_name = "COMMAND")]
     arguments: Vec<OsString>,
 }
 
@@ -30,6 +51,9 @@ pub fn campaign(args: &CampaignArgs) -> Result<Exit, Failure> {
     })?;
     let mut command = Command::new(&python);
     command.args(["-m", "freeplay", "campaign"]).args(&args.arguments).env("FREEPLAY_EXECUTABLE", &this);
+    if messages::is_quiet() {
+        command.arg("--quiet");
+    }
     // `exec` comes back only if it fails.
     Err(Failure::internal(format!("{}: {}", python.display(), command.exec())))
 }

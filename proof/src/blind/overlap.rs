@@ -63,3 +63,34 @@ fn divisor(a: usize, b: usize) -> usize {
 pub fn recorded(part: &Part) -> impl Iterator<Item = (&str, &String)> {
     part.sealed.iter().filter_map(|(name, files)| Some((files.get(FILES[1])?.sha256.as_str(), name)))
 }
+
+#[cfg(test)]
+mod tests {
+    use freeplay_concealed::Quota;
+
+    use super::Overlap;
+    use crate::blind::receipt::Draw;
+
+    fn draw(seed: u64, shard: [usize; 2]) -> Draw {
+        Draw {
+            seed,
+            seed_from: String::new(),
+            names: String::new(),
+            quota: Quota::small(40),
+            shard,
+            matrix: None,
+        }
+    }
+
+    /// Every second case and every fourth one meet where they begin alike; other seeds are other cases.
+    #[test]
+    fn shards_that_are_cut_otherwise_overlap_where_their_cases_meet() {
+        let mut overlap = Overlap::default();
+        assert_eq!(overlap.add_shard(&draw(1, [1, 2])), None);
+        assert_eq!(overlap.add_shard(&draw(1, [2, 4])), None);
+        assert!(overlap.add_shard(&draw(1, [3, 4])).is_some_and(|why| why.contains("shard 1 of 2")));
+        assert!(overlap.add_shard(&draw(1, [2, 4])).is_some_and(|why| why.contains("same cases")));
+        assert_eq!(overlap.add_shard(&draw(2, [3, 4])), None);
+        assert!(overlap.add_shard(&draw(2, [1, 3])).is_some(), "3 of 4 and 1 of 3 have a case in common");
+    }
+}
