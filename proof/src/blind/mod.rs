@@ -5,7 +5,7 @@
 //!
 //! Modules in the order of the protocol: `hash` and `canonical` (what is frozen), `sweep` (what is asked for), `generator`, `names` and `arrange` (the
 //! sealed folder), `analysis` and `lures` (who is asked, and held off what), `analyst` and `answer` (who answers what), `sandbox`, `namespaces` and `channels`
-//! (where), `truth`, `score`, `interval`, `tally`, `confusion`, `controls` and `leak` (what it is worth), `receipt`, `strict`, `verify`, `verification`, `merge` and `history`
+//! (where), `truth`, `score`, `interval`, `tally`, `confusion`, `controls` and `leak` (what it is worth), `receipt`, `strict`, `overlap`, `verify`, `verification`, `merge` and `history`
 //! (what stays), `screen`, `document` and `matrix` (what a person sees).
 
 mod analysis;
@@ -27,6 +27,7 @@ mod matrix;
 mod merge;
 mod names;
 mod namespaces;
+mod overlap;
 mod protocol;
 mod receipt;
 mod sandbox;

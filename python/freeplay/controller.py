@@ -1,4 +1,4 @@
-"""Controllers for Freeplay in Python: implement Controller, call serve.
+"""The SDK for controllers: implement `Controller`, call `serve`.
 
     import freeplay
 
@@ -15,13 +15,15 @@
         freeplay.serve(Mine())
 
 Make the file executable and name it to `freeplay run --controller ./mine.py`; the same file takes part in
-`freeplay swap`, `freeplay faults` and `freeplay replay`. Needed are Python 3.11 and `pip install iceoryx2==0.10.0`,
-nothing else.
+`freeplay swap`, `freeplay faults` and `freeplay replay`. This module needs Python 3.10, `pip install iceoryx2==0.10.0` and nothing else
+of the package, so that a copy of it works by itself.
 
 The messages are those of docs/messages.md, byte for byte. Units are SI: rad, m, s, N·m. In the order in which data
 passes through this file: State and Command (what is exchanged), Run and Answer (what you are told and may say),
 Controller (what you write), Link (the run in shared memory), Loop and serve (the process).
 """
+
+from __future__ import annotations
 
 import ctypes
 import fcntl
@@ -31,7 +33,14 @@ import signal
 import sys
 import time
 import traceback
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
+
+if TYPE_CHECKING:
+    Doubles = ctypes.Array[ctypes.c_double]
+
+Opened = TypeVar("Opened")
 
 MAX_JOINTS = 12
 LAYOUT_VERSION = 1
@@ -58,18 +67,39 @@ class Message(ctypes.Structure):
     """A message under the name by which iceoryx2 tells types apart."""
 
     @classmethod
-    def type_name(cls):
+    def type_name(cls) -> str:
         return f"freeplay.{cls.__name__}"
 
 
 class Reference(Message):
     """Where the arm should be at one tick: positions, velocities and accelerations of the joints."""
 
+    q: Doubles
+    qd: Doubles
+    qdd: Doubles
+
     _fields_ = [("q", Joints), ("qd", Joints), ("qdd", Joints)]
 
 
 class State(Message):
     """The arm at one tick, from the plant. The answer to it is in force from the next tick on."""
+
+    magic: int
+    layout: int
+    joints: int
+    run: int
+    tick: int
+    scheduled_ns: int
+    published_ns: int
+    mode: int
+    flags: int
+    q: Doubles
+    qd: Doubles
+    tau: Doubles
+    applied: Doubles
+    reference: Reference
+    reference_next: Reference
+    tool: Doubles
 
     _fields_ = [
         ("magic", u64), ("layout", u32), ("joints", u32), ("run", u64), ("tick", u64),
@@ -78,23 +108,38 @@ class State(Message):
         ("reference", Reference), ("reference_next", Reference), ("tool", ctypes.c_double * 7),
     ]  # fmt: skip
 
-    def has(self, flag):
+    def has(self, flag: int) -> bool:
         """Whether `flag`, one of FLAG_…, is set."""
         return self.flags & flag == flag
 
     @property
-    def in_charge(self):
+    def in_charge(self) -> int:
         """The slot whose command is in force during this tick."""
         return self.flags >> IN_CHARGE_SHIFT & SLOT_MASK
 
     @property
-    def next_in_charge(self):
+    def next_in_charge(self) -> int:
         """The slot whose answer to this state is to be put in force."""
         return self.flags >> NEXT_SHIFT & SLOT_MASK
 
 
 class Command(Message):
     """The answer of one controller to one state, to the plant."""
+
+    joints: int
+    run: int
+    tick: int
+    status: int
+    received_ns: int
+    predict_ns: int
+    qp_ns: int
+    sent_ns: int
+    qp_iterations: int
+    kind: int
+    value: Doubles
+    velocity: Doubles
+    acceleration: Doubles
+    deviation: Doubles
 
     _fields_ = [
         ("magic", u64), ("layout", u32), ("joints", u32), ("run", u64), ("tick", u64),
@@ -117,6 +162,15 @@ class Hello(Message):
 class Welcome(Message):
     """What the plant answers. Frozen for all time."""
 
+    verdict: int
+    joints: int
+    mode: int
+    pace: int
+    period_ns: int
+    ticks: int
+    run: int
+    task: bytes
+
     _fields_ = [
         ("magic", u64), ("layout", u32), ("state_size", u32), ("command_size", u32), ("verdict", u32), ("joints", u32),
         ("mode", u32), ("pace", u32), ("slots", u32), ("period_ns", u64), ("ticks", u64), ("run", u64),
@@ -128,7 +182,7 @@ class Run:
     """What the plant says about the run: joints, mode (TORQUE or DRIVEN), pace (LOCKSTEP or REALTIME), period, s,
     and ticks."""
 
-    def __init__(self, welcome):
+    def __init__(self, welcome: Welcome) -> None:
         self.joints = welcome.joints
         self.mode = welcome.mode
         self.pace = welcome.pace
@@ -148,8 +202,17 @@ class Answer:
         "value", "velocity", "acceleration", "deviation", "status", "predict_ns", "qp_ns", "qp_iterations",
     )  # fmt: skip
 
-    def __init__(self, value, velocity=(), acceleration=(), deviation=(0.0, 0.0, 0.0), status=OK,
-                 predict_ns=0, qp_ns=0, qp_iterations=0):  # fmt: skip
+    def __init__(
+        self,
+        value: Sequence[float],
+        velocity: Sequence[float] = (),
+        acceleration: Sequence[float] = (),
+        deviation: Sequence[float] = (0.0, 0.0, 0.0),
+        status: int = OK,
+        predict_ns: int = 0,
+        qp_ns: int = 0,
+        qp_iterations: int = 0,
+    ) -> None:
         self.value = value
         self.velocity = velocity
         self.acceleration = acceleration
@@ -166,30 +229,30 @@ class Controller:
 
     name = "python"
 
-    def start(self, task, run):
+    def start(self, task: dict[str, Any], run: Run) -> None:
         """Gets ready. `task` is the task file as a dict (model, gravity, rate, path, gains, options; the model's path
         is absolute), `run` a Run. What takes time belongs here. An exception ends the process with its message."""
 
-    def answer(self, state):
+    def answer(self, state: State) -> Answer | Sequence[float] | None:
         """The answer to `state`: one number per joint (torques, or positions with mode DRIVEN), an Answer, or None
         for no answer, which the plant bridges. `state` is the same object every time: copy what you keep."""
         raise NotImplementedError
 
-    def take_over(self, state):
+    def take_over(self, state: State) -> None:
         """Called before the first answer that is put in force after a planned swap: an integrator may be set here."""
 
 
 class Failure(Exception):
     """Why a controller's process ends otherwise than at the last tick, with its exit code."""
 
-    def __init__(self, code, message):
+    def __init__(self, code: int, message: str) -> None:
         super().__init__(message)
         self.code = code
 
 
 VERDICTS = {
     1: "its hello is not of this protocol",
-    2: "the plant speaks another layout of the messages: take freeplay.py and freeplay from one version",
+    2: "the plant speaks another layout of the messages: take the Python package and freeplay from one version",
     3: "the arm has another number of joints",
     4: "the slot is held by another controller: end that one or take another slot",
     5: "it has the address of another run",
@@ -206,8 +269,10 @@ SEGMENTS = Path("/dev/shm")
 class Link:
     """A controller's end of a run in shared memory. Belongs to one thread."""
 
-    def __init__(self, address, name, slot, patience):
+    def __init__(self, address: str, name: str, slot: int, patience: float) -> None:
         self.root, self.slot, self.patience = Path(address), slot, patience
+        self.states: Any
+        self.commands: Any
         self.id = self.root.name
         self.deadline = time.monotonic() + patience
         if not self.root.is_absolute() or not self.id:
@@ -229,7 +294,7 @@ class Link:
                 f"the plant refused this controller: {VERDICTS.get(self.welcome.verdict, 'no reason known here')}",
             )
 
-    def next_state(self, state):
+    def next_state(self, state: State) -> bool:
         """Copies the oldest state not yet taken into `state`; whether there was one."""
         sample = self.states.receive()
         if sample is None:
@@ -238,22 +303,22 @@ class Link:
         sample.delete()
         return True
 
-    def newest_state(self, state):
+    def newest_state(self, state: State) -> bool:
         """Copies the newest waiting state into `state` and drops the others; whether there was one."""
         found = False
         while self.next_state(state):
             found = True
         return found
 
-    def send(self, command):
+    def send(self, command: Command) -> None:
         """Sends `command` to the plant. Never waits."""
         self.commands.send_copy(command)
 
-    def plant_lives(self):
+    def plant_lives(self) -> bool:
         """Whether the plant's process holds its seat."""
         return is_locked(self.plant)
 
-    def close(self):
+    def close(self) -> None:
         """Leaves the run in order: ports before the node, the seat and the share last."""
         self.states = self.commands = None
         gc.collect()
@@ -261,7 +326,7 @@ class Link:
         for file in (self.seat, self.plant, self.share):
             os.close(file)
 
-    def _share(self):
+    def _share(self) -> int:
         try:
             folder = os.open(self.root, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
             fcntl.flock(folder, fcntl.LOCK_SH)
@@ -276,7 +341,7 @@ class Link:
             raise Failure(PEER_MISSING, f"no run lives at {self.root}: it has ended")
         return folder
 
-    def _node(self):
+    def _node(self) -> Any:
         """iceoryx2 kept inside the run's folder and prefix, leaving signals and the dead alone but here."""
         iox().set_log_level_from_env_or(iox().LogLevel.Fatal)
         config = iox().config.default()
@@ -297,7 +362,7 @@ class Link:
         node.blocking_cleanup_dead_nodes(iox().Duration.from_millis(500))
         return node
 
-    def _remove_unborn(self):
+    def _remove_unborn(self) -> None:
         """Removes segments that a process killed while making them left empty: iceoryx2 would wait for ever."""
         unborn = [path for path in SEGMENTS.glob(f"freeplay-{self.id}_*") if is_empty(path)]
         for _ in range(BIRTH_MS):
@@ -308,10 +373,10 @@ class Link:
         for path in unborn:
             path.unlink(missing_ok=True)
 
-    def _service(self, name):
+    def _service(self, name: str) -> Any:
         return self.node.service_builder(iox().ServiceName.new(f"freeplay/{name}"))
 
-    def _open_ends(self):
+    def _open_ends(self) -> None:
         """Opens commands and states; what has another layout stays shut, for the plant to say why."""
         discard = iox().BackpressureStrategy.DiscardData
         try:
@@ -322,11 +387,11 @@ class Link:
         self.commands = commands.publisher_builder().max_loaned_samples(1).backpressure_strategy(discard).create()
         self.states = states.subscriber_builder().create()
 
-    def _lock_file(self, name):
+    def _lock_file(self, name: str) -> int:
         flags = os.O_CREAT | os.O_APPEND | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC
         return os.open(self.root / name, flags, 0o600)
 
-    def _take_seat(self):
+    def _take_seat(self) -> bool:
         for _ in range(LOOKS):
             try:
                 fcntl.flock(self.seat, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -335,7 +400,7 @@ class Link:
                 time.sleep(0.001)
         return False
 
-    def _knock(self, client, name, claim):
+    def _knock(self, client: Any, name: str, claim: bool) -> Welcome:
         """Says hello until the plant answers."""
         hello = Hello(
             magic=MAGIC, layout=LAYOUT_VERSION, state_size=ctypes.sizeof(State), command_size=ctypes.sizeof(Command),
@@ -355,14 +420,14 @@ class Link:
                 if not is_held:
                     break
 
-    def _until(self, obstacle, attempt):
+    def _until(self, obstacle: str, attempt: Callable[[], Opened]) -> Opened:
         while True:
             try:
                 return attempt()
             except iox().RequestResponseOpenError as error:
                 self._wait(f"{obstacle}: {error}")
 
-    def _wait(self, obstacle):
+    def _wait(self, obstacle: str) -> None:
         if time.monotonic() > self.deadline:
             raise Failure(PEER_MISSING, f"no plant answered within {self.patience} s ({obstacle}): is it running?")
         time.sleep(LOOK_AGAIN)
@@ -371,15 +436,14 @@ class Link:
 class Loop:
     """Wait for a state, answer it, send the answer."""
 
-    def __init__(self, link, controller, stop):
+    def __init__(self, link: Link, controller: Controller, stop: list[bool]) -> None:
         self.link, self.controller, self.stop = link, controller, stop
         self.run, self.run_hash = Run(link.welcome), link.welcome.run
         self.period_ns, self.parent = link.welcome.period_ns, os.getppid()
         self.state, self.due_ns, self.answered = State(), 0, 0
         self.command = Command(magic=MAGIC, layout=LAYOUT_VERSION, slot=link.slot)
-        self.zero, self.no_deviation = Joints(), (ctypes.c_double * 3)()
 
-    def play(self):
+    def play(self) -> bool:
         """Answers state after state until the last of the run; False when a signal has come."""
         state, command = self.state, self.command
         while self.wait():
@@ -395,7 +459,7 @@ class Loop:
                 return True
         return False
 
-    def check(self):
+    def check(self) -> None:
         state = self.state
         if (state.magic, state.layout, state.run, state.joints) != (
             MAGIC,
@@ -407,7 +471,7 @@ class Loop:
                 BAD_INPUT, f"a state that is not of this run or layout: layout {state.layout}, {state.joints} joints"
             )
 
-    def fill(self, answer):
+    def fill(self, answer: Answer | Sequence[float] | None) -> None:
         """Makes `answer` the command to the state at hand."""
         command, state, n = self.command, self.state, self.run.joints
         command.joints, command.run, command.tick = n, state.run, state.tick
@@ -418,14 +482,14 @@ class Loop:
             answer = Answer(answer)
         if len(answer.value) != n:
             raise ValueError(f"the answer has {len(answer.value)} numbers, the arm has {n} joints")
-        command.value[:n] = answer.value
+        command.value[:n] = list(answer.value)
         for target, values in ((command.velocity, answer.velocity), (command.acceleration, answer.acceleration)):
-            target[:n] = values if len(values) else self.zero[:n]
-        command.deviation[:] = answer.deviation
+            target[:n] = list(values) if len(values) else [0.0] * n
+        command.deviation[:] = list(answer.deviation)
         command.status = answer.status
         command.predict_ns, command.qp_ns, command.qp_iterations = answer.predict_ns, answer.qp_ns, answer.qp_iterations
 
-    def wait(self):
+    def wait(self) -> bool:
         """Waits for the next state: in lockstep every one in order, else the newest. False when a signal has come."""
         lockstep = self.run.pace == LOCKSTEP
         take = self.link.next_state if lockstep else self.link.newest_state
@@ -441,7 +505,7 @@ class Loop:
             self.pass_time(now, now - begun, lockstep)
         return False
 
-    def pass_time(self, now, waited, lockstep):
+    def pass_time(self, now: int, waited: int, lockstep: bool) -> None:
         """Sleeps until a state is nearly due, polls hard about then, and backs off when nothing comes."""
         early = 0 if lockstep else self.due_ns - EARLY_NS - now
         if early > 0:
@@ -451,7 +515,7 @@ class Loop:
         elif lockstep:
             os.sched_yield()
 
-    def look_around(self, waited):
+    def look_around(self, waited: float) -> None:
         """Nothing has come for `waited` seconds: does the run still live?"""
         if not self.link.plant_lives():
             cause = ": its process has ended"
@@ -466,11 +530,11 @@ class Loop:
         )
 
 
-def serve(controller, arguments=None, patience=10.0):
+def serve(controller: Controller, arguments: Sequence[str] | None = None, patience: float = 10.0) -> NoReturn:
     """Serves the run that the command line (--run, --slot) or the environment (FREEPLAY_RUN, FREEPLAY_SLOT) names until
     it ends, and ends the process: 0 done, 2 usage, 3 bad input, 5 plant missing, 70 a fault of the controller,
     130 interrupted."""
-    stop = []
+    stop: list[bool] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.append(True))
     try:
@@ -485,7 +549,7 @@ def serve(controller, arguments=None, patience=10.0):
     sys.exit(code)
 
 
-def _serve(controller, arguments, patience, stop):
+def _serve(controller: Controller, arguments: Sequence[str], patience: float, stop: list[bool]) -> int:
     address, slot = _place(arguments)
     link = Link(address, controller.name, slot, patience)
     try:
@@ -499,26 +563,30 @@ def _serve(controller, arguments, patience, stop):
         link.close()
 
 
-def _place(arguments):
+def _place(arguments: Sequence[str]) -> tuple[str, int]:
     """The address and the slot: from the command line, else from the environment."""
-    found = {"--run": os.environ.get("FREEPLAY_RUN"), "--slot": os.environ.get("FREEPLAY_SLOT", "0")}
+    found: dict[str, str | None] = {"--run": os.environ.get("FREEPLAY_RUN"), "--slot": os.environ.get("FREEPLAY_SLOT", "0")}
     rest = iter(arguments)
     for argument in rest:
         flag, equals, value = argument.partition("=")
         if flag in found:
             found[flag] = value if equals else next(rest, None)
-    if not found["--run"]:
+    address, slot = found["--run"], found["--slot"] or ""
+    if not address:
         raise Failure(
             USAGE, "no run to join: freeplay run sets FREEPLAY_RUN for its controllers, or give --run ADDRESS"
         )
-    if not (found["--slot"] or "").isdigit():
+    if not slot.isdigit():
         raise Failure(USAGE, f"slot {found['--slot']!r} is not a number: give --slot 0")
-    return found["--run"], int(found["--slot"])
+    return address, int(slot)
 
 
-def load_task(path):
+def load_task(path: str) -> dict[str, Any]:
     """The task file as a dict; the paths in it, relative to the file, made absolute."""
-    import tomllib
+    try:
+        import tomllib
+    except ModuleNotFoundError:  # Python 3.10
+        import tomli as tomllib  # type: ignore[no-redef, unused-ignore]
 
     try:
         task = tomllib.loads(Path(path).read_text())
@@ -529,7 +597,7 @@ def load_task(path):
     return task
 
 
-def iox():
+def iox() -> Any:
     """The iceoryx2 package, of the version that the plant is built with."""
     global _iox
     if _iox is None:
@@ -548,10 +616,10 @@ def iox():
     return _iox
 
 
-_iox = None
+_iox: Any = None
 
 
-def run_hash(text):
+def run_hash(text: str) -> int:
     """Hash of a run's id as it stands in messages: FNV-1a, 64 bit."""
     value = 0xCBF29CE484222325
     for byte in text.encode():
@@ -559,12 +627,12 @@ def run_hash(text):
     return value
 
 
-def cut(text, size):
+def cut(text: str, size: int) -> bytes:
     """`text` in at most `size` bytes of UTF-8, cut at a character."""
     return text.encode()[:size].decode(errors="ignore").encode()
 
 
-def is_locked(file):
+def is_locked(file: int) -> bool:
     """Whether another process has locked the open `file`."""
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -574,7 +642,8 @@ def is_locked(file):
     return False
 
 
-def is_empty(path):
+def is_empty(path: Path) -> bool:
+    """Whether the file `path` is there and holds nothing."""
     try:
         return path.stat().st_size == 0
     except OSError:
