@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from functools import partial
@@ -15,7 +16,9 @@ from pathlib import Path
 from typing import TextIO
 
 import draw
+import families
 import files
+import setup_faults
 from cases import CATALOGUE, Ask, Made, NotMade, make
 from draw import Quota
 
@@ -47,7 +50,7 @@ def answer(order: TextIO, out: TextIO) -> int:
     else:
         why = f"schema {asked['schema']!r}"
     if not known:
-        print(f"standard input is no order of the schema {SCHEMA}: {why}", file=__import__("sys").stderr)
+        print(f"standard input is no order of the schema {SCHEMA}: {why}", file=sys.stderr)
         return 3
     asks = draw.draw(quota, seed)
     tasks = {index: partial(sealed, folder, name, asks[index]) for index, name in wanted}
@@ -98,11 +101,25 @@ def asks_of(asked: argparse.Namespace) -> list[Ask]:
     return draw.draw(quota, asked.seed, tuple(asked.kind) if asked.kind else CATALOGUE)
 
 
+def tasks_of(asked: argparse.Namespace) -> list[tuple[Callable[[], Made], str]]:
+    """How to make each of the cases that the command line asks for, and what it asks for in words."""
+    if asked.family == "catalogue":
+        return [(partial(make, ask), ask.words()) for ask in asks_of(asked)]
+    numbers = range(asked.seed * 100_000, asked.seed * 100_000 + asked.cases)
+    if asked.family == "setup":
+        kinds = [kind for kind in setup_faults.KINDS if not asked.kind or kind in asked.kind]
+        noise = families.LEVELS
+        faults = [(kinds[k % len(kinds)], noise[k // len(kinds) % len(noise)], seed) for k, seed in enumerate(numbers)]
+        return [(partial(setup_faults.make, *fault), fault[0]) for fault in faults]
+    family = {"friction": families.friction, "pushes": families.pushes}[asked.family]
+    return [(partial(family, seed), asked.family) for seed in numbers]
+
+
 def open_cases(asked: argparse.Namespace) -> int:
     """Makes open cases into the folder `asked.out`."""
     tasks: dict[int, Callable[[], Outcome]] = {}
-    for number, ask in enumerate(asks_of(asked)):
-        tasks[number] = partial(opened, asked.out, f"{number + 1:04}", partial(make, ask), ask.words())
+    for number, (task, words) in enumerate(tasks_of(asked)):
+        tasks[number] = partial(opened, asked.out, f"{number + 1:04}", task, words)
     for number, outcome in spread(tasks, asked.jobs):
         print(f"{number + 1:04} {json.dumps(outcome)[:160]}", flush=True)
     return 0
