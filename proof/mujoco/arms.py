@@ -6,6 +6,7 @@ A link is a rod along the way to the next joint, so that every inertia can exist
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +66,7 @@ class Arm:
         """The way from `joint` to the next one, or to the tool, in the frame of its link."""
         return self.joints[joint + 1].xyz if joint + 1 < self.dof else self.tool
 
-    def with_joint(self, joint: int, **changes: object) -> Arm:
+    def with_joint(self, joint: int, **changes: Any) -> Arm:
         """The same arm with some fields of one joint changed."""
         joints = list(self.joints)
         joints[joint] = replace(joints[joint], **changes)

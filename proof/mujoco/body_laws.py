@@ -87,7 +87,7 @@ def _draw_tilt(rng: Rng, look: Look, _seat: Seat) -> Parameters:
     angle = rng.uniform(-np.pi, np.pi)
     flat = look.sheet.dof == 2  # Two axes along y feel no roll.
     roll = 0.0 if flat else 0.004 * np.cos(angle)
-    return {"roll": float(roll), "pitch": float(0.004 * (sign(rng) if flat else np.sin(angle)))}
+    return {"roll": float(roll), "pitch": 0.004 * (sign(rng) if flat else float(np.sin(angle)))}
 
 
 def _tilt(plan: Plan, _seat: Seat, parameters: Parameters) -> None:
@@ -195,6 +195,11 @@ def _length(plan: Plan, seat: Seat, parameters: Parameters) -> None:
         plan.arm = replace(plan.arm, tool=longer(plan.arm.tool, offset))
 
 
+def _along(one: Vector, other: Vector) -> bool:
+    """Whether two ways have the same direction, or opposite ones."""
+    return bool(np.linalg.norm(np.cross(one, other)) < 1e-6 * np.linalg.norm(one) * np.linalg.norm(other))
+
+
 def _as_long(arm: Arm, seat: Seat, _parameters: Parameters) -> list[Same]:
     """Links in the same direction that only joints about that direction part from it."""
     why, found, joint = "a joint that turns about the way does not part what is before it from what is behind", [], joint_of(seat)
@@ -202,11 +207,11 @@ def _as_long(arm: Arm, seat: Seat, _parameters: Parameters) -> list[Same]:
     for step in (-1, 1):
         other = joint + step
         while 0 <= other < arm.dof:
-            between, way = arm.joints[max(other, other - step)], arm.way(joint)
-            aligned = np.linalg.norm(np.cross(between.axis, way)) < 1e-6 * max(np.linalg.norm(way), 1e-9)
-            if not aligned:
+            way = arm.way(joint)
+            if not _along(arm.joints[max(other, other - step)].axis, way):
                 break
-            found.append(Same(("link_length",), arm.joints[other].name, why))
+            if _along(arm.way(other), way):
+                found.append(Same(("link_length",), arm.joints[other].name, why))
             other += step
     return found
 

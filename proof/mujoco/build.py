@@ -172,7 +172,8 @@ def _shafts(plan: Plan, tendons: ET.Element) -> None:
 def _walls(plan: Plan, tendons: ET.Element) -> None:
     """A journal may be no further from the middle of its bearing than its clearance."""
     for number, clearance in plan.body.clearance.items():
-        wall = ET.SubElement(tendons, "spatial", name=f"wall_{number}", limited="true", range=text([0.0, clearance]), **WALL)
+        wall = ET.SubElement(tendons, "spatial", name=f"wall_{number}", limited="true", range=text([0.0, clearance]))
+        wall.attrib.update(WALL)
         for site in (f"bearing_{number}", f"journal_{number}"):
             ET.SubElement(wall, "site", site=site)
 

@@ -20,6 +20,7 @@ import strength
 import tolerances
 from arms import Arm, Rng
 from laws import Law, Parameters, Seat
+from motions import Motion
 from plan import Plan
 from sensors import Recording
 from strength import Look, Residual
@@ -115,7 +116,7 @@ class Bench:
     drawn: tolerances.Drawn
     chain: sensors.Chain
     servo: machine.Servo
-    motions: tuple[motions.Motion, ...]
+    motions: tuple[Motion, ...]
     duration: float
     noise: str
 
@@ -140,7 +141,7 @@ class Bench:
             effect.law.build(plan, effect.seat, effect.parameters)
         return plan
 
-    def run(self, plan: Plan, motion: motions.Motion) -> machine.Trace:
+    def run(self, plan: Plan, motion: Motion) -> machine.Trace:
         """What the machine does in `motion`."""
         return machine.run(plan, self.sheet, self.servo, motion)
 
@@ -204,7 +205,7 @@ def _concealed(
     target = float(rng.uniform(*SEVERITIES[severity]))
     for seat in seats[:PLACES]:
         for effect, trace in _sizes(bench, law, seat, target, severity, look, without, plain, rng):
-            if abs(effect.ratio / target - 1) < NEAR and law.suits(look, seat, effect.parameters):
+            if abs(effect.ratio / target - 1) < NEAR:
                 return effect, trace
     raise NotMade(f"{law.kind} does not reach {target:.1f} times the floor on {bench.sheet.name}")
 
@@ -217,7 +218,7 @@ def _sizes(
     tried: list[tuple[float, float]] = []
     size = 0.0
     for _ in range(ROUNDS):
-        if not law.suits(look, seat, parameters) and not tried:
+        if not law.suits(look, seat, parameters):
             return
         plan = bench.plan([])
         law.build(plan, seat, parameters)

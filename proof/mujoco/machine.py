@@ -193,9 +193,12 @@ def _clip(values: Vector, limits: Vector) -> None:
 def run(plan: Plan, sheet: Arm, servo: Servo, motion: Motion) -> Trace:
     """Runs the machine of `plan` through `motion` under a servo that knows `sheet`.
 
-    Raises MachineError where it leaves its motion by more than a third of a radian.
+    Raises MachineError where it can't be built, or leaves its motion by more than a third of a radian.
     """
-    live, drive = Live(plan), _Drive(sheet, servo, motion)
+    try:
+        live, drive = Live(plan), _Drive(sheet, servo, motion)
+    except ValueError as error:
+        raise MachineError(f"{plan.arm.name} can't be built: {error}") from error
     live.start(motion.q[0])
     skip = round(LEAD_IN / CYCLE)
     rows, n = len(motion.q), sheet.dof

@@ -53,7 +53,7 @@ def answer(order: TextIO, out: TextIO) -> int:
         print(f"standard input is no order of the schema {SCHEMA}: {why}", file=sys.stderr)
         return 3
     asks = draw.draw(quota, seed)
-    tasks = {index: partial(sealed, folder, name, asks[index]) for index, name in wanted}
+    tasks: dict[int, Callable[[], Outcome]] = {index: partial(sealed, folder, name, asks[index]) for index, name in wanted}
 
     def tell(index: int, outcome: Outcome | None) -> None:
         out.write(json.dumps([index, outcome]) + "\n")

@@ -208,7 +208,8 @@ def make(kind: str, noise: str, seed: int) -> Made:
 
 def _recorded(bench: Bench, fault: Fault, rng: Rng) -> Made | None:
     """The recordings with the fault in them; `None` where the first does not show it."""
-    plan, recordings = bench.plan([]), {}
+    plan = bench.plan([])
+    recordings: dict[str, Recording] = {}
     sheet = replace(bench.sheet, gravity=np.array([0.0, 0.0, -9.81]))
     for name, motion in zip(("recording.csv", "second.csv"), bench.motions, strict=False):
         recording = sensors.record(bench.chain, plan.senses, bench.run(plan, motion), motion, rng)

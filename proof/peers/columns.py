@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from signals import Case, Matrix, Signals
 
 from arms import Arm
 from rigid import Rigid
-from signals import Case, Matrix, Signals
 
 Name = tuple[str, str | None]
 """Kind and joint."""

@@ -10,12 +10,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from methods import Result
 from mujoco import minimize
+from signals import Case, Matrix, Signals
 
 from arms import Arm
-from methods import Result
 from rigid import Rigid
-from signals import Case, Matrix, Signals
 
 Law = Callable[[Case, Signals, int, Matrix], Matrix]
 """Torques of all joints for the law's numbers, without the data sheet's friction."""

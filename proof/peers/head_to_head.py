@@ -1,4 +1,6 @@
-"""The same sealed cases given to what others would use: `python proof/peers/head_to_head.py DIR` for the folder of `freeplay blind --generator mujoco --out DIR`.
+"""The same sealed cases given to what others would use.
+
+`python proof/peers/head_to_head.py DIR` takes the folder of `freeplay blind --generator mujoco --out DIR`.
 
 Every method trains on `recording.csv` and is held against `second.csv` (the end of the recording where there is none). Names are judged as those of
 Freeplay are. Held-out error: root mean square of measured minus predicted torque in the channels that show what is concealed, over that of the data sheet.
@@ -23,7 +25,18 @@ from methods import Result
 from scores import Json
 
 FAMILIES = {
-    "friction": ("coulomb", "viscous", "stribeck", "asymmetric", "load_dependent", "presliding", "position_dependent", "friction_drift", "quadratic", "joint_coupling"),
+    "friction": (
+        "coulomb",
+        "viscous",
+        "stribeck",
+        "asymmetric",
+        "load_dependent",
+        "presliding",
+        "position_dependent",
+        "friction_drift",
+        "quadratic",
+        "joint_coupling",
+    ),
     "inertia, load, spring": ("rotor_inertia", "payload", "link_mass", "base_tilt", "joint_spring", "torque_ripple"),
     "torque sensors": ("torque_offset", "torque_gain", "actuator_saturation", "sensor_lowpass", "time_delay"),
     "gaps, compliance, geometry": ("backlash", "joint_elasticity", "joint_clearance", "link_flexure", "link_length", "encoder"),
@@ -62,7 +75,8 @@ def compare(folder: Path, truth: Json, answer: Json) -> dict[str, Json]:
     for name, method in METHODS.items():
         start = time.process_time()
         result = method(case)
-        said = {"verdict": "named" if result.named else "nothing_missing", "effects": [{"kind": kind, "joint": joint, "parameters": {}} for kind, joint in result.named]}
+        effects: list[Json] = [{"kind": kind, "joint": joint, "parameters": {}} for kind, joint in sorted(result.named, key=str)]
+        said: Json = {"verdict": "named" if effects else "nothing_missing", "effects": effects}
         after = signals.error(case, case.test, result.predict(case.test))
         rows[name] = {"outcome": scores.judge(truth, said).outcome, "ratio": _ratio(truth, after / before), "seconds": time.process_time() - start}
     known = given.identify(case, truth)

@@ -34,7 +34,8 @@ def diagnose(program: str, case: Path, patience: float) -> Json:
 def table(truths: dict[str, Json], answers: dict[str, Json]) -> str:
     """Outcomes by kind, and what was answered where it was not right."""
     rows: dict[tuple[str, str], Counter[str]] = defaultdict(Counter)
-    wrong, covered = [], []
+    wrong: list[str] = []
+    covered: list[bool] = []
     for name, truth in truths.items():
         judged = scores.judge(truth, answers[name])
         rows[(scores.sort_of(truth), judged.group)][judged.outcome] += 1

@@ -6,9 +6,8 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 import columns
+import numpy as np
 from columns import BEYOND, Name
 from signals import Case, Matrix, Signals
 
@@ -193,7 +192,7 @@ def symbolic(case: Case) -> Result:
     from gplearn.genetic import SymbolicRegressor
 
     y = case.train.tau - case.nominal(case.train)
-    share = [float(np.mean(y[rows, k] ** 2) / (np.mean(case.train.tau[:, k] ** 2) + 1e-12)) if (rows := case.train.moving[:, k]).sum() > 100 else 0.0 for k in range(case.sheet.dof)]
+    share = [_share_left(case, y, joint) for joint in range(case.sheet.dof)]
     programs: dict[int, tuple[object, float]] = {}
     named: set[Name] = set()
     for joint in np.argsort(share)[::-1][:2]:
@@ -218,6 +217,14 @@ def symbolic(case: Case) -> Result:
         return out
 
     return Result(frozenset(_whole(named, case)), predict)
+
+
+def _share_left(case: Case, y: Matrix, joint: int) -> float:
+    """Mean square of what the data sheet leaves of a joint's torque, over that of the torque; zero where it hardly moves."""
+    rows = case.train.moving[:, joint]
+    if rows.sum() <= 100:
+        return 0.0
+    return float(np.mean(y[rows, joint] ** 2) / (np.mean(case.train.tau[:, joint] ** 2) + 1e-12))
 
 
 def _features(case: Case, signals: Signals, joint: int) -> Matrix:

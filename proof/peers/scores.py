@@ -157,6 +157,6 @@ def _is_push(concealed: Json, effect: Json) -> bool:
 
 
 def _impulse(parameters: Json) -> float:
-    force = parameters.get("torque", parameters.get("force"))
+    force: Any = parameters["torque"] if "torque" in parameters else parameters["force"]
     size = sum(x * x for x in force) ** 0.5 if isinstance(force, list) else abs(force)
     return float(size * (parameters["end"] - parameters["start"]))
