@@ -8,6 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 use common::{Call, FREEPLAY, fresh_folder};
+use freeplay_concealed::{Case, Demand, Family, Machine, Noise, Severity, generate, write_sealed};
 use serde_json::Value;
 
 fn python() -> String {
@@ -16,7 +17,8 @@ fn python() -> String {
 
 fn has(packages: &str) -> bool {
     let script = format!("import {packages}");
-    let found = Command::new(python()).args(["-c", &script]).output().is_ok_and(|output| output.status.success());
+    let found =
+        Command::new(python()).args(["-c", &script]).output().is_ok_and(|output| output.status.success());
     if !found {
         println!("skipped: {} lacks {packages}; FREEPLAY_PYTHON names another interpreter", python());
     }
@@ -37,25 +39,47 @@ fn script(folder: &Path, lines: &str) -> String {
     path.display().to_string()
 }
 
-const ASKED: [&str; 8] = ["blind", "--cases", "1", "--seed", "5", "--out", "out", "--quiet"];
+const ASKED: [&str; 8] = ["blind", "--cases", "2", "--seed", "5", "--out", "out", "--quiet"];
 
-/// What a generator can't make is counted, and the order names its schema, the seed and the folder.
+/// Copies the folder `case` to where the order wants its second case, and can't make the first.
+const COPIES: &str = r#"cat > order.json
+folder=$(sed 's/.*"folder":"\([^"]*\)".*/\1/' order.json)
+name=$(sed 's/.*"index":1,"name":"\([^"]*\)".*/\1/' order.json)
+cp -r case "$folder/$name"
+echo '[0, null]'
+echo '[0, {"NotMade": {"asked": "a gap", "why": "no tool"}}]'
+echo '[1, null]'
+echo '[1, {"Made": {"name": "'"$name"'", "truth": {"effects": [{"kind": "coulomb_friction", "joint": "carriage"}]}}}]'"#;
+
+/// What a generator can't make is counted, what it makes is sealed, answered and scored, and the receipt names it.
 #[test]
 fn another_program_gets_an_order_and_its_lines_are_read() {
     let folder = fresh_folder();
-    let generator = script(
-        folder.path(),
-        "cat > order.json\necho '[0, null]'\necho '[0, {\"NotMade\": {\"asked\": \"a gap\", \"why\": \"no tool\"}}]'",
-    );
+    let friction = Demand { kind: "coulomb_friction".to_owned(), joint: None, severity: Severity::Strong };
+    let case = Case {
+        machine: Machine::Slide,
+        effects: vec![friction],
+        family: Some(Family::Fourier),
+        noise: Noise::Low,
+        hollow: false,
+        seed: 40,
+    };
+    write_sealed(&folder.path().join("case"), &generate(&case).expect("a case")).expect("files");
+    let generator = script(folder.path(), COPIES);
     let ran = Call::new(folder, &[&ASKED[..], &["--generator", &generator]].concat()).run().expect(0);
     let order = read(&ran.folder.path().join("order.json"));
     assert_eq!((&order["schema"], &order["seed"]), (&"freeplay.generator/1".into(), &5.into()), "{order}");
-    assert_eq!(order["quota"]["single"], 1);
-    assert_eq!(order["cases"].as_array().map(Vec::len), Some(1));
+    assert_eq!(order["quota"]["single"], 2);
+    assert_eq!(order["cases"].as_array().map(Vec::len), Some(2));
     assert!(Path::new(order["folder"].as_str().expect("a folder")).is_absolute());
-    let part = &read(&ran.folder.path().join("out/receipt.json"))["parts"][0];
+    let receipt = read(&ran.folder.path().join("out/receipt.json"));
+    let part = &receipt["parts"][0];
     assert_eq!(part["not_made"][0], "a gap: no tool");
     assert_eq!(part["draw"]["generator"]["name"], generator.as_str());
+    let case = receipt["cases"].as_object().and_then(|cases| cases.values().next()).expect("a case");
+    assert_eq!(case["outcome"], "right", "{}", case["answer"]["statement"]);
+    let verified = Call::new(ran.folder, &["blind", "--verify", "out/receipt.json"]).run().expect(0);
+    println!("{}", verified.stdout());
 }
 
 #[test]
@@ -68,6 +92,9 @@ fn a_generator_that_is_missing_or_garbled_is_said_in_one_error() {
     let call = Call::new(fresh_folder(), &[&ASKED[..], &["--generator", "mujoco"]].concat());
     let ran = call.env("FREEPLAY_PYTHON", "/nowhere/python").run().expect(5);
     assert!(ran.stderr().contains("FREEPLAY_PYTHON"), "{}", ran.stderr());
+    for left in ["sealed", "making", "generator", "receipt.json"] {
+        assert!(!ran.folder.path().join("out").join(left).exists(), "{left} is left");
+    }
 }
 
 /// A Python without the package ends with the code of a missing peer, and names the package.

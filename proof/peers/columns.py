@@ -12,22 +12,22 @@ from rigid import Rigid
 
 Name = tuple[str, str | None]
 """Kind and joint."""
-INERTIA, FRICTION = 0.02, 0.05
-"""What a data sheet's masses and frictions are good for, as a fraction."""
+INERTIA, FRICTION = 0.02 / np.sqrt(3), 0.05 / np.sqrt(3)
+"""Standard deviations of a data sheet's masses and frictions that are spread evenly over their tolerances, as a fraction."""
 BEYOND = 1.0
-"""A term is a finding where its trace is so many times what the tolerance of the data sheet may do in its channel."""
+"""A term is a finding where its trace is so many times what these do in its channel."""
 
 
 def friction(signals: Signals, joint: int) -> dict[str, Matrix]:
     """The terms of one joint that every text book has, as columns of that joint's torque."""
     v, a = signals.v[:, joint], signals.a[:, joint]
-    return {"coulomb_friction": np.sign(v), "viscous_friction": v, "torque_offset": np.ones_like(v), "rotor_inertia": a}
+    return {"coulomb_friction": signals.turn[:, joint], "viscous_friction": v, "torque_offset": np.ones_like(v), "rotor_inertia": a}
 
 
 def library(case: Case, signals: Signals, joint: int) -> dict[tuple[str, str], Matrix]:
     """Terms for sparse regression of one joint's torque: the kind that each stands for, and the term in words."""
     v, q, load = signals.v[:, joint], signals.q[:, joint], signals.rigid[:, joint]
-    moved = np.sign(v)
+    moved = signals.turn[:, joint]
     terms = {(kind, kind): column for kind, column in friction(signals, joint).items()}
     terms["quadratic_drag", "v|v|"] = v * np.abs(v)
     fast = case.sheet.joints[joint].velocity

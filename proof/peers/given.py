@@ -26,11 +26,11 @@ def _on(case: Case, joint: int, column: Matrix) -> Matrix:
     return column[:, None] * np.eye(case.sheet.dof)[joint]
 
 
-def _column(of: Callable[[Matrix, Matrix, Matrix, Matrix], Matrix]) -> Law:
-    """A law whose torque acts on its own joint: of its numbers, q, v and a."""
+def _column(of: Callable[[Matrix, Matrix, Matrix, Matrix, Matrix], Matrix]) -> Law:
+    """A law whose torque acts on its own joint: of its numbers, q, v, a and the sign of v."""
 
     def law(case: Case, signals: Signals, joint: int, x: Matrix) -> Matrix:
-        return signals.rigid + _on(case, joint, of(x, signals.q[:, joint], signals.v[:, joint], signals.a[:, joint]))
+        return signals.rigid + _on(case, joint, of(x, signals.q[:, joint], signals.v[:, joint], signals.a[:, joint], signals.turn[:, joint]))
 
     return law
 
@@ -66,19 +66,19 @@ def _tilted(arm: Arm, _joint: int, x: Matrix) -> Arm:
     return replace(arm, gravity=np.array([9.81 * np.sin(x[1]), -9.81 * np.sin(x[0]), -9.81 * np.cos(x[0]) * np.cos(x[1])]))
 
 
-def _sliding(x: Matrix, _q: Matrix, v: Matrix, _a: Matrix) -> Matrix:
-    return np.where(v > 0, x[0], -x[1])
+def _sliding(x: Matrix, _q: Matrix, _v: Matrix, _a: Matrix, s: Matrix) -> Matrix:
+    return 0.5 * (x[0] + x[1]) * s + 0.5 * (x[0] - x[1])
 
 
 LAWS: dict[str, tuple[Law, list[float]]] = {
-    "coulomb_friction": (_column(lambda x, _q, v, _a: x[0] * np.sign(v)), [0.0]),
-    "viscous_friction": (_column(lambda x, _q, v, _a: x[0] * v), [0.0]),
-    "stribeck_friction": (_column(lambda x, _q, v, _a: x[0] * np.exp(-((v / (abs(x[1]) + 1e-3)) ** 2)) * np.sign(v)), [0.0, 0.1]),
+    "coulomb_friction": (_column(lambda x, _q, _v, _a, s: x[0] * s), [0.0]),
+    "viscous_friction": (_column(lambda x, _q, v, _a, _s: x[0] * v), [0.0]),
+    "stribeck_friction": (_column(lambda x, _q, v, _a, s: x[0] * np.exp(-((v / (abs(x[1]) + 1e-3)) ** 2)) * s), [0.0, 0.1]),
     "asymmetric_friction": (_column(_sliding), [0.0, 0.0]),
-    "quadratic_drag": (_column(lambda x, _q, v, _a: x[0] * v * np.abs(v)), [0.0]),
-    "torque_offset": (_column(lambda x, q, _v, _a: x[0] + 0 * q), [0.0]),
-    "rotor_inertia": (_column(lambda x, _q, _v, a: x[0] * a), [0.0]),
-    "joint_spring": (_column(lambda x, q, _v, _a: x[0] * q + x[1]), [0.0, 0.0]),
+    "quadratic_drag": (_column(lambda x, _q, v, _a, _s: x[0] * v * np.abs(v)), [0.0]),
+    "torque_offset": (_column(lambda x, q, _v, _a, _s: x[0] + 0 * q), [0.0]),
+    "rotor_inertia": (_column(lambda x, _q, _v, a, _s: x[0] * a), [0.0]),
+    "joint_spring": (_column(lambda x, q, _v, _a, _s: x[0] * q + x[1]), [0.0, 0.0]),
     "link_mass": (_changed(_heavier), [1.0]),
     "payload": (_changed(_loaded), [0.01, 0.0, 0.0, 0.0]),
     "base_tilt": (_changed(_tilted), [0.0, 0.0]),

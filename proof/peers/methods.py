@@ -231,7 +231,7 @@ def _features(case: Case, signals: Signals, joint: int) -> Matrix:
     """Position, speed, its sign, acceleration and load, each of unit size on the training data."""
 
     def of(part: Signals) -> Matrix:
-        return np.array([part.q[:, joint], part.v[:, joint], np.sign(part.v[:, joint]), part.a[:, joint], part.rigid[:, joint]]).T
+        return np.array([part.q[:, joint], part.v[:, joint], part.turn[:, joint], part.a[:, joint], part.rigid[:, joint]]).T
 
     return of(signals) / (np.sqrt((of(case.train) ** 2).mean(axis=0)) + 1e-12)
 

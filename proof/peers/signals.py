@@ -23,6 +23,8 @@ EDGE = 0.3
 """Left out at either end, s."""
 STANDS = 5e-3
 """A joint slower than this share of its largest speed stands: such rows are left out."""
+STEADY = 0.05
+"""Rows whose sign of speed is further from one behind the low-pass are left out."""
 TEST_SHARE = 1 / 3
 """Held out of a single recording: its end."""
 
@@ -40,8 +42,10 @@ class Signals:
     tau: Matrix
     rigid: Matrix
     """Torque of the data sheet's rigid arm, N·m."""
+    turn: Matrix
+    """Sign of the speed behind the same low-pass."""
     moving: Matrix
-    """Where each joint moves."""
+    """Where each joint moves and has moved in the same direction as far as the low-pass looks."""
 
     def rows(self, some: slice) -> Signals:
         """A part of the rows."""
@@ -60,7 +64,7 @@ class Case:
         """Torque of the data sheet with its friction, N·m."""
         viscous = np.array([joint.viscous for joint in self.sheet.joints])
         coulomb = np.array([joint.coulomb for joint in self.sheet.joints])
-        return signals.rigid + viscous * signals.v + coulomb * np.sign(signals.v)
+        return signals.rigid + viscous * signals.v + coulomb * signals.turn
 
 
 def sheet_of(path: Path) -> Arm:
@@ -100,10 +104,11 @@ def signals_of(path: Path, sheet: Arm) -> Signals:
     q, tau = block("q"), block("tau")
     v = np.gradient(q, t, axis=0)
     a = np.gradient(v, t, axis=0)
-    some = slice(int(EDGE * rate), len(t) - int(EDGE * rate), max(int(rate / RATE), 1))
-    q, v, a, tau = (values[some] for values in (q, v, a, tau))
     speed = np.array([joint.velocity for joint in sheet.joints])
-    return Signals(t[some], q, v, a, tau, Rigid(sheet).torques(q, v, a), np.abs(v) > STANDS * speed)
+    turn = filtfilt(*low, np.sign(v) * (np.abs(v) > STANDS * speed), axis=0)
+    some = slice(int(EDGE * rate), len(t) - int(EDGE * rate), max(int(rate / RATE), 1))
+    q, v, a, tau, turn = (values[some] for values in (q, v, a, tau, turn))
+    return Signals(t[some], q, v, a, tau, Rigid(sheet).torques(q, v, a), turn, np.abs(np.abs(turn) - 1.0) < STEADY)
 
 
 def case_of(folder: Path) -> Case:

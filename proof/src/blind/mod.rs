@@ -144,7 +144,12 @@ impl BlindArgs {
         }
         let time = receipt::now().replace(':', "-");
         let new = PathBuf::from("out").join(format!("blind-{}", time.trim_end_matches('Z')));
-        claim_or_new(self.out.as_deref(), &new, &["sealed", "generator", "receipt.json", "report.html"], self.force)
+        claim_or_new(
+            self.out.as_deref(),
+            &new,
+            &["sealed", "generator", "receipt.json", "report.html"],
+            self.force,
+        )
     }
 }
 

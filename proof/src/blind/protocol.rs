@@ -168,7 +168,9 @@ fn generate(args: &BlindArgs, source: &Source, folder: &Path, part: &mut Part) -
     let lines = made(&order, source, &bar);
     if lines.is_err() {
         // What was made is of no use without its truth; the error says what went wrong.
-        let _ = remove_folder(&making);
+        for left in [&making, &cases, &folder.join("generator")] {
+            let _ = remove_folder(left);
+        }
     }
     let lines = lines?;
     bar.finish_and_clear();

@@ -71,7 +71,8 @@ impl Source {
     pub fn named(generator: Option<&Path>, folder: &Path) -> Result<(Self, Option<Other>), Failure> {
         let Some(path) = generator else { return Ok((Self::Own, None)) };
         let given = path.display().to_string();
-        let path = if path == Path::new(MUJOCO) { written(&folder.join("generator"))? } else { path.to_owned() };
+        let path =
+            if path == Path::new(MUJOCO) { written(&folder.join("generator"))? } else { path.to_owned() };
         let path = std::path::absolute(&path).map_err(Failure::input)?;
         let mut files = Vec::new();
         hashes(&path, "", &mut files)?;

@@ -112,7 +112,8 @@ fn parts(receipt: &Receipt) -> Check {
 /// Why two parts hold one case twice: the same draw with shards that overlap, a name, or a recording.
 pub fn same_cases(this: &Part, other: &Part) -> Option<String> {
     if let (Some(a), Some(b)) = (&this.draw, &other.draw) {
-        let same = a.seed == b.seed && a.quota == b.quota && a.matrix == b.matrix && a.generator == b.generator;
+        let same =
+            a.seed == b.seed && a.quota == b.quota && a.matrix == b.matrix && a.generator == b.generator;
         // Shards i of n and j of m share a case where i and j leave the same rest by the greatest common divisor of n and m.
         let step = divisor(a.shard[1], b.shard[1]).max(1);
         if same && a.shard[0] % step == b.shard[0] % step {
