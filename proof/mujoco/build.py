@@ -155,8 +155,10 @@ def _bristles(plan: Plan, world: ET.Element, tendons: ET.Element) -> None:
             spring = springs[k] / springs.sum() * stiffness
             rotor = 4e-8 * spring + 1e-7
             slider = ET.SubElement(body, "joint", name=name, type="hinge", axis="0 0 1", armature=repr(float(rotor)))
-            slider.attrib.update(frictionloss=repr(float(shares[k] * joint.coulomb)), damping=repr(float(1e-4 * spring)), **FRICTION)
+            slider.attrib.update(frictionloss=repr(float(shares[k] * joint.coulomb)), **FRICTION)
+            # The damper is beside the spring: a slider that slides must not be viscous.
             fixed = ET.SubElement(tendons, "fixed", name=name, stiffness=repr(float(spring)), springlength="0")
+            fixed.set("damping", repr(float(1e-4 * spring)))
             ET.SubElement(fixed, "joint", joint=joint.name, coef="1")
             ET.SubElement(fixed, "joint", joint=name, coef="-1")
 
