@@ -142,9 +142,11 @@ def main() -> None:
     truths = {name: record["truth"] for name, record in records.items()}
     with ProcessPoolExecutor(asked.jobs) as pool:
         running = {name: pool.submit(compare, asked.folder / "sealed" / name, record["truth"], answer_of(record)) for name, record in records.items()}
-        results = {name: future.result() for name, future in running.items()}
-    if asked.results:
-        asked.results.write_text(json.dumps(results, indent=1) + "\n")
+        results = {}
+        for name, future in running.items():
+            results[name] = future.result()
+            if asked.results:
+                asked.results.write_text(json.dumps(results, indent=1) + "\n")
     print(table(truths, results))
 
 

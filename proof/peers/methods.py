@@ -90,24 +90,32 @@ def _by_channel(values: Matrix, owner: Matrix, n: int) -> Matrix:
 
 
 def _forward(case: Case, train: dict[Name, Matrix], target: Matrix, owner: Matrix) -> set[Name]:
-    """Groups one by one, the one that explains most first, until none is significant; of them those beyond the tolerances."""
+    """Groups one by one, the one that explains most first, until none is significant; of them those beyond the tolerances.
+
+    Rows count as far as the residual of the full model is independent.
+    """
+    table = np.hstack(list(train.values()))
+    size = np.sqrt((table**2).mean(axis=0)) + 1e-12
+    gram, right = (table / size).T @ (table / size), (table / size).T @ target
+    share = _effective(target - table @ _fit(table, target)) / len(target)
+    ends = np.cumsum([columns_of.shape[1] for columns_of in train.values()])
+    places = {name: np.arange(end - train[name].shape[1], end) for name, end in zip(train, ends, strict=True)}
+
+    def left(names: list[Name]) -> float:
+        some = np.concatenate([places[name] for name in names])
+        return float(target @ target - right[some] @ np.linalg.lstsq(gram[np.ix_(some, some)], right[some], rcond=1e-10)[0])
+
     chosen: list[Name] = []
-    wrong = target
+    before = float(target @ target)
     while len(chosen) < MOST:
-        best: tuple[float, Name | None, Matrix] = (SIGNIFICANT, None, wrong)
-        for name, table in train.items():
-            if name in chosen:
-                continue
-            both = np.hstack([train[it] for it in chosen] + [table])
-            left = target - both @ _fit(both, target)
-            gain = float(wrong @ wrong - left @ left) / table.shape[1]
-            worth = gain / float(left @ left) * max(_effective(left) - both.shape[1], 1.0)
-            if worth > best[0]:
-                best = (worth, name, left)
-        if best[1] is None:
+        after = {name: left([*chosen, name]) for name in train if name not in chosen}
+        rows = share * len(target)
+        worth = {name: (before - rest) / len(places[name]) / rest * rows for name, rest in after.items()}
+        best = max(worth, key=lambda name: worth[name])
+        if worth[best] < SIGNIFICANT:
             break
-        chosen.append(best[1])
-        wrong = best[2]
+        chosen.append(best)
+        before = after[best]
     return _beyond(case, {name: train[name] for name in chosen}, target, owner)
 
 
