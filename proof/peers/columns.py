@@ -14,8 +14,8 @@ Name = tuple[str, str | None]
 """Kind and joint."""
 INERTIA, FRICTION = 0.02 / np.sqrt(3), 0.05 / np.sqrt(3)
 """Standard deviations of a data sheet's masses and frictions that are spread evenly over their tolerances, as a fraction."""
-BEYOND = 1.0
-"""A term is a finding where its trace is so many times what these do in its channel."""
+BEYOND = 2.0
+"""A term is a finding where its trace is so many times what these do in its channel: two standard deviations."""
 
 
 def friction(signals: Signals, joint: int) -> dict[str, Matrix]:

@@ -110,16 +110,20 @@ def _setup(truth: Json, answer: Json) -> str:
     kinds = {(fault["kind"]): fault for fault in truth["setup"]}
     found = answer.get("setup", [])
     if answer.get("verdict") == "failed":
-        return "failed"
+        # Times that are no seconds are refused with what to do about it.
+        return "right" if "time_unit" in kinds and "column t" in answer.get("why", "") else "failed"
+    # A data sheet without friction misses it whatever the set-up is.
+    known = () if truth.get("friction", True) else ("coulomb_friction", "viscous_friction", "stribeck_friction", "asymmetric_friction")
+    invented = [kind for kind, _ in places(answer.get("effects", [])) if kind not in known]
     if not found:
-        return "wrong" if answer.get("effects") else "missed"
+        return "wrong" if invented else "missed"
     right = all(
         it["kind"] in kinds and (it.get("joint") is None or not kinds[it["kind"]]["joints"] or it["joint"] in kinds[it["kind"]]["joints"])
         for it in found
     )
     if not right:
         return "wrong"
-    return "extra" if answer.get("effects") else "right"
+    return "extra" if invented else "right"
 
 
 def _covered(truth: Json, answer: Json) -> list[bool]:
