@@ -141,7 +141,7 @@ impl Examination<'_> {
 
     /// The changes of `best` that are sure or likely, each with what explains as much.
     fn certain(&self, search: &Search, best: &Outcome) -> (Certain, Rivals) {
-        let counts = rows_per_one(best);
+        let counts = rows_per_one(&search.whole.residuals(best));
         let (mut certain, mut rivals) = (Vec::new(), Vec::new());
         let asked = best
             .changes
@@ -224,7 +224,7 @@ fn certainty(change: &Change, best: &Outcome, other: &Outcome, counts: &[f64]) -
 }
 
 /// How many rows of each channel count as one: 1 + 2 Σ ρ_k of what is left of it (Bartlett 1946).
-fn rows_per_one(best: &Outcome) -> Vec<f64> {
+fn rows_per_one(residuals: &[Vec<f64>]) -> Vec<f64> {
     let of = |residual: &Vec<f64>| {
         let mean = residual.iter().sum::<f64>() / residual.len().max(1) as f64;
         let x: Vec<f64> = residual.iter().map(|x| x - mean).collect();
@@ -236,5 +236,5 @@ fn rows_per_one(best: &Outcome) -> Vec<f64> {
         let sum: f64 = (1..=MEMORY).map(at).take_while(|rho| *rho > 0.0).sum();
         (1.0 + 2.0 * sum).min(MOST_ROWS_PER_ONE)
     };
-    best.residual.iter().map(of).collect()
+    residuals.iter().map(of).collect()
 }
