@@ -18,11 +18,8 @@ type Rivals = Vec<(Change, String)>;
 
 /// Least log odds of a change, its price and its prior odds taken off, the rows counted as far as they are independent: 1000 to 1.
 const OVERWHELMING: f64 = 6.9;
-/// Of a channel that a change mends, the variance that is left has to fall by these factors for a sure and for a likely finding.
-const MOST: f64 = 10.0;
-const MUCH: f64 = 6.0;
-/// A channel counts for that where at least this share of its variance was unexplained.
-const UNEXPLAINED: f64 = 0.05;
+/// "Most" of what is left of a channel is more than half of its variance.
+const MOST: f64 = 2.0;
 /// A channel speaks of its reading where the rigid arm makes this share of its variance.
 pub(super) const SPOKEN: f64 = 0.1;
 /// Log odds within which another change explains as much: 20 to 1.
@@ -86,7 +83,10 @@ impl Examination<'_> {
         }
         let search = Search::new(self.arm, self.samples);
         let (best, certain, rivals) = self.settled(&search);
-        if let Some(other) = kinds::another_arm::found(&best, self.arm.dof(), has_torques, has_tool) {
+        let another = search.whole.log_price(best.likelihood.len());
+        let is_another = certain.len() > 1 && best.price() > kinds::another_arm::price(self.arm.dof(), another);
+        let other = kinds::another_arm::found(&best, self.arm.dof(), has_torques, has_tool);
+        if let Some(other) = other.or(is_another.then(kinds::another_arm::by_price)) {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
             // Torques alone can be far from any model; geometry can't.
@@ -132,15 +132,18 @@ impl Examination<'_> {
             };
             let readings = best.changes.iter().filter(|change| change.is_reading());
             let kept: Vec<Change> = readings.clone().filter(is_kept).copied().collect();
-            if kept.len() == readings.count() {
+            if kept.len() == readings.count() && !best.likelihood.is_empty() {
                 return (best, certain, rivals);
             }
-            best = search.beside(&kept);
+            best = search.beside(if best.likelihood.is_empty() { &[] } else { &kept });
         }
     }
 
     /// The changes of `best` that are sure or likely, each with what explains as much.
     fn certain(&self, search: &Search, best: &Outcome) -> (Certain, Rivals) {
+        if best.likelihood.is_empty() {
+            return (Vec::new(), Vec::new());
+        }
         let counts = rows_per_one(&search.whole.residuals(best));
         let (mut certain, mut rivals) = (Vec::new(), Vec::new());
         let asked = best
@@ -151,11 +154,18 @@ impl Examination<'_> {
             let rest = without(&best.changes, change);
             let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
             let other = search.beside(&readings);
+            // Where no fit without it is possible, the evidence is what the change brought.
             if other.likelihood.len() != best.likelihood.len() {
                 continue;
             }
-            let Some(certainty) = certainty(change, best, &other, &counts) else { continue };
-            certain.push((*change, certainty));
+            // Physics that fits one reading may be impossible under another.
+            let same = Some(search.whole.outcome(&rest)).filter(|same| !same.likelihood.is_empty());
+            let same = same.unwrap_or_else(|| other.clone());
+            let is = is_certain(change, best, &other, &same, &counts);
+            if !is {
+                continue;
+            }
+            certain.push((*change, Certainty::Sure));
             rivals.extend(self.rival(search, best, change, &rest).map(|words| (*change, words)));
         }
         (certain, rivals)
@@ -195,13 +205,13 @@ fn without(changes: &[Change], change: &Change) -> Vec<Change> {
     changes.iter().filter(stays).copied().collect()
 }
 
-/// How sure it is that `best` is right against `other`, which lacks `change`; rows of channel c count 1/`counts[c]` each. A reading shows
-/// in what the arm itself asks for: where friction is all, a gap or bristles look like a clock, and a torque that has nothing to do with
-/// the model like one in a unit that is far too large. Torques without gravity alone may be silent.
-fn certainty(change: &Change, best: &Outcome, other: &Outcome, counts: &[f64]) -> Option<Certainty> {
+/// Whether `best` is right against `other`, the best set without `change`: by odds, rows of channel c counting 1/`counts[c]` each, and by what
+/// the change takes away of what is left of `same`, which is `best` without it. A reading shows in what the arm itself asks for: where friction
+/// is all, a gap or bristles look like a clock, and a torque that has nothing to do with the model like one in a unit that is far too large.
+/// Torques without gravity alone may be silent.
+fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, counts: &[f64]) -> bool {
     let is_silent = matches!(change, Change::Compensated);
-    let price = |outcome: &Outcome| outcome.evidence - outcome.likelihood.iter().sum::<f64>();
-    let mut odds = price(best) - price(other);
+    let mut odds = other.price() - best.price();
     let mut fall = 1.0_f64;
     for (c, count) in counts.iter().enumerate() {
         if !is_silent && best.spoken[c] < SPOKEN {
@@ -209,18 +219,11 @@ fn certainty(change: &Change, best: &Outcome, other: &Outcome, counts: &[f64]) -
         }
         let gain = best.likelihood[c] - other.likelihood[c];
         odds += if gain > 0.0 { gain / count } else { gain };
-        if other.left[c] > UNEXPLAINED {
-            fall = fall.max((other.left[c] + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
+        if let Some(left) = same.left.get(c) {
+            fall = fall.max((left + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
         }
     }
-    if odds.is_nan() || odds <= OVERWHELMING {
-        return None;
-    }
-    match fall {
-        fall if fall > MOST => Some(Certainty::Sure),
-        fall if fall > MUCH => Some(Certainty::Likely),
-        _ => None,
-    }
+    odds > OVERWHELMING && fall > MOST
 }
 
 /// How many rows of each channel count as one: 1 + 2 Σ ρ_k of what is left of it (Bartlett 1946).

@@ -32,6 +32,8 @@ pub(crate) struct Problem<'a> {
     stride: usize,
     /// What every real arm is off its laws by, as a share of a channel's standard deviation: below it, nothing is asked.
     pub floor: f64,
+    /// How far the arm reaches, m.
+    pub reach: f64,
     seen: RefCell<HashMap<Vec<u64>, Rc<Along>>>,
     measured: RefCell<HashMap<(usize, u64), Rc<Measured>>>,
 }
@@ -63,10 +65,19 @@ pub(crate) struct Outcome {
     pub scale: Vec<f64>,
 }
 
+impl Outcome {
+    /// What its changes cost: fitted numbers and prior odds.
+    pub fn price(&self) -> f64 {
+        self.likelihood.iter().sum::<f64>() - self.evidence
+    }
+}
+
 impl<'a> Problem<'a> {
     /// The rows of `samples`, one of `stride` of them.
     pub fn new(arm: &'a Arm, samples: &'a Samples, stride: usize, floor: f64) -> Self {
-        Self { arm, samples, stride, floor, seen: RefCell::default(), measured: RefCell::default() }
+        let joints = arm.joints().iter().skip(1).map(|joint| joint.placement.translation.vector.norm());
+        let reach = joints.sum::<f64>() + arm.tool().translation.vector.norm();
+        Self { arm, samples, stride, floor, reach, seen: RefCell::default(), measured: RefCell::default() }
     }
 
     fn rows(&self) -> usize {
@@ -149,12 +160,16 @@ impl<'a> Problem<'a> {
             }
             count += 3;
         }
-        let data = (self.rows() * count.max(1)) as f64;
         let parameters: usize = changes.iter().map(Change::parameters).sum();
         let odds: f64 = changes.iter().enumerate().map(|(k, change)| change.log_odds(&changes[..k])).sum();
         outcome.evidence =
-            outcome.likelihood.iter().sum::<f64>() + odds - 0.5 * parameters as f64 * data.ln();
+            outcome.likelihood.iter().sum::<f64>() + odds - parameters as f64 * self.log_price(count);
         outcome
+    }
+
+    /// What a fitted number costs where `channels` were recorded.
+    pub fn log_price(&self, channels: usize) -> f64 {
+        0.5 * ((self.rows() * channels.max(1)) as f64).ln()
     }
 
     fn gravity(&self, reading: &Reading) -> Vector3<f64> {
@@ -182,7 +197,8 @@ impl<'a> Problem<'a> {
         let reading = reading(self.arm, &outcome.changes);
         let along = self.along(&reading);
         let mut residuals = Vec::new();
-        if self.samples.has_torques() {
+        let is_fitted = outcome.likelihood.len() >= self.arm.dof();
+        if self.samples.has_torques() && is_fitted {
             let torques = Torques::new(self, &reading, &along, &outcome.changes);
             let (mut gravity, mut scale) = (self.gravity(&reading), vec![1.0; self.arm.dof()]);
             residuals = vec![Vec::new(); self.arm.dof()];

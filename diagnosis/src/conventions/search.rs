@@ -153,8 +153,13 @@ fn added(
     promising: &mut Option<Vec<Change>>,
 ) -> Option<Outcome> {
     let samples = problem.samples;
-    let ask =
-        Ask { arm: problem.arm, has_torques: samples.has_torques(), has_tool: samples.has_tool(), best };
+    let ask = Ask {
+        arm: problem.arm,
+        has_torques: samples.has_torques(),
+        has_tool: samples.has_tool(),
+        positions: &samples.motion[0],
+        best,
+    };
     let asked = promising.clone().unwrap_or_else(|| kinds::asks(&ask));
     let asked = asked.into_iter().filter(|change| with_reading || !change.is_reading());
     let sets = asked.filter_map(|change| {

@@ -15,8 +15,9 @@ const MOST_ROTOR: f64 = 4.0;
 /// Loads up to this share of the arm, and links that are heavier by up to this many times: makers' ratios of load to mass end below.
 const MOST_LOAD: f64 = 0.7;
 const MOST_LINK: f64 = 2.0;
-/// What an arm may lack of its mass, and a link of its own: no arm is without weight.
-const LEAST_LOAD: f64 = 0.2;
+/// How far from the tool a load's centre of mass may be, as a share of the arm's reach.
+const FARTHEST: f64 = 0.25;
+/// What a link may lack of its own mass: no link is without weight.
 const LEAST_LINK: f64 = 0.6;
 /// No unit makes a torque larger or smaller than by this: counts of 16 bits, micronewton metres of a wrist are below.
 const MOST_SCALE: f64 = 1e6;
@@ -193,16 +194,17 @@ impl<'p, 'a> Torques<'p, 'a> {
 
     /// Whether physics beside the reading has sizes that a machine can have.
     pub fn is_possible(&self, fitted: &Fit, scale: &[f64]) -> bool {
-        let of_joint = |(own, &joint): (&Vec<f64>, &usize)| {
-            let rotor = self.own(joint).iter().position(|(column, _)| *column == Column::Acceleration);
-            rotor.is_none_or(|place| own[place] / scale[joint] <= MOST_ROTOR * self.inertia(joint))
-        };
+        let of_joint = |(own, &joint): (&Vec<f64>, &usize)| self.are_own(joint, own, scale[joint]);
         let mass: f64 = self.problem.arm.joints().iter().map(|joint| joint.inertia.mass).sum();
+        let own = self.problem.arm.joints().last().map_or(0.0, |last| last.inertia.mass);
         let mut at = 0;
         let are_masses = self.physics.iter().all(|physics| match physics {
             Physics::Payload => {
                 at += LOADS;
-                (-LEAST_LOAD * mass..=MOST_LOAD * mass).contains(&fitted.shared[at - LOADS])
+                let load = &fitted.shared[at - LOADS..at];
+                let moment = Vector3::from_column_slice(&load[1..]).norm();
+                (-own..=MOST_LOAD * mass).contains(&load[0])
+                    && moment <= (load[0].abs() + own) * FARTHEST * self.problem.reach
             }
             Physics::Link(_) => {
                 at += 1;
@@ -211,6 +213,27 @@ impl<'p, 'a> Torques<'p, 'a> {
             _ => true,
         });
         are_masses && fitted.own.iter().zip(&self.joints).all(of_joint)
+    }
+
+    /// Whether what `joint` has of its own can be: a rotor of a size that drives have; of a joint that is coupled with it, no more inertia than
+    /// leaves the inertia matrix positive, and no more friction than the joint's own, so that friction takes energy whichever way both move.
+    fn are_own(&self, joint: usize, coefficients: &[f64], scale: f64) -> bool {
+        let products = self.along.products(joint);
+        let own = self.own(joint);
+        let of = |wanted: Column| own.iter().position(|(column, _)| *column == wanted).map_or(0.0, |at| coefficients[at]);
+        let friction = |turns: Column, speed: Column| -> f64 {
+            let (c, v) = (of(turns), of(speed));
+            let (turns, speed) = (turns.place(), speed.place());
+            c * c * products[(turns, turns)] + 2.0 * c * v * products[(turns, speed)] + v * v * products[(speed, speed)]
+        };
+        let inertia = |at: usize| (1.0 + MOST_ROTOR) * self.inertia(at) * scale;
+        let is_possible = |side: usize| {
+            let other = if side == 0 { joint.wrapping_sub(1) } else { joint + 1 };
+            other >= self.problem.arm.dof()
+                || of(Column::Other(side, 0)).powi(2) <= inertia(joint) * inertia(other)
+                    && friction(Column::Other(side, 2), Column::Other(side, 1)) <= friction(Column::Turns, Column::Speed)
+        };
+        of(Column::Acceleration) <= MOST_ROTOR * self.inertia(joint) * scale && (0..2).all(is_possible)
     }
 
     /// Inertia that `joint` feels, about.

@@ -16,9 +16,13 @@ const BEYOND: f64 = 2.0;
 /// Without limits: no arm turns this fast, rad/s.
 const FASTEST: f64 = 30.0;
 
-/// What it asks.
-pub(crate) fn asks(_: &Ask) -> Vec<Change> {
-    vec![Change::AngleUnit]
+/// What it asks. Where all turning joints stay within half a turn in rad, degrees would be an arm that moves by less than 3 of them.
+pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
+    let wide = ask.arm.joints().iter().zip(ask.positions).any(|(joint, q)| {
+        let least = q.iter().copied().fold(f64::INFINITY, f64::min);
+        joint.kind == JointKind::Prismatic || q.iter().any(|q| q - least > PI)
+    });
+    wide.then_some(Change::AngleUnit).into_iter().collect()
 }
 
 /// Words and remedy.

@@ -2,6 +2,7 @@
 //!
 //! It asks, when every other question is answered, whether most channels still have most of their variance unexplained.
 
+use super::super::change::RARE;
 use super::super::examine::SPOKEN;
 use super::super::finding::{Certainty, SetupFinding};
 use super::super::problem::Outcome;
@@ -33,15 +34,30 @@ pub(crate) fn found(
     };
     let left =
         100.0 * best.left.iter().filter(|left| left.is_finite()).fold(0.0_f64, |most, left| most.max(*left));
-    Some(SetupFinding {
+    Some(finding(left.min(100.0) / 100.0, certainty))
+}
+
+/// What another arm costs that explains as much as any set of changes does: three numbers for each of `joints` links (length, mass, inertia) at
+/// `each`, and its prior odds.
+pub(crate) fn price(joints: usize, each: f64) -> f64 {
+    (3 * joints) as f64 * each - RARE.ln()
+}
+
+/// Where a set of changes costs more than another arm.
+pub(crate) fn by_price() -> SetupFinding {
+    finding(0.0, Certainty::Sure)
+}
+
+fn finding(value: f64, certainty: Certainty) -> SetupFinding {
+    SetupFinding {
         kind: "another_arm",
         joint: None,
-        value: left.min(100.0) / 100.0,
+        value,
         unit: "1",
         certainty,
         statement: "No reading of the recording (units, signs, order, zeros, gravity, clock) makes it meet this model: is it of another arm?"
             .to_owned(),
         remedy: "Check that the model file and the recording belong to the same robot, and the same tool.".to_owned(),
         gravity: None,
-    })
+    }
 }

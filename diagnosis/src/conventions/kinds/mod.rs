@@ -30,6 +30,8 @@ pub(crate) struct Ask<'a> {
     pub arm: &'a Arm,
     pub has_torques: bool,
     pub has_tool: bool,
+    /// Recorded positions, `[joint][row]`.
+    pub positions: &'a [Vec<f64>],
     /// The best set so far.
     pub best: &'a Outcome,
 }
