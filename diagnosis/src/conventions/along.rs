@@ -106,7 +106,11 @@ impl Along {
             }
         }
         let products = columns.iter().map(|columns| {
-            DMatrix::from_fn(COLUMNS, COLUMNS, |i, k| if i <= k { dot(&columns[i], &columns[k]) } else { 0.0 })
+            DMatrix::from_fn(
+                COLUMNS,
+                COLUMNS,
+                |i, k| if i <= k { dot(&columns[i], &columns[k]) } else { 0.0 },
+            )
         });
         let products = products.map(|mut half: DMatrix<f64>| {
             half.fill_lower_triangle_with_upper_triangle();
@@ -118,11 +122,6 @@ impl Along {
     /// A column of `joint`.
     pub fn column(&self, joint: usize, column: Column) -> &[f64] {
         &self.columns[joint][column.place()]
-    }
-
-    /// All columns of `joint`, in the order of their numbers.
-    pub fn columns(&self, joint: usize) -> &[Vec<f64>] {
-        &self.columns[joint]
     }
 
     /// Inner products of the columns of `joint`, by number.
@@ -155,10 +154,12 @@ impl Along {
     /// Torques of a load and of each link.
     fn by_mass(&self, arm: &Arm) -> Vec<Vec<[Vec<f64>; 4]>> {
         let n = arm.dof();
-        let of = |column| -> Vec<Vec<f64>> { (0..n).map(|joint| self.column(joint, column).to_vec()).collect() };
+        let of =
+            |column| -> Vec<Vec<f64>> { (0..n).map(|joint| self.column(joint, column).to_vec()).collect() };
         let motion = [of(Column::Position), of(Column::Speed), of(Column::Acceleration)];
         let rows = motion[0][0].len();
-        let mut masses = vec![vec![[const { Vec::new() }; 4].map(|_: Vec<f64>| vec![0.0; rows]); n]; LOADS + n];
+        let mut masses =
+            vec![vec![[const { Vec::new() }; 4].map(|_: Vec<f64>| vec![0.0; rows]); n]; LOADS + n];
         for row in 0..rows {
             let bodies = posture(arm, &motion, row);
             for (body, masses) in masses.iter_mut().enumerate() {

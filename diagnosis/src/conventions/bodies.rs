@@ -62,7 +62,8 @@ impl<'a> Bodies<'a> {
             let axis = placed * joint.axis.into_inner();
             let slide = if joint.kind == JointKind::Prismatic { axis * q(k) } else { still };
             let lever = last.rotation * joint.placement.translation.vector + slide;
-            let carried = last.linear + last.alpha.cross(&lever) + last.omega.cross(&last.omega.cross(&lever));
+            let carried =
+                last.linear + last.alpha.cross(&lever) + last.omega.cross(&last.omega.cross(&lever));
             let link = match joint.kind {
                 JointKind::Revolute => {
                     let turn = UnitQuaternion::from_axis_angle(&Unit::new_unchecked(*joint.axis), q(k));
@@ -138,8 +139,8 @@ impl Link {
         let of_moment = self.needs_of_moment(first);
         let omega = self.rotation.tr_mul(&self.omega);
         let com = self.rotation * inertia.com;
-        let spin = inertia.about_com * self.rotation.tr_mul(&self.alpha)
-            + omega.cross(&(inertia.about_com * omega));
+        let spin =
+            inertia.about_com * self.rotation.tr_mul(&self.alpha) + omega.cross(&(inertia.about_com * omega));
         Needs {
             force: of_moment.force + self.linear * inertia.mass,
             // Of the first moment's own acceleration, and of the turning about the centre of mass.
@@ -181,7 +182,8 @@ mod tests {
         let whole = |parts: &Parts| {
             parts.inertial + parts.gravity.iter().zip(gravity.iter()).map(|(x, g)| x * g).sum::<f64>()
         };
-        let mut sum: Vec<f64> = arm.joints().iter().zip(&a).map(|(joint, a)| joint.rotor_inertia * a).collect();
+        let mut sum: Vec<f64> =
+            arm.joints().iter().zip(&a).map(|(joint, a)| joint.rotor_inertia * a).collect();
         (0..n).for_each(|body| bodies.link(body, |joint, parts| sum[joint] += whole(&parts)));
         let (mut ws, mut expected) = (Workspace::new(&arm), vec![0.0; n]);
         rnea(&arm, &mut ws, &q, &v, &a, &mut expected);
@@ -207,7 +209,9 @@ mod tests {
         }
         // A first moment is linear: three along the axes are one along their sum, and gravity pulls at it as at a lever.
         let mut held = vec![0.0; n];
-        (1..=3).for_each(|axis| bodies.load(axis, |joint, parts| held[joint] += com[axis - 1] * parts.gravity[2]));
+        (1..=3).for_each(|axis| {
+            bodies.load(axis, |joint, parts| held[joint] += com[axis - 1] * parts.gravity[2])
+        });
         assert!(held.iter().any(|x| x.abs() > 1e-3));
     }
 }

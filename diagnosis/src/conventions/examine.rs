@@ -20,13 +20,12 @@ type Rivals = Vec<(Change, String)>;
 const OVERWHELMING: f64 = 6.9;
 /// "Most" of what is left of a channel is more than half of its variance.
 const MOST: f64 = 2.0;
-/// A channel speaks of its reading where the rigid arm makes this share of its variance.
+/// A channel speaks of its reading where the rigid arm makes this share of its variance; a fault leaves more than this of some channel.
 pub(super) const SPOKEN: f64 = 0.1;
 /// Log odds within which another change explains as much: 20 to 1.
-const RIVAL: f64 = 3.0;
-/// Rows beyond which residuals are taken to be independent, and the most that a row may be correlated with the others.
+pub(super) const RIVAL: f64 = 3.0;
+/// Rows beyond which residuals are taken to be independent, and the most rows that count as one: 1.8 s, longer than any settling of an arm.
 const MEMORY: usize = 12;
-const MOST_ROWS_PER_ONE: f64 = 12.0;
 
 /// Whether `recording` and `arm` speak of the same arm, in the same units, signs, order and on the same clock.
 pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
@@ -56,12 +55,20 @@ pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
             smooth.unwrap_or_else(|| q.clone())
         })
         .collect();
-    if setup.stop.is_none()
-        && let Ok(samples) = Samples::new(&raw, &q)
-        && samples.len() > arm.dof() + MEMORY
-    {
-        Examination { arm, recording, samples: &samples }.conclude(&mut setup);
+    let Ok(mut samples) = Samples::new(&raw, &q) else { return setup };
+    if setup.stop.is_some() || samples.len() <= arm.dof() + MEMORY {
+        return setup;
     }
+    // Where no arm moves as far or as fast, nothing else need be asked of the unit.
+    let by_motion = kinds::angle_unit::by_motion(arm, &samples.motion);
+    if let Some(finding) = by_motion {
+        setup.findings.push(finding);
+        setup.reading.positions = reading(arm, &[Change::AngleUnit]).positions;
+        for order in &mut samples.motion {
+            *order = setup.reading.motion(order, false);
+        }
+    }
+    Examination { arm, recording, samples: &samples }.conclude(&mut setup);
     setup
 }
 
@@ -75,17 +82,16 @@ impl Examination<'_> {
     fn conclude(&self, setup: &mut Setup) {
         let (has_torques, has_tool) = (self.samples.has_torques(), self.samples.has_tool());
         if !has_torques && !has_tool {
-            let [q, v, _] = &self.samples.motion;
-            let finding = kinds::angle_unit::by_motion(self.arm, q, v);
-            self.take(setup, finding.iter().map(|_| Change::AngleUnit).collect());
-            setup.findings.extend(finding);
             return;
         }
         let search = Search::new(self.arm, self.samples);
         let (best, certain, rivals) = self.settled(&search);
         let another = search.whole.log_price(best.likelihood.len());
-        let is_another = certain.len() > 1 && best.price() > kinds::another_arm::price(self.arm.dof(), another);
-        let other = kinds::another_arm::found(&best, self.arm.dof(), has_torques, has_tool);
+        let is_another =
+            certain.len() > 1 && best.price() > kinds::another_arm::price(self.arm.dof(), another);
+        // Torques without gravity are small, and mostly what the rigid arm does not say.
+        let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);
+        let other = kinds::another_arm::found(&best, self.arm.dof(), is_silent || !has_torques, has_tool);
         if let Some(other) = other.or(is_another.then(kinds::another_arm::by_price)) {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
@@ -120,6 +126,9 @@ impl Examination<'_> {
         let known = setup.reading.clone();
         setup.reading =
             Reading { time_unit: known.time_unit, unwrap: known.unwrap, ..reading(self.arm, &sure) };
+        for (position, known) in setup.reading.positions.iter_mut().zip(&known.positions) {
+            position.unit *= known.unit;
+        }
     }
 
     /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
@@ -190,8 +199,7 @@ impl Examination<'_> {
 
     /// A position that never changes, in a recording that no reading explains.
     fn left_still(&self, best: &Outcome) -> Option<SetupFinding> {
-        const UNEXPLAINED: f64 = 0.3;
-        let is_odd = best.left.iter().any(|left| *left > UNEXPLAINED);
+        let is_odd = best.left.iter().any(|left| *left > kinds::another_arm::UNEXPLAINED);
         kinds::frozen_channel::suspected(self.arm, self.recording)
             .filter(|_| is_odd)
             .map(|finding| SetupFinding { certainty: Certainty::Likely, ..finding })
@@ -237,7 +245,7 @@ fn rows_per_one(residuals: &[Vec<f64>]) -> Vec<f64> {
         }
         let at = |lag: usize| x.iter().zip(&x[lag.min(x.len())..]).map(|(a, b)| a * b).sum::<f64>() / whole;
         let sum: f64 = (1..=MEMORY).map(at).take_while(|rho| *rho > 0.0).sum();
-        (1.0 + 2.0 * sum).min(MOST_ROWS_PER_ONE)
+        (1.0 + 2.0 * sum).min(MEMORY as f64)
     };
     residuals.iter().map(of).collect()
 }

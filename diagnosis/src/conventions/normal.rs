@@ -100,7 +100,8 @@ impl Cleared {
         }
         let target = solved.column(shared);
         Self {
-            normal: channel.normal.view((own, own), (shared, shared)) - between.tr_mul(&solved.columns(0, shared)),
+            normal: channel.normal.view((own, own), (shared, shared))
+                - between.tr_mul(&solved.columns(0, shared)),
             right: channel.right.rows(own, shared) - between.tr_mul(&target),
             square: channel.square - channel.right.rows(0, own).dot(&target),
         }
@@ -202,7 +203,9 @@ mod tests {
             is_positive: vec![true, true],
             floor: 1.0,
         };
-        for (right, expected) in [([-1.0, 0.5], [0.0, 0.5]), ([1.0, 1.0], [1.0 / 1.9, 1.0 / 1.9]), ([2.0, -1.0], [2.0, 0.0])] {
+        for (right, expected) in
+            [([-1.0, 0.5], [0.0, 0.5]), ([1.0, 1.0], [1.0 / 1.9, 1.0 / 1.9]), ([2.0, -1.0], [2.0, 0.0])]
+        {
             let found = fit(&[channel(right)], 0);
             for (found, expected) in found.own[0].iter().zip(expected) {
                 assert!((found - expected).abs() < 1e-6, "{found} is not {expected}");

@@ -120,7 +120,8 @@ impl<'p, 'a> Torques<'p, 'a> {
         let shared = self.along.shared(self.problem.arm, &self.physics, &weights);
         let model = if gravity_is_free { [1.0, 0.0, 0.0, 0.0] } else { weights };
         let parts = Parts { weights: model, gravity_is_free, scale, shared: &shared };
-        let channels: Vec<Channel> = (0..self.joints.len()).map(|channel| self.channel(channel, &parts)).collect();
+        let channels: Vec<Channel> =
+            (0..self.joints.len()).map(|channel| self.channel(channel, &parts)).collect();
         let is_common = !gravity_is_free && self.scales.contains(&Scale::Common);
         fit(&channels, shared.len() + usize::from(is_common) + if gravity_is_free { 3 } else { 0 })
     }
@@ -131,8 +132,11 @@ impl<'p, 'a> Torques<'p, 'a> {
         let (measured, sign) = (&self.measured[channel].0, self.measured[channel].1);
         let (kind, factor) = (self.scales[joint], parts.scale[joint]);
         let is_known = parts.gravity_is_free || matches!(kind, Scale::Known(_));
-        let (mut own, mut is_positive): (Vec<Term>, Vec<bool>) =
-            self.own(joint).into_iter().map(|(column, positive)| (Term::Column(column, 1.0), positive)).unzip();
+        let (mut own, mut is_positive): (Vec<Term>, Vec<bool>) = self
+            .own(joint)
+            .into_iter()
+            .map(|(column, positive)| (Term::Column(column, 1.0), positive))
+            .unzip();
         if kind == Scale::Fitted && !is_known {
             own.push(Term::Model);
             is_positive.push(true);
@@ -145,12 +149,15 @@ impl<'p, 'a> Torques<'p, 'a> {
         if kind == Scale::Common && !is_known {
             terms.push(Term::Model);
         }
-        let products = Products::new(self.along, joint, &parts.weights, !parts.shared.is_empty(), &measured.column);
+        let products =
+            Products::new(self.along, joint, &parts.weights, !parts.shared.is_empty(), &measured.column);
         // Of the target: what was measured, less the model where its scale is known.
         let less = if is_known { factor } else { 0.0 };
-        let right = |term: &Term| sign * products.with_measured(term) - less * products.of(term, &Term::Model);
+        let right =
+            |term: &Term| sign * products.with_measured(term) - less * products.of(term, &Term::Model);
         let model = products.of(&Term::Model, &Term::Model);
-        let square = measured.square - 2.0 * less * sign * products.with_measured(&Term::Model) + less * less * model;
+        let square =
+            measured.square - 2.0 * less * sign * products.with_measured(&Term::Model) + less * less * model;
         let floor = self.problem.floor.powi(2) * measured.variance * measured.column.len() as f64;
         let mut normal = DMatrix::from_fn(terms.len(), terms.len(), |i, k| {
             if i <= k { products.of(&terms[i], &terms[k]) } else { 0.0 }
@@ -220,18 +227,23 @@ impl<'p, 'a> Torques<'p, 'a> {
     fn are_own(&self, joint: usize, coefficients: &[f64], scale: f64) -> bool {
         let products = self.along.products(joint);
         let own = self.own(joint);
-        let of = |wanted: Column| own.iter().position(|(column, _)| *column == wanted).map_or(0.0, |at| coefficients[at]);
+        let of = |wanted: Column| {
+            own.iter().position(|(column, _)| *column == wanted).map_or(0.0, |at| coefficients[at])
+        };
         let friction = |turns: Column, speed: Column| -> f64 {
             let (c, v) = (of(turns), of(speed));
             let (turns, speed) = (turns.place(), speed.place());
-            c * c * products[(turns, turns)] + 2.0 * c * v * products[(turns, speed)] + v * v * products[(speed, speed)]
+            c * c * products[(turns, turns)]
+                + 2.0 * c * v * products[(turns, speed)]
+                + v * v * products[(speed, speed)]
         };
         let inertia = |at: usize| (1.0 + MOST_ROTOR) * self.inertia(at) * scale;
         let is_possible = |side: usize| {
             let other = if side == 0 { joint.wrapping_sub(1) } else { joint + 1 };
             other >= self.problem.arm.dof()
                 || of(Column::Other(side, 0)).powi(2) <= inertia(joint) * inertia(other)
-                    && friction(Column::Other(side, 2), Column::Other(side, 1)) <= friction(Column::Turns, Column::Speed)
+                    && friction(Column::Other(side, 2), Column::Other(side, 1))
+                        <= friction(Column::Turns, Column::Speed)
         };
         of(Column::Acceleration) <= MOST_ROTOR * self.inertia(joint) * scale && (0..2).all(is_possible)
     }
@@ -255,7 +267,8 @@ impl<'p, 'a> Torques<'p, 'a> {
         let (measured, sign) = (&self.measured[channel].0, self.measured[channel].1);
         let weights = [1.0, gravity.x, gravity.y, gravity.z];
         let mut left: Vec<f64> = measured.column.iter().map(|x| sign * x).collect();
-        let mut take = |column: &[f64], by: f64| left.iter_mut().zip(column).for_each(|(left, x)| *left -= by * x);
+        let mut take =
+            |column: &[f64], by: f64| left.iter_mut().zip(column).for_each(|(left, x)| *left -= by * x);
         take(&self.along.model(joint, &weights), scale[joint]);
         for ((column, _), by) in self.own(joint).into_iter().zip(&fitted.own[channel]) {
             take(self.along.column(joint, column), *by);
@@ -304,7 +317,9 @@ impl<'c> Products<'c> {
         };
         match (one, other) {
             (Term::Column(a, x), Term::Column(b, y)) => x * y * products[(a.place(), b.place())],
-            (Term::Column(a, x), Term::Model) | (Term::Model, Term::Column(a, x)) => x * with_model(a.place()),
+            (Term::Column(a, x), Term::Model) | (Term::Model, Term::Column(a, x)) => {
+                x * with_model(a.place())
+            }
             (Term::Model, Term::Model) => {
                 (0..4).map(|part| self.weights[part] * with_model(Column::Model(part).place())).sum()
             }
@@ -324,7 +339,8 @@ impl<'c> Products<'c> {
             Term::Given(given, x) => x * dot(given, self.measured),
             Term::Model => (0..4)
                 .map(|part| {
-                    self.weights[part] * dot(self.along.column(self.joint, Column::Model(part)), self.measured)
+                    self.weights[part]
+                        * dot(self.along.column(self.joint, Column::Model(part)), self.measured)
                 })
                 .sum(),
         }

@@ -9,11 +9,12 @@ use freeplay_arm::{Arm, JointKind};
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
+use super::super::problem::variance;
 use super::{Ask, Told};
 
-/// A joint goes beyond its limits, or faster than it can, by this factor: no overshoot, another unit.
+/// A joint goes beyond its limits by this factor: no overshoot, another unit. Limits of speed are placeholders in many files.
 const BEYOND: f64 = 2.0;
-/// Without limits: no arm turns this fast, rad/s.
+/// Without limits: no arm turns this fast on the average, rad/s.
 const FASTEST: f64 = 30.0;
 
 /// What it asks. Where all turning joints stay within half a turn in rad, degrees would be an arm that moves by less than 3 of them.
@@ -49,8 +50,9 @@ fn finding(arm: &Arm, certainty: Certainty) -> SetupFinding {
     }
 }
 
-/// By the motion alone: positions `q` with the speeds `v`, `[joint][row]`, where neither torque nor tool was recorded.
-pub(crate) fn by_motion(arm: &Arm, q: &[Vec<f64>], v: &[Vec<f64>]) -> Option<SetupFinding> {
+/// By the motion alone: positions and velocities, `[joint][row]`, that no arm has in rad.
+pub(crate) fn by_motion(arm: &Arm, motion: &[Vec<Vec<f64>>; 3]) -> Option<SetupFinding> {
+    let [q, v, _] = motion;
     let most = |column: &[f64]| column.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     let turning = arm.joints().iter().enumerate().filter(|(_, joint)| joint.kind == JointKind::Revolute);
     let (mut known, mut beyond, mut fast) = (0, 0, 0);
@@ -58,11 +60,11 @@ pub(crate) fn by_motion(arm: &Arm, q: &[Vec<f64>], v: &[Vec<f64>]) -> Option<Set
         let limits = &joint.limits;
         let farthest = limits.lower.abs().max(limits.upper.abs());
         known += usize::from(farthest.is_finite() || limits.velocity.is_finite());
-        let is_far = most(&q[k]) > BEYOND * farthest.max(PI) || most(&v[k]) > BEYOND * limits.velocity;
+        let is_far = most(&q[k]) > BEYOND * farthest.max(PI);
         // In degrees it has to be possible.
         let fits = most(&q[k]).to_radians() <= farthest && most(&v[k]).to_radians() <= limits.velocity;
         beyond += usize::from(is_far && fits);
-        fast += usize::from(most(&v[k]) > FASTEST);
+        fast += usize::from(variance(&v[k]).sqrt() > FASTEST);
     }
     let certainty = match (known, beyond, fast) {
         (_, 1.., _) => Certainty::Sure,
