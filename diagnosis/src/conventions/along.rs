@@ -73,8 +73,7 @@ impl Along {
         let (n, rows) = (arm.dof(), motion[0][0].len());
         let mut columns = vec![vec![vec![0.0; rows]; COLUMNS]; if has_torques { n } else { 0 }];
         let mut tool = [const { Vec::new() }; 3];
-        for row in 0..rows {
-            let bodies = posture(arm, motion, row);
+        for (row, bodies) in (0..rows).map(|row| (row, posture(arm, motion, row))) {
             tool.iter_mut().zip(bodies.tool().iter()).for_each(|(column, x)| column.push(*x));
             if has_torques {
                 let mut add = |joint: usize, parts: Parts| {
@@ -160,8 +159,7 @@ impl Along {
         let rows = motion[0][0].len();
         let mut masses =
             vec![vec![[const { Vec::new() }; 4].map(|_: Vec<f64>| vec![0.0; rows]); n]; LOADS + n];
-        for row in 0..rows {
-            let bodies = posture(arm, &motion, row);
+        for (row, bodies) in (0..rows).map(|row| (row, posture(arm, &motion, row))) {
             for (body, masses) in masses.iter_mut().enumerate() {
                 let put = |joint: usize, parts: Parts| {
                     let [gx, gy, gz] = parts.gravity;

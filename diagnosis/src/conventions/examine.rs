@@ -141,14 +141,14 @@ impl Examination<'_> {
             };
             let readings = best.changes.iter().filter(|change| change.is_reading());
             let kept: Vec<Change> = readings.clone().filter(is_kept).copied().collect();
-            if kept.len() == readings.count() && !best.likelihood.is_empty() {
+            if kept.len() == readings.count() {
                 return (best, certain, rivals);
             }
-            best = search.beside(if best.likelihood.is_empty() { &[] } else { &kept });
+            best = search.beside(&kept);
         }
     }
 
-    /// The changes of `best` that are sure or likely, each with what explains as much.
+    /// The changes of `best` that are sure, each with what explains as much; none of a set that can't be.
     fn certain(&self, search: &Search, best: &Outcome) -> (Certain, Rivals) {
         if best.likelihood.is_empty() {
             return (Vec::new(), Vec::new());
@@ -163,15 +163,14 @@ impl Examination<'_> {
             let rest = without(&best.changes, change);
             let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
             let other = search.beside(&readings);
-            // Where no fit without it is possible, the evidence is what the change brought.
+            // Without a fit there is nothing to compare with.
             if other.likelihood.len() != best.likelihood.len() {
                 continue;
             }
             // Physics that fits one reading may be impossible under another.
             let same = Some(search.whole.outcome(&rest)).filter(|same| !same.likelihood.is_empty());
             let same = same.unwrap_or_else(|| other.clone());
-            let is = is_certain(change, best, &other, &same, &counts);
-            if !is {
+            if !is_certain(change, best, &other, &same, &counts) {
                 continue;
             }
             certain.push((*change, Certainty::Sure));
