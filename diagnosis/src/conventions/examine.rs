@@ -60,7 +60,8 @@ pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
         return setup;
     }
     // Where no arm moves as far or as fast, nothing else need be asked of the unit.
-    let by_motion = kinds::angle_unit::by_motion(arm, &samples.motion);
+    let jumps: Vec<bool> = q.iter().zip(&recording.q).map(|(smooth, q)| smooth != q).collect();
+    let by_motion = kinds::angle_unit::by_motion(arm, &samples.motion, &jumps);
     if let Some(finding) = by_motion {
         setup.findings.push(finding);
         setup.reading.positions = reading(arm, &[Change::AngleUnit]).positions;

@@ -50,11 +50,13 @@ fn finding(arm: &Arm, certainty: Certainty) -> SetupFinding {
     }
 }
 
-/// By the motion alone: positions and velocities, `[joint][row]`, that no arm has in rad.
-pub(crate) fn by_motion(arm: &Arm, motion: &[Vec<Vec<f64>>; 3]) -> Option<SetupFinding> {
+/// By the motion alone: positions and velocities, `[joint][row]`, that no arm has in rad; but those of joints whose position `jumps`, and may
+/// be off by turns.
+pub(crate) fn by_motion(arm: &Arm, motion: &[Vec<Vec<f64>>; 3], jumps: &[bool]) -> Option<SetupFinding> {
     let [q, v, _] = motion;
     let most = |column: &[f64]| column.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let turning = arm.joints().iter().enumerate().filter(|(_, joint)| joint.kind == JointKind::Revolute);
+    let turning = arm.joints().iter().enumerate();
+    let turning = turning.filter(|(k, joint)| joint.kind == JointKind::Revolute && !jumps[*k]);
     let (mut known, mut beyond, mut fast) = (0, 0, 0);
     for (k, joint) in turning {
         let limits = &joint.limits;
