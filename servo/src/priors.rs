@@ -11,8 +11,9 @@ use crate::unknowns::{Quantity, Unknown};
 
 /// Shares of the whole lag that are tried as delay before a fit: a quick servo behind a slow line, a slow one behind a quick line, and between.
 const SHARES: [f64; 3] = [0.1, 0.5, 0.9];
-/// Step of a finite difference over the deviation believed before: far above rounding, and so small that a rollout is straight over it.
-const STEP: f64 = 0.01;
+/// Step of a finite difference over the size of what it changes. Dry friction makes a rollout a chain of small slips, whose derivative is rough below
+/// a few hundredths of that size; far above it a rollout bends.
+const STEP: f64 = 0.03;
 
 /// The unknowns of every joint of a servo about which nothing is known but `sights`. `zero` is how far the zeros of commands and encoder may be apart
 /// beside rounding, rad. Beliefs are weak: each quantity may be as large as all of the error, or all of the lag.
@@ -25,23 +26,23 @@ pub fn unknowns(arm: &Arm, sights: &[Sight], model: &ServoArm, zero: f64) -> Vec
         let (servo, kind) = (&model.joints[joint], arm.joints()[joint].kind);
         let believed = [
             // A factor of ten either way.
-            (Quantity::Stiffness, servo.stiffness.ln(), std::f64::consts::LN_10),
-            (Quantity::Lag, 0.5 * lag, lag),
-            (Quantity::Coulomb, 0.0, error),
-            (Quantity::Stiction, 0.0, error),
+            (Quantity::Stiffness, servo.stiffness.ln(), std::f64::consts::LN_10, 1.0),
+            (Quantity::Lag, 0.5 * lag, lag, lag),
+            (Quantity::Coulomb, 0.0, error, error),
+            (Quantity::Stiction, 0.0, error, error),
             // A factor of two or three either way.
-            (Quantity::StribeckVelocity, stribeck_velocity(kind).ln(), std::f64::consts::LN_2),
-            (Quantity::Rotor, 0.0, lag * lag),
-            (Quantity::Delay, 0.0, lag),
+            (Quantity::StribeckVelocity, stribeck_velocity(kind).ln(), std::f64::consts::LN_2, 2.0),
+            (Quantity::Rotor, 0.0, lag * lag, lag * lag),
+            (Quantity::Delay, 0.0, lag, lag),
             // Commands and encoder count from one zero.
-            (Quantity::Offset, 0.0, sight.tick + zero),
+            (Quantity::Offset, 0.0, sight.tick + zero, error),
         ];
-        believed.map(|(quantity, expected, deviation)| Unknown {
+        believed.map(|(quantity, expected, deviation, size)| Unknown {
             joint,
             quantity,
             expected,
             deviation,
-            step: STEP * deviation,
+            step: STEP * size,
         })
     };
     sights.iter().enumerate().flat_map(of_joint).collect()

@@ -83,3 +83,4 @@ pub use show::Gain;
 pub use tolerance::Tolerances;
 pub use variables::Variable;
 pub use words::TO_TELL;
+pub(crate) use words::{phrase, statement};

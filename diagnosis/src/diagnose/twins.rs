@@ -106,7 +106,7 @@ impl Drawn {
         let mut left = Vec::new();
         for (channel, noise) in stage.channels.iter().zip(&stage.ground.noises.channels) {
             let mut rest = stage.treated(&match channel.kind {
-                Kind::Link(joint) => misreading(rng, &stage.whole().q[joint], noise),
+                Kind::Link(joint) | Kind::Position(joint) => misreading(rng, &stage.whole().q[joint], noise),
                 Kind::Torque(_) | Kind::Tool(_) => normals(rng, stage.whole().len(), noise.deviation),
             });
             let mut add = |truth: &[f64], model: &[f64]| {
@@ -123,7 +123,7 @@ impl Drawn {
                     }
                 }
                 Kind::Tool(axis) => add(&true_tool[axis], &model_tool[axis]),
-                Kind::Link(joint) => add(&motion.q[joint], &read.q[joint]),
+                Kind::Link(joint) | Kind::Position(joint) => add(&motion.q[joint], &read.q[joint]),
             }
             left.push(rest);
         }
