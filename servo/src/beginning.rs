@@ -169,11 +169,11 @@ pub fn servos(arm: &Arm, sights: &[Sight], delays: &[f64]) -> Vec<JointServo> {
     sights.iter().zip(delays).enumerate().map(servo).collect()
 }
 
-/// A usual Stribeck velocity, rad/s (m/s), within a factor of two or three (Armstrong-Hélouvry 1991, Control of Machines with Friction, §4: greased
-/// gears of arms 0.01 to 0.1 rad/s; slides a tenth of that number).
-pub fn stribeck_velocity(kind: JointKind) -> f64 {
+/// A usual Stribeck velocity, rad/s (m/s): the middle of what Armstrong-Hélouvry 1991, Control of Machines with Friction, §4, reports of greased gears
+/// of arms (0.01 to 0.1 rad/s); a tenth of the number for slides. Positions at the rates of servos can't tell it from viscous friction, so it is not fitted.
+fn stribeck_velocity(kind: JointKind) -> f64 {
     match kind {
-        JointKind::Revolute => 0.05,
-        JointKind::Prismatic => 0.005,
+        JointKind::Revolute => 0.03,
+        JointKind::Prismatic => 0.003,
     }
 }

@@ -52,3 +52,41 @@ fn free_minimum(h: &DMatrix<f64>, g: &DVector<f64>, least: &[f64], held: &[bool]
     }
     matrix.cholesky().map_or_else(|| DVector::zeros(n), |factor| factor.solve(&right))
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+
+    use super::descend;
+
+    /// Of H = [[1, .9], [.9, 1]] and the slope −b with b = (7.3, 6), bounds of 2 above: with both signs turned they are lower bounds, and
+    /// the optimum is at (2, 2), where clamping one after the other without letting go would end at (2, −2) or beyond the bound.
+    #[test]
+    fn a_coordinate_at_its_bound_is_let_go_again() {
+        let h = DMatrix::from_row_slice(2, 2, &[1.0, 0.9, 0.9, 1.0]);
+        let d = descend(&h, &DVector::from_vec(vec![7.3, 6.0]), &[-2.0, -2.0]);
+        assert!((d[0] + 2.0).abs() < 1e-12 && (d[1] + 2.0).abs() < 1e-12, "{d}");
+        let free = descend(&h, &DVector::from_vec(vec![0.5, -0.3]), &[-20.0, -20.0]);
+        assert!((&h * &free - DVector::from_vec(vec![-0.5, 0.3])).amax() < 1e-12);
+    }
+
+    /// The optimum fulfils its conditions: no slope where it is free, a slope inwards nowhere.
+    #[test]
+    fn the_conditions_of_an_optimum_hold() {
+        let h = DMatrix::from_fn(4, 4, |i, j| if i == j { 2.0 } else { 0.9 - 0.1 * (i + j) as f64 });
+        let least = [-0.3, 0.0, -0.1, -5.0];
+        let mut held = 0;
+        for case in 0..50 {
+            let g = DVector::from_fn(4, |i, _| f64::from((case * 13 + i as i32 * 29) % 23) - 11.0);
+            let d = descend(&h, &g, &least);
+            let slope = &h * &d + &g;
+            for i in 0..4 {
+                assert!(d[i] >= least[i] - 1e-12);
+                let is_held = d[i] <= least[i] + 1e-12;
+                held += usize::from(is_held);
+                assert!(if is_held { slope[i] > -1e-9 } else { slope[i].abs() < 1e-9 }, "{case}: {d} {slope}");
+            }
+        }
+        assert!(held > 20);
+    }
+}

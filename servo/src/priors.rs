@@ -2,7 +2,7 @@
 
 use freeplay_arm::Arm;
 
-use crate::beginning::{Sight, servos, sights, stribeck_velocity};
+use crate::beginning::{Sight, servos, sights};
 use crate::fit::Problem;
 use crate::joint::JointServo;
 use crate::noise::Noise;
@@ -17,21 +17,21 @@ const STEP: f64 = 0.03;
 
 /// The unknowns of every joint of a servo about which nothing is known but `sights`. `zero` is how far the zeros of commands and encoder may be apart
 /// beside rounding, rad. Beliefs are weak: each quantity may be as large as all of the error, or all of the lag.
-pub fn unknowns(arm: &Arm, sights: &[Sight], model: &ServoArm, zero: f64) -> Vec<Unknown> {
+pub fn unknowns(sights: &[Sight], model: &ServoArm, zero: f64) -> Vec<Unknown> {
     let longest = sights.iter().map(|sight| sight.lag).fold(1e-3, f64::max);
     let of_joint = |(joint, sight): (usize, &Sight)| {
         let error = sight.error.max(sight.tick).max(zero);
         // A joint whose commands never move shows no lag; its servo is as slow as the slowest.
         let lag = if sight.error > 2.0 * sight.tick { sight.lag.max(1e-3) } else { longest };
-        let (servo, kind) = (&model.joints[joint], arm.joints()[joint].kind);
+        let servo = &model.joints[joint];
+        let is_like_others = sight.stiffness.is_none() && sights.iter().any(|other| other.stiffness.is_some());
+        // Where no load tells it, servos of one arm are alike within a factor of two; else a factor of ten either way.
+        let width = if is_like_others { std::f64::consts::LN_2 } else { std::f64::consts::LN_10 };
         let believed = [
-            // A factor of ten either way.
-            (Quantity::Stiffness, servo.stiffness.ln(), std::f64::consts::LN_10, 1.0),
+            (Quantity::Stiffness, servo.stiffness.ln(), width, 1.0),
             (Quantity::Lag, 0.5 * lag, lag, lag),
             (Quantity::Coulomb, 0.0, error, error),
             (Quantity::Stiction, 0.0, error, error),
-            // A factor of two or three either way.
-            (Quantity::StribeckVelocity, stribeck_velocity(kind).ln(), std::f64::consts::LN_2, 2.0),
             (Quantity::Rotor, 0.0, lag * lag, lag * lag),
             (Quantity::Delay, 0.0, lag, lag),
             // Commands and encoder count from one zero.

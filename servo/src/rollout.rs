@@ -90,6 +90,16 @@ impl Rollout {
         }
     }
 
+    /// The state at the end of `stamps` from `start` at their beginning; see [`Rollout::run`].
+    ///
+    /// # Panics
+    /// If the sizes do not fit the arm.
+    pub fn after(&mut self, model: &ServoArm, commands: &[Commands], stamps: &[f64], start: &State) -> State {
+        let mut out = vec![0.0; stamps.len() * model.joints.len()];
+        self.run(model, commands, stamps, start, &mut out);
+        self.state.clone()
+    }
+
     /// One step of `h` from `t`, s: implicit midpoint rule in the servo's law and friction, the arm's own terms at the predicted middle.
     fn step(&mut self, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
         let n = model.joints.len();

@@ -15,8 +15,6 @@ pub enum Quantity {
     Coulomb,
     /// Breakaway above sliding friction, over stiffness, rad.
     Stiction,
-    /// Natural logarithm of the Stribeck velocity in rad/s.
-    StribeckVelocity,
     /// Rotor inertia over stiffness, s².
     Rotor,
     /// Delay of the commands, s; an effect does not come before its cause.
@@ -52,7 +50,6 @@ impl Quantity {
             Quantity::Lag => joint.damping / joint.stiffness,
             Quantity::Coulomb => joint.coulomb / joint.stiffness,
             Quantity::Stiction => joint.stiction / joint.stiffness,
-            Quantity::StribeckVelocity => joint.stribeck_velocity.ln(),
             Quantity::Rotor => joint.rotor_inertia / joint.stiffness,
             Quantity::Delay => joint.delay,
             Quantity::Offset => joint.offset,
@@ -78,7 +75,6 @@ impl Quantity {
             Quantity::Lag => joint.damping = stiffness * x,
             Quantity::Coulomb => joint.coulomb = stiffness * x,
             Quantity::Stiction => joint.stiction = stiffness * x,
-            Quantity::StribeckVelocity => joint.stribeck_velocity = x.exp(),
             Quantity::Rotor => joint.rotor_inertia = stiffness * x,
             Quantity::Delay => joint.delay = x,
             Quantity::Offset => joint.offset = x,

@@ -38,7 +38,7 @@ pub fn diagnose(
     let arm = given.as_ref().map_or(&file.arm, |given| &given.arm);
     let (first, _) = first_model(arm, &fit);
     let first = nearest(&fit, first, given.as_ref());
-    let believed = unknowns(arm, &seen, &first, settings.tolerances.zero);
+    let believed = unknowns(&seen, &first, settings.tolerances.zero);
     let mut believed: Vec<Unknown> = believed.into_iter().filter(|unknown| moves[unknown.joint]).collect();
     let fitted = fit.fit(&first, &believed, &mut |step, _| {
         progress(&format!("fitting the servos by simulating the recordings, step {step}"));
@@ -46,7 +46,7 @@ pub fn diagnose(
     progress("asking whether a servo has limits");
     let fitted = add_limits([&fit, &choice], &seen, &mut believed, fitted, progress);
     progress("judging on what no step has seen");
-    let numbers = Numbers { file, fitted: &fitted, unknowns: &believed };
+    let numbers = Numbers { file, fitted: &fitted, unknowns: &believed, sights: &seen };
     let is_known: Vec<bool> = (0..moves.len()).map(|joint| numbers.is_known(joint)).collect();
     let rival = rivals(&parts.fit, &tracks, &seen);
     let simulated = deviations_of(&fitted.model, recordings, &tracks);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use freeplay_arm::{ArmFile, EffectTable, Joint};
 use freeplay_laws::{Kind, kind};
-use freeplay_servo::{Fitted, JointServo, Quantity, Unknown};
+use freeplay_servo::{Fitted, JointServo, Quantity, Sight, Unknown};
 use toml::{Table, Value};
 
 use crate::diagnose::{Parameter, Untestable};
@@ -38,6 +38,8 @@ pub struct Numbers<'a> {
     pub fitted: &'a Fitted,
     /// Its unknowns.
     pub unknowns: &'a [Unknown],
+    /// What the recordings say of each joint before.
+    pub sights: &'a [Sight],
 }
 
 impl Numbers<'_> {
@@ -61,7 +63,7 @@ impl Numbers<'_> {
 
     /// Whether the load told the stiffness of `joint`.
     pub fn is_known(&self, joint: usize) -> bool {
-        self.stiffness_deviation(joint) < UNKNOWN
+        self.sights[joint].stiffness.is_some() && self.stiffness_deviation(joint) < UNKNOWN
     }
 
     /// The findings of all joints that move.
