@@ -307,14 +307,14 @@ impl View<'_> {
         } else {
             "Measured minus model, after the same low-pass on both sides"
         })
-            .column(Column::text("channel"))
-            .column(Column::text("joint"))
-            .column(Column::text("unit"))
-            .column(Column::number("measured rms", ""))
-            .column(Column::number("error rms", ""))
-            .column(Column::number("of rms", "%").group("error rms"))
-            .column(Column::number("of spread", "%").group("error rms").bars())
-            .column(Column::number("mean error", ""));
+        .column(Column::text("channel"))
+        .column(Column::text("joint"))
+        .column(Column::text("unit"))
+        .column(Column::number("measured rms", ""))
+        .column(Column::number("error rms", ""))
+        .column(Column::number("of rms", "%").group("error rms"))
+        .column(Column::number("of spread", "%").group("error rms").bars())
+        .column(Column::number("mean error", ""));
         if self.has_friction() {
             table = table.column(Column::number("error rms without friction", ""));
         }

@@ -27,8 +27,13 @@ fn main() {
         println!("- {}", effect.statement);
     }
     println!("{:#?}", diagnosis.fit);
-    let subject =
-        Subject { model: &arguments[0], file: &file, recordings: &paths, diagnosis: &diagnosis, out: Path::new(".") };
+    let subject = Subject {
+        model: &arguments[0],
+        file: &file,
+        recordings: &paths,
+        diagnosis: &diagnosis,
+        out: Path::new("."),
+    };
     println!("page of {} bytes", document(&subject).to_html().len());
     println!("{}", to_toml(&diagnosis.model).split("[[effect]]").skip(1).collect::<Vec<_>>().join("\n"));
     let (comparison, _) = compare_commands(&diagnosis.model, recordings.last().unwrap()).unwrap();

@@ -117,7 +117,9 @@ impl ChannelTally {
             kind: self.kind,
             unit: self.unit,
             joint: match self.kind {
-                Kind::Torque(joint) | Kind::Link(joint) | Kind::Position(joint) => Some(arm.joints()[joint].name.clone()),
+                Kind::Torque(joint) | Kind::Link(joint) | Kind::Position(joint) => {
+                    Some(arm.joints()[joint].name.clone())
+                }
                 Kind::Tool(_) => None,
             },
             rmse: error.rms,

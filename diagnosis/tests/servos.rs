@@ -102,7 +102,10 @@ fn file(text: &str) -> ArmFile {
 fn found<'a>(diagnosis: &'a Diagnosis, kind: &str, joint: Option<&str>) -> &'a Effect {
     let mut effects = diagnosis.effects.iter();
     effects.find(|effect| effect.kind == kind && effect.joint.as_deref() == joint).unwrap_or_else(|| {
-        panic!("{kind} of {joint:?} is not among {:?}", diagnosis.effects.iter().map(|e| &e.statement).collect::<Vec<_>>())
+        panic!(
+            "{kind} of {joint:?} is not among {:?}",
+            diagnosis.effects.iter().map(|e| &e.statement).collect::<Vec<_>>()
+        )
     })
 }
 
@@ -129,7 +132,10 @@ fn servos_a_stop_and_a_contact_are_named() {
     for (joint, stiffness, coulomb, delay) in [("shoulder", 30.0, 0.6, 0.03), ("elbow", 15.0, 0.4, 0.02)] {
         let near = |kind: &str, name: &str, expected: f64, slack: f64| {
             let value = number(found(&diagnosis, kind, Some(joint)), name);
-            assert!((value - expected).abs() < slack, "{kind} {name} of {joint}: {value}, in truth {expected}");
+            assert!(
+                (value - expected).abs() < slack,
+                "{kind} {name} of {joint}: {value}, in truth {expected}"
+            );
         };
         near("servo", "stiffness", stiffness, 0.05 * stiffness);
         near("coulomb_friction", "coulomb", coulomb, 0.1 * coulomb);
@@ -172,15 +178,17 @@ fn commands_that_never_move_tell_nothing() {
     let still = [Recording::new(Path::new("still.csv"), all).unwrap()];
     let diagnosis = diagnose(&plain, &still, &DiagnoseSettings::default(), &mut |_| ()).unwrap();
     assert!(diagnosis.effects.is_empty());
-    assert!(matches!(diagnosis.verdict, Verdict::InsufficientData | Verdict::Setup), "{:?}", diagnosis.verdict);
+    assert!(
+        matches!(diagnosis.verdict, Verdict::InsufficientData | Verdict::Setup),
+        "{:?}",
+        diagnosis.verdict
+    );
 }
 
 /// Where the real recordings are.
 fn folder() -> Option<PathBuf> {
-    let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings"),
-        PathBuf::from,
-    );
+    let folder = std::env::var_os("FREEPLAY_RECORDINGS")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings"), PathBuf::from);
     let folder = folder.join("so101_command");
     folder.exists().then_some(folder)
 }

@@ -138,7 +138,11 @@ impl Placed {
             return Err(LawError::UnknownKind {
                 kind: table.kind.clone(),
                 line: table.line,
-                known: kinds().chain(COMMANDED.iter().copied()).map(|kind| kind.name).collect::<Vec<_>>().join(", "),
+                known: kinds()
+                    .chain(COMMANDED.iter().copied())
+                    .map(|kind| kind.name)
+                    .collect::<Vec<_>>()
+                    .join(", "),
             });
         };
         let values = Values::of(kind, table, arm)?;

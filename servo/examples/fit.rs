@@ -27,9 +27,10 @@ fn main() {
     let arm = freeplay_arm::load(Path::new(&arguments[0])).unwrap().arm;
     let split = arguments.iter().position(|argument| argument == "--").unwrap_or(arguments.len());
     let train = tracks(&arguments[1..split]);
-    let windows = train.iter().enumerate().flat_map(|(index, track)| {
-        track.windows(0.5, 20.0).into_iter().map(move |rows| (index, rows))
-    });
+    let windows = train
+        .iter()
+        .enumerate()
+        .flat_map(|(index, track)| track.windows(0.5, 20.0).into_iter().map(move |rows| (index, rows)));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let rounding = vec![4e-4; arm.dof()];
     let problem =
@@ -43,8 +44,9 @@ fn main() {
         return;
     }
     let unknowns = unknowns(&sights, &model, 1e-4);
-    let fitted =
-        problem.fit(&model, &unknowns, &mut |step, gain| println!("step {step} gained {gain:.2} after {:.1?}", began.elapsed()));
+    let fitted = problem.fit(&model, &unknowns, &mut |step, gain| {
+        println!("step {step} gained {gain:.2} after {:.1?}", began.elapsed())
+    });
     println!("{} steps, {:.1?}, noise {:.4?}", fitted.steps, began.elapsed(), fitted.noise);
     for (unknown, (value, deviation)) in unknowns.iter().zip(&fitted.values) {
         println!("joint {} {:?}: {value:.5} ± {:.5}", unknown.joint, unknown.quantity, 1.96 * deviation);

@@ -39,7 +39,9 @@ impl ServoArm {
                 }
             }
         }
-        let Some(mut joints) = joints.into_iter().collect::<Option<Vec<JointServo>>>() else { return Ok(None) };
+        let Some(mut joints) = joints.into_iter().collect::<Option<Vec<JointServo>>>() else {
+            return Ok(None);
+        };
         for (servo, joint) in joints.iter_mut().zip(arm.joints()) {
             servo.coulomb = (servo.coulomb + joint.friction.coulomb).max(0.0);
             servo.damping = (servo.damping + joint.friction.viscous).max(0.0);

@@ -101,7 +101,9 @@ fn usual_speed(tracks: &[Track], joint: usize) -> f64 {
 
 /// Least change of a measured position, rad (m).
 fn tick(tracks: &[Track], joint: usize) -> f64 {
-    let changes = tracks.iter().flat_map(|track| track.measured[joint].windows(2).map(|pair| (pair[1] - pair[0]).abs()));
+    let changes = tracks
+        .iter()
+        .flat_map(|track| track.measured[joint].windows(2).map(|pair| (pair[1] - pair[0]).abs()));
     let least = changes.filter(|change| *change > 0.0).fold(f64::INFINITY, f64::min);
     if least.is_finite() { least } else { 0.0 }
 }

@@ -12,7 +12,8 @@ pub fn descend(hessian: &DMatrix<f64>, gradient: &DVector<f64>, least: &[f64]) -
     for _ in 0..4 * n + 4 {
         let target = free_minimum(hessian, gradient, least, &held);
         let blocked = (0..n).filter(|&i| !held[i] && target[i] < least[i]);
-        let share = |i: usize| -> f64 { if d[i] > target[i] { (d[i] - least[i]) / (d[i] - target[i]) } else { 1.0 } };
+        let share =
+            |i: usize| -> f64 { if d[i] > target[i] { (d[i] - least[i]) / (d[i] - target[i]) } else { 1.0 } };
         match blocked.min_by(|&a, &b| share(a).total_cmp(&share(b))) {
             Some(first) => {
                 let move_by = share(first).clamp(0.0, 1.0);
@@ -84,7 +85,10 @@ mod tests {
                 assert!(d[i] >= least[i] - 1e-12);
                 let is_held = d[i] <= least[i] + 1e-12;
                 held += usize::from(is_held);
-                assert!(if is_held { slope[i] > -1e-9 } else { slope[i].abs() < 1e-9 }, "{case}: {d} {slope}");
+                assert!(
+                    if is_held { slope[i] > -1e-9 } else { slope[i].abs() < 1e-9 },
+                    "{case}: {d} {slope}"
+                );
             }
         }
         assert!(held > 20);

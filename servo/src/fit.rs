@@ -75,7 +75,12 @@ impl Problem<'_> {
     }
 
     /// Fits `unknowns` from `model` onwards, first to a few of the windows. `progress` is told the step's number and what it gained.
-    pub fn fit(&self, model: &ServoArm, unknowns: &[Unknown], progress: &mut dyn FnMut(usize, f64)) -> Fitted {
+    pub fn fit(
+        &self,
+        model: &ServoArm,
+        unknowns: &[Unknown],
+        progress: &mut dyn FnMut(usize, f64),
+    ) -> Fitted {
         let few: Vec<_> = self.windows.iter().skip(COARSE / 2).step_by(COARSE).cloned().collect();
         if few.len() < 2 {
             return self.fit_all(model, unknowns, progress);
@@ -85,7 +90,12 @@ impl Problem<'_> {
         self.fit_all(&begun.model, unknowns, progress)
     }
 
-    fn fit_all(&self, model: &ServoArm, unknowns: &[Unknown], progress: &mut dyn FnMut(usize, f64)) -> Fitted {
+    fn fit_all(
+        &self,
+        model: &ServoArm,
+        unknowns: &[Unknown],
+        progress: &mut dyn FnMut(usize, f64),
+    ) -> Fitted {
         let mut state = self.state(model.clone(), unknowns);
         let mut damping = DAMPING[0];
         let mut steps = 0;
@@ -129,7 +139,8 @@ impl Problem<'_> {
     }
 
     fn lost(&self, residuals: &[Vec<f64>], noise: &Noise, x: &[f64], unknowns: &[Unknown]) -> f64 {
-        let prior = |(unknown, x): (&Unknown, &f64)| 0.5 * ((x - unknown.expected) / unknown.deviation).powi(2);
+        let prior =
+            |(unknown, x): (&Unknown, &f64)| 0.5 * ((x - unknown.expected) / unknown.deviation).powi(2);
         self.losses(residuals, noise).iter().sum::<f64>() + unknowns.iter().zip(x).map(prior).sum::<f64>()
     }
 

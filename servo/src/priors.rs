@@ -24,7 +24,8 @@ pub fn unknowns(sights: &[Sight], model: &ServoArm, zero: f64) -> Vec<Unknown> {
         // A joint whose commands never move shows no lag; its servo is as slow as the slowest.
         let lag = if sight.error > 2.0 * sight.tick { sight.lag.max(1e-3) } else { longest };
         let servo = &model.joints[joint];
-        let is_like_others = sight.stiffness.is_none() && sights.iter().any(|other| other.stiffness.is_some());
+        let is_like_others =
+            sight.stiffness.is_none() && sights.iter().any(|other| other.stiffness.is_some());
         // Where no load tells it, servos of one arm are alike within a factor of two; else a factor of ten either way.
         let width = if is_like_others { std::f64::consts::LN_2 } else { std::f64::consts::LN_10 };
         let believed = [
@@ -59,7 +60,8 @@ pub fn first_model(arm: &Arm, problem: &Problem) -> (ServoArm, Vec<Sight>) {
     };
     let tried: Vec<_> = SHARES.into_iter().map(of_share).collect();
     let noise = Noise::of(&tried[0].1, &problem.rounding);
-    let losses: Vec<Vec<f64>> = tried.iter().map(|(_, residuals)| problem.losses(residuals, &noise)).collect();
+    let losses: Vec<Vec<f64>> =
+        tried.iter().map(|(_, residuals)| problem.losses(residuals, &noise)).collect();
     let best = |joint: usize| -> JointServo {
         let order = (0..tried.len()).min_by(|&a, &b| losses[a][joint].total_cmp(&losses[b][joint]));
         tried[order.unwrap_or(0)].0.joints[joint]

@@ -69,7 +69,14 @@ impl Rollout {
     ///
     /// # Panics
     /// If the sizes do not fit the arm.
-    pub fn run(&mut self, model: &ServoArm, commands: &[Commands], stamps: &[f64], start: &State, out: &mut [f64]) {
+    pub fn run(
+        &mut self,
+        model: &ServoArm,
+        commands: &[Commands],
+        stamps: &[f64],
+        start: &State,
+        out: &mut [f64],
+    ) {
         let n = model.joints.len();
         self.state.q.copy_from_slice(&start.q);
         self.state.v.copy_from_slice(&start.v);
@@ -122,7 +129,8 @@ impl Rollout {
                 momentum += mass * self.state.v[j];
             }
             momentum += joint.rotor_inertia * self.state.v[i];
-            self.matrix[i * n + i] += joint.rotor_inertia * (2.0 / h) + line.damping + line.stiffness * 0.5 * h;
+            self.matrix[i * n + i] +=
+                joint.rotor_inertia * (2.0 / h) + line.damping + line.stiffness * 0.5 * h;
             self.right[i] = momentum * (2.0 / h) + line.stiffness * error + line.constant - self.bias[i];
             self.friction[i] = joint.dry_friction(self.speed[i]);
             self.bounds[i] = joint.stops.map(|stop| (stop - self.state.q[i]) / h);

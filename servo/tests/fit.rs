@@ -68,7 +68,10 @@ fn servos_come_back_from_a_recording() {
     println!("{} steps, noise {:?}", fitted.steps, fitted.noise.size);
     for (unknown, (value, deviation)) in unknowns.iter().zip(&fitted.values) {
         let true_value = unknown.of(&truth);
-        println!("{} {:?}: {value:.5} ± {deviation:.5}, in truth {true_value:.5}", unknown.joint, unknown.quantity);
+        println!(
+            "{} {:?}: {value:.5} ± {deviation:.5}, in truth {true_value:.5}",
+            unknown.joint, unknown.quantity
+        );
         let slack = match unknown.quantity {
             Quantity::Stiffness => 0.03,
             Quantity::Lag | Quantity::Delay => 0.003,
@@ -110,7 +113,9 @@ fn a_lag_and_a_stiffness_show_before_any_rollout() {
         assert!((0.5..2.0).contains(&(stiffness / joint.stiffness)), "{sight:?}");
     }
     let shifted = Track {
-        measured: vec![(0..track.stamps.len()).map(|row| track.commands[0].between(track.stamps[row] - 0.05)).collect()],
+        measured: vec![
+            (0..track.stamps.len()).map(|row| track.commands[0].between(track.stamps[row] - 0.05)).collect(),
+        ],
         commands: vec![track.commands[0].clone()],
         stamps: track.stamps.clone(),
     };

@@ -9,7 +9,14 @@ use freeplay_servo::{Commands, JointServo, Rollout, ServoArm, State, solve};
 use common::{INERTIA, LEVER, MASS, pendulum, stamps, two_links};
 
 /// Positions of the pendulum with `servo` that begins at rest at zero, with commands `command` of time, through `count` stamps `step` apart.
-fn motion(arm: &Arm, servo: JointServo, command: impl Fn(f64) -> f64, count: usize, step: f64, longest: f64) -> Vec<f64> {
+fn motion(
+    arm: &Arm,
+    servo: JointServo,
+    command: impl Fn(f64) -> f64,
+    count: usize,
+    step: f64,
+    longest: f64,
+) -> Vec<f64> {
     let stamps = stamps(count, step);
     let values: Vec<f64> = stamps.iter().map(|t| command(*t)).collect();
     let commands = [Commands::new(&stamps, &values)];
@@ -100,12 +107,14 @@ fn limits_dead_band_and_stop_hold() {
     let q = lifted(damped);
     assert!((20.0 * (0.5 - q) - load(q)).abs() < 1e-6, "the droop is load over stiffness: {q}");
     assert!(lifted(JointServo { torque_limit: 0.9 * load(0.0), ..damped }) < -0.1, "it sinks");
-    let free = |servo: JointServo, command: fn(f64) -> f64| motion(&pendulum(0.0), servo, command, 501, 0.02, 0.01);
+    let free =
+        |servo: JointServo, command: fn(f64) -> f64| motion(&pendulum(0.0), servo, command, 501, 0.02, 0.01);
     let q = free(JointServo { deadband: 0.05, damping: 3.0, ..damped }, |_| 0.5)[500];
     assert!((q - 0.45).abs() < 1e-6, "{q}");
     let q = free(JointServo { speed_limit: 0.1, ..damped }, |t| if t < 0.1 { 0.0 } else { 0.5 });
     assert!(((q[200] - q[100]) / 2.0 - 0.1).abs() < 1e-6, "{} to {}", q[100], q[200]);
-    let q = free(JointServo { stops: [f64::NEG_INFINITY, 0.3], ..damped }, |t| if t < 5.0 { 0.5 } else { -0.1 });
+    let q =
+        free(JointServo { stops: [f64::NEG_INFINITY, 0.3], ..damped }, |t| if t < 5.0 { 0.5 } else { -0.1 });
     assert!((q[200] - 0.3).abs() < 1e-12 && q.iter().all(|q| *q < 0.3 + 1e-12), "{}", q[200]);
     assert!((q[500] + 0.1).abs() < 1e-6, "and lets it go");
 }
@@ -174,13 +183,13 @@ fn a_rollout_allocates_nothing() {
     let times = stamps(200, 0.02);
     let values: Vec<f64> = times.iter().map(|t| (3.0 * t).sin()).collect();
     let commands = [0, 1].map(|_| Commands::new(&times, &values));
-    let servo = JointServo { damping: 0.5, coulomb: 0.1, stiction: 0.05, delay: 0.013, ..JointServo::stiff(20.0) };
+    let servo =
+        JointServo { damping: 0.5, coulomb: 0.1, stiction: 0.05, delay: 0.013, ..JointServo::stiff(20.0) };
     let model = ServoArm { arm: arm.clone(), joints: vec![servo; 2] };
     let start = State { q: vec![0.0; 2], v: vec![0.0; 2] };
     let mut rollout = Rollout::new(&arm, 0.01);
     let mut out = vec![0.0; 400];
-    let counted =
-        allocation_counter::measure(|| rollout.run(&model, &commands, &times, &start, &mut out));
+    let counted = allocation_counter::measure(|| rollout.run(&model, &commands, &times, &start, &mut out));
     assert_eq!(counted.count_total, 0);
     assert!(out[398].abs() > 1e-3, "it moves");
 }

@@ -322,7 +322,9 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
         for (index, channel) in channels.iter().enumerate() {
             let joint = match channel.kind {
-                ChannelKind::Torque(joint) | ChannelKind::Link(joint) | ChannelKind::Position(joint) => Some(joint),
+                ChannelKind::Torque(joint) | ChannelKind::Link(joint) | ChannelKind::Position(joint) => {
+                    Some(joint)
+                }
                 ChannelKind::Tool(_) => None,
             };
             let group = groups.entry(joint).or_default();

@@ -78,7 +78,9 @@ impl Noises {
                     let above = |column| treatment.deviation_above(column, present, Quantile::LOWER_QUARTILE);
                     above(&whole).min(above(&beside))
                 }
-                Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => treatment.deviation_above(&whole, present, Quantile::MEDIAN),
+                Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => {
+                    treatment.deviation_above(&whole, present, Quantile::MEDIAN)
+                }
             };
             let finest = match channel.kind {
                 Kind::Torque(_) => FINEST_TORQUE * span(&read),

@@ -97,7 +97,10 @@ pub fn simulated(model: &ServoArm, recording: &Recording, track: &Track) -> Vec<
     for rows in track.windows(longest_gap(recording), f64::INFINITY) {
         let out = track.simulated(model, &mut rollout, &rows);
         for (joint, column) in columns.iter_mut().enumerate() {
-            column[rows.clone()].iter_mut().zip(out[joint..].iter().step_by(joints)).for_each(|(q, s)| *q = *s);
+            column[rows.clone()]
+                .iter_mut()
+                .zip(out[joint..].iter().step_by(joints))
+                .for_each(|(q, s)| *q = *s);
         }
     }
     columns

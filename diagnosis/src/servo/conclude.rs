@@ -1,12 +1,11 @@
 //! What is said of servos: verdict, findings, errors, events, and the model that holds them.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use freeplay_arm::{ArmFile, EffectTable};
-use freeplay_laws::Trajectory;
 use freeplay_recording::{Group, Recording};
 use freeplay_servo::{Sight, Track};
-use toml::{Table, Value};
+use toml::Value;
 
 use super::compare::unit;
 use super::events::{Event, What};
@@ -14,8 +13,8 @@ use super::findings::{Finding, Numbers, known};
 use super::parts::{Parts, Rows, rounding};
 use super::scores::{Deviations, errors, gain, rms};
 use crate::diagnose::{
-    DIAGNOSIS_SCHEMA, DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Location, Parameter, Passage, Rmse,
-    Trace, Variable, Verdict, phrase, statement,
+    DIAGNOSIS_SCHEMA, DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Location, Rmse, Verdict, phrase,
+    statement,
 };
 
 /// Kinds of effects at joints that the findings stand in the place of.
@@ -29,7 +28,7 @@ const REPLACED: [&str; 7] = [
     "hard_stop",
 ];
 /// Log-likelihood ratio, doubled, that counts: 20 to 1.
-const COUNTS: f64 = 6.0;
+pub(super) const COUNTS: f64 = 6.0;
 /// A number of the given model that differs by less is the same: the tolerance of friction in data sheets.
 const SAME: f64 = 0.05;
 
@@ -65,7 +64,9 @@ impl Conclusion<'_> {
             effects: Vec::new(),
             alternatives: Vec::new(),
             fit: None,
-            next: vec!["record a motion in which every joint moves, slowly and quickly, both ways".to_owned()],
+            next: vec![
+                "record a motion in which every joint moves, slowly and quickly, both ways".to_owned(),
+            ],
             untestable: Vec::new(),
             quality: Vec::new(),
             evidence: Vec::new(),
@@ -85,12 +86,19 @@ impl Conclusion<'_> {
         let file = self.numbers.file;
         let found = self.numbers.findings(self.moves);
         let clean = self.clean_test();
-        let mut effects: Vec<Effect> =
-            found.iter().filter(|finding| self.is_new(finding)).map(|finding| self.effect(finding, &clean)).collect();
+        let mut effects: Vec<Effect> = found
+            .iter()
+            .filter(|finding| self.is_new(finding))
+            .map(|finding| self.effect(finding, &clean))
+            .collect();
         let mut model = file.clone();
         let is_replaced = |table: &EffectTable| {
             REPLACED.contains(&table.kind.as_str())
-                && table.joint.as_ref().and_then(|name| file.arm.joint_index(name)).is_some_and(|at| self.moves[at])
+                && table
+                    .joint
+                    .as_ref()
+                    .and_then(|name| file.arm.joint_index(name))
+                    .is_some_and(|at| self.moves[at])
         };
         let kept_stops: Vec<EffectTable> =
             model.effects.iter().filter(|table| table.kind == "hard_stop").cloned().collect();
@@ -128,7 +136,8 @@ impl Conclusion<'_> {
     fn is_new(&self, finding: &Finding) -> bool {
         let name = &self.numbers.file.arm.joints()[finding.joint].name;
         let given = self.numbers.file.effects.iter();
-        let mut given = given.filter(|table| table.kind == finding.kind.name && table.joint.as_ref() == Some(name));
+        let mut given =
+            given.filter(|table| table.kind == finding.kind.name && table.joint.as_ref() == Some(name));
         let Some(table) = given.next() else { return true };
         finding.parameters.iter().any(|(name, parameter)| {
             let new = parameter.value.as_float().unwrap_or_default();
@@ -151,7 +160,11 @@ impl Conclusion<'_> {
                     }
                     let before = rows.start..rows.end.min(event.rows.start);
                     let after = rows.start.max(event.rows.end)..rows.end;
-                    [before, after].into_iter().filter(|rows| !rows.is_empty()).map(|rows| (index, rows)).collect()
+                    [before, after]
+                        .into_iter()
+                        .filter(|rows| !rows.is_empty())
+                        .map(|rows| (index, rows))
+                        .collect()
                 })
                 .collect();
         }
@@ -188,95 +201,12 @@ impl Conclusion<'_> {
         }
     }
 
-    /// Stops and contacts as effects; tables of the stops. A stop that is met several times is one.
-    fn happenings(&self) -> (Vec<Effect>, Vec<EffectTable>) {
-        let (mut effects, mut tables) = (Vec::new(), Vec::<EffectTable>::new());
-        let mut met: BTreeSet<(usize, bool)> = BTreeSet::new();
-        for event in &self.events {
-            let (name, joint, parameters, joints) = match &event.what {
-                What::Stop { joint, position, is_above } => {
-                    if !met.insert((*joint, *is_above)) {
-                        continue;
-                    }
-                    let side = if *is_above { "upper" } else { "lower" };
-                    let tick = self.sights[*joint].tick;
-                    let at = &self.numbers.file.arm.joints()[*joint];
-                    let parameter = Parameter {
-                        value: Value::Float(*position),
-                        unit: unit(at.kind).to_owned(),
-                        ci95: Some([position - tick, position + tick]),
-                    };
-                    let table = Table::from_iter([(side.to_owned(), Value::Float(*position))]);
-                    let same = tables.iter_mut().find(|table| table.joint.as_ref() == Some(&at.name));
-                    match same {
-                        Some(other) => other.parameters.extend(table),
-                        None => tables.push(EffectTable {
-                            kind: "hard_stop".to_owned(),
-                            joint: Some(at.name.clone()),
-                            parameters: table,
-                            line: 0,
-                        }),
-                    }
-                    ("hard_stop", Some(at.name.clone()), BTreeMap::from([(side.to_owned(), parameter)]), vec![*joint])
-                }
-                What::Contact { joints, point, force } => {
-                    ("contact", None, contact_parameters(event, *point, *force), joints.clone())
-                }
-            };
-            effects.push(self.happening(event, name, joint, parameters, &joints));
-        }
-        (effects, tables)
-    }
-
-    fn happening(
-        &self,
-        event: &Event,
-        name: &'static str,
-        joint: Option<String>,
-        parameters: BTreeMap<String, Parameter>,
-        joints: &[usize],
-    ) -> Effect {
-        let kind = known(name);
-        let phrase = phrase(kind, &parameters);
-        let names: Vec<&str> =
-            joints.iter().map(|joint| self.numbers.file.arm.joints()[*joint].name.as_str()).collect();
-        let [start, end] = event.time;
-        let recording = self.name_of(event.recording);
-        let what = match &event.what {
-            What::Stop { .. } => format!("{} rests at a hard stop", names.join(", ")),
-            What::Contact { point: [x, y, z], .. } => format!(
-                "the arm touches something: {} held off, the tool near ({x:.3}, {y:.3}, {z:.3}) m",
-                names.join(", ")
-            ),
-        };
-        let rows = [(event.recording, event.rows.clone())];
-        let of_event = gain([&self.before, &self.after], &rows, joints, self.recordings, self.settings.seed);
-        Effect {
-            kind: kind.name,
-            joint,
-            parameters,
-            equation: kind.equation,
-            source: kind.source,
-            evidence: Evidence {
-                log_likelihood_ratio: COUNTS,
-                threshold: COUNTS,
-                in_twins: 0.0,
-                held_out_gain: of_event,
-                held_out: self.parts.test.iter().any(|(index, _)| *index == event.recording),
-                stability: 1.0,
-                channels: joints.iter().map(|joint| Group::Position.column(*joint)).collect(),
-            },
-            phrase,
-            statement: format!("From {start:.1} to {end:.1} s of {recording} {what}."),
-        }
-    }
-
-    fn name_of(&self, recording: usize) -> String {
+    pub(super) fn name_of(&self, recording: usize) -> String {
         let origin = &self.recordings[recording].origin;
         origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
     }
 
-    fn joints(&self) -> Vec<usize> {
+    pub(super) fn joints(&self) -> Vec<usize> {
         (0..self.moves.len()).collect()
     }
 
@@ -289,7 +219,14 @@ impl Conclusion<'_> {
             "On {} the measured positions are {after:.1} mrad rms off the simulated servos, {lagged:.1} off the command taken late, {before:.1} off {given}.",
             self.parts.words
         );
-        let lags: Vec<String> = self.numbers.file.arm.joints().iter().zip(self.sights).zip(self.moves)
+        let lags: Vec<String> = self
+            .numbers
+            .file
+            .arm
+            .joints()
+            .iter()
+            .zip(self.sights)
+            .zip(self.moves)
             .filter(|(_, moves)| **moves)
             .map(|((joint, sight), _)| format!("{} {:.0} ms", joint.name, 1e3 * sight.lag))
             .collect();
@@ -329,9 +266,8 @@ impl Conclusion<'_> {
 
     fn fit(&self, clean: &[Rows]) -> Fit {
         let joints = self.joints();
-        let floor = |joint: usize| {
-            (Group::Position.column(joint), Rmse { rmse: rounding(self.sights[joint].tick) })
-        };
+        let floor =
+            |joint: usize| (Group::Position.column(joint), Rmse { rmse: rounding(self.sights[joint].tick) });
         let gain_of = |model: &Deviations| {
             gain([&self.before, model], clean, &joints, self.recordings, self.settings.seed)
         };
@@ -352,7 +288,9 @@ impl Conclusion<'_> {
             black_box_gain: Some(gain_of(&self.filtered)),
             units: joints
                 .iter()
-                .map(|joint| (Group::Position.column(*joint), unit(self.numbers.file.arm.joints()[*joint].kind)))
+                .map(|joint| {
+                    (Group::Position.column(*joint), unit(self.numbers.file.arm.joints()[*joint].kind))
+                })
                 .collect(),
         }
     }
@@ -404,43 +342,6 @@ impl Conclusion<'_> {
         let resting = self.joints().into_iter().filter(|joint| !self.moves[*joint]);
         resting.filter(|joint| !has(&file.arm.joints()[*joint].name)).map(table).collect()
     }
-
-    fn passages(&self) -> Vec<Passage> {
-        let all = [(&self.parts.fit, false), (&self.parts.choice, false), (&self.parts.test, true)];
-        let parts = all.into_iter().flat_map(|(parts, held_out)| parts.iter().map(move |part| (part, held_out)));
-        parts.map(|((index, rows), held_out)| self.passage(*index, rows.clone(), held_out)).collect()
-    }
-
-    fn passage(&self, index: usize, rows: std::ops::Range<usize>, held_out: bool) -> Passage {
-        let track = &self.tracks[index];
-        let t = track.stamps[rows.clone()].to_vec();
-        let cut = |columns: &[Vec<f64>]| -> Vec<Vec<f64>> {
-            columns.iter().map(|column| column[rows.clone()].to_vec()).collect()
-        };
-        let zeros = vec![vec![0.0; rows.len()]; self.moves.len()];
-        let stretches = vec![0..rows.len()];
-        let trace = |joint: usize| {
-            let of = |deviations: &Deviations| deviations[index][joint][rows.clone()].to_vec();
-            Trace {
-                channel: Group::Position.column(joint),
-                unit: unit(self.numbers.file.arm.joints()[joint].kind),
-                measured: track.measured[joint][rows.clone()].to_vec(),
-                before: of(&self.before),
-                retuned: of(&self.lagged),
-                after: of(&self.after),
-                unnamed: of(&self.filtered),
-                laws: Vec::new(),
-            }
-        };
-        let time = Variable { name: "time".to_owned(), unit: "s", quantity: "time", joint: None, values: t.clone() };
-        Passage {
-            recording: self.name_of(index),
-            held_out,
-            motion: Trajectory { t, q: cut(&track.measured), v: zeros.clone(), a: zeros, stretches },
-            variables: vec![time],
-            traces: self.joints().into_iter().map(trace).collect(),
-        }
-    }
 }
 
 fn concerns(event: &Event, of: usize) -> bool {
@@ -448,20 +349,6 @@ fn concerns(event: &Event, of: usize) -> bool {
         What::Stop { joint, .. } => *joint == of,
         What::Contact { joints, .. } => joints.contains(&of),
     }
-}
-
-fn contact_parameters(event: &Event, point: [f64; 3], force: Option<[f64; 3]>) -> BTreeMap<String, Parameter> {
-    let parameter = |value: Value, unit: &str| Parameter { value, unit: unit.to_owned(), ci95: None };
-    let vector = |of: [f64; 3]| Value::Array(of.map(Value::Float).to_vec());
-    let mut parameters = BTreeMap::from([
-        ("start".to_owned(), parameter(Value::Float(event.time[0]), "s")),
-        ("end".to_owned(), parameter(Value::Float(event.time[1]), "s")),
-        ("point".to_owned(), parameter(vector(point), "m")),
-    ]);
-    if let Some(force) = force {
-        parameters.insert("force".to_owned(), parameter(vector(force), "N"));
-    }
-    parameters
 }
 
 /// The kinds found, with how often: `position servo at 5 joints, contact`.

@@ -123,10 +123,12 @@ fn events(
 ) -> Vec<Event> {
     let usual = usual(fit.tracks, &fit.windows, &fit.residuals(&fitted.model), &fitted.noise);
     let ticks: Vec<f64> = sights.iter().map(|sight| sight.tick).collect();
-    let judging = Judging { model: &fitted.model, usual: &usual, is_known, ticks: &ticks, tracks: fit.tracks };
+    let judging =
+        Judging { model: &fitted.model, usual: &usual, is_known, ticks: &ticks, tracks: fit.tracks };
     let of_recording = |(index, columns): (usize, &Vec<Vec<f64>>)| {
         let rows = 0..fit.tracks[index].stamps.len();
-        let residual: Vec<f64> = rows.clone().flat_map(|row| columns.iter().map(move |column| column[row])).collect();
+        let residual: Vec<f64> =
+            rows.clone().flat_map(|row| columns.iter().map(move |column| column[row])).collect();
         judging.events(index, &rows, &residual)
     };
     simulated.iter().enumerate().flat_map(of_recording).collect()

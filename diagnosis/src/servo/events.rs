@@ -54,7 +54,8 @@ pub enum What {
 /// Mean of each joint's deviation `residual` (`[row][joint]` on rows of `stamps`) over [`STEADY`] about each row.
 fn steady(stamps: &[f64], residual: &[f64], joints: usize) -> Vec<Vec<f64>> {
     let column = |joint: usize| {
-        let r: Vec<f64> = residual.iter().skip(joint).step_by(joints).map(|r| if r.is_nan() { 0.0 } else { *r }).collect();
+        let r: Vec<f64> =
+            residual.iter().skip(joint).step_by(joints).map(|r| if r.is_nan() { 0.0 } else { *r }).collect();
         let mut sums = vec![0.0; r.len() + 1];
         r.iter().enumerate().for_each(|(row, r)| sums[row + 1] = sums[row] + r);
         let (mut from, mut to) = (0, 0);
@@ -75,11 +76,18 @@ fn steady(stamps: &[f64], residual: &[f64], joints: usize) -> Vec<Vec<f64>> {
 }
 
 /// The steady deviation of each joint that the fit's part, `residuals` of windows of `tracks`, usually leaves; not less than its noise.
-pub fn usual(tracks: &[Track], windows: &[(usize, Range<usize>)], residuals: &[Vec<f64>], noise: &Noise) -> Vec<f64> {
+pub fn usual(
+    tracks: &[Track],
+    windows: &[(usize, Range<usize>)],
+    residuals: &[Vec<f64>],
+    noise: &Noise,
+) -> Vec<f64> {
     let joints = noise.size.len();
     let mut all = vec![Vec::new(); joints];
     for ((track, rows), residual) in windows.iter().zip(residuals) {
-        for (all, column) in all.iter_mut().zip(steady(&tracks[*track].stamps[rows.clone()], residual, joints)) {
+        for (all, column) in
+            all.iter_mut().zip(steady(&tracks[*track].stamps[rows.clone()], residual, joints))
+        {
             all.extend(column.into_iter().map(f64::abs));
         }
     }
@@ -122,7 +130,9 @@ impl Judging<'_> {
             let begin = row;
             let mut last = row;
             // Deviations that pause for less than the time of the mean are one event.
-            while row < rows.len() && track.stamps[rows.start + row] - track.stamps[rows.start + last] <= STEADY {
+            while row < rows.len()
+                && track.stamps[rows.start + row] - track.stamps[rows.start + last] <= STEADY
+            {
                 if any(row) {
                     last = row;
                 }
@@ -145,10 +155,12 @@ impl Judging<'_> {
         let [joint] = *off else { return None };
         let quarter = rows.len() / 4;
         let middle = rows.start + quarter..rows.end - quarter;
-        let mut q: Vec<f64> = middle.map(|row| track.measured[joint][row]).filter(|q| q.is_finite()).collect();
+        let mut q: Vec<f64> =
+            middle.map(|row| track.measured[joint][row]).filter(|q| q.is_finite()).collect();
         q.sort_by(f64::total_cmp);
         let position = *q.get(q.len() / 2)?;
-        let mean = residual.iter().skip(joint).step_by(self.usual.len()).filter(|r| r.is_finite()).sum::<f64>();
+        let mean =
+            residual.iter().skip(joint).step_by(self.usual.len()).filter(|r| r.is_finite()).sum::<f64>();
         // The measured position stays below what is simulated: the stop is above.
         let is_above = mean < 0.0;
         let within = STILL * self.ticks[joint];

@@ -83,7 +83,8 @@ impl Numbers<'_> {
         let servo = self.servo(joint);
         let of_log = self.stiffness_deviation(joint);
         let is_known = self.is_known(joint);
-        let mut numbers = vec![("stiffness", servo.stiffness, is_known.then(|| around_log(servo.stiffness, of_log)))];
+        let mut numbers =
+            vec![("stiffness", servo.stiffness, is_known.then(|| around_log(servo.stiffness, of_log)))];
         numbers.push(("damping", servo.damping, self.absolute(joint, Quantity::Lag)));
         if let Some((_, deviation)) = self.of(joint, Quantity::Deadband) {
             numbers.push(("deadband", servo.deadband, Some(around(servo.deadband, deviation))));
@@ -104,7 +105,9 @@ impl Numbers<'_> {
         let (lag_ms, half_ms) = (lag.0 * 1e3, WIDTH * lag.1 * 1e3);
         let remark = if is_known {
             let droop = 1e3 / servo.stiffness;
-            format!("In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late, and a load of 1 N·m lets it droop by {droop:.0} mrad.")
+            format!(
+                "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late, and a load of 1 N·m lets it droop by {droop:.0} mrad."
+            )
         } else {
             format!(
                 "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late. No load tells its stiffness: only ratios to it are known, and the numbers in N·m rest on the one assumed."
@@ -122,7 +125,13 @@ impl Numbers<'_> {
     }
 
     /// What is a ratio to the stiffness, if the data tell it from nothing.
-    fn friction(&self, joint: usize, quantity: Quantity, name: &'static str, number: &'static str) -> Option<Finding> {
+    fn friction(
+        &self,
+        joint: usize,
+        quantity: Quantity,
+        name: &'static str,
+        number: &'static str,
+    ) -> Option<Finding> {
         let (ratio, deviation) = self.of(joint, quantity)?;
         if ratio <= WIDTH * deviation {
             return None;
@@ -194,16 +203,28 @@ impl Numbers<'_> {
                 return Some(format!("{name} is never commanded to move"));
             }
             (!self.is_known(joint)).then(|| {
-                format!("no load on {name} changes: only ratios to its servo's stiffness can be known, not N·m")
+                format!(
+                    "no load on {name} changes: only ratios to its servo's stiffness can be known, not N·m"
+                )
             })
         };
         let of_joint = |joint: usize| {
-            lack(joint).map(|because| Untestable { kind: "servo", joint: Some(self.joint(joint).name.clone()), because })
+            lack(joint).map(|because| Untestable {
+                kind: "servo",
+                joint: Some(self.joint(joint).name.clone()),
+                because,
+            })
         };
         let mut all: Vec<Untestable> = (0..moves.len()).filter_map(of_joint).collect();
         let arm = [
-            ("viscous_friction", "from commanded and measured positions alone viscous friction can't be told from the servo's own damping: both are in `damping`"),
-            ("payload", "without torques a payload can't be told from softer servos, unless the model knows their stiffness"),
+            (
+                "viscous_friction",
+                "from commanded and measured positions alone viscous friction can't be told from the servo's own damping: both are in `damping`",
+            ),
+            (
+                "payload",
+                "without torques a payload can't be told from softer servos, unless the model knows their stiffness",
+            ),
             ("joint_elasticity", "what gives behind the encoder needs the tool or the link's encoder"),
             ("backlash", "what is loose behind the encoder needs the tool or the link's encoder"),
         ];

@@ -63,8 +63,7 @@ fn best(problem: &Problem, sights: &[Sight], unknowns: &[Unknown], fitted: &Fitt
         ];
         for (quantity, values, deviation) in tried {
             for value in values.into_iter().filter(|value| value.is_finite() && !has(joint, quantity)) {
-                let unknown =
-                    Unknown { joint, quantity, expected: value, deviation, step: 0.03 * deviation };
+                let unknown = Unknown { joint, quantity, expected: value, deviation, step: 0.03 * deviation };
                 let mut model = fitted.model.clone();
                 unknown.set(&mut model, value);
                 let gain = before - lost(problem, &model, &fitted.noise);
@@ -86,7 +85,8 @@ fn greatest(problem: &Problem, model: &ServoArm) -> Vec<[f64; 2]> {
             for (row, r) in rows.clone().zip(r).skip(1).filter(|(_, r)| r.is_finite()) {
                 let command = |row: usize| track.commands[joint].held(track.stamps[row]);
                 let simulated = track.measured[joint][row] - r;
-                let speed = (command(row) - command(row - 1)).abs() / (track.stamps[row] - track.stamps[row - 1]);
+                let speed =
+                    (command(row) - command(row - 1)).abs() / (track.stamps[row] - track.stamps[row - 1]);
                 most[0] = most[0].max((command(row) - simulated).abs());
                 most[1] = most[1].max(speed);
             }

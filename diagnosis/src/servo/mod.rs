@@ -7,7 +7,7 @@
 //! - `black_box`: filters without a name, to be beaten.
 //! - `scores`: errors on what no step has seen.
 //! - `events`: stops and contacts, which no servo explains.
-//! - `findings`: the numbers as effects; `conclude`: what is said; `diagnose`: all of it.
+//! - `findings`: the numbers as effects; `happenings`: events as effects; `passages`: rows for pictures; `conclude`: what is said; `diagnose`: all of it.
 
 mod black_box;
 mod compare;
@@ -15,8 +15,10 @@ mod conclude;
 mod diagnose;
 mod events;
 mod findings;
+mod happenings;
 mod limits;
 mod parts;
+mod passages;
 mod scores;
 mod tracks;
 

@@ -34,7 +34,10 @@ impl Parts {
     pub fn of(recordings: &[Recording], tracks: &[Track]) -> Parts {
         let whole = |index: usize| (index, 0..tracks[index].stamps.len());
         let name = |index: usize| {
-            recordings[index].origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+            recordings[index]
+                .origin
+                .file_name()
+                .map_or_else(String::new, |name| name.to_string_lossy().into_owned())
         };
         let count = tracks.len();
         let last = count - 1;

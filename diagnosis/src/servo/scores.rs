@@ -20,14 +20,17 @@ pub type Deviations = Vec<Vec<Vec<f64>>>;
 
 /// Measured minus `model`, `[joint][row]`.
 pub fn deviations(track: &Track, model: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let minus = |(q, model): (&Vec<f64>, &Vec<f64>)| q.iter().zip(model).map(|(q, model)| q - model).collect();
+    let minus =
+        |(q, model): (&Vec<f64>, &Vec<f64>)| q.iter().zip(model).map(|(q, model)| q - model).collect();
     track.measured.iter().zip(model).map(minus).collect()
 }
 
 /// Root of the mean square of each joint's channel on `parts`, by the name of its column.
 pub fn errors(of: &Deviations, parts: &[Rows]) -> BTreeMap<String, Rmse> {
     let joints = of.first().map_or(0, Vec::len);
-    (0..joints).map(|joint| (Group::Position.column(joint), Rmse { rmse: rms(of, parts, &[joint]) })).collect()
+    (0..joints)
+        .map(|joint| (Group::Position.column(joint), Rmse { rmse: rms(of, parts, &[joint]) }))
+        .collect()
 }
 
 /// Root of the mean square of the channels of `joints` on `parts`.
@@ -77,7 +80,14 @@ pub fn gain(
     let value = share(&mut (0..before.len()));
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut drawn: Vec<f64> = (0..DRAWS)
-        .map(|_| share(&mut (0..before.len()).map(|_| rng.random_range(0..before.len())).collect::<Vec<_>>().into_iter()))
+        .map(|_| {
+            share(
+                &mut (0..before.len())
+                    .map(|_| rng.random_range(0..before.len()))
+                    .collect::<Vec<_>>()
+                    .into_iter(),
+            )
+        })
         .collect();
     drawn.sort_by(f64::total_cmp);
     Gain { value, ci95: [drawn[DRAWS / 40], drawn[DRAWS - 1 - DRAWS / 40]] }
