@@ -16,7 +16,7 @@ use crate::tally::ChannelTally;
 /// `file` has no servos, with the commands as late as they are nearest to what was measured. Nothing is filtered.
 ///
 /// # Errors
-/// [`ResidualError::JointCount`], [`ResidualError::Effects`], [`ResidualError::NotFinite`].
+/// [`ResidualError::JointCount`], [`ResidualError::Stamps`] where no stretch without a gap is left, [`ResidualError::Effects`], [`ResidualError::NotFinite`].
 pub fn compare_commands(
     file: &ArmFile,
     recording: &Recording,
@@ -31,6 +31,13 @@ pub fn compare_commands(
         None => late(&track, &lags),
     };
     let rows: Vec<usize> = stretches.iter().cloned().flatten().collect();
+    if rows.is_empty() {
+        return Err(ResidualError::Stamps {
+            origin: recording.origin.clone(),
+            samples: recording.len(),
+            duration_s: recording.duration(),
+        });
+    }
     let picked = |column: &[f64]| rows.iter().map(|row| column[*row]).collect::<Vec<f64>>();
     let channel = |joint: usize| {
         let measured = picked(&recording.q[joint]);

@@ -18,15 +18,8 @@ use crate::diagnose::{
 };
 
 /// Kinds of effects at joints that the findings stand in the place of.
-const REPLACED: [&str; 7] = [
-    "servo",
-    "command_delay",
-    "coulomb_friction",
-    "viscous_friction",
-    "stribeck_friction",
-    "rotor_inertia",
-    "hard_stop",
-];
+const REPLACED: [&str; 6] =
+    ["servo", "command_delay", "coulomb_friction", "viscous_friction", "stribeck_friction", "rotor_inertia"];
 /// Log-likelihood ratio, doubled, that counts: 20 to 1.
 pub(super) const COUNTS: f64 = 6.0;
 /// A number of the given model that differs by less is the same: the tolerance of friction in data sheets.
@@ -53,12 +46,12 @@ pub struct Conclusion<'a> {
 }
 
 impl Conclusion<'_> {
-    /// The diagnosis where no joint is commanded to move.
-    pub fn insufficient(file: &ArmFile, settings: &DiagnoseSettings) -> Diagnosis {
+    /// The diagnosis of recordings that can't tell, because of `why`.
+    pub fn insufficient(file: &ArmFile, settings: &DiagnoseSettings, why: &str) -> Diagnosis {
         Diagnosis {
             schema: DIAGNOSIS_SCHEMA,
             verdict: Verdict::InsufficientData,
-            statement: "These recordings can't tell: no joint is commanded to move.".to_owned(),
+            statement: format!("These recordings can't tell: {why}."),
             setup: Vec::new(),
             location: Vec::new(),
             effects: Vec::new(),
@@ -100,22 +93,22 @@ impl Conclusion<'_> {
                     .and_then(|name| file.arm.joint_index(name))
                     .is_some_and(|at| self.moves[at])
         };
-        let kept_stops: Vec<EffectTable> =
-            model.effects.iter().filter(|table| table.kind == "hard_stop").cloned().collect();
         model.effects.retain(|table| !is_replaced(table));
         model.effects.extend(found.iter().map(|finding| finding.table.clone()));
-        model.effects.extend(kept_stops);
         let (happened, stops) = self.happenings();
         effects.extend(happened);
         for stop in stops {
-            model.effects.retain(|table| table.kind != "hard_stop" || table.joint != stop.joint);
-            model.effects.push(stop);
+            let is_same = |table: &&mut EffectTable| table.kind == stop.kind && table.joint == stop.joint;
+            match model.effects.iter_mut().find(is_same) {
+                Some(known) => known.parameters.extend(stop.parameters),
+                None => model.effects.push(stop),
+            }
         }
         if !self.moves.iter().all(|moves| *moves) {
             // A rollout needs a servo at each joint.
             model.effects.extend(self.servos_of_joints_at_rest());
         }
-        let base = Conclusion::insufficient(file, self.settings);
+        let base = Conclusion::insufficient(file, self.settings, "");
         let verdict = if effects.is_empty() { Verdict::NothingMissing } else { Verdict::Named };
         Diagnosis {
             verdict,

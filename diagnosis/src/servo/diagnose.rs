@@ -15,6 +15,9 @@ use super::scores::{Deviations, deviations};
 use super::tracks::track;
 use crate::diagnose::{DiagnoseError, DiagnoseSettings, Diagnosis};
 
+/// Fewest rows that judge.
+const FEWEST: usize = 10;
+
 /// Finds the servos of the arm of `file` in `recordings` of commanded and measured positions.
 ///
 /// # Errors
@@ -30,11 +33,14 @@ pub fn diagnose(
     let parts = Parts::of(recordings, &tracks);
     let moves: Vec<bool> = (0..file.arm.dof()).map(|joint| moves(&tracks, &parts.fit, joint)).collect();
     if !moves.contains(&true) {
-        return Ok(Conclusion::insufficient(file, settings));
+        return Ok(Conclusion::insufficient(file, settings, "no joint is commanded to move"));
     }
     progress("measuring by how much positions follow their commands");
     let seen = sights(&file.arm, &tracks);
     let [fit, choice] = [&parts.fit, &parts.choice].map(|part| problem(recordings, &tracks, part, &seen));
+    if fit.windows.is_empty() || parts.test.iter().all(|(_, rows)| rows.len() < FEWEST) {
+        return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
+    }
     let arm = given.as_ref().map_or(&file.arm, |given| &given.arm);
     let (first, _) = first_model(arm, &fit);
     let first = nearest(&fit, first, given.as_ref());
@@ -82,9 +88,10 @@ fn moves(tracks: &[Track], parts: &[Rows], joint: usize) -> bool {
     })
 }
 
-/// Of `first` and the model that was given the one that is nearer to the fit's part.
-fn nearest(fit: &Problem, first: ServoArm, given: Option<&ServoArm>) -> ServoArm {
+/// Of `first` and the model that was given the one that is nearer to the fit's part; the stops that are known hold in both.
+fn nearest(fit: &Problem, mut first: ServoArm, given: Option<&ServoArm>) -> ServoArm {
     let Some(given) = given else { return first };
+    first.joints.iter_mut().zip(&given.joints).for_each(|(first, given)| first.stops = given.stops);
     let residuals = [&first, given].map(|model| fit.residuals(model));
     let noise = freeplay_servo::Noise::of(&residuals[0], &fit.rounding);
     let [of_first, of_given] = residuals.map(|residuals| fit.losses(&residuals, &noise).iter().sum::<f64>());

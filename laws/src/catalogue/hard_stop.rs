@@ -12,7 +12,7 @@ use crate::parameter::Parameter;
 pub static KIND: Kind = Kind {
     name: "hard_stop",
     title: "hard stop",
-    words: "a hard stop[ at {lower} below][ at {upper} above]",
+    words: "a hard stop",
     site: Site::Joint,
     parameters: &[
         Parameter::number("lower", "least position that the joint reaches", "rad", [-1e6, 1e6])
