@@ -99,8 +99,9 @@ def dask(work: Work) -> None:
     env = environment()
     with contextlib.ExitStack() as stack:
         if work.cluster is None:
+            # Threads: a task is a process anyway, and a script needs no guard against being imported by its own workers.
             address: Any = stack.enter_context(
-                LocalCluster(n_workers=work.workers, threads_per_worker=1, processes=True, dashboard_address=None)
+                LocalCluster(n_workers=work.workers, threads_per_worker=1, processes=False, dashboard_address=None)
             )
         else:
             address = work.cluster
