@@ -41,7 +41,10 @@ impl Tolerances {
             Some(Tolerance::Zero) => ("offset", 0.0, self.zero),
             Some(Tolerance::Length) => ("offset", 0.0, self.length),
             Some(Tolerance::Mass) => ("scale", 1.0, self.mass),
-            Some(Tolerance::Delay) => ("delay", 0.0, self.delay + 0.5 * step),
+            Some(Tolerance::Delay) => {
+                let is_held = parameters.get("channel").and_then(toml::Value::as_str) == Some("torque");
+                ("delay", 0.0, self.delay + if is_held { 0.5 * step } else { 0.0 })
+            }
             Some(Tolerance::Inertia | Tolerance::Friction) | None => return false,
         };
         parameters.get(name).and_then(toml::Value::as_float).is_some_and(|x| (x - neutral).abs() <= tolerance)

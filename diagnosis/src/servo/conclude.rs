@@ -363,7 +363,8 @@ fn summary(effects: &[Effect]) -> String {
 /// all at once.
 fn share_out(effects: &mut [Effect], fit: &Fit) {
     let gone = |channel: &String| -> f64 {
-        let square = |table: &BTreeMap<String, Rmse>| table.get(channel).map_or(0.0, |error| error.rmse.powi(2));
+        let square =
+            |table: &BTreeMap<String, Rmse>| table.get(channel).map_or(0.0, |error| error.rmse.powi(2));
         (square(&fit.before) - square(&fit.after)).max(0.0)
     };
     let all: f64 = fit.before.keys().map(gone).sum();

@@ -33,7 +33,10 @@ impl Overlap {
     /// Adds the shard of `draw`; the earlier one of the same draw that overlaps with it, in words.
     fn add_shard(&mut self, draw: &Draw) -> Option<String> {
         let [shard, count] = draw.shard;
-        let of_draw = self.shards.entry(json!([draw.seed, draw.quota, draw.matrix, draw.generator]).to_string()).or_default();
+        let of_draw = self
+            .shards
+            .entry(json!([draw.seed, draw.quota, draw.matrix, draw.generator]).to_string())
+            .or_default();
         // Shards i of n and j of m share a case where i and j leave the same rest by the greatest common divisor of n and m.
         let earlier = of_draw.iter().find_map(|(other_count, others)| {
             let step = divisor(count, *other_count).max(1);
@@ -79,6 +82,7 @@ mod tests {
             quota: Quota::small(40),
             shard,
             matrix: None,
+            generator: None,
         }
     }
 
