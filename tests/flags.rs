@@ -17,7 +17,7 @@ fn folder() -> TempDir {
     for k in 0..800 {
         let (t, word) = (f64::from(k) * 0.01, if k < 400 { "out" } else { "back" });
         let q = 0.3 * (2.0 * t).sin();
-        let _ = writeln!(rows, "{t},{q},{q},{q},{q},{q},{q},{q},{q},{q},{q},{q},{q},{word}");
+        let _ = writeln!(rows, "{t},{q},{q},{q},{q},{q},{q},0,0,0,0,0,0,{word}");
     }
     std::fs::write(folder.path().join("r.csv"), rows).expect("written");
     std::fs::copy(

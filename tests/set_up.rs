@@ -126,8 +126,7 @@ fn a_faulty_set_up_is_said_first_and_its_mapping_mends_it() {
 fn the_mapping_of_a_guessed_file_reads_that_file() {
     let folder = fresh_folder();
     let given = ["--model", "paper", "--recording", "foreign.csv", "--format", "json"];
-    let diagnosis =
-        json(folder.path(), &[&["diagnose", "--out", "out", "--twins", "4"], given.as_slice()].concat());
+    let diagnosis = json(folder.path(), &[&["diagnose", "--out", "out"], given.as_slice()].concat());
     assert_eq!(diagnosis["verdict"], "setup");
     let mapping = std::fs::read_to_string(folder.path().join("setup.toml")).expect("a mapping");
     assert!(mapping.contains("position_3 [deg]") && mapping.contains("effort_2 [Nm]"), "{mapping}");

@@ -37,7 +37,6 @@ def diagnose(
     *,
     mapping: PathLike | None = None,
     seed: int | None = None,
-    twins: int | None = None,
     lowpass: float | None = None,
     mass_tolerance: float | None = None,
     friction_tolerance: float | None = None,
@@ -55,13 +54,11 @@ def diagnose(
     arm : Arm or path
         The model as it is.
     recordings : Recording, path or DataFrame, or a list of them
-        Recordings of one machine with the same columns. Of several, the last is held out.
+        Recordings of one machine with the same columns. Of several, one is the test part.
     mapping : path, optional
         A mapping file for the recordings.
     seed : int, optional
         Seed of everything that is drawn; 1 without it.
-    twins : int, optional
-        Perfect recordings of the model that thresholds are taken from.
     lowpass : float, optional
         Cutoff of the low-pass, Hz.
     mass_tolerance, friction_tolerance : float, optional
@@ -100,7 +97,7 @@ def diagnose(
     scratch = Scratch()
     folder = scratch.path / "found" if out is None else Path(out)
     chosen = options(
-        mapping=mapping, seed=seed, twins=twins, lowpass=lowpass, mass_tolerance=mass_tolerance, friction_tolerance=friction_tolerance,
+        mapping=mapping, seed=seed, lowpass=lowpass, mass_tolerance=mass_tolerance, friction_tolerance=friction_tolerance,
         zero_tolerance=zero_tolerance, length_tolerance=length_tolerance, delay_tolerance=delay_tolerance, format="json", out=folder,
         force=force,
     )  # fmt: skip

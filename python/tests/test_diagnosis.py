@@ -51,7 +51,7 @@ def test_a_diagnosis_is_that_of_the_command_to_the_byte(
 
 def test_the_play_is_found_where_it_is(found: Diagnosis) -> None:
     assert found.verdict == "named" and found.setup.empty
-    row = found.found.loc[0]
+    row = found.found.iloc[0]
     assert (row["what"], row["joint"], row["unit"]) == ("joint clearance", "joint_5", "m")
     low, high = row["interval"]
     assert low < row["value"] < high and row["value"] == pytest.approx(0.6e-3, rel=0.05)

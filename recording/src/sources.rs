@@ -175,16 +175,14 @@ mod tests {
     use crate::mapping::Mapping;
 
     fn read(text: &str, mapping: Option<&str>) -> crate::Recording {
-        let folder = std::env::temp_dir().join(format!("sources-{}-{}", std::process::id(), text.len()));
-        std::fs::create_dir_all(&folder).unwrap();
-        let file = folder.join("run.csv");
-        std::fs::write(&file, text).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("run.csv");
+        freeplay_storage::write(&file, text.as_bytes()).unwrap();
         let mapping = mapping.map(|mapping| Mapping::parse(mapping, Path::new("map.toml")).unwrap());
         let read = match &mapping {
             Some(mapping) => crate::import_csv(&file, mapping).unwrap(),
             None => crate::read(&file, None).unwrap(),
         };
-        std::fs::remove_dir_all(&folder).unwrap();
         read
     }
 

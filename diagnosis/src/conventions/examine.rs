@@ -225,7 +225,9 @@ fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, 
         if !is_silent && best.spoken[c] < SPOKEN {
             continue;
         }
-        let gain = best.likelihood[c] - other.likelihood[c];
+        // A reading without the change may leave a channel out.
+        let Some(without) = other.likelihood.get(c) else { continue };
+        let gain = best.likelihood[c] - without;
         odds += if gain > 0.0 { gain / count } else { gain };
         if let Some(left) = same.left.get(c) {
             fall = fall.max((left + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));

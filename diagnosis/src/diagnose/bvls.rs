@@ -11,6 +11,9 @@ pub(crate) fn bounded(a: &DMatrix<f64>, b: &DVector<f64>, limits: &[[f64; 2]]) -
         return Some(x);
     }
     (0..n).for_each(|k| x[k] = x[k].clamp(limits[k][0], limits[k][1]));
+    if let Some(found) = pivoted(a, b, limits, &x) {
+        return Some(found);
+    }
     let mut free: Vec<bool> = (0..n).map(|k| limits[k][0] < x[k] && x[k] < limits[k][1]).collect();
     // Each pass frees one variable or ends; an active set never comes twice, since the objective falls.
     for _ in 0..10 * n + 10 {
@@ -28,6 +31,48 @@ pub(crate) fn bounded(a: &DMatrix<f64>, b: &DVector<f64>, limits: &[[f64; 2]]) -
         }
     }
     Some(x)
+}
+
+/// The same by exchanging all variables at once that are on the wrong side (Portugal, Júdice & Vicente 1994, Math. Comput. 63:625), from those of `start` that are
+/// inside; `None` if that does not come to an end soon, as it need not.
+fn pivoted(
+    a: &DMatrix<f64>,
+    b: &DVector<f64>,
+    limits: &[[f64; 2]],
+    start: &DVector<f64>,
+) -> Option<DVector<f64>> {
+    /// Most often three to six are enough.
+    const PASSES: usize = 25;
+    let n = limits.len();
+    let mut x = start.clone();
+    let mut free: Vec<bool> = (0..n).map(|k| limits[k][0] < x[k] && x[k] < limits[k][1]).collect();
+    for _ in 0..PASSES {
+        let open: Vec<usize> = (0..n).filter(|&k| free[k]).collect();
+        let mut held = x.clone();
+        open.iter().for_each(|&k| held[k] = 0.0);
+        let rest = b - a * held;
+        let part = a.select_rows(&open).select_columns(&open);
+        let solved = Cholesky::new(part)?.solve(&rest.select_rows(&open));
+        open.iter().zip(solved.iter()).for_each(|(&k, value)| x[k] = *value);
+        let gradient = b - a * &x;
+        let mut is_done = true;
+        for k in 0..n {
+            let [least, most] = limits[k];
+            let slack = 1e-12 * (b[k].abs() + a[(k, k)] * x[k].abs());
+            if free[k] && !inside(x[k], limits[k]) {
+                (x[k], free[k], is_done) = (x[k].clamp(least, most), false, false);
+            } else if !free[k] && most > least {
+                let inwards = if x[k] <= least { gradient[k] } else { -gradient[k] };
+                if inwards > slack {
+                    (free[k], is_done) = (true, false);
+                }
+            }
+        }
+        if is_done {
+            return Some(x);
+        }
+    }
+    None
 }
 
 fn inside(x: f64, [least, most]: [f64; 2]) -> bool {

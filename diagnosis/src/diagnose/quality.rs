@@ -36,8 +36,8 @@ pub(crate) fn lack(data: &Data) -> Option<String> {
             })
             .sum();
         return Some(format!(
-            "{} lasts {whole:.1} s, of which {fit:.1} s are left to fit, {choice:.1} s to choose by and {test:.1} s to test, after the ends that the low-pass \
-             needs; record at least 10 s",
+            "{}: too short: it lasts {whole:.1} s, of which {fit:.1} s are left to fit, {choice:.1} s to choose by and {test:.1} s to test, after the ends that \
+             the low-pass needs; record at least 10 s, or set a higher cutoff (--lowpass)",
             names.join(" and ")
         ));
     }

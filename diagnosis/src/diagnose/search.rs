@@ -11,6 +11,8 @@ pub const AS_GOOD: f64 = 2.995_732_273_553_991;
 const TRIED: usize = 12;
 /// Steps of the logarithm of a shape's number, from one shape that is laid out to the next down to what no motion tells apart.
 const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, 0.004];
+/// Most effects a joint: an arm that lacks more is not known by its laws, and more of them would only follow its shapes.
+const MOST: usize = 5;
 /// Share of the log of the evidence that is worth another step.
 const WORTH: f64 = 0.01;
 
@@ -265,6 +267,9 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// `now` with the effect that makes it most probable.
     fn added(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        if now.members.len() >= MOST * self.system.data.arm().dof() {
+            return Some(None);
+        }
         let fit = self.system.fit(&now.members)?;
         let open = self.open(&now.members);
         let gains = self.system.gains(&fit, &open);

@@ -41,6 +41,8 @@ struct Block {
     precision: DMatrix<f64>,
     /// Half the log of its determinant, and the log of the prior odds.
     log_prior: f64,
+    /// NᵀWZ.
+    through: DMatrix<f64>,
     /// L⁻¹NᵀWZ, with K = LLᵀ.
     whitened: DMatrix<f64>,
     /// G + precision, and h.
@@ -100,6 +102,8 @@ pub(crate) struct System<'d, 'a> {
     precision: Vec<f64>,
     channels: Vec<Channel>,
     factor: Cholesky<f64, Dyn>,
+    /// K and NᵀWy with no tolerance held at an edge.
+    free: (DMatrix<f64>, DVector<f64>),
     /// L⁻¹NᵀWy.
     whitened_target: DVector<f64>,
     /// Half the log of the determinant of K with no tolerance held at an edge.
@@ -118,7 +122,8 @@ impl<'d, 'a> System<'d, 'a> {
             .map(|c| Channel::new(c, &tolerances, &target, weights.rows[c].weights()))
             .collect();
         let pins = vec![None; precision.len()];
-        let (factor, whitened_target) = eliminated(&channels, &precision, &pins)?;
+        let free = normal_equations(&channels, &precision);
+        let (factor, whitened_target) = eliminated(&free, &pins)?;
         let (blocks, crosses) = (Vec::new(), RefCell::default());
         let parts = parts.to_vec();
         let log_volume = half_log_determinant(&factor);
@@ -132,6 +137,7 @@ impl<'d, 'a> System<'d, 'a> {
             precision,
             channels,
             factor,
+            free,
             whitened_target,
             pins,
             blocks,
@@ -196,6 +202,7 @@ impl<'d, 'a> System<'d, 'a> {
             channels,
             precision,
             log_prior,
+            through: DMatrix::zeros(0, 0),
             whitened: DMatrix::zeros(0, 0),
             normal: DMatrix::zeros(0, 0),
             right: DVector::zeros(0),
@@ -217,6 +224,7 @@ impl<'d, 'a> System<'d, 'a> {
             block.normal += &part.own;
             block.right += &part.target;
         }
+        block.through.clone_from(&tolerances);
         self.factor.l_dirty().solve_lower_triangular_mut(&mut tolerances);
         block.normal -= tolerances.tr_mul(&tolerances);
         block.right -= tolerances.tr_mul(&self.whitened_target);
@@ -282,13 +290,10 @@ impl<'d, 'a> System<'d, 'a> {
     pub fn held_fit(&self, members: &[usize]) -> Option<Fit> {
         let fit = self.fit(members)?;
         let (n, m) = (self.precision.len(), fit.beta.len());
-        let lower = self.factor.l();
-        let mut through = DMatrix::zeros(n, m);
-        let (mut right, mut at) = (DVector::zeros(n + m), 0);
-        right.rows_mut(0, n).copy_from(&(&lower * &self.whitened_target));
-        for (k, pin) in self.pins.iter().enumerate() {
-            right[k] -= pin.map_or(0.0, |edge| STIFF * edge);
-        }
+        let (mut normal, mut right) = (DMatrix::zeros(n + m, n + m), DVector::zeros(n + m));
+        normal.view_mut((0, 0), (n, n)).copy_from(&self.free.0);
+        right.rows_mut(0, n).copy_from(&self.free.1);
+        let mut whitened = DMatrix::zeros(n, m);
         let named = self.named_by(members);
         let width = |(precision, is_named): (&f64, &bool)| match (*precision < 1.0, is_named) {
             (true, _) => [f64::NEG_INFINITY, f64::INFINITY],
@@ -296,24 +301,19 @@ impl<'d, 'a> System<'d, 'a> {
             (false, false) => [-EDGE, EDGE],
         };
         let mut limits: Vec<[f64; 2]> = self.precision.iter().zip(&named).map(width).collect();
+        let mut at = 0;
         for &member in members {
             let block = &self.blocks[member];
             let size = block.candidate.size();
-            through.columns_mut(at, size).copy_from(&block.whitened);
+            normal.view_mut((0, n + at), (n, size)).copy_from(&block.through);
+            normal.view_mut((n + at, 0), (size, n)).copy_from(&block.through.transpose());
+            whitened.columns_mut(at, size).copy_from(&block.whitened);
             let whole = &block.right + block.whitened.tr_mul(&self.whitened_target);
             right.rows_mut(n + at, size).copy_from(&whole);
             limits.extend(block.candidate.limits());
             at += size;
         }
-        let mut normal = DMatrix::zeros(n + m, n + m);
-        normal.view_mut((0, 0), (n, n)).copy_from(&(&lower * lower.transpose()));
-        for (k, pin) in self.pins.iter().enumerate() {
-            normal[(k, k)] -= pin.map_or(0.0, |_| STIFF);
-        }
-        let crossed = &lower * &through;
-        normal.view_mut((0, n), (n, m)).copy_from(&crossed);
-        normal.view_mut((n, 0), (m, n)).copy_from(&crossed.transpose());
-        normal.view_mut((n, n), (m, m)).copy_from(&(&fit.normal + through.tr_mul(&through)));
+        normal.view_mut((n, n), (m, m)).copy_from(&(&fit.normal + whitened.tr_mul(&whitened)));
         let solved = bounded(&normal, &right, &limits)?;
         let value = right.dot(&solved) - 0.5 * solved.dot(&(&normal * &solved)) + fit.log_prior;
         Some(Fit {
@@ -346,7 +346,6 @@ impl<'d, 'a> System<'d, 'a> {
     fn named_by(&self, members: &[usize]) -> Vec<bool> {
         /// Share of a column's square that another says for both to be the same.
         const SAME: f64 = 0.99;
-        let lower = self.factor.l();
         let squares: Vec<f64> = (0..self.precision.len())
             .map(|k| {
                 let shown = self.channels.iter().flat_map(|channel| {
@@ -361,9 +360,8 @@ impl<'d, 'a> System<'d, 'a> {
             let block = &self.blocks[member];
             let own = &block.normal - &block.precision + block.whitened.tr_mul(&block.whitened);
             let Some(factor) = Cholesky::new(own) else { continue };
-            let crossed = &lower * &block.whitened;
             for (k, square) in squares.iter().enumerate() {
-                let cross = crossed.row(k).transpose();
+                let cross = block.through.row(k).transpose();
                 let said = cross.dot(&factor.solve(&cross));
                 named[k] |= *square > 0.0 && said > SAME * square;
             }
@@ -577,14 +575,14 @@ impl<'d, 'a> System<'d, 'a> {
             }
         };
         self.blocks.iter_mut().for_each(|block| moved_of(block, &self.channels));
-        let free = vec![None; self.precision.len()];
-        self.log_volume = half_log_determinant(&eliminated(&self.channels, &self.precision, &free)?.0);
+        self.free = normal_equations(&self.channels, &self.precision);
+        self.log_volume = half_log_determinant(&Cholesky::new(self.free.0.clone())?);
         self.eliminate_anew()
     }
 
     /// Eliminates the tolerances from all blocks anew.
     fn eliminate_anew(&mut self) -> Option<()> {
-        (self.factor, self.whitened_target) = eliminated(&self.channels, &self.precision, &self.pins)?;
+        (self.factor, self.whitened_target) = eliminated(&self.free, &self.pins)?;
         self.crosses.borrow_mut().clear();
         let mut blocks = std::mem::take(&mut self.blocks);
         blocks.iter_mut().for_each(|block| self.eliminate(block));
@@ -648,12 +646,8 @@ fn half_log_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
     factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum()
 }
 
-/// The factor of K, and L⁻¹NᵀWy, with the tolerances that `pins` holds at an edge.
-fn eliminated(
-    channels: &[Channel],
-    precision: &[f64],
-    pins: &[Option<f64>],
-) -> Option<(Cholesky<f64, Dyn>, DVector<f64>)> {
+/// K and NᵀWy.
+fn normal_equations(channels: &[Channel], precision: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
     let n = precision.len();
     let mut normal = DMatrix::from_diagonal(&DVector::from_column_slice(precision));
     let mut right = DVector::zeros(n);
@@ -665,12 +659,21 @@ fn eliminated(
             }
         }
     }
+    // A zero of a link encoder without a row would be singular.
+    (0..n).for_each(|k| normal[(k, k)] += f64::MIN_POSITIVE);
+    (normal, right)
+}
+
+/// The factor of K, and L⁻¹NᵀWy, with the tolerances that `pins` holds at an edge.
+fn eliminated(
+    free: &(DMatrix<f64>, DVector<f64>),
+    pins: &[Option<f64>],
+) -> Option<(Cholesky<f64, Dyn>, DVector<f64>)> {
+    let (mut normal, mut right) = free.clone();
     for (k, edge) in pins.iter().enumerate().filter_map(|(k, pin)| Some((k, (*pin)?))) {
         normal[(k, k)] += STIFF;
         right[k] += STIFF * edge;
     }
-    // A zero of a link encoder without a row would be singular.
-    (0..n).for_each(|k| normal[(k, k)] += f64::MIN_POSITIVE);
     let factor = Cholesky::new(normal)?;
     factor.l_dirty().solve_lower_triangular_mut(&mut right);
     Some((factor, right))
