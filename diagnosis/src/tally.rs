@@ -117,9 +117,7 @@ impl ChannelTally {
             kind: self.kind,
             unit: self.unit,
             joint: match self.kind {
-                Kind::Torque(joint) | Kind::Link(joint) | Kind::Position(joint) => {
-                    Some(arm.joints()[joint].name.clone())
-                }
+                Kind::Torque(joint) | Kind::Link(joint) => Some(arm.joints()[joint].name.clone()),
                 Kind::Tool(_) => None,
             },
             rmse: error.rms,
@@ -131,7 +129,6 @@ impl ChannelTally {
             mean_error: error.mean,
             std_error: error.std,
             max_error: self.max_error,
-            lag_s: None,
         }
     }
 }
