@@ -1,5 +1,6 @@
 //! Which set of effects is the most probable: add, drop, swap and nest, as long as the evidence rises.
 
+use freeplay_arm::Arm;
 use freeplay_laws::{LawError, Occurrence, Placed, changed};
 
 use super::candidate::Candidate;
@@ -100,7 +101,7 @@ impl<'d, 'a> Search<'d, 'a> {
     fn members_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
         let fit = self.system.fit(&answer.members)?;
         let data = self.system.data;
-        data.lay_upon(|arm| {
+        let lasting = |arm: &Arm| -> Vec<Placed> {
             let lasting = (0..fit.members.len())
                 .filter(|&place| !self.system.candidate(fit.members[place]).kind.happens());
             let placed = lasting.filter_map(|place| {
@@ -108,7 +109,11 @@ impl<'d, 'a> Search<'d, 'a> {
                 candidate.placed(arm, self.system.coefficients(&fit, place))
             });
             placed.collect()
-        });
+        };
+        if changed(data.arm(), &lasting(data.arm())).is_err() {
+            return Some(answer.members.clone());
+        }
+        data.lay_upon(lasting);
         Some(answer.members.iter().map(|&member| self.anew(member)).collect())
     }
 
