@@ -45,7 +45,7 @@ fn members(shm: &Path) -> Vec<u32> {
 
 /// A run under `controller`, in lockstep, that does not end by itself while a test lasts.
 fn long_run(controller: &str, folder: tempfile::TempDir) -> Call {
-    let sets = ["--set", "patience=60", "--set", "duration=600", "--set", "pace=lockstep"];
+    let sets = ["--set", "patience=60", "--set", "duration=150", "--set", "pace=lockstep"];
     Call::new(folder, &[&["run", "--quiet", "--out", "out", "--controller", controller][..], &sets].concat())
         .env("FREEPLAY_FAULT", "pause@0")
         .env("FREEPLAY_RESUME", "never")
