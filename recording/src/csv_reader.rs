@@ -50,7 +50,6 @@ pub(crate) fn read(
     let table = Table::new(header, interpreted.mapped.names.clone(), source.joints, source.limit)?;
     let mut table = table.with_overview(source.overview);
     table.joint_names = interpreted.joints;
-    table.sources = interpreted.sources;
     if let Some(guess) = interpreted.guess {
         table.take_guess(guess);
     }
