@@ -43,7 +43,7 @@ pub struct CampaignArgs {
 /// No Python that has the package.
 pub fn campaign(args: &CampaignArgs) -> Result<Exit, Failure> {
     let this = std::env::current_exe().map_err(Failure::internal)?;
-    let python = interpreters(&this).find(|python| has_package(python)).ok_or_else(|| {
+    let python = interpreters(&this).find(has_package).ok_or_else(|| {
         Failure::peer(
             "freeplay campaign is part of the Python package, and no Python here has it: pip install the wheel of this version, or name \
              an interpreter that has it with FREEPLAY_PYTHON",
