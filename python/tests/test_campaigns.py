@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import os
-import signal
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,39 +17,17 @@ from freeplay import _command, campaigns
 SWEEP: dict[str, Any] = {"sweep": {"--seed": range(8)}, "controller": "computed-torque", "set": "duration=0.05", "recording": "none"}
 
 
-@contextmanager
-def killing(folder: Path, most: int) -> Iterator[list[int]]:
-    """Kills the first processes that are at work on tasks in `folder`, at most so many, each on a task of its own."""
-    killed: list[int] = []
-    stop = threading.Event()
-
-    def kill() -> None:
-        while not stop.wait(0.002) and len(killed) < most:
-            for process, task in at_work(folder):
-                if task not in killed and len(killed) < most:
-                    os.kill(process, signal.SIGKILL)
-                    killed.append(task)
-
-    thread = threading.Thread(target=kill)
-    thread.start()
-    try:
-        yield killed
-    finally:
-        stop.set()
-        thread.join()
-
-
-def at_work(folder: Path) -> Iterator[tuple[int, int]]:
-    """The processes on tasks of the campaign in `folder`, and their tasks."""
-    for entry in os.scandir("/proc"):
-        if not entry.name.isdigit():
-            continue
-        try:
-            words = Path(entry.path, "cmdline").read_bytes().decode(errors="replace").split("\0")
-        except OSError:
-            continue
-        if "freeplay._campaign_task" in words and str(folder) in words:
-            yield int(entry.name), int(words[words.index(str(folder)) + 1])
+def killing(folder: Path, command: str, most: int) -> Path:
+    """An executable that kills the task which calls it with `command`, so many tasks at the most: the first as the command begins, the next when it is done and
+    its results are not yet in their place. It leaves the folders `killed-1` and so on in `folder`."""
+    real, killer = _command.executable(), folder / "freeplay"
+    lines = ["#!/bin/sh", f'[ "$1" = {command} ] || exec {real} "$@"']
+    for number in range(1, most + 1):
+        at_work = f'{real} "$@"; ' if number > 1 else ""
+        lines.append(f"if mkdir {folder}/killed-{number} 2>/dev/null; then {at_work}kill -9 $PPID; exit 1; fi")
+    killer.write_text("\n".join([*lines, f'exec {real} "$@"', ""]))
+    killer.chmod(0o700)
+    return killer
 
 
 @pytest.fixture(scope="module")
@@ -63,22 +38,25 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 
 @pytest.mark.parametrize("engine", ["local", "hyperqueue", "dask"])
-def test_killed_tasks_are_run_again_and_the_receipt_is_the_same(engine: str, undisturbed: bytes, tmp_path: Path) -> None:
+def test_killed_tasks_are_run_again_and_the_receipt_is_the_same(
+    engine: str, undisturbed: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     pytest.importorskip({"local": "freeplay", "hyperqueue": "hyperqueue", "dask": "distributed"}[engine])
-    with killing(tmp_path / "many", most=2) as killed:
-        found = freeplay.campaign("run", **SWEEP, engine=engine, workers=2, out=tmp_path / "many")
-    assert killed, "it tests something"
+    monkeypatch.setenv("FREEPLAY_EXECUTABLE", str(killing(tmp_path, "run", most=2)))
+    found = freeplay.campaign("run", **SWEEP, engine=engine, workers=2, out=tmp_path / "many")
+    assert len(list(tmp_path.glob("killed-*"))) == 2, "it tests something"
     assert found.receipt.read_bytes() == undisturbed
     assert len(found.results) == 8 and found.results["--seed"].nunique() == 8
     assert not list((tmp_path / "many/tasks").glob(".*")), "nothing half done is left"
 
 
-def test_shards_of_a_proof_leave_the_receipt_of_one(tmp_path: Path) -> None:
+def test_shards_of_a_proof_leave_the_receipt_of_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     chosen: dict[str, Any] = {"matrix": True, "kind": "payload", "machine": "linear_axis", "negative": 1, "seed": 5}
     one = freeplay.campaign("blind", **chosen, shards=1, out=tmp_path / "one")
-    with killing(tmp_path / "two", most=1) as killed:
+    with monkeypatch.context() as killed:
+        killed.setenv("FREEPLAY_EXECUTABLE", str(killing(tmp_path, "blind", most=1)))
         two = freeplay.campaign("blind", **chosen, shards=2, workers=2, out=tmp_path / "two")
-    assert killed and one.receipt.read_bytes() == two.receipt.read_bytes()
+    assert (tmp_path / "killed-1").is_dir() and one.receipt.read_bytes() == two.receipt.read_bytes()
     assert len(two.results) == len(one.proof.cases) > 2
     two.proof.verify()
     assert not (two.folder_of(0) / "result/sealed").exists(), "files a shard, not a case"
