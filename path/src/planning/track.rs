@@ -10,7 +10,7 @@
 use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian, tool_bias_acceleration};
 use nalgebra::{DMatrix, DVector, Isometry3, Vector6};
 
-use crate::tool::ToolSample;
+use crate::planning::tool::ToolSample;
 
 /// Joints from which on the tool's orientation is followed too.
 pub(crate) const JOINTS_FOR_POSE: usize = 6;

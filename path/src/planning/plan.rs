@@ -4,17 +4,17 @@ use std::path::Path;
 
 use freeplay_arm::Arm;
 
-use crate::error::PathError;
-use crate::file::{Content, Rows};
-use crate::laps::Laps;
-use crate::nodes::{Grid, Nodes};
-use crate::sine::{self, Swing};
+use crate::planning::error::PathError;
+use crate::planning::file::{Content, Rows};
+use crate::planning::laps::Laps;
+use crate::planning::nodes::{Grid, Nodes};
+use crate::planning::sine::{self, Swing};
+use crate::planning::spline::{Ends, Spline};
+use crate::planning::start::{explain, start_posture};
+use crate::planning::table::JointPath;
+use crate::planning::tool::ToolPath;
+use crate::planning::track::{FEWEST_JOINTS, Lost, Tracker};
 use crate::spec::{PathKind, PathSpec, Size, check_duration};
-use crate::spline::{Ends, Spline};
-use crate::start::{explain, start_posture};
-use crate::table::JointPath;
-use crate::tool::ToolPath;
-use crate::track::{FEWEST_JOINTS, Lost, Tracker};
 
 /// Highest rate of ticks that is planned for, Hz.
 pub const HIGHEST_RATE: f64 = 1e5;

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::laps::{Laps, Phase, SNAP};
+use crate::planning::laps::{Laps, Phase, SNAP};
 
 /// Position, velocity and acceleration of all joints at one instant (rad or m, and per s, per s²).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -165,7 +165,7 @@ fn quintic_hermite(from: [f64; 3], to: [f64; 3], h: f64, u: f64) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::{JointPath, quintic_hermite};
-    use crate::laps::Laps;
+    use crate::planning::laps::Laps;
 
     #[test]
     fn reproduces_a_quintic() {

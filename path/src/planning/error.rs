@@ -1,7 +1,7 @@
 //! Why a path could not be planned for an arm.
 
-use crate::file::{Content, Rows};
-use crate::file_error::{FileError, Place};
+use crate::planning::file::{Content, Rows};
+use crate::planning::file_error::{FileError, Place};
 use crate::spec::SpecError;
 
 /// Why no joint path came out of [`crate::JointPath::plan`]. Times are those of the motion, from 0.

@@ -2,10 +2,10 @@
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3, Vector6};
 
-use crate::laps::{Laps, Phase, SNAP};
-use crate::shape::{Point, Shape};
+use crate::planning::laps::{Laps, Phase, SNAP};
+use crate::planning::shape::{Point, Shape};
+use crate::planning::spline::Spline;
 use crate::spec::{PathKind, PathSpec};
-use crate::spline::Spline;
 
 /// Where the tool should be at one instant, in the base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -163,8 +163,8 @@ mod tests {
     use nalgebra::{UnitQuaternion, Vector3};
 
     use super::{ToolPath, ToolSample};
+    use crate::planning::spline::{Ends, Spline};
     use crate::spec::PathSpec;
-    use crate::spline::{Ends, Spline};
 
     /// Seven rows of a turning, moving tool.
     fn turning() -> ToolPath {

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use csv::StringRecord;
 
-use crate::file_error::{FEWEST_ROWS, FileError, Place};
+use crate::planning::file_error::{FEWEST_ROWS, FileError, Place};
 
 /// Most numbers that are held for one path (256 MiB).
 pub(crate) const MOST_VALUES: usize = 1 << 25;

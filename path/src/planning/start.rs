@@ -5,9 +5,9 @@ use freeplay_arm::{
 };
 use nalgebra::Isometry3;
 
-use crate::error::PathError;
-use crate::sine::middle_of;
-use crate::track::JOINTS_FOR_POSE;
+use crate::planning::error::PathError;
+use crate::planning::sine::middle_of;
+use crate::planning::track::JOINTS_FOR_POSE;
 
 /// A posture, and how inverse kinematics came to it.
 type Solution = (Vec<f64>, IkReport);

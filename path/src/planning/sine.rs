@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use freeplay_arm::{Joint, JointKind, Limits};
 
-use crate::shape::quintic;
+use crate::planning::shape::quintic;
 
 /// Share of a lap in which the window rises, and again falls.
 const RAMP: f64 = 0.125;

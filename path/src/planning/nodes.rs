@@ -2,10 +2,10 @@
 
 use freeplay_arm::Arm;
 
-use crate::error::PathError;
-use crate::file::MOST_VALUES;
-use crate::laps::Laps;
-use crate::table::JointPath;
+use crate::planning::error::PathError;
+use crate::planning::file::MOST_VALUES;
+use crate::planning::laps::Laps;
+use crate::planning::table::JointPath;
 
 /// Nodes in a tick.
 const NODES_OF_TICK: f64 = 4.0;
