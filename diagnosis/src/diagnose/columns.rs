@@ -2,8 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// A column: its rows by channel, `None` where it is zero.
-pub(crate) type Column = Vec<Option<Vec<f64>>>;
+use super::data::Column;
 
 /// [`gram`] of `columns` with themselves.
 pub(super) fn gram_of(columns: &[Column], channel: usize) -> DMatrix<f64> {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable};
-use freeplay_laws::{ArmParts, Kind, LawError, Placed, Range, Role, changed, kind};
+use freeplay_laws::{ArmParts, Kind, LawError, Range, Role, changed, kind};
 use nalgebra::DVector;
 
 use super::alternatives::{alternatives, rows_of_evidence};
@@ -171,7 +171,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let system = &self.search.system;
         let step = 1.0 / self.data().stages[0].ground.treatment.rate_hz();
         loop {
-            let mut least: Option<(f64, usize)> = None;
+            let (can_exist, mut least): (bool, Option<(f64, usize)>) = (self.can_exist(&fit), None);
             for place in 0..fit.members.len() {
                 let mut others = fit.members.clone();
                 others.remove(place);
@@ -179,7 +179,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 let parameters = candidate.parameters(system.coefficients(&fit, place));
                 let odds = if self.settings.tolerances.hold(candidate.kind, &parameters, step) {
                     f64::NEG_INFINITY
-                } else if self.can_exist(&fit) || self.changes_arm(&fit, place) {
+                } else if can_exist || self.changes_arm(&fit, place) {
                     fit.value - system.held_fit(&others)?.value
                 } else {
                     f64::INFINITY
@@ -188,7 +188,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                     least = Some((odds, place));
                 }
             }
-            let is_sure = |(odds, _): &(f64, usize)| is_told(*odds) && self.can_exist(&fit);
+            let is_sure = |(odds, _): &(f64, usize)| is_told(*odds) && can_exist;
             let Some((_, place)) = least.filter(|least| !is_sure(least)) else { return Some(fit) };
             let mut members = fit.members.clone();
             members.remove(place);
@@ -196,18 +196,9 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         }
     }
 
-    /// The members of `fit` on the arm of the model.
-    fn placed(&self, fit: &Fit) -> Vec<Placed> {
-        let system = &self.search.system;
-        let placed = (0..fit.members.len()).filter_map(|place| {
-            system.candidate(fit.members[place]).placed(self.arm(), system.coefficients(fit, place))
-        });
-        placed.collect()
-    }
-
     /// Whether the arm with the members of `fit` can exist, as given and tuned: else no file could say it.
     fn can_exist(&self, fit: &Fit) -> bool {
-        let placed = self.placed(fit);
+        let placed = self.search.system.placed(fit, self.arm(), |_| true);
         let tuned = self.tuned_arm(fit);
         placed.len() == fit.members.len()
             && changed(self.arm(), &placed).is_ok()
@@ -291,7 +282,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     fn remains(&self, fit: &Fit) -> Result<Option<Remains>, LawError> {
         let system = &self.search.system;
         let Some(bare) = system.held_fit(&[]) else { return Ok(None) };
-        let placed = self.placed(fit);
+        let placed = self.search.system.placed(fit, self.arm(), |_| true);
         // What happens at a time of one recording does not happen in the others.
         let as_given = if fit.members.iter().any(|&member| system.candidate(member).form.only.is_some()) {
             let said = sum_of(system.columns(&fit.members).zip(fit.beta.iter().copied()), &system.target);
@@ -540,7 +531,7 @@ fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
     pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
 }
 
-/// Adds `tables` to `model`: what it has already of the same kind at the same place takes the new numbers' place, added up where that is what they mean.
+/// Adds `tables` to `model`; each stands in the place of what the model has already of the same kind at the same place.
 fn add_to(model: &mut ArmFile, tables: Vec<EffectTable>) {
     for table in tables {
         let same = |other: &&mut EffectTable| other.kind == table.kind && other.joint == table.joint;

@@ -5,9 +5,8 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::data::Data;
+use crate::statistics::blocks as blocks_of;
 
-/// Length of a block of the bootstrap, s: longer than what neighbours share, shorter than a motion.
-const BLOCK_S: f64 = 0.5;
 /// Draws of the bootstrap: a quantile of 2.5 % is known to 0.8 %.
 const DRAWS: usize = 400;
 
@@ -36,9 +35,7 @@ impl Compared<'_> {
         let mut blocks = Vec::new();
         for &channel in channels {
             for (stretch, step) in data.stretches(channel) {
-                let long = ((BLOCK_S / step.max(1e-12)) as usize).max(1);
-                for from in stretch.clone().step_by(long) {
-                    let rows = from..(from + long).min(stretch.end);
+                for rows in blocks_of(stretch, step) {
                     let square = |errors: &[Vec<f64>]| -> f64 {
                         let weights = &self.weights[channel][rows.clone()];
                         errors[channel][rows.clone()].iter().zip(weights).map(|(x, w)| w * x * x).sum()

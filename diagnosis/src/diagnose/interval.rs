@@ -131,9 +131,6 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
     all
 }
 
-/// Length of a block of rows that are taken to be alike, s.
-const BLOCK_S: f64 = 0.5;
-
 /// The covariance of the coefficients of `fit`: that of the posterior, or, where blocks of neighbouring rows pull the coefficients about by more, what
 /// these say (Huber 1967; White 1982, Econometrica 50:1): laws that are off are off the same way for a while.
 fn covariance(system: &System, fit: &Fit) -> DMatrix<f64> {
@@ -141,7 +138,7 @@ fn covariance(system: &System, fit: &Fit) -> DMatrix<f64> {
     let Some(factor) = Cholesky::new(fit.normal.clone()) else { return DMatrix::identity(n, n) };
     let posterior = factor.inverse();
     let mut scores = DMatrix::zeros(n, n);
-    for pull in system.pulls(fit, BLOCK_S) {
+    for pull in system.pulls(fit) {
         scores += &pull * pull.transpose();
     }
     let sandwich = &posterior * scores * &posterior;

@@ -1,6 +1,5 @@
 //! What has no name: shapes of the motion that explain what the findings leave, asked for last.
 
-use super::data::Data;
 use super::parts::Part;
 use super::shapes::{Knots, Shapes};
 use super::system::{Fit, System};
@@ -37,13 +36,10 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit) -> bool {
 
 /// What shapes without a name, fitted to the fit and the choice part of `residual`, say of every row.
 pub(crate) fn said(system: &System, residual: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    said_by(system, residual, &[Part::Fit, Part::Choice])
-}
-
-fn said_by(system: &System, residual: &[Vec<f64>], parts: &[Part]) -> Vec<Vec<f64>> {
-    let data: &Data = system.data;
+    let data = system.data;
     let knots = data.stages.first().map(Knots::of).unwrap_or_default();
-    let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, parts)).collect();
+    let masks: Vec<Vec<f64>> =
+        (0..data.channels()).map(|c| data.mask(c, &[Part::Fit, Part::Choice])).collect();
     let mut said: Vec<Vec<f64>> = residual.iter().map(|rows| vec![0.0; rows.len()]).collect();
     for c in 0..data.per_stage() {
         let same: Vec<usize> = (c..data.channels()).step_by(data.per_stage()).collect();

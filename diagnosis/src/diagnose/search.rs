@@ -1,7 +1,7 @@
 //! Which set of effects is the most probable: add, drop, swap and nest, as long as the evidence rises.
 
 use freeplay_arm::Arm;
-use freeplay_laws::{LawError, Occurrence, Placed, changed};
+use freeplay_laws::{LawError, Occurrence, changed};
 
 use super::candidate::Candidate;
 use super::system::{Fit, System};
@@ -101,15 +101,8 @@ impl<'d, 'a> Search<'d, 'a> {
     fn members_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
         let fit = self.system.fit(&answer.members)?;
         let data = self.system.data;
-        let lasting = |arm: &Arm| -> Vec<Placed> {
-            let lasting = (0..fit.members.len())
-                .filter(|&place| !self.system.candidate(fit.members[place]).kind.happens());
-            let placed = lasting.filter_map(|place| {
-                let candidate = self.system.candidate(fit.members[place]);
-                candidate.placed(arm, self.system.coefficients(&fit, place))
-            });
-            placed.collect()
-        };
+        let system = &self.system;
+        let lasting = |arm: &Arm| system.placed(&fit, arm, |candidate| !candidate.kind.happens());
         if changed(data.arm(), &lasting(data.arm())).is_err() {
             return Some(answer.members.clone());
         }
@@ -252,11 +245,7 @@ impl<'d, 'a> Search<'d, 'a> {
     fn can_exist(&self, members: &[usize]) -> bool {
         let arm = self.system.data.arm();
         let Some(fit) = self.system.fit(members) else { return false };
-        let placed: Vec<Placed> = (0..members.len())
-            .filter_map(|place| {
-                self.system.candidate(members[place]).placed(arm, self.system.coefficients(&fit, place))
-            })
-            .collect();
+        let placed = self.system.placed(&fit, arm, |_| true);
         placed.len() == members.len() && changed(arm, &placed).is_ok()
     }
 
@@ -270,31 +259,34 @@ impl<'d, 'a> Search<'d, 'a> {
         self.laid.iter().copied().filter(|index| !is_taken(index)).collect()
     }
 
+    /// The best form of each effect that may join `members` and brings more than `least`, the best [`TRIED`] of them in order.
+    fn nearest(&self, members: &[usize], least: f64) -> Option<Vec<usize>> {
+        let fit = self.system.fit(members)?;
+        let open = self.open(members);
+        let gains = self.system.gains(&fit, &open);
+        let worth = open.iter().zip(&gains).filter_map(|(&index, gain)| {
+            let gain = gain.as_ref().filter(|gain| gain.value > least && gain.is_inside)?;
+            Some((index, gain.value))
+        });
+        let mut worth: Vec<(usize, f64)> = worth.collect();
+        worth.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut nearest: Vec<usize> = Vec::new();
+        for (index, _) in worth {
+            let is_same =
+                |&other: &usize| self.system.candidate(other).same_effect(self.system.candidate(index));
+            if nearest.len() < TRIED && !nearest.iter().any(is_same) {
+                nearest.push(index);
+            }
+        }
+        Some(nearest)
+    }
+
     /// `now` with the effect that makes it most probable.
     fn added(&mut self, now: &Answer) -> Option<Option<Answer>> {
         if now.members.len() >= MOST * self.system.data.arm().dof() {
             return Some(None);
         }
-        let fit = self.system.fit(&now.members)?;
-        let open = self.open(&now.members);
-        let gains = self.system.gains(&fit, &open);
-        let worth = open.iter().zip(&gains).filter_map(|(&index, gain)| {
-            let gain = gain.as_ref().filter(|gain| gain.value > 0.0 && gain.is_inside)?;
-            Some((index, gain.value))
-        });
-        let mut worth: Vec<(usize, f64)> = worth.collect();
-        worth.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let mut tried: Vec<usize> = Vec::new();
-        for (index, _) in worth {
-            let is_tried =
-                |&other: &usize| self.system.candidate(other).same_effect(self.system.candidate(index));
-            if tried.iter().any(is_tried) {
-                continue;
-            }
-            tried.push(index);
-            if tried.len() > TRIED {
-                break;
-            }
+        for index in self.nearest(&now.members, 0.0)? {
             let index = self.refined(&now.members, index)?;
             let mut members = now.members.clone();
             members.push(index);
@@ -326,7 +318,7 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(None)
     }
 
-    /// `now` with another effect in the place of one of its members, or of all members that the other contains.
+    /// `now` with another effect in the place of one of its members.
     fn swapped(&mut self, now: &Answer) -> Option<Option<Answer>> {
         let mut best: Option<(f64, Vec<usize>, usize)> = None;
         for &member in &now.members {
@@ -353,26 +345,7 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// `now` with one effect more and without all members that it makes needless: one law in the place of several that imitate it.
     fn exchanged(&mut self, now: &Answer) -> Option<Option<Answer>> {
-        let fit = self.system.fit(&now.members)?;
-        let open = self.open(&now.members);
-        let gains = self.system.gains(&fit, &open);
-        let mut nearest: Vec<(usize, f64)> = open
-            .iter()
-            .zip(&gains)
-            .filter_map(|(&index, gain)| Some((index, gain.as_ref().filter(|gain| gain.is_inside)?.value)))
-            .collect();
-        nearest.sort_by(|a, b| b.1.total_cmp(&a.1));
-        let mut tried: Vec<usize> = Vec::new();
-        for (index, _) in nearest {
-            let known =
-                |&other: &usize| self.system.candidate(other).same_effect(self.system.candidate(index));
-            if tried.iter().any(known) {
-                continue;
-            }
-            tried.push(index);
-            if tried.len() > TRIED {
-                break;
-            }
+        for index in self.nearest(&now.members, f64::NEG_INFINITY)? {
             let Some(members) = self.thinned(&now.members, index)? else { continue };
             if self.about(&members)? <= now.evidence + WORTH {
                 continue;

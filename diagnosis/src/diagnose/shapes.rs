@@ -1,6 +1,5 @@
-//! The universal alternative: an unnamed correction, flexible enough for any law of position, speed, load, acceleration and the way
-//! since the last reversal. It says how much there is to explain at all, competes with every named effect, and is the black
-//! box beside which the named model is shown.
+//! Shapes without a name, flexible enough for any law of position, speed, load, acceleration and the way since the last reversal. They say how much there is
+//! to explain at all, and are the black box beside which the findings are shown.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -53,10 +52,7 @@ impl Shapes {
     pub fn new(data: &Data, channel: usize, mask: &[f64], knots: &[Knots]) -> Self {
         let (stage, of_stage) = data.place(channel);
         let mut columns = raw_columns(&data.stages[stage], &data.nuisances[stage], of_stage, mask, knots);
-        for column in &mut columns {
-            let size = dot(column, column).sqrt().max(f64::MIN_POSITIVE);
-            column.iter_mut().for_each(|x| *x /= size);
-        }
+        normalised(&mut columns);
         Self { factor: factor(&columns, RIDGE), columns }
     }
 
@@ -77,10 +73,7 @@ impl Shapes {
         let count = fitted.first().map_or(0, Vec::len);
         let mut own: Vec<Vec<f64>> =
             (0..count).map(|k| fitted.iter().flat_map(|columns| columns[k].clone()).collect()).collect();
-        let sizes: Vec<f64> = own.iter().map(|c| dot(c, c).sqrt().max(f64::MIN_POSITIVE)).collect();
-        for (column, size) in own.iter_mut().zip(&sizes) {
-            column.iter_mut().for_each(|x| *x /= size);
-        }
+        let sizes = normalised(&mut own);
         let target: Vec<f64> = channels
             .iter()
             .flat_map(|&c| residual[c].iter().zip(&masks[c]).map(|(x, mask)| x * mask).collect::<Vec<_>>())
@@ -108,6 +101,16 @@ impl Shapes {
         }
         left
     }
+}
+
+/// Divides each of `columns` by its size, and gives the sizes.
+fn normalised(columns: &mut [Vec<f64>]) -> Vec<f64> {
+    let divided = columns.iter_mut().map(|column| {
+        let size = dot(column, column).sqrt().max(f64::MIN_POSITIVE);
+        column.iter_mut().for_each(|x| *x /= size);
+        size
+    });
+    divided.collect()
 }
 
 /// The coefficients of `columns`, each of size one, for `target`, with the ridge under which the target is most probable (MacKay 1992, Neural Comput. 4:415),

@@ -6,6 +6,8 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 
+use freeplay_arm::Arm;
+use freeplay_laws::Placed;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 use super::bvls::bounded;
@@ -14,6 +16,7 @@ use super::columns::dot;
 use super::data::{Column, Data, add};
 use super::parts::Part;
 use super::weights::Weights;
+use crate::statistics::blocks as blocks_of;
 
 /// Half the width of a tolerance in standard deviations: an even spread of deviation one.
 const EDGE: f64 = 1.732_050_807_568_877_2;
@@ -194,9 +197,9 @@ impl<'d, 'a> System<'d, 'a> {
             }
             precision[(k, k)] *= 1.0 + 1e-9;
         }
-        let determinant =
-            Cholesky::new(precision.clone())?.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>();
-        let log_prior = determinant + candidate.kind.occurs.odds().ln() - (candidate.forms as f64).ln();
+        let log_prior = half_log_determinant(&Cholesky::new(precision.clone())?)
+            + candidate.kind.occurs.odds().ln()
+            - (candidate.forms as f64).ln();
         let mut block = Block {
             candidate,
             channels,
@@ -288,19 +291,28 @@ impl<'d, 'a> System<'d, 'a> {
     /// The same with every tolerance held inside its width: what is said of a machine of this data sheet. Its value is to be compared with those of other held
     /// fits.
     pub fn held_fit(&self, members: &[usize]) -> Option<Fit> {
+        self.held_within(members, &self.widths(members))
+    }
+
+    /// The width of each tolerance beside `members`, in standard deviations: none of one that a member says, no end of one that no prior binds.
+    fn widths(&self, members: &[usize]) -> Vec<[f64; 2]> {
+        let width = |(precision, is_named): (&f64, bool)| match (*precision < 1.0, is_named) {
+            (true, _) => [f64::NEG_INFINITY, f64::INFINITY],
+            (false, true) => [0.0, 0.0],
+            (false, false) => [-EDGE, EDGE],
+        };
+        self.precision.iter().zip(self.named_by(members)).map(width).collect()
+    }
+
+    /// [`System::held_fit`] with the tolerances inside `widths`.
+    fn held_within(&self, members: &[usize], widths: &[[f64; 2]]) -> Option<Fit> {
         let fit = self.fit(members)?;
         let (n, m) = (self.precision.len(), fit.beta.len());
         let (mut normal, mut right) = (DMatrix::zeros(n + m, n + m), DVector::zeros(n + m));
         normal.view_mut((0, 0), (n, n)).copy_from(&self.free.0);
         right.rows_mut(0, n).copy_from(&self.free.1);
         let mut whitened = DMatrix::zeros(n, m);
-        let named = self.named_by(members);
-        let width = |(precision, is_named): (&f64, &bool)| match (*precision < 1.0, is_named) {
-            (true, _) => [f64::NEG_INFINITY, f64::INFINITY],
-            (false, true) => [0.0, 0.0],
-            (false, false) => [-EDGE, EDGE],
-        };
-        let mut limits: Vec<[f64; 2]> = self.precision.iter().zip(&named).map(width).collect();
+        let mut limits = widths.to_vec();
         let mut at = 0;
         for &member in members {
             let block = &self.blocks[member];
@@ -326,14 +338,13 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// Holds the tolerances that `fit` would have beyond an edge of their width at that edge; whether any was taken up or let go.
     pub fn pin(&mut self, fit: &Fit) -> Option<bool> {
-        let held = self.held_fit(&fit.members)?.eta?;
-        let named = self.named_by(&fit.members);
-        let edge = |((eta, precision), is_named): ((&f64, &f64), &bool)| match (*precision >= 1.0, is_named) {
-            (true, true) => Some(0.0),
-            (true, false) if eta.abs() >= EDGE * (1.0 - 1e-9) => Some(EDGE.copysign(*eta)),
-            _ => None,
+        let widths = self.widths(&fit.members);
+        let held = self.held_within(&fit.members, &widths)?.eta?;
+        // Without a width the edge is zero; without an end no tolerance is at it.
+        let edge = |(eta, [_, most]): (&f64, &[f64; 2])| {
+            (eta.abs() >= most * (1.0 - 1e-9)).then(|| most.copysign(*eta))
         };
-        let pins: Vec<Option<f64>> = held.iter().zip(&self.precision).zip(&named).map(edge).collect();
+        let pins: Vec<Option<f64>> = held.iter().zip(&widths).map(edge).collect();
         let moved = pins != self.pins;
         if moved {
             self.pins = pins;
@@ -444,8 +455,8 @@ impl<'d, 'a> System<'d, 'a> {
         left
     }
 
-    /// What each block of neighbouring rows, `block_s` s long, pulls at the coefficients of `fit`, the tolerances eliminated: ZᵀW(what is left) of the block.
-    pub fn pulls(&self, fit: &Fit, block_s: f64) -> Vec<DVector<f64>> {
+    /// What each block of neighbouring rows pulls at the coefficients of `fit`, the tolerances eliminated: ZᵀW(what is left) of the block.
+    pub fn pulls(&self, fit: &Fit) -> Vec<DVector<f64>> {
         let left = self.left(fit);
         // The columns beside the tolerances, Z − N K⁻¹NᵀWZ, channel by channel.
         let upper = self.factor.l().transpose();
@@ -473,10 +484,9 @@ impl<'d, 'a> System<'d, 'a> {
             }
             let (stage, _) = self.data.place(c);
             for (stretch, step) in self.data.stretches(c) {
-                let long = ((block_s / step.max(1e-12)) as usize).max(1);
-                for from in stretch.clone().step_by(long) {
-                    let rows = from..(from + long).min(stretch.end);
-                    let pull = blocks.entry((stage, from)).or_insert_with(|| DVector::zeros(columns.len()));
+                for rows in blocks_of(stretch, step) {
+                    let pull =
+                        blocks.entry((stage, rows.start)).or_insert_with(|| DVector::zeros(columns.len()));
                     for (k, column) in columns.iter().enumerate() {
                         pull[k] += rows
                             .clone()
@@ -500,6 +510,13 @@ impl<'d, 'a> System<'d, 'a> {
     /// The columns of `members`, in the order of their coefficients.
     pub fn columns<'s>(&'s self, members: &'s [usize]) -> impl Iterator<Item = &'s Column> {
         members.iter().flat_map(|&member| self.candidate(member).columns.iter())
+    }
+
+    /// The members of `fit` on `arm` that an arm file can say, those aside that `may` refuses.
+    pub fn placed(&self, fit: &Fit, arm: &Arm, may: impl Fn(&Candidate) -> bool) -> Vec<Placed> {
+        let members = fit.members.iter().map(|&member| self.candidate(member)).enumerate();
+        let wanted = members.filter(|(_, candidate)| may(candidate));
+        wanted.filter_map(|(place, candidate)| candidate.placed(arm, self.coefficients(fit, place))).collect()
     }
 
     /// The coefficients of the member number `place` of `fit`.
@@ -681,6 +698,5 @@ fn eliminated(
 
 /// The log of the determinant of a positive definite matrix; `None` if it is none.
 fn log_determinant(matrix: &DMatrix<f64>) -> Option<f64> {
-    let factor = Cholesky::new(matrix.clone())?;
-    Some(2.0 * factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>())
+    Some(2.0 * half_log_determinant(&Cholesky::new(matrix.clone())?))
 }

@@ -50,15 +50,17 @@ pub(crate) struct Weights {
 }
 
 impl Rows {
-    /// The weight of each row in the sum of squares: φ/v.
-    pub fn weights(&self) -> Vec<f64> {
-        self.weights_at(self.share)
+    /// The variance v of each row with the share `share`.
+    fn variances(&self, share: f64) -> impl Iterator<Item = f64> {
+        self.instrument
+            .iter()
+            .zip(&self.size)
+            .map(move |(instrument, size)| instrument + share * share * size)
     }
 
-    fn weights_at(&self, share: f64) -> Vec<f64> {
-        let variance = |(instrument, size): (&f64, &f64)| instrument + share * share * size;
-        let variances = self.instrument.iter().zip(&self.size).map(variance);
-        let trusted = self.phi.iter().zip(&self.trust).zip(variances);
+    /// The weight of each row in the sum of squares: φ/v.
+    pub fn weights(&self) -> Vec<f64> {
+        let trusted = self.phi.iter().zip(&self.trust).zip(self.variances(self.share));
         trusted.map(|((phi, trust), v)| if *phi > 0.0 { phi * trust / v } else { 0.0 }).collect()
     }
 
@@ -66,11 +68,7 @@ impl Rows {
     /// 84:881): what shakes at times bends no number.
     pub fn distrust(&mut self, left: &[f64]) {
         const FREEDOM: f64 = 4.0;
-        let v = self
-            .instrument
-            .iter()
-            .zip(&self.size)
-            .map(|(instrument, size)| instrument + self.share.powi(2) * size);
+        let v = self.variances(self.share);
         self.trust =
             left.iter().zip(v).map(|(x, v)| ((FREEDOM + 1.0) / (FREEDOM + x * x / v)).min(1.0)).collect();
     }
@@ -83,11 +81,8 @@ impl Rows {
     /// Log of the likelihood of rows that leave the squares `left`, by row, with the share `share`, its prior included.
     fn log_likelihood(&self, left: &[f64], share: f64) -> f64 {
         let mut sum = -0.5 * (share / USUAL_SHARE).powi(2);
-        for ((phi, left), (instrument, size)) in
-            self.phi.iter().zip(left).zip(self.instrument.iter().zip(&self.size))
-        {
+        for ((phi, left), v) in self.phi.iter().zip(left).zip(self.variances(share)) {
             if *phi > 0.0 {
-                let v = instrument + share * share * size;
                 sum -= 0.5 * phi * (v.ln() + left / v);
             }
         }

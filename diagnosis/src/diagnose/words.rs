@@ -6,17 +6,18 @@ use freeplay_laws::{Kind as EffectKind, kind};
 
 use super::locate::Map;
 use super::report::{Alternative, Effect, Parameter};
+use super::search::AS_GOOD;
 
 /// How a sentence begins that says what would tell one effect from another.
 pub const TO_TELL: &str = "to tell";
 
 /// The odds of a finding in words, from their natural logarithm (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773).
 pub(crate) fn odds(log_odds: f64) -> &'static str {
-    /// ln 20 and ln 150.
-    const STEPS: [f64; 2] = [2.995_732, 5.010_635];
+    /// ln 150.
+    const VERY_STRONG: f64 = 5.010_635;
     match log_odds {
-        x if x < STEPS[0] => "possible",
-        x if x < STEPS[1] => "probable",
+        x if x < AS_GOOD => "possible",
+        x if x < VERY_STRONG => "probable",
         _ => "as good as sure",
     }
 }

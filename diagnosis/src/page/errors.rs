@@ -6,10 +6,9 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::channels;
+use crate::statistics::{BLOCK_S, blocks as blocks_of};
 use crate::{Diagnosis, Passage, Trace};
 
-/// Length of a block of the bootstrap, s.
-const BLOCK_S: f64 = 0.5;
 /// Draws of the bootstrap.
 const DRAWS: usize = 400;
 
@@ -85,9 +84,8 @@ fn rms(held: &[(&Passage, &Trace)], pick: Pick, seed: u64) -> Estimate {
     let mut blocks: Vec<[f64; 2]> = Vec::new();
     for (passage, trace) in held {
         for stretch in &passage.motion.stretches {
-            let long = ((BLOCK_S / passage.motion.step(stretch).max(1e-12)) as usize).max(1);
-            for block in pick(trace)[stretch.clone()].chunks(long) {
-                let finite = block.iter().filter(|x| x.is_finite());
+            for rows in blocks_of(stretch.clone(), passage.motion.step(stretch)) {
+                let finite = pick(trace)[rows].iter().filter(|x| x.is_finite());
                 blocks.push(finite.fold([0.0, 0.0], |[sum, count], x| [sum + x * x, count + 1.0]));
             }
         }
