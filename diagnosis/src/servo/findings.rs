@@ -1,0 +1,247 @@
+//! What a fit says of each joint, as effects of the catalogue with intervals, and as tables of an arm file.
+
+use std::collections::BTreeMap;
+
+use freeplay_arm::{ArmFile, EffectTable, Joint};
+use freeplay_laws::{Kind, kind};
+use freeplay_servo::{Fitted, JointServo, Quantity, Sight, Unknown};
+use toml::{Table, Value};
+
+use crate::diagnose::{Parameter, Untestable};
+
+/// Half width of a 95 % interval over its standard deviation.
+const WIDTH: f64 = 1.96;
+/// Deviation of the logarithm of a stiffness beyond which only ratios to it are said: its interval holds its half and its double.
+const UNKNOWN: f64 = std::f64::consts::LN_2 / WIDTH;
+
+/// One effect of a joint.
+pub struct Finding {
+    /// Its kind.
+    pub kind: &'static Kind,
+    /// Index of the joint.
+    pub joint: usize,
+    /// Its numbers.
+    pub parameters: BTreeMap<String, Parameter>,
+    /// The same as a table of an arm file.
+    pub table: EffectTable,
+    /// By how many standard deviations the data tell it from nothing.
+    pub deviations: f64,
+    /// What stands beside its numbers, a sentence; empty if nothing.
+    pub remark: String,
+}
+
+/// The numbers of a fit, joint by joint.
+pub struct Numbers<'a> {
+    /// The file that was given.
+    pub file: &'a ArmFile,
+    /// The fit.
+    pub fitted: &'a Fitted,
+    /// Its unknowns.
+    pub unknowns: &'a [Unknown],
+    /// What the recordings say of each joint before.
+    pub sights: &'a [Sight],
+}
+
+impl Numbers<'_> {
+    fn of(&self, joint: usize, quantity: Quantity) -> Option<(f64, f64)> {
+        let at = self.unknowns.iter().position(|one| one.joint == joint && one.quantity == quantity)?;
+        Some(self.fitted.values[at])
+    }
+
+    fn joint(&self, joint: usize) -> &Joint {
+        &self.file.arm.joints()[joint]
+    }
+
+    fn servo(&self, joint: usize) -> &JointServo {
+        &self.fitted.model.joints[joint]
+    }
+
+    /// Deviation of the logarithm of the stiffness of `joint`.
+    fn stiffness_deviation(&self, joint: usize) -> f64 {
+        self.of(joint, Quantity::Stiffness).map_or(f64::INFINITY, |(_, deviation)| deviation)
+    }
+
+    /// Whether the load told the stiffness of `joint`.
+    pub fn is_known(&self, joint: usize) -> bool {
+        self.sights[joint].stiffness.is_some() && self.stiffness_deviation(joint) < UNKNOWN
+    }
+
+    /// The findings of all joints that move.
+    pub fn findings(&self, moves: &[bool]) -> Vec<Finding> {
+        let of_joint = |joint: usize| {
+            let mut findings = vec![self.servo_of(joint)];
+            findings.extend(self.friction(joint, Quantity::Coulomb, "coulomb_friction", "coulomb"));
+            findings.extend(self.friction(joint, Quantity::Stiction, "stribeck_friction", "extra"));
+            findings.extend(self.friction(joint, Quantity::Rotor, "rotor_inertia", "inertia"));
+            findings.extend(self.delay(joint));
+            findings
+        };
+        (0..moves.len()).filter(|joint| moves[*joint]).flat_map(of_joint).collect()
+    }
+
+    fn servo_of(&self, joint: usize) -> Finding {
+        let servo = self.servo(joint);
+        let of_log = self.stiffness_deviation(joint);
+        let is_known = self.is_known(joint);
+        let mut numbers =
+            vec![("stiffness", servo.stiffness, is_known.then(|| around_log(servo.stiffness, of_log)))];
+        numbers.push(("damping", servo.damping, self.absolute(joint, Quantity::Lag)));
+        if let Some((_, deviation)) = self.of(joint, Quantity::Deadband) {
+            numbers.push(("deadband", servo.deadband, Some(around(servo.deadband, deviation))));
+        }
+        if let Some((_, deviation)) = self.of(joint, Quantity::TorqueLimit) {
+            let deviation = deviation.hypot(of_log);
+            let interval = is_known.then(|| around_log(servo.torque_limit, deviation));
+            numbers.push(("torque_limit", servo.torque_limit, interval));
+        }
+        if let Some((_, deviation)) = self.of(joint, Quantity::SpeedLimit) {
+            numbers.push(("speed_limit", servo.speed_limit, Some(around_log(servo.speed_limit, deviation))));
+        }
+        if let Some((offset, deviation)) = self.of(joint, Quantity::Offset) {
+            numbers.push(("offset", offset, Some(around(offset, deviation))));
+        }
+        let lag = self.of(joint, Quantity::Lag).unwrap_or_default();
+        let name = &self.joint(joint).name;
+        let (lag_ms, half_ms) = (lag.0 * 1e3, WIDTH * lag.1 * 1e3);
+        let remark = if is_known {
+            let droop = 1e3 / servo.stiffness;
+            format!(
+                "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late, and a load of 1 N·m lets it droop by {droop:.0} mrad."
+            )
+        } else {
+            format!(
+                "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late. No load tells its stiffness: only ratios to it are known, and the numbers in N·m rest on the one assumed."
+            )
+        };
+        self.finding("servo", joint, numbers, f64::INFINITY, remark)
+    }
+
+    /// Interval of `ratio` times stiffness, where the stiffness is known.
+    fn absolute(&self, joint: usize, quantity: Quantity) -> Option<[f64; 2]> {
+        let (ratio, deviation) = self.of(joint, quantity)?;
+        let stiffness = self.servo(joint).stiffness;
+        let spread = (deviation * stiffness).hypot(ratio * stiffness * self.stiffness_deviation(joint));
+        self.is_known(joint).then(|| around(ratio * stiffness, spread))
+    }
+
+    /// What is a ratio to the stiffness, if the data tell it from nothing.
+    fn friction(
+        &self,
+        joint: usize,
+        quantity: Quantity,
+        name: &'static str,
+        number: &'static str,
+    ) -> Option<Finding> {
+        let (ratio, deviation) = self.of(joint, quantity)?;
+        if ratio <= WIDTH * deviation {
+            return None;
+        }
+        let servo = self.servo(joint);
+        let nominal = if quantity == Quantity::Coulomb { self.joint(joint).friction.coulomb } else { 0.0 };
+        let value = ratio * servo.stiffness - nominal;
+        let interval = self.absolute(joint, quantity).map(|interval| interval.map(|end| end - nominal));
+        let mut numbers = vec![(number, value, interval)];
+        if quantity == Quantity::Stiction {
+            numbers.push(("velocity", servo.stribeck_velocity, None));
+        }
+        let joint_name = &self.joint(joint).name;
+        let remark = match quantity {
+            Quantity::Coulomb | Quantity::Stiction => {
+                let what = if quantity == Quantity::Coulomb { "holds" } else { "holds at rest" };
+                let (mrad, half) = (ratio * 1e3, WIDTH * deviation * 1e3);
+                format!("It {what} {joint_name} off by up to {mrad:.0} ± {half:.0} mrad against the servo.")
+            }
+            _ => String::new(),
+        };
+        Some(self.finding(name, joint, numbers, ratio / deviation, remark))
+    }
+
+    fn delay(&self, joint: usize) -> Option<Finding> {
+        let (delay, deviation) = self.of(joint, Quantity::Delay)?;
+        (delay > WIDTH * deviation).then(|| {
+            let numbers = vec![("delay", delay, Some(around(delay, deviation)))];
+            self.finding("command_delay", joint, numbers, delay / deviation, String::new())
+        })
+    }
+
+    fn finding(
+        &self,
+        name: &'static str,
+        joint: usize,
+        numbers: Vec<(&'static str, f64, Option<[f64; 2]>)>,
+        deviations: f64,
+        remark: String,
+    ) -> Finding {
+        let kind = known(name);
+        let at = self.joint(joint);
+        let table: Table =
+            numbers.iter().map(|(name, value, _)| ((*name).to_owned(), Value::Float(*value))).collect();
+        let parameter = |(name, value, ci95): (&'static str, f64, Option<[f64; 2]>)| {
+            let unit = kind.unit(name, Some(at)).to_owned();
+            (name.to_owned(), Parameter { value: Value::Float(value), unit, ci95 })
+        };
+        Finding {
+            kind,
+            joint,
+            parameters: numbers.into_iter().map(parameter).collect(),
+            table: EffectTable {
+                kind: name.to_owned(),
+                joint: Some(at.name.clone()),
+                parameters: table,
+                line: 0,
+            },
+            deviations,
+            remark,
+        }
+    }
+
+    /// What these recordings can't show of the joints: those that rest, and stiffnesses without a load.
+    pub fn untestable(&self, moves: &[bool]) -> Vec<Untestable> {
+        let lack = |joint: usize| {
+            let name = &self.joint(joint).name;
+            if !moves[joint] {
+                return Some(format!("{name} is never commanded to move"));
+            }
+            (!self.is_known(joint)).then(|| {
+                format!(
+                    "no load on {name} changes: only ratios to its servo's stiffness can be known, not N·m"
+                )
+            })
+        };
+        let of_joint = |joint: usize| {
+            lack(joint).map(|because| Untestable {
+                kind: "servo",
+                joint: Some(self.joint(joint).name.clone()),
+                because,
+            })
+        };
+        let mut all: Vec<Untestable> = (0..moves.len()).filter_map(of_joint).collect();
+        let arm = [
+            (
+                "viscous_friction",
+                "from commanded and measured positions alone viscous friction can't be told from the servo's own damping: both are in `damping`",
+            ),
+            (
+                "payload",
+                "without torques a payload can't be told from softer servos, unless the model knows their stiffness",
+            ),
+            ("joint_elasticity", "what gives behind the encoder needs the tool or the link's encoder"),
+            ("backlash", "what is loose behind the encoder needs the tool or the link's encoder"),
+        ];
+        all.extend(arm.map(|(kind, because)| Untestable { kind, joint: None, because: because.to_owned() }));
+        all
+    }
+}
+
+/// The entry called `name`.
+pub fn known(name: &str) -> &'static Kind {
+    kind(name).unwrap_or(freeplay_laws::COMMANDED[0])
+}
+
+fn around(value: f64, deviation: f64) -> [f64; 2] {
+    [value - WIDTH * deviation, value + WIDTH * deviation]
+}
+
+fn around_log(value: f64, deviation: f64) -> [f64; 2] {
+    [value * (-WIDTH * deviation).exp(), value * (WIDTH * deviation).exp()]
+}
