@@ -139,13 +139,23 @@ impl Judging<'_> {
         events
     }
 
-    /// The stop that the only joint that is off rests at, in the middle half of the event: at its ends the mean sees the motion, too.
+    /// The stop that the joint that is far more off than all others rests at, in the middle half of the event: at its ends the mean sees the motion, too.
     fn stop(&self, track: &Track, rows: &Range<usize>, off: &[usize], residual: &[f64]) -> Option<What> {
-        let [joint] = *off else { return None };
         let quarter = rows.len() / 4;
         let middle = quarter..rows.len() - quarter;
-        let deviation = |row: usize| residual[row * self.model.joints.len() + joint];
+        let joints = self.model.joints.len();
+        let mean_of = |joint: usize| {
+            let r = middle.clone().map(|row| residual[row * joints + joint]).filter(|r| r.is_finite());
+            (r.sum::<f64>() / middle.len().max(1) as f64).abs()
+        };
+        let joint = off.iter().copied().max_by(|a, b| mean_of(*a).total_cmp(&mean_of(*b)))?;
+        // Others are off as far as the load that the stop takes over was theirs.
+        if off.iter().any(|other| *other != joint && mean_of(*other) > GIVES * mean_of(joint)) {
+            return None;
+        }
+        let deviation = |row: usize| residual[row * joints + joint];
         let inside: Vec<(f64, f64)> = middle
+            .clone()
             .map(|row| (track.measured[joint][rows.start + row], deviation(row)))
             .filter(|(q, r)| q.is_finite() && r.is_finite())
             .collect();
