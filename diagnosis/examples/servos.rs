@@ -35,9 +35,11 @@ fn main() {
         out: Path::new("."),
     };
     println!("page of {} bytes", document(&subject).to_html().len());
-    println!("{}", to_toml(&diagnosis.model).split("[[effect]]").skip(1).collect::<Vec<_>>().join("\n"));
-    let (comparison, _) = compare_commands(&diagnosis.model, recordings.last().unwrap()).unwrap();
-    for channel in &comparison.channels {
-        println!("{} {:.2} mrad, lag {:?} s", channel.name, channel.rmse * 1e3, channel.lag_s);
+    let again = freeplay_arm::parse_toml(&to_toml(&diagnosis.model), "found.toml".as_ref()).unwrap();
+    for recording in &recordings {
+        let (comparison, _) = compare_commands(&again, recording).unwrap();
+        let errors: Vec<String> =
+            comparison.channels.iter().map(|channel| format!("{:.2}", channel.rmse * 1e3)).collect();
+        println!("{}: {} mrad", recording.origin.display(), errors.join(" "));
     }
 }

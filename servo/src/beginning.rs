@@ -8,7 +8,7 @@ use crate::track::Track;
 
 /// Longest lag that is looked for, s: industrial controllers answer after up to 0.15 s, small servos after 0.1 s.
 const LONGEST_LAG: f64 = 1.0;
-/// Rows for the velocity on each side.
+/// Rows for velocities and increments on each side.
 const REACH: usize = 2;
 /// A stiffness is told by the load where its coefficient is so many of its standard deviations from none.
 const TOLD: f64 = 3.0;
@@ -28,14 +28,18 @@ pub struct Sight {
     pub tick: f64,
 }
 
-/// Time by which column `joint` of `tracks` follows its command, s: the shift of the command that leaves the least square error.
+/// Time by which column `joint` of `tracks` follows its command, s: the shift of the command whose increments are nearest to the measured ones. A droop
+/// under load has no increments, so that it is not taken for a lag.
 pub fn lag(tracks: &[Track], joint: usize) -> f64 {
     let error = |shift: f64| -> f64 {
         let of_track = |track: &Track| -> f64 {
-            let rows = track.stamps.iter().zip(&track.measured[joint]);
-            rows.filter(|(_, q)| q.is_finite())
-                .map(|(t, q)| (q - track.commands[joint].between(t - shift)).powi(2))
-                .sum()
+            let (t, q) = (track.stamps.windows(2 * REACH + 1), track.measured[joint].windows(2 * REACH + 1));
+            let command = |t: f64| track.commands[joint].between(t - shift);
+            let off = |(t, q): (&[f64], &[f64])| {
+                let (from, to) = (0, 2 * REACH);
+                q[to] - q[from] - (command(t[to]) - command(t[from]))
+            };
+            t.zip(q).map(off).filter(|off| off.is_finite()).map(|off| off * off).sum()
         };
         tracks.iter().map(of_track).sum()
     };

@@ -195,11 +195,11 @@ impl Problem<'_> {
                 if weight == 0.0 {
                     continue;
                 }
-                for i in 0..count {
-                    let weighed = weight * slopes[i][at];
+                for (i, slope) in slopes.iter().enumerate() {
+                    let weighed = weight * slope[at];
                     score[i] += weighed * base[at];
-                    for j in 0..=i {
-                        sum.hessian[(i, j)] += weighed * slopes[j][at];
+                    for (j, other) in slopes.iter().enumerate().take(i + 1) {
+                        sum.hessian[(i, j)] += weighed * other[at];
                     }
                 }
             }

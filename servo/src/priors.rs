@@ -35,8 +35,8 @@ pub fn unknowns(sights: &[Sight], model: &ServoArm, zero: f64) -> Vec<Unknown> {
             (Quantity::Stiction, 0.0, error, error),
             (Quantity::Rotor, 0.0, lag * lag, lag * lag),
             (Quantity::Delay, 0.0, lag, lag),
-            // Commands and encoder count from one zero.
-            (Quantity::Offset, 0.0, sight.tick + zero, error),
+            // Commands and encoder count from one zero, but for rounding.
+            (Quantity::Offset, 0.0, sight.tick / 12.0_f64.sqrt() + zero, error),
         ];
         believed.map(|(quantity, expected, deviation, size)| Unknown {
             joint,

@@ -115,9 +115,8 @@ impl Rollout {
         }
         bias(&model.arm, &mut self.workspace, &self.middle, &self.state.v, &mut self.bias);
         crba(&model.arm, &mut self.workspace, &self.middle, &mut self.mass);
-        for i in 0..n {
-            let joint = &model.joints[i];
-            let wished = commands[i].mean(&mut self.cursors[i], joint, t, t + h);
+        for (i, (joint, command)) in model.joints.iter().zip(commands).enumerate() {
+            let wished = command.mean(&mut self.cursors[i], joint, t, t + h);
             let most = joint.speed_limit * h;
             self.set_point[i] += (wished - self.set_point[i]).clamp(-most, most);
             let error = self.set_point[i] - self.state.q[i];

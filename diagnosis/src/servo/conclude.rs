@@ -9,7 +9,7 @@ use toml::Value;
 
 use super::compare::unit;
 use super::events::{Event, What};
-use super::findings::{Finding, Numbers, known};
+use super::findings::{Finding, Numbers, WIDTH, known, named_from};
 use super::parts::{Parts, Rows, rounding};
 use super::scores::{Deviations, errors, gain, rms};
 use crate::diagnose::{
@@ -136,7 +136,9 @@ impl Conclusion<'_> {
             let new = parameter.value.as_float().unwrap_or_default();
             let old = table.parameters.get(name).and_then(Value::as_float).unwrap_or_default();
             let is_near = (new - old).abs() <= SAME * new.abs().max(old.abs());
-            let is_inside = parameter.ci95.is_none_or(|[low, high]| old >= low && old <= high);
+            let wide = named_from(self.moves.len()) / WIDTH;
+            let is_inside =
+                parameter.ci95.is_none_or(|[low, high]| (new - old).abs() <= 0.5 * wide * (high - low));
             !is_near && !is_inside
         })
     }

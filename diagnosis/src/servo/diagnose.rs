@@ -1,5 +1,7 @@
 //! From recordings of commanded and measured positions to a diagnosis.
 
+use std::collections::BTreeSet;
+
 use freeplay_arm::ArmFile;
 use freeplay_recording::Recording;
 use freeplay_servo::{Fitted, Problem, ServoArm, Sight, Track, Unknown, first_model, sights, unknowns};
@@ -7,7 +9,7 @@ use freeplay_servo::{Fitted, Problem, ServoArm, Sight, Track, Unknown, first_mod
 use super::black_box::Filters;
 use super::compare::{late, simulated};
 use super::conclude::Conclusion;
-use super::events::{Event, Judging, usual};
+use super::events::{Event, Judging};
 use super::findings::Numbers;
 use super::limits::add_limits;
 use super::parts::{Parts, Rows, problem};
@@ -37,7 +39,7 @@ pub fn diagnose(
     }
     progress("measuring by how much positions follow their commands");
     let seen = sights(&file.arm, &tracks);
-    let [fit, choice] = [&parts.fit, &parts.choice].map(|part| problem(recordings, &tracks, part, &seen));
+    let fit = problem(recordings, &tracks, &parts.fit, &seen);
     if fit.windows.is_empty() || parts.test.iter().all(|(_, rows)| rows.len() < FEWEST) {
         return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
     }
@@ -46,9 +48,27 @@ pub fn diagnose(
     let first = nearest(&fit, first, given.as_ref());
     let believed = unknowns(&seen, &first, settings.tolerances.zero);
     let mut believed: Vec<Unknown> = believed.into_iter().filter(|unknown| moves[unknown.joint]).collect();
-    let fitted = fit.fit(&first, &believed, &mut |step, _| {
+    let mut fitted = fit.fit(&first, &believed, &mut |step, _| {
         progress(&format!("fitting the servos by simulating the recordings, step {step}"));
     });
+    let is_known = |fitted: &Fitted| {
+        let numbers = Numbers { file, fitted, unknowns: &believed, sights: &seen };
+        (0..moves.len()).map(|joint| numbers.is_known(joint)).collect::<Vec<bool>>()
+    };
+    // What happened to the arm in the fit's recordings is no servo's: the fit goes on without it.
+    let seen_by_fit: BTreeSet<usize> =
+        parts.fit.iter().chain(&parts.choice).map(|(index, _)| *index).collect();
+    let simulated = deviations_of(&fitted.model, recordings, &tracks);
+    let happened = events(&tracks, &fitted, &is_known(&fitted), &seen, &simulated);
+    let happened: Vec<Event> =
+        happened.into_iter().filter(|event| seen_by_fit.contains(&event.recording)).collect();
+    let undisturbed = without(&tracks, &happened);
+    let [fit, choice] =
+        [&parts.fit, &parts.choice].map(|part| problem(recordings, &undisturbed, part, &seen));
+    if !happened.is_empty() {
+        progress("fitting the servos without contacts and stops");
+        fitted = fit.fit(&fitted.model, &believed, &mut |_, _| ());
+    }
     progress("asking whether a servo has limits");
     let fitted = add_limits([&fit, &choice], &seen, &mut believed, fitted, progress);
     progress("judging on what no step has seen");
@@ -56,7 +76,7 @@ pub fn diagnose(
     let is_known: Vec<bool> = (0..moves.len()).map(|joint| numbers.is_known(joint)).collect();
     let rival = rivals(&parts.fit, &tracks, &seen);
     let simulated = deviations_of(&fitted.model, recordings, &tracks);
-    let events = events(&fit, &fitted, &is_known, &seen, &simulated);
+    let events = events(&tracks, &fitted, &is_known, &seen, &simulated);
     let before = match &given {
         Some(given) => deviations_of(given, recordings, &tracks),
         None => tracks.iter().map(|track| deviations(track, &late(track, &vec![0.0; moves.len()]))).collect(),
@@ -122,21 +142,31 @@ fn rivals(fit: &[Rows], tracks: &[Track], sights: &[Sight]) -> (Deviations, Devi
 
 /// The events of all recordings under the fitted model.
 fn events(
-    fit: &Problem,
+    tracks: &[Track],
     fitted: &Fitted,
     is_known: &[bool],
     sights: &[Sight],
     simulated: &Deviations,
 ) -> Vec<Event> {
-    let usual = usual(fit.tracks, &fit.windows, &fit.residuals(&fitted.model), &fitted.noise);
     let ticks: Vec<f64> = sights.iter().map(|sight| sight.tick).collect();
-    let judging =
-        Judging { model: &fitted.model, usual: &usual, is_known, ticks: &ticks, tracks: fit.tracks };
+    let judging = Judging { model: &fitted.model, noise: &fitted.noise, is_known, ticks: &ticks, tracks };
     let of_recording = |(index, columns): (usize, &Vec<Vec<f64>>)| {
-        let rows = 0..fit.tracks[index].stamps.len();
+        let rows = 0..tracks[index].stamps.len();
         let residual: Vec<f64> =
             rows.clone().flat_map(|row| columns.iter().map(move |column| column[row])).collect();
         judging.events(index, &rows, &residual)
     };
     simulated.iter().enumerate().flat_map(of_recording).collect()
+}
+
+/// `tracks` without what was measured during `events`.
+fn without(tracks: &[Track], events: &[Event]) -> Vec<Track> {
+    let mut tracks = tracks.to_vec();
+    for event in events {
+        tracks[event.recording]
+            .measured
+            .iter_mut()
+            .for_each(|column| column[event.rows.clone()].fill(f64::NAN));
+    }
+    tracks
 }

@@ -8,12 +8,11 @@ use nalgebra::{DMatrix, DVector};
 
 /// Time over which deviations are averaged, s: longer than a servo's lag, so that what a fit misses of quick motion averages out.
 const STEADY: f64 = 0.5;
-/// A deviation is none of the servo's where its mean is so many times what all but the worst hundredth of the fit's part leaves.
-const BEYOND: f64 = 3.0;
-/// Share of the fit's part that is taken for usual; a contact in it is rarer.
-const USUAL: f64 = 0.99;
-/// Ticks within which a joint at a stop stays: it gives a little, and the encoder rounds.
-const STILL: f64 = 4.0;
+/// A steady deviation of so many sizes of the noise is none of the servo's: Student's t by which the noise is weighed passes that in one row of 2000, and the mean of
+/// half a second far more rarely.
+const BEYOND: f64 = 10.0;
+/// At a stop a joint gives by less than this share of what it is held off: it is stiff against the servo.
+const GIVES: f64 = 0.25;
 
 /// Something that happened to the arm.
 #[derive(Clone, Debug, PartialEq)]
@@ -51,13 +50,19 @@ pub enum What {
     },
 }
 
-/// Mean of each joint's deviation `residual` (`[row][joint]` on rows of `stamps`) over [`STEADY`] about each row.
-fn steady(stamps: &[f64], residual: &[f64], joints: usize) -> Vec<Vec<f64>> {
+/// A deviation that lasts is mostly its own mean: that makes at least this share of its root mean square. Quick motion that a model misses turns about.
+const LASTS: f64 = 0.5;
+
+/// Mean and root mean square of each joint's deviation `residual` (`[row][joint]` on rows of `stamps`) over [`STEADY`] about each row.
+fn steady(stamps: &[f64], residual: &[f64], joints: usize) -> Vec<Vec<[f64; 2]>> {
     let column = |joint: usize| {
-        let r: Vec<f64> =
-            residual.iter().skip(joint).step_by(joints).map(|r| if r.is_nan() { 0.0 } else { *r }).collect();
-        let mut sums = vec![0.0; r.len() + 1];
-        r.iter().enumerate().for_each(|(row, r)| sums[row + 1] = sums[row] + r);
+        let r = residual.iter().skip(joint).step_by(joints).map(|r| if r.is_nan() { 0.0 } else { *r });
+        let mut sums = vec![[0.0, 0.0]];
+        let mut sum = [0.0, 0.0];
+        sums.extend(r.map(|r| {
+            sum = [sum[0] + r, sum[1] + r * r];
+            sum
+        }));
         let (mut from, mut to) = (0, 0);
         stamps
             .iter()
@@ -68,42 +73,20 @@ fn steady(stamps: &[f64], residual: &[f64], joints: usize) -> Vec<Vec<f64>> {
                 while to < stamps.len() && stamps[to] <= t + 0.5 * STEADY {
                     to += 1;
                 }
-                (sums[to] - sums[from]) / (to - from) as f64
+                let [mean, square] = [0, 1].map(|of| (sums[to][of] - sums[from][of]) / (to - from) as f64);
+                [mean, square.max(0.0).sqrt()]
             })
             .collect()
     };
     (0..joints).map(column).collect()
 }
 
-/// The steady deviation of each joint that the fit's part, `residuals` of windows of `tracks`, usually leaves; not less than its noise.
-pub fn usual(
-    tracks: &[Track],
-    windows: &[(usize, Range<usize>)],
-    residuals: &[Vec<f64>],
-    noise: &Noise,
-) -> Vec<f64> {
-    let joints = noise.size.len();
-    let mut all = vec![Vec::new(); joints];
-    for ((track, rows), residual) in windows.iter().zip(residuals) {
-        for (all, column) in
-            all.iter_mut().zip(steady(&tracks[*track].stamps[rows.clone()], residual, joints))
-        {
-            all.extend(column.into_iter().map(f64::abs));
-        }
-    }
-    let quantile = |mut all: Vec<f64>| {
-        all.sort_by(f64::total_cmp);
-        all.get((USUAL * all.len() as f64) as usize).copied().unwrap_or(0.0)
-    };
-    all.into_iter().zip(&noise.size).map(|(all, size)| quantile(all).max(*size)).collect()
-}
-
 /// What the events of a recording are judged by.
 pub struct Judging<'a> {
     /// The fitted model.
     pub model: &'a ServoArm,
-    /// What it usually leaves, see [`usual`].
-    pub usual: &'a [f64],
+    /// What it usually leaves.
+    pub noise: &'a Noise,
     /// Whether the stiffness of each joint is known.
     pub is_known: &'a [bool],
     /// Step of each encoder, rad (m).
@@ -116,9 +99,12 @@ impl Judging<'_> {
     /// The events of the recording number `index`, whose deviations from the start of `rows` on are `residual`.
     pub fn events(&self, index: usize, rows: &Range<usize>, residual: &[f64]) -> Vec<Event> {
         let track = &self.tracks[index];
-        let joints = self.usual.len();
+        let joints = self.model.joints.len();
         let steady = steady(&track.stamps[rows.clone()], residual, joints);
-        let is_off = |joint: usize, row: usize| steady[joint][row].abs() > BEYOND * self.usual[joint];
+        let is_off = |joint: usize, row: usize| {
+            let [mean, rms] = steady[joint][row];
+            mean.abs() > (BEYOND * self.noise.size[joint]).max(LASTS * rms)
+        };
         let any = |row: usize| (0..joints).any(|joint| is_off(joint, row));
         let mut events = Vec::new();
         let mut row = 0;
@@ -142,6 +128,9 @@ impl Judging<'_> {
                 (0..joints).filter(|joint| (begin..=last).any(|row| is_off(*joint, row))).collect();
             let of_event = rows.start + begin..rows.start + last + 1;
             let time = [track.stamps[of_event.start], track.stamps[of_event.end - 1]];
+            if time[1] - time[0] < STEADY {
+                continue;
+            }
             let from = (of_event.start - rows.start) * joints..(of_event.end - rows.start) * joints;
             let what = self.stop(track, &of_event, &off, &residual[from.clone()]);
             let what = what.unwrap_or_else(|| self.contact(track, &of_event, off, &residual[from]));
@@ -150,25 +139,37 @@ impl Judging<'_> {
         events
     }
 
-    /// The stop that the only joint that is off rests at, in the middle half of the event: at its ends the mean sees the motion, too.
+    /// The stop that the joint that is far more off than all others rests at, in the middle half of the event: at its ends the mean sees the motion, too.
     fn stop(&self, track: &Track, rows: &Range<usize>, off: &[usize], residual: &[f64]) -> Option<What> {
-        let [joint] = *off else { return None };
         let quarter = rows.len() / 4;
-        let middle = rows.start + quarter..rows.end - quarter;
-        let mut q: Vec<f64> =
-            middle.map(|row| track.measured[joint][row]).filter(|q| q.is_finite()).collect();
-        q.sort_by(f64::total_cmp);
-        let position = *q.get(q.len() / 2)?;
-        let mean =
-            residual.iter().skip(joint).step_by(self.usual.len()).filter(|r| r.is_finite()).sum::<f64>();
+        let middle = quarter..rows.len() - quarter;
+        let joints = self.model.joints.len();
+        let mean_of = |joint: usize| {
+            let r = middle.clone().map(|row| residual[row * joints + joint]).filter(|r| r.is_finite());
+            (r.sum::<f64>() / middle.len().max(1) as f64).abs()
+        };
+        let joint = off.iter().copied().max_by(|a, b| mean_of(*a).total_cmp(&mean_of(*b)))?;
+        // Others are off as far as the load that the stop takes over was theirs.
+        if off.iter().any(|other| *other != joint && mean_of(*other) > GIVES * mean_of(joint)) {
+            return None;
+        }
+        let deviation = |row: usize| residual[row * joints + joint];
+        let inside: Vec<(f64, f64)> = middle
+            .clone()
+            .map(|row| (track.measured[joint][rows.start + row], deviation(row)))
+            .filter(|(q, r)| q.is_finite() && r.is_finite())
+            .collect();
+        let mean = inside.iter().map(|(_, r)| r).sum::<f64>() / inside.len().max(1) as f64;
         // The measured position stays below what is simulated: the stop is above.
         let is_above = mean < 0.0;
-        let within = STILL * self.ticks[joint];
-        let rests = q.iter().filter(|q| (*q - position).abs() <= within).count() * 10 >= q.len() * 9;
-        let beyond = |q: f64| if is_above { q - position } else { position - q };
-        let all = self.tracks.iter().flat_map(|track| &track.measured[joint]);
-        let is_end = all.filter(|q| q.is_finite()).all(|q| beyond(*q) <= within);
-        (rests && is_end).then_some(What::Stop { joint, position, is_above })
+        let outwards = |q: f64| if is_above { q } else { -q };
+        let most = |all: &mut dyn Iterator<Item = f64>| all.map(outwards).fold(f64::NEG_INFINITY, f64::max);
+        let end = most(&mut inside.iter().map(|(q, _)| *q));
+        let begin = inside.iter().map(|(q, _)| outwards(*q)).fold(f64::INFINITY, f64::min);
+        let rests = end - begin <= GIVES * mean.abs() + self.ticks[joint];
+        let columns = self.tracks.iter().flat_map(|track| track.measured[joint].iter().copied());
+        let is_end = most(&mut columns.filter(|q| q.is_finite())) <= end + GIVES * mean.abs();
+        (rests && is_end).then_some(What::Stop { joint, position: outwards(end), is_above })
     }
 
     /// A contact that leaves the deviations `residual`: what the servos of the joints give against it is Jᵀ f.

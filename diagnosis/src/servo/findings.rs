@@ -10,9 +10,19 @@ use toml::{Table, Value};
 use crate::diagnose::{Parameter, Untestable};
 
 /// Half width of a 95 % interval over its standard deviation.
-const WIDTH: f64 = 1.96;
+pub const WIDTH: f64 = 1.96;
 /// Deviation of the logarithm of a stiffness beyond which only ratios to it are said: its interval holds its half and its double.
 const UNKNOWN: f64 = std::f64::consts::LN_2 / WIDTH;
+
+/// Log odds that a name needs: 20 to 1.
+const NAMED: f64 = 3.0;
+/// Kinds that are looked for at each joint.
+const KINDS: f64 = 4.0;
+
+/// Standard deviations from nothing that a name needs at `joints` joints: what 20 to 1 takes after as many looks, ½ z² = ln 20 + ln looks.
+pub fn named_from(joints: usize) -> f64 {
+    (2.0 * (NAMED + (KINDS * joints as f64).ln())).sqrt()
+}
 
 /// One effect of a joint.
 pub struct Finding {
@@ -46,6 +56,10 @@ impl Numbers<'_> {
     fn of(&self, joint: usize, quantity: Quantity) -> Option<(f64, f64)> {
         let at = self.unknowns.iter().position(|one| one.joint == joint && one.quantity == quantity)?;
         Some(self.fitted.values[at])
+    }
+
+    fn named_from(&self) -> f64 {
+        named_from(self.file.arm.dof())
     }
 
     fn joint(&self, joint: usize) -> &Joint {
@@ -133,7 +147,7 @@ impl Numbers<'_> {
         number: &'static str,
     ) -> Option<Finding> {
         let (ratio, deviation) = self.of(joint, quantity)?;
-        if ratio <= WIDTH * deviation {
+        if ratio <= self.named_from() * deviation {
             return None;
         }
         let servo = self.servo(joint);
@@ -158,7 +172,7 @@ impl Numbers<'_> {
 
     fn delay(&self, joint: usize) -> Option<Finding> {
         let (delay, deviation) = self.of(joint, Quantity::Delay)?;
-        (delay > WIDTH * deviation).then(|| {
+        (delay > self.named_from() * deviation).then(|| {
             let numbers = vec![("delay", delay, Some(around(delay, deviation)))];
             self.finding("command_delay", joint, numbers, delay / deviation, String::new())
         })

@@ -6,6 +6,8 @@ use freeplay_servo::{Fitted, Noise, Problem, Quantity, ServoArm, Sight, Unknown}
 const TRIED: [f64; 4] = [0.4, 0.6, 0.75, 0.9];
 /// Shares of the error at which a dead band is tried.
 const BANDS: [f64; 2] = [0.1, 0.3];
+/// Rows over which a speed is measured.
+const SPAN: usize = 3;
 /// Log odds beyond which a limit is believed: 20 to 1, after the price of its number and of the joints where it was looked for.
 const BELIEVED: f64 = 3.0;
 
@@ -14,6 +16,8 @@ struct Candidate {
     unknown: Unknown,
     value: f64,
     gain: f64,
+    /// Greatest speed at which the joint was measured, rad/s: a limit of speed shows where it is reached.
+    fastest: f64,
 }
 
 /// Adds limits and dead bands to `fitted` as long as the fit part gains by them and the choice part does, too. The unknowns grow with them.
@@ -35,7 +39,11 @@ pub fn add_limits(
         let mut model = fitted.model.clone();
         best.unknown.set(&mut model, best.value);
         let with = fit.fit(&model, &more, &mut |_, _| ());
-        if lost(choice, &with.model, &fitted.noise) >= lost(choice, &fitted.model, &fitted.noise) {
+        let is_reached = with.model.joints[best.unknown.joint].speed_limit <= best.fastest
+            || best.unknown.quantity != Quantity::SpeedLimit;
+        if !is_reached
+            || lost(choice, &with.model, &fitted.noise) >= lost(choice, &fitted.model, &fitted.noise)
+        {
             break;
         }
         (fitted, *unknowns) = (with, more);
@@ -67,14 +75,14 @@ fn best(problem: &Problem, sights: &[Sight], unknowns: &[Unknown], fitted: &Fitt
                 let mut model = fitted.model.clone();
                 unknown.set(&mut model, value);
                 let gain = before - lost(problem, &model, &fitted.noise);
-                candidates.push(Candidate { unknown, value, gain });
+                candidates.push(Candidate { unknown, value, gain, fastest: most[joint][1] });
             }
         }
     }
     candidates.into_iter().max_by(|a, b| a.gain.total_cmp(&b.gain))
 }
 
-/// Greatest error of the set-point, rad, and greatest speed of the command, rad/s, of each joint.
+/// Greatest error of the set-point, rad, and greatest speed that was measured, rad/s, of each joint.
 fn greatest(problem: &Problem, model: &ServoArm) -> Vec<[f64; 2]> {
     let mut most = vec![[0.0_f64; 2]; model.joints.len()];
     let residuals = problem.residuals(model);
@@ -82,12 +90,10 @@ fn greatest(problem: &Problem, model: &ServoArm) -> Vec<[f64; 2]> {
         let track = &problem.tracks[*index];
         for (joint, most) in most.iter_mut().enumerate() {
             let r = residual.iter().skip(joint).step_by(model.joints.len());
-            for (row, r) in rows.clone().zip(r).skip(1).filter(|(_, r)| r.is_finite()) {
-                let command = |row: usize| track.commands[joint].held(track.stamps[row]);
-                let simulated = track.measured[joint][row] - r;
-                let speed =
-                    (command(row) - command(row - 1)).abs() / (track.stamps[row] - track.stamps[row - 1]);
-                most[0] = most[0].max((command(row) - simulated).abs());
+            for (row, r) in rows.clone().zip(r).skip(SPAN).filter(|(_, r)| r.is_finite()) {
+                let (q, t) = (&track.measured[joint], &track.stamps);
+                most[0] = most[0].max((track.commands[joint].held(t[row]) - (q[row] - r)).abs());
+                let speed = (q[row] - q[row - SPAN]).abs() / (t[row] - t[row - SPAN]);
                 most[1] = most[1].max(speed);
             }
         }

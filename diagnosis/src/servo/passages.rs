@@ -26,7 +26,7 @@ impl Conclusion<'_> {
             columns.iter().map(|column| column[rows.clone()].to_vec()).collect()
         };
         let zeros = vec![vec![0.0; rows.len()]; self.moves.len()];
-        let stretches = vec![0..rows.len()];
+        let stretches = std::iter::once(0..rows.len()).collect();
         let trace = |joint: usize| {
             let of = |deviations: &Deviations| deviations[index][joint][rows.clone()].to_vec();
             Trace {
