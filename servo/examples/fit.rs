@@ -44,9 +44,11 @@ fn main() {
         return;
     }
     let unknowns = unknowns(&sights, &model, 1e-4);
-    let fitted = problem.fit(&model, &unknowns, &mut |step, gain| {
-        println!("step {step} gained {gain:.2} after {:.1?}", began.elapsed())
-    });
+    let mut say = |step: usize, gain: f64| {
+        println!("step {step} gained {gain:.2} after {:.1?}", began.elapsed());
+    };
+    let begun = problem.begin(&model, &unknowns, &mut say);
+    let fitted = problem.fit(&begun.model, &unknowns, &mut say);
     println!("{} steps, {:.1?}, noise {:.4?}", fitted.steps, began.elapsed(), fitted.noise);
     for (unknown, (value, deviation)) in unknowns.iter().zip(&fitted.values) {
         println!("joint {} {:?}: {value:.5} ± {:.5}", unknown.joint, unknown.quantity, 1.96 * deviation);

@@ -21,8 +21,10 @@ const COARSE: usize = 5;
 const DAMPING: [f64; 3] = [1e-3, 0.2, 5.0];
 /// Tries of a step before the fit ends where it is.
 const TRIES: usize = 8;
-/// Blocks of a window whose scores are taken as independent of each other, in intervals.
-const BLOCKS: usize = 4;
+/// Groups of rows that intervals need: with fewer, the scatter of their estimates is itself told to a quarter at best (1/√(2 · 16)).
+const GROUPS: usize = 16;
+/// Most groups that a window is cut in for that: each then still lasts some seconds, many lags of a servo, so that groups are independent.
+const MOST_CUTS: usize = 6;
 
 /// What a fit rests on.
 #[derive(Clone, Debug)]
@@ -74,8 +76,9 @@ impl Problem<'_> {
         losses
     }
 
-    /// Fits `unknowns` from `model` onwards, first to a few of the windows. `progress` is told the step's number and what it gained.
-    pub fn fit(
+    /// Fits `unknowns` from `model` onwards to one window in [`COARSE`]; to all of them where there are few. `progress` is told the step's number and what it
+    /// gained.
+    pub fn begin(
         &self,
         model: &ServoArm,
         unknowns: &[Unknown],
@@ -83,14 +86,14 @@ impl Problem<'_> {
     ) -> Fitted {
         let few: Vec<_> = self.windows.iter().skip(COARSE / 2).step_by(COARSE).cloned().collect();
         if few.len() < 2 {
-            return self.fit_all(model, unknowns, progress);
+            return self.fit(model, unknowns, progress);
         }
         let coarse = Problem { windows: few, rounding: self.rounding.clone(), ..*self };
-        let begun = coarse.fit_all(model, unknowns, progress);
-        self.fit_all(&begun.model, unknowns, progress)
+        coarse.fit(model, unknowns, progress)
     }
 
-    fn fit_all(
+    /// Fits `unknowns` from `model` onwards, in at most 40 steps. `progress` is told the step's number and what it gained.
+    pub fn fit(
         &self,
         model: &ServoArm,
         unknowns: &[Unknown],
@@ -107,8 +110,8 @@ impl Problem<'_> {
                 break;
             }
         }
-        let curvature = self.curvature(&state, unknowns);
-        let values = state.x.iter().copied().zip(curvature.deviations(unknowns)).collect();
+        let groups = self.groups(&state, unknowns);
+        let values = state.x.iter().copied().zip(deviations(&groups, unknowns)).collect();
         Fitted { model: state.model, values, noise: state.noise, steps }
     }
 
@@ -144,30 +147,23 @@ impl Problem<'_> {
         self.losses(residuals, noise).iter().sum::<f64>() + unknowns.iter().zip(x).map(prior).sum::<f64>()
     }
 
-    /// First and second derivatives (Gauss–Newton) of what is lost, window by window on all threads.
+    /// First and second derivatives (Gauss–Newton) of what is lost, and of what the beliefs lose.
     fn curvature(&self, state: &Standing, unknowns: &[Unknown]) -> Curvature {
-        let parts = each(self.windows.len(), self.threads, |index| self.part(state, unknowns, index));
-        let count = unknowns.len();
-        let mut sum = Curvature {
-            gradient: DVector::zeros(count),
-            hessian: DMatrix::zeros(count, count),
-            scores: DMatrix::zeros(count, count),
-        };
-        for part in parts {
-            sum.gradient += part.gradient;
-            sum.hessian += part.hessian;
-            sum.scores += part.scores;
-        }
-        for (i, unknown) in unknowns.iter().enumerate() {
-            let precision = unknown.deviation.powi(-2);
-            sum.gradient[i] += precision * (state.x[i] - unknown.expected);
-            sum.hessian[(i, i)] += precision;
-            sum.scores[(i, i)] += precision;
-        }
+        let mut sum = Curvature::of_beliefs(unknowns, &state.x);
+        self.groups(state, unknowns).iter().for_each(|group| sum.add(group));
         sum
     }
 
-    fn part(&self, state: &Standing, unknowns: &[Unknown], index: usize) -> Curvature {
+    /// Derivatives of what is lost in groups of rows that are taken as independent, window by window on all threads.
+    fn groups(&self, state: &Standing, unknowns: &[Unknown]) -> Vec<Curvature> {
+        let cuts = GROUPS.div_ceil(self.windows.len().max(1)).min(MOST_CUTS);
+        let windows =
+            each(self.windows.len(), self.threads, |index| self.window(state, unknowns, index, cuts));
+        windows.into_iter().flatten().collect()
+    }
+
+    /// The groups of the window `index`, cut in `cuts`.
+    fn window(&self, state: &Standing, unknowns: &[Unknown], index: usize, cuts: usize) -> Vec<Curvature> {
         let (track, rows) = &self.windows[index];
         let mut rollout = Rollout::new(&state.model.arm, self.longest_step);
         let (base, joints) = (&state.residuals[index], self.rounding.len());
@@ -181,33 +177,18 @@ impl Problem<'_> {
                 moved.iter().zip(base).map(|(moved, base)| (moved - base) / unknown.step).collect()
             })
             .collect();
-        let count = unknowns.len();
-        let mut sum = Curvature {
-            gradient: DVector::zeros(count),
-            hessian: DMatrix::zeros(count, count),
-            scores: DMatrix::zeros(count, count),
-        };
-        let block = base.len().div_ceil(BLOCKS).max(1);
-        for begin in (0..base.len()).step_by(block) {
-            let mut score = DVector::zeros(count);
-            for at in begin..base.len().min(begin + block) {
-                let weight = state.noise.weight(at % joints, base[at]);
-                if weight == 0.0 {
-                    continue;
+        let length = rows.len().div_ceil(cuts).max(1) * joints;
+        let starts = (0..base.len()).step_by(length);
+        starts
+            .map(|begin| {
+                let mut group = Curvature::zero(unknowns.len());
+                for at in begin..base.len().min(begin + length) {
+                    group.add_row(&slopes, at, base[at], state.noise.weight(at % joints, base[at]));
                 }
-                for (i, slope) in slopes.iter().enumerate() {
-                    let weighed = weight * slope[at];
-                    score[i] += weighed * base[at];
-                    for (j, other) in slopes.iter().enumerate().take(i + 1) {
-                        sum.hessian[(i, j)] += weighed * other[at];
-                    }
-                }
-            }
-            sum.scores += &score * score.transpose();
-            sum.gradient += score;
-        }
-        sum.hessian.fill_upper_triangle_with_lower_triangle();
-        sum
+                group.hessian.fill_upper_triangle_with_lower_triangle();
+                group
+            })
+            .collect()
     }
 }
 
@@ -223,11 +204,43 @@ struct Standing {
 struct Curvature {
     gradient: DVector<f64>,
     hessian: DMatrix<f64>,
-    /// Sum over blocks of the outer products of their gradients.
-    scores: DMatrix<f64>,
 }
 
 impl Curvature {
+    fn zero(count: usize) -> Curvature {
+        Curvature { gradient: DVector::zeros(count), hessian: DMatrix::zeros(count, count) }
+    }
+
+    /// Of what the beliefs lose at `x`.
+    fn of_beliefs(unknowns: &[Unknown], x: &[f64]) -> Curvature {
+        let mut beliefs = Curvature::zero(unknowns.len());
+        for (i, unknown) in unknowns.iter().enumerate() {
+            let precision = unknown.deviation.powi(-2);
+            beliefs.gradient[i] = precision * (x[i] - unknown.expected);
+            beliefs.hessian[(i, i)] = precision;
+        }
+        beliefs
+    }
+
+    fn add(&mut self, other: &Curvature) {
+        self.gradient += &other.gradient;
+        self.hessian += &other.hessian;
+    }
+
+    /// Adds the row `at` with the residual `r` to the lower triangle.
+    fn add_row(&mut self, slopes: &[Vec<f64>], at: usize, r: f64, weight: f64) {
+        if weight == 0.0 {
+            return;
+        }
+        for (i, slope) in slopes.iter().enumerate() {
+            let weighed = weight * slope[at];
+            self.gradient[i] += weighed * r;
+            for (j, other) in slopes.iter().enumerate().take(i + 1) {
+                self.hessian[(i, j)] += weighed * other[at];
+            }
+        }
+    }
+
     /// The values after a damped step inside the bounds.
     fn next(&self, x: &[f64], unknowns: &[Unknown], damping: f64) -> Vec<f64> {
         let mut hessian = self.hessian.clone();
@@ -239,19 +252,46 @@ impl Curvature {
         let step = descend(&hessian, &self.gradient, &least);
         x.iter().zip(step.iter()).zip(unknowns).map(|((x, d), u)| (x + d).max(u.quantity.least())).collect()
     }
+}
 
-    /// Standard deviations that hold although the rows of a block are correlated and the model is not exact: H⁻¹ S H⁻¹ (Huber 1967; White 1982,
-    /// Econometrica 50:1).
-    fn deviations(&self, unknowns: &[Unknown]) -> Vec<f64> {
-        match self.hessian.clone().cholesky() {
-            Some(factor) => {
-                let inverse = factor.inverse();
-                let covariance = &inverse * &self.scores * &inverse;
-                covariance.diagonal().iter().map(|variance| variance.max(0.0).sqrt()).collect()
-            }
-            None => unknowns.iter().map(|unknown| unknown.deviation).collect(),
-        }
-    }
+/// Standard deviations that hold although the rows of a group are correlated and no model is exact: how far the values scatter when the groups are left out one
+/// by one (jackknife; each time one Newton step), and what beliefs leave open. In its linear form H⁻¹SH⁻¹ (White 1982, Econometrica 50:1) the groups pull
+/// the values towards themselves and the scatter is too small; left out, they can't (Bell & McCaffrey 2002, Survey Methodology 28:169; MacKinnon, Nielsen &
+/// Webb 2023, J. Econometrics 232:272). Where there are few groups, deviations are as much wider as Student's t is.
+fn deviations(groups: &[Curvature], unknowns: &[Unknown]) -> Vec<f64> {
+    let expected: Vec<f64> = unknowns.iter().map(|unknown| unknown.expected).collect();
+    let beliefs = Curvature::of_beliefs(unknowns, &expected).hessian;
+    let whole = groups.iter().fold(beliefs.clone(), |sum, group| sum + &group.hessian);
+    let Some(inverse) = whole.clone().cholesky().map(|factor| factor.inverse()) else {
+        return unknowns.iter().map(|unknown| unknown.deviation).collect();
+    };
+    let left_out: Vec<DVector<f64>> = groups
+        .iter()
+        .map(|group| {
+            let rest = (&whole - &group.hessian).cholesky();
+            rest.map_or_else(|| &inverse * &group.gradient, |rest| rest.solve(&group.gradient))
+        })
+        .collect();
+    let count = groups.len() as f64;
+    let mean = left_out.iter().fold(DVector::zeros(unknowns.len()), |sum, one| sum + one) / count.max(1.0);
+    let wider = student(count - 1.0);
+    let of_beliefs = &inverse * &beliefs * &inverse;
+    let deviation = |i: usize| {
+        let squares: f64 = left_out.iter().map(|one| (one[i] - mean[i]).powi(2)).sum();
+        let scatter = (count - 1.0) / count * squares * wider * wider;
+        (scatter + of_beliefs[(i, i)]).max(0.0).sqrt().min(unknowns[i].deviation * wider)
+    };
+    (0..unknowns.len()).map(deviation).collect()
+}
+
+/// The point of Student's t with `freedom` degrees of freedom that holds 95 % between ± itself, over that of the normal distribution: Cornish–Fisher's
+/// expansion, right to 0.1 % from eight degrees on (Abramowitz & Stegun 1964, 26.7.5).
+fn student(freedom: f64) -> f64 {
+    let (z, n) = (1.96_f64, freedom.max(1.0));
+    let first = (z.powi(2) + 1.0) / 4.0;
+    let second = (5.0 * z.powi(4) + 16.0 * z.powi(2) + 3.0) / 96.0;
+    let third = (3.0 * z.powi(6) + 19.0 * z.powi(4) + 17.0 * z.powi(2) - 15.0) / 384.0;
+    1.0 + first / n + second / n.powi(2) + third / n.powi(3)
 }
 
 /// `model` with the values `x`.
@@ -259,4 +299,48 @@ fn placed(model: &ServoArm, unknowns: &[Unknown], x: &[f64]) -> ServoArm {
     let mut model = model.clone();
     unknowns.iter().zip(x).for_each(|(unknown, x)| unknown.set(&mut model, *x));
     model
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+
+    use super::{Curvature, deviations, student};
+    use crate::unknowns::{Quantity, Unknown};
+
+    #[test]
+    fn students_points_are_those_of_tables() {
+        for (freedom, point) in [(5.0, 2.571), (8.0, 2.306), (15.0, 2.131), (30.0, 2.042), (120.0, 1.980)] {
+            let ratio = student(freedom) * 1.96 / point;
+            assert!((ratio - 1.0).abs() < 3e-3, "{freedom}: {ratio}");
+        }
+    }
+
+    /// The mean of numbers with weights: left out one by one, each moves it by a known amount, and the scatter is the deviation of the mean.
+    #[test]
+    fn leaving_groups_out_gives_the_deviation_of_a_mean() {
+        let numbers = [1.0, 2.0, 4.0, 3.5, -1.0, 0.5, 2.5, 1.5, 0.0, 3.0];
+        let count = numbers.len() as f64;
+        let mean: f64 = numbers.iter().sum::<f64>() / count;
+        let group = |x: &f64| Curvature {
+            gradient: DVector::from_element(1, mean - x),
+            hessian: DMatrix::from_element(1, 1, 1.0),
+        };
+        let groups: Vec<Curvature> = numbers.iter().map(group).collect();
+        let unknown =
+            Unknown { joint: 0, quantity: Quantity::Offset, expected: 0.0, deviation: 1e6, step: 1.0 };
+        let found = deviations(&groups, &[unknown])[0];
+        let square: f64 = numbers.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let expected = (square / count).sqrt() * student(count - 1.0);
+        assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+    }
+
+    /// What no row tells keeps the deviation of its belief.
+    #[test]
+    fn without_rows_beliefs_stay() {
+        let unknown =
+            Unknown { joint: 0, quantity: Quantity::Offset, expected: 0.0, deviation: 0.3, step: 1.0 };
+        let groups: Vec<Curvature> = (0..20).map(|_| Curvature::zero(1)).collect();
+        assert!((deviations(&groups, &[unknown])[0] - 0.3).abs() < 1e-12);
+    }
 }

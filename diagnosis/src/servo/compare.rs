@@ -4,7 +4,7 @@ use freeplay_arm::{ArmFile, JointKind};
 use freeplay_recording::{Group, Recording};
 use freeplay_servo::{Rollout, ServoArm, Track, lag};
 
-use super::tracks::{longest_gap, rollout_step, track};
+use super::tracks::{for_lags, longest_gap, rollout_step, track};
 use crate::comparison::{Comparison, SCHEMA};
 use crate::conventions::examine;
 use crate::error::ResidualError;
@@ -23,11 +23,12 @@ pub fn compare_commands(
 ) -> Result<(Comparison, Residuals), ResidualError> {
     check_joints(&file.arm, recording)?;
     let track = track(recording);
-    let stretches = track.windows(longest_gap(recording), f64::INFINITY);
-    let lags: Vec<f64> = (0..file.arm.dof()).map(|joint| lag(std::slice::from_ref(&track), joint)).collect();
+    let stretches = track.windows(longest_gap(&track), f64::INFINITY);
+    let few = for_lags(&track);
+    let lags: Vec<f64> = (0..file.arm.dof()).map(|joint| lag(std::slice::from_ref(&few), joint)).collect();
     let servos = ServoArm::of(file)?;
     let model = match &servos {
-        Some(model) => simulated(model, recording, &track),
+        Some(model) => simulated(model, &track),
         None => late(&track, &lags),
     };
     let rows: Vec<usize> = stretches.iter().cloned().flatten().collect();
@@ -97,11 +98,11 @@ pub fn unit(kind: JointKind) -> &'static str {
 }
 
 /// Position of `model` along `track`, `[joint][row]`; each stretch without gaps begins from what was measured, rows outside of any keep it.
-pub fn simulated(model: &ServoArm, recording: &Recording, track: &Track) -> Vec<Vec<f64>> {
-    let mut rollout = Rollout::new(&model.arm, rollout_step(recording));
+pub fn simulated(model: &ServoArm, track: &Track) -> Vec<Vec<f64>> {
+    let mut rollout = Rollout::new(&model.arm, rollout_step(track));
     let mut columns = track.measured.clone();
     let joints = columns.len();
-    for rows in track.windows(longest_gap(recording), f64::INFINITY) {
+    for rows in track.windows(longest_gap(track), f64::INFINITY) {
         let out = track.simulated(model, &mut rollout, &rows);
         for (joint, column) in columns.iter_mut().enumerate() {
             column[rows.clone()]

@@ -171,7 +171,7 @@ impl Conclusion<'_> {
         let phrase = phrase(finding.kind, &finding.parameters);
         let ratio = finding.deviations.min(1e3).powi(2);
         let joints = [finding.joint];
-        let gain = gain([&self.before, &self.after], clean, &joints, self.recordings, self.settings.seed);
+        let gain = gain([&self.before, &self.after], clean, &joints, self.tracks, self.settings.seed);
         let mut statement = statement(&phrase, joint.as_deref());
         if !finding.remark.is_empty() {
             statement = format!("{statement} {}", finding.remark);
@@ -262,9 +262,8 @@ impl Conclusion<'_> {
         let joints = self.joints();
         let floor =
             |joint: usize| (Group::Position.column(joint), Rmse { rmse: rounding(self.sights[joint].tick) });
-        let gain_of = |model: &Deviations| {
-            gain([&self.before, model], clean, &joints, self.recordings, self.settings.seed)
-        };
+        let gain_of =
+            |model: &Deviations| gain([&self.before, model], clean, &joints, self.tracks, self.settings.seed);
         let without = if clean.len() > self.parts.test.len() { ", without contacts and stops" } else { "" };
         Fit {
             noise_floor: joints.iter().map(|joint| floor(*joint)).collect(),

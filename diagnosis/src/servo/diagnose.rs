@@ -14,9 +14,11 @@ use super::findings::Numbers;
 use super::limits::add_limits;
 use super::parts::{Parts, Rows, problem};
 use super::scores::{Deviations, deviations};
-use super::tracks::track;
+use super::tracks::{for_fit, for_lags, track};
 use crate::diagnose::{DiagnoseError, DiagnoseSettings, Diagnosis};
 
+/// Rounds in which a fit and the contacts and stops that it leaves out agree: the first fit knows none, the second those that it could not bend to.
+const ROUNDS: usize = 2;
 /// Fewest rows that judge.
 const FEWEST: usize = 10;
 
@@ -30,16 +32,19 @@ pub fn diagnose(
     settings: &DiagnoseSettings,
     progress: &mut dyn FnMut(&str),
 ) -> Result<Diagnosis, DiagnoseError> {
-    let tracks: Vec<Track> = recordings.iter().map(track).collect();
+    progress("measuring by how much positions follow their commands");
+    let whole: Vec<Track> = recordings.iter().map(track).collect();
+    let few: Vec<Track> = whole.iter().map(for_lags).collect();
+    let seen = sights(&file.arm, &few);
+    let tracks: Vec<Track> = whole.iter().map(|track| for_fit(track, quickest(&seen))).collect();
+    drop((whole, few));
     let given = ServoArm::of(file)?;
     let parts = Parts::of(recordings, &tracks);
     let moves: Vec<bool> = (0..file.arm.dof()).map(|joint| moves(&tracks, &parts.fit, joint)).collect();
     if !moves.contains(&true) {
         return Ok(Conclusion::insufficient(file, settings, "no joint is commanded to move"));
     }
-    progress("measuring by how much positions follow their commands");
-    let seen = sights(&file.arm, &tracks);
-    let fit = problem(recordings, &tracks, &parts.fit, &seen);
+    let fit = problem(&tracks, &parts.fit, &seen);
     if fit.windows.is_empty() || parts.test.iter().all(|(_, rows)| rows.len() < FEWEST) {
         return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
     }
@@ -48,8 +53,8 @@ pub fn diagnose(
     let first = nearest(&fit, first, given.as_ref());
     let believed = unknowns(&seen, &first, settings.tolerances.zero);
     let mut believed: Vec<Unknown> = believed.into_iter().filter(|unknown| moves[unknown.joint]).collect();
-    let mut fitted = fit.fit(&first, &believed, &mut |step, _| {
-        progress(&format!("fitting the servos by simulating the recordings, step {step}"));
+    let begun = fit.begin(&first, &believed, &mut |step, _| {
+        progress(&format!("fitting the servos to a few of the windows, step {step}"));
     });
     let is_known = |fitted: &Fitted| {
         let numbers = Numbers { file, fitted, unknowns: &believed, sights: &seen };
@@ -58,27 +63,35 @@ pub fn diagnose(
     // What happened to the arm in the fit's recordings is no servo's: the fit goes on without it.
     let seen_by_fit: BTreeSet<usize> =
         parts.fit.iter().chain(&parts.choice).map(|(index, _)| *index).collect();
-    let simulated = deviations_of(&fitted.model, recordings, &tracks);
-    let happened = events(&tracks, &fitted, &is_known(&fitted), &seen, &simulated);
-    let happened: Vec<Event> =
-        happened.into_iter().filter(|event| seen_by_fit.contains(&event.recording)).collect();
-    let undisturbed = without(&tracks, &happened);
-    let [fit, choice] =
-        [&parts.fit, &parts.choice].map(|part| problem(recordings, &undisturbed, part, &seen));
-    if !happened.is_empty() {
-        progress("fitting the servos without contacts and stops");
-        fitted = fit.fit(&fitted.model, &believed, &mut |_, _| ());
+    let happened = |fitted: &Fitted| -> Vec<Event> {
+        let simulated = deviations_of(&fitted.model, &tracks);
+        let events = events(&tracks, fitted, &is_known(fitted), &seen, &simulated);
+        events.into_iter().filter(|event| seen_by_fit.contains(&event.recording)).collect()
+    };
+    let mut fitted = begun;
+    let mut undisturbed = tracks.clone();
+    for round in 1..=ROUNDS {
+        progress("looking for contacts and stops");
+        let others = without(&tracks, &happened(&fitted));
+        if round > 1 && others.iter().zip(&undisturbed).all(|(other, one)| is_same(other, one)) {
+            break;
+        }
+        undisturbed = others;
+        fitted = problem(&undisturbed, &parts.fit, &seen).fit(&fitted.model, &believed, &mut |step, _| {
+            progress(&format!("fitting the servos by simulating the recordings, step {round}.{step}"));
+        });
     }
+    let [fit, choice] = [&parts.fit, &parts.choice].map(|part| problem(&undisturbed, part, &seen));
     progress("asking whether a servo has limits");
     let fitted = add_limits([&fit, &choice], &seen, &mut believed, fitted, progress);
     progress("judging on what no step has seen");
     let numbers = Numbers { file, fitted: &fitted, unknowns: &believed, sights: &seen };
     let is_known: Vec<bool> = (0..moves.len()).map(|joint| numbers.is_known(joint)).collect();
     let rival = rivals(&parts.fit, &tracks, &seen);
-    let simulated = deviations_of(&fitted.model, recordings, &tracks);
+    let simulated = deviations_of(&fitted.model, &tracks);
     let events = events(&tracks, &fitted, &is_known, &seen, &simulated);
     let before = match &given {
-        Some(given) => deviations_of(given, recordings, &tracks),
+        Some(given) => deviations_of(given, &tracks),
         None => tracks.iter().map(|track| deviations(track, &late(track, &vec![0.0; moves.len()]))).collect(),
     };
     let conclusion = Conclusion {
@@ -97,6 +110,12 @@ pub fn diagnose(
         events,
     };
     Ok(conclusion.diagnosis())
+}
+
+/// The least lag of a joint that follows later than its encoder's rounding hides, s.
+fn quickest(sights: &[Sight]) -> f64 {
+    let late = sights.iter().filter(|sight| sight.error > sight.tick && sight.lag > 0.0);
+    late.map(|sight| sight.lag).fold(f64::INFINITY, f64::min)
 }
 
 /// Whether the command of `joint` moves in `parts`.
@@ -119,10 +138,10 @@ fn nearest(fit: &Problem, mut first: ServoArm, given: Option<&ServoArm>) -> Serv
 }
 
 /// Measured minus simulated positions of all recordings.
-fn deviations_of(model: &ServoArm, recordings: &[Recording], tracks: &[Track]) -> Deviations {
+fn deviations_of(model: &ServoArm, tracks: &[Track]) -> Deviations {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     freeplay_servo::each(tracks.len(), threads, |index| {
-        deviations(&tracks[index], &simulated(model, &recordings[index], &tracks[index]))
+        deviations(&tracks[index], &simulated(model, &tracks[index]))
     })
 }
 
@@ -157,6 +176,12 @@ fn events(
         judging.events(index, &rows, &residual)
     };
     simulated.iter().enumerate().flat_map(of_recording).collect()
+}
+
+/// Whether the same rows of two tracks were measured.
+fn is_same(a: &Track, b: &Track) -> bool {
+    let rows = |track: &Track| track.measured.iter().flatten().map(|q| q.is_finite()).collect::<Vec<bool>>();
+    rows(a) == rows(b)
 }
 
 /// `tracks` without what was measured during `events`.

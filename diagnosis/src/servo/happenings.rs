@@ -81,7 +81,7 @@ impl Conclusion<'_> {
             ),
         };
         let rows = [(event.recording, event.rows.clone())];
-        let of_event = gain([&self.before, &self.after], &rows, joints, self.recordings, self.settings.seed);
+        let of_event = gain([&self.before, &self.after], &rows, joints, self.tracks, self.settings.seed);
         Effect {
             kind: kind.name,
             joint,

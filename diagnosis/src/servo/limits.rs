@@ -29,16 +29,17 @@ pub fn add_limits(
     progress: &mut dyn FnMut(&str),
 ) -> Fitted {
     let price = BELIEVED + (3.0 * sights.len() as f64).ln();
-    while let Some(best) = best(fit, sights, unknowns, &fitted) {
-        if best.gain < price {
-            break;
-        }
-        progress("fitting the servos with one more limit");
+    // More than one limit a joint would leave nothing of its servo to fit.
+    for _ in 0..sights.len() {
+        let best = best(fit, sights, unknowns, &fitted);
+        let Some(best) = best.filter(|best| best.gain >= price) else { break };
         let mut more = unknowns.clone();
         more.push(best.unknown);
         let mut model = fitted.model.clone();
         best.unknown.set(&mut model, best.value);
-        let with = fit.fit(&model, &more, &mut |_, _| ());
+        let with = fit.fit(&model, &more, &mut |step, _| {
+            progress(&format!("fitting the servos with one more limit, step {step}"));
+        });
         let is_reached = with.model.joints[best.unknown.joint].speed_limit <= best.fastest
             || best.unknown.quantity != Quantity::SpeedLimit;
         if !is_reached

@@ -83,19 +83,14 @@ fn cuts(track: &Track) -> [usize; 2] {
 }
 
 /// The problem of `parts` of `tracks`, in windows.
-pub fn problem<'a>(
-    recordings: &[Recording],
-    tracks: &'a [Track],
-    parts: &[Rows],
-    sights: &[Sight],
-) -> Problem<'a> {
+pub fn problem<'a>(tracks: &'a [Track], parts: &[Rows], sights: &[Sight]) -> Problem<'a> {
     let windows = parts.iter().flat_map(|(index, part)| {
-        let gap = longest_gap(&recordings[*index]);
+        let gap = longest_gap(&tracks[*index]);
         let windows = tracks[*index].windows(gap, WINDOW).into_iter();
         let inside = windows.map(|rows| rows.start.max(part.start)..rows.end.min(part.end));
         inside.filter(|rows| rows.len() > 1).map(|rows| (*index, rows)).collect::<Vec<_>>()
     });
-    let steps = recordings.iter().map(rollout_step);
+    let steps = tracks.iter().map(rollout_step);
     Problem {
         tracks,
         windows: windows.collect(),

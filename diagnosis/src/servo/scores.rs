@@ -2,12 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_recording::{Group, Recording};
+use freeplay_recording::Group;
 use freeplay_servo::Track;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::parts::Rows;
+use super::tracks::median_step;
 use crate::diagnose::{Gain, Rmse};
 
 /// Length of a block of the bootstrap, s: many lags of a servo.
@@ -66,10 +67,10 @@ pub fn gain(
     [before, after]: [&Deviations; 2],
     parts: &[Rows],
     joints: &[usize],
-    recordings: &[Recording],
+    tracks: &[Track],
     seed: u64,
 ) -> Gain {
-    let step = recordings.iter().map(Recording::median_step).fold(f64::INFINITY, f64::min);
+    let step = tracks.iter().map(median_step).fold(f64::INFINITY, f64::min);
     let rows = (BLOCK / step).max(1.0);
     let before = blocks(before, parts, joints, rows);
     let after = blocks(after, parts, joints, rows);

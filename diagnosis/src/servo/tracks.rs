@@ -25,12 +25,52 @@ pub fn track(recording: &Recording) -> Track {
     Track { stamps: recording.t.clone(), measured: recording.q.clone(), commands: commands.collect() }
 }
 
-/// Longest step between two stamps of `recording` that is no gap, s.
-pub fn longest_gap(recording: &Recording) -> f64 {
-    GAP_STEPS * recording.median_step()
+/// Every so manieth row of `track`, so that they are at least `spacing` s apart, where it has so many; the commands stay whole.
+pub fn thinned(track: &Track, spacing: f64) -> Track {
+    let stride = ((spacing / median_step(track)) * (1.0 + 1e-6)).floor();
+    if !(stride >= 2.0 && stride.is_finite()) {
+        return track.clone();
+    }
+    let pick = |column: &Vec<f64>| column.iter().step_by(stride as usize).copied().collect();
+    Track {
+        stamps: pick(&track.stamps),
+        measured: track.measured.iter().map(pick).collect(),
+        commands: track.commands.clone(),
+    }
 }
 
-/// Longest step of a rollout along `recording`, s: at least two between two samples, so that a delay of part of a sample acts.
-pub fn rollout_step(recording: &Recording) -> f64 {
-    LONGEST_STEP.min(0.5 * recording.median_step() * (1.0 + 1e-3))
+/// Median of the steps between the stamps of `track`, s.
+pub fn median_step(track: &Track) -> f64 {
+    let mut steps: Vec<f64> = track.stamps.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle = steps.len() / 2;
+    if steps.is_empty() {
+        return 0.0;
+    }
+    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Rows that lags are measured on need not be closer, s: lags are told between rows, as the commands are.
+const FOR_LAGS: f64 = 0.02;
+
+/// `track` with as many rows as lags need.
+pub fn for_lags(track: &Track) -> Track {
+    thinned(track, FOR_LAGS)
+}
+
+/// Rows a lag that a fit needs: what a servo does to a motion is over after a few lags, and rows between add next to nothing.
+const ROWS: f64 = 3.0;
+
+/// `track` with as many rows as a fit of servos needs whose positions follow by `lag` s or more.
+pub fn for_fit(track: &Track, lag: f64) -> Track {
+    thinned(track, (lag / ROWS).min(FOR_LAGS))
+}
+
+/// Longest step between two stamps of `track` that is no gap, s.
+pub fn longest_gap(track: &Track) -> f64 {
+    GAP_STEPS * median_step(track)
+}
+
+/// Longest step of a rollout along `track`, s: at least two between two rows, so that a delay of part of a row acts.
+pub fn rollout_step(track: &Track) -> f64 {
+    LONGEST_STEP.min(0.5 * median_step(track) * (1.0 + 1e-3))
 }
