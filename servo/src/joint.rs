@@ -69,6 +69,12 @@ impl JointServo {
         self.coulomb + self.stiction * (-ratio * ratio).exp()
     }
 
+    /// The servo's torque at the error `e` (rad) and speed `v` (rad/s), N·m.
+    pub fn torque(&self, e: f64, v: f64) -> f64 {
+        let line = self.line(e, v);
+        line.constant + line.stiffness * e - line.damping * v
+    }
+
     /// The servo's torque near the error `e` (rad) and speed `v` (rad/s) as a straight line of both.
     #[inline]
     pub fn line(&self, e: f64, v: f64) -> Line {

@@ -79,7 +79,7 @@ impl Conclusion<'_> {
         let clean = self.clean_test();
         let mut effects: Vec<Effect> = found
             .iter()
-            .filter(|finding| self.is_new(finding))
+            .filter(|finding| finding.is_named && self.is_new(finding))
             .map(|finding| self.effect(finding, &clean))
             .collect();
         let mut model = file.clone();

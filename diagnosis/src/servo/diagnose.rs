@@ -57,7 +57,13 @@ pub fn diagnose(
         progress(&format!("fitting the servos to a few of the windows, step {step}"));
     });
     let is_known = |fitted: &Fitted| {
-        let numbers = Numbers { file, fitted, unknowns: &believed, sights: &seen };
+        let numbers = Numbers {
+            file,
+            fitted,
+            unknowns: &believed,
+            sights: &seen,
+            friction: settings.tolerances.friction,
+        };
         (0..moves.len()).map(|joint| numbers.is_known(joint)).collect::<Vec<bool>>()
     };
     // What happened to the arm in the fit's recordings is no servo's: the fit goes on without it.
@@ -85,7 +91,13 @@ pub fn diagnose(
     progress("asking whether a servo has limits");
     let fitted = add_limits([&fit, &choice], &seen, &mut believed, fitted, progress);
     progress("judging on what no step has seen");
-    let numbers = Numbers { file, fitted: &fitted, unknowns: &believed, sights: &seen };
+    let numbers = Numbers {
+        file,
+        fitted: &fitted,
+        unknowns: &believed,
+        sights: &seen,
+        friction: settings.tolerances.friction,
+    };
     let is_known: Vec<bool> = (0..moves.len()).map(|joint| numbers.is_known(joint)).collect();
     let rival = rivals(&parts.fit, &tracks, &seen);
     let simulated = deviations_of(&fitted.model, &tracks);

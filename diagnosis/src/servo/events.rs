@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use freeplay_arm::{Workspace, forward_kinematics, jacobian};
+use freeplay_arm::{Workspace, forward_kinematics, gravity_torque, jacobian};
 use freeplay_servo::{Noise, ServoArm, Track};
 use nalgebra::{DMatrix, DVector};
 
@@ -53,10 +53,10 @@ pub enum What {
 /// A deviation that lasts is mostly its own mean: that makes at least this share of its root mean square. Quick motion that a model misses turns about.
 const LASTS: f64 = 0.5;
 
-/// Mean and root mean square of each joint's deviation `residual` (`[row][joint]` on rows of `stamps`) over [`STEADY`] about each row.
-fn steady(stamps: &[f64], residual: &[f64], joints: usize) -> Vec<Vec<[f64; 2]>> {
-    let column = |joint: usize| {
-        let r = residual.iter().skip(joint).step_by(joints).map(|r| if r.is_nan() { 0.0 } else { *r });
+/// Mean and root mean square of each column of `values`, `[row][column]` on rows of `stamps`, over [`STEADY`] about each row.
+fn steady(stamps: &[f64], values: &[f64], columns: usize) -> Vec<Vec<[f64; 2]>> {
+    let of_column = |column: usize| {
+        let r = values.iter().skip(column).step_by(columns).map(|r| if r.is_nan() { 0.0 } else { *r });
         let mut sums = vec![[0.0, 0.0]];
         let mut sum = [0.0, 0.0];
         sums.extend(r.map(|r| {
@@ -78,7 +78,7 @@ fn steady(stamps: &[f64], residual: &[f64], joints: usize) -> Vec<Vec<[f64; 2]>>
             })
             .collect()
     };
-    (0..joints).map(column).collect()
+    (0..columns).map(of_column).collect()
 }
 
 /// What the events of a recording are judged by.
@@ -101,9 +101,15 @@ impl Judging<'_> {
         let track = &self.tracks[index];
         let joints = self.model.joints.len();
         let steady = steady(&track.stamps[rows.clone()], residual, joints);
+        let held = self::steady(&track.stamps[rows.clone()], &self.held_off(track, rows), joints);
         let is_off = |joint: usize, row: usize| {
             let [mean, rms] = steady[joint][row];
             mean.abs() > (BEYOND * self.noise.size[joint]).max(LASTS * rms)
+        };
+        let is_held = |joint: usize, row: usize| {
+            let servo = &self.model.joints[joint];
+            let friction = (servo.coulomb + servo.stiction) / servo.stiffness;
+            held[joint][row][0].abs() > friction + self.noise.size[joint]
         };
         let any = |row: usize| (0..joints).any(|joint| is_off(joint, row));
         let mut events = Vec::new();
@@ -124,11 +130,12 @@ impl Judging<'_> {
                 }
                 row += 1;
             }
-            let off: Vec<usize> =
-                (0..joints).filter(|joint| (begin..=last).any(|row| is_off(*joint, row))).collect();
+            let is_in_it =
+                |joint: &usize| (begin..=last).any(|row| is_off(*joint, row) && is_held(*joint, row));
+            let off: Vec<usize> = (0..joints).filter(is_in_it).collect();
             let of_event = rows.start + begin..rows.start + last + 1;
             let time = [track.stamps[of_event.start], track.stamps[of_event.end - 1]];
-            if time[1] - time[0] < STEADY {
+            if off.is_empty() || time[1] - time[0] < STEADY {
                 continue;
             }
             let from = (of_event.start - rows.start) * joints..(of_event.end - rows.start) * joints;
@@ -137,6 +144,27 @@ impl Judging<'_> {
             events.push(Event { recording: index, rows: of_event, time, what });
         }
         events
+    }
+
+    /// By how much each joint is held off where its servo and its load would have it, `[row][joint]`, rad (m): friction may do that up to its amount over the
+    /// stiffness, and where in that band a joint rests depends on all that was before. What is beyond needs another cause.
+    fn held_off(&self, track: &Track, rows: &Range<usize>) -> Vec<f64> {
+        let arm = &self.model.arm;
+        let mut workspace = Workspace::new(arm);
+        let (mut q, mut load) = (vec![0.0; arm.dof()], vec![0.0; arm.dof()]);
+        let mut all = Vec::with_capacity(rows.len() * arm.dof());
+        for row in rows.clone() {
+            (0..arm.dof()).for_each(|joint| q[joint] = track.measured[joint][row]);
+            gravity_torque(arm, &mut workspace, &q, &mut load);
+            let (before, after) = (row.saturating_sub(1), (row + 1).min(track.stamps.len() - 1));
+            let span = track.stamps[after] - track.stamps[before];
+            all.extend(self.model.joints.iter().enumerate().map(|(joint, servo)| {
+                let v = (track.measured[joint][after] - track.measured[joint][before]) / span;
+                let error = track.commands[joint].at(servo, track.stamps[row]) - q[joint];
+                (servo.torque(error, v) - load[joint]) / servo.stiffness
+            }));
+        }
+        all
     }
 
     /// The stop that the joint that is far more off than all others rests at, in the middle half of the event: at its ends the mean sees the motion, too.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{ArmFile, EffectTable, Joint};
+use freeplay_arm::{ArmFile, EffectTable, Joint, JointKind};
 use freeplay_laws::{Kind, kind};
 use freeplay_servo::{Fitted, JointServo, Quantity, Sight, Unknown};
 use toml::{Table, Value};
@@ -36,6 +36,8 @@ pub struct Finding {
     pub table: EffectTable,
     /// By how many standard deviations the data tell it from nothing.
     pub deviations: f64,
+    /// Whether the data tell it from nothing and it is beyond the tolerance of the model: else it is a number of the model alone.
+    pub is_named: bool,
     /// What stands beside its numbers, a sentence; empty if nothing.
     pub remark: String,
 }
@@ -50,6 +52,8 @@ pub struct Numbers<'a> {
     pub unknowns: &'a [Unknown],
     /// What the recordings say of each joint before.
     pub sights: &'a [Sight],
+    /// Deviation of nominal friction, as a share of it.
+    pub friction: f64,
 }
 
 impl Numbers<'_> {
@@ -99,7 +103,10 @@ impl Numbers<'_> {
         let is_known = self.is_known(joint);
         let mut numbers =
             vec![("stiffness", servo.stiffness, is_known.then(|| around_log(servo.stiffness, of_log)))];
-        numbers.push(("damping", servo.damping, self.absolute(joint, Quantity::Lag)));
+        // The joint's own viscous friction is the model's already.
+        let viscous = self.joint(joint).friction.viscous;
+        let interval = self.absolute(joint, Quantity::Lag).map(|ends| ends.map(|end| end - viscous));
+        numbers.push(("damping", (servo.damping - viscous).max(0.0), interval));
         if let Some((_, deviation)) = self.of(joint, Quantity::Deadband) {
             numbers.push(("deadband", servo.deadband, Some(around(servo.deadband, deviation))));
         }
@@ -118,9 +125,10 @@ impl Numbers<'_> {
         let name = &self.joint(joint).name;
         let (lag_ms, half_ms) = (lag.0 * 1e3, WIDTH * lag.1 * 1e3);
         let remark = if is_known {
-            let droop = 1e3 / servo.stiffness;
+            let droop = distance(self.joint(joint).kind, 1.0 / servo.stiffness, None);
+            let unit = if self.joint(joint).kind == JointKind::Revolute { "N·m" } else { "N" };
             format!(
-                "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late, and a load of 1 N·m lets it droop by {droop:.0} mrad."
+                "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late, beside the delay of its commands; a load of 1 {unit} lets it droop by {droop}."
             )
         } else {
             format!(
@@ -147,11 +155,17 @@ impl Numbers<'_> {
         number: &'static str,
     ) -> Option<Finding> {
         let (ratio, deviation) = self.of(joint, quantity)?;
-        if ratio <= self.named_from() * deviation {
-            return None;
-        }
         let servo = self.servo(joint);
         let nominal = if quantity == Quantity::Coulomb { self.joint(joint).friction.coulomb } else { 0.0 };
+        // What the model has already counts in N·m: where no load tells the stiffness, nothing beside it is known.
+        let expected = nominal / servo.stiffness;
+        let of_model = |share: f64| if expected > 0.0 { expected * share } else { 0.0 };
+        let of_nominal = of_model(self.friction.hypot(self.stiffness_deviation(joint)));
+        let deviations = (ratio - expected).abs() / deviation.hypot(of_nominal);
+        let is_named = deviations > self.named_from();
+        if !is_named && nominal == 0.0 {
+            return None;
+        }
         let value = ratio * servo.stiffness - nominal;
         let interval = self.absolute(joint, quantity).map(|interval| interval.map(|end| end - nominal));
         let mut numbers = vec![(number, value, interval)];
@@ -162,12 +176,13 @@ impl Numbers<'_> {
         let remark = match quantity {
             Quantity::Coulomb | Quantity::Stiction => {
                 let what = if quantity == Quantity::Coulomb { "holds" } else { "holds at rest" };
-                let (mrad, half) = (ratio * 1e3, WIDTH * deviation * 1e3);
-                format!("It {what} {joint_name} off by up to {mrad:.0} ± {half:.0} mrad against the servo.")
+                let off = distance(self.joint(joint).kind, ratio, Some(WIDTH * deviation));
+                format!("It {what} {joint_name} up to {off} off where its servo would have it.")
             }
             _ => String::new(),
         };
-        Some(self.finding(name, joint, numbers, ratio / deviation, remark))
+        let finding = self.finding(name, joint, numbers, deviations, remark);
+        Some(Finding { is_named, ..finding })
     }
 
     fn delay(&self, joint: usize) -> Option<Finding> {
@@ -205,6 +220,7 @@ impl Numbers<'_> {
                 line: 0,
             },
             deviations,
+            is_named: true,
             remark,
         }
     }
@@ -245,6 +261,16 @@ impl Numbers<'_> {
         all.extend(arm.map(|(kind, because)| Untestable { kind, joint: None, because: because.to_owned() }));
         all
     }
+}
+
+/// A distance of a joint of `kind`, rad (m), with the half of its interval: `37.2 ± 1.3 mrad (2.1°)`, or in mm.
+fn distance(kind: JointKind, value: f64, half: Option<f64>) -> String {
+    let (unit, degrees) = match kind {
+        JointKind::Revolute => ("mrad", format!(" ({:.1}°)", value.to_degrees())),
+        JointKind::Prismatic => ("mm", String::new()),
+    };
+    let half = half.map_or_else(String::new, |half| format!(" ± {:.1}", half * 1e3));
+    format!("{:.1}{half} {unit}{degrees}", value * 1e3)
 }
 
 /// The entry called `name`.
