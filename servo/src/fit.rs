@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use crate::bounded::descend;
 use crate::noise::Noise;
@@ -254,34 +254,40 @@ impl Curvature {
     }
 }
 
-/// Standard deviations that hold although the rows of a group are correlated and no model is exact: how far the values scatter when the groups are left out one
-/// by one (jackknife; each time one Newton step), and what beliefs leave open. In its linear form H⁻¹SH⁻¹ (White 1982, Econometrica 50:1) the groups pull
-/// the values towards themselves and the scatter is too small; left out, they can't (Bell & McCaffrey 2002, Survey Methodology 28:169; MacKinnon, Nielsen &
-/// Webb 2023, J. Econometrics 232:272). Where there are few groups, deviations are as much wider as Student's t is.
+/// Standard deviations that hold although the rows of a group are correlated and no model is exact: the scatter of what the groups say, and what beliefs leave
+/// open. In the plain form H⁻¹SH⁻¹ (White 1982, Econometrica 50:1) each group has pulled the values towards itself and the scatter is too small; here each
+/// is taken as much larger as its share of the curvature made it smaller, Σ L⁻ᵀ(1 − L⁻¹H_gL⁻ᵀ)⁻¹ᐟ²L⁻¹g with H = LLᵀ (Bell & McCaffrey 2002, Survey
+/// Methodology 28:169). Where there are few groups, deviations are as much wider as Student's t is.
 fn deviations(groups: &[Curvature], unknowns: &[Unknown]) -> Vec<f64> {
     let expected: Vec<f64> = unknowns.iter().map(|unknown| unknown.expected).collect();
     let beliefs = Curvature::of_beliefs(unknowns, &expected).hessian;
     let whole = groups.iter().fold(beliefs.clone(), |sum, group| sum + &group.hessian);
-    let Some(inverse) = whole.clone().cholesky().map(|factor| factor.inverse()) else {
+    let Some(factor) = whole.cholesky() else {
         return unknowns.iter().map(|unknown| unknown.deviation).collect();
     };
-    let left_out: Vec<DVector<f64>> = groups
-        .iter()
-        .map(|group| {
-            let rest = (&whole - &group.hessian).cholesky();
-            rest.map_or_else(|| &inverse * &group.gradient, |rest| rest.solve(&group.gradient))
-        })
-        .collect();
-    let count = groups.len() as f64;
-    let mean = left_out.iter().fold(DVector::zeros(unknowns.len()), |sum, one| sum + one) / count.max(1.0);
-    let wider = student(count - 1.0);
+    let root = factor.l();
+    let said: Vec<DVector<f64>> = groups.iter().filter_map(|group| said_by(group, &root)).collect();
+    let wider = student(said.len() as f64 - 1.0);
+    let inverse = factor.inverse();
     let of_beliefs = &inverse * &beliefs * &inverse;
     let deviation = |i: usize| {
-        let squares: f64 = left_out.iter().map(|one| (one[i] - mean[i]).powi(2)).sum();
-        let scatter = (count - 1.0) / count * squares * wider * wider;
-        (scatter + of_beliefs[(i, i)]).max(0.0).sqrt().min(unknowns[i].deviation * wider)
+        let scatter: f64 = said.iter().map(|one| one[i] * one[i]).sum();
+        (scatter * wider * wider + of_beliefs[(i, i)]).max(0.0).sqrt().min(unknowns[i].deviation * wider)
     };
     (0..unknowns.len()).map(deviation).collect()
+}
+
+/// By how much `group` moves the values of a fit whose curvature has the lower triangular `root`, as if it had not been part of it by half.
+fn said_by(group: &Curvature, root: &DMatrix<f64>) -> Option<DVector<f64>> {
+    let half = root.solve_lower_triangular(&group.hessian)?;
+    let share = root.solve_lower_triangular(&half.transpose())?;
+    let score = root.solve_lower_triangular(&group.gradient)?;
+    let eigen = SymmetricEigen::new(share);
+    let mut along = eigen.eigenvectors.tr_mul(&score);
+    for (along, share) in along.iter_mut().zip(eigen.eigenvalues.iter()) {
+        *along /= (1.0 - share).max(f64::EPSILON).sqrt();
+    }
+    root.tr_solve_lower_triangular(&(&eigen.eigenvectors * along))
 }
 
 /// The point of Student's t with `freedom` degrees of freedom that holds 95 % between ± itself, over that of the normal distribution: Cornish–Fisher's
@@ -316,9 +322,9 @@ mod tests {
         }
     }
 
-    /// The mean of numbers with weights: left out one by one, each moves it by a known amount, and the scatter is the deviation of the mean.
+    /// Of numbers with equal weights the scatter is the deviation of their mean, s/√n.
     #[test]
-    fn leaving_groups_out_gives_the_deviation_of_a_mean() {
+    fn groups_give_the_deviation_of_a_mean() {
         let numbers = [1.0, 2.0, 4.0, 3.5, -1.0, 0.5, 2.5, 1.5, 0.0, 3.0];
         let count = numbers.len() as f64;
         let mean: f64 = numbers.iter().sum::<f64>() / count;
