@@ -279,7 +279,8 @@ impl Reflexes {
 mod tests {
     use super::{ReflexLimits, ReflexSpec, Reflexes};
     use crate::Quantity;
-    use freeplay_arm::paper_arm;
+    use freeplay_arm::{Workspace, crba, paper_arm};
+    use nalgebra::DMatrix;
 
     const PERIOD: f64 = 1e-3;
 
@@ -334,6 +335,29 @@ mod tests {
         let excess = reflexes.watch(&joints, &reference).expect("too far");
         assert_eq!((excess.quantity, excess.joint), (Quantity::Tracking, 2));
         assert!((excess.limit - 0.108).abs() < 1e-12 && excess.value > excess.limit);
+    }
+
+    #[test]
+    fn no_permitted_step_of_a_torque_takes_a_joint_to_its_speed_limit_within_a_tick() {
+        let arm = paper_arm().arm;
+        let postures: Vec<Vec<f64>> =
+            (0..6).map(|k| (0..6).map(|joint| 0.4 * f64::from((k * joint) % 5) - 0.8).collect()).collect();
+        let limits = ReflexLimits::of(&arm, &ReflexSpec::default(), 50.0, PERIOD, &postures);
+        let (mut workspace, mut mass) = (Workspace::new(&arm), DMatrix::zeros(6, 6));
+        let mut greatest = [0.0_f64; 6];
+        for q in &postures {
+            crba(&arm, &mut workspace, q, &mut mass);
+            let mobility = mass.clone().try_inverse().expect("a mass matrix");
+            for (joint, greatest) in greatest.iter_mut().enumerate() {
+                let torque = limits.torque_rate[joint] * PERIOD;
+                let speed = mobility[(joint, joint)] * torque * PERIOD;
+                *greatest = greatest.max(speed / limits.speed[joint]);
+            }
+        }
+        println!("of the speed limit in a tick: {greatest:.3?}");
+        // A step of a heavy joint's whole effort does less than one that the rate permits a light joint.
+        assert!(greatest.iter().all(|share| *share < 0.5), "{greatest:?}");
+        assert!(greatest[0] < greatest[5] && greatest[1] < greatest[5], "{greatest:?}");
     }
 
     #[test]

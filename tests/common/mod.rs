@@ -15,8 +15,8 @@ pub const FREEPLAY: &str = env!("CARGO_BIN_EXE_freeplay");
 /// Where runs have their shared memory, and so where they could leave some.
 const SHM: &str = "/dev/shm";
 
-/// How long a call may take before it counts as hung.
-const LONGEST: Duration = Duration::from_secs(60);
+/// How long a call may take before it counts as hung: long enough for a machine that does much else.
+const LONGEST: Duration = Duration::from_secs(300);
 
 /// How often something that is waited for is looked at.
 const LOOK: Duration = Duration::from_millis(2);
@@ -304,12 +304,14 @@ pub fn lockstep(duration: f64, arguments: &[&str]) -> Ran {
     Call::lockstep(duration, arguments).run()
 }
 
+/// Set in a process that has shared memory of its own by [`in_own_shared_memory`].
+pub const OWN_SHM_ENV: &str = "FREEPLAY_TEST_OWN_SHM";
+
 /// Plays the rest of the test called `name` in a mount namespace of its own, where `/dev/shm` is empty and nobody else's, so that
 /// what it plants there meets no other run. Returns `true` to the one who is to play it: this process itself where there can be no
 /// such namespace.
 pub fn in_own_shared_memory(name: &str) -> bool {
-    const INSIDE: &str = "FREEPLAY_TEST_OWN_SHM";
-    if std::env::var_os(INSIDE).is_some() {
+    if std::env::var_os(OWN_SHM_ENV).is_some() {
         return true;
     }
     let mount = "mount -t tmpfs -o mode=1777 tmpfs /dev/shm && exec \"$@\"";
@@ -321,7 +323,7 @@ pub fn in_own_shared_memory(name: &str) -> bool {
     }
     let mut command = Command::new("unshare");
     command.args(within).arg(std::env::current_exe().expect("this test has a path"));
-    command.args([name, "--exact", "--nocapture", "--include-ignored"]).env(INSIDE, "");
+    command.args([name, "--exact", "--nocapture", "--include-ignored"]).env(OWN_SHM_ENV, "");
     let output = command.stdin(Stdio::null()).output().expect("unshare");
     println!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{name} failed in its namespace; see above");
