@@ -357,7 +357,7 @@ mod tests {
         println!("of the speed limit in a tick: {greatest:.3?}");
         let (heavy, light) = greatest.split_at(3);
         for (joint, share) in heavy.iter().enumerate() {
-            assert_eq!(limits.torque_rate[joint] * PERIOD, arm.joints()[joint].limits.effort);
+            assert_eq!(limits.torque_rate[joint], arm.joints()[joint].limits.effort / PERIOD);
             assert!(light.iter().all(|light| share < light), "joint {joint}: {greatest:?}");
         }
     }
