@@ -316,7 +316,7 @@ fn values_and_flags_that_cannot_be() {
         (&format!("{compare} --lowpass -1"), 3, "-1 Hz"),
         (&format!("{compare} --lowpass nan"), 3, "NaN Hz"),
         (&format!("{compare} --trim -1"), 3, "-1"),
-        (&format!("{diagnose} --twins 0"), 2, "4..=1000"),
+        (&format!("{diagnose} --seed -1"), 2, "invalid"),
         (&format!("{diagnose} --lowpass 0"), 3, "choose between"),
         (&format!("{diagnose} --mass-tolerance -1"), 2, "above 0"),
         (&format!("{diagnose} --delay-tolerance nan"), 2, "above 0"),

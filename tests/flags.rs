@@ -17,7 +17,7 @@ fn folder() -> TempDir {
     for k in 0..800 {
         let (t, word) = (f64::from(k) * 0.01, if k < 400 { "out" } else { "back" });
         let q = 0.3 * (2.0 * t).sin();
-        let _ = writeln!(rows, "{t},{q},{q},{q},{q},{q},{q},{q},{q},{q},{q},{q},{q},{word}");
+        let _ = writeln!(rows, "{t},{q},{q},{q},{q},{q},{q},0,0,0,0,0,0,{word}");
     }
     std::fs::write(folder.path().join("r.csv"), rows).expect("written");
     std::fs::copy(
@@ -56,7 +56,7 @@ fn every_command_understands_the_common_flags() {
 fn quiet_leaves_results_and_verbose_tells_of_the_work() {
     let commands = [
         "compare --model arm.urdf --recording r.csv",
-        "diagnose --twins 4 --model arm.urdf --recording r.csv",
+        "diagnose --seed 4 --model arm.urdf --recording r.csv",
         "record export r.csv --format mcap",
         "doctor --quick",
     ];

@@ -60,7 +60,7 @@ fn play(name: &str) -> usize {
     std::fs::create_dir_all(folder.path().join("target")).expect("made");
     symlink(&binaries, folder.path().join("target/release")).expect("linked");
     std::fs::create_dir_all(folder.path().join("python")).expect("made");
-    for part in ["freeplay.py", "examples"] {
+    for part in ["freeplay", "examples"] {
         symlink(root().join("python").join(part), folder.path().join("python").join(part)).expect("linked");
     }
     let python = python();
@@ -83,6 +83,8 @@ fn play(name: &str) -> usize {
         for line in block.text.lines().filter_map(|line| line.strip_prefix("$ ")) {
             let mut command = Command::new("sh");
             command.args(["-c", line]).env("PATH", &path).env_remove("CARGO_MANIFEST_DIR");
+            // As if the wheel were installed.
+            command.env("PYTHONPATH", root().join("python"));
             let ran = Call::of(folder, command).run();
             println!("{name}: {line}: exit code {:?}", ran.output.status.code());
             assert_eq!(ran.output.status.code(), Some(0), "{name}: {line}\n{}", ran.dump());
@@ -106,6 +108,12 @@ fn writing_a_controller_in_rust() {
 fn writing_a_controller_in_python() {
     let expected = if python().is_some() { 6 } else { 0 };
     assert_eq!(play("controller-python.md"), expected);
+}
+
+#[test]
+fn working_in_python() {
+    let expected = if python().is_some() { 1 } else { 0 };
+    assert_eq!(play("python.md"), expected);
 }
 
 #[test]

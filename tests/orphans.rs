@@ -43,9 +43,9 @@ fn members(shm: &Path) -> Vec<u32> {
     processes_with(&format!("FREEPLAY_SHM={}", shm.display()))
 }
 
-/// A run under `controller`, in lockstep, which takes a minute if nobody ends it.
+/// A run under `controller`, in lockstep, that does not end by itself while a test lasts.
 fn long_run(controller: &str, folder: tempfile::TempDir) -> Call {
-    let sets = ["--set", "patience=60", "--set", "duration=60", "--set", "pace=lockstep"];
+    let sets = ["--set", "patience=60", "--set", "duration=150", "--set", "pace=lockstep"];
     Call::new(folder, &[&["run", "--quiet", "--out", "out", "--controller", controller][..], &sets].concat())
         .env("FREEPLAY_FAULT", "pause@0")
         .env("FREEPLAY_RESUME", "never")

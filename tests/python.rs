@@ -1,13 +1,14 @@
-//! Controllers in Python, over the SDK in `python/freeplay.py`: they run, swap with controllers in Rust, and fail in words.
+//! Controllers in Python, over the SDK in `python/freeplay/controller.py`: they run, swap with controllers in Rust, and fail in words.
 //!
-//! `FREEPLAY_PYTHON` names an interpreter that has iceoryx2 0.10.0; else `python3` is asked. Without it these tests say so and pass.
+//! `FREEPLAY_PYTHON` names an interpreter that has iceoryx2 0.10.0, and for the package's own tests what its extra `test` asks for; else
+//! `python3` is asked. Without it these tests say so and pass.
 
 mod common;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use common::{Call, fresh_folder};
+use common::{Call, FREEPLAY, fresh_folder};
 use freeplay_arm::{Workspace, rnea};
 use serde_json::{Value, json};
 
@@ -192,4 +193,31 @@ fn a_controller_that_cannot_join_says_why() {
         assert_eq!(ran.code(), code, "{}", ran.dump());
         assert!(ran.stderr().starts_with("mine: ") && ran.stderr().contains(said), "{}", ran.dump());
     }
+}
+
+/// The Python package passes its own tests with this build of the command: types, API, campaigns, notebooks.
+#[test]
+fn the_package_passes_its_tests() {
+    let needed = "import cloudpickle, matplotlib, nbclient, pandas, pyarrow, pytest, iceoryx2";
+    let found = Command::new(python()).args(["-c", needed]).output();
+    if !found.is_ok_and(|output| output.status.success()) {
+        println!(
+            "skipped: {} lacks one of the packages that python/tests need: {needed}; FREEPLAY_PYTHON names another interpreter",
+            python()
+        );
+        return;
+    }
+    let folder = root().join("python");
+    let output = Command::new(python())
+        .args(["-m", "pytest", "-p", "no:cacheprovider", "--durations=10"])
+        .current_dir(&folder)
+        .env("PYTHONPATH", std::path::absolute(&folder).expect("a path"))
+        .env("PYTHONDONTWRITEBYTECODE", "1")
+        .env("MYPY_CACHE_DIR", fresh_folder().path().join("mypy"))
+        .env("FREEPLAY_EXECUTABLE", FREEPLAY)
+        .output()
+        .expect("it starts");
+    let text = String::from_utf8_lossy(&output.stdout);
+    println!("{text}");
+    assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));
 }

@@ -71,8 +71,7 @@ fn a_faulty_set_up_is_said_first_and_its_mapping_mends_it() {
     let expected =
         [("joint_direction".to_owned(), joints[2].clone()), ("torque_unit".to_owned(), joints[1].clone())];
     let given = ["--model", "paper", "--recording", "run.csv", "--format", "json"];
-    let diagnosis =
-        json(folder.path(), &[&["diagnose", "--out", "out", "--twins", "4"], given.as_slice()].concat());
+    let diagnosis = json(folder.path(), &[&["diagnose", "--out", "out"], given.as_slice()].concat());
     println!("{}", diagnosis["statement"]);
     assert_eq!(diagnosis["verdict"], "setup");
     assert_eq!(kinds(&diagnosis), expected);

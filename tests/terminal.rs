@@ -214,7 +214,7 @@ fn results_in_one_file_and_results_that_move() {
         assert_eq!(ran.status.code(), Some(0), "{line:?}: {out}{error}");
         out
     };
-    let inputs = ["--model", "my data/arm.urdf", "--recording", "my data/r.csv", "--twins", "4", "--out"];
+    let inputs = ["--model", "my data/arm.urdf", "--recording", "my data/r.csv", "--seed", "4", "--out"];
     let diagnose = |out: &str| run(folder.path(), &[&["diagnose"], &inputs[..], &[out]].concat());
     let said = diagnose("the model.toml");
     assert!(at("the model.toml").is_file(), "{said}");

@@ -65,7 +65,7 @@ fn bad_numbers_in_urdf() {
     refused(&robot("<limit lower=\"2\" upper=\"1\"/>", BODY), &["x.urdf:5:15:", "`2`", "above upper", "`1`"]);
 }
 
-/// What is lacking for a use is said where that use is asked for, with link and line; lesser uses go on.
+/// A missing number is an error only in the use that needs it, with link and line; uses that don't need it go on.
 #[test]
 fn masses_are_asked_for_where_they_are_used() {
     let inertial = |ixx: &str| {

@@ -95,7 +95,7 @@ fn noted(file: &ArmFile, words: &str) {
     assert!(file.ignored.iter().any(|note| note.contains(words)), "{words}: {:#?}", file.ignored);
 }
 
-/// What hangs on the hand is a load, whatever fingers are called and however they are driven.
+/// Fingers and all else on the hand are a load, whatever they are called and however they are driven.
 #[test]
 fn grippers_are_loads_at_rest() {
     for joints in 2..=7 {

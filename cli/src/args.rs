@@ -48,6 +48,10 @@ enum Command {
     Record(crate::record::RecordArgs),
     /// Whether a scenario can be run, what it comes to and where each value is from, its schema for editors.
     Scenario(crate::scenario_command::ScenarioArgs),
+    /// What a model file holds: which chain is the arm, its joints, limits and effects.
+    Arm(crate::arm_command::ArmArgs),
+    /// Many shards of a command or of a sweep, spread over cores and machines; needs the Python package.
+    Campaign(crate::campaign_command::CampaignArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
     ReferenceRuns(freeplay_paper::reference_runs::ReferenceArgs),
     /// The paper (Erkaya 2018) reproduced: its scenarios, figures and claims, each with a verdict.
@@ -112,6 +116,8 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Replay(args) => freeplay_harness::replay::replay(&args),
         Command::Record(args) => crate::record::record(&args),
         Command::Scenario(args) => crate::scenario_command::scenario(&args),
+        Command::Arm(args) => crate::arm_command::arm(&args),
+        Command::Campaign(args) => crate::campaign_command::campaign(&args),
         Command::ReferenceRuns(args) => freeplay_paper::reference_runs::reference_runs(&args),
         Command::Reproduce(args) => freeplay_paper::reproduce::reproduce(&args),
         Command::Bound(args) => freeplay_paper::bound_table::bound(&args),

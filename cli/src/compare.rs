@@ -18,7 +18,7 @@ use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
 use serde_json::{Value, json};
 
-use crate::inputs;
+use crate::{curves, inputs};
 use freeplay_report::paste::pasted;
 use freeplay_terminal::target::{asked_file, claim_out};
 
@@ -43,8 +43,8 @@ pub struct CompareArgs {
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
-    /// Folder for report.html, with measured against model for every joint, and compare.json; a name that ends in .html or .json is the
-    /// file of one of them alone.
+    /// Folder for report.html, with measured against model for every joint, compare.json and residuals.parquet, the curves as columns; a
+    /// name that ends in .html, .json or .parquet is the file of one of them alone.
     #[arg(long, value_name = "DIR|FILE")]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
@@ -85,9 +85,9 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
 }
 
 /// What a comparison writes.
-const ENDINGS: [&str; 2] = ["html", "json"];
+const ENDINGS: [&str; 3] = ["html", "json", "parquet"];
 /// Results in the folder that `--out` names.
-const RESULTS: [&str; 2] = ["compare.json", "report.html"];
+const RESULTS: [&str; 3] = ["compare.json", "report.html", "residuals.parquet"];
 
 /// Everything that is shown.
 struct View<'a> {
@@ -114,9 +114,11 @@ impl View<'_> {
         let (page, data) = (|| self.document(residuals).to_html(), || format!("{json:#}\n"));
         match asked_file(out, &ENDINGS) {
             Some("html") => return write(out, &page()).map(|()| out.to_owned()),
+            Some("parquet") => return curves::write(residuals, out).map(|()| out.to_owned()),
             Some(_) => return write(out, &data()).map(|()| out.to_owned()),
             None => {}
         }
+        curves::write(residuals, &out.join("residuals.parquet"))?;
         write(&out.join("compare.json"), &data())?;
         let path = out.join("report.html");
         write(&path, &page())?;

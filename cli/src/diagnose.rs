@@ -61,12 +61,9 @@ pub struct DiagnoseArgs {
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// Seed of the twins and of all intervals.
+    /// Seed of all random numbers.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Perfect recordings of the model that the thresholds are taken from.
-    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u16).range(4..=1000))]
-    twins: u16,
     /// Cutoff of the low-pass; without it: 3 % of the recording's rate, 10 to 40 Hz, or less where the motion is noisy.
     #[arg(long, value_name = "HZ")]
     lowpass: Option<f64>,
@@ -114,7 +111,7 @@ impl DiagnoseArgs {
             ..Tolerances::default()
         };
         let treatment = Settings { lowpass_hz: self.lowpass, trim_s: None };
-        Ok(DiagnoseSettings { treatment, tolerances, twins: self.twins.into(), seed: self.seed })
+        Ok(DiagnoseSettings { treatment, tolerances, seed: self.seed })
     }
 }
 

@@ -158,10 +158,10 @@ fn findings(diagnosis: &Diagnosis) -> String {
         let law = format!("{} ({})", effect.equation, effect.source);
         laws.insert(kind_title(effect.kind), law);
     }
-    let what = "missing from the model, ± at 95 %, and how much of the held-out error in which channels it takes away beside the rest";
+    let what = "missing from the model, ± at 95 %, and how much of the error of the test part in which channels it takes away beside the rest";
     let mut text = under("WHAT", what, table);
     if diagnosis.effects.iter().any(|effect| !effect.evidence.held_out) {
-        text.push_str(&wrapped("", MARGIN, "* of the data of the fit: it hardly acts on the held-out data"));
+        text.push_str(&wrapped("", MARGIN, "* of the fit part: it does not act in the test part"));
     }
     for (index, (kind, law)) in laws.into_iter().enumerate() {
         text.push_str(if index == 0 { "\n" } else { "" });
@@ -191,7 +191,7 @@ fn errors(fit: &Fit, diagnosis: &Diagnosis) -> String {
     if channels.is_empty() {
         return String::new();
     }
-    let mut text = format!("\n{:MARGIN$}root mean square error, held out: {}\n", "FIT", fit.data);
+    let mut text = format!("\n{:MARGIN$}root mean square error, test part: {}\n", "FIT", fit.test);
     text.push_str(&if channels.len() > FEW { one_line_each(fit, &channels) } else { bars(fit, &channels) });
     if let Some(gain) = fit.gain {
         let [low, high] = gain.ci95.map(|share| 100.0 * share);

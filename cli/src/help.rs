@@ -13,9 +13,9 @@ const GROUPS: [(&str, &[&str]); 7] = [
     ("Main commands", &["run", "diagnose"]),
     ("Run", &["replay", "report"]),
     ("Diagnose", &["compare", "excite", "demo"]),
-    ("Prove", &["blind"]),
+    ("Prove", &["blind", "campaign"]),
     ("Exam", &["swap", "faults", "bench", "doctor"]),
-    ("Files", &["record", "scenario", "completions", "man", "exit-codes"]),
+    ("Files", &["arm", "record", "scenario", "completions", "man", "exit-codes"]),
     ("Paper", &["reproduce", "reference-runs", "bound", "cells", "train"]),
 ];
 

@@ -1,12 +1,15 @@
 //! The `freeplay` command: what was typed, and one short file for each command that no other crate holds.
 //!
-//! Modules: `args` (the command line), `manual`; `compare`, `diagnose` with `diagnose_screen`, `excite`, `inputs` (models beside
-//! recordings); `record`, `scenario_command`, `controller`.
+//! Modules: `args` (the command line), `manual`; `compare` with `curves`, `diagnose` with `diagnose_screen`, `excite`, `inputs` (models beside
+//! recordings); `arm_command`, `record`, `scenario_command`, `campaign_command`, `controller`.
 
 mod args;
+mod arm_command;
+mod campaign_command;
 mod check;
 mod compare;
 mod controller;
+mod curves;
 mod diagnose;
 mod diagnose_screen;
 mod excite;

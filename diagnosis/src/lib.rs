@@ -15,8 +15,8 @@
 //!   ([`PositionReading`], [`TorqueReading`]) that mends it; [`Mended`] is that of several recordings.
 //! - [`diagnose`]: from recordings to a [`Diagnosis`] with its [`Verdict`]: where they differ from the model ([`Location`], [`Map`]),
 //!   what is missing ([`Effect`] with its [`Parameter`]s and [`Evidence`]), what else was weighed ([`Alternative`], [`EvidenceRow`]),
-//!   what can't be told ([`Untestable`]), how much better the model gets on held-out data ([`Fit`], [`Gain`]), and what pictures are drawn from ([`Passage`],
-//!   [`Trace`], [`Variable`]);
+//!   what can't be told ([`Untestable`]), to what the machine follows its laws ([`Discrepancy`]), how much better the model gets on the test part of the
+//!   data ([`Fit`], [`Gain`]), and what pictures are drawn from ([`Passage`], [`Trace`], [`Variable`]); findings are named from odds of [`NAMED_FROM`] on;
 //!   [`DiagnoseSettings`] with [`Tolerances`] say what is asked, [`DiagnoseError`] why there is no answer.
 //! - [`excite`]: the next motion, an [`Excitation`] of the family [`Fourier`], that separates causes ([`Rival`]s) which a recording could
 //!   not; [`ExciteSettings`] with the [`ChannelNoise`] say what is asked, [`Used`] how safe it is, [`ExciteError`] why there is none.
@@ -55,10 +55,10 @@ pub use conventions::{
     time_unit,
 };
 pub use diagnose::{
-    Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Effect,
-    Evidence, EvidenceRow, Excitation, ExciteError, ExciteSettings, Fit, Fourier, Gain, Location, Map,
-    Parameter, Passage, Rival, Rmse, TO_TELL, Tolerances, Trace, Tuned, Untestable, Used, Variable, Verdict,
-    diagnose, excite,
+    Alternative, ChannelNoise, DIAGNOSIS_SCHEMA, DiagnoseError, DiagnoseSettings, Diagnosis, Discrepancy,
+    Effect, Evidence, EvidenceRow, Excitation, ExciteError, ExciteSettings, Fit, Fourier, Gain, Location,
+    Map, NAMED_FROM, Parameter, Passage, Rival, Rmse, TO_TELL, Tolerances, Trace, Tuned, Untestable, Used,
+    Variable, Verdict, diagnose, excite,
 };
 pub use error::ResidualError;
 pub use filter::{LowPass, derivatives};

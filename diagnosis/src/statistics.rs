@@ -1,4 +1,15 @@
-//! Moments of a signal.
+//! Moments of a signal, and blocks of its rows.
+
+use std::ops::Range;
+
+/// Length of a block of rows that are taken to be alike, s: longer than what neighbours share, shorter than a motion.
+pub(crate) const BLOCK_S: f64 = 0.5;
+
+/// The blocks of `stretch`, whose rows are `step` s apart, each [`BLOCK_S`] long but for the last.
+pub(crate) fn blocks(stretch: Range<usize>, step: f64) -> impl Iterator<Item = Range<usize>> {
+    let (long, end) = (((BLOCK_S / step.max(1e-12)) as usize).max(1), stretch.end);
+    stretch.step_by(long).map(move |from| from..(from + long).min(end))
+}
 
 /// A quantile of |x|.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -54,7 +54,7 @@ fn with_noise(mut made: Vec<(String, Vec<f64>)>, seed: u64) -> Vec<(String, Vec<
 }
 
 fn diagnosed(model: &Arm, recordings: &[Recording]) -> Diagnosis {
-    let settings = DiagnoseSettings { twins: 8, ..DiagnoseSettings::default() };
+    let settings = DiagnoseSettings::default();
     diagnose(&file(model.clone()), recordings, &settings, &mut |_| {}).expect("a diagnosis")
 }
 

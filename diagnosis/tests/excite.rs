@@ -57,7 +57,7 @@ fn measured(arm: &Arm, motion: &Trajectory, seed: u64) -> Recording {
 }
 
 fn diagnosed(file: &ArmFile, recording: &Recording) -> Diagnosis {
-    let settings = DiagnoseSettings { twins: 8, ..DiagnoseSettings::default() };
+    let settings = DiagnoseSettings::default();
     diagnose(file, std::slice::from_ref(recording), &settings, &mut |_| {}).expect("a diagnosis")
 }
 

@@ -43,7 +43,7 @@ fn diagnosed(recording: Recording) -> Diagnosis {
 
 fn diagnosed_with(arm: Arm, recording: Recording) -> Diagnosis {
     let file = ArmFile { arm, effects: Vec::new(), ignored: Vec::new() };
-    let settings = DiagnoseSettings { twins: 8, ..DiagnoseSettings::default() };
+    let settings = DiagnoseSettings::default();
     diagnose(&file, &[recording], &settings, &mut |_| {}).expect("a diagnosis")
 }
 

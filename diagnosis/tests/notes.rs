@@ -91,7 +91,7 @@ fn torques_of_another_sign_unit_or_side_are_found() {
 
 #[test]
 fn a_diagnosis_says_so_too_and_how_long_to_record() {
-    let settings = DiagnoseSettings { twins: 4, ..DiagnoseSettings::default() };
+    let settings = DiagnoseSettings::default();
     let diagnosed = |columns: Columns| {
         let file = ArmFile { arm: two_joints(), effects: Vec::new(), ignored: Vec::new() };
         diagnose(&file, &[recording(columns)], &settings, &mut |_| ()).expect("a diagnosis")

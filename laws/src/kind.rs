@@ -23,6 +23,45 @@ pub enum Site {
     Arm,
 }
 
+/// A number of a data sheet: how far a machine may be from its model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tolerance {
+    /// Of the mass of a link, as a share.
+    Mass,
+    /// Of an inertia, as a share.
+    Inertia,
+    /// Of friction, as a share.
+    Friction,
+    /// Of the zero of an encoder, rad (m).
+    Zero,
+    /// Of a length, m.
+    Length,
+    /// Of the delay of a channel, s.
+    Delay,
+}
+
+/// How often a machine has an effect, at a given place, that its model leaves out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Occurrence {
+    /// On every second joint: dry and viscous friction.
+    Common,
+    /// On one joint in twenty.
+    Occasional,
+    /// On one in four hundred: a bent disc of an encoder.
+    Rare,
+}
+
+impl Occurrence {
+    /// Prior odds of the effect at one place.
+    pub fn odds(self) -> f64 {
+        match self {
+            Self::Common => 1.0 / 2.0,
+            Self::Occasional => 1.0 / 20.0,
+            Self::Rare => 1.0 / 400.0,
+        }
+    }
+}
+
 /// Where an effect shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Seen {
@@ -65,11 +104,17 @@ pub struct Kind {
     pub site: Site,
     /// Its parameters, in the order in which people name them.
     pub parameters: &'static [Parameter],
+    /// How often machines have it that their model does not: the prior odds of a diagnosis.
+    pub occurs: Occurrence,
+    /// Which number of a data sheet says how far a machine may be from its model in it; `None` where none does.
+    pub tolerance: Option<Tolerance>,
     /// Where it shows.
     pub seen: Seen,
     /// Whether its law jumps with the motion, or looks back in it: it is evaluated on every point of the recording's grid, and what it
     /// predicts before the sensors goes through the low-pass that the measurement went through.
     pub rough: bool,
+    /// Whether parts come apart and meet again: what that does to torques, by blows and by the loop that answers them, is not in the law.
+    pub shakes: bool,
     /// The law, in one line with its symbols.
     pub equation: &'static str,
     /// Author, year.

@@ -69,7 +69,7 @@ pub use friction::{ContactFriction, FrictionLaw};
 pub use harmonic::PERIODS;
 pub use injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw, ToolForce, Transmission};
 pub use joint_law::{AtJoint, Instant, JointLaw};
-pub use kind::{ABOUT, Kind, START, Seen, Site, kind, kinds};
+pub use kind::{ABOUT, Kind, Occurrence, START, Seen, Site, Tolerance, kind, kinds};
 pub use lubrication::Film;
 pub use manual::manual;
 pub use needs::{Need, Recorded};

@@ -12,43 +12,13 @@
 //! SI units and radians; the base frame is z up; tool orientations are roll, pitch, yaw as in URDF.
 
 #[cfg(feature = "plan")]
-mod error;
-#[cfg(feature = "plan")]
-mod file;
-#[cfg(feature = "plan")]
-mod file_error;
-#[cfg(feature = "plan")]
-mod laps;
-#[cfg(feature = "plan")]
-mod nodes;
-#[cfg(feature = "plan")]
-mod plan;
-#[cfg(feature = "plan")]
-mod shape;
-#[cfg(feature = "plan")]
-mod sine;
+mod planning;
 mod spec;
-#[cfg(feature = "plan")]
-mod spline;
-#[cfg(feature = "plan")]
-mod start;
-#[cfg(feature = "plan")]
-mod table;
-#[cfg(feature = "plan")]
-mod tool;
-#[cfg(feature = "plan")]
-mod track;
 
 #[cfg(feature = "plan")]
-pub use error::PathError;
-#[cfg(feature = "plan")]
-pub use file_error::{FEWEST_ROWS, FileError, Place};
-#[cfg(feature = "plan")]
-pub use plan::HIGHEST_RATE;
+pub use planning::{
+    FEWEST_ROWS, FileError, HIGHEST_RATE, JointPath, PathError, Place, Sample, ToolPath, ToolSample,
+};
 pub use spec::{
     LARGEST_BLEND, LONGEST_DURATION, PathKind, PathSpec, SHORTEST_PERIOD, SMALLEST_BLEND, Size, SpecError,
 };
-#[cfg(feature = "plan")]
-pub use table::{JointPath, Sample};
-#[cfg(feature = "plan")]
-pub use tool::{ToolPath, ToolSample};

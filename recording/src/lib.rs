@@ -10,7 +10,7 @@
 //!   and [`Row`]), the column, the value and the remedy; a [`ColumnError`] is about the header alone;
 //! - a [`Recording`] holds the columns by their meaning, sorted into [`Group`]s; [`Absent`] is what it
 //!   answers when asked for columns it does not have;
-//! - [`export`] writes a recording again, as CSV, MCAP or Parquet;
+//! - [`export`] writes a recording again, as CSV, MCAP or Parquet; [`export_columns`] any columns of numbers as Parquet;
 //! - [`import`] reads somebody else's recording by [`ImportOptions`]: by a [`Mapping`] (a [`MappingError`] says what does not fit), which is guessed from
 //!   the names of the columns where there is none, or, of a bag, by [`BagOptions`]; [`import_csv`] and [`import_bag`] do one of them;
 //! - [`Recording::for_joints`] pairs its joints with those of an arm by name; a [`JointsError`] says which is not there.
@@ -82,6 +82,7 @@ pub use joints::JointsError;
 pub use mapping::{Mapping, MappingError};
 pub use mcap_writer::McapWriter;
 pub use names::{ColumnError, Group};
+pub use parquet_writer::export_columns;
 pub use read::{ImportOptions, import, import_csv, read, read_from, read_overview};
 pub use recording::{Absent, Event, Recording};
 pub use reread::{shifted, unwrapped};

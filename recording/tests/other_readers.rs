@@ -74,7 +74,7 @@ fn the_reference_packages_read_the_same_bits() {
     let (counts, chunks) = found[0].rsplit_once(' ').expect("the number of chunks at the end");
     assert_eq!(counts, "/freeplay/tick:1000 /freeplay/event:1");
     assert!(chunks.parse::<usize>().is_ok_and(|chunks| chunks > 1), "{chunks} chunks: a cut file loses all");
-    assert_eq!(found[1], "freeplay:{'scenario': 'paper'}");
+    assert!(found[1].starts_with("freeplay:{") && found[1].contains("'scenario': 'paper'"), "{}", found[1]);
     assert_eq!(found.len(), 2 + ROWS as usize);
     check_rows(&found[2..]);
 

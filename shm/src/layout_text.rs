@@ -14,7 +14,7 @@ pub fn markdown() -> String {
          Layout version **{LAYOUT_VERSION}**. All messages are C structures of fixed size without padding, in the byte order of the machine. \
          Joint arrays have {JOINTS} entries; the first n are used, in the order of the arm file from base to tool, the rest are zero. \
          Units are SI; those in brackets are for prismatic joints. `freeplay.h` beside this file holds the same for C and C++, \
-         [`python/freeplay.py`](../python/freeplay.py) for Python.\n\n{PROTOCOL}"
+         [`python/freeplay/controller.py`](../python/freeplay/controller.py) for Python.\n\n{PROTOCOL}"
     );
     for layout in messages() {
         push_table(&mut text, &layout);

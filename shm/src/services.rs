@@ -10,7 +10,7 @@
 //! | `freeplay/command/<slot>` | publish-subscribe, 1 publisher, 1 subscriber | [`Command`] |
 //! | `freeplay/hello` | request-response, 1 server | [`Hello`], [`Welcome`] |
 //!
-//! A controller in another language finds all it needs in `docs/messages.md`; `python/freeplay.py` is one.
+//! A controller in another language finds all it needs in `docs/messages.md`; `python/freeplay/controller.py` is one.
 //!
 //! Nothing waits for anybody: full buffers lose their oldest message, and a peer that cannot be reached is skipped.
 

@@ -98,6 +98,11 @@ impl ReservedFolder {
     pub fn before(path: &Path) -> Self {
         Self { made: missing(path) }
     }
+
+    /// Leaves the folders to whoever holds them.
+    pub fn leave(&mut self) {
+        self.made.clear();
+    }
 }
 
 impl Drop for ReservedFolder {

@@ -42,17 +42,21 @@ impl OutputFolder {
         }
         // A relative path in a deep folder, or in one that is no text.
         check_path(&absolute).map_err(failed)?;
-        let reserved = ReservedFolder::before(&absolute);
+        let mut reserved = ReservedFolder::before(&absolute);
         make_missing(&absolute).map_err(failed)?;
-        let lock = match lock_folder(&absolute) {
+        let locked = match lock_folder(&absolute) {
             // Another command has removed it between our making and our locking it.
-            Err(error) if error.kind() == ErrorKind::NotFound => return Err(failed(Refusal::Busy.into())),
-            done => done.map_err(failed)?,
-        };
-        if !lock.as_ref().is_none_or(|lock| is_at(lock, &absolute)) {
+            Err(error) if error.kind() == ErrorKind::NotFound => Err(Refusal::Busy.into()),
             // Whoever removed it has ended since, and so has its claim; the name is free for the next.
-            return Err(failed(Refusal::Busy.into()));
-        }
+            Ok(Some(lock)) if !is_at(&lock, &absolute) => Err(Refusal::Busy.into()),
+            done => done,
+        };
+        let lock = locked.map_err(failed).inspect_err(|error| {
+            // The folder that has the name now is another command's, however empty it still is.
+            if error.refusal() == Some(&Refusal::Busy) {
+                reserved.leave();
+            }
+        })?;
         let folder = Self { path: absolute, _reserved: reserved, lock };
         if !claim.force {
             folder.refuse_results(claim.results).map_err(failed)?;

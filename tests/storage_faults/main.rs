@@ -365,7 +365,7 @@ fn diagnose() -> Subject {
     let arguments = vec![
         "diagnose",
         "--quiet",
-        "--twins",
+        "--seed",
         "4",
         "--model",
         "two.urdf",

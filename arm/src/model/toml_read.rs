@@ -125,7 +125,7 @@ impl Reader<'_> {
         let lacked = base.as_ref().and_then(lacking);
         let arm = Arm::with_fitness(name, joints, tool, gravity, &fitness)
             .map_err(|source| self.arm_error(table, source))?;
-        // What the URDF lacked may stand in this file.
+        // This file may give what its URDF lacks.
         let lacks = lacking(&arm);
         ignored.retain(|note| lacks.is_some() || Some(note) != lacked.as_ref());
         if base.is_none() {
@@ -135,7 +135,7 @@ impl Reader<'_> {
         Ok((arm, ignored))
     }
 
-    /// What an arm of inline joints lacks beside what its joints show.
+    /// Defects that an arm with inline joints has beside those of its joints.
     fn fitness(&self, table: &ArmTable) -> Fitness {
         let has_mass = |joint: &Spanned<JointTable>| {
             let JointTable { mass, inertia, .. } = joint.get_ref();

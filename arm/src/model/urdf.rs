@@ -18,7 +18,7 @@ pub(super) struct Link {
     pub name: String,
     /// `None` where the file has no `<inertial>`; an error counts where the link moves.
     pub inertial: Option<Result<Inertial, ModelError>>,
-    /// Whether it has a shape, so that it is more than a frame.
+    /// Whether the link has a shape: without one it is a frame only.
     pub has_shape: bool,
     /// Byte offset in the text.
     pub at: usize,
@@ -34,7 +34,7 @@ pub(super) struct Joint {
     pub placement: Result<Isometry3<f64>, ModelError>,
     /// An error counts where the joint is one of the arm.
     pub details: Result<Details, ModelError>,
-    /// What is worth knowing where it is one of the arm.
+    /// Notes for the user, given where the joint belongs to the arm.
     pub notes: Vec<String>,
     /// Byte offset in the text.
     pub at: usize,

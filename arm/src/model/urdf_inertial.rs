@@ -18,7 +18,7 @@ pub(super) struct Inertial {
     pub inertia: Inertia,
     /// Why the tensor can't be.
     pub impossible: Option<Shortfall>,
-    /// What is worth knowing of it.
+    /// Notes on the mass for the user.
     pub notes: Vec<String>,
 }
 

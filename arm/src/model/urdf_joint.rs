@@ -8,7 +8,7 @@ use super::numbers::direction;
 use super::urdf_xml::{Reader, children};
 use crate::joint::{JointFriction, JointKind, Limits};
 
-/// What a `<joint>` lets its child do.
+/// The motion that a `<joint>` allows its child.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Motion {
     /// Has a motion of its own.
@@ -32,13 +32,13 @@ impl Motion {
         }
     }
 
-    /// Whether it has a motion of its own.
+    /// Whether the joint moves by itself: it is neither fixed nor driven by another.
     pub fn is_own(self) -> bool {
         matches!(self, Motion::Moving(_))
     }
 }
 
-/// What a joint on the arm has to say.
+/// The data of a joint of the arm: axis, limits, friction, and the joint that it follows.
 pub(super) struct Details {
     pub axis: Unit<Vector3<f64>>,
     pub limits: Limits,
@@ -76,7 +76,7 @@ impl Reader<'_> {
         Ok(if mimics { Motion::Mimic(kind) } else { Motion::Moving(kind) })
     }
 
-    /// What the joint `node` with the motion `motion` has to say of it.
+    /// Reads the data of the joint `node`, whose motion is `motion`; errors name it as `owner`.
     pub fn details(
         &mut self,
         node: Node<'_, '_>,

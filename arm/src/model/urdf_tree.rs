@@ -53,7 +53,7 @@ pub(super) fn arm(mut robot: Robot<'_>, selection: &Selection) -> Result<ArmFile
     Ok(ArmFile { arm, effects: Vec::new(), ignored })
 }
 
-/// What the arm lacks, once.
+/// The first use that `arm` is not fit for and what its file lacks for it, in words; `None` if it is fit for all.
 pub(super) fn lacking(arm: &Arm) -> Option<String> {
     let lacks = |purpose| arm.require(purpose).err();
     lacks(Purpose::Torque).or_else(|| lacks(Purpose::Simulation)).map(|shortfall| shortfall.to_string())

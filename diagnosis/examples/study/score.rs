@@ -142,7 +142,15 @@ fn median(values: &mut [f64]) -> f64 {
 
 /// `torque_offset` and the offset in `asymmetric_friction` are one class while moving; the like is not made up for here.
 fn same(truth: &Truth, effect: &Effect) -> bool {
-    truth.kind == effect.kind && truth.joint == effect.joint
+    truth.kind == effect.kind && (truth.joint == effect.joint || is_partner(truth, effect))
+}
+
+/// A shaft that two joints share is the same seen from either.
+fn is_partner(truth: &Truth, effect: &Effect) -> bool {
+    let with = effect.parameters.get("with").and_then(|with| with.value.as_str());
+    with.is_some()
+        && with == truth.joint.as_deref()
+        && truth.parameters["with"].as_str() == effect.joint.as_deref()
 }
 
 /// right: all that was missing and nothing else; extra: all, and more; refused: a verdict without a name, or one of several with the
@@ -188,10 +196,9 @@ fn described(diagnosis: &Diagnosis) -> String {
         .map(|e| {
             let gain = e.evidence.held_out_gain.value;
             format!(
-                "{} ({:.0}/{:.0}, {:.0} %)",
+                "{} ({:.0}, {:.0} %)",
                 named(e.kind, e.joint.as_deref()),
-                e.evidence.log_likelihood_ratio,
-                e.evidence.threshold,
+                e.evidence.log_odds,
                 100.0 * gain
             )
         })

@@ -207,7 +207,9 @@ fn certainty(change: &Change, best: &Outcome, other: &Outcome, counts: &[f64]) -
         if !is_silent && best.spoken[c] < SPOKEN {
             continue;
         }
-        let gain = best.likelihood[c] - other.likelihood[c];
+        // A reading without the change may leave a channel out.
+        let Some(without) = other.likelihood.get(c) else { continue };
+        let gain = best.likelihood[c] - without;
         odds += if gain > 0.0 { gain / count } else { gain };
         if other.left[c] > UNEXPLAINED {
             fall = fall.max((other.left[c] + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));

@@ -3,7 +3,8 @@
 use freeplay_laws::Term;
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::columns::{Column, against, gram, gram_of};
+use super::columns::{against, gram, gram_of};
+use super::data::Column;
 use super::stage::{Answer, Stage};
 use super::tolerance::Nuisance;
 use crate::begin::square;

@@ -2,46 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// A column: its rows by channel, `None` where it is zero.
-pub(crate) type Column = Vec<Option<Vec<f64>>>;
-
-/// Σ βᵢ columnᵢ by channel, of which there are `channels`; empty where no column says anything.
-pub(crate) fn sum_of<'c>(
-    columns: impl IntoIterator<Item = (&'c Column, f64)>,
-    channels: usize,
-) -> Vec<Vec<f64>> {
-    let mut said = vec![Vec::new(); channels];
-    for (column, beta) in columns {
-        for (said, part) in said.iter_mut().zip(column) {
-            let Some(part) = part else { continue };
-            said.resize(part.len(), 0.0);
-            said.iter_mut().zip(part).for_each(|(said, x)| *said += beta * x);
-        }
-    }
-    said
-}
-
-/// `rows` less what is `said` of them.
-pub(crate) fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let pairs = rows.iter().zip(said);
-    pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
-}
-
-/// Subtracts `factor` times `column` from `rows`.
-pub(crate) fn subtract(rows: &mut [Vec<f64>], column: &Column, factor: f64) {
-    for (rows, part) in rows.iter_mut().zip(column) {
-        if let Some(part) = part {
-            rows.iter_mut().zip(part).for_each(|(row, x)| *row -= factor * x);
-        }
-    }
-}
-
-/// What is `left` beside `columns` with the coefficients `beta`, and without them.
-pub(crate) fn left_without(left: &[Vec<f64>], columns: &[Column], beta: &[f64]) -> Vec<Vec<f64>> {
-    let mut rest = left.to_vec();
-    columns.iter().zip(beta).for_each(|(column, beta)| subtract(&mut rest, column, -beta));
-    rest
-}
+use super::data::Column;
 
 /// [`gram`] of `columns` with themselves.
 pub(super) fn gram_of(columns: &[Column], channel: usize) -> DMatrix<f64> {

@@ -1,89 +1,102 @@
-//! From the search and its proofs to what is said.
+//! From the answer of the search to what is said: tested on the part of the data that no step before has seen.
 
 use std::collections::BTreeMap;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable};
-use freeplay_laws::{ArmParts, Kind, LawError, PERIODS, kind};
+use freeplay_laws::{ArmParts, Kind, LawError, Range, Role, changed, kind};
+use nalgebra::DVector;
 
+use super::alternatives::{alternatives, rows_of_evidence};
+use super::candidate::Candidate;
+use super::data::{Data, sum_of};
 use super::engine::DiagnoseSettings;
-use super::excess::{Excess, beyond};
-use super::hypothesis::Hypothesis;
-use super::interval::draws;
-use super::judge::Judge;
+use super::excite::ChannelNoise;
+use super::gain::{Compared, Gain};
+use super::interval::parameters;
 use super::locate::{Map, correct, maps};
-use super::numbers::{parameters, widened};
-use super::passage::{noise, passages};
+use super::nameless::is_unexplained;
+use super::parts::Part;
+use super::passage::{Columns, passages};
 use super::report::{
-    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Rmse, Tuned,
-    Untestable, Verdict,
+    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, Fit as Errors, Location,
+    Parameter, Rmse, Tuned, Untestable, Verdict,
 };
-use super::robust::Numbers;
-use super::search::Search;
-use super::show::HeldOut;
-use super::system::Score;
-use super::trial::{Proof, channels_of};
+use super::search::{AS_GOOD, Answer, Search};
+use super::system::Fit;
 use super::words;
 use crate::residual::Kind as ChannelKind;
 
-/// Share of what an unnamed correction explains that naming may leave unexplained, in squares.
-const UNNAMED_SHARE: f64 = 0.2;
-/// Least share of the error that an unnamed correction takes away for something to be missing at all.
-const LEAST_UNNAMED: f64 = 0.1;
-
 /// Chance below which a part of the motion is named.
 const SIGNIFICANT: f64 = 0.05;
-/// From how many times the noise on what is left of a channel is taken for more than what tolerances leave, if nothing explains it.
-const ABOVE_FLOOR: f64 = 1.5;
 
-/// Ratio of the ends of the interval of how often a wave repeats from which on it says nothing.
-const LEAST_TOLD: f64 = 3.0;
-
-/// All that a conclusion rests on.
-pub(crate) struct Conclusion<'c, 'a, 'b> {
-    pub file: &'c ArmFile,
-    pub settings: &'c DiagnoseSettings,
-    pub search: &'c Search<'a, 'b>,
-    /// Its numbers.
-    pub numbers: &'c Numbers,
-    /// The same effects on all that was recorded where that is more than the fit rests on: their numbers are these.
-    pub whole: Option<(&'c Search<'a, 'b>, &'c Numbers)>,
-    pub judge: &'c Judge<'a, 'b>,
-    pub proofs: &'c [Proof],
-    pub data: &'c str,
+/// The diagnosis of recordings that can't tell, because of `lack`: what is wrong; what to do.
+pub(crate) fn insufficient(
+    file: &ArmFile,
+    settings: &DiagnoseSettings,
+    quality: Vec<String>,
+    lack: String,
+) -> Diagnosis {
+    let (why, advice) = lack.rsplit_once("; ").unwrap_or((&lack, "record another motion"));
+    Diagnosis {
+        schema: DIAGNOSIS_SCHEMA,
+        verdict: Verdict::InsufficientData,
+        statement: format!("These recordings can't tell: {why}."),
+        setup: Vec::new(),
+        location: Vec::new(),
+        effects: Vec::new(),
+        alternatives: Vec::new(),
+        fit: None,
+        next: vec![advice.to_owned()],
+        untestable: Vec::new(),
+        quality,
+        evidence: Vec::new(),
+        maps: Vec::new(),
+        tuned: Vec::new(),
+        noise: BTreeMap::new(),
+        discrepancy: BTreeMap::new(),
+        seed: settings.seed,
+        passages: Vec::new(),
+        mapping: None,
+        model: file.clone(),
+    }
 }
 
-impl<'a, 'b> Conclusion<'_, 'a, 'b> {
-    /// The diagnosis of recordings that can't tell, because of `lack`.
-    pub fn insufficient(
-        file: &ArmFile,
-        settings: &DiagnoseSettings,
-        quality: Vec<String>,
-        lack: String,
-    ) -> Diagnosis {
-        // What it lacks; what to do.
-        let (why, advice) = lack.rsplit_once("; ").unwrap_or((&lack, "record another motion"));
-        Diagnosis {
-            schema: DIAGNOSIS_SCHEMA,
-            verdict: Verdict::InsufficientData,
-            statement: format!("These recordings can't tell: {why}."),
-            setup: Vec::new(),
-            location: Vec::new(),
-            effects: Vec::new(),
-            alternatives: Vec::new(),
-            fit: None,
-            next: vec![advice.to_owned()],
-            untestable: Vec::new(),
-            quality,
-            evidence: Vec::new(),
-            maps: Vec::new(),
-            tuned: Vec::new(),
-            noise: BTreeMap::new(),
-            twins: 0,
-            seed: settings.seed,
-            passages: Vec::new(),
-            mapping: None,
-            model: file.clone(),
-        }
+/// What remains of every row under the model as it is at different stages.
+pub(crate) struct Remains {
+    /// The model as given.
+    pub before: Vec<Vec<f64>>,
+    /// Its parameters tuned inside their tolerances.
+    pub retuned: Vec<Vec<f64>>,
+    /// The model as given with the findings, all of them at once, as an arm file has them.
+    pub as_given: Vec<Vec<f64>>,
+    /// The same, tuned.
+    pub after: Vec<Vec<f64>>,
+    /// Tuned, with shapes without a name in the place of the findings.
+    pub nameless: Vec<Vec<f64>>,
+}
+
+/// All that a conclusion rests on.
+pub(crate) struct Conclusion<'c, 'd, 'a> {
+    pub file: &'c ArmFile,
+    pub settings: &'c DiagnoseSettings,
+    pub search: &'c mut Search<'d, 'a>,
+    pub answer: &'c Answer,
+}
+
+/// A finding on its way to a report: what it is and what shows that, kept together.
+struct Finding {
+    member: usize,
+    table: EffectTable,
+    effect: Effect,
+}
+
+impl<'d, 'a> Conclusion<'_, 'd, 'a> {
+    fn data(&self) -> &'d Data<'a> {
+        self.search.system.data
+    }
+
+    fn arm(&self) -> &Arm {
+        &self.file.arm
     }
 
     /// The diagnosis.
@@ -91,40 +104,42 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
     /// # Errors
     /// See [`LawError`]; `None` if a fit is singular.
     pub fn diagnosis(
-        &self,
+        mut self,
         quality: Vec<String>,
         untestable: Vec<Untestable>,
     ) -> Result<Option<Diagnosis>, LawError> {
-        let of_fit = &self.numbers.fit;
-        let Some(errors) = self.judge.errors(self.search, of_fit)? else { return Ok(None) };
-        let Some(black_box) = self.judge.black_box(self.search, &errors) else { return Ok(None) };
-        let (Some(maps), Some(spread)) = (self.maps(), self.spread()) else { return Ok(None) };
-        let (tables, mut effects) = self.effects(&spread);
+        let system = &self.search.system;
+        let Some(fit) = system.held_fit(&self.answer.members) else { return Ok(None) };
+        let Some(fit) = self.sure(fit) else { return Ok(None) };
+        let Some(findings) = self.findings(&fit) else { return Ok(None) };
+        let members: Vec<usize> = findings.iter().map(|finding| finding.member).collect();
+        let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
+        let Some(remains) = self.remains(&fit)? else { return Ok(None) };
+        let Some(bare) = self.search.system.held_fit(&[]) else { return Ok(None) };
+        let alternatives = alternatives(self.search, &fit);
+        let maps = self.maps(&self.search.system.left(&bare));
+        let errors = self.errors(&remains, &fit);
+        let location = self.location(&remains, &maps);
+        let verdict = self.verdict(&fit, &alternatives);
+        let data = self.data();
+        let laws = members.iter().enumerate().map(|(place, &member)| {
+            let beta = self.search.system.coefficients(&fit, place);
+            sum_of(
+                self.search.system.candidate(member).columns.iter().zip(beta.iter().copied()),
+                &remains.before,
+            )
+        });
+        let columns = Columns { remains: &remains, laws: laws.collect() };
+        let passages = passages(data, &columns);
+        let (tables, effects): (Vec<EffectTable>, Vec<Effect>) =
+            findings.into_iter().map(|finding| (finding.table, finding.effect)).unzip();
+        let mut model = self.file.clone();
+        if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) && !tables.is_empty() {
+            model.arm = self.tuned_arm(&fit).unwrap_or(model.arm);
+            add_to(&mut model, tables);
+        }
         let is_named = |one: &Untestable| effects.iter().any(|e| e.kind == one.kind && e.joint == one.joint);
         let untestable = untestable.into_iter().filter(|one| !is_named(one)).collect();
-        let (alternatives, stabilities) = self.alternatives()?;
-        for (effect, stability) in effects.iter_mut().zip(stabilities) {
-            effect.evidence.stability = stability;
-        }
-        let location = self.location(&maps, &errors);
-        let channels = self.judged_channels(&errors, &black_box);
-        let fit = self.fit(&errors, &black_box, &channels);
-        let Some(passages) = passages(self.search, of_fit, self.judge, &errors, &black_box)? else {
-            return Ok(None);
-        };
-        let Some(excess) = Excess::of(self.search, self.judge)? else { return Ok(None) };
-        let verdict = if effects.iter().all(has_a_name) {
-            self.verdict(&errors, &channels, &fit, &excess, &alternatives, &location)
-        } else {
-            Verdict::Unknown
-        };
-        let mut model = self.file.clone();
-        if matches!(verdict, Verdict::Named | Verdict::OneOf | Verdict::Unknown) {
-            if !tables.is_empty() {
-                model.arm = self.tuned_arm().unwrap_or(model.arm);
-            }
-            model.effects.extend(tables);
-        }
         let mut diagnosis = Diagnosis {
             schema: DIAGNOSIS_SCHEMA,
             verdict,
@@ -133,15 +148,15 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
             location,
             effects,
             alternatives,
-            fit: Some(fit),
+            fit: Some(errors),
             next: Vec::new(),
             untestable,
             quality,
-            evidence: self.evidence(),
+            evidence: rows_of_evidence(self.search, &bare, &fit),
             maps,
-            tuned: self.tuned(),
-            noise: noise(self.search),
-            twins: self.settings.twins,
+            tuned: self.tuned(&fit),
+            noise: self.noise(&remains),
+            discrepancy: self.discrepancy(),
             seed: self.settings.seed,
             passages,
             mapping: None,
@@ -151,278 +166,380 @@ impl<'a, 'b> Conclusion<'_, 'a, 'b> {
         Ok(Some(diagnosis))
     }
 
-    fn arm(&self) -> &Arm {
-        &self.file.arm
+    /// `fit` without those members that are no findings: the odds for them are not 20 to 1 beside the others, or they are a difference inside the tolerances.
+    fn sure(&self, mut fit: Fit) -> Option<Fit> {
+        let system = &self.search.system;
+        let step = 1.0 / self.data().stages[0].ground.treatment.rate_hz();
+        loop {
+            let (can_exist, mut least): (bool, Option<(f64, usize)>) = (self.can_exist(&fit), None);
+            for place in 0..fit.members.len() {
+                let mut others = fit.members.clone();
+                others.remove(place);
+                let candidate = system.candidate(fit.members[place]);
+                let parameters = candidate.parameters(system.coefficients(&fit, place));
+                let odds = if self.settings.tolerances.hold(candidate.kind, &parameters, step) {
+                    f64::NEG_INFINITY
+                } else if can_exist || self.changes_arm(&fit, place) {
+                    fit.value - system.held_fit(&others)?.value
+                } else {
+                    f64::INFINITY
+                };
+                if least.is_none_or(|(known, _)| odds < known) {
+                    least = Some((odds, place));
+                }
+            }
+            let is_sure = |(odds, _): &(f64, usize)| is_told(*odds) && can_exist;
+            let Some((_, place)) = least.filter(|least| !is_sure(least)) else { return Some(fit) };
+            let mut members = fit.members.clone();
+            members.remove(place);
+            fit = system.held_fit(&members)?;
+        }
     }
 
-    pub(super) fn joint_name(&self, joint: Option<usize>) -> Option<String> {
-        joint.map(|joint| self.arm().joints()[joint].name.clone())
+    /// Whether the arm with the members of `fit` can exist, as given and tuned: else no file could say it.
+    fn can_exist(&self, fit: &Fit) -> bool {
+        let placed = self.search.system.placed(fit, self.arm(), |_| true);
+        let tuned = self.tuned_arm(fit);
+        placed.len() == fit.members.len()
+            && changed(self.arm(), &placed).is_ok()
+            && tuned.is_some_and(|tuned| changed(&tuned, &placed).is_ok())
     }
 
-    /// What the numbers that are given out rest on, and these.
-    fn given_out(&self) -> (&Search<'a, 'b>, &Numbers) {
-        self.whole.unwrap_or((self.search, self.numbers))
-    }
-
-    /// The arm of the file, its masses, lengths and frictions where the fit has them inside their tolerances.
-    fn tuned_arm(&self) -> Option<Arm> {
-        let (search, Numbers { fit, .. }) = self.given_out();
+    /// Whether the member number `place` of `fit` makes another arm, or none that a file could say.
+    fn changes_arm(&self, fit: &Fit, place: usize) -> bool {
+        let system = &self.search.system;
+        let placed = system.candidate(fit.members[place]).placed(self.arm(), system.coefficients(fit, place));
         let mut parts = ArmParts::of(self.arm());
-        let bound = search.case.nuisances[0].iter().filter(|nuisance| !nuisance.free);
-        let eta = fit.eta.iter().zip(&search.system.precision).filter(|(_, precision)| **precision > 1e-6);
-        for (nuisance, (deviations, _)) in bound.zip(eta) {
-            nuisance.of.change(&mut parts, &self.settings.tolerances, *deviations);
-        }
-        parts.into_arm(self.arm().name()).ok()
+        placed.is_none_or(|placed| placed.effect.arm(&mut parts).is_err() || !parts.are_of(self.arm()))
     }
 
-    /// Draws of each active coefficient about its value, nuisances first, then the effects in the order in which they were chosen.
-    fn spread(&self) -> Option<Vec<Vec<f64>>> {
-        let (search, numbers) = self.given_out();
-        let (system, fit) = numbers.opened(search)?;
-        let (drawn, covariance) =
-            (draws(search.case, &system, &fit, self.settings.seed)?, system.covariance(&fit));
-        // The bootstrap does not see what the priors leave open; the fit's own covariance does not see colour.
-        let about = |(k, eta): (usize, &f64)| {
-            let column: Vec<f64> = drawn.column(k).iter().copied().collect();
-            widened(&column, *eta, covariance[(k, k)].sqrt())
-        };
-        Some(numbers.fit.eta.iter().enumerate().map(about).collect())
-    }
-
-    /// The named effects, as tables for an arm file and as findings.
-    fn effects(&self, spread: &[Vec<f64>]) -> (Vec<EffectTable>, Vec<Effect>) {
-        let (search, Numbers { fit, .. }) = self.given_out();
-        let mut at = search.nuisances().len();
-        let (mut tables, mut effects) = (Vec::new(), Vec::new());
-        for (index, (chosen, proof)) in self.search.chosen.iter().zip(self.proofs).enumerate() {
-            let hypothesis = search.named(index);
-            let columns = at..at + hypothesis.size();
-            at = columns.end;
-            let beta: Vec<f64> = columns.clone().map(|k| fit.eta[k]).collect();
-            let table = hypothesis.table(self.arm(), &beta);
-            let spread = &spread[columns];
-            let parameters = parameters(search, index, &table.parameters, spread, self.settings.seed);
-            let phrase = words::phrase(hypothesis.kind, &parameters);
-            let statement = words::statement(&phrase, table.joint.as_deref());
-            effects.push(Effect {
-                kind: hypothesis.kind.name,
-                joint: table.joint.clone(),
-                parameters,
-                equation: hypothesis.kind.equation,
-                source: hypothesis.kind.source,
-                evidence: self.why(hypothesis, chosen.gain, proof),
-                phrase,
-                statement,
-            });
-            tables.push(table);
-        }
-        (tables, effects)
-    }
-
-    fn why(&self, hypothesis: &Hypothesis, gain: f64, proof: &Proof) -> Evidence {
-        let channels = &self.search.case.stages[0].channels;
-        Evidence {
-            log_likelihood_ratio: gain,
-            threshold: self.search.threshold(hypothesis),
-            in_twins: self.search.null.gains.get(hypothesis.kind.name).copied().unwrap_or(0.0),
-            held_out_gain: proof.gain,
-            held_out: proof.held_out,
-            stability: 1.0,
-            channels: proof.channels.iter().map(|&c| channels[c].name.clone()).collect(),
-        }
-    }
-
-    /// The strongest shape of every kind at every place, alone and beside what was named.
-    fn evidence(&self) -> Vec<EvidenceRow> {
-        let search = self.search;
-        let (Some(bare), Some(fit)) =
-            (search.system.fit(&search.nuisances()), search.system.fit(&search.active(None)))
-        else {
-            return Vec::new();
-        };
-        let mut rows: BTreeMap<(&str, Option<usize>), EvidenceRow> = BTreeMap::new();
-        let blocks: Vec<_> = search.hypotheses.iter().map(|hypothesis| &hypothesis.block).collect();
-        let [alone, beside] = [&bare, &fit].map(|fit| search.system.scores(fit, &blocks));
-        for ((hypothesis, alone), beside) in search.hypotheses.iter().zip(alone).zip(beside) {
-            let gain = |score: Option<Score>| {
-                score.filter(|score| hypothesis.is_physical(score)).map_or(0.0, |score| score.gain)
+    /// The findings with what shows them, those that take most away first; without those that the test part contradicts.
+    fn findings(&mut self, fit: &Fit) -> Option<Vec<Finding>> {
+        let all = parameters(&mut self.search.system, fit, self.settings.seed);
+        let system = &self.search.system;
+        let with = system.left(fit);
+        let test = system.weights.on(system.data, &[Part::Test]);
+        let on_test: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
+        let on_fit: Vec<Vec<f64>> = system.weights.rows.iter().map(super::weights::Rows::weights).collect();
+        let mut found = Vec::new();
+        for (place, parameters) in all.into_iter().enumerate() {
+            let member = fit.members[place];
+            let candidate = system.candidate(member);
+            let mut others = fit.members.clone();
+            others.remove(place);
+            let without_fit = system.held_fit(&others)?;
+            let without = system.left(&without_fit);
+            let is_shown = |weights: &[Vec<f64>], c: usize| {
+                let shows = |column: &super::data::Column| {
+                    column[c]
+                        .as_ref()
+                        .is_some_and(|rows| rows.iter().zip(&weights[c]).any(|(x, w)| x * w != 0.0))
+                };
+                candidate.columns.iter().any(shows)
             };
-            let row = rows.entry((hypothesis.kind.name, hypothesis.joint)).or_insert_with(|| EvidenceRow {
-                kind: hypothesis.kind.name,
-                joint: self.joint_name(hypothesis.joint),
-                alone: 0.0,
-                beside: 0.0,
-                threshold: search.threshold(hypothesis),
-            });
-            row.alone = row.alone.max(gain(alone));
-            row.beside = row.beside.max(gain(beside));
+            let shown: Vec<usize> = (0..system.data.channels()).filter(|&c| is_shown(&on_test, c)).collect();
+            let held_out = !shown.is_empty();
+            let (weights, channels) =
+                if held_out { (&on_test, shown) } else { (&on_fit, candidate.channels.clone()) };
+            let compared = Compared { before: &without, after: &with, weights };
+            let gain = compared.gain(system.data, &channels, self.settings.seed)?;
+            let (removed, names) = removed(system.data, &compared, &channels);
+            if held_out && gain.value <= 0.0 || holds_nothing(candidate, &parameters) {
+                continue;
+            }
+            let log_odds = fit.value - without_fit.value;
+            let table = candidate.table(self.arm(), system.coefficients(fit, place));
+            let phrase = words::phrase(candidate.kind, &parameters);
+            let effect = Effect {
+                kind: candidate.kind.name,
+                joint: table.joint.clone(),
+                statement: words::statement(&phrase, table.joint.as_deref()),
+                parameters,
+                equation: candidate.kind.equation,
+                source: candidate.kind.source,
+                evidence: Evidence {
+                    log_odds,
+                    odds: words::odds(log_odds),
+                    share: removed,
+                    held_out_gain: gain,
+                    held_out,
+                    channels: names,
+                },
+                phrase,
+            };
+            found.push(Finding { member, table, effect });
         }
-        let mut rows: Vec<EvidenceRow> = rows.into_values().collect();
-        rows.sort_by(|a, b| b.alone.total_cmp(&a.alone));
-        rows
+        let all: f64 = found.iter().map(|finding| finding.effect.evidence.share.max(0.0)).sum();
+        for finding in &mut found {
+            finding.effect.evidence.share =
+                (finding.effect.evidence.share / all.max(f64::MIN_POSITIVE)).max(0.0);
+        }
+        found.sort_by(|a, b| b.effect.evidence.share.total_cmp(&a.effect.evidence.share));
+        Some(found)
     }
 
-    /// Maps of what the tuned model leaves, over the first recording of the fit.
-    fn maps(&self) -> Option<Vec<Map>> {
-        let search = self.search;
-        let bare = search.system.fit(&search.nuisances())?;
-        let residual = search.system.residual(&bare);
-        let case = search.case;
-        let stage = &case.stages[0];
-        let mut all: Vec<Map> = (0..case.per_stage())
-            .flat_map(|c| maps(stage, c, &residual[c], &case.kept[c], self.settings.seed))
+    /// What remains of every row; `None` if a fit is singular.
+    fn remains(&self, fit: &Fit) -> Result<Option<Remains>, LawError> {
+        let system = &self.search.system;
+        let Some(bare) = system.held_fit(&[]) else { return Ok(None) };
+        let placed = self.search.system.placed(fit, self.arm(), |_| true);
+        // What happens at a time of one recording does not happen in the others.
+        let as_given = if fit.members.iter().any(|&member| system.candidate(member).form.only.is_some()) {
+            let said = sum_of(system.columns(&fit.members).zip(fit.beta.iter().copied()), &system.target);
+            less(&system.target, &said)
+        } else {
+            system.data.left_with(&placed.iter().collect::<Vec<_>>())?
+        };
+        let tuned = |rows: &[Vec<f64>], fit: &Fit| {
+            let mut rows = rows.to_vec();
+            system.without_tolerances(&mut rows, &system.tolerances_beside(fit));
+            (0..rows.len()).for_each(|channel| system.data.count(channel, &mut rows[channel]));
+            rows
+        };
+        let retuned = tuned(&system.target, &bare);
+        Ok(Some(Remains {
+            before: system.target.clone(),
+            nameless: less(&retuned, &super::nameless::said(system, &retuned)),
+            retuned,
+            after: tuned(&as_given, fit),
+            as_given,
+        }))
+    }
+
+    /// The errors on the test part, channel by channel.
+    fn errors(&self, remains: &Remains, fit: &Fit) -> Errors {
+        let system = &self.search.system;
+        let data = system.data;
+        let test = system.weights.on(data, &[Part::Test]);
+        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &[Part::Test])).collect();
+        let names = || data.stages[0].channels.iter();
+        let by_name = |rows: &[Vec<f64>]| -> BTreeMap<String, Rmse> {
+            let rms = data.rms(rows, &masks);
+            names().zip(rms).filter_map(|(c, rmse)| Some((c.name.clone(), Rmse { rmse: rmse? }))).collect()
+        };
+        let before = by_name(&remains.before);
+        let noise =
+            names().zip(&system.weights.noise).map(|(c, noise)| (c.name.clone(), Rmse { rmse: *noise }));
+        let weights: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
+        let members = fit.members.iter().map(|&member| system.candidate(member));
+        let mut shown: Vec<usize> = members
+            .flat_map(|candidate| candidate.channels.iter().map(|c| c % data.per_stage()))
+            .flat_map(|c| (c..data.channels()).step_by(data.per_stage()))
+            .collect();
+        shown.sort_unstable();
+        shown.dedup();
+        let gain = |after: &[Vec<f64>]| -> Option<Gain> {
+            let compared = Compared { before: &remains.retuned, after, weights: &weights };
+            compared.gain(data, &shown, self.settings.seed)
+        };
+        Errors {
+            noise_floor: noise.filter(|(name, _)| before.contains_key(name)).collect(),
+            after: by_name(&remains.after),
+            retuned: by_name(&remains.retuned),
+            after_as_given: by_name(&remains.as_given),
+            black_box: by_name(&remains.nameless),
+            held_out: true,
+            test: data.how.clone(),
+            gain: gain(&remains.after),
+            black_box_gain: gain(&remains.nameless),
+            units: names()
+                .filter(|c| before.contains_key(&c.name))
+                .map(|c| (c.name.clone(), c.unit))
+                .collect(),
+            before,
+        }
+    }
+
+    /// Maps of what the tuned model leaves, over the first recording.
+    fn maps(&self, left: &[Vec<f64>]) -> Vec<Map> {
+        let data = self.data();
+        let mut all: Vec<Map> = (0..data.per_stage())
+            .flat_map(|c| {
+                maps(
+                    &data.stages[0],
+                    c,
+                    &left[c],
+                    &data.mask(c, &[Part::Fit, Part::Choice]),
+                    self.settings.seed,
+                )
+            })
             .collect();
         correct(&mut all);
         all.sort_by(|a, b| a.p.total_cmp(&b.p).then(b.explained.total_cmp(&a.explained)));
-        Some(all)
+        all
     }
 
-    /// How far the tolerances are used.
-    fn tuned(&self) -> Vec<Tuned> {
-        let (search, fit) = (self.search, &self.numbers.fit);
-        let bound = search.case.nuisances[0].iter().filter(|nuisance| !nuisance.free);
-        let eta = fit.eta.iter().zip(&search.system.precision).filter(|(_, precision)| **precision > 1e-6);
-        let mut tuned: Vec<Tuned> = bound
-            .zip(eta)
-            .map(|(nuisance, (eta, _))| Tuned { name: nuisance.name.clone(), deviations: *eta })
-            .collect();
-        tuned.sort_by(|a, b| b.deviations.abs().total_cmp(&a.deviations.abs()));
-        tuned
-    }
-
-    /// Channels (numbers within a stage) in which something is: those that named effects show in, else those in which the unnamed
-    /// correction finds something.
-    fn judged_channels(&self, errors: &HeldOut, black_box: &[Vec<f64>]) -> Vec<usize> {
-        let mut channels = channels_of(self.proofs);
-        if channels.is_empty() {
-            let left = self.judge.held.rms(&errors.retuned);
-            let all = 0..self.search.case.per_stage();
-            channels = all
-                .filter(|&c| left[c] > ABOVE_FLOOR * self.judge.floor.transferred[c])
-                .filter(|&c| {
-                    let unnamed = self.judge.gain(self.search, &[c], &errors.retuned, black_box);
-                    unnamed.value >= LEAST_UNNAMED && unnamed.ci95[0] > 0.0
-                })
-                .collect();
-        }
-        channels
-    }
-
-    /// Shares of what the tuned model leaves beyond the floor, in squares of each channel's own deviation.
-    fn location(&self, maps: &[Map], errors: &HeldOut) -> Vec<Location> {
-        let channels = &self.search.case.stages[0].channels;
-        let left = self.judge.held.rms(&errors.retuned);
-        let floors = &self.judge.floor.transferred;
-        let of_channel = |((left, floor), counts): ((&f64, &f64), bool)| {
-            if counts { beyond(&[left / floor.max(f64::MIN_POSITIVE)]) } else { 0.0 }
+    /// Where the tuned model and the machine differ: shares of what is left beyond the noise, in squares of each channel's own.
+    fn location(&self, remains: &Remains, maps: &[Map]) -> Vec<Location> {
+        let data = self.data();
+        let masks: Vec<Vec<f64>> =
+            (0..data.channels()).map(|c| data.mask(c, &[Part::Fit, Part::Choice, Part::Test])).collect();
+        let left = data.rms(&remains.retuned, &masks);
+        let beyond = |c: usize| {
+            let noise = self.search.system.weights.noise[c].max(f64::MIN_POSITIVE);
+            left[c].map_or(0.0, |left| ((left / noise).powi(2) - 1.0).max(0.0))
         };
-        let beyond: Vec<f64> = left.iter().zip(floors).zip(self.counts()).map(of_channel).collect();
-        let all: f64 = beyond.iter().sum();
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
-        for (index, channel) in channels.iter().enumerate() {
+        for (c, channel) in data.stages[0].channels.iter().enumerate() {
             let joint = match channel.kind {
                 ChannelKind::Torque(joint) | ChannelKind::Link(joint) => Some(joint),
                 ChannelKind::Tool(_) => None,
             };
             let group = groups.entry(joint).or_default();
-            group.0 += beyond[index];
-            if beyond[index] > 0.1 {
-                group.1.push(index);
+            group.0 += beyond(c);
+            if beyond(c) > 1.0 {
+                group.1.push(c);
             }
         }
+        let all: f64 = groups.values().map(|group| group.0).sum();
+        let name = |c: &usize| data.stages[0].channels[*c].name.clone();
         let mut location: Vec<Location> = groups
             .into_iter()
             .filter(|(_, (_, channels))| !channels.is_empty())
-            .map(|(joint, (sum, members))| {
-                let names: Vec<String> = members.iter().map(|&c| channels[c].name.clone()).collect();
-                let strongest = maps.iter().filter(|map| names.contains(&map.channel)).max_by(|a, b| {
-                    (-a.p, a.explained).partial_cmp(&(-b.p, b.explained)).unwrap_or(std::cmp::Ordering::Equal)
-                });
+            .map(|(joint, (sum, channels))| {
+                let channels: Vec<String> = channels.iter().map(name).collect();
+                let strongest = maps.iter().find(|map| channels.contains(&map.channel));
                 Location {
-                    joint: self.joint_name(joint),
-                    channels: names,
-                    share: if all > 0.0 { sum / all } else { 0.0 },
+                    joint: joint.map(|joint| self.arm().joints()[joint].name.clone()),
+                    channels,
+                    share: sum / all.max(f64::MIN_POSITIVE),
                     when: words::when(strongest.filter(|map| map.p < SIGNIFICANT)),
                     p: strongest.map_or(1.0, |map| map.p),
                 }
             })
             .collect();
         location.sort_by(|a, b| b.share.total_cmp(&a.share));
-        location.retain(|place| place.share > 0.02);
         location
     }
 
-    /// Which channels of a stage have rows that count in the held-out data.
-    fn counts(&self) -> Vec<bool> {
-        self.judge.held.by_channel(&self.judge.held.rows()).iter().map(|rows| *rows > 0.0).collect()
+    /// The arm of the file, its masses, lengths and frictions where the fit has them inside their tolerances.
+    fn tuned_arm(&self, fit: &Fit) -> Option<Arm> {
+        let mut parts = ArmParts::of(self.arm());
+        for (nuisance, eta) in self.bound(&self.search.system.tolerances_beside(fit)) {
+            nuisance.of.change(&mut parts, &self.settings.tolerances, eta);
+        }
+        parts.into_arm(self.arm().name()).ok()
     }
 
-    /// `values`, one a channel of a stage, by the names of the channels; of one without a row that counts there is none.
-    fn by_name<T>(&self, values: impl Iterator<Item = T>) -> BTreeMap<String, T> {
-        let channels = self.search.case.stages[0].channels.iter().zip(self.counts());
-        let counted = channels.zip(values).filter(|((_, counts), _)| *counts);
-        counted.map(|((channel, _), value)| (channel.name.clone(), value)).collect()
+    /// The tolerances that a prior binds, with their coefficients.
+    fn bound(&self, eta: &DVector<f64>) -> Vec<(&'d super::tolerance::Nuisance, f64)> {
+        let data = self.data();
+        let mut at = 0;
+        let mut all = Vec::new();
+        for nuisance in &data.nuisances[0] {
+            if nuisance.free {
+                at += data.stages.len();
+            } else {
+                all.push((nuisance, eta[at]));
+                at += 1;
+            }
+        }
+        all
     }
 
-    fn fit(&self, errors: &HeldOut, black_box: &[Vec<f64>], channels: &[usize]) -> Fit {
-        let described = &self.search.case.stages[0].channels;
-        let table = |values: Vec<f64>| self.by_name(values.into_iter().map(|rmse| Rmse { rmse }));
-        let rms = |rows: &[Vec<f64>]| table(self.judge.held.rms(rows));
-        let gain = |after: &[Vec<f64>]| {
-            (!channels.is_empty()).then(|| self.judge.gain(self.search, channels, &errors.retuned, after))
+    /// How far the tolerances are used, farthest first.
+    fn tuned(&self, fit: &Fit) -> Vec<Tuned> {
+        let bound = self.bound(&self.search.system.tolerances_beside(fit));
+        let mut tuned: Vec<Tuned> =
+            bound.into_iter().map(|(of, eta)| Tuned { name: of.name.clone(), deviations: eta }).collect();
+        tuned.sort_by(|a, b| b.deviations.abs().total_cmp(&a.deviations.abs()));
+        tuned
+    }
+
+    /// What the findings leave in each channel, for the design of the next motion.
+    fn noise(&self, remains: &Remains) -> BTreeMap<String, ChannelNoise> {
+        let system = &self.search.system;
+        let data = system.data;
+        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &[Part::Fit])).collect();
+        let rms = data.rms(&remains.after, &masks);
+        let of = |(c, rms): (usize, Option<f64>)| {
+            let (stretch, step) = data.stretches(c).next()?;
+            let lasts = step * masks[c].iter().sum::<f64>();
+            let noise = ChannelNoise {
+                deviation: rms?.max(system.weights.noise[c]),
+                per_second: system.weights.rows[c].effective()
+                    / lasts.max(step * stretch.len().min(1) as f64).max(1e-9),
+            };
+            Some((data.stages[0].channels[c].name.clone(), noise))
         };
-        Fit {
-            noise_floor: table(self.judge.floor.transferred.clone()),
-            before: rms(&errors.before),
-            after: rms(&errors.tuned_after),
-            retuned: rms(&errors.retuned),
-            after_as_given: rms(&errors.after),
-            black_box: rms(black_box),
-            held_out: true,
-            data: self.data.to_owned(),
-            gain: gain(&errors.tuned_after).filter(|_| !self.proofs.is_empty()),
-            black_box_gain: gain(black_box),
-            units: self.by_name(described.iter().map(|channel| channel.unit)),
-        }
+        rms.into_iter().enumerate().filter_map(of).collect()
     }
 
-    fn verdict(
-        &self,
-        errors: &HeldOut,
-        channels: &[usize],
-        fit: &Fit,
-        excess: &Excess,
-        alternatives: &[Alternative],
-        location: &[Location],
-    ) -> Verdict {
-        if excess.is_unnamed() {
+    /// To what each channel follows its laws.
+    fn discrepancy(&self) -> BTreeMap<String, Discrepancy> {
+        let system = &self.search.system;
+        let channels = system.data.stages[0].channels.iter().enumerate();
+        let heard = channels.filter(|(c, _)| system.weights.rows[*c].effective() > 0.0);
+        heard
+            .map(|(c, channel)| {
+                let discrepancy =
+                    Discrepancy { share: system.weights.rows[c].share, noise: system.weights.noise[c] };
+                (channel.name.clone(), discrepancy)
+            })
+            .collect()
+    }
+
+    fn verdict(&self, fit: &Fit, alternatives: &[Alternative]) -> Verdict {
+        let system = &self.search.system;
+        let is_catalogued = |&member: &usize| system.candidate(member).kind.is_catalogued();
+        if !fit.members.iter().all(is_catalogued) || is_unexplained(system, fit) {
             return Verdict::Unknown;
         }
-        if self.proofs.is_empty() {
-            let seen = location.iter().any(|place| place.p < SIGNIFICANT);
-            return if channels.is_empty() || !seen { Verdict::NothingMissing } else { Verdict::Unknown };
+        if fit.members.is_empty() {
+            return Verdict::NothingMissing;
         }
-        let undecided = alternatives.iter().any(|alternative| alternative.indistinguishable);
-        if !excess.is_left() {
-            return if undecided { Verdict::OneOf } else { Verdict::Named };
+        if alternatives.iter().any(|alternative| alternative.indistinguishable) {
+            Verdict::OneOf
+        } else {
+            Verdict::Named
         }
-        let left = |gain: f64| (1.0 - gain).powi(2);
-        let named = fit.gain.map_or(1.0, |gain| left(gain.value));
-        let rest = self.judge.unnamed_rest(self.search, &self.numbers.fit, errors, channels);
-        let unnamed = if rest.ci95[0] > 0.0 { named * left(rest.value) } else { named };
-        if (named - unnamed) > UNNAMED_SHARE * (1.0 - unnamed) {
-            return Verdict::Unknown;
-        }
-        if undecided { Verdict::OneOf } else { Verdict::Named }
     }
 }
 
-/// Whether the catalogue has `effect`, and this tells it: a wave of which nobody can say how often it repeats is a curve that a piece of a wave happens
-/// to follow.
-fn has_a_name(effect: &Effect) -> bool {
-    let periods = effect.parameters.get(PERIODS).and_then(|periods| periods.ci95);
-    is_catalogued(effect) && periods.is_none_or(|[low, high]| high <= LEAST_TOLD * low)
+/// Whether the interval of every number of `candidate` holds the value at which it changes nothing.
+fn holds_nothing(candidate: &Candidate, parameters: &BTreeMap<String, Parameter>) -> bool {
+    let nothing = candidate.parameters(&vec![0.0; candidate.size()]);
+    let told = parameters.iter().filter_map(|(name, parameter)| {
+        let is_linear =
+            matches!(candidate.kind.parameter(name)?.range, Range::Number { role: Role::Linear, .. });
+        let neutral = nothing.get(name)?.as_float()?;
+        let [low, high] = parameter.ci95.filter(|_| is_linear)?;
+        Some(low <= neutral && neutral <= high)
+    });
+    let told: Vec<bool> = told.collect();
+    !told.is_empty() && told.into_iter().all(|holds| holds)
+}
+
+/// Squares that are gone over `channels`, and the names of these, most first.
+fn removed(data: &Data, compared: &Compared, channels: &[usize]) -> (f64, Vec<String>) {
+    let mut by_channel: BTreeMap<usize, f64> = BTreeMap::new();
+    for &c in channels {
+        let square = |errors: &[Vec<f64>]| -> f64 {
+            errors[c].iter().zip(&compared.weights[c]).map(|(x, w)| w * x * x).sum()
+        };
+        *by_channel.entry(c % data.per_stage()).or_default() +=
+            square(compared.before) - square(compared.after);
+    }
+    let sum = by_channel.values().sum();
+    let mut order: Vec<(usize, f64)> = by_channel.into_iter().collect();
+    order.sort_by(|a, b| b.1.total_cmp(&a.1));
+    (sum, order.into_iter().map(|(c, _)| data.stages[0].channels[c].name.clone()).collect())
+}
+
+fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let pairs = rows.iter().zip(said);
+    pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
+}
+
+/// Adds `tables` to `model`; each stands in the place of what the model has already of the same kind at the same place.
+fn add_to(model: &mut ArmFile, tables: Vec<EffectTable>) {
+    for table in tables {
+        let same = |other: &&mut EffectTable| other.kind == table.kind && other.joint == table.joint;
+        match model.effects.iter_mut().find(same) {
+            Some(known) => *known = table,
+            None => model.effects.push(table),
+        }
+    }
 }
 
 /// Whether the catalogue has the kind of `effect`.
@@ -453,17 +570,24 @@ fn word(diagnosis: &mut Diagnosis) {
 fn unknown(effects: &[&Effect]) -> String {
     let (named, nameless): (Vec<&Effect>, Vec<&Effect>) =
         effects.iter().copied().partition(|effect| is_catalogued(effect));
-    let mut words = "Something is missing from the model that no effect of the catalogue says well enough; it is located, and an unnamed correction \
-                     says how much it is."
-        .to_owned();
+    let mut words =
+        "Something is missing from the model that no effect of the catalogue says well enough.".to_owned();
     for like in nameless {
         words.push_str(&format!(" It looks like this: {}", like.statement));
     }
     if !named.is_empty() {
-        words.push_str(&format!(
-            " Part of it has a name, or is like what has one. {}",
-            words::left_out(&named)
-        ));
+        words.push_str(&format!(" Part of it has a name. {}", words::left_out(&named)));
     }
     words
+}
+
+/// Whether two candidates may be told apart at all: the odds are beyond what is as good.
+pub(crate) fn is_told(log_odds: f64) -> bool {
+    log_odds > AS_GOOD
+}
+
+/// The name of a candidate's kind and place, as alternatives have it.
+pub(crate) fn called(arm: &Arm, candidate: &Candidate) -> String {
+    let joint = candidate.joint.map(|joint| arm.joints()[joint].name.as_str());
+    format!("{} {}", candidate.kind.name, words::site(joint))
 }

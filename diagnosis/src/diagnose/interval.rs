@@ -1,86 +1,148 @@
-//! How sure the coefficients are: a bootstrap of blocks, which minds that neighbours are alike, with the prior's mean drawn anew each time
-//! (Bardsley, Solonen, Haario & Laine 2014).
+//! Parameters of what was named, and how sure they are: the posterior of the coefficients, and the profile of the evidence over the numbers of a shape.
+
+use std::collections::BTreeMap;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
-use rand::{Rng, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use toml::{Table, Value};
 
-use super::case::Case;
-use super::columns::dot;
-use super::noise::normal as normal_number;
+use super::noise::normal;
+use super::report::Parameter;
 use super::system::{Fit, System};
 
-/// Length of a block, s.
-const BLOCK_S: f64 = 0.5;
-/// Draws.
-const DRAWS: usize = 200;
+/// Draws of the posterior: a quantile of 2.5 % is known to half a percent of them.
+const DRAWS: usize = 1000;
+/// Steps of the logarithm of a shape's number between which the curvature of the evidence is taken.
+const STEPS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
+/// Greatest standard deviation of that logarithm: beyond, the motion does not tell the number.
+const VAGUE: f64 = 1.0;
 
-/// Draws of the coefficients of `fit`: each row of the answer is one draw. What is held at its bound stays there.
-pub(crate) fn draws(case: &Case, system: &System, fit: &Fit, seed: u64) -> Option<DMatrix<f64>> {
-    let blocks = blocks(case, system, &fit.active);
-    let (n, free) = (fit.active.len(), &fit.free);
-    let mut held = fit.eta.clone();
-    free.iter().for_each(|&k| held[k] = 0.0);
-    let precisions = system.precisions(&fit.active);
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut drawn = DMatrix::zeros(DRAWS, n);
-    for row in 0..DRAWS {
-        let (mut normal, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
-        for _ in 0..blocks.len() {
-            let (gram, target) = &blocks[rng.next_u64() as usize % blocks.len()];
-            normal += gram;
-            right += target;
-        }
-        for (i, (&a, &precision)) in fit.active.iter().zip(&precisions).enumerate() {
-            normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-9) + precision + f64::MIN_POSITIVE;
-            // Another machine of the same tolerances: without this, what the data leave to the prior would seem sure. One that has gone
-            // over into an effect is still that machine's.
-            let machine = normal_number(&mut rng) / system.precision[a].max(f64::MIN_POSITIVE).sqrt();
-            right[i] += if system.precision[a] > 0.0 { precision * machine } else { 0.0 };
-        }
-        right -= &normal * &held;
-        let part = DMatrix::from_fn(free.len(), free.len(), |i, j| normal[(free[i], free[j])]);
-        let solved = Cholesky::new(part)?.solve(&DVector::from_fn(free.len(), |i, _| right[free[i]]));
-        let mut whole = held.clone();
-        free.iter().zip(solved.iter()).for_each(|(&k, x)| whole[k] = *x);
-        drawn.row_mut(row).copy_from(&whole.transpose());
-    }
-    Some(drawn)
+/// How sure a number of a shape is.
+struct Loose {
+    /// Its name.
+    name: String,
+    /// Standard deviation of its logarithm.
+    deviation: f64,
+    /// By how much the coefficients change with that logarithm.
+    pull: DVector<f64>,
 }
 
-/// Weighted inner products of every block: of the columns with each other, and with the target. A block is a stretch of time in
-/// all channels of a recording.
-fn blocks(case: &Case, system: &System, active: &[usize]) -> Vec<(DMatrix<f64>, DVector<f64>)> {
-    let (n, per_stage) = (active.len(), case.per_stage());
-    let mut blocks = Vec::new();
-    for (number, stage) in case.stages.iter().enumerate() {
-        let motion = stage.motion();
-        for stretch in &motion.stretches {
-            let long = ((BLOCK_S / motion.step(stretch).max(1e-12)) as usize).max(1);
-            for begin in stretch.clone().step_by(long) {
-                let rows = begin..(begin + long).min(stretch.end);
-                let (mut gram, mut target) = (DMatrix::zeros(n, n), DVector::zeros(n));
-                for channel in number * per_stage..(number + 1) * per_stage {
-                    let weight = system.weights[channel];
-                    let y = &system.target[channel][rows.clone()];
-                    let part = |a: usize| system.base[a][channel].as_ref().map(|x| &x[rows.clone()]);
-                    let parts: Vec<_> = active.iter().map(|&a| part(a)).collect();
-                    for (i, left) in parts.iter().enumerate() {
-                        let Some(left) = left else { continue };
-                        target[i] += weight * dot(left, y);
-                        for (j, right) in parts.iter().enumerate().take(i + 1) {
-                            let Some(right) = right else { continue };
-                            let product = weight * dot(left, right);
-                            gram[(i, j)] += product;
-                            if i != j {
-                                gram[(j, i)] += product;
-                            }
-                        }
-                    }
+/// The parameters of each member of `fit`, with intervals of 95 %.
+pub(crate) fn parameters(system: &mut System, fit: &Fit, seed: u64) -> Vec<BTreeMap<String, Parameter>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let factor = Cholesky::new(covariance(system, fit)).map(|factor| factor.l());
+    let draws: Vec<DVector<f64>> = (0..DRAWS)
+        .map(|_| {
+            let white = DVector::from_fn(fit.beta.len(), |_, _| normal(&mut rng));
+            factor.as_ref().map_or_else(|| fit.beta.clone(), |lower| &fit.beta + lower * white)
+        })
+        .collect();
+    let mut at = 0;
+    let mut all = Vec::new();
+    for place in 0..fit.members.len() {
+        let size = system.candidate(fit.members[place]).size();
+        let own: Vec<DVector<f64>> = draws.iter().map(|draw| draw.rows(at, size).into_owned()).collect();
+        all.push(of_member(system, fit, place, own, &mut rng));
+        at += size;
+    }
+    all
+}
+
+/// The parameters of the member number `place` of `fit`, of whose coefficients `draws` are at hand.
+fn of_member(
+    system: &mut System,
+    fit: &Fit,
+    place: usize,
+    draws: Vec<DVector<f64>>,
+    rng: &mut ChaCha8Rng,
+) -> BTreeMap<String, Parameter> {
+    let loose = loose(system, fit, place);
+    let candidate = system.candidate(fit.members[place]);
+    let limits = candidate.limits();
+    let drawn: Vec<Table> = draws
+        .into_iter()
+        .map(|mut beta| {
+            let mut form = candidate.form.clone();
+            for number in &loose {
+                let by = number.deviation * normal(rng);
+                if let Some(Value::Float(value)) = form.shape.get_mut(&number.name) {
+                    *value *= by.exp();
                 }
-                blocks.push((gram, target));
+                beta.axpy(by, &number.pull, 1.0);
             }
+            beta.iter_mut().zip(&limits).for_each(|(x, [least, most])| *x = x.clamp(*least, *most));
+            candidate.kind.compose(&form.shape, &candidate.of_all(beta.as_slice()))
+        })
+        .collect();
+    let interval = |name: &str| {
+        let mut values: Vec<f64> =
+            drawn.iter().filter_map(|table| table.get(name).and_then(Value::as_float)).collect();
+        values.sort_by(f64::total_cmp);
+        let (first, last) = (values.first()?, values.last()?);
+        (first < last).then(|| [values[values.len() / 40], values[values.len() - 1 - values.len() / 40]])
+    };
+    let joint = candidate.joint.map(|joint| &system.data.arm().joints()[joint]);
+    let table = candidate.parameters(system.coefficients(fit, place));
+    let parameter = |(name, value): (&String, &Value)| {
+        let parameter = Parameter {
+            value: value.clone(),
+            unit: candidate.kind.unit(name, joint).to_owned(),
+            ci95: interval(name).filter(|_| !candidate.kind.takes_as_given(name)),
+        };
+        (name.clone(), parameter)
+    };
+    table.iter().map(parameter).collect()
+}
+
+/// How sure the numbers in the shape of the member number `place` are, by the curvature of the profile of the evidence (Venzon & Moolgavkar 1988, Appl. Stat.
+/// 37:87); nothing of numbers that the motion does not tell.
+fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
+    let member = fit.members[place];
+    let mut others = fit.members.clone();
+    others.remove(place);
+    let Some(without) = system.fit(&others) else { return Vec::new() };
+    let Some(best) = system.gains(&without, &[member]).pop().flatten() else { return Vec::new() };
+    let mut all = Vec::new();
+    for name in system.candidate(member).numbers() {
+        let Some(value) = system.candidate(member).form.shape.get(&name).and_then(Value::as_float) else {
+            continue;
+        };
+        // The evidence falls by half of (step/deviation)².
+        let (mut over, mut under, mut square) = (0.0, 0.0, 0.0);
+        let mut pull = DVector::zeros(best.beta.len());
+        for step in STEPS {
+            let form = system.candidate(member).with_number(&name, value * f64::exp(step));
+            let Some(other) = system.candidate(member).reformed(system.data, form) else { continue };
+            let Some(at) = system.take(other) else { continue };
+            let gain = system.gains(&without, &[at]).pop().flatten();
+            system.forget(at);
+            let Some(gain) = gain else { continue };
+            over += step.powi(4);
+            under += 2.0 * (best.value - gain.value) * step.powi(2);
+            square += step.powi(2);
+            pull += step * (gain.beta - &best.beta);
+        }
+        let deviation = (over / under).sqrt();
+        if deviation.is_finite() && square > 0.0 {
+            all.push(Loose { name, deviation: deviation.min(VAGUE), pull: pull / square });
         }
     }
-    blocks
+    all
+}
+
+/// The covariance of the coefficients of `fit`: that of the posterior, or, where blocks of neighbouring rows pull the coefficients about by more, what
+/// these say (Huber 1967; White 1982, Econometrica 50:1): laws that are off are off the same way for a while.
+fn covariance(system: &System, fit: &Fit) -> DMatrix<f64> {
+    let n = fit.beta.len();
+    let Some(factor) = Cholesky::new(fit.normal.clone()) else { return DMatrix::identity(n, n) };
+    let posterior = factor.inverse();
+    let mut scores = DMatrix::zeros(n, n);
+    for pull in system.pulls(fit) {
+        scores += &pull * pull.transpose();
+    }
+    let sandwich = &posterior * scores * &posterior;
+    // Each coefficient is as unsure as the less sure of the two says, alike in their correlation.
+    let wider = DVector::from_fn(n, |k, _| (sandwich[(k, k)] / posterior[(k, k)]).max(1.0).sqrt());
+    DMatrix::from_fn(n, n, |i, j| posterior[(i, j)] * wider[i] * wider[j])
 }

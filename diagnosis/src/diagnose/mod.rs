@@ -1,85 +1,60 @@
 //! From a recording to what the model leaves out. The files in the order in which data passes through them:
 //!
-//! - `parts`: what a fit rests on and what is held out.
-//! - `stage`: one recording made ready, and what any effect would add to each channel of it.
+//! - `thinning` and `stage`: recordings made ready, and what any effect would add to each channel of them.
 //! - `tolerance`: how far a machine may be from its model without that being a finding.
-//! - `universal`: the unnamed correction, which competes with every named effect.
-//! - `stuck` and `counted`: torques that are no measurement; how much each row counts.
-//! - `case`, `columns`, `bounded`, `system` and `scores`: all recordings stacked; their columns; least squares inside bounds; the linear system behind
-//!   every question; what blocks of columns explain there.
-//! - `quality`: what the recordings are good for.
-//! - `hypothesis`, `moment` and `upon`: each kind of effect at each place in each shape; what happens in one recording alone, and what acts on what other
-//!   laws say.
-//! - `noise`, `twins` and `floor`: what is found in nothing.
-//! - `search`, `places`, `select`, `backward`, `refine` and `simplify`: which effects explain what the model leaves, in which shape, and with no more law than there is;
-//!   `validate`: whether they do so where they were not fitted.
-//! - `show`, `trial`, `judge`, `proven`, `sift` and `other_choices`: what they are worth on held-out data, and whether others are worth more.
-//! - `excess`: whether more is left than noise explains.
-//! - `variables` and `passage`: what pictures are drawn from.
-//! - `through`: what the sensors let through of the machine's tolerances.
-//! - `robust`: numbers that a few rows don't bend.
-//! - `interval`, `numbers`, `rivals`, `locate`, `words`, `conclude`, `report`: what is said.
-//! - `engine`: all of it, of recordings as they stand; `set_up`: after the question whether recording and model mean the same.
+//! - `rows`, `parts` and `data`: which rows count, which of the three parts of the data they belong to, all of them stacked.
+//! - `noise`, `instruments`, `shapes` and `weights`: how much each row says.
+//! - `candidate` and `moments`: every effect at every place in every form, as columns.
+//! - `system` and `bvls`: the linear model and its evidence.
+//! - `search` and `choice`: the most probable set of effects.
+//! - `nameless`, `alternatives`, `interval`, `gain`, `locate`, `words`, `passage` and `conclude`: what is said, tested on data that no step before has seen.
 //! - `excite`: the next motion, where two causes remain.
+//! - `engine`: all of it, of recordings as they stand; `set_up`: after the question whether recording and model mean the same.
 
-mod backward;
+mod alternatives;
 mod beside;
-mod bounded;
-mod case;
+mod bvls;
+mod candidate;
+mod choice;
 mod columns;
 mod conclude;
-mod counted;
+mod data;
 mod engine;
-mod excess;
 mod excite;
-mod floor;
-mod hypothesis;
+mod gain;
+mod instruments;
 mod interval;
-mod journal;
-mod judge;
 mod locate;
-mod moment;
+mod moments;
+mod nameless;
 mod noise;
-mod numbers;
-mod other_choices;
 mod parts;
 mod passage;
-mod places;
-mod proven;
 mod quality;
-mod refine;
 mod report;
-mod rivals;
-mod robust;
-mod scores;
+mod rows;
 mod search;
-mod select;
 mod set_up;
-mod show;
-mod sift;
-mod simplify;
+mod shapes;
 mod stage;
 mod system;
-mod through;
+mod thinning;
 mod tolerance;
-mod trial;
-mod twins;
-mod universal;
-mod upon;
-mod validate;
 mod variables;
+mod weights;
 mod words;
 
 pub use engine::{DiagnoseError, DiagnoseSettings};
 pub use excite::{ChannelNoise, Excitation, ExciteError, ExciteSettings, Fourier, Rival, Used, excite};
+pub use gain::Gain;
 pub use locate::Map;
 pub use passage::{Passage, Trace};
 pub use report::{
-    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Effect, Evidence, EvidenceRow, Fit, Location, Parameter, Rmse,
-    Tuned, Untestable, Verdict,
+    Alternative, DIAGNOSIS_SCHEMA, Diagnosis, Discrepancy, Effect, Evidence, EvidenceRow, Fit, Location,
+    Parameter, Rmse, Tuned, Untestable, Verdict,
 };
+pub use search::AS_GOOD as NAMED_FROM;
 pub use set_up::diagnose;
-pub use show::Gain;
 pub use tolerance::Tolerances;
 pub use variables::Variable;
 pub use words::TO_TELL;

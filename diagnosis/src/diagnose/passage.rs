@@ -1,17 +1,10 @@
-//! What pictures are drawn from: every recording of the fit and of the held-out data, point by point.
+//! What pictures are drawn from: every recording, point by point, those parts that the fit rests on and those that it does not.
 
-use std::collections::BTreeMap;
+use freeplay_laws::Trajectory;
 
-use freeplay_laws::{LawError, Trajectory};
-
-use super::case::Case;
-use super::columns::{Column, less, sum_of};
-use super::excite::ChannelNoise;
-use super::judge::Judge;
-use super::parts::file_name;
-use super::search::Search;
-use super::show::HeldOut;
-use super::system::Fit;
+use super::conclude::Remains;
+use super::data::Data;
+use super::parts::{Part, file_name};
 use super::variables::{Variable, of_joint, time};
 
 /// One recording of the fit, or of the held-out data, as it was worked on.
@@ -50,112 +43,85 @@ pub struct Trace {
     pub laws: Vec<Vec<f64>>,
 }
 
-/// The rows of one side, the fit's or the held-out data's, all recordings stacked.
-struct Rows {
-    before: Vec<Vec<f64>>,
-    retuned: Vec<Vec<f64>>,
-    after: Vec<Vec<f64>>,
-    unnamed: Vec<Vec<f64>>,
-    /// What each effect says, `[effect][channel]`.
-    laws: Vec<Vec<Vec<f64>>>,
+/// What is drawn of every row, by channel.
+pub(crate) struct Columns<'c> {
+    /// What remains under the model at its stages.
+    pub remains: &'c Remains,
+    /// What each finding says, `[finding][channel]`.
+    pub laws: Vec<Vec<Vec<f64>>>,
 }
 
-/// All passages under the coefficients of `fit`, those of the fit first. `None` if a fit is singular.
-///
-/// # Errors
-/// See [`LawError`].
-pub(crate) fn passages(
-    search: &Search,
-    fit: &Fit,
-    judge: &Judge,
-    errors: &HeldOut,
-    black_box: &[Vec<f64>],
-) -> Result<Option<Vec<Passage>>, LawError> {
-    let Some(bare) = search.system.fit(&search.nuisances()) else { return Ok(None) };
-    let retuned = search.system.residual(&bare);
-    let said = search.case.unnamed_on(search.case, &retuned);
-    let (mut of_fit, mut of_held) = (Vec::new(), Vec::new());
-    let mut at = search.nuisances().len();
-    for chosen in &search.chosen {
-        let hypothesis = &search.hypotheses[chosen.hypothesis];
-        let beta = &fit.eta.as_slice()[at..at + hypothesis.size()];
-        at += hypothesis.size();
-        let law = |columns: &[Column], case: &Case| {
-            sum_of(columns.iter().zip(beta.iter().copied()), case.kept.len())
-        };
-        of_fit.push(law(&hypothesis.block.columns, search.case));
-        of_held.push(law(&hypothesis.columns_on(judge.held)?, judge.held));
-    }
-    let fitted = Rows {
-        before: search.case.target(),
-        unnamed: less(&retuned, &said),
-        retuned,
-        after: search.system.residual(fit),
-        laws: of_fit,
-    };
-    let held = Rows {
-        before: errors.before.clone(),
-        retuned: errors.retuned.clone(),
-        after: errors.tuned_after.clone(),
-        unnamed: black_box.to_vec(),
-        laws: of_held,
-    };
-    let mut all = cut(search.case, &fitted, false);
-    all.extend(cut(judge.held, &held, true));
-    Ok(Some(all))
-}
-
-/// What the findings leave in each channel of the first recording of the fit. Joints that stood while it was made count as those that moved.
-pub(crate) fn noise(search: &Search) -> BTreeMap<String, ChannelNoise> {
-    let Some(fit) = search.system.fit(&search.active(None)) else { return BTreeMap::new() };
-    let weighing = search.case.weigh(&search.system.residual(&fit));
-    let stage = &search.case.stages[0];
-    let stretches = &stage.motion().stretches;
-    let lasts: f64 = stretches.iter().map(|s| stage.motion().step(s) * s.len() as f64).sum();
-    let rows = search.case.rows();
-    let channels = stage.channels.iter().enumerate().filter(|(c, _)| rows[*c] > 0.0);
-    let of = |(c, channel): (usize, &crate::residual::Channel)| {
-        let floor = search.null.floor.get(c).copied().unwrap_or(0.0);
-        let share = rows[c] / stage.motion().len().max(1) as f64;
-        let noise = ChannelNoise {
-            deviation: weighing.deviation[c].max(floor),
-            per_second: weighing.effective[c] / (lasts * share).max(1e-9),
-        };
-        (channel.name.clone(), noise)
-    };
-    channels.map(of).collect()
-}
-
-/// `rows` by recording and channel.
-fn cut(case: &Case, rows: &Rows, held_out: bool) -> Vec<Passage> {
-    let per_stage = case.per_stage();
-    let of_stage = |(index, stage): (usize, &super::stage::Stage)| {
-        let mut variables = vec![time(stage)];
-        variables.extend((0..stage.arm().dof()).flat_map(|joint| of_joint(stage, joint)));
-        let traces = stage.channels.iter().enumerate().map(|(c, channel)| {
-            let at = index * per_stage + c;
-            let kept = &case.kept[at];
-            let counted = |column: &[f64]| -> Vec<f64> {
-                column.iter().zip(kept).map(|(x, kept)| if *kept > 0.0 { *x } else { f64::NAN }).collect()
-            };
-            Trace {
-                channel: channel.name.clone(),
-                unit: channel.unit,
-                measured: channel.measured.clone(),
-                before: counted(&rows.before[at]),
-                retuned: counted(&rows.retuned[at]),
-                after: counted(&rows.after[at]),
-                unnamed: counted(&rows.unnamed[at]),
-                laws: rows.laws.iter().map(|law| counted(law.get(at).map_or(&[], Vec::as_slice))).collect(),
+/// All passages: the fit and choice part of each recording, then the test part.
+pub(crate) fn passages(data: &Data, columns: &Columns) -> Vec<Passage> {
+    let sides = [(&[Part::Fit, Part::Choice][..], false), (&[Part::Test][..], true)];
+    let mut all = Vec::new();
+    for (parts, held_out) in sides {
+        for index in 0..data.stages.len() {
+            let rows: Vec<usize> =
+                (0..data.parts[index].len()).filter(|&row| parts.contains(&data.parts[index][row])).collect();
+            if !rows.is_empty() {
+                all.push(passage(data, columns, index, &rows, held_out));
             }
-        });
-        Passage {
-            recording: file_name(stage.ground.recording),
-            held_out,
-            motion: stage.motion().clone(),
-            variables,
-            traces: traces.collect(),
         }
-    };
-    case.stages.iter().enumerate().map(of_stage).collect()
+    }
+    all
+}
+
+/// The `rows` of the recording number `index`.
+fn passage(data: &Data, columns: &Columns, index: usize, rows: &[usize], held_out: bool) -> Passage {
+    let stage = &data.stages[index];
+    let picked = |column: &[f64]| -> Vec<f64> { rows.iter().map(|&row| column[row]).collect() };
+    let mut variables = vec![time(stage)];
+    variables.extend((0..stage.arm().dof()).flat_map(|joint| of_joint(stage, joint)));
+    for variable in &mut variables {
+        variable.values = picked(&variable.values);
+    }
+    let traces = stage.channels.iter().enumerate().map(|(c, channel)| {
+        let at = index * data.per_stage() + c;
+        let counted = |column: &[f64]| -> Vec<f64> {
+            let counts = &data.counts[at];
+            rows.iter().map(|&row| if counts[row] > 0.0 { column[row] } else { f64::NAN }).collect()
+        };
+        let law = |said: &Vec<Vec<f64>>| {
+            if said[at].iter().any(|x| *x != 0.0) { counted(&said[at]) } else { Vec::new() }
+        };
+        Trace {
+            channel: channel.name.clone(),
+            unit: channel.unit,
+            measured: picked(&channel.measured),
+            before: counted(&columns.remains.before[at]),
+            retuned: counted(&columns.remains.retuned[at]),
+            after: counted(&columns.remains.after[at]),
+            unnamed: counted(&columns.remains.nameless[at]),
+            laws: columns.laws.iter().map(law).collect(),
+        }
+    });
+    Passage {
+        recording: file_name(stage),
+        held_out,
+        traces: traces.collect(),
+        motion: part_of(stage.motion(), rows),
+        variables,
+    }
+}
+
+/// The `rows` of `motion`, with a stretch for each run of neighbours.
+fn part_of(motion: &Trajectory, rows: &[usize]) -> Trajectory {
+    let picked = |column: &Vec<f64>| -> Vec<f64> { rows.iter().map(|&row| column[row]).collect() };
+    let columns = |all: &[Vec<f64>]| all.iter().map(picked).collect();
+    let is_new = |row: usize| motion.stretches.iter().any(|stretch| stretch.start == row);
+    let (mut stretches, mut begin) = (Vec::new(), 0);
+    for at in 1..=rows.len() {
+        if at == rows.len() || rows[at] != rows[at - 1] + 1 || is_new(rows[at]) {
+            stretches.push(begin..at);
+            begin = at;
+        }
+    }
+    Trajectory {
+        t: picked(&motion.t),
+        q: columns(&motion.q),
+        v: columns(&motion.v),
+        a: columns(&motion.a),
+        stretches,
+    }
 }

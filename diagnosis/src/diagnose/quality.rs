@@ -1,10 +1,9 @@
 //! What a recording is good for, before anything is fitted.
 
-use freeplay_arm::Arm;
-
-use super::case::Case;
+use super::data::Data;
 use super::noise::Noise;
-use super::stage::{Ground, Stage};
+use super::parts::{Part, file_name};
+use super::stage::Stage;
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
 use crate::statistics::Moments;
@@ -16,33 +15,45 @@ const LEAST_S: f64 = 2.0;
 const STILL: f64 = 1e-4;
 
 /// What makes these recordings useless for any finding: one sentence and what to do; `None` if they are not.
-pub(crate) fn lack(arm: &Arm, fitted: &[Ground], held: &[Ground]) -> Option<String> {
-    let lasts = |grounds: &[Ground]| -> f64 {
-        let stretches = grounds.iter().flat_map(|ground| {
-            ground.motion.stretches.iter().map(|s| ground.motion.t[s.end - 1] - ground.motion.t[s.start])
-        });
-        stretches.sum()
+pub(crate) fn lack(data: &Data) -> Option<String> {
+    let lasts = |part: Part| -> f64 {
+        let of_stage = |(index, parts): (usize, &Vec<Part>)| -> f64 {
+            let motion = data.stages[index].motion();
+            let step = motion.stretches.first().map_or(0.0, |stretch| motion.step(stretch));
+            parts.iter().filter(|own| **own == part).count() as f64 * step
+        };
+        data.parts.iter().enumerate().map(of_stage).sum()
     };
-    let (fit, hold) = (lasts(fitted), lasts(held));
-    if fit < LEAST_S || hold < 0.25 * LEAST_S {
+    let [fit, choice, test] = [Part::Fit, Part::Choice, Part::Test].map(lasts);
+    if fit < LEAST_S || choice + test < 0.25 * LEAST_S {
+        let names: Vec<String> = data.stages.iter().map(file_name).collect();
+        let whole: f64 = data
+            .stages
+            .iter()
+            .map(|stage| {
+                stage.ground.recording.t.last().unwrap_or(&0.0)
+                    - stage.ground.recording.t.first().unwrap_or(&0.0)
+            })
+            .sum();
         return Some(format!(
-            "too short: {fit:.1} s are left to fit and {hold:.1} s to be judged on, after the ends that the low-pass needs; record \
-             at least 10 s"
+            "{}: too short: it lasts {whole:.1} s, of which {fit:.1} s are left to fit, {choice:.1} s to choose by and {test:.1} s to test, after the ends that \
+             the low-pass needs; record at least 10 s, or set a higher cutoff (--lowpass)",
+            names.join(" and ")
         ));
     }
     let moves = |joint: usize| {
-        fitted.iter().any(|ground| {
-            let q = &ground.motion.q[joint];
+        data.stages.iter().any(|stage| {
+            let q = &stage.motion().q[joint];
             let (least, most) =
                 q.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), q| (l.min(*q), m.max(*q)));
             most - least > STILL
         })
     };
-    if !(0..arm.dof()).any(moves) {
+    if !(0..data.arm().dof()).any(moves) {
         return Some("no joint moves; record a motion of the joints in question".to_owned());
     }
-    let is_silent = |ground: &Ground| ground.channels.iter().all(|channel| ground.is_stuck(channel.kind));
-    if fitted.iter().all(is_silent) {
+    let is_silent = |stage: &Stage| stage.channels.iter().all(|channel| stage.ground.is_stuck(channel.kind));
+    if data.stages.iter().all(is_silent) {
         return Some(
             "every torque stays at one value while its joint moves, and nothing else was recorded beside the motion; record measured torques \
              or currents times the torque constant, or the tool's position"
@@ -53,9 +64,9 @@ pub(crate) fn lack(arm: &Arm, fitted: &[Ground], held: &[Ground]) -> Option<Stri
 }
 
 /// What a reader should know of the recordings: noise, rounding, standing joints, torques that are stuck.
-pub(crate) fn notes(case: &Case) -> Vec<String> {
+pub(crate) fn notes(data: &Data) -> Vec<String> {
     let mut notes = Vec::new();
-    for (number, stage) in case.stages.iter().enumerate() {
+    for (number, stage) in data.stages.iter().enumerate() {
         let (mut stuck, mut rounded, mut partly) = (Vec::new(), Vec::new(), Vec::new());
         for (index, (channel, noise)) in stage.channels.iter().zip(&stage.ground.noises.channels).enumerate()
         {
@@ -73,7 +84,7 @@ pub(crate) fn notes(case: &Case) -> Vec<String> {
             if is_coarse(noise, spread) {
                 rounded.push(format!("{} by {:.2e} {}", channel.name, noise.step, channel.unit));
             }
-            let kept = &case.kept[number * case.per_stage() + index];
+            let kept = &data.counts[number * data.per_stage() + index];
             let measured = only(kept, channel.present.as_deref());
             let left_out = 1.0 - measured.iter().sum::<f64>() / measured.len().max(1) as f64;
             if let (Kind::Torque(joint), true) = (channel.kind, left_out > 0.02) {

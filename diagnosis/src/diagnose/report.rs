@@ -6,9 +6,9 @@ use freeplay_arm::ArmFile;
 use serde::Serialize;
 
 use super::excite::ChannelNoise;
+use super::gain::Gain;
 use super::locate::Map;
 use super::passage::Passage;
-use super::show::Gain;
 use crate::conventions::SetupFinding;
 
 /// The schema of [`Diagnosis`] as JSON.
@@ -63,19 +63,17 @@ pub struct Parameter {
 /// Why an effect is believed.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evidence {
-    /// Twice the log of the likelihood ratio against a model without it, effective samples counted.
-    pub log_likelihood_ratio: f64,
-    /// The least that counts, from twins of the model and the number of hypotheses.
-    pub threshold: f64,
-    /// The most that this kind found in twins, in which nothing is missing.
-    pub in_twins: f64,
-    /// Share of the error that is gone on held-out data where it shows, beside the other effects.
+    /// The log of the odds that it is there beside the other findings, by the fit part: natural logarithm, prior odds included.
+    pub log_odds: f64,
+    /// The same in words.
+    pub odds: &'static str,
+    /// Share of all that the findings take away from the error, in squares, that this one takes away.
+    pub share: f64,
+    /// Share of the error that is gone on the test part where it shows, beside the other findings.
     pub held_out_gain: Gain,
-    /// Whether the held-out data could show it; else the gain is that on the data of the fit.
+    /// Whether the test part could show it; else the gain is that on the fit part.
     pub held_out: bool,
-    /// Share of bootstraps of blocks of the data of the fit in which it leaves less than anything else in its place.
-    pub stability: f64,
-    /// Channels in which it shows.
+    /// Channels in which it shows, the one that shows it best first.
     pub channels: Vec<String>,
 }
 
@@ -115,7 +113,7 @@ pub struct Alternative {
     pub indistinguishable: bool,
     /// What would separate the two.
     pub what_would_separate: String,
-    /// By how much the log of the odds favours the other, natural logarithm.
+    /// The log of the odds against it, natural logarithm.
     pub log_odds_against: f64,
 }
 
@@ -129,7 +127,7 @@ pub struct Rmse {
 /// The errors on held-out data, by channel.
 #[derive(Clone, Debug, Serialize)]
 pub struct Fit {
-    /// What a perfect model, tuned to the data of the fit, would leave of these, from twins.
+    /// What the instruments alone leave.
     pub noise_floor: BTreeMap<String, Rmse>,
     /// The model as given.
     pub before: BTreeMap<String, Rmse>,
@@ -141,10 +139,10 @@ pub struct Fit {
     pub after_as_given: BTreeMap<String, Rmse>,
     /// Tuned, with an unnamed correction.
     pub black_box: BTreeMap<String, Rmse>,
-    /// Whether these data took no part in the fit.
+    /// Whether these data took no part in the fit and in the choice.
     pub held_out: bool,
     /// Which data they are, in words.
-    pub data: String,
+    pub test: String,
     /// Share of the error that naming takes away on held-out data, over all channels in which something was found.
     pub gain: Option<Gain>,
     /// The same by the unnamed correction.
@@ -162,19 +160,26 @@ pub struct Tuned {
     pub deviations: f64,
 }
 
-/// A row of the evidence: the best shape of a kind at a place against the model as given.
+/// A row of the evidence: the best form of a kind at a place.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EvidenceRow {
     /// Its kind.
     pub kind: &'static str,
     /// The joint; `None`: the arm as a whole.
     pub joint: Option<String>,
-    /// Twice the log of the likelihood ratio against the tuned model, alone.
+    /// The log of the odds that it is missing, alone; natural logarithm, prior odds included.
     pub alone: f64,
     /// The same beside the effects that were named.
     pub beside: f64,
-    /// The least that counts.
-    pub threshold: f64,
+}
+
+/// To what a channel follows the laws of its model, with the findings in it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Discrepancy {
+    /// The share of its own size by which the laws are off.
+    pub share: f64,
+    /// Noise of the instruments, in the unit of the channel.
+    pub noise: f64,
 }
 
 /// What a diagnosis says.
@@ -210,9 +215,9 @@ pub struct Diagnosis {
     pub tuned: Vec<Tuned>,
     /// What is left in each channel that nothing explains: what another recording has to be weighed with.
     pub noise: BTreeMap<String, ChannelNoise>,
-    /// Number of twins that the thresholds rest on.
-    pub twins: usize,
-    /// Seed of the twins and of all intervals.
+    /// To what each channel follows the laws of the model with the findings.
+    pub discrepancy: BTreeMap<String, Discrepancy>,
+    /// Seed of all random numbers.
     pub seed: u64,
     /// The recordings point by point, those of the fit first.
     #[serde(skip)]

@@ -1,364 +1,452 @@
-//! Which effects explain what the model leaves: what is asked, what was taken in, and what it is worth. How the choice is made is in
-//! `select`, how shapes are moved in `refine`.
-
-use std::collections::BTreeMap;
+//! Which set of effects is the most probable: add, drop, swap and nest, as long as the evidence rises.
 
 use freeplay_arm::Arm;
-use freeplay_laws::{ArmParts, LawError, Placed};
-use toml::Table;
+use freeplay_laws::{LawError, Occurrence, changed};
 
-use super::case::{Case, Weighing};
-use super::columns::sum_of;
-use super::hypothesis::{Hypothesis, hypothesis};
+use super::candidate::Candidate;
 use super::system::{Fit, System};
 
-/// Chance that a perfect recording makes any hypothesis as strong as the threshold.
-const ALARM: f64 = 1e-4;
-/// Twins are few: the threshold stands this much above the strongest thing they showed.
-const ABOVE_TWINS: f64 = 1.5;
-/// Twice the log of the odds below which two effects are not told apart: 150 to 1.
-pub(crate) const TOLD_APART: f64 = 10.0;
+/// Odds within which two answers are as good: 20 to 1, as is usual for a name (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773, "strong").
+pub const AS_GOOD: f64 = 2.995_732_273_553_991;
+/// Most candidates of which each is tried in the place of several members.
+const TRIED: usize = 12;
+/// Steps of the logarithm of a shape's number, from one shape that is laid out to the next down to what no motion tells apart.
+const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, 0.004];
+/// Most effects a joint: an arm that lacks more is not known by its laws, and more of them would only follow its shapes.
+const MOST: usize = 5;
+/// Share of the log of the evidence that is worth another step.
+const WORTH: f64 = 0.01;
 
-/// What twins say: the noise floor, and what each kind finds in nothing.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Null {
-    /// Standard deviation of what a perfect model leaves, by channel.
-    pub floor: Vec<f64>,
-    /// Effective samples of that, by channel.
-    pub effective: Vec<f64>,
-    /// Greatest gain of any hypothesis of a kind.
-    pub gains: BTreeMap<&'static str, f64>,
-    /// Weights of the channels where nothing is missing.
-    pub weights: Vec<f64>,
-    /// The twins, which can be measured in another motion, too.
-    pub twins: Vec<Twin>,
-}
-
-/// A machine inside the tolerances of its model.
+/// A set of effects with its evidence.
 #[derive(Clone, Debug)]
-pub(crate) struct Twin {
-    /// What it is drawn by.
-    pub seed: u64,
-    /// Coefficients of the nuisances, tuned to its recordings.
-    pub tuned: Vec<f64>,
-}
-
-/// A kind and its joint.
-type Site = (&'static str, Option<usize>);
-
-/// An effect that was taken in.
-#[derive(Clone, Debug)]
-pub(crate) struct Chosen {
-    /// Which hypothesis.
-    pub hypothesis: usize,
-    /// Its columns in the system's base.
-    pub columns: Vec<usize>,
-    /// What it explains beside the others: twice the log of the likelihood ratio.
-    pub gain: f64,
-}
-
-/// Where a search stands, to go back to.
-#[derive(Clone)]
-pub(crate) struct Standing {
-    chosen: Vec<Chosen>,
-    /// Their shapes.
-    shapes: Vec<Table>,
-    weights: Vec<f64>,
-    barred: Vec<Site>,
-    vetoed: Vec<Site>,
-}
-
-impl Standing {
-    /// Number of effects.
-    pub fn len(&self) -> usize {
-        self.chosen.len()
-    }
-
-    /// The same with the effects of `other` at `joint` of `search` in the place of its own; `None` if these are the same there.
-    pub fn crossed(&self, other: &Self, joint: Option<usize>, search: &Search) -> Option<Self> {
-        let is_there = |(chosen, _): &(&Chosen, &Table)| search.hypotheses[chosen.hypothesis].joint == joint;
-        let at = |it: &Self, there: bool| -> Vec<(Chosen, Table)> {
-            let pairs = it.chosen.iter().zip(&it.shapes).filter(|pair| is_there(pair) == there);
-            pairs.map(|(chosen, shape)| (chosen.clone(), shape.clone())).collect()
-        };
-        let laws = |pairs: Vec<(Chosen, Table)>| -> Vec<(usize, Table)> {
-            let mut laws: Vec<_> =
-                pairs.into_iter().map(|(chosen, shape)| (chosen.hypothesis, shape)).collect();
-            laws.sort_by_key(|(hypothesis, _)| *hypothesis);
-            laws
-        };
-        if laws(at(self, true)) == laws(at(other, true)) {
-            return None;
-        }
-        let (chosen, shapes) = at(self, false).into_iter().chain(at(other, true)).unzip();
-        Some(Self { chosen, shapes, ..self.clone() })
-    }
+pub(crate) struct Answer {
+    /// The numbers of its blocks.
+    pub members: Vec<usize>,
+    /// The shares of discrepancy beside it.
+    pub shares: Vec<f64>,
+    /// The log of its evidence.
+    pub evidence: f64,
 }
 
 /// The search.
-pub(crate) struct Search<'a, 'b> {
-    /// The rows.
-    pub case: &'b Case<'a>,
-    /// The system, effects that were taken in behind the nuisances.
-    pub system: System,
-    /// Everything that might be missing.
-    pub hypotheses: Vec<Hypothesis>,
-    /// What twins say.
-    pub null: Null,
-    /// What was taken in.
-    pub chosen: Vec<Chosen>,
-    /// What the search from the other start took in.
-    pub(super) runner_up: Vec<Chosen>,
-    /// Columns of every hypothesis that was ever taken in.
-    pub(super) admitted: BTreeMap<usize, Vec<usize>>,
-    /// Kinds and places that did not stand the cross-validation.
-    pub(super) barred: Vec<Site>,
-    /// Kinds and places that did not prove themselves on held-out data.
-    pub(super) vetoed: Vec<Site>,
-    /// Number of nuisances.
-    nuisances: usize,
-    rows: Vec<f64>,
+pub(crate) struct Search<'d, 'a> {
+    /// The linear model.
+    pub system: System<'d, 'a>,
+    /// The blocks that were laid out.
+    pub laid: Vec<usize>,
+    /// All answers that were met, the best first.
+    pub met: Vec<Answer>,
 }
 
-impl<'a, 'b> Search<'a, 'b> {
-    /// A search of `hypotheses` in `system`.
-    pub fn new(case: &'b Case<'a>, system: System, hypotheses: Vec<Hypothesis>, null: Null) -> Self {
-        let (nuisances, rows) = (system.base.len(), case.rows());
-        let (chosen, admitted, barred, vetoed) = (Vec::new(), BTreeMap::new(), Vec::new(), Vec::new());
-        let runner_up = Vec::new();
-        Self { case, system, hypotheses, null, chosen, runner_up, admitted, barred, vetoed, nuisances, rows }
+impl<'d, 'a> Search<'d, 'a> {
+    /// A search among `candidates`.
+    pub fn new(mut system: System<'d, 'a>, candidates: Vec<Candidate>) -> Self {
+        let laid = candidates.into_iter().filter_map(|candidate| system.take(candidate)).collect();
+        Self { system, laid, met: Vec::new() }
     }
 
-    /// Where it stands.
-    pub fn standing(&self) -> Standing {
-        Standing {
-            chosen: self.chosen.clone(),
-            shapes: self.chosen.iter().map(|it| self.hypotheses[it.hypothesis].shape.clone()).collect(),
-            weights: self.system.weights.clone(),
-            barred: self.barred.clone(),
-            vetoed: self.vetoed.clone(),
+    /// Searches from nothing and from what is common, and goes back to the best; `None` if the system is singular.
+    pub fn run(&mut self, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+        /// What a sensor reads changes with what is found, and that with the sensor.
+        const TURNS: usize = 2;
+        let first = self.system.shares();
+        let from_nothing = self.improve(Vec::new(), progress)?;
+        self.system.set_shares(&first)?;
+        self.system.unpin()?;
+        let common = self.settled(self.common(&[]))?;
+        let common = self.laid_upon(&common)?;
+        let from_common = self.improve(common, progress)?;
+        let mut best =
+            if from_common.evidence > from_nothing.evidence + WORTH { from_common } else { from_nothing };
+        for _ in 0..TURNS {
+            if best.members.is_empty() {
+                break;
+            }
+            self.back(&best)?;
+            let laid = self.laid_upon(&best)?;
+            self.met.clear();
+            let better = self.improve(laid, progress)?;
+            let is_same = self.same_effects(&better.members, &best.members);
+            best = better;
+            if is_same {
+                break;
+            }
+        }
+        self.back(&best)?;
+        Some(best)
+    }
+
+    /// Whether `one` and `other` are the same effects in whatever form.
+    fn same_effects(&self, one: &[usize], other: &[usize]) -> bool {
+        let has = |all: &[usize], index: usize| {
+            all.iter().any(|&known| self.system.candidate(known).same_effect(self.system.candidate(index)))
+        };
+        one.len() == other.len() && one.iter().all(|&index| has(other, index))
+    }
+
+    /// Lets what sensors do, and the members of `answer`, act on the machine that has these members: what clips, is late or grows with the load does so with
+    /// all that was found. The members as they are then.
+    fn laid_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
+        let members = self.members_upon(answer)?;
+        for place in 0..self.laid.len() {
+            let index = self.laid[place];
+            if self.system.candidate(index).is_read && !answer.members.is_empty() {
+                self.laid[place] = self.anew(index);
+            }
+        }
+        Some(members)
+    }
+
+    /// The same for the members alone.
+    fn members_upon(&mut self, answer: &Answer) -> Option<Vec<usize>> {
+        let fit = self.system.fit(&answer.members)?;
+        let data = self.system.data;
+        let system = &self.system;
+        let lasting = |arm: &Arm| system.placed(&fit, arm, |candidate| !candidate.kind.happens());
+        if changed(data.arm(), &lasting(data.arm())).is_err() {
+            return Some(answer.members.clone());
+        }
+        data.lay_upon(lasting);
+        Some(answer.members.iter().map(|&member| self.anew(member)).collect())
+    }
+
+    /// The number of the block `index` as it is on the machine of now.
+    fn anew(&mut self, index: usize) -> usize {
+        let candidate = self.system.candidate(index);
+        let laid = candidate.reformed(self.system.data, candidate.form.clone());
+        laid.and_then(|laid| self.system.take(laid)).unwrap_or(index)
+    }
+
+    /// The most probable form of each effect that is common on machines, beside `members`.
+    fn common(&self, members: &[usize]) -> Vec<usize> {
+        let odds = |index: usize| self.system.candidate(index).kind.occurs.odds();
+        let candidates: Vec<usize> =
+            self.laid.iter().copied().filter(|&index| odds(index) >= Occurrence::Common.odds()).collect();
+        let Some(fit) = self.system.fit(members) else { return Vec::new() };
+        let gains = self.system.gains(&fit, &candidates);
+        let found =
+            candidates.iter().zip(gains).filter(|(_, gain)| gain.as_ref().is_some_and(|g| g.value > 0.0));
+        found.map(|(&index, _)| index).collect()
+    }
+
+    /// Improves `members` until nothing makes them more probable.
+    pub fn improve(&mut self, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+        let mut now = self.settled(members)?;
+        loop {
+            progress(&format!("searching: {} effects", now.members.len()));
+            let better = match self.added(&now)? {
+                Some(better) => Some(better),
+                None => match self.dropped(&now)? {
+                    Some(better) => Some(better),
+                    None => match self.swapped(&now)? {
+                        Some(better) => Some(better),
+                        None => self.exchanged(&now)?,
+                    },
+                },
+            };
+            let Some(better) = better else { break };
+            self.meet(&now);
+            now = better;
+        }
+        self.meet(&now);
+        Some(now)
+    }
+
+    /// `answer` with its numbers brought into agreement with what each law acts on, and with rows that are far out believed less. `None` if the system is
+    /// singular.
+    pub fn agreed(&mut self, answer: &Answer) -> Option<Answer> {
+        /// One law changes what another acts on, and that the first once more.
+        const TURNS: usize = 4;
+        let mut now = answer.clone();
+        for _ in 0..TURNS {
+            let members = self.members_upon(&now)?;
+            now = self.settled(members)?;
+            let held = self.system.held_fit(&now.members)?;
+            self.system.distrust(&held)?;
+        }
+        Some(now)
+    }
+
+    /// `answer` with the columns of its members on the test part, too; `None` if the fit part shows nothing of one of them.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn on_test(&mut self, answer: &Answer) -> Result<Option<Answer>, LawError> {
+        let mut members = Vec::new();
+        for &member in &answer.members {
+            let tested = self.system.candidate(member).tested(self.system.data)?;
+            let Some(index) = self.system.take(tested) else { return Ok(None) };
+            members.push(index);
+        }
+        Ok(Some(Answer { members, ..answer.clone() }))
+    }
+
+    /// Keeps `answer` among those that were met.
+    fn meet(&mut self, answer: &Answer) {
+        if self.met.iter().all(|known| known.members != answer.members) {
+            self.met.push(answer.clone());
+            self.met.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         }
     }
 
-    /// Goes back to where it stood.
-    pub fn go_back(&mut self, to: Standing) {
-        for (chosen, shape) in to.chosen.iter().zip(to.shapes) {
-            let now = &mut self.hypotheses[chosen.hypothesis];
-            if now.shape == shape {
+    /// `members` with the shares of discrepancy that are most probable beside them.
+    fn settled(&mut self, members: Vec<usize>) -> Option<Answer> {
+        /// A share moves by less at each turn; the grid of shares ends it.
+        const TURNS: usize = 4;
+        for _ in 0..TURNS {
+            let fit = self.system.fit(&members)?;
+            let moved = self.system.follow(&fit)?;
+            let fit = self.system.fit(&members)?;
+            if !self.system.pin(&fit)? && !moved {
+                break;
+            }
+        }
+        let evidence = self.system.fit(&members)?.value + self.system.shared();
+        Some(Answer { members, shares: self.system.shares(), evidence })
+    }
+
+    /// The evidence of `members` with shares of their own, about.
+    fn about(&self, members: &[usize]) -> Option<f64> {
+        let fit = self.system.fit(members)?;
+        Some(fit.value + self.system.shared() + self.system.to_gain(&fit))
+    }
+
+    /// `members` settled, if that makes them more probable than `now`; else the system as it was.
+    fn accepted(&mut self, now: &Answer, members: Vec<usize>) -> Option<Option<Answer>> {
+        let there = self.settled(members)?;
+        let there = self.sharpened(there)?;
+        if there.evidence > now.evidence + WORTH && self.can_exist(&there.members) {
+            return Some(Some(there));
+        }
+        self.meet(&there);
+        self.back(now)?;
+        Some(None)
+    }
+
+    /// Sets the system back to where `answer` was settled.
+    pub fn back(&mut self, answer: &Answer) -> Option<()> {
+        self.system.set_shares(&answer.shares)?;
+        let fit = self.system.fit(&answer.members)?;
+        self.system.pin(&fit)?;
+        Some(())
+    }
+
+    /// `answer` with its last member in the form that explains most now that tolerances which say the same have given way to it.
+    fn sharpened(&mut self, answer: Answer) -> Option<Answer> {
+        let Some((&last, others)) = answer.members.split_last() else { return Some(answer) };
+        let index = self.refined(others, last)?;
+        if index == last {
+            return Some(answer);
+        }
+        self.settled(others.iter().copied().chain([index]).collect())
+    }
+
+    /// Whether an arm with `members` can exist: no link of it weighs less than nothing.
+    fn can_exist(&self, members: &[usize]) -> bool {
+        let arm = self.system.data.arm();
+        let Some(fit) = self.system.fit(members) else { return false };
+        let placed = self.system.placed(&fit, arm, |_| true);
+        placed.len() == members.len() && changed(arm, &placed).is_ok()
+    }
+
+    /// The candidates that may join `members`.
+    fn open(&self, members: &[usize]) -> Vec<usize> {
+        let is_taken = |index: &usize| {
+            members
+                .iter()
+                .any(|&member| self.system.candidate(member).excludes(self.system.candidate(*index)))
+        };
+        self.laid.iter().copied().filter(|index| !is_taken(index)).collect()
+    }
+
+    /// The best form of each effect that may join `members` and brings more than `least`, the best [`TRIED`] of them in order.
+    fn nearest(&self, members: &[usize], least: f64) -> Option<Vec<usize>> {
+        let fit = self.system.fit(members)?;
+        let open = self.open(members);
+        let gains = self.system.gains(&fit, &open);
+        let worth = open.iter().zip(&gains).filter_map(|(&index, gain)| {
+            let gain = gain.as_ref().filter(|gain| gain.value > least && gain.is_inside)?;
+            Some((index, gain.value))
+        });
+        let mut worth: Vec<(usize, f64)> = worth.collect();
+        worth.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let mut nearest: Vec<usize> = Vec::new();
+        for (index, _) in worth {
+            let is_same =
+                |&other: &usize| self.system.candidate(other).same_effect(self.system.candidate(index));
+            if nearest.len() < TRIED && !nearest.iter().any(is_same) {
+                nearest.push(index);
+            }
+        }
+        Some(nearest)
+    }
+
+    /// `now` with the effect that makes it most probable.
+    fn added(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        if now.members.len() >= MOST * self.system.data.arm().dof() {
+            return Some(None);
+        }
+        for index in self.nearest(&now.members, 0.0)? {
+            let index = self.refined(&now.members, index)?;
+            let mut members = now.members.clone();
+            members.push(index);
+            if let Some(better) = self.accepted(now, members)? {
+                return Some(Some(better));
+            }
+        }
+        Some(None)
+    }
+
+    /// `now` without the member whose absence makes it most probable.
+    fn dropped(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        let mut without: Vec<(f64, Vec<usize>)> = (0..now.members.len())
+            .filter_map(|place| {
+                let mut members = now.members.clone();
+                members.remove(place);
+                Some((self.about(&members)?, members))
+            })
+            .collect();
+        without.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (about, members) in without {
+            if about <= now.evidence {
+                break;
+            }
+            if let Some(better) = self.accepted(now, members)? {
+                return Some(Some(better));
+            }
+        }
+        Some(None)
+    }
+
+    /// `now` with another effect in the place of one of its members.
+    fn swapped(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        let mut best: Option<(f64, Vec<usize>, usize)> = None;
+        for &member in &now.members {
+            let others: Vec<usize> = now.members.iter().copied().filter(|other| *other != member).collect();
+            let fit = self.system.fit(&others)?;
+            let meets = |index: &usize| {
+                *index != member && self.system.candidate(*index).meets(self.system.candidate(member))
+            };
+            let open: Vec<usize> = self.open(&others).into_iter().filter(meets).collect();
+            let own = self.system.gains(&fit, &[member]).pop().flatten().map_or(0.0, |gain| gain.value);
+            for (&index, gain) in open.iter().zip(self.system.gains(&fit, &open)) {
+                let Some(gain) = gain.filter(|gain| gain.is_inside) else { continue };
+                let more = gain.value - own;
+                if more > WORTH && best.as_ref().is_none_or(|best| more > best.0) {
+                    best = Some((more, others.clone(), index));
+                }
+            }
+        }
+        let Some((_, others, index)) = best else { return Some(None) };
+        let index = self.refined(&others, index)?;
+        let members = others.into_iter().chain([index]).collect();
+        self.accepted(now, members)
+    }
+
+    /// `now` with one effect more and without all members that it makes needless: one law in the place of several that imitate it.
+    fn exchanged(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        for index in self.nearest(&now.members, f64::NEG_INFINITY)? {
+            let Some(members) = self.thinned(&now.members, index)? else { continue };
+            if self.about(&members)? <= now.evidence + WORTH {
                 continue;
             }
-            // It was moved since; its columns of then are still in the base.
-            if let Ok(Some(then)) = hypothesis(self.case, &self.system, now.kind, now.joint, shape) {
-                *now = then;
-                self.admitted.insert(chosen.hypothesis, chosen.columns.clone());
+            if let Some(better) = self.accepted(now, members)? {
+                return Some(Some(better));
             }
         }
-        (self.chosen, self.system.weights, self.barred, self.vetoed) =
-            (to.chosen, to.weights, to.barred, to.vetoed);
+        Some(None)
     }
 
-    /// The same effects with the same weights, laid on `case`, whose nuisances are `base`: another stretch of the same recording.
-    ///
-    /// # Errors
-    /// See [`LawError`].
-    pub fn laid_on<'c>(&self, case: &'c Case<'a>, base: &System) -> Result<Search<'a, 'c>, LawError> {
-        let mut system = base.clone();
-        system.weights.clone_from(&self.system.weights);
-        let hypotheses =
-            self.chosen.iter().map(|chosen| self.hypotheses[chosen.hypothesis].laid_on(case, &system));
-        let hypotheses = hypotheses.collect::<Result<Vec<_>, _>>()?;
-        let mut laid = Search::new(case, system, hypotheses, self.null.clone());
-        for (index, here) in self.chosen.iter().enumerate() {
-            let there = laid.admit(index);
-            laid.system.replace_as(&self.system, &here.columns, &there.columns);
-            laid.chosen.push(there);
+    /// `members` and `index` without those of `members` that are not worth their place beside it; `None` if all are.
+    fn thinned(&mut self, members: &[usize], index: usize) -> Option<Option<Vec<usize>>> {
+        let mut all: Vec<usize> = members.to_vec();
+        all.push(index);
+        let mut value = self.system.fit(&all)?.value;
+        let before = all.len();
+        loop {
+            let mut best: Option<(f64, usize)> = None;
+            for place in 0..all.len() - 1 {
+                let mut rest = all.clone();
+                rest.remove(place);
+                let there = self.system.fit(&rest)?.value;
+                if there > value && best.is_none_or(|best| there > best.0) {
+                    best = Some((there, place));
+                }
+            }
+            let Some((there, place)) = best else { break };
+            all.remove(place);
+            value = there;
         }
-        Ok(laid)
+        if all.len() == before {
+            return Some(None);
+        }
+        let index = self.refined(&all[..all.len() - 1], index)?;
+        if let Some(last) = all.last_mut() {
+            *last = index;
+        }
+        Some(Some(all))
     }
 
-    /// Lays the laws that were taken in on the arm as it was found, here and in the `other` cases: one after the other changes the arm, what the
-    /// others do follows. `None` if a fit is singular.
-    ///
-    /// # Errors
-    /// See [`LawError`].
-    pub fn lay_upon_found(&mut self, others: &[&Case<'a>]) -> Result<Option<()>, LawError> {
-        let Some(fit) = self.system.fit(&self.active(None)) else { return Ok(None) };
-        let arm = self.case.stages[0].arm();
-        let changes = |index: &usize| {
-            let placed = self.named(*index).placed(arm, &self.coefficients(&fit, *index));
-            let mut parts = ArmParts::of(arm);
-            placed.is_some_and(|placed| placed.effect.arm(&mut parts).is_ok()) && !parts.are_of(arm)
+    /// The block number `index` in the form that explains most beside `members`: the numbers of its shape off their grid, its law taken about what was found.
+    pub fn refined(&mut self, members: &[usize], index: usize) -> Option<usize> {
+        let fit = self.system.fit(members)?;
+        let mut best = index;
+        let value = |search: &Self, at: usize| {
+            search.system.gains(&fit, &[at]).pop().flatten().map_or(f64::NEG_INFINITY, |gain| gain.value)
         };
-        let (found, others_left): (Vec<usize>, Vec<usize>) = (0..self.chosen.len()).partition(changes);
-        if found.is_empty() || others_left.is_empty() {
-            return Ok(Some(()));
-        }
-        let placed = |arm: &Arm| -> Vec<Placed> {
-            let of = |&index: &usize| self.named(index).placed(arm, &self.coefficients(&fit, index));
-            found.iter().filter_map(of).collect()
-        };
-        others.iter().chain([&self.case]).for_each(|case| case.lay_upon(placed));
-        for index in others_left {
-            let at = self.chosen[index].hypothesis;
-            let now = &self.hypotheses[at];
-            let shape = now.shape.clone();
-            if let Some(laid) = hypothesis(self.case, &self.system, now.kind, now.joint, shape)? {
-                self.hypotheses[at] = laid;
-                self.take_shape(index);
+        let mut now = value(self, best);
+        let moves = moves(&self.system.candidate(best).numbers());
+        for step in STEPS {
+            for along in &moves {
+                loop {
+                    let form = self.system.candidate(best).moved(along, step);
+                    let Some(there) = self.try_form(&fit, best, form, now) else { break };
+                    (best, now) = there;
+                }
             }
         }
-        Ok(self.settle())
-    }
-
-    /// Base columns of the nuisances and of all that was taken in, without the effect number `left_out`.
-    pub fn active(&self, left_out: Option<usize>) -> Vec<usize> {
-        let chosen = self.chosen.iter().enumerate().filter(|(k, _)| Some(*k) != left_out);
-        (0..self.nuisances).chain(chosen.flat_map(|(_, chosen)| chosen.columns.iter().copied())).collect()
-    }
-
-    /// The same without the effects of both numbers.
-    pub(super) fn active_without(&self, pair: [usize; 2]) -> Vec<usize> {
-        let mut active = self.active(None);
-        let out = pair.map(|index| &self.chosen[index].columns);
-        active.retain(|column| !out.iter().any(|columns| columns.contains(column)));
-        active
-    }
-
-    /// Base columns of the nuisances.
-    pub fn nuisances(&self) -> Vec<usize> {
-        (0..self.nuisances).collect()
-    }
-
-    /// The hypothesis of the effect number `index`.
-    pub fn named(&self, index: usize) -> &Hypothesis {
-        &self.hypotheses[self.chosen[index].hypothesis]
-    }
-
-    /// Whether `hypothesis` is an effect that was taken in, in whatever shape, the effect number `but` aside.
-    pub fn is_taken(&self, hypothesis: &Hypothesis, but: Option<usize>) -> bool {
-        let mut others = (0..self.chosen.len()).filter(|index| Some(*index) != but);
-        others.any(|index| self.named(index).same_effect(hypothesis))
-    }
-
-    /// Coefficients of the effect number `index` in `fit`, which has it in.
-    pub fn coefficients(&self, fit: &Fit, index: usize) -> Vec<f64> {
-        let place = |column: &usize| fit.active.iter().position(|a| a == column);
-        self.chosen[index].columns.iter().filter_map(place).map(|k| fit.eta[k]).collect()
-    }
-
-    /// Least gain that counts for a hypothesis.
-    pub fn threshold(&self, hypothesis: &Hypothesis) -> f64 {
-        let chance = ALARM / self.hypotheses.len().max(1) as f64;
-        let by_twins = ABOVE_TWINS * self.null.gains.get(hypothesis.kind.name).copied().unwrap_or(0.0);
-        chi_square(hypothesis.size(), chance).max(by_twins)
-    }
-
-    /// What the coefficients of `hypothesis` cost (Schwarz 1978).
-    pub fn cost(&self, hypothesis: &Hypothesis, weighing: &Weighing) -> f64 {
-        let effective: f64 = hypothesis.channels().map(|c| weighing.effective[c]).sum();
-        hypothesis.size() as f64 * effective.max(2.0).ln()
-    }
-
-    /// Gain less that cost.
-    pub fn merit(&self, hypothesis: &Hypothesis, gain: f64, weighing: &Weighing) -> f64 {
-        gain - self.cost(hypothesis, weighing)
-    }
-
-    /// How sure each channel is if `residual` is what `fit` leaves: by what even the unnamed correction leaves of it, and by the error
-    /// of the laws that were taken in.
-    pub fn weighing(&self, residual: &[Vec<f64>], fit: &Fit) -> Weighing {
-        let mut weighing = self.case.weigh(residual);
-        let effects = fit.active.iter().zip(&fit.eta).filter(|(column, _)| **column >= self.nuisances);
-        let said = sum_of(effects.map(|(column, eta)| (&self.system.base[*column], *eta)), residual.len());
-        weighing.misfit = said.iter().zip(&self.rows).map(|(said, rows)| law_error(said, *rows)).collect();
-        weighing
-    }
-
-    /// Weighs the channels for `residual`, which `fit` leaves.
-    pub fn reweigh(&mut self, residual: &[Vec<f64>], fit: &Fit) -> Weighing {
-        let weighing = self.weighing(residual, fit);
-        self.system.weights = weighing.weights(&self.rows, &self.null.floor);
-        weighing
-    }
-
-    /// Weights under what was taken in.
-    pub fn weigh_anew(&mut self) -> Option<()> {
-        for _ in 0..2 {
-            let fit = self.system.fit(&self.active(None))?;
-            let residual = self.system.residual(&fit);
-            self.reweigh(&residual, &fit);
+        for _ in 0..CENTRES {
+            let Some(gain) = self.system.gains(&fit, &[best]).pop().flatten() else { break };
+            let Some(form) = self.system.candidate(best).about(gain.beta.as_slice()) else { break };
+            let Some(there) = self.try_form(&fit, best, form, now) else { break };
+            (best, now) = there;
         }
-        Some(())
+        Some(best)
     }
 
-    /// What each effect explains beside the others.
-    pub fn update_gains(&mut self) -> Option<()> {
-        let all = self.system.fit(&self.active(None))?;
-        for index in 0..self.chosen.len() {
-            let without = self.system.fit(&self.active(Some(index)))?;
-            self.chosen[index].gain = without.left - all.left;
-        }
-        Some(())
-    }
-
-    /// Takes the hypothesis number `hypothesis` in.
-    pub fn admit(&mut self, hypothesis: usize) -> Chosen {
-        let columns = if let Some(columns) = self.admitted.get(&hypothesis) {
-            columns.clone()
-        } else {
-            let columns = self.system.admit(&self.hypotheses[hypothesis].block);
-            for other in &mut self.hypotheses {
-                self.system.catch_up(&mut other.block);
+    /// The number of `index` in another `form` and what it explains beside `fit`, if that is more than `now`.
+    fn try_form(
+        &mut self,
+        fit: &Fit,
+        index: usize,
+        form: super::candidate::Form,
+        now: f64,
+    ) -> Option<(usize, f64)> {
+        let other = self.system.candidate(index).reformed(self.system.data, form)?;
+        let at = self.system.take(other)?;
+        let gain = self.system.gains(fit, &[at]).pop().flatten().filter(|gain| gain.is_inside);
+        match gain.filter(|gain| gain.value > now + WORTH) {
+            Some(gain) => Some((at, gain.value)),
+            None => {
+                self.system.forget(at);
+                None
             }
-            self.admitted.insert(hypothesis, columns.clone());
-            columns
-        };
-        Chosen { hypothesis, columns, gain: 0.0 }
-    }
-}
-
-/// A law of the catalogue is an idealisation: a machine follows it to about this share of what it says.
-const LAW_ERROR: f64 = 0.05;
-
-/// Long-run variance of what laws that say `said` miss: LAW_ERROR² times its power times the number of samples that are alike.
-fn law_error(said: &[f64], rows: f64) -> f64 {
-    if said.is_empty() || rows < 1.0 {
-        return 0.0;
-    }
-    let mean = said.iter().sum::<f64>() / said.len() as f64;
-    let varying: Vec<f64> = said.iter().map(|x| x - mean).collect();
-    let alike = said.len() as f64 / super::noise::effective_samples(&varying).max(1.0);
-    LAW_ERROR.powi(2) * alike * varying.iter().map(|x| x * x).sum::<f64>() / rows
-}
-
-/// The value that a χ² of `degrees` exceeds with the probability `chance` (Wilson & Hilferty 1931; a little too large far out).
-pub(crate) fn chi_square(degrees: usize, chance: f64) -> f64 {
-    let n = degrees.max(1) as f64;
-    let spread = 2.0 / (9.0 * n);
-    n * (1.0 - spread + normal_quantile(chance) * spread.sqrt()).powi(3)
-}
-
-/// The value that a normal exceeds with the probability `chance` < ½ (Abramowitz & Stegun 26.2.23, to 4.5e-4).
-fn normal_quantile(chance: f64) -> f64 {
-    let t = (-2.0 * chance.ln()).sqrt();
-    let above = 2.515_517 + t * (0.802_853 + t * 0.010_328);
-    let below = 1.0 + t * (1.432_788 + t * (0.189_269 + t * 0.001_308));
-    t - above / below
-}
-
-#[cfg(test)]
-mod tests {
-    use super::chi_square;
-
-    /// Tables of the distribution: one per cent, and one in a million.
-    #[test]
-    fn quantiles_match_the_tables() {
-        for (degrees, chance, exact) in
-            [(1, 0.01, 6.635), (3, 0.01, 11.345), (4, 1e-6, 33.377), (2, 1e-6, 27.631)]
-        {
-            let ours = chi_square(degrees, chance);
-            println!("{degrees} degrees, {chance:.0e}: {ours:.2} against {exact}");
-            assert!((ours / exact - 1.0).abs() < 0.12);
         }
     }
 }
+
+/// The ways to move the `numbers` of a shape: each alone, and of two each way together and against each other, a gap that is wider behind flanks that give less.
+fn moves(numbers: &[String]) -> Vec<Vec<(String, f64)>> {
+    let mut all = Vec::new();
+    for (k, name) in numbers.iter().enumerate() {
+        all.extend([1.0, -1.0].map(|way| vec![(name.clone(), way)]));
+        for other in &numbers[k + 1..] {
+            let ways = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]];
+            all.extend(ways.map(|[a, b]| vec![(name.clone(), a), (other.clone(), b)]));
+        }
+    }
+    all
+}
+
+/// Most times that a law is taken about what was found.
+const CENTRES: usize = 6;

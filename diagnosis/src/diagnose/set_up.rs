@@ -3,7 +3,7 @@
 use freeplay_arm::ArmFile;
 use freeplay_recording::Recording;
 
-use super::conclude::Conclusion;
+use super::conclude::insufficient;
 use super::engine::{self, DiagnoseError, DiagnoseSettings};
 use super::report::{Diagnosis, Verdict};
 use crate::conventions::{Certainty, Mended, SetupFinding, sentences};
@@ -27,8 +27,7 @@ pub fn diagnose(
     let statement = in_words(&mended.findings);
     if let Some(why) = &mended.stop {
         let advice: Vec<String> = mended.findings.iter().map(|finding| finding.remedy.clone()).collect();
-        let mut stopped =
-            Conclusion::insufficient(file, settings, Vec::new(), format!("{why}; {}", advice.join(" ")));
+        let mut stopped = insufficient(file, settings, Vec::new(), format!("{why}; {}", advice.join(" ")));
         stopped.verdict = Verdict::Setup;
         stopped.statement = format!("{statement} There is nothing to diagnose before this is mended.");
         stopped.next = advice;

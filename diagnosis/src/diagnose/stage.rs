@@ -4,8 +4,8 @@ use std::cell::RefCell;
 
 use freeplay_arm::Arm;
 use freeplay_laws::{
-    Baseline, Change, Kind as EffectKind, LawError, Placed, Prediction, Range, Recorded, START, Start, Term,
-    Trajectory, rigid_torques, tool_positions,
+    ArmParts, Baseline, Change, Kind as EffectKind, LawError, Place, Placed, Prediction, Range, Recorded,
+    START, Start, Term, Trajectory, rigid_torques, tool_positions,
 };
 use freeplay_recording::Recording;
 use toml::Table;
@@ -23,8 +23,13 @@ use crate::stuck::Stuck;
 /// What something adds to each channel of a stage; `None` where it adds nothing.
 pub(crate) type Answer = Vec<Option<Vec<f64>>>;
 
-/// By how much all signals are raised to see how much of it comes through: N·m (N), m, rad.
-const RAISED: f64 = 1e-6;
+/// What an effect acts on: a drive moves the arm as it is, and a sensor reads what both do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Level {
+    Arm,
+    Drive,
+    Sensor,
+}
 
 type LowPass = dyn Fn(&[f64]) -> Vec<f64>;
 
@@ -88,14 +93,6 @@ impl<'a> Ground<'a> {
         Ok(Self { stuck: vec![None; arm.dof()], ..Self::new(arm, recording, settings)? })
     }
 
-    /// Leaves out the torques that are no measurement in any of the `others`.
-    pub fn silence_as(&mut self, others: &[Ground]) {
-        for (joint, stuck) in self.stuck.iter_mut().enumerate() {
-            let everywhere: Option<Vec<Stuck>> = others.iter().map(|other| other.stuck[joint]).collect();
-            *stuck = everywhere.and_then(|all| all.first().copied()).or(*stuck);
-        }
-    }
-
     /// Whether the channel that should measure `kind` is no measurement: it stays at one value, or is missing throughout.
     pub fn is_stuck(&self, kind: Kind) -> bool {
         let is_missing = self.channels.iter().any(|channel| channel.kind == kind && channel.is_missing());
@@ -117,7 +114,7 @@ pub(crate) struct Stage<'a> {
     rigid: (Vec<Vec<f64>>, Vec<Vec<f64>>),
     /// The effects that the arm file has.
     known: Vec<&'a Placed>,
-    /// What was found to change the arm: what other laws do follows the arm with it.
+    /// What was found: other laws act on the machine that has it.
     found: RefCell<Vec<Placed>>,
 }
 
@@ -140,8 +137,8 @@ impl<'a> Stage<'a> {
         Ok(Self { ground, channels, smooth, rough, rigid, known, found: RefCell::default() })
     }
 
-    /// Lets the columns of other laws follow the arm with what was `found` to change it: friction that grows with the load grows with that of a
-    /// payload, too.
+    /// Lets the columns of laws act on the machine with what was `found`: friction that grows with the load grows with that of a payload, a limit of a
+    /// drive clips its friction, and a delay is late with it.
     pub fn lay_upon(&self, found: Vec<Placed>) {
         self.found.replace(found);
     }
@@ -196,8 +193,8 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// The answers to each term of the effect `kind` at `joint` with `shape`, a law of a measurement acting on what the laws `upon` say. A memory stands as
-    /// the recording has it, beside what `nuisances` can say.
+    /// The answers to each term of the effect `kind` at `joint` with `shape`, beside what was found. A memory stands as the recording has it, beside what
+    /// `nuisances` can say.
     ///
     /// # Errors
     /// See [`LawError`].
@@ -206,12 +203,11 @@ impl<'a> Stage<'a> {
         kind: &'static EffectKind,
         joint: Option<usize>,
         shape: &Table,
-        upon: &[Placed],
         nuisances: &[Nuisance],
     ) -> Result<Vec<(Term, Answer)>, LawError> {
-        let middle = self.terms_as(kind, joint, shape, upon)?;
+        let middle = self.terms_as(kind, joint, shape)?;
         let (Some(joint), Some(start)) = (joint, kind.parameter(START)) else { return Ok(middle) };
-        let at = |start: Start| self.terms_begun(kind, joint, shape, start, upon).map(Some);
+        let at = |start: Start| self.terms_begun(kind, joint, shape, start).map(Some);
         let is_open = shape.contains_key(START) && self.number_of(Kind::Torque(joint)).is_some();
         let better = match start.range {
             Range::Number { .. } if is_open => {
@@ -239,11 +235,10 @@ impl<'a> Stage<'a> {
         joint: usize,
         shape: &Table,
         start: Start,
-        upon: &[Placed],
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let mut begun = shape.clone();
         begun.insert(START.to_owned(), start.said_of(&self.arm().joints()[joint]));
-        self.terms_as(kind, Some(joint), &begun, upon)
+        self.terms_as(kind, Some(joint), &begun)
     }
 
     /// The same with its memory standing as `shape` says.
@@ -252,18 +247,33 @@ impl<'a> Stage<'a> {
         kind: &'static EffectKind,
         joint: Option<usize>,
         shape: &Table,
-        upon: &[Placed],
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let found = self.found.borrow();
-        let beneath = if upon.is_empty() { found.as_slice() } else { upon };
-        let is_itself = upon.is_empty() && found.iter().any(|placed| placed.kind.name == kind.name);
-        let columns = if beneath.is_empty() || is_itself {
+        let place = Place { scene: self.baseline(kind).scene(), joint };
+        let first = kind.terms_at(&place, shape).into_iter().next();
+        let level = match first {
+            Some(term) if !found.is_empty() => self.level(&kind.place(&place, term.plus)?),
+            _ => Level::Arm,
+        };
+        let beneath: Vec<&Placed> = found.iter().filter(|placed| self.level(placed) < level).collect();
+        let columns = if beneath.is_empty() {
             kind.columns(self.baseline(kind), joint, shape)?
         } else {
-            let beneath: Vec<&Placed> = beneath.iter().collect();
             kind.columns(&self.baseline(kind).upon(&beneath)?, joint, shape)?
         };
         Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
+    }
+
+    /// What `placed` acts on.
+    fn level(&self, placed: &Placed) -> Level {
+        let mut parts = ArmParts::of(self.arm());
+        if placed.effect.arm(&mut parts).is_ok() && !parts.are_of(self.arm()) {
+            Level::Arm
+        } else if placed.effect.measures() {
+            Level::Sensor
+        } else {
+            Level::Drive
+        }
     }
 
     /// What `placed` adds to each channel.
@@ -290,31 +300,6 @@ impl<'a> Stage<'a> {
         };
         let best = begun(more, with, left_of)?;
         Ok(self.channels.iter().map(|channel| left(&best, channel)).collect())
-    }
-
-    /// Which share of a small change each channel shows behind the laws `sensors`, beside what the laws `machine` say, on the kept points.
-    ///
-    /// # Errors
-    /// [`LawError::Changed`] if the laws leave no possible arm.
-    pub fn let_through(&self, machine: &[Placed], sensors: &[Placed]) -> Result<Vec<Vec<f64>>, LawError> {
-        let said = self.rough.upon(&machine.iter().collect::<Vec<_>>())?;
-        let mut here = said.prediction().clone();
-        let mut raised = here.clone();
-        raised.columns_mut().flatten().for_each(|x| *x += RAISED);
-        for placed in sensors {
-            said.sense(placed, &mut here);
-            said.sense(placed, &mut raised);
-        }
-        let share = |(raised, here): (Vec<f64>, Vec<f64>)| {
-            raised.iter().zip(here).map(|(raised, here)| (raised - here) / RAISED).collect()
-        };
-        Ok(self.kept_of(&raised).into_iter().zip(self.kept_of(&here)).map(share).collect())
-    }
-
-    /// `prediction`, on all grid points, channel by channel on the kept ones.
-    fn kept_of(&self, prediction: &Prediction) -> Vec<Vec<f64>> {
-        let kept = |channel: &Channel| self.ground.treatment.keep(channel.kind.of(prediction));
-        self.channels.iter().map(kept).collect()
     }
 
     fn answer_of(&self, kind: &EffectKind, change: &Change) -> Answer {

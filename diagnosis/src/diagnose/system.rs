@@ -1,494 +1,702 @@
-//! The linear system behind every question: y = N η + Z β + ε with η ~ N(0, Λ), in inner products.
+//! The linear model under the weights of its rows: y = Nη + Σ Zβ + ε, with η ~ N(0, Λ) eliminated.
 //!
-//! Rows are the points of all channels of all recordings. Each channel c weighs w_c = n_eff/(n σ²): its rows count as the
-//! effective number of samples that its residual's autocorrelation leaves, so that a likelihood ratio is one. Inner products are
-//! kept channel by channel, so that other weights cost nothing.
+//! With W the weights and K = NᵀWN + Λ⁻¹, what a block Z of columns explains beside the tolerances is in G = ZᵀWZ − ZᵀWN K⁻¹ NᵀWZ and
+//! h = ZᵀWy − ZᵀWN K⁻¹ NᵀWy: small matrices, whatever the number of rows. The evidence of a set of blocks is in closed form in these.
 
-use std::rc::Rc;
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 
+use freeplay_arm::Arm;
+use freeplay_laws::Placed;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::bounded::{Bounded, bounded};
-use super::columns::{Column, against, gram, gram_of, subtract};
+use super::bvls::bounded;
+use super::candidate::Candidate;
+use super::columns::dot;
+use super::data::{Column, Data, add};
+use super::parts::Part;
+use super::weights::Weights;
+use crate::statistics::blocks as blocks_of;
 
-/// Inner products of blocks of columns, one matrix a channel.
-type ByChannel = Vec<DMatrix<f64>>;
+/// Half the width of a tolerance in standard deviations: an even spread of deviation one.
+const EDGE: f64 = 1.732_050_807_568_877_2;
+/// Precision with which a tolerance is held at an edge: far above what any recording says, far below what rounding spoils.
+const STIFF: f64 = 1e9;
 
-/// A block of columns that come and go together.
+/// A prior's coefficient is of such a size that its column is half of its channel.
+const HALF: f64 = 0.5;
+
+/// What a block has in one channel, before the tolerances are eliminated.
 #[derive(Clone, Debug)]
-pub(crate) struct Block {
-    /// Its columns.
-    pub columns: Vec<Column>,
-    /// BᵀZ by channel, rows as the system's columns; kept up in the channels in which the block shows.
-    with_base: ByChannel,
-    /// ZᵀZ by channel.
-    pub(super) with_itself: ByChannel,
-    /// Zᵀy by channel.
-    pub(super) with_target: Vec<DVector<f64>>,
-    /// Channels in which it is not zero.
-    pub shows: Vec<usize>,
-    /// Within which its coefficients are held.
-    pub(super) limits: Vec<[f64; 2]>,
+struct InChannel {
+    /// NᵀWZ, rows as [`Channel::tolerances`].
+    tolerances: DMatrix<f64>,
+    own: DMatrix<f64>,
+    target: DVector<f64>,
 }
 
-/// What is not held.
-const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
-
-impl Block {
-    /// The same with its coefficients held within `limits`.
-    #[must_use]
-    pub fn held(self, limits: Vec<[f64; 2]>) -> Self {
-        Self { limits, ..self }
-    }
-
-    /// Which of its columns say something that those before them don't: more than `share` of their squares.
-    pub fn independent(&self, share: f64) -> Vec<usize> {
-        let n = self.columns.len();
-        let gram = self.with_itself.iter().fold(DMatrix::zeros(n, n), |sum, of_channel| sum + of_channel);
-        let mut found: Vec<usize> = Vec::new();
-        for place in 0..n {
-            let known = gram.select_rows(&found).select_columns(&found);
-            let cross = DVector::from_iterator(found.len(), found.iter().map(|&k| gram[(k, place)]));
-            let said = Cholesky::new(known).map_or(0.0, |factor| cross.dot(&factor.solve(&cross)));
-            let whole = gram[(place, place)];
-            if whole > 0.0 && whole - said > share * whole {
-                found.push(place);
-            }
-        }
-        found
-    }
-}
-
-/// What a block explains beyond the base.
+/// A candidate in the system.
 #[derive(Clone, Debug)]
-pub(crate) struct Score {
-    /// Fall of the weighted sum of squares: twice the log of the likelihood ratio.
-    pub gain: f64,
-    /// Coefficients β of the block.
-    pub beta: DVector<f64>,
-    /// By how much the base's coefficients change when the block comes in, where that was worked out.
-    pub shift: Option<DVector<f64>>,
+struct Block {
+    candidate: Candidate,
+    channels: Vec<(usize, InChannel)>,
+    /// Precision of the prior of its coefficients.
+    precision: DMatrix<f64>,
+    /// Half the log of its determinant, and the log of the prior odds.
+    log_prior: f64,
+    /// NᵀWZ.
+    through: DMatrix<f64>,
+    /// L⁻¹NᵀWZ, with K = LLᵀ.
+    whitened: DMatrix<f64>,
+    /// G + precision, and h.
+    normal: DMatrix<f64>,
+    right: DVector<f64>,
 }
 
-/// The system: base columns with their priors, and the target.
+/// One channel under its weights.
 #[derive(Clone, Debug)]
-pub(crate) struct System {
-    /// Base columns, nuisances first.
-    pub base: Rc<Vec<Column>>,
-    /// Precision 1/sd² of the prior of each; 0 is flat.
-    pub precision: Vec<f64>,
-    /// The target y by channel.
-    pub target: Vec<Vec<f64>>,
-    /// Weight of each channel.
-    pub weights: Vec<f64>,
-    /// Within which the coefficient of each base column is held.
-    limits: Vec<[f64; 2]>,
-    /// Base columns of effects, each with a nuisance that says the same: it stays at zero while the effect takes part.
-    replaces: Vec<(usize, usize)>,
-    products: Rc<ByChannel>,
-    with_target: Vec<DVector<f64>>,
+struct Channel {
+    weights: Vec<f64>,
+    /// The tolerances that show, and their columns times the weights.
+    tolerances: Vec<(usize, Vec<f64>)>,
+    target: Vec<f64>,
+    gram: DMatrix<f64>,
+    against: DVector<f64>,
+    square: f64,
 }
 
-/// A nuisance with a prior goes no farther than this many of its standard deviations: 1.7 are the tolerance, the rest is for
-/// tolerances that are not meant to the last digit.
-const BOUND: f64 = 2.0;
-
-/// What is smaller than this share of what the tolerances may make in a channel is nothing that anybody would look for.
-const MATERIAL: f64 = 0.1;
-
-/// Least share of an effect's square that the effects taken in don't say already: large effects that cancel are no finding.
-const LEAST_APART: f64 = 0.05;
-
-/// The same for any sum of its columns.
-const LEAST_TOGETHER: f64 = 0.01;
-
-/// Share of a nuisance's square that an effect has to say to be the same.
-const SAME: f64 = 0.99;
-/// Precision of a nuisance that has gone over into an effect.
-const NONE: f64 = 1e15;
-
-/// The base fitted under the present weights, for some of its columns.
+/// The answer to the question what a set of blocks explains.
+#[derive(Clone, Debug)]
 pub(crate) struct Fit {
-    /// Indices of the base columns that take part.
-    pub active: Vec<usize>,
-    /// Positions in `active` of those that are not held at their bound.
-    pub free: Vec<usize>,
+    /// The numbers of the blocks.
+    pub members: Vec<usize>,
+    /// Their coefficients, stacked.
+    pub beta: DVector<f64>,
+    /// The log of the evidence but for what the same weights make the same.
+    pub value: f64,
+    /// What of it is not the sum of squares: volumes and prior odds.
+    log_prior: f64,
+    /// The normal matrix of the coefficients: the inverse of their covariance.
+    pub normal: DMatrix<f64>,
+    /// The coefficients of the tolerances, where these are held inside them.
+    eta: Option<DVector<f64>>,
+}
+
+/// What one block more would explain.
+#[derive(Clone, Debug)]
+pub(crate) struct Gain {
+    /// By how much the log of the evidence rises, prior odds included.
+    pub value: f64,
+    /// What of it is the fall of half the weighed squares.
+    pub explained: f64,
+    /// The block's coefficients.
+    pub beta: DVector<f64>,
+    /// Whether they are inside their bounds without being held there.
+    pub is_inside: bool,
+}
+
+/// The system.
+pub(crate) struct System<'d, 'a> {
+    pub data: &'d Data<'a>,
+    pub weights: Weights,
+    pub target: Vec<Vec<f64>>,
+    parts: Vec<Part>,
+    tolerances: Vec<Column>,
+    precision: Vec<f64>,
+    channels: Vec<Channel>,
     factor: Cholesky<f64, Dyn>,
-    /// Coefficients of the active columns.
-    pub eta: DVector<f64>,
-    /// What is left: the weighted sum of squares and what the priors pay.
-    pub left: f64,
-    /// Where they show.
-    shown: Shown,
-    /// Normal matrix and right side of the active columns.
-    normal: (DMatrix<f64>, DVector<f64>),
-    /// Weighted square of the target.
-    whole: f64,
+    /// K and NᵀWy with no tolerance held at an edge.
+    free: (DMatrix<f64>, DVector<f64>),
+    /// L⁻¹NᵀWy.
+    whitened_target: DVector<f64>,
+    /// Half the log of the determinant of K with no tolerance held at an edge.
+    log_volume: f64,
+    /// The tolerances that are held at an edge of their width, where a set of blocks would have them beyond it.
+    pins: Vec<Option<f64>>,
+    blocks: Vec<Block>,
+    crosses: RefCell<BTreeMap<(usize, usize), DMatrix<f64>>>,
 }
 
-impl Fit {
-    /// The factor of the normal matrix of what is free.
-    pub(super) fn factor(&self) -> &Cholesky<f64, Dyn> {
-        &self.factor
-    }
-
-    /// The rows of `all` that belong to coefficients that are not held.
-    fn of_free(&self, all: &DMatrix<f64>) -> DMatrix<f64> {
-        if self.free.len() == self.active.len() { all.clone() } else { all.select_rows(&self.free) }
-    }
-}
-
-impl System {
-    /// A system of the nuisances `base` for `target`.
-    pub fn new(base: Vec<Column>, precision: Vec<f64>, target: Vec<Vec<f64>>) -> Self {
-        let channels = target.len();
-        let products: ByChannel = (0..channels).map(|c| gram_of(&base, c)).collect();
-        let with_target = (0..channels).map(|c| against(&base, &target, c)).collect();
-        let limit = |precision: &f64| if *precision == 1.0 { [-BOUND, BOUND] } else { FREE };
-        Self {
-            replaces: Vec::new(),
-            limits: precision.iter().map(limit).collect(),
-            base: Rc::new(base),
-            precision,
-            weights: vec![1.0; channels],
-            products: Rc::new(products),
-            with_target,
+impl<'d, 'a> System<'d, 'a> {
+    /// The system of the rows of `data` in `parts` under `weights`; `None` if the tolerances are singular.
+    pub fn new(data: &'d Data<'a>, target: Vec<Vec<f64>>, weights: Weights, parts: &[Part]) -> Option<Self> {
+        let (tolerances, precision) = data.tolerances();
+        let channels: Vec<Channel> = (0..data.channels())
+            .map(|c| Channel::new(c, &tolerances, &target, weights.rows[c].weights()))
+            .collect();
+        let pins = vec![None; precision.len()];
+        let free = normal_equations(&channels, &precision);
+        let (factor, whitened_target) = eliminated(&free, &pins)?;
+        let (blocks, crosses) = (Vec::new(), RefCell::default());
+        let parts = parts.to_vec();
+        let log_volume = half_log_determinant(&factor);
+        Some(Self {
+            log_volume,
+            data,
+            weights,
             target,
-        }
-    }
-
-    /// The same base for another target.
-    pub fn with_other_target(&self, target: &[Vec<f64>]) -> Self {
-        let with_target = (0..target.len()).map(|c| against(&self.base, target, c)).collect();
-        Self { target: target.to_vec(), with_target, ..self.clone() }
-    }
-
-    /// The base columns `active` and the target with each row times its factor in `rows`, by channel; the other columns say nothing.
-    pub fn with_rows(&self, active: &[usize], rows: &[Vec<f64>]) -> Self {
-        let times = |part: &[f64], rows: &[f64]| part.iter().zip(rows).map(|(x, row)| x * row).collect();
-        let mut base = vec![vec![None; rows.len()]; self.base.len()];
-        for &a in active {
-            let parts = self.base[a].iter().zip(rows);
-            base[a] = parts.map(|(part, rows)| part.as_ref().map(|part| times(part, rows))).collect();
-        }
-        let target = self.target.iter().zip(rows).map(|(y, rows)| times(y, rows)).collect();
-        let (weights, replaces, limits) = (self.weights.clone(), self.replaces.clone(), self.limits.clone());
-        Self { weights, replaces, limits, ..Self::new(base, self.precision.clone(), target) }
-    }
-
-    /// A block of `columns` with its inner products.
-    pub fn block(&self, columns: Vec<Column>) -> Block {
-        let channels = 0..self.target.len();
-        Block {
-            with_base: channels.clone().map(|c| gram(&self.base, &columns, c)).collect(),
-            with_itself: channels.clone().map(|c| gram_of(&columns, c)).collect(),
-            with_target: channels.clone().map(|c| against(&columns, &self.target, c)).collect(),
-            shows: channels.filter(|&c| columns.iter().any(|column| column[c].is_some())).collect(),
-            limits: vec![FREE; columns.len()],
-            columns,
-        }
-    }
-
-    /// The same block against the target of this system, whose base is the same.
-    pub fn retargeted(&self, block: &Block) -> Vec<DVector<f64>> {
-        (0..self.target.len()).map(|c| against(&block.columns, &self.target, c)).collect()
-    }
-
-    /// Adds the columns of `block` to the base under a flat prior; the indices of the new columns.
-    pub fn admit(&mut self, block: &Block) -> Vec<usize> {
-        let (old, new) = (self.base.len(), block.columns.len());
-        let products = Rc::make_mut(&mut self.products);
-        for (c, product) in products.iter_mut().enumerate() {
-            let mut grown = product.clone().resize(old + new, old + new, 0.0);
-            if block.shows.contains(&c) {
-                grown.view_mut((0, old), (old, new)).copy_from(&block.with_base[c].rows(0, old));
-                grown.view_mut((old, 0), (new, old)).copy_from(&block.with_base[c].rows(0, old).transpose());
-                grown.view_mut((old, old), (new, new)).copy_from(&block.with_itself[c]);
-            }
-            *product = grown;
-            let mut target = self.with_target[c].clone().resize_vertically(old + new, 0.0);
-            target.rows_mut(old, new).copy_from(&block.with_target[c]);
-            self.with_target[c] = target;
-        }
-        Rc::make_mut(&mut self.base).extend(block.columns.iter().cloned());
-        self.precision.extend(std::iter::repeat_n(0.0, new));
-        self.limits.extend_from_slice(&block.limits);
-        let columns: Vec<usize> = (old..old + new).collect();
-        if let &[column] = columns.as_slice() {
-            self.replaces.extend(self.said_by(column).into_iter().map(|nuisance| (column, nuisance)));
-        }
-        columns
-    }
-
-    /// Lets the base columns `ours` replace the nuisances that their like `theirs` replace in `other`, and no others.
-    pub fn replace_as(&mut self, other: &System, theirs: &[usize], ours: &[usize]) {
-        self.replaces.retain(|(column, _)| !ours.contains(column));
-        for (column, like) in ours.iter().zip(theirs) {
-            let same = other.replaces.iter().filter(|(column, _)| column == like);
-            self.replaces.extend(same.map(|(_, nuisance)| (*column, *nuisance)));
-        }
-    }
-
-    /// Lets the base columns `new` replace what their like `old` replace, too.
-    pub fn inherit(&mut self, old: &[usize], new: &[usize]) {
-        for (old, new) in old.iter().zip(new) {
-            let same = self.replaces.iter().filter(|(column, _)| column == old);
-            let more: Vec<(usize, usize)> = same.map(|(_, nuisance)| (*new, *nuisance)).collect();
-            self.replaces.extend(more);
-        }
-    }
-
-    /// The nuisances of which the base column `column` says nearly all: what has a name is no tolerance any more, and the prior of the
-    /// one must not keep a part of the other.
-    fn said_by(&self, column: usize) -> Vec<usize> {
-        let product = |i: usize, j: usize| -> f64 {
-            self.weights
-                .iter()
-                .zip(self.products.iter())
-                .map(|(weight, product)| weight * product[(i, j)])
-                .sum()
-        };
-        let own = product(column, column);
-        let is_said =
-            |&nuisance: &usize| product(column, nuisance).powi(2) > SAME * own * product(nuisance, nuisance);
-        (0..column).filter(|&k| self.precision[k] == 1.0).filter(is_said).collect()
-    }
-
-    /// Precision of each of the base columns `active` while these take part.
-    pub fn precisions(&self, active: &[usize]) -> Vec<f64> {
-        let replaced = |a: &usize| {
-            self.replaces.iter().any(|(column, nuisance)| nuisance == a && active.contains(column))
-        };
-        active.iter().map(|a| if replaced(a) { NONE } else { self.precision[*a] }).collect()
-    }
-
-    /// Brings the inner products of `block` up to the columns admitted since.
-    pub fn catch_up(&self, block: &mut Block) {
-        let all = self.base.len();
-        for &c in &block.shows {
-            let known = block.with_base[c].nrows();
-            if known == all {
-                continue;
-            }
-            let mut grown = std::mem::take(&mut block.with_base[c]).resize_vertically(all, 0.0);
-            grown.rows_mut(known, all - known).copy_from(&gram(&self.base[known..], &block.columns, c));
-            block.with_base[c] = grown;
-        }
-    }
-
-    /// Fits the base columns `active`, nuisances inside their bounds; `None` if they are not independent.
-    pub fn fit(&self, active: &[usize]) -> Option<Fit> {
-        let shown = self.shown(active);
-        let (normal, right) = self.normal(active, &shown);
-        let Bounded { free, factor, eta, fall } = bounded(&normal, &right, &self.limits(active))?;
-        let whole = self.weighted_square(&self.target);
-        Some(Fit {
-            active: active.to_vec(),
-            free,
+            parts,
+            tolerances,
+            precision,
+            channels,
             factor,
-            eta,
-            left: whole - fall,
-            shown,
-            normal: (normal, right),
-            whole,
+            free,
+            whitened_target,
+            pins,
+            blocks,
+            crosses,
         })
     }
 
-    /// As [`System::scores`], with the nuisances that `fit` holds at their bounds free to come back: what the block would really gain.
-    pub fn exact_score(&self, fit: &Fit, block: &Block) -> Option<Score> {
-        let (n, p) = (fit.active.len(), block.columns.len());
-        let (base, base_right) = &fit.normal;
-        let mut normal = base.clone().resize(n + p, n + p, 0.0);
-        let mut right = base_right.clone().resize_vertically(n + p, 0.0);
-        let cross = self.cross(fit, block);
-        normal.view_mut((0, n), (n, p)).copy_from(&cross);
-        normal.view_mut((n, 0), (p, n)).copy_from(&cross.transpose());
-        for &c in &block.shows {
-            let weight = self.weights[c];
-            right.rows_mut(n, p).axpy(weight, &block.with_target[c], 1.0);
-            for j in 0..p {
-                for k in 0..p {
-                    normal[(n + j, n + k)] += weight * block.with_itself[c][(j, k)];
+    /// The candidate of the block number `index`.
+    pub fn candidate(&self, index: usize) -> &Candidate {
+        &self.blocks[index].candidate
+    }
+
+    /// Takes `candidate` into the system, and gives its number; `None` if the rows show nothing of it.
+    pub fn take(&mut self, candidate: Candidate) -> Option<usize> {
+        let block = self.block(candidate)?;
+        self.blocks.push(block);
+        Some(self.blocks.len() - 1)
+    }
+
+    /// Forgets the block number `index`, if it is the last.
+    pub fn forget(&mut self, index: usize) {
+        if index + 1 == self.blocks.len() {
+            self.blocks.pop();
+            self.crosses.borrow_mut().retain(|(i, j), _| *i != index && *j != index);
+        }
+    }
+
+    fn block(&self, candidate: Candidate) -> Option<Block> {
+        let size = candidate.size();
+        let mut precision = DMatrix::zeros(size, size);
+        let (mut channels, mut count) = (Vec::new(), 0.0);
+        for &c in &candidate.channels {
+            let channel = &self.channels[c];
+            if channel.weights.iter().all(|w| *w == 0.0) {
+                continue;
+            }
+            let mask = self.data.mask(c, &self.parts);
+            let plain = own(&candidate.columns, c, &mask);
+            let rows = mask.iter().sum::<f64>();
+            let scale = HALF * self.weights.rows[c].scale;
+            if scale > 0.0 && plain.diagonal().iter().any(|x| *x > 0.0) {
+                precision += plain / (scale * scale);
+                count += rows;
+                channels.push((c, channel.of(&candidate.columns, c)));
+            }
+        }
+        if count <= 0.0 {
+            return None;
+        }
+        precision /= count;
+        for k in 0..size {
+            if precision[(k, k)] <= 0.0 {
+                return None;
+            }
+            precision[(k, k)] *= 1.0 + 1e-9;
+        }
+        let log_prior = half_log_determinant(&Cholesky::new(precision.clone())?)
+            + candidate.kind.occurs.odds().ln()
+            - (candidate.forms as f64).ln();
+        let mut block = Block {
+            candidate,
+            channels,
+            precision,
+            log_prior,
+            through: DMatrix::zeros(0, 0),
+            whitened: DMatrix::zeros(0, 0),
+            normal: DMatrix::zeros(0, 0),
+            right: DVector::zeros(0),
+        };
+        self.eliminate(&mut block);
+        Some(block)
+    }
+
+    /// Works out what `block` explains beside the tolerances.
+    fn eliminate(&self, block: &mut Block) {
+        let size = block.candidate.size();
+        let mut tolerances = DMatrix::zeros(self.tolerances.len(), size);
+        (block.normal, block.right) = (block.precision.clone(), DVector::zeros(size));
+        for (c, part) in &block.channels {
+            for (row, (index, _)) in self.channels[*c].tolerances.iter().enumerate() {
+                let mut there = tolerances.row_mut(*index);
+                there += part.tolerances.row(row);
+            }
+            block.normal += &part.own;
+            block.right += &part.target;
+        }
+        block.through.clone_from(&tolerances);
+        self.factor.l_dirty().solve_lower_triangular_mut(&mut tolerances);
+        block.normal -= tolerances.tr_mul(&tolerances);
+        block.right -= tolerances.tr_mul(&self.whitened_target);
+        block.whitened = tolerances;
+    }
+
+    /// ZᵢᵀWZⱼ less what goes through the tolerances.
+    fn cross(&self, i: usize, j: usize) -> DMatrix<f64> {
+        if i > j {
+            return self.cross(j, i).transpose();
+        }
+        if let Some(known) = self.crosses.borrow().get(&(i, j)) {
+            return known.clone();
+        }
+        let (left, right) = (&self.blocks[i], &self.blocks[j]);
+        let mut cross = -left.whitened.tr_mul(&right.whitened);
+        for &c in left.candidate.channels.iter().filter(|c| right.candidate.channels.contains(c)) {
+            let weights = &self.channels[c].weights;
+            for (b, column) in right.candidate.columns.iter().enumerate() {
+                let Some(column) = &column[c] else { continue };
+                let weighed: Vec<f64> = column.iter().zip(weights).map(|(x, w)| x * w).collect();
+                for (a, other) in left.candidate.columns.iter().enumerate() {
+                    if let Some(other) = &other[c] {
+                        cross[(a, b)] += dot(other, &weighed);
+                    }
                 }
             }
         }
-        let mut limits = self.limits(&fit.active);
-        limits.extend_from_slice(&block.limits);
-        let solved = bounded(&normal, &right, &limits)?;
-        let gain = fit.left - (fit.whole - solved.fall);
-        let beta = solved.eta.rows(n, p).into_owned();
-        let shift = solved.eta.rows(0, n) - &fit.eta;
-        gain.is_finite().then_some(Score { gain, beta, shift: Some(shift) })
-    }
-
-    /// Within which the coefficients of the base columns `active` are held.
-    pub fn limits(&self, active: &[usize]) -> Vec<[f64; 2]> {
-        active.iter().map(|&a| self.limits[a]).collect()
-    }
-
-    /// Where the base columns `active` show.
-    fn shown(&self, active: &[usize]) -> Shown {
-        let in_order = active.iter().enumerate().take_while(|(i, a)| i == *a).count();
-        let others = active.iter().copied().enumerate().skip(in_order);
-        let of_channel = |c: usize| others.clone().filter(|(_, a)| self.base[*a][c].is_some()).collect();
-        Shown { in_order, others: (0..self.target.len()).map(of_channel).collect() }
-    }
-
-    /// Normal matrix and right side of the base columns `active`, priors included.
-    fn normal(&self, active: &[usize], shown: &Shown) -> (DMatrix<f64>, DVector<f64>) {
-        let n = active.len();
-        let (mut normal, mut right) = (DMatrix::zeros(n, n), DVector::zeros(n));
-        for (c, weight) in self.weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0) {
-            shown.add(c, *weight, self.with_target[c].as_slice(), right.as_mut_slice());
-            for (i, &a) in active.iter().enumerate().filter(|(_, a)| self.base[**a][c].is_some()) {
-                let products = self.products[c].column(a);
-                shown.add(c, *weight, products.as_slice(), &mut normal.as_mut_slice()[i * n..(i + 1) * n]);
-            }
-        }
-        for (i, precision) in self.precisions(active).into_iter().enumerate() {
-            normal[(i, i)] = normal[(i, i)] * (1.0 + 1e-11) + precision + f64::MIN_POSITIVE;
-        }
-        (normal, right)
-    }
-
-    /// Adds the weighed inner products of the active columns of `fit` with those of `block` to `cross`, column by column.
-    pub(super) fn add_cross(&self, fit: &Fit, block: &Block, cross: &mut [f64]) {
-        let n = fit.active.len();
-        for &c in &block.shows {
-            let products = &block.with_base[c];
-            let all = products.as_slice().chunks_exact(products.nrows().max(1));
-            for (cross, products) in cross.chunks_exact_mut(n.max(1)).zip(all) {
-                fit.shown.add(c, self.weights[c], products, cross);
-            }
-        }
-    }
-
-    /// Weighed inner products of the active columns of `fit` with those of `block`.
-    fn cross(&self, fit: &Fit, block: &Block) -> DMatrix<f64> {
-        let mut cross = DMatrix::zeros(fit.active.len(), block.columns.len());
-        self.add_cross(fit, block, cross.as_mut_slice());
+        self.crosses.borrow_mut().insert((i, j), cross.clone());
         cross
     }
 
-    /// By how much the coefficients of `fit` change when `block` comes in with the coefficients `beta`.
-    fn shift(&self, fit: &Fit, block: &Block, beta: &DVector<f64>) -> DVector<f64> {
-        let moved = fit.factor.solve(&(fit.of_free(&self.cross(fit, block)) * beta));
-        let mut shift = DVector::zeros(fit.active.len());
-        fit.free.iter().zip(moved.iter()).for_each(|(&k, moved)| shift[k] = -moved);
-        shift
-    }
-
-    /// Whether the base columns `others` can't say nearly all of any column of `block`, nor all of any sum of these: what differs by direction is an
-    /// offset beside friction, and beside a spring, whose rest is free, no data tell how much of it there is.
-    pub fn is_apart(&self, others: &[usize], block: &Block) -> bool {
-        let near: Vec<usize> = others
-            .iter()
-            .copied()
-            .filter(|&a| block.shows.iter().any(|&c| self.base[a][c].is_some()))
-            .collect();
-        let n = near.len();
-        if n == 0 {
-            return true;
-        }
-        let size = block.columns.len();
-        let mut gram = DMatrix::<f64>::zeros(n, n);
-        let mut cross = DMatrix::<f64>::zeros(n, size);
-        let mut own = DMatrix::<f64>::zeros(size, size);
-        for &c in &block.shows {
-            let weight = self.weights[c];
-            own += weight * &block.with_itself[c];
-            for (i, &a) in near.iter().enumerate() {
-                for (j, &b) in near.iter().enumerate() {
-                    gram[(i, j)] += weight * self.products[c][(a, b)];
-                }
-                for j in 0..size {
-                    cross[(i, j)] += weight * block.with_base[c][(a, j)];
-                }
+    /// What `members` explain together; `None` if they are singular.
+    pub fn fit(&self, members: &[usize]) -> Option<Fit> {
+        let sizes: Vec<usize> = members.iter().map(|&i| self.candidate(i).size()).collect();
+        let all: usize = sizes.iter().sum();
+        let (mut normal, mut right) = (DMatrix::zeros(all, all), DVector::zeros(all));
+        let (mut limits, mut log_prior, mut at) = (Vec::new(), 0.0, 0);
+        for (k, &i) in members.iter().enumerate() {
+            let block = &self.blocks[i];
+            normal.view_mut((at, at), (sizes[k], sizes[k])).copy_from(&block.normal);
+            right.rows_mut(at, sizes[k]).copy_from(&block.right);
+            let mut before = 0;
+            for (l, &j) in members[..k].iter().enumerate() {
+                let cross = self.cross(j, i);
+                normal.view_mut((before, at), (sizes[l], sizes[k])).copy_from(&cross);
+                normal.view_mut((at, before), (sizes[k], sizes[l])).copy_from(&cross.transpose());
+                before += sizes[l];
             }
+            limits.extend(block.candidate.limits());
+            log_prior += block.log_prior;
+            at += sizes[k];
         }
-        (0..n).for_each(|i| gram[(i, i)] = gram[(i, i)] * (1.0 + 1e-9) + f64::MIN_POSITIVE);
-        let Some(factor) = Cholesky::new(gram) else { return false };
-        let left = &own - cross.transpose() * factor.solve(&cross);
-        let is_said = |j: usize| left[(j, j)] < LEAST_APART * own[(j, j)].max(f64::MIN_POSITIVE);
-        if (0..size).any(is_said) {
-            return false;
-        }
-        // Of all sums of the columns, the one that keeps the least share of its square.
-        let Some(factor) = Cholesky::new(own).filter(|_| size > 1) else { return true };
-        let half = factor.l().solve_lower_triangular(&left).unwrap_or(left);
-        let shares = factor.l().solve_lower_triangular(&half.transpose()).unwrap_or(half);
-        shares.symmetric_eigenvalues().min() >= LEAST_TOGETHER
+        let volume = log_determinant(&normal)?;
+        let beta = bounded(&normal, &right, &limits)?;
+        let log_prior = log_prior - 0.5 * volume;
+        let value = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta)) + log_prior;
+        Some(Fit { members: members.to_vec(), beta, value, log_prior, normal, eta: None })
     }
 
-    /// Whether `block` with the coefficients `beta` says enough in some channel to be a finding, beside what tolerances may say there.
-    pub fn is_material(&self, block: &Block, beta: &DVector<f64>) -> bool {
-        block.shows.iter().any(|&c| {
-            let said = beta.dot(&(&block.with_itself[c] * beta));
-            let tolerated = self.precision.iter().enumerate().filter(|(_, precision)| **precision == 1.0);
-            said >= MATERIAL.powi(2) * tolerated.map(|(k, _)| self.products[c][(k, k)]).sum::<f64>()
+    /// The same with every tolerance held inside its width: what is said of a machine of this data sheet. Its value is to be compared with those of other held
+    /// fits.
+    pub fn held_fit(&self, members: &[usize]) -> Option<Fit> {
+        self.held_within(members, &self.widths(members))
+    }
+
+    /// The width of each tolerance beside `members`, in standard deviations: none of one that a member says, no end of one that no prior binds.
+    fn widths(&self, members: &[usize]) -> Vec<[f64; 2]> {
+        let width = |(precision, is_named): (&f64, bool)| match (*precision < 1.0, is_named) {
+            (true, _) => [f64::NEG_INFINITY, f64::INFINITY],
+            (false, true) => [0.0, 0.0],
+            (false, false) => [-EDGE, EDGE],
+        };
+        self.precision.iter().zip(self.named_by(members)).map(width).collect()
+    }
+
+    /// [`System::held_fit`] with the tolerances inside `widths`.
+    fn held_within(&self, members: &[usize], widths: &[[f64; 2]]) -> Option<Fit> {
+        let fit = self.fit(members)?;
+        let (n, m) = (self.precision.len(), fit.beta.len());
+        let (mut normal, mut right) = (DMatrix::zeros(n + m, n + m), DVector::zeros(n + m));
+        normal.view_mut((0, 0), (n, n)).copy_from(&self.free.0);
+        right.rows_mut(0, n).copy_from(&self.free.1);
+        let mut whitened = DMatrix::zeros(n, m);
+        let mut limits = widths.to_vec();
+        let mut at = 0;
+        for &member in members {
+            let block = &self.blocks[member];
+            let size = block.candidate.size();
+            normal.view_mut((0, n + at), (n, size)).copy_from(&block.through);
+            normal.view_mut((n + at, 0), (size, n)).copy_from(&block.through.transpose());
+            whitened.columns_mut(at, size).copy_from(&block.whitened);
+            let whole = &block.right + block.whitened.tr_mul(&self.whitened_target);
+            right.rows_mut(n + at, size).copy_from(&whole);
+            limits.extend(block.candidate.limits());
+            at += size;
+        }
+        normal.view_mut((n, n), (m, m)).copy_from(&(&fit.normal + whitened.tr_mul(&whitened)));
+        let solved = bounded(&normal, &right, &limits)?;
+        let value = right.dot(&solved) - 0.5 * solved.dot(&(&normal * &solved)) + fit.log_prior;
+        Some(Fit {
+            value,
+            beta: solved.rows(n, m).into_owned(),
+            eta: Some(solved.rows(0, n).into_owned()),
+            ..fit
         })
     }
 
-    /// Covariance of the active coefficients; zero where one is held at its bound.
-    pub fn covariance(&self, fit: &Fit) -> DMatrix<f64> {
-        let (inverse, n) = (fit.factor.inverse(), fit.active.len());
-        let mut whole = DMatrix::zeros(n, n);
-        for (i, &a) in fit.free.iter().enumerate() {
-            for (j, &b) in fit.free.iter().enumerate() {
-                whole[(a, b)] = inverse[(i, j)];
+    /// Holds the tolerances that `fit` would have beyond an edge of their width at that edge; whether any was taken up or let go.
+    pub fn pin(&mut self, fit: &Fit) -> Option<bool> {
+        let widths = self.widths(&fit.members);
+        let held = self.held_within(&fit.members, &widths)?.eta?;
+        // Without a width the edge is zero; without an end no tolerance is at it.
+        let edge = |(eta, [_, most]): (&f64, &[f64; 2])| {
+            (eta.abs() >= most * (1.0 - 1e-9)).then(|| most.copysign(*eta))
+        };
+        let pins: Vec<Option<f64>> = held.iter().zip(&widths).map(edge).collect();
+        let moved = pins != self.pins;
+        if moved {
+            self.pins = pins;
+            self.eliminate_anew()?;
+        }
+        Some(moved)
+    }
+
+    /// Which tolerances say what one of `members` says, whatever its coefficients: what has a name is no tolerance any more.
+    fn named_by(&self, members: &[usize]) -> Vec<bool> {
+        /// Share of a column's square that another says for both to be the same.
+        const SAME: f64 = 0.99;
+        let squares: Vec<f64> = (0..self.precision.len())
+            .map(|k| {
+                let shown = self.channels.iter().flat_map(|channel| {
+                    let place = channel.tolerances.iter().position(|(index, _)| *index == k);
+                    place.map(|place| channel.gram[(place, place)])
+                });
+                shown.sum()
+            })
+            .collect();
+        let mut named = vec![false; self.precision.len()];
+        for &member in members {
+            let block = &self.blocks[member];
+            let own = &block.normal - &block.precision + block.whitened.tr_mul(&block.whitened);
+            let Some(factor) = Cholesky::new(own) else { continue };
+            for (k, square) in squares.iter().enumerate() {
+                let cross = block.through.row(k).transpose();
+                let said = cross.dot(&factor.solve(&cross));
+                named[k] |= *square > 0.0 && said > SAME * square;
             }
         }
-        whole
+        named
     }
 
-    /// Standard deviations of the active coefficients; infinite where one is held at its bound.
-    pub fn deviations(&self, fit: &Fit) -> DVector<f64> {
-        let variances = self.covariance(fit).diagonal();
-        variances.map(|variance| if variance > 0.0 { variance.sqrt() } else { f64::INFINITY })
+    /// Lets all tolerances go.
+    pub fn unpin(&mut self) -> Option<()> {
+        self.pins.fill(None);
+        self.eliminate_anew()
     }
 
-    /// Target minus the fitted base, by channel.
-    pub fn residual(&self, fit: &Fit) -> Vec<Vec<f64>> {
-        let mut residual = self.target.clone();
-        for (&a, eta) in fit.active.iter().zip(fit.eta.iter()) {
-            subtract(&mut residual, &self.base[a], *eta);
+    /// What each of `candidates` would explain more beside the members of `fit`.
+    pub fn gains(&self, fit: &Fit, candidates: &[usize]) -> Vec<Option<Gain>> {
+        let factor = Cholesky::new(fit.normal.clone());
+        let gain = |&index: &usize| {
+            let block = &self.blocks[index];
+            let size = block.candidate.size();
+            let mut cross = DMatrix::zeros(fit.beta.len(), size);
+            let mut at = 0;
+            for &member in &fit.members {
+                let of_member = self.cross(member, index);
+                cross.view_mut((at, 0), of_member.shape()).copy_from(&of_member);
+                at += of_member.nrows();
+            }
+            let right = &block.right - cross.tr_mul(&fit.beta);
+            if let Some(factor) = &factor {
+                factor.l_dirty().solve_lower_triangular_mut(&mut cross);
+            }
+            let normal = &block.normal - cross.tr_mul(&cross);
+            let volume = log_determinant(&normal)?;
+            let limits = block.candidate.limits();
+            let beta = bounded(&normal, &right, &limits)?;
+            let explained = right.dot(&beta) - 0.5 * beta.dot(&(&normal * &beta));
+            let is_inside = beta.iter().zip(&limits).all(|(x, [least, most])| least < x && x < most);
+            Some(Gain { value: explained - 0.5 * volume + block.log_prior, explained, beta, is_inside })
+        };
+        candidates.iter().map(gain).collect()
+    }
+
+    /// The weighed squares that the tolerances leave.
+    pub fn square_left(&self) -> f64 {
+        let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
+        squares - self.whitened_target.norm_squared()
+    }
+
+    /// The log of the evidence but for what no weight changes: what all sets under the same weights share.
+    pub fn shared(&self) -> f64 {
+        let volumes: f64 = self.weights.rows.iter().map(super::weights::Rows::log_volume).sum();
+        let squares: f64 = self.channels.iter().map(|channel| channel.square).sum();
+        let stiff: f64 = self.pins.iter().flatten().map(|edge| STIFF * edge * edge).sum();
+        volumes - 0.5 * (squares + stiff) + 0.5 * self.whitened_target.norm_squared() - self.log_volume
+    }
+
+    /// The coefficients of the tolerances beside `fit`.
+    pub fn tolerances_beside(&self, fit: &Fit) -> DVector<f64> {
+        if let Some(held) = &fit.eta {
+            return held.clone();
         }
-        residual
+        let (mut right, mut at) = (self.whitened_target.clone(), 0);
+        for &member in &fit.members {
+            let block = &self.blocks[member];
+            right -= &block.whitened * fit.beta.rows(at, block.candidate.size());
+            at += block.candidate.size();
+        }
+        let upper = self.factor.l().transpose();
+        upper.solve_upper_triangular(&right).unwrap_or(right)
     }
 
-    /// The same with `block` in, by its `score`.
-    pub fn residual_with(&self, fit: &Fit, block: &Block, score: &Score) -> Vec<Vec<f64>> {
-        let mut residual = self.target.clone();
-        let shift = score.shift.clone().unwrap_or_else(|| self.shift(fit, block, &score.beta));
-        for (&a, eta) in fit.active.iter().zip((&fit.eta + shift).iter()) {
-            subtract(&mut residual, &self.base[a], *eta);
+    /// What `fit` leaves of every row of the data, of all parts.
+    pub fn left(&self, fit: &Fit) -> Vec<Vec<f64>> {
+        let mut left = self.target.clone();
+        for (column, eta) in self.tolerances.iter().zip(self.tolerances_beside(fit).iter()) {
+            add(&mut left, column, -eta);
         }
-        for (column, beta) in block.columns.iter().zip(score.beta.iter()) {
-            subtract(&mut residual, column, *beta);
+        for (column, beta) in self.columns(&fit.members).zip(fit.beta.iter()) {
+            add(&mut left, column, -beta);
         }
-        residual
+        left
     }
 
-    /// Weighted sum of squares of `residual`.
-    pub fn weighted_square(&self, residual: &[Vec<f64>]) -> f64 {
-        let squares = residual.iter().map(|r| r.iter().map(|x| x * x).sum::<f64>());
-        squares.zip(&self.weights).map(|(square, weight)| square * weight).sum()
+    /// What each block of neighbouring rows pulls at the coefficients of `fit`, the tolerances eliminated: ZᵀW(what is left) of the block.
+    pub fn pulls(&self, fit: &Fit) -> Vec<DVector<f64>> {
+        let left = self.left(fit);
+        // The columns beside the tolerances, Z − N K⁻¹NᵀWZ, channel by channel.
+        let upper = self.factor.l().transpose();
+        let through: Vec<DMatrix<f64>> = fit
+            .members
+            .iter()
+            .filter_map(|&member| upper.solve_upper_triangular(&self.blocks[member].whitened))
+            .collect();
+        let mut blocks: BTreeMap<(usize, usize), DVector<f64>> = BTreeMap::new();
+        for (c, channel) in
+            self.channels.iter().enumerate().filter(|(_, channel)| !channel.tolerances.is_empty())
+        {
+            let mut columns = Vec::new();
+            for (&member, through) in fit.members.iter().zip(&through) {
+                for (k, column) in self.candidate(member).columns.iter().enumerate() {
+                    let mut own = column[c].clone().unwrap_or_else(|| vec![0.0; left[c].len()]);
+                    for (index, _) in &channel.tolerances {
+                        if let Some(tolerance) = &self.tolerances[*index][c] {
+                            let share = through[(*index, k)];
+                            own.iter_mut().zip(tolerance).for_each(|(x, t)| *x -= share * t);
+                        }
+                    }
+                    columns.push(own);
+                }
+            }
+            let (stage, _) = self.data.place(c);
+            for (stretch, step) in self.data.stretches(c) {
+                for rows in blocks_of(stretch, step) {
+                    let pull =
+                        blocks.entry((stage, rows.start)).or_insert_with(|| DVector::zeros(columns.len()));
+                    for (k, column) in columns.iter().enumerate() {
+                        pull[k] += rows
+                            .clone()
+                            .map(|row| column[row] * channel.weights[row] * left[c][row])
+                            .sum::<f64>();
+                    }
+                }
+            }
+        }
+        blocks.into_values().collect()
+    }
+
+    /// `rows` less what the tolerances with the coefficients `eta` say, those aside that no prior binds.
+    pub fn without_tolerances(&self, rows: &mut [Vec<f64>], eta: &DVector<f64>) {
+        let bound = self.tolerances.iter().zip(&self.precision).zip(eta.iter());
+        bound
+            .filter(|((_, precision), _)| **precision >= 1.0)
+            .for_each(|((column, _), eta)| add(rows, column, -eta));
+    }
+
+    /// The columns of `members`, in the order of their coefficients.
+    pub fn columns<'s>(&'s self, members: &'s [usize]) -> impl Iterator<Item = &'s Column> {
+        members.iter().flat_map(|&member| self.candidate(member).columns.iter())
+    }
+
+    /// The members of `fit` on `arm` that an arm file can say, those aside that `may` refuses.
+    pub fn placed(&self, fit: &Fit, arm: &Arm, may: impl Fn(&Candidate) -> bool) -> Vec<Placed> {
+        let members = fit.members.iter().map(|&member| self.candidate(member)).enumerate();
+        let wanted = members.filter(|(_, candidate)| may(candidate));
+        wanted.filter_map(|(place, candidate)| candidate.placed(arm, self.coefficients(fit, place))).collect()
+    }
+
+    /// The coefficients of the member number `place` of `fit`.
+    pub fn coefficients<'f>(&self, fit: &'f Fit, place: usize) -> &'f [f64] {
+        let at: usize = fit.members[..place].iter().map(|&member| self.candidate(member).size()).sum();
+        &fit.beta.as_slice()[at..at + self.candidate(fit.members[place]).size()]
+    }
+
+    /// Follows the shares of discrepancy to what `fit` leaves; whether any moved. `None` if that makes the tolerances singular.
+    pub fn follow(&mut self, fit: &Fit) -> Option<bool> {
+        let left = self.left(fit);
+        let moved: Vec<usize> = (0..self.channels.len())
+            .filter(|&c| {
+                let taken = self.taken(fit, c);
+                self.weights.rows[c].follow(&left[c], taken)
+            })
+            .collect();
+        self.weigh_anew(&moved)?;
+        Some(!moved.is_empty())
+    }
+
+    /// Believes each row by what `fit` leaves of it: see [`super::weights::Rows::distrust`]. `None` if that makes the tolerances singular.
+    pub fn distrust(&mut self, fit: &Fit) -> Option<()> {
+        let left = self.left(fit);
+        let heard: Vec<usize> =
+            (0..self.channels.len()).filter(|&c| self.weights.rows[c].effective() > 0.0).collect();
+        heard.iter().for_each(|&c| self.weights.rows[c].distrust(&left[c]));
+        self.weigh_anew(&heard)
+    }
+
+    /// Sets the shares of discrepancy to those of `weights`.
+    pub fn set_shares(&mut self, shares: &[f64]) -> Option<()> {
+        let moved: Vec<usize> =
+            (0..self.channels.len()).filter(|&c| self.weights.rows[c].share != shares[c]).collect();
+        moved.iter().for_each(|&c| self.weights.rows[c].share = shares[c]);
+        self.weigh_anew(&moved)
+    }
+
+    /// By how much the evidence of `fit` would rise, were the shares of discrepancy its own.
+    pub fn to_gain(&self, fit: &Fit) -> f64 {
+        let left = self.left(fit);
+        (0..self.channels.len()).map(|c| self.weights.rows[c].to_gain(&left[c], self.taken(fit, c))).sum()
+    }
+
+    /// Number of coefficients of `fit` that show in the channel number `c`.
+    fn taken(&self, fit: &Fit, c: usize) -> f64 {
+        let members = fit.members.iter().map(|&member| &self.blocks[member].candidate);
+        members
+            .filter(|candidate| candidate.channels.contains(&c))
+            .map(|candidate| candidate.size() as f64)
+            .sum()
+    }
+
+    /// The share of discrepancy of each channel.
+    pub fn shares(&self) -> Vec<f64> {
+        self.weights.rows.iter().map(|rows| rows.share).collect()
+    }
+
+    /// Works out all products in the channels `moved` anew.
+    fn weigh_anew(&mut self, moved: &[usize]) -> Option<()> {
+        if moved.is_empty() {
+            return Some(());
+        }
+        for &c in moved {
+            self.channels[c] =
+                Channel::new(c, &self.tolerances, &self.target, self.weights.rows[c].weights());
+        }
+        let moved_of = |block: &mut Block, channels: &[Channel]| {
+            for (c, part) in &mut block.channels {
+                if moved.contains(c) {
+                    *part = channels[*c].of(&block.candidate.columns, *c);
+                }
+            }
+        };
+        self.blocks.iter_mut().for_each(|block| moved_of(block, &self.channels));
+        self.free = normal_equations(&self.channels, &self.precision);
+        self.log_volume = half_log_determinant(&Cholesky::new(self.free.0.clone())?);
+        self.eliminate_anew()
+    }
+
+    /// Eliminates the tolerances from all blocks anew.
+    fn eliminate_anew(&mut self) -> Option<()> {
+        (self.factor, self.whitened_target) = eliminated(&self.free, &self.pins)?;
+        self.crosses.borrow_mut().clear();
+        let mut blocks = std::mem::take(&mut self.blocks);
+        blocks.iter_mut().for_each(|block| self.eliminate(block));
+        self.blocks = blocks;
+        Some(())
     }
 }
 
-/// Where the columns that take part show: what is not in a channel has no inner product there, and need not be looked for.
-struct Shown {
-    /// So many are at the same place among all columns: the nuisances come first and all take part.
-    in_order: usize,
-    /// The others that show in each channel, by their places among those that take part and among all.
-    others: Vec<Vec<(usize, usize)>>,
+impl Channel {
+    fn new(c: usize, tolerances: &[Column], target: &[Vec<f64>], weights: Vec<f64>) -> Self {
+        let weighed = |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&weights).map(|(x, w)| x * w).collect() };
+        let is_silent = weights.iter().all(|w| *w == 0.0);
+        let shown: Vec<(usize, Vec<f64>)> = tolerances
+            .iter()
+            .enumerate()
+            .filter(|_| !is_silent)
+            .filter_map(|(index, column)| Some((index, weighed(column[c].as_ref()?))))
+            .collect();
+        let column = |index: usize| tolerances[index][c].as_deref().unwrap_or(&[]);
+        let gram = DMatrix::from_fn(shown.len(), shown.len(), |i, j| {
+            if i <= j { dot(column(shown[i].0), &shown[j].1) } else { 0.0 }
+        });
+        let gram = &gram + gram.transpose() - DMatrix::from_diagonal(&gram.diagonal());
+        let against = DVector::from_fn(shown.len(), |i, _| dot(&shown[i].1, &target[c]));
+        let target_weighed = weighed(&target[c]);
+        let square = dot(&target_weighed, &target[c]);
+        Self { tolerances: shown, target: target_weighed, gram, against, square, weights }
+    }
+
+    /// What a block of `columns` has here.
+    fn of(&self, columns: &[Column], c: usize) -> InChannel {
+        let part = |k: usize| columns[k][c].as_deref();
+        let size = columns.len();
+        let with = |rows: &[f64], k: usize| part(k).map_or(0.0, |column| dot(column, rows));
+        InChannel {
+            tolerances: DMatrix::from_fn(self.tolerances.len(), size, |i, k| with(&self.tolerances[i].1, k)),
+            own: own(columns, c, &self.weights),
+            target: DVector::from_fn(size, |k, _| with(&self.target, k)),
+        }
+    }
 }
 
-impl Shown {
-    /// Adds to `sums`, one for each column that takes part, `weight` times its number among those of all columns in the channel `c`.
-    fn add(&self, c: usize, weight: f64, numbers: &[f64], sums: &mut [f64]) {
-        let in_order = sums[..self.in_order].iter_mut().zip(numbers);
-        in_order.for_each(|(sum, number)| *sum += weight * number);
-        self.others[c].iter().for_each(|&(place, among_all)| sums[place] += weight * numbers[among_all]);
+/// ZᵀWZ of `columns` in the channel number `c`.
+fn own(columns: &[Column], c: usize, weights: &[f64]) -> DMatrix<f64> {
+    let size = columns.len();
+    let mut own = DMatrix::zeros(size, size);
+    for (i, left) in columns.iter().enumerate() {
+        let Some(left) = &left[c] else { continue };
+        let weighed: Vec<f64> = left.iter().zip(weights).map(|(x, w)| x * w).collect();
+        for (j, right) in columns[..=i].iter().enumerate() {
+            let Some(right) = &right[c] else { continue };
+            let product = dot(&weighed, right);
+            (own[(i, j)], own[(j, i)]) = (product, product);
+        }
     }
+    own
+}
+
+/// Half the log of the determinant of the matrix of `factor`.
+fn half_log_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
+    factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum()
+}
+
+/// K and NᵀWy.
+fn normal_equations(channels: &[Channel], precision: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
+    let n = precision.len();
+    let mut normal = DMatrix::from_diagonal(&DVector::from_column_slice(precision));
+    let mut right = DVector::zeros(n);
+    for channel in channels {
+        for (i, (a, _)) in channel.tolerances.iter().enumerate() {
+            right[*a] += channel.against[i];
+            for (j, (b, _)) in channel.tolerances.iter().enumerate() {
+                normal[(*a, *b)] += channel.gram[(i, j)];
+            }
+        }
+    }
+    // A zero of a link encoder without a row would be singular.
+    (0..n).for_each(|k| normal[(k, k)] += f64::MIN_POSITIVE);
+    (normal, right)
+}
+
+/// The factor of K, and L⁻¹NᵀWy, with the tolerances that `pins` holds at an edge.
+fn eliminated(
+    free: &(DMatrix<f64>, DVector<f64>),
+    pins: &[Option<f64>],
+) -> Option<(Cholesky<f64, Dyn>, DVector<f64>)> {
+    let (mut normal, mut right) = free.clone();
+    for (k, edge) in pins.iter().enumerate().filter_map(|(k, pin)| Some((k, (*pin)?))) {
+        normal[(k, k)] += STIFF;
+        right[k] += STIFF * edge;
+    }
+    let factor = Cholesky::new(normal)?;
+    factor.l_dirty().solve_lower_triangular_mut(&mut right);
+    Some((factor, right))
+}
+
+/// The log of the determinant of a positive definite matrix; `None` if it is none.
+fn log_determinant(matrix: &DMatrix<f64>) -> Option<f64> {
+    Some(2.0 * half_log_determinant(&Cholesky::new(matrix.clone())?))
 }

@@ -1,7 +1,7 @@
 //! How far a machine may be from its model without that being a finding.
 
 use freeplay_arm::{Joint, JointKind};
-use freeplay_laws::{ArmParts, DriveFriction};
+use freeplay_laws::{ArmParts, DriveFriction, Kind as EffectKind, Placed, Tolerance};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::stage::{Answer, Stage};
@@ -30,6 +30,24 @@ pub struct Tolerances {
 impl Default for Tolerances {
     fn default() -> Self {
         Self { mass: 0.02, inertia: 0.02, friction: 0.05, zero: 1e-4, length: 1e-4, delay: 6e-4, frame: 1e-4 }
+    }
+}
+
+impl Tolerances {
+    /// Whether an effect of `kind` with these `parameters` is a difference inside the tolerances: no finding. A torque that is held from one sample to the next,
+    /// `step` s, is half of that late or early by itself.
+    pub(crate) fn hold(&self, kind: &EffectKind, parameters: &toml::Table, step: f64) -> bool {
+        let (name, neutral, tolerance) = match kind.tolerance {
+            Some(Tolerance::Zero) => ("offset", 0.0, self.zero),
+            Some(Tolerance::Length) => ("offset", 0.0, self.length),
+            Some(Tolerance::Mass) => ("scale", 1.0, self.mass),
+            Some(Tolerance::Delay) => {
+                let is_held = parameters.get("channel").and_then(toml::Value::as_str) == Some("torque");
+                ("delay", 0.0, self.delay + if is_held { 0.5 * step } else { 0.0 })
+            }
+            Some(Tolerance::Inertia | Tolerance::Friction) | None => return false,
+        };
+        parameters.get(name).and_then(toml::Value::as_float).is_some_and(|x| (x - neutral).abs() <= tolerance)
     }
 }
 
@@ -77,19 +95,6 @@ pub(crate) enum Of {
 }
 
 impl Of {
-    /// Whether it changes the rigid arm.
-    pub fn is_rigid(self) -> bool {
-        matches!(
-            self,
-            Self::Mass(_)
-                | Self::Inertia(_)
-                | Self::Centre(..)
-                | Self::Rotor(_)
-                | Self::Length(_)
-                | Self::Tool
-        )
-    }
-
     /// Changes `parts` by so many standard `deviations` of it; what an arm file does not say leaves them as they are.
     pub fn change(self, parts: &mut ArmParts, tolerances: &Tolerances, deviations: f64) {
         let by = |tolerance: f64| EVEN * tolerance * deviations;
@@ -199,29 +204,17 @@ fn on_torque(stage: &Stage, index: usize, name: String, column: &[f64], of: Of) 
     Nuisance { name, answer, free: false, of }
 }
 
-/// Laws of the arm file whose strength is as uncertain as friction.
-const FRICTIONS: [&str; 8] = [
-    "coulomb_friction",
-    "viscous_friction",
-    "quadratic_drag",
-    "stribeck_friction",
-    "asymmetric_friction",
-    "load_dependent_friction",
-    "position_dependent_friction",
-    "presliding_friction",
-];
-/// Those that are as uncertain as an inertia.
-const INERTIAS: [&str; 1] = ["rotor_inertia"];
-
 /// The strength of the laws that the arm file has; what they change of the arm is in its own numbers.
 fn of_laws(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
-    let tolerance = |kind: &str| {
-        let friction = FRICTIONS.contains(&kind).then_some(tolerances.friction);
-        friction.or(INERTIAS.contains(&kind).then_some(tolerances.inertia))
+    let tolerance = |placed: &Placed| match placed.kind.tolerance? {
+        Tolerance::Friction => Some(tolerances.friction),
+        Tolerance::Inertia => Some(tolerances.inertia),
+        // What these change of the arm is in its own numbers.
+        Tolerance::Mass | Tolerance::Zero | Tolerance::Length | Tolerance::Delay => None,
     };
     let mut all = Vec::new();
     for placed in stage.known() {
-        let Some(tolerance) = tolerance(placed.kind.name) else { continue };
+        let Some(tolerance) = tolerance(placed) else { continue };
         // As much of it once more, but for the share.
         let Ok(mut answer) = stage.answer(placed) else { continue };
         answer.iter_mut().flatten().flatten().for_each(|x| *x *= EVEN * tolerance);

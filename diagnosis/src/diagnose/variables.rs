@@ -3,8 +3,8 @@
 use freeplay_arm::JointKind;
 use freeplay_laws::torque_unit;
 
+use super::shapes::way_since_reversal;
 use super::stage::Stage;
-use super::universal::way_since_reversal;
 use crate::residual::Kind;
 
 /// A quantity of the motion that a residual may depend on.

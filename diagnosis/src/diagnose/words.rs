@@ -6,9 +6,34 @@ use freeplay_laws::{Kind as EffectKind, kind};
 
 use super::locate::Map;
 use super::report::{Alternative, Effect, Parameter};
+use super::search::AS_GOOD;
 
 /// How a sentence begins that says what would tell one effect from another.
 pub const TO_TELL: &str = "to tell";
+
+/// The odds of a finding in words, from their natural logarithm (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773).
+pub(crate) fn odds(log_odds: f64) -> &'static str {
+    /// ln 150.
+    const VERY_STRONG: f64 = 5.010_635;
+    match log_odds {
+        x if x < AS_GOOD => "possible",
+        x if x < VERY_STRONG => "probable",
+        _ => "as good as sure",
+    }
+}
+
+/// Why an alternative is not named, from the natural logarithm of the odds against it.
+pub(crate) fn odds_against(log_odds: f64) -> String {
+    /// Odds that say more than a person asks for.
+    const MANY: f64 = 1e4;
+    if log_odds < 0.0 {
+        return "it says the same of this motion".to_owned();
+    }
+    match log_odds.exp() {
+        odds if odds > MANY => "it was tried in this place and leaves far more of the error".to_owned(),
+        odds => format!("it was tried in this place; the odds against it are {odds:.0} to 1"),
+    }
+}
 
 /// Up to how many findings a verdict repeats with their numbers.
 const FEW: usize = 3;
@@ -207,8 +232,8 @@ pub(crate) fn when(map: Option<&Map>) -> String {
 mod tests {
     use std::collections::BTreeMap;
 
+    use super::super::report::Parameter;
     use super::{on, phrase, uncertain};
-    use crate::diagnose::report::Parameter;
 
     fn parameters(all: &[(&str, f64, &str, f64)]) -> BTreeMap<String, Parameter> {
         let of = |&(name, value, unit, half): &(&str, f64, &str, f64)| {

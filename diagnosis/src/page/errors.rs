@@ -6,10 +6,9 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::channels;
+use crate::statistics::{BLOCK_S, blocks as blocks_of};
 use crate::{Diagnosis, Passage, Trace};
 
-/// Length of a block of the bootstrap, s.
-const BLOCK_S: f64 = 0.5;
 /// Draws of the bootstrap.
 const DRAWS: usize = 400;
 
@@ -27,8 +26,8 @@ const MODELS: [(&str, Pick); 4] = [
 pub fn section(diagnosis: &Diagnosis) -> Option<Section> {
     let fit = diagnosis.fit.as_ref()?;
     let mut section = Section::new("How much better").with(format!(
-        "Errors on {}: roots of mean squares with 95 % intervals from blocks of {BLOCK_S} s drawn with replacement. As given: the model as it is. Re-tuned: its masses, lengths, frictions, zeros and delays moved inside their tolerances. Unnamed correction: re-tuned, with splines in the place of the findings. Noise floor: what a perfect model would leave, from twins.",
-        fit.data
+        "Errors on {}: roots of mean squares with 95 % intervals from blocks of {BLOCK_S} s drawn with replacement. As given: the model as it is. Re-tuned: its masses, lengths, frictions, zeros and delays moved inside their tolerances. Unnamed correction: re-tuned, with splines in the place of the findings. Noise floor: what the instruments alone leave.",
+        fit.test
     ));
     let shown = channels(diagnosis);
     for channel in &shown {
@@ -85,9 +84,8 @@ fn rms(held: &[(&Passage, &Trace)], pick: Pick, seed: u64) -> Estimate {
     let mut blocks: Vec<[f64; 2]> = Vec::new();
     for (passage, trace) in held {
         for stretch in &passage.motion.stretches {
-            let long = ((BLOCK_S / passage.motion.step(stretch).max(1e-12)) as usize).max(1);
-            for block in pick(trace)[stretch.clone()].chunks(long) {
-                let finite = block.iter().filter(|x| x.is_finite());
+            for rows in blocks_of(stretch.clone(), passage.motion.step(stretch)) {
+                let finite = pick(trace)[rows].iter().filter(|x| x.is_finite());
                 blocks.push(finite.fold([0.0, 0.0], |[sum, count], x| [sum + x * x, count + 1.0]));
             }
         }

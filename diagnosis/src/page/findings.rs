@@ -46,7 +46,7 @@ fn at_a_glance(diagnosis: &Diagnosis) -> Table {
         .column(Column::number("error taken away", "%").fixed(0).bars())
         .column(Column::text("95 % interval"))
         .column(Column::text("in").wrapping())
-        .note("Error taken away: share of the error in these channels, beside all other findings, on held-out data; with a star on the data of the fit, for held-out data hardly show it.");
+        .note("Error taken away: share of the error in these channels, beside all other findings, on the test part; with a star on the fit part, for it does not act in the test part.");
     for effect in &diagnosis.effects {
         let gain = effect.evidence.held_out_gain;
         let [low, high] = gain.ci95.map(|share| 100.0 * share);
@@ -117,20 +117,17 @@ fn parameters(effect: &Effect) -> Table {
 fn evidence(effect: &Effect) -> String {
     let evidence = &effect.evidence;
     let on = if evidence.held_out {
-        "held-out data"
+        "the test part, which no step before this report has seen"
     } else {
-        "the data of the fit (it does not act on the held-out data)"
+        "the fit part (it does not act in the test part)"
     };
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
     format!(
-        "Evidence: twice the logarithm of the likelihood ratio is {}, and {} would do; in perfect recordings this kind came to {} at most. It takes {} % (95 %: {} to {} %) of the error in {} away on {on}. In {} % of bootstraps of the data of the fit it leaves less than anything else in its place.",
-        written(evidence.log_likelihood_ratio),
-        written(evidence.threshold),
-        written(evidence.in_twins),
+        "Evidence: it is {} that this is there beside the other findings. On {on}, it takes {} % (95 %: {} to {} %) of the error in {} away.",
+        evidence.odds,
         percent(evidence.held_out_gain.value),
         percent(evidence.held_out_gain.ci95[0]),
         percent(evidence.held_out_gain.ci95[1]),
         evidence.channels.join(", "),
-        percent(evidence.stability),
     )
 }

@@ -58,8 +58,7 @@ pub fn document(subject: &Subject) -> Document {
         rest::judged(diagnosis),
     ];
     sections.into_iter().flatten().fold(document, Document::section).footer(format!(
-        "{} twins, seed {}; `freeplay diagnose --model {} --recording {}`",
-        diagnosis.twins,
+        "seed {}; `freeplay diagnose --model {} --recording {}`",
         diagnosis.seed,
         pasted(Path::new(model)),
         recordings.iter().map(|path| pasted(path)).collect::<Vec<_>>().join(" ")

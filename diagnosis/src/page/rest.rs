@@ -121,14 +121,12 @@ pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
         .column(Column::text("effect"))
         .column(Column::number("alone", ""))
         .column(Column::number("beside the findings", ""))
-        .column(Column::number("would count from", ""))
-        .note("Twice the logarithm of the likelihood ratio against the tuned model, samples counted as often as they are independent.");
+        .note("Natural logarithm of the odds that the effect is missing from the model, prior odds included: 3 are 20 to 1, below 0 it is not.");
     for row in diagnosis.evidence.iter().take(ROWS) {
         evidence = evidence.row([
             Cell::from(title(row.kind, row.joint.as_deref())),
             row.alone.into(),
             row.beside.into(),
-            row.threshold.into(),
         ]);
     }
     let mut tuned = Table::new("How far the tolerances of the model are used beside the findings")
@@ -138,11 +136,18 @@ pub fn judged(diagnosis: &Diagnosis) -> Option<Section> {
     for one in diagnosis.tuned.iter().take(ROWS) {
         tuned = tuned.row([Cell::from(one.name.as_str()), one.deviations.into()]);
     }
-    let text = format!(
-        "Thresholds rest on {} twins: perfect recordings of the model, moved as the machine was, inside the tolerances and with its noise, put through the same analysis. The fit rests on other data than those that it is judged on.",
-        diagnosis.twins
-    );
-    let blocks = vec![evidence.into(), tuned.into()];
+    let mut followed = Table::new("To what the machine follows its laws, with the findings in the model")
+        .column(Column::text("channel"))
+        .column(Column::number("off by", "%").significant(2))
+        .column(Column::number("noise of the instruments", "").significant(2))
+        .note("Share of the local size of the channel by which the laws are off: real machines follow theirs to some per cent.");
+    for (channel, discrepancy) in &diagnosis.discrepancy {
+        let cells =
+            [Cell::from(channel.as_str()), (100.0 * discrepancy.share).into(), discrepancy.noise.into()];
+        followed = followed.row(cells);
+    }
+    let text = "The data were cut into three parts. The fit part shows which effects are missing and how large they are, the choice part decides between answers that are as good, and the test part was touched once, for the errors and gains of this report.";
+    let blocks = vec![followed.into(), evidence.into(), tuned.into()];
     Some(
         Section::new("How it was judged")
             .with(text)

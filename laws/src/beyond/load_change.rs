@@ -12,7 +12,7 @@ use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::{Scene, loaded};
@@ -35,8 +35,11 @@ pub static KIND: Kind = Kind {
             range: Range::Word(SIDES),
         },
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "m at the tool for t ≥ t₀, or up to t₀: gravity and inertia on all joints before it",
     source: "Khalil & Dombre 2002, §9",
     signature: "from a time on, gravity and inertia of one body are off on all joints",

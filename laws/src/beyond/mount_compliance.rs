@@ -10,7 +10,7 @@ use freeplay_arm::{Arm, Workspace};
 use nalgebra::Vector3;
 
 use crate::basis::Terms;
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::sag::{SagLaw, Sagging, pressure};
@@ -35,8 +35,11 @@ pub static KIND: Kind = Kind {
             [0.0, 1.0],
         ),
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::POSE,
     rough: false,
+    shakes: false,
     equation: "θ = c M, and the tool moves by θ × p",
     source: "Abele, Weigold & Rothenbücher 2007",
     signature: "the tool moves with the overturning moment of the whole arm, by its place in the base frame",

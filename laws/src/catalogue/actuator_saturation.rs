@@ -10,7 +10,7 @@ use crate::DriveFriction;
 use crate::basis::{Place, Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::{Prediction, Scene};
@@ -26,8 +26,11 @@ pub static KIND: Kind = Kind {
         Parameter::number("share", "share of the torque beyond the limit that is lost", "1", [0.0, 1.0])
             .or(1.0),
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "|τ| ≤ L",
     source: "Khalil 2002, §1.2.7",
     signature: "the torque stays below one value, to one side only, and only where much is asked",

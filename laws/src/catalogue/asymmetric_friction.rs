@@ -7,7 +7,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -33,8 +33,11 @@ pub static KIND: Kind = Kind {
         )
         .prismatic("N"),
     ],
+    occurs: Occurrence::Occasional,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = F₊ for q̇ > 0, −F₋ for q̇ < 0",
     source: "Armstrong-Hélouvry 1991",
     signature: "the torque steps where the velocity changes sign, by different amounts to the two sides",

@@ -26,7 +26,7 @@ use crate::columns::{Change, Columns};
 use crate::effect::{Effect, Start};
 use crate::flight::Flight;
 use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
-use crate::kind::{Kind, START, Seen, Site};
+use crate::kind::{Kind, Occurrence, START, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::Scene;
@@ -83,8 +83,11 @@ pub static KIND: Kind = Kind {
             range: Range::Word(&["flight", "rest"]),
         },
     ],
+    occurs: Occurrence::Occasional,
+    tolerance: None,
     seen: Seen::BOTH,
     rough: true,
+    shakes: true,
     equation: "q_link = q − τ_L/k − p, p = (j/2) sign(τ_L) at rest, M p'' = τ_L between the flanks; friction behind the gap: τ = F p, p = 0 while the motor crosses it",
     source: "Nordin & Gutman 2002; Tao & Kokotović 1996, §2.3",
     signature: "the link goes over by the gap where the transmitted torque changes its sign; torque is missing meanwhile, or after each reversal",

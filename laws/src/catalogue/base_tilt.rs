@@ -11,7 +11,7 @@ use crate::LawError;
 use crate::basis::{Term, Terms, with};
 use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 
@@ -36,8 +36,11 @@ pub static KIND: Kind = Kind {
             range: Range::Word(TRACKERS),
         },
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::BOTH,
     rough: false,
+    shakes: false,
     equation: "g_base = Rᵀ g, R = R_y(pitch) R_x(roll)",
     source: "Khalil & Dombre 2002, §9.4",
     signature: "gravity is turned alike for all links, inertia is not",

@@ -7,7 +7,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -24,8 +24,11 @@ pub static KIND: Kind = Kind {
         [-1e6, 1e6],
     )
     .prismatic("N")],
+    occurs: Occurrence::Common,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = F sign(q̇)",
     source: "Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994",
     signature: "the torque steps where the velocity changes sign and depends on nothing else",

@@ -8,7 +8,7 @@ use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::harmonic::TERMS;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -23,8 +23,11 @@ pub static KIND: Kind = Kind {
         Parameter::number("amplitude", "greatest error of the reading", "rad", [0.0, 0.1]),
         Parameter::number("phase", "phase φ of the error at q = 0", "rad", [-7.0, 7.0]).or(0.0),
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::BOTH,
     rough: false,
+    shakes: false,
     equation: "q_read = q + a sin(q + φ)",
     source: "Hagiwara et al. 1992",
     signature: "the tool swings once in a turn of the joint about where it should be",

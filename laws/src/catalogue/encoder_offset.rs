@@ -7,7 +7,7 @@ use crate::basis::{Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -25,8 +25,11 @@ pub static KIND: Kind = Kind {
         [-3.2, 3.2],
     )
     .prismatic("m")],
+    occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Zero),
     seen: Seen::BOTH,
     rough: false,
+    shakes: false,
     equation: "q_true = q − q₀",
     source: "Mooring, Roth & Driels 1991, §2",
     signature: "the tool is off by J_q q₀ in every pose, the gravity torque by ∂g/∂q q₀",

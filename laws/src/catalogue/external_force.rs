@@ -10,7 +10,7 @@ use crate::basis::{Place, Term, Terms, along, vector, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, ToolForce};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -26,8 +26,11 @@ pub static KIND: Kind = Kind {
         Parameter::number("start", "when it sets in", "s", [-1e12, 1e12]).shape(),
         Parameter::number("end", "when it ends", "s", [-1e12, 1e12]).shape(),
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = −Jᵀ f for start ≤ t < end",
     source: "De Luca & Mattone 2005, Eq. 4",
     signature: "all torques are off for a time, in the pattern Jᵀ f of one force",

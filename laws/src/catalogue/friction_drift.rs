@@ -11,7 +11,7 @@ use crate::basis::{Place, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -34,8 +34,11 @@ pub static KIND: Kind = Kind {
             .or(0.0)
             .given(),
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "F(t) = F (1 + α e^{−(t − t₀)/T})",
     source: "Bittencourt, Wernholt, Sander-Tavallaey & Brogårdh 2010, §IV",
     signature: "the same speeds cost less torque later in the recording, in both directions",

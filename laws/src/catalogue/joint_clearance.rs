@@ -17,7 +17,7 @@ use crate::columns::{Change, Columns};
 use crate::effect::Effect;
 use crate::injection::Injection;
 use crate::journal_flight::JournalFlight;
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::Scene;
@@ -74,8 +74,11 @@ pub static KIND: Kind = Kind {
         },
         Parameter { name: "material", meaning: "Young's modulus and Poisson's ratio", range: Range::Table },
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::BOTH,
     rough: false,
+    shakes: true,
     equation: "d = (c + (|b|/K)^(2/3)) n, n along the pin force −b across the axis; the tool moves by J d",
     source: "Erkaya 2018, Eqs. 1–7; Lankarani & Nikravesh 1990",
     signature: "the tool is off by up to c and follows the direction of the reaction force in the joint's plane",

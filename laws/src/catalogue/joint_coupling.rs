@@ -14,7 +14,7 @@ use crate::basis::{Place, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::Scene;
@@ -44,8 +44,11 @@ pub static KIND: Kind = Kind {
             range: Range::Word(FORMS),
         },
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τᵢ = X, τⱼ = s X, X = I u̇ + F_v u + F_c sign(u), u = q̇ᵢ + s q̇ⱼ; in the form cross without each joint's own share of I u̇ + F_v u",
     source: "Janot, Vandanjon & Gautier 2014, §IV",
     signature: "the residual of one joint follows the speed and acceleration of another, and the other way round",

@@ -12,7 +12,7 @@ use crate::basis::{Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, Transmission};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::resonance::Resonance;
@@ -42,8 +42,11 @@ pub static KIND: Kind = Kind {
             .or(0.0)
             .given(),
     ],
+    occurs: Occurrence::Occasional,
+    tolerance: None,
     seen: Seen::BOTH,
     rough: false,
+    shakes: false,
     equation: "τ_L = k (θ − q) + d (θ̇ − q̇)",
     source: "Spong 1987, Eqs. 3–4",
     signature: "the link lags behind the motor in proportion to the transmitted torque",

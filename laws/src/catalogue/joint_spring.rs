@@ -6,7 +6,7 @@
 
 use crate::basis::{Term, Terms, with};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -20,8 +20,11 @@ pub static KIND: Kind = Kind {
         Parameter::number("stiffness", "torque per angle", "N*m/rad", [0.0, 1e9]).prismatic("N/m"),
         Parameter::number("rest", "position without torque", "rad", [-1e3, 1e3]).prismatic("m").or(0.0),
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ = k (q − q₀)",
     source: "Hooke 1678; Swevers, Verdonck & De Schutter 2007, §3",
     signature: "the torque of one joint grows with its own position, whatever the pose of the others and the direction of gravity",

@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 use toml::Value;
 
 use crate::basis::{Term, Terms, with};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::sag::{SagLaw, Sagging, pressure};
@@ -41,8 +41,11 @@ pub static KIND: Kind = Kind {
             range: Range::Word(FORMS),
         },
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::POSE,
     rough: false,
+    shakes: false,
     equation: "δ = F L³/(3EI) = F/k, and the slope 3F/(2kL)",
     source: "Timoshenko 1955, §39",
     signature: "the tool sags with the load, with the lever of the link and what is beyond it",

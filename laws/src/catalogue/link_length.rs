@@ -11,7 +11,7 @@ use crate::LawError;
 use crate::basis::{Term, Terms, with};
 use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 
@@ -34,8 +34,11 @@ pub static KIND: Kind = Kind {
             range: Range::Word(DIRECTIONS),
         },
     ],
+    occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Length),
     seen: Seen::BOTH,
     rough: false,
+    shakes: false,
     equation: "r = r₀ + Δ e, r the way to the next joint or to the tool",
     source: "Denavit & Hartenberg 1955; Mooring, Roth & Driels 1991, §3",
     signature: "the tool is off by the same amount in every pose, turning with the link, whatever the load",

@@ -13,7 +13,7 @@ use crate::LawError;
 use crate::basis::{Place, Term, Terms, along, vector, with};
 use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -27,8 +27,11 @@ pub static KIND: Kind = Kind {
         Parameter::number("scale", "true over modelled mass and inertia", "1", [0.0, 1e3]),
         Parameter::vector(SHIFT, "its centre of mass less the model's, in the link's frame", "m").or_zero(),
     ],
+    occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Mass),
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "m = s m₀, J = s J₀, c = c₀ + d of one link",
     source: "Khalil & Dombre 2002, §9.2",
     signature: "gravity and inertia of one link are off by one factor, on its joint and all before it",

@@ -6,7 +6,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -17,8 +17,11 @@ pub static KIND: Kind = Kind {
     words: "friction of {coefficient} times the load carried",
     site: Site::Joint,
     parameters: &[Parameter::number("coefficient", "friction torque per torque carried", "1", [0.0, 2.0])],
+    occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = μ |τ_L| sign(q̇), τ_L the load by the model",
     source: "Bittencourt & Gunnarsson 2012",
     signature: "torque over load is a butterfly: the step at a change of direction grows with the load",

@@ -17,7 +17,7 @@ use crate::bearing_load::BearingLoad;
 use crate::columns::Columns;
 use crate::effect::{Effect, Start};
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, START, Seen, Site};
+use crate::kind::{Kind, Occurrence, START, Seen, Site};
 use crate::lubrication::Film;
 use crate::needs::Need;
 use crate::parameter::Parameter;
@@ -54,8 +54,11 @@ pub static KIND: Kind = Kind {
         )
         .given(),
     ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::POSE,
     rough: false,
+    shakes: true,
     equation: "film force(e, ė, q̇) = b (long bearing, half Sommerfeld); the tool moves by J e",
     source: "Pinkus & Sternlicht 1961; Flores et al. 2006",
     signature: "as radial play, but smooth, late behind the force and smaller at speed",

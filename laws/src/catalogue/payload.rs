@@ -15,7 +15,7 @@ use crate::LawError;
 use crate::basis::{Place, Term, Terms, along, vector};
 use crate::effect::{ArmParts, Effect};
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -33,8 +33,11 @@ pub static KIND: Kind = Kind {
         Parameter::vector("products", "its elements xy, xz, yz of the tensor about its centre", "kg*m^2")
             .or_zero(),
     ],
+    occurs: Occurrence::Occasional,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "m, m·c and J added to the last link: gravity and inertia on all joints before it",
     source: "Khalil & Dombre 2002, §9",
     signature: "gravity and inertia of one body on all joints, growing towards the base",

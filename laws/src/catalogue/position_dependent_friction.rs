@@ -7,7 +7,7 @@
 
 use crate::harmonic::{TERMS, TORQUE_PARAMETERS, Wave, orders};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
 
 /// The entry.
@@ -17,8 +17,11 @@ pub static KIND: Kind = Kind {
     words: "friction that swings by {amplitude} with the position, {periods}",
     site: Site::Joint,
     parameters: TORQUE_PARAMETERS,
+    occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = a sin(Nq + φ) sign(q̇)",
     source: "Popovic & Goldenberg 1998",
     signature: "residual × sign(q̇) repeats with the position",

@@ -14,7 +14,7 @@ use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::{Effect, Start};
 use crate::injection::{DriveLaw, DriveState, Injection};
-use crate::kind::{Kind, NOMINAL, START, Seen, Site};
+use crate::kind::{Kind, NOMINAL, Occurrence, START, Seen, Site, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -47,8 +47,11 @@ pub static KIND: Kind = Kind {
         .or_else("straight, or as the torque of a recording has it")
         .given(),
     ],
+    occurs: Occurrence::Occasional,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "ż = q̇ − σ₀ |q̇| z/F, τ = σ₀ z + σ₁ ż",
     source: "Canudas de Wit, Olsson, Åström & Lischinsky 1995, Eqs. 1–3; Dahl 1968",
     signature: "torque over position makes loops: after a reversal the friction builds up over a way",

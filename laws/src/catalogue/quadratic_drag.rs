@@ -5,7 +5,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -22,8 +22,11 @@ pub static KIND: Kind = Kind {
         [0.0, 1e6],
     )
     .prismatic("N*s^2/m^2")],
+    occurs: Occurrence::Rare,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ = c q̇|q̇|",
     source: "Newton 1687; Changenet & Velex 2007",
     signature: "the torque grows with the square of the speed",

@@ -8,7 +8,7 @@ use crate::basis::Terms;
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::Injection;
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::Scene;
@@ -26,8 +26,11 @@ pub static KIND: Kind = Kind {
         [0.0, 1e6],
     )
     .prismatic("kg")],
+    occurs: Occurrence::Occasional,
+    tolerance: Some(Tolerance::Inertia),
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ = I q̈",
     source: "Siciliano, Sciavicco, Villani & Oriolo 2009, §7.2.1",
     signature: "the torque of one joint grows with its own acceleration",

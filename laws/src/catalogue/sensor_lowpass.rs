@@ -12,7 +12,7 @@ use toml::Table;
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Seen, Site, small_and_about};
+use crate::kind::{Kind, Occurrence, Seen, Site, small_and_about};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::{Prediction, Scene};
@@ -33,8 +33,11 @@ pub static KIND: Kind = Kind {
     words: "a torque measurement that passes nothing faster than {cutoff}",
     site: Site::Joint,
     parameters: &[Parameter::number("cutoff", "frequency at which 71 % pass", "Hz", [1e-3, MOST])],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "ẏ/(2π f_c) + y = τ",
     source: "Franklin, Powell & Workman 1998, §4.3",
     signature: "fast changes of the torque are smaller and late; slow ones are as they should be",

@@ -9,7 +9,7 @@ use toml::Table;
 
 use crate::basis::{Place, Terms, with};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -26,8 +26,11 @@ pub static KIND: Kind = Kind {
             .prismatic("m/s")
             .shape(),
     ],
+    occurs: Occurrence::Occasional,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = F e^{−(q̇/v_s)²} sign(q̇)",
     source: "Stribeck 1902; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994",
     signature: "the friction has a bump at low speed, below about 3 v_s",

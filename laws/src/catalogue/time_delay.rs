@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Seen, Site, small_and_about};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, small_and_about};
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range};
 use crate::scene::{Prediction, Scene, Trajectory};
@@ -38,8 +38,11 @@ pub static KIND: Kind = Kind {
         Parameter::number("delay", "how late the channel is", "s", [0.0, MOST]),
         Parameter { name: CHANNEL, meaning: "which channels are late", range: Range::Word(CHANNELS) },
     ],
+    occurs: Occurrence::Occasional,
+    tolerance: Some(Tolerance::Delay),
     seen: Seen::BOTH,
     rough: true,
+    shakes: false,
     equation: "y_recorded(t) = y(t − d)",
     source: "Ljung 1999, §10.1",
     signature: "the residual follows the derivative of the channel; its phase grows with the frequency",

@@ -8,7 +8,7 @@ use toml::Table;
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::{Prediction, Scene};
@@ -20,8 +20,11 @@ pub static KIND: Kind = Kind {
     words: "a torque measurement of which {gain} is true",
     site: Site::Joint,
     parameters: &[Parameter::number("gain", "true over measured torque", "1", [0.1, 10.0])],
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ_true = g τ_measured",
     source: "Gautier & Briot 2014, §3",
     signature: "the whole torque of a joint, gravity, inertia and friction alike, is off by one factor",

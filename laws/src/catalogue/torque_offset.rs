@@ -6,7 +6,7 @@
 use crate::basis::Terms;
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 use crate::scene::{Prediction, Scene};
@@ -20,8 +20,11 @@ pub static KIND: Kind = Kind {
     parameters: &[
         Parameter::number("offset", "what the torque reads too much", "N*m", [-1e6, 1e6]).prismatic("N")
     ],
+    occurs: Occurrence::Occasional,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ_measured = τ + τ₀",
     source: "Swevers, Verdonck & De Schutter 2007, Eq. 4",
     signature: "the torque is off by a constant",

@@ -6,7 +6,7 @@
 
 use crate::harmonic::{TERMS, TORQUE_PARAMETERS, Wave, orders};
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site};
+use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 
 /// The entry.
@@ -16,8 +16,11 @@ pub static KIND: Kind = Kind {
     words: "a torque ripple of {amplitude}, {periods}",
     site: Site::Joint,
     parameters: TORQUE_PARAMETERS,
+    occurs: Occurrence::Rare,
+    tolerance: None,
     seen: Seen::TORQUE,
     rough: true,
+    shakes: false,
     equation: "τ = a sin(Nq + φ)",
     source: "Holtz & Springob 1996",
     signature: "lines at whole orders: frequencies that are proportional to the speed of the joint",

@@ -6,7 +6,7 @@
 
 use crate::basis::Terms;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
-use crate::kind::{Kind, Seen, Site, one_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
 use crate::parameter::Parameter;
 
@@ -23,8 +23,11 @@ pub static KIND: Kind = Kind {
         [-1e6, 1e6],
     )
     .prismatic("N*s/m")],
+    occurs: Occurrence::Common,
+    tolerance: Some(Tolerance::Friction),
     seen: Seen::TORQUE,
     rough: false,
+    shakes: false,
     equation: "τ = F_v q̇",
     source: "Reynolds 1886; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994",
     signature: "the torque grows in proportion to the speed",

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_diagnosis::{Diagnosis, Rmse};
+use freeplay_diagnosis::{Diagnosis, NAMED_FROM, Rmse};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -135,8 +135,8 @@ impl Answer {
                     (name.clone(), Estimate { value, ci95: p.ci95 })
                 })
                 .collect(),
-            score: short(effect.evidence.log_likelihood_ratio),
-            threshold: short(effect.evidence.threshold),
+            score: short(effect.evidence.log_odds),
+            threshold: short(NAMED_FROM),
             gain: {
                 let gain = effect.evidence.held_out_gain;
                 [gain.value, gain.ci95[0], gain.ci95[1]].map(short)
@@ -159,7 +159,7 @@ impl Answer {
             joint: row.joint.clone(),
             alone: short(row.alone),
             beside: short(row.beside),
-            threshold: short(row.threshold),
+            threshold: short(NAMED_FROM),
         });
         Self {
             verdict: verdict.as_str().unwrap_or_default().to_owned(),

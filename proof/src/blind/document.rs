@@ -265,7 +265,7 @@ fn failure(case: &Judged) -> Block {
     }
     let leading = case.answer.hypotheses.iter().take(LEADING).map(|row| {
         let place = row.joint.as_ref().map_or(String::new(), |joint| format!(" of {joint}"));
-        format!("{}{place} {:.0} (least that counts {:.0})", row.kind, row.alone, row.threshold)
+        format!("{}{place} {:.0} (named from {:.0})", row.kind, row.alone, row.threshold)
     });
     let leading: Vec<String> = leading.collect();
     if !leading.is_empty() {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, ExitStatus, Stdio};
+use std::process::ExitStatus;
 
 use clap::Args;
 use freeplay_concealed::{
@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::names::name;
+use super::source::Source;
 use super::truth::at;
 
 /// Makes sealed recordings as standard input asks; `freeplay blind` starts it.
@@ -61,9 +62,25 @@ impl Order {
     }
 
     /// The places in the draw of `count` cases that are still to be made in this shard.
-    fn open(&self, count: usize) -> Vec<usize> {
+    pub fn open(&self, count: usize) -> Vec<usize> {
         let [shard, shards] = self.shard;
         (0..count).filter(|index| index % shards == shard - 1 && !self.done.contains(index)).collect()
+    }
+
+    /// How many cases `source` draws for all shards.
+    fn drawn(&self, source: &Source) -> Result<usize, GenerateError> {
+        match source {
+            Source::Own => Ok(self.cases()?.len()),
+            Source::Program(_) => Ok(self.quota.cases()),
+        }
+    }
+
+    /// What the case at `index` of the draw asks for, as far as it is known here.
+    fn asked_at(&self, index: usize, source: &Source) -> Result<String, GenerateError> {
+        match source {
+            Source::Own => Ok(self.asked(&self.cases()?[index])),
+            Source::Program(_) => Ok(format!("case {index}")),
+        }
     }
 
     /// Makes `case`: a place of a matrix is that place, anything else may go to another machine.
@@ -142,48 +159,48 @@ pub fn generate(args: &GenerateArgs) -> Result<Exit, Failure> {
     Ok(Exit::Done)
 }
 
-/// Has `order` made by a process of its own; what it made, by name, and what it did not. Where the process is killed, the cases that
+/// Has `order` made by a process of `source`; what it made, by name, and what it did not. Where the process is killed, the cases that
 /// it had begun are not made, and another one makes the rest.
 ///
 /// # Errors
 /// A process that can't be started, that fails otherwise than by being killed, or says what can't be read.
-pub fn made(order: &Order, bar: &ProgressBar) -> Result<Vec<Line>, Failure> {
+pub fn made(order: &Order, source: &Source, bar: &ProgressBar) -> Result<Vec<Line>, Failure> {
     let (mut order, mut lines) = (order.clone(), Vec::new());
+    let count = order.drawn(source).map_err(Failure::internal)?;
     loop {
-        let (told, killed) = made_until_killed(&order, bar)?;
+        let (told, killed) = made_until_killed(&order, source, bar)?;
         let begun: BTreeSet<usize> = told.iter().map(|(index, _)| *index).collect();
         let ended: BTreeSet<usize> =
             told.iter().filter(|(_, line)| line.is_some()).map(|(index, _)| *index).collect();
         lines.extend(told.into_iter().filter_map(|(_, line)| line));
         let Some(how) = killed else { return Ok(lines) };
         remove_unfinished(&order.folder, &lines)?;
-        let cases = order.cases().map_err(Failure::internal)?;
         let mut lost: Vec<usize> = (&begun - &ended).into_iter().collect();
         if begun.is_empty() {
             // Whatever kills it before it begins anything: every attempt costs a case, so there is an end.
-            lost.extend(order.open(cases.len()).first());
+            lost.extend(order.open(count).first());
         }
-        lines.extend(lost.iter().map(|&index| Line::NotMade {
-            asked: order.asked(&cases[index]),
-            why: format!("the generator was killed over it ({how})"),
-        }));
+        for &index in &lost {
+            let asked = order.asked_at(index, source).map_err(Failure::internal)?;
+            lines.push(Line::NotMade { asked, why: format!("the generator was killed over it ({how})") });
+        }
         order.done.extend(begun.into_iter().chain(lost));
-        if order.open(cases.len()).is_empty() {
+        if order.open(count).is_empty() {
             return Ok(lines);
         }
     }
 }
 
 /// What one process told of `order`, each with the place in the draw; and how it ended, if it was killed.
-fn made_until_killed(order: &Order, bar: &ProgressBar) -> Result<(Vec<Told>, Option<ExitStatus>), Failure> {
-    let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
-    command.arg("blind-generate").args(["--with-parent", &std::process::id().to_string()]);
-    command.stdin(Stdio::piped()).stdout(Stdio::piped());
-    let mut child =
-        Running::alone(command.spawn().map_err(|error| Failure::internal(format!("generator: {error}")))?);
-    let order = serde_json::to_string(order).map_err(Failure::internal)?;
+fn made_until_killed(
+    order: &Order,
+    source: &Source,
+    bar: &ProgressBar,
+) -> Result<(Vec<Told>, Option<ExitStatus>), Failure> {
+    let mut child = Running::alone(source.start()?);
     // It fails where the process has been killed already, of which the status tells.
-    let given = child.0.stdin.take().map(|mut pipe| pipe.write_all(order.as_bytes()));
+    let text = source.order(order)?;
+    let given = child.0.stdin.take().map(|mut pipe| pipe.write_all(text.as_bytes()));
     let mut told = Vec::new();
     let mut garbled = None;
     if let Some(pipe) = child.0.stdout.take() {
@@ -201,14 +218,22 @@ fn made_until_killed(order: &Order, bar: &ProgressBar) -> Result<(Vec<Told>, Opt
     if status.signal().is_some() {
         return Ok((told, Some(status)));
     }
-    if status.code() == Some(Exit::Input as i32) {
-        return Err(Failure::input("the generator ended; its message is above"));
-    }
-    if !status.success() {
-        return Err(Failure::internal(format!("the generator ended with {status}")));
+    let above = "the generator ended; its message is above";
+    match status.code() {
+        Some(0) => {}
+        Some(code) if code == Exit::Input as i32 => return Err(Failure::input(above)),
+        Some(code) if code == Exit::Peer as i32 => return Err(Failure::peer(above)),
+        _ => return Err(Failure::internal(format!("the generator ended with {status}"))),
     }
     given.transpose().map_err(Failure::internal)?;
-    garbled.map_or(Ok((told, None)), |error| Err(Failure::internal(error)))
+    match (garbled, source) {
+        (None, _) => Ok((told, None)),
+        (Some(error), Source::Own) => Err(Failure::internal(error)),
+        (Some(error), Source::Program(path)) => Err(Failure::input(format!(
+            "{}: a line on its standard output is none of the contract of a generator: {error}",
+            path.display()
+        ))),
+    }
 }
 
 /// Removes from `folder` what a killed generator has left half written: the folders that none of `lines` tells of.

@@ -36,9 +36,10 @@ impl Leak {
         self.p > CHANCE
     }
 
-    /// Of the cases of `part`; `None` for too few of them.
+    /// Of the cases of `part` among `cases`, which are in the order of their names, as a receipt has them; `None` for too few of them.
     pub fn of(part: &Part, cases: &[Judged]) -> Option<Self> {
-        let cases: Vec<&Judged> = cases.iter().filter(|case| part.sealed.contains_key(&case.name)).collect();
+        let place = |name: &String| cases.binary_search_by(|case| case.name.cmp(name)).ok();
+        let cases: Vec<&Judged> = part.sealed.keys().filter_map(|name| cases.get(place(name)?)).collect();
         let looks: Vec<Vec<f64>> =
             cases.iter().enumerate().map(|(place, case)| look(part, &case.name, place)).collect();
         let sorts: Vec<Sort> = cases.iter().map(|case| case.truth.sort()).collect();

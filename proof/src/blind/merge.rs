@@ -2,8 +2,9 @@
 
 use std::path::PathBuf;
 
+use super::overlap::Overlap;
 use super::receipt::{Part, Program, Receipt};
-use super::verify::{broken, checks, same_cases};
+use super::verify::{broken, checks};
 use freeplay_terminal::exit::Failure;
 
 /// The receipts in `folders` as one, its parts in the order of their chains.
@@ -13,6 +14,7 @@ use freeplay_terminal::exit::Failure;
 pub fn merged(folders: &[PathBuf]) -> Result<Receipt, Failure> {
     let this = Program::this()?;
     let mut all: Option<Receipt> = None;
+    let mut overlap = Overlap::default();
     for folder in folders {
         let path = folder.join("receipt.json");
         let receipt = Receipt::read(&path)?;
@@ -24,6 +26,8 @@ pub fn merged(folders: &[PathBuf]) -> Result<Receipt, Failure> {
         if !receipt.parts.iter().all(Part::is_open) {
             return Err(wrong("its truth is not revealed yet; score it before".to_owned()));
         }
+        // The parts of one receipt do not overlap: that is one of its checks.
+        let twice = receipt.parts.iter().filter_map(|part| overlap.add(part)).next();
         let Some(all) = &mut all else {
             all = Some(receipt);
             continue;
@@ -34,9 +38,7 @@ pub fn merged(folders: &[PathBuf]) -> Result<Receipt, Failure> {
                     .to_owned(),
             ));
         }
-        let mut pairs =
-            receipt.parts.iter().flat_map(|part| all.parts.iter().map(move |other| (part, other)));
-        if let Some(why) = pairs.find_map(|(part, other)| same_cases(part, other)) {
+        if let Some(why) = twice {
             return Err(wrong(why));
         }
         all.parts.extend(receipt.parts);

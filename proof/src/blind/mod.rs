@@ -3,9 +3,9 @@
 //! Freeze, seed, generate, seal, analyse once, commit to the answers, reveal, score. Generator and analysts are processes of their
 //! own; the truth is in the memory of their parent alone until the answers are committed to.
 //!
-//! Modules in the order of the protocol: `hash` and `canonical` (what is frozen), `sweep` (what is asked for), `generator`, `names` and `arrange` (the
+//! Modules in the order of the protocol: `hash` and `canonical` (what is frozen), `sweep` (what is asked for), `source`, `generator`, `names` and `arrange` (the
 //! sealed folder), `analysis` and `lures` (who is asked, and held off what), `analyst` and `answer` (who answers what), `sandbox`, `namespaces` and `channels`
-//! (where), `truth`, `score`, `interval`, `tally`, `confusion`, `controls` and `leak` (what it is worth), `receipt`, `strict`, `verify`, `verification`, `merge` and `history`
+//! (where), `truth`, `score`, `interval`, `tally`, `confusion`, `controls` and `leak` (what it is worth), `receipt`, `strict`, `overlap`, `verify`, `verification`, `merge` and `history`
 //! (what stays), `screen`, `document` and `matrix` (what a person sees).
 
 mod analysis;
@@ -27,11 +27,13 @@ mod matrix;
 mod merge;
 mod names;
 mod namespaces;
+mod overlap;
 mod protocol;
 mod receipt;
 mod sandbox;
 mod score;
 mod screen;
+mod source;
 mod strict;
 mod sweep;
 mod tally;
@@ -75,6 +77,10 @@ pub struct BlindArgs {
     full: bool,
     #[command(flatten)]
     sweep: Sweep,
+    /// Who makes the recordings: mujoco (needs Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
+    /// file or folder that keeps the contract of proof/mujoco/README.md. Without it: this program, by the crate concealed.
+    #[arg(long, value_name = "PROGRAM", conflicts_with_all = ["matrix", "merge", "analyse", "score", "verify"])]
+    generator: Option<PathBuf>,
     /// Only every N-th case, from the I-th on, so that N machines can share a set: give all the same --seed. Merge with --merge.
     #[arg(long, value_name = "I/N", value_parser = shard, default_value = "1/1")]
     shard: Shard,
@@ -139,7 +145,12 @@ impl BlindArgs {
         }
         let time = receipt::now().replace(':', "-");
         let new = PathBuf::from("out").join(format!("blind-{}", time.trim_end_matches('Z')));
-        claim_or_new(self.out.as_deref(), &new, &["sealed", "receipt.json", "report.html"], self.force)
+        claim_or_new(
+            self.out.as_deref(),
+            &new,
+            &["sealed", "generator", "receipt.json", "report.html"],
+            self.force,
+        )
     }
 }
 

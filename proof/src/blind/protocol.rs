@@ -19,6 +19,7 @@ use super::arrange::arrange;
 use super::generator::{Line, Order, made};
 use super::lures::Held;
 use super::receipt::{Draw, Part, Program, Receipt, Record, SCHEMA};
+use super::source::Source;
 use super::verify::{broken, checks};
 use super::{BlindArgs, hash, history, strict};
 
@@ -86,9 +87,13 @@ fn machine() -> String {
 /// A folder that is not empty or can't be written; a process that can't be started.
 pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
     let mut part = frozen()?;
+    let (source, generator) = Source::named(args.generator.as_deref(), folder)?;
     let short = super::verify::start;
     let (program, catalogue) = (short(&part.program.sha256), short(&part.program.catalogue));
     tell("frozen", &format!("program {program}, catalogue {catalogue}"));
+    if let Some(other) = &generator {
+        tell("", &format!("generator {} {}", other.name, short(&other.sha256)));
+    }
     let seed = match args.seed {
         Some(seed) => seed,
         None => u64::from_le_bytes(random()?),
@@ -102,10 +107,10 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
     };
     let shard = [args.shard.0, args.shard.1];
     let names = hex(&random::<SALT>()?);
-    part.draw = Some(Draw { seed, seed_from: seed_from.to_owned(), names, quota, shard, matrix });
+    part.draw = Some(Draw { seed, seed_from: seed_from.to_owned(), names, quota, shard, matrix, generator });
     part.finish("seed", &BTreeMap::new());
     tell("seed", &format!("{seed}, from {seed_from}"));
-    let withheld = generate(args, folder, &mut part)?;
+    let withheld = generate(args, &source, folder, &mut part)?;
     let commitment = part.finish("seal", &BTreeMap::new());
     tell(
         "sealed",
@@ -130,7 +135,7 @@ pub fn whole(args: &BlindArgs, folder: &Path) -> Result<Receipt, Failure> {
 }
 
 /// Has the sealed cases made, and commits to their truth.
-fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld, Failure> {
+fn generate(args: &BlindArgs, source: &Source, folder: &Path, part: &mut Part) -> Result<Withheld, Failure> {
     let cases = folder.join("sealed");
     if args.force {
         // Cases of an earlier set must not mix with those of this one.
@@ -160,10 +165,12 @@ fn generate(args: &BlindArgs, folder: &Path, part: &mut Part) -> Result<Withheld
     };
     let bar = bar(draw.quota.cases() / draw.shard[1], "generating");
     let start = Instant::now();
-    let lines = made(&order, &bar);
+    let lines = made(&order, source, &bar);
     if lines.is_err() {
         // What was made is of no use without its truth; the error says what went wrong.
-        let _ = remove_folder(&making);
+        for left in [&making, &cases, &folder.join("generator")] {
+            let _ = remove_folder(left);
+        }
     }
     let lines = lines?;
     bar.finish_and_clear();

@@ -14,6 +14,7 @@ use super::analysis::Sealed;
 use super::answer::Answer;
 use super::canonical::difference;
 use super::score::Outcome;
+use super::source::Other;
 use super::tally::Judged;
 use super::truth::Truth;
 use super::{hash, strict};
@@ -103,6 +104,9 @@ pub struct Draw {
     /// What is swept, where kinds and places were not drawn at random.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub matrix: Option<Matrix>,
+    /// Who made the recordings, where it was not this program; hashed at the freeze.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub generator: Option<Other>,
 }
 
 /// A case.
@@ -181,7 +185,8 @@ impl Part {
         &'a self,
         cases: &'a BTreeMap<String, Record>,
     ) -> impl Iterator<Item = (&'a String, &'a Record)> {
-        cases.iter().filter(|(name, _)| self.sealed.contains_key(*name))
+        // By the part's own names: the parts of a large set are many, and none should walk over the cases of all the others.
+        self.sealed.keys().filter_map(|name| cases.get_key_value(name))
     }
 
     /// SHA-256 of the answers of this part.

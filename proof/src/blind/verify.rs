@@ -8,7 +8,7 @@ use freeplay_terminal::exit::Failure;
 use serde_json::{Value, json};
 
 use super::analysis::{isolation, sealed};
-use super::analyst::FILES;
+use super::overlap::{Overlap, recorded};
 use super::receipt::{Part, Program, Receipt, link};
 use super::tally::Score;
 use super::{canonical, hash, names};
@@ -96,48 +96,12 @@ fn parts(receipt: &Receipt) -> Check {
     if !parts.is_sorted_by_key(Part::chain) {
         wrong.push("they do not stand in the order of their chains".to_owned());
     }
-    for (index, part) in parts.iter().enumerate() {
-        for other in &parts[..index] {
-            if let Some(why) = same_cases(part, other) {
-                wrong.push(why);
-            }
-        }
-    }
+    let mut overlap = Overlap::default();
+    wrong.extend(parts.iter().filter_map(|part| overlap.add(part)));
     let shards = parts.iter().filter_map(|part| part.draw.as_ref());
     let shards: Vec<String> = shards.map(|d| format!("shard {} of {}", d.shard[0], d.shard[1])).collect();
     let shards = if shards.is_empty() { "sealed by someone else".to_owned() } else { shards.join(", ") };
     Check::new("parts", &wrong, &format!("{} ({shards})", parts.len()))
-}
-
-/// Why two parts hold one case twice: the same draw with shards that overlap, a name, or a recording.
-pub fn same_cases(this: &Part, other: &Part) -> Option<String> {
-    if let (Some(a), Some(b)) = (&this.draw, &other.draw) {
-        let same = a.seed == b.seed && a.quota == b.quota && a.matrix == b.matrix;
-        // Shards i of n and j of m share a case where i and j leave the same rest by the greatest common divisor of n and m.
-        let step = divisor(a.shard[1], b.shard[1]).max(1);
-        if same && a.shard[0] % step == b.shard[0] % step {
-            let [[i, n], [j, m]] = [a.shard, b.shard];
-            return Some(format!(
-                "shard {i} of {n} and shard {j} of {m} of seed {} hold the same cases",
-                a.seed
-            ));
-        }
-    }
-    if let Some(name) = this.sealed.keys().find(|name| other.sealed.contains_key(*name)) {
-        return Some(format!("case {name} is in two receipts"));
-    }
-    let seen: BTreeMap<&str, &String> = recorded(other).collect();
-    let (name, twin) = recorded(this).find_map(|(hash, name)| Some((name, seen.get(hash)?)))?;
-    Some(format!("cases {name} and {twin} are one recording"))
-}
-
-fn divisor(a: usize, b: usize) -> usize {
-    if b == 0 { a } else { divisor(b, a % b) }
-}
-
-/// The first recording of each case by its hash.
-fn recorded(part: &Part) -> impl Iterator<Item = (&str, &String)> {
-    part.sealed.iter().filter_map(|(name, files)| Some((files.get(FILES[1])?.sha256.as_str(), name)))
 }
 
 fn program(part: &Part, this: &Program) -> Check {

@@ -14,11 +14,13 @@ use freeplay_recording::Recording;
 use serde::Serialize;
 use toml::Table;
 
-use super::super::case::Case;
-use super::super::hypothesis::{Hypothesis, hypothesis};
+use super::super::candidate::{Candidate, Form};
+use super::super::data::Data;
+use super::super::parts::Part;
 use super::super::stage::{Ground, Stage};
-use super::super::system::{Fit, Score, System};
+use super::super::system::{Gain, System};
 use super::super::tolerance::Tolerances;
+use super::super::weights::Weights;
 use super::ExciteError;
 use crate::motion::Settings;
 
@@ -63,9 +65,9 @@ pub(super) struct Scales<'a> {
 }
 
 /// A motion made ready to be weighed.
-struct Weighed<'c, 'a> {
-    case: &'c Case<'a>,
-    system: System,
+struct Weighed<'d, 'a> {
+    data: &'d Data<'a>,
+    weights: Weights,
     /// Noise of every channel, infinite where none is known.
     deviation: Vec<f64>,
 }
@@ -139,25 +141,23 @@ impl Scales<'_> {
     ) -> Result<T, ExciteError> {
         let ground = Ground::planned(self.arm, recording, &Settings::default())?;
         let stage = Stage::new(self.arm, self.known, &ground)?;
-        let case = Case::new(vec![stage], self.tolerances);
-        let mut system = case.system(case.kept.iter().map(|kept| vec![0.0; kept.len()]).collect());
-        system.weights = self.weights(&case);
+        let data = Data::whole(vec![stage], self.tolerances);
         let known = |name: &str| self.noise.get(name).map_or(f64::INFINITY, |noise| noise.deviation);
-        let deviation = case.stages[0].channels.iter().map(|channel| known(&channel.name)).collect();
-        ask(&Weighed { case: &case, system, deviation })
+        let deviation: Vec<f64> =
+            data.stages[0].channels.iter().map(|channel| known(&channel.name)).collect();
+        let weights = Weights::plain(&data, &deviation, &self.effective(&data));
+        ask(&Weighed { data: &data, weights, deviation })
     }
 
-    /// w = n_eff/(n σ²) of every channel; 0 for those of which no noise is known.
-    fn weights(&self, case: &Case) -> Vec<f64> {
-        let stage = &case.stages[0];
+    /// Effective number of rows of every channel; 0 for those of which no noise is known.
+    fn effective(&self, data: &Data) -> Vec<f64> {
+        let stage = &data.stages[0];
         let t = &stage.motion().t;
         let lasts = t.last().copied().unwrap_or(0.0) - t.first().copied().unwrap_or(0.0);
-        let channels = stage.channels.iter().zip(case.rows());
+        let channels = stage.channels.iter().zip(&data.counts);
         channels
-            .map(|(channel, rows)| match self.noise.get(&channel.name) {
-                Some(noise) if noise.deviation > 0.0 && rows >= 1.0 => {
-                    (noise.per_second * lasts).min(rows) / rows / noise.deviation.powi(2)
-                }
+            .map(|(channel, counts)| match self.noise.get(&channel.name) {
+                Some(noise) if noise.deviation > 0.0 => (noise.per_second * lasts).min(counts.iter().sum()),
                 _ => 0.0,
             })
             .collect()
@@ -165,72 +165,77 @@ impl Scales<'_> {
 
     /// What `rival` adds to each channel.
     fn signal(&self, weighed: &Weighed, rival: &Rival) -> Result<Vec<Vec<f64>>, ExciteError> {
-        let stage = &weighed.case.stages[0];
+        let stage = &weighed.data.stages[0];
         let parameters = match &rival.parameters {
             Some(known) => known.clone(),
             None => weighed.plain(rival)?,
         };
         let answer = stage.answer(&rival.placed(self.arm, &parameters)?)?;
-        let column = weighed.case.column(vec![answer]);
-        let rows = column.into_iter().zip(&weighed.case.kept);
-        Ok(rows.map(|(part, kept)| part.unwrap_or_else(|| vec![0.0; kept.len()])).collect())
+        let column = weighed.data.column(vec![answer]);
+        let rows = column.into_iter().zip(&weighed.data.counts);
+        Ok(rows.map(|(part, counts)| part.unwrap_or_else(|| vec![0.0; counts.len()])).collect())
     }
 }
 
-impl Weighed<'_, '_> {
+impl<'d, 'a> Weighed<'d, 'a> {
+    /// The system in which `signal` is what is to be explained.
+    fn system(&self, signal: &[Vec<f64>]) -> Result<System<'d, 'a>, ExciteError> {
+        System::new(self.data, signal.to_vec(), self.weights.clone(), &[Part::Fit])
+            .ok_or(ExciteError::Singular)
+    }
+
     /// What `rival` can't say of `signal`: twice a log of odds.
     fn left(&self, signal: &[Vec<f64>], rival: &Rival) -> Result<f64, ExciteError> {
-        let system = self.system.with_other_target(signal);
-        let nuisances: Vec<usize> = (0..system.base.len()).collect();
-        let fit = system.fit(&nuisances).ok_or(ExciteError::Singular)?;
-        let best = self.scores(&system, &fit, rival).into_iter().map(|(_, score)| score.gain);
-        Ok((fit.left - best.fold(0.0, f64::max)).max(0.0))
+        let mut system = self.system(signal)?;
+        let left = system.square_left();
+        let best = self.scores(&mut system, rival).into_iter().map(|(_, gain)| gain.explained);
+        Ok((left - 2.0 * best.fold(0.0, f64::max)).max(0.0))
     }
 
-    /// The gain and the parameters with which `rival` says `signal` best; `None` if it can't say anything of it.
+    /// What `rival` explains and the parameters with which it says `signal` best; `None` if it can't say anything of it.
     fn best(&self, signal: &[Vec<f64>], rival: &Rival) -> Result<Option<(f64, Table)>, ExciteError> {
-        let system = self.system.with_other_target(signal);
-        let nuisances: Vec<usize> = (0..system.base.len()).collect();
-        let fit = system.fit(&nuisances).ok_or(ExciteError::Singular)?;
-        let scores = self.scores(&system, &fit, rival);
-        let best = scores.into_iter().max_by(|a, b| a.1.gain.total_cmp(&b.1.gain));
-        Ok(best.map(|(found, score)| (score.gain, found.compose(&found.shape, score.beta.as_slice()))))
+        let mut system = self.system(signal)?;
+        let scores = self.scores(&mut system, rival);
+        let best = scores.into_iter().max_by(|a, b| a.1.explained.total_cmp(&b.1.explained));
+        Ok(best.map(|(found, gain)| (gain.explained, found.parameters(gain.beta.as_slice()))))
     }
 
-    /// What each shape of `rival` that an arm file can say explains beside `fit`.
-    fn scores(&self, system: &System, fit: &Fit, rival: &Rival) -> Vec<(Hypothesis, Score)> {
-        let stage = &self.case.stages[0];
+    /// What each form of `rival` that an arm file can say explains.
+    fn scores(&self, system: &mut System, rival: &Rival) -> Vec<(Candidate, Gain)> {
+        let stage = &self.data.stages[0];
         let place = Place { scene: stage.baseline(rival.kind).scene(), joint: rival.joint };
+        let Some(nothing) = system.fit(&[]) else { return Vec::new() };
         let mut all = Vec::new();
         for shape in (rival.kind.shapes)(&place) {
             // A planned motion may suggest a shape that no arm file can say, as a speed at which the joint stands.
-            let Ok(Some(found)) = hypothesis(self.case, system, rival.kind, rival.joint, shape) else {
+            let Ok(Some(found)) = Candidate::new(self.data, rival.kind, rival.joint, Form::of(shape)) else {
                 continue;
             };
-            let can_be = |score: &Score| found.placed(stage.arm(), score.beta.as_slice()).is_some();
-            let score = system.exact_score(fit, &found.block).filter(can_be);
-            all.extend(score.map(|score| (found, score)));
+            let Some(at) = system.take(found.clone()) else { continue };
+            let gain = system.gains(&nothing, &[at]).pop().flatten();
+            let can_be = |gain: &Gain| found.placed(stage.arm(), gain.beta.as_slice()).is_some();
+            all.extend(gain.filter(can_be).map(|gain| (found, gain)));
         }
         all
     }
 
     /// Parameters of a cause of which nothing is known: as large as [`PLAIN`] times the noise.
     fn plain(&self, rival: &Rival) -> Result<Table, ExciteError> {
-        let stage = &self.case.stages[0];
+        let stage = &self.data.stages[0];
         let place = Place { scene: stage.baseline(rival.kind).scene(), joint: rival.joint };
         let shape = (rival.kind.shapes)(&place).into_iter().next().unwrap_or_default();
-        let found = hypothesis(self.case, &self.system, rival.kind, rival.joint, shape)?;
+        let found = Candidate::new(self.data, rival.kind, rival.joint, Form::of(shape))?;
         let found = found.ok_or(ExciteError::Unseen { kind: rival.kind.name })?;
-        let channels = found.block.columns[0].iter().zip(&self.deviation).zip(&self.case.kept);
-        let sizes = channels.map(|((part, deviation), kept)| {
+        let channels = found.columns[0].iter().zip(&self.deviation).zip(&self.data.counts);
+        let sizes = channels.map(|((part, deviation), counts)| {
             let square: f64 = part.iter().flatten().map(|x| x * x).sum();
-            (square / kept.iter().sum::<f64>().max(1.0)).sqrt() / deviation
+            (square / counts.iter().sum::<f64>().max(1.0)).sqrt() / deviation
         });
         let loudest = sizes.filter(|size| size.is_finite()).fold(0.0, f64::max);
         let mut beta = vec![0.0; found.size()];
         if loudest > 0.0 {
             beta[0] = (PLAIN / loudest).clamp(found.terms[0].least, found.terms[0].most);
         }
-        Ok(found.compose(&found.shape, &beta))
+        Ok(found.parameters(&beta))
     }
 }

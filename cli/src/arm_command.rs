@@ -1,0 +1,112 @@
+//! `freeplay arm`: what a model file holds: which chain is the arm, its joints, its effects, and what was not used.
+
+use std::fmt::Write as _;
+
+use clap::Args;
+use comfy_table::{CellAlignment, Table, presets};
+use freeplay_arm::{ArmFile, Joint, JointKind, Selection};
+use freeplay_harness::setup::load_selected;
+use freeplay_report::one_line;
+use freeplay_report::text::{Digits, NOTHING, number};
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::output::say;
+use serde_json::{Value, json};
+
+/// Shows what a model file holds.
+#[derive(Args, Debug)]
+pub struct ArmArgs {
+    /// The model: an arm file (URDF or TOML), or "paper".
+    model: String,
+    /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// Shows the model of `args`.
+///
+/// # Errors
+/// A model file that can't be read, with file, line, column, value and remedy.
+pub fn arm(args: &ArmArgs) -> Result<Exit, Failure> {
+    let file = load_selected(&args.model, &Selection { tip: args.tip.clone(), joints: Vec::new() })?;
+    match args.format {
+        Format::Json => say(&format!("{:#}\n", described(&args.model, &file)))?,
+        Format::Text => say(&in_words(&args.model, &file))?,
+    }
+    Ok(Exit::Done)
+}
+
+fn kind(joint: &Joint) -> &'static str {
+    match joint.kind {
+        JointKind::Revolute => "revolute",
+        JointKind::Prismatic => "prismatic",
+    }
+}
+
+/// A number of a JSON document; none for a limit that there is not.
+fn finite(value: f64) -> Option<f64> {
+    value.is_finite().then_some(value)
+}
+
+fn described(model: &str, file: &ArmFile) -> Value {
+    let joint = |joint: &Joint| {
+        json!({
+            "name": joint.name, "kind": kind(joint),
+            "limits": {
+                "lower": finite(joint.limits.lower), "upper": finite(joint.limits.upper),
+                "velocity": finite(joint.limits.velocity), "effort": finite(joint.limits.effort),
+            },
+            "friction": { "viscous": joint.friction.viscous, "coulomb": joint.friction.coulomb },
+            "mass": joint.inertia.mass,
+        })
+    };
+    let effects = file.effects.iter().map(|effect| json!({ "kind": effect.kind, "joint": effect.joint }));
+    json!({
+        "schema": "freeplay.arm/1", "file": model, "name": file.arm.name(),
+        "joints": file.arm.joints().iter().map(joint).collect::<Vec<_>>(),
+        "effects": effects.collect::<Vec<_>>(), "notes": file.ignored,
+    })
+}
+
+fn in_words(model: &str, file: &ArmFile) -> String {
+    let mut text = format!("{model}: {}, {} joints\n\n", one_line(file.arm.name()), file.arm.dof());
+    let mut table = Table::new();
+    table
+        .load_style(presets::NOTHING)
+        .set_header(["joint", "kind", "lower", "upper", "velocity", "effort", "viscous", "coulomb", "mass"]);
+    let brief = |value: f64| match value.is_finite() {
+        true => number(value, Digits::Significant(4)),
+        false => NOTHING.to_owned(),
+    };
+    for joint in file.arm.joints() {
+        let (limits, friction) = (&joint.limits, &joint.friction);
+        let numbers = [
+            limits.lower,
+            limits.upper,
+            limits.velocity,
+            limits.effort,
+            friction.viscous,
+            friction.coulomb,
+            joint.inertia.mass,
+        ];
+        let words = [joint.name.clone(), kind(joint).to_owned()];
+        table.add_row(words.into_iter().chain(numbers.map(brief)));
+    }
+    for column in 2..9 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    let _ = writeln!(text, "{table}\n\nunits: rad, rad/s, N·m, N·m·s/rad, kg; m, m/s, N, N·s/m for a slide");
+    for effect in &file.effects {
+        let place = effect.joint.as_ref().map_or_else(String::new, |joint| format!(" at {joint}"));
+        let _ = writeln!(text, "effect: {}{place}", effect.kind);
+    }
+    for note in &file.ignored {
+        let _ = writeln!(text, "note: {}", one_line(note));
+    }
+    text
+}

@@ -1,0 +1,73 @@
+//! `freeplay campaign`: many runs of this command, spread over cores and machines by the Python package that comes with it.
+
+use std::ffi::OsString;
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+
+use clap::Args;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::messages;
+
+/// What the package's own command understands, for `--help`, which needs no Python.
+const OPTIONS: &str = "\
+Behind the command, with its own arguments:
+  --out DIR         Folder for the results, which every worker sees under this path
+  --shards N        Into how many tasks blind is cut; four a worker without it
+  --sweep KEY=V,V   Values of a key of the scenario, or of an option (--sweep=--seed=1,2,3)
+  --engine NAME     What carries out the tasks: local, hyperqueue, dask, slurm
+  --workers N       Tasks at a time; one a core without it
+  --cluster ADDRESS A cluster that is there: HyperQueue's server folder, Dask's scheduler, Slurm's partition
+  --attempts N      How often a task is tried; 4 without it
+  --keep            Keep the sealed recordings of blind
+
+Called again it goes on where it was:
+  freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proof
+  freeplay campaign run s.toml --sweep path.period=6,12 --sweep=--seed=1,2,3 --out swept";
+
+/// Spreads a command over cores and machines, and merges what it leaves into one receipt.
+///
+/// It is part of the Python package, which is looked for in the interpreter that FREEPLAY_PYTHON names, in the one beside this executable,
+/// and in the system's.
+#[derive(Args, Debug)]
+#[command(after_help = OPTIONS)]
+pub struct CampaignArgs {
+    /// The command to spread: blind, or run, faults, swap, cells, reference-runs and others with --sweep; then its arguments.
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true, value_name = "COMMAND")]
+    arguments: Vec<OsString>,
+}
+
+/// Becomes the Python package's own command with the arguments of `args`.
+///
+/// # Errors
+/// No Python that has the package.
+pub fn campaign(args: &CampaignArgs) -> Result<Exit, Failure> {
+    let this = std::env::current_exe().map_err(Failure::internal)?;
+    let python = interpreters(&this).find(has_package).ok_or_else(|| {
+        Failure::peer(
+            "freeplay campaign is part of the Python package, and no Python here has it: pip install the wheel of this version, or name \
+             an interpreter that has it with FREEPLAY_PYTHON",
+        )
+    })?;
+    let mut command = Command::new(&python);
+    command.args(["-m", "freeplay", "campaign"]).args(&args.arguments).env("FREEPLAY_EXECUTABLE", &this);
+    if messages::is_quiet() {
+        command.arg("--quiet");
+    }
+    // `exec` comes back only if it fails.
+    Err(Failure::internal(format!("{}: {}", python.display(), command.exec())))
+}
+
+/// The interpreters to ask, in order: the one that the user names, the one beside this executable, the system's.
+fn interpreters(this: &std::path::Path) -> impl Iterator<Item = PathBuf> {
+    let named = std::env::var_os("FREEPLAY_PYTHON").filter(|name| !name.is_empty()).map(PathBuf::from);
+    let beside = this.with_file_name("python");
+    named.into_iter().chain(beside.is_file().then_some(beside)).chain(["python3".into(), "python".into()])
+}
+
+/// Whether `python` starts and has the package.
+fn has_package(python: &PathBuf) -> bool {
+    let mut command = Command::new(python);
+    command.args(["-c", "import freeplay.campaigns"]).stdin(Stdio::null()).stdout(Stdio::null());
+    command.stderr(Stdio::null()).status().is_ok_and(|status| status.success())
+}

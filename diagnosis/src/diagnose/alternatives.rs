@@ -1,0 +1,99 @@
+//! What was tried in the place of each finding, and how much less probable it is.
+
+use std::collections::BTreeMap;
+
+use super::conclude::{called, is_told};
+use super::report::{Alternative, EvidenceRow};
+use super::search::Search;
+use super::system::Fit;
+use super::words;
+
+/// Most alternatives of one finding that are listed.
+const LISTED: usize = 3;
+
+/// The most probable others in the place of each member of `fit`: each was put there, in the form that explains most, beside the other members.
+pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
+    let mut all = Vec::new();
+    for &member in &fit.members {
+        let others: Vec<usize> = fit.members.iter().copied().filter(|other| *other != member).collect();
+        let (Some(without), Some(own)) = (search.system.fit(&others), search.system.held_fit(&fit.members))
+        else {
+            continue;
+        };
+        for index in nearest(search, &without, member) {
+            let Some(index) = search.refined(&others, index) else { continue };
+            let instead: Vec<usize> = others.iter().copied().chain([index]).collect();
+            let Some(there) = search.system.held_fit(&instead) else { continue };
+            all.push(alternative(search, member, index, own.value - there.value));
+        }
+    }
+    all
+}
+
+/// The best forms of other effects that show where `member` does, most probable first.
+fn nearest(search: &Search, without: &Fit, member: usize) -> Vec<usize> {
+    let system = &search.system;
+    let named = system.candidate(member);
+    let may = |&index: &usize| {
+        let other = system.candidate(index);
+        let is_taken = without.members.iter().any(|&known| system.candidate(known).excludes(other));
+        !is_taken && !other.same_effect(named) && other.meets(named) && !other.contains(named)
+    };
+    let candidates: Vec<usize> = search.laid.iter().copied().filter(may).collect();
+    let gains = system.gains(without, &candidates);
+    let mut best: BTreeMap<(&str, Option<usize>), (f64, usize)> = BTreeMap::new();
+    for (&index, gain) in candidates.iter().zip(&gains) {
+        let Some(gain) = gain.as_ref().filter(|gain| gain.is_inside) else { continue };
+        let other = system.candidate(index);
+        let entry = best.entry((other.kind.name, other.joint)).or_insert((gain.value, index));
+        if gain.value > entry.0 {
+            *entry = (gain.value, index);
+        }
+    }
+    let mut order: Vec<(f64, usize)> = best.into_values().collect();
+    order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    order.into_iter().take(LISTED).map(|(_, index)| index).collect()
+}
+
+fn alternative(search: &Search, member: usize, index: usize, against: f64) -> Alternative {
+    let system = &search.system;
+    let (named, other) = (system.candidate(member), system.candidate(index));
+    let arm = system.data.arm();
+    let separates = named.kind.confounders.iter().find(|(kind, _)| *kind == other.kind.name);
+    let back = other.kind.confounders.iter().find(|(kind, _)| *kind == named.kind.name);
+    let words = separates.or(back).map_or("a motion in which the two differ", |(_, words)| *words);
+    Alternative {
+        kind: other.kind.name,
+        joint: other.joint.map(|joint| arm.joints()[joint].name.clone()),
+        instead_of: called(arm, named),
+        why_not: words::odds_against(against),
+        indistinguishable: !is_told(against),
+        what_would_separate: words.to_owned(),
+        log_odds_against: against,
+    }
+}
+
+/// The most probable form of every kind at every place, alone and beside the members of `fit`.
+pub(crate) fn rows_of_evidence(search: &Search, bare: &Fit, fit: &Fit) -> Vec<EvidenceRow> {
+    let system = &search.system;
+    let [alone, beside] = [bare, fit].map(|fit| system.gains(fit, &search.laid));
+    let mut rows: BTreeMap<(&str, Option<usize>), EvidenceRow> = BTreeMap::new();
+    for ((&index, alone), beside) in search.laid.iter().zip(alone).zip(beside) {
+        let candidate = system.candidate(index);
+        let value = |gain: Option<super::system::Gain>| {
+            gain.filter(|gain| gain.is_inside).map_or(f64::MIN, |gain| gain.value)
+        };
+        let row = rows.entry((candidate.kind.name, candidate.joint)).or_insert_with(|| EvidenceRow {
+            kind: candidate.kind.name,
+            joint: candidate.joint.map(|joint| system.data.arm().joints()[joint].name.clone()),
+            alone: f64::MIN,
+            beside: f64::MIN,
+        });
+        row.alone = row.alone.max(value(alone));
+        row.beside = row.beside.max(value(beside));
+    }
+    let mut rows: Vec<EvidenceRow> = rows.into_values().filter(|row| row.alone > f64::MIN).collect();
+    rows.iter_mut().for_each(|row| row.beside = row.beside.max(-1e9));
+    rows.sort_by(|a, b| b.alone.total_cmp(&a.alone));
+    rows
+}

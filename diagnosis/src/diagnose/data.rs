@@ -1,0 +1,226 @@
+//! The rows that a diagnosis works on: all channels of all recordings, which of them count, and to which part of the data they belong.
+
+use std::ops::Range;
+
+use freeplay_arm::Arm;
+use freeplay_laws::{LawError, Placed};
+
+use super::parts::{Part, parts_of};
+use super::rows::rows_that_count;
+use super::stage::{Answer, Stage};
+use super::tolerance::{Nuisance, Tolerances, nuisances};
+use crate::residual::Kind;
+
+/// A column of the linear model: its rows by channel, `None` where it is zero.
+pub(crate) type Column = Vec<Option<Vec<f64>>>;
+
+/// All recordings, stacked. Channels are numbered through: those of the first recording, those of the second, and so on.
+pub(crate) struct Data<'a> {
+    /// The recordings.
+    pub stages: Vec<Stage<'a>>,
+    /// The tolerances of the model, by stage; the same in number and order in each.
+    pub nuisances: Vec<Vec<Nuisance>>,
+    /// Which rows count, 1 or 0, `[channel][row]`.
+    pub counts: Vec<Vec<f64>>,
+    /// By how much a perfect model may be off in a row, in the channel's unit, `[channel][row]`.
+    pub off: Vec<Vec<f64>>,
+    /// The part to which each row belongs, `[stage][row]`.
+    pub parts: Vec<Vec<Part>>,
+    /// How the data were parted, in words.
+    pub how: String,
+}
+
+impl<'a> Data<'a> {
+    /// Stacks `stages`.
+    pub fn new(stages: Vec<Stage<'a>>, tolerances: &Tolerances) -> Self {
+        let nuisances = stages.iter().map(|stage| nuisances(stage, tolerances)).collect();
+        let (mut counts, mut off) = (Vec::new(), Vec::new());
+        for stage in &stages {
+            for channel in 0..stage.channels.len() {
+                let rows = rows_that_count(stage, channel);
+                counts.push(rows.counts);
+                off.push(rows.off);
+            }
+        }
+        let (parts, how) = parts_of(&stages, &counts);
+        Self { stages, nuisances, counts, off, parts, how }
+    }
+
+    /// The same with all rows in the fit part: a motion that is only planned.
+    pub fn whole(stages: Vec<Stage<'a>>, tolerances: &Tolerances) -> Self {
+        let mut data = Self::new(stages, tolerances);
+        data.parts.iter_mut().for_each(|parts| parts.fill(Part::Fit));
+        data
+    }
+
+    /// The arm of the model, with the effects that its file has.
+    pub fn arm(&self) -> &Arm {
+        self.stages[0].arm()
+    }
+
+    /// Number of channels of one recording.
+    pub fn per_stage(&self) -> usize {
+        self.stages.first().map_or(0, |stage| stage.channels.len())
+    }
+
+    /// Number of channels of all recordings.
+    pub fn channels(&self) -> usize {
+        self.counts.len()
+    }
+
+    /// Which stage and which of its channels the channel number `channel` is.
+    pub fn place(&self, channel: usize) -> (usize, usize) {
+        (channel / self.per_stage(), channel % self.per_stage())
+    }
+
+    /// What the channel number `channel` measures.
+    pub fn kind(&self, channel: usize) -> Kind {
+        let (stage, of_stage) = self.place(channel);
+        self.stages[stage].channels[of_stage].kind
+    }
+
+    /// The rows of the channel number `channel` that count and belong to one of `parts`, 1 or 0.
+    pub fn mask(&self, channel: usize, parts: &[Part]) -> Vec<f64> {
+        let (stage, _) = self.place(channel);
+        let rows = self.counts[channel].iter().zip(&self.parts[stage]);
+        rows.map(|(counts, part)| if parts.contains(part) { *counts } else { 0.0 }).collect()
+    }
+
+    /// Whether any row of the recording number `stage` belongs to the fit or the choice part.
+    pub fn is_heard(&self, stage: usize) -> bool {
+        self.parts[stage].iter().any(|part| matches!(part, Part::Fit | Part::Choice))
+    }
+
+    /// Stacks one answer a stage into a column, with the rows that don't count set to zero; nothing where none is left. The mean is taken off link
+    /// encoders, whose zero nobody sets against the motors'.
+    pub fn column(&self, answers: Vec<Answer>) -> Column {
+        let mut column: Column = answers.into_iter().flatten().collect();
+        for (channel, part) in column.iter_mut().enumerate() {
+            let Some(rows) = part else { continue };
+            let size = rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            self.count(channel, rows);
+            if rows.iter().all(|x| x.abs() <= 1e-9 * size) {
+                *part = None;
+            }
+        }
+        column
+    }
+
+    /// Sets the `rows` of the channel number `channel` that don't count to zero, and takes the mean off a link encoder.
+    pub fn count(&self, channel: usize, rows: &mut [f64]) {
+        let counts = &self.counts[channel];
+        if matches!(self.kind(channel), Kind::Link(_)) {
+            let sum: f64 = rows.iter().zip(counts).map(|(x, counts)| x * counts).sum();
+            let mean = sum / counts.iter().sum::<f64>().max(1.0);
+            rows.iter_mut().for_each(|x| *x -= mean);
+        }
+        rows.iter_mut().zip(counts).for_each(|(x, counts)| *x *= counts);
+    }
+
+    /// Measured minus the model as given, in every channel.
+    pub fn target(&self) -> Vec<Vec<f64>> {
+        let channels = self.stages.iter().flat_map(|stage| &stage.channels);
+        let residual = channels.enumerate().map(|(channel, of_stage)| {
+            let mut rows = of_stage.residual();
+            self.count(channel, &mut rows);
+            rows
+        });
+        residual.collect()
+    }
+
+    /// Measured minus the model with `more` effects, all of them at once, as an arm file with them would have it.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
+        let mut left = Vec::new();
+        for stage in &self.stages {
+            left.extend(stage.left_with(more)?);
+        }
+        for (channel, rows) in left.iter_mut().enumerate() {
+            self.count(channel, rows);
+        }
+        Ok(left)
+    }
+
+    /// Root of the mean square of `rows` where `masks` is one, in each channel of a stage over all recordings; `None` where no row is.
+    pub fn rms(&self, rows: &[Vec<f64>], masks: &[Vec<f64>]) -> Vec<Option<f64>> {
+        let of_channel = |c: usize| {
+            let (mut square, mut count) = (0.0, 0.0);
+            for channel in (c..self.channels()).step_by(self.per_stage()) {
+                for (x, mask) in rows[channel].iter().zip(&masks[channel]) {
+                    square += mask * x * x;
+                    count += mask;
+                }
+            }
+            (count > 0.0).then(|| (square / count).sqrt())
+        };
+        (0..self.per_stage()).map(of_channel).collect()
+    }
+
+    /// The columns of the tolerances and the precision of the prior of each: those that no prior binds once for each recording.
+    pub fn tolerances(&self) -> (Vec<Column>, Vec<f64>) {
+        /// A prior so wide that it says nothing, beside columns of a thousandth of a unit.
+        const FREE: f64 = 1e-12;
+        let (mut columns, mut precision) = (Vec::new(), Vec::new());
+        let nothing = || vec![None; self.per_stage()];
+        for index in 0..self.nuisances.first().map_or(0, Vec::len) {
+            let answer = |stage: usize| self.nuisances[stage][index].answer.clone();
+            let stages = 0..self.stages.len();
+            if self.nuisances[0][index].free {
+                for only in stages.clone() {
+                    let answers = stages.clone().map(|s| if s == only { answer(s) } else { nothing() });
+                    columns.push(self.raw_column(answers.collect()));
+                    precision.push(FREE);
+                }
+            } else {
+                columns.push(self.raw_column(stages.map(answer).collect()));
+                precision.push(1.0);
+            }
+        }
+        (columns, precision)
+    }
+
+    /// [`Data::column`] with the mean of link encoders left in it.
+    fn raw_column(&self, answers: Vec<Answer>) -> Column {
+        let mut column: Column = answers.into_iter().flatten().collect();
+        for (part, counts) in column.iter_mut().zip(&self.counts) {
+            if let Some(rows) = part {
+                rows.iter_mut().zip(counts).for_each(|(x, counts)| *x *= counts);
+            }
+        }
+        column
+    }
+
+    /// Lets the columns of laws follow the arm with the effects that `found` makes for it: see [`Stage::lay_upon`].
+    pub fn lay_upon(&self, found: impl Fn(&Arm) -> Vec<Placed>) {
+        self.stages.iter().for_each(|stage| stage.lay_upon(found(stage.arm())));
+    }
+
+    /// The stretches without gaps of the recording of the channel number `channel`, and the time between their points, s.
+    pub fn stretches(&self, channel: usize) -> impl Iterator<Item = (Range<usize>, f64)> + '_ {
+        let motion = self.stages[self.place(channel).0].motion();
+        motion.stretches.iter().map(|stretch| (stretch.clone(), motion.step(stretch)))
+    }
+}
+
+/// `columns` times their coefficients, by channel, of which each has so many `rows`.
+pub(crate) fn sum_of<'c>(
+    columns: impl IntoIterator<Item = (&'c Column, f64)>,
+    rows: &[Vec<f64>],
+) -> Vec<Vec<f64>> {
+    let mut sum: Vec<Vec<f64>> = rows.iter().map(|rows| vec![0.0; rows.len()]).collect();
+    for (column, factor) in columns {
+        add(&mut sum, column, factor);
+    }
+    sum
+}
+
+/// Adds `factor` times `column` to `rows`.
+pub(crate) fn add(rows: &mut [Vec<f64>], column: &Column, factor: f64) {
+    for (rows, part) in rows.iter_mut().zip(column) {
+        if let Some(part) = part {
+            rows.iter_mut().zip(part).for_each(|(row, x)| *row += factor * x);
+        }
+    }
+}

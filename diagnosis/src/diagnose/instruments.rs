@@ -1,0 +1,102 @@
+//! What the instruments alone leave: recordings of the very machine of the model, moved the same way and measured as badly.
+
+use freeplay_laws::{DriveFriction, rigid_torques, tool_positions};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::data::Data;
+use super::noise::{Noise, normals};
+use super::stage::Stage;
+use crate::filter::derivatives;
+use crate::residual::Kind;
+
+/// Measured minus model in every channel of `data`, were nothing missing and every number of the model exact: what noise and rounding of positions and
+/// channels leave, by the random numbers of `seed`.
+pub(crate) fn instruments(data: &Data, seed: u64) -> Vec<Vec<f64>> {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut left: Vec<Vec<f64>> = data.stages.iter().flat_map(|stage| read_badly(stage, &mut rng)).collect();
+    for (channel, rows) in left.iter_mut().enumerate() {
+        data.count(channel, rows);
+    }
+    left
+}
+
+/// Measured minus model of `stage`: the machine on the recorded motion, measured with noise, against the model on the motion that its encoders read.
+fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
+    let motion = stage.motion();
+    let (torque, tool) = (rigid_torques(stage.arm(), motion, None), tool_positions(stage.arm(), &motion.q));
+    let (read, jumps) = misread(stage, rng);
+    let (read_torque, read_tool) =
+        (rigid_torques(stage.arm(), &read, None), tool_positions(stage.arm(), &read.q));
+    let mut left = Vec::new();
+    for (channel, noise) in stage.channels.iter().zip(&stage.ground.noises.channels) {
+        let mut rest = stage.treated(&match channel.kind {
+            Kind::Link(joint) => misreading(rng, &stage.whole().q[joint], noise),
+            Kind::Torque(_) | Kind::Tool(_) => normals(rng, stage.whole().len(), noise.deviation),
+        });
+        let mut add = |truth: &[f64], model: &[f64]| {
+            rest.iter_mut().zip(truth.iter().zip(model)).for_each(|(rest, (t, m))| *rest += t - m);
+        };
+        match channel.kind {
+            Kind::Torque(joint) => {
+                add(&torque[joint], &read_torque[joint]);
+                let viscous = stage.arm().joints()[joint].friction.viscous;
+                let scaled = |v: &[f64]| v.iter().map(|v| viscous * v).collect::<Vec<_>>();
+                add(&scaled(&motion.v[joint]), &scaled(&read.v[joint]));
+                if let Some(jump) = &jumps[joint] {
+                    add(&vec![0.0; jump.len()], jump);
+                }
+            }
+            Kind::Tool(axis) => add(&tool[axis], &read_tool[axis]),
+            Kind::Link(joint) => add(&motion.q[joint], &read.q[joint]),
+        }
+        left.push(rest);
+    }
+    left
+}
+
+/// The motion as noisy encoders read it, and how much more dry friction the model then sees, by joint.
+fn misread(stage: &Stage, rng: &mut ChaCha8Rng) -> (freeplay_laws::Trajectory, Vec<Option<Vec<f64>>>) {
+    let (mut read, whole) = (stage.motion().clone(), stage.whole());
+    let treatment = &stage.ground.treatment;
+    let mut jumps = Vec::new();
+    for (joint, noise) in stage.ground.noises.positions.iter().enumerate() {
+        let error = treatment.low_pass(&misreading(rng, &whole.q[joint], noise));
+        let (mut rate, mut second) = (Vec::new(), Vec::new());
+        for stretch in &whole.stretches {
+            let (v, a) = derivatives(&error[stretch.clone()], whole.step(stretch));
+            rate.extend(v);
+            second.extend(a);
+        }
+        let into = |column: &mut Vec<f64>, error: &[f64]| {
+            column.iter_mut().zip(treatment.keep(error)).for_each(|(x, e)| *x += e);
+        };
+        into(&mut read.q[joint], &error);
+        into(&mut read.v[joint], &rate);
+        into(&mut read.a[joint], &second);
+        let nominal = DriveFriction::nominal(stage.arm().joints()[joint].friction);
+        jumps.push((nominal.coulomb > 0.0).then(|| {
+            let jump = DriveFriction { viscous: 0.0, ..nominal };
+            let more =
+                whole.v[joint].iter().zip(&rate).map(|(v, e)| jump.resisting(v + e) - jump.resisting(*v));
+            stage.treated(&more.collect::<Vec<_>>())
+        }));
+    }
+    (read, jumps)
+}
+
+/// What an encoder reads of `position` too much: its noise, and its rounding, which is no noise where the joint hardly moves.
+fn misreading(rng: &mut ChaCha8Rng, position: &[f64], noise: &Noise) -> Vec<f64> {
+    let step = noise.step;
+    if step <= 0.0 {
+        return normals(rng, position.len(), noise.deviation);
+    }
+    let beside_rounding = (noise.deviation.powi(2) - step * step / 12.0).max(0.0).sqrt();
+    let zero = 0.5 * step * (2.0 * f64::from(rng.next_u32()) / f64::from(u32::MAX) - 1.0);
+    let errors = normals(rng, position.len(), beside_rounding);
+    let read = |(position, error): (&f64, f64)| {
+        let place = (position + zero + error) / step;
+        place.round() * step - position - zero
+    };
+    position.iter().zip(errors).map(read).collect()
+}

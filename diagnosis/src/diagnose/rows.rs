@@ -1,0 +1,147 @@
+//! Which rows of a channel count, and by how much a perfect model may be off in them.
+//!
+//! A joint that stands carries any torque between ± its dry friction, and where it turns the low-pass rounds the corner of its speed: such rows say nothing of
+//! a law of friction. They are left out of the torque of that joint.
+
+use freeplay_laws::DriveFriction;
+use nalgebra::{Matrix3, Vector3};
+
+use super::stage::Stage;
+use crate::presence::masked;
+use crate::residual::Kind;
+use crate::statistics::Moments;
+
+/// A joint slower than this share of its greatest speed for longer than the filter remembers stands still, unless its encoder sees it creep.
+const STANDING: f64 = 2e-3;
+/// The low-pass with the cutoff f_c rounds the corner of a speed where a joint starts to stick or to slip: by about this times the acceleration over f_c,
+/// seen on simulated stops.
+const ROUNDED: f64 = 0.05;
+/// A joint whose position changes by less than this many standard deviations of its encoder's noise from one sample to the next may stick: one such change
+/// in 10⁵ is noise.
+const UNMOVED: f64 = 4.5;
+/// A joint that stands for more than this share of the time is judged at rest: what is not friction shows there, too.
+const MOSTLY: f64 = 0.9;
+/// Share of what a sharper look at the motion adds to the model's torque that a still sharper one may add: the series of looks halves at each octave or faster.
+const HIDDEN: f64 = 0.1;
+
+/// What the samples and the model can say of each row.
+pub(crate) struct Rows {
+    /// Whether it counts, 1 or 0.
+    pub counts: Vec<f64>,
+    /// By how much a perfect model may be off there, in the channel's unit.
+    pub off: Vec<f64>,
+}
+
+/// What the samples and the model can say of each row of the channel number `channel` of `stage`.
+pub(crate) fn rows_that_count(stage: &Stage, channel: usize) -> Rows {
+    let present = stage.channels[channel].present.as_deref();
+    let Rows { counts, off } = measured_rows(stage, channel);
+    Rows { counts: masked(counts, present), off }
+}
+
+/// The same, were nothing missing.
+fn measured_rows(stage: &Stage, channel: usize) -> Rows {
+    let points = stage.motion().len();
+    let all = |counts: f64| Rows { counts: vec![counts; points], off: vec![0.0; points] };
+    let Kind::Torque(joint) = stage.channels[channel].kind else { return all(1.0) };
+    if stage.ground.is_stuck(Kind::Torque(joint)) {
+        return all(0.0);
+    }
+    let (v, a) = (&stage.whole().v[joint], &stage.whole().a[joint]);
+    let treatment = &stage.ground.treatment;
+    let (rate_hz, cutoff_hz) = (treatment.rate_hz(), treatment.filter().cutoff_hz());
+    let reach = (rate_hz / cutoff_hz / 2.0) as usize;
+    let slow = STANDING * v.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    // Seen to creep, and to which side, within the filter's memory.
+    let creeping = UNMOVED * stage.ground.noises.positions[joint].deviation * rate_hz / reach.max(1) as f64;
+    let dry = DriveFriction::nominal(stage.arm().joints()[joint].friction).coulomb;
+    if dry > 0.0 && rests(stage, joint) {
+        return all(0.0);
+    }
+    let stands = treatment.keep(&standing(v, slow.min(creeping), reach));
+    if Moments::of(&stands).mean > MOSTLY {
+        return all(1.0);
+    }
+    let usual = Moments::of(a).rms;
+    let sticks = sticking(stage, joint);
+    let turns: Vec<f64> = v
+        .iter()
+        .zip(&envelope(a, reach))
+        .zip(sticks)
+        .map(|((v, here), sticks)| {
+            let blurred = (ROUNDED * usual.max(*here) / cutoff_hz).max(slow);
+            if v.abs() < blurred || sticks && v.abs() < creeping.max(4.0 * blurred) { 1.0 } else { 0.0 }
+        })
+        .collect();
+    // What dry friction does there, the low-pass smears over the rows around.
+    let smeared = treatment.keep(&envelope(&treatment.low_pass(&turns), reach));
+    let turns = treatment.keep(&envelope(&turns, reach));
+    let counts: Vec<f64> =
+        stands.iter().zip(turns).map(|(stands, turns)| (1.0 - stands) * (1.0 - turns)).collect();
+    let friction = dry + left_dry(stage, joint, channel, &counts);
+    // A sample says of a jump between two of them no more than that. By half the time between samples it is early or late, times
+    // the slope of the low-pass's answer, which is twice the cutoff times twice what the low-pass takes from the jump.
+    let unresolved = treatment.keep(&envelope(&stage.ground.sharpening.unresolved[joint], reach));
+    let hidden = treatment.keep(&envelope(&stage.ground.sharpening.more.torque[joint], reach));
+    let off = unresolved
+        .iter()
+        .zip(hidden)
+        .zip(smeared)
+        .map(|((unresolved, hidden), smeared)| {
+            (2.0 * cutoff_hz / rate_hz * unresolved).hypot(HIDDEN * hidden).hypot(friction * smeared)
+        })
+        .collect();
+    Rows { counts, off }
+}
+
+/// Dry friction of `joint` that the model leaves out, about: the step of its residual with the direction beside a constant and the speed, by least squares.
+fn left_dry(stage: &Stage, joint: usize, channel: usize, counts: &[f64]) -> f64 {
+    let v = &stage.motion().v[joint];
+    let residual = stage.channels[channel].residual();
+    let (mut normal, mut right) = (Matrix3::zeros(), Vector3::zeros());
+    for ((v, residual), counts) in v.iter().zip(residual).zip(counts) {
+        let row = Vector3::new(1.0, *v, v.signum());
+        normal += *counts * row * row.transpose();
+        right += *counts * residual * row;
+    }
+    normal.cholesky().map_or(0.0, |factor| factor.solve(&right)[2].abs())
+}
+
+/// Whether `joint` stays where it is throughout, for all that its encoder sees.
+fn rests(stage: &Stage, joint: usize) -> bool {
+    let (least, most) =
+        stage.whole().q[joint].iter().fold((f64::MAX, f64::MIN), |(a, b), q| (a.min(*q), b.max(*q)));
+    most - least < 2.0 * UNMOVED * stage.ground.noises.positions[joint].deviation
+}
+
+/// Where the encoder of `joint` sees no motion from one sample to the next.
+fn sticking(stage: &Stage, joint: usize) -> Vec<bool> {
+    let ground = stage.ground;
+    let read = ground.treatment.whole_column(ground.recording, &ground.recording.q[joint]);
+    let least = UNMOVED * ground.noises.positions[joint].deviation;
+    let still = |k: usize, other: usize| read.get(other).is_some_and(|x| (x - read[k]).abs() < least);
+    (0..read.len()).map(|k| still(k, k + 1) || still(k, k.wrapping_sub(1))).collect()
+}
+
+/// 1 within `reach` points of where the speed `v` stays below `slow` for longer than that, else 0.
+fn standing(v: &[f64], slow: f64, reach: usize) -> Vec<f64> {
+    let is_slow = |point: usize| v[point].abs() < slow;
+    let mut standing = vec![0.0; v.len()];
+    let mut begin = 0;
+    for end in 1..=v.len() {
+        if end == v.len() || is_slow(end) != is_slow(begin) {
+            if is_slow(begin) && end - begin > reach {
+                let around = begin.saturating_sub(reach)..(end + reach).min(v.len());
+                standing[around].fill(1.0);
+            }
+            begin = end;
+        }
+    }
+    standing
+}
+
+/// The greatest size of `x` within `reach` points of each.
+fn envelope(x: &[f64], reach: usize) -> Vec<f64> {
+    let around = |k: usize| &x[k.saturating_sub(reach)..(k + reach + 1).min(x.len())];
+    (0..x.len()).map(|k| around(k).iter().fold(0.0_f64, |most, x| most.max(x.abs()))).collect()
+}

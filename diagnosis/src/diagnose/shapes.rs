@@ -1,0 +1,286 @@
+//! Shapes without a name, flexible enough for any law of position, speed, load, acceleration and the way since the last reversal. They say how much there is
+//! to explain at all, and are the black box beside which the findings are shown.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use super::columns::dot;
+use super::data::Data;
+use super::stage::Stage;
+use super::tolerance::Nuisance;
+use crate::residual::Kind;
+
+/// Knots of the hat functions in position and in speed.
+const KNOTS: usize = 8;
+const SPEED_KNOTS: usize = 5;
+/// Ridge, as a share of each column's square, that keeps the fit from running away where the motion tells columns apart badly.
+const RIDGE: f64 = 1e-4;
+
+/// Where the knots of a joint's hat functions are.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Knots {
+    position: Vec<f64>,
+    load: Vec<f64>,
+    speed: Vec<f64>,
+    reach: f64,
+}
+
+impl Knots {
+    /// Knots for every joint of `stage`.
+    pub fn of(stage: &Stage) -> Vec<Knots> {
+        let joints = 0..stage.arm().dof();
+        joints
+            .map(|joint| {
+                let (q, v) = (&stage.motion().q[joint], &stage.motion().v[joint]);
+                let speed: Vec<f64> = v.iter().map(|v| v.abs()).collect();
+                let position = quantiles(q, KNOTS);
+                let reach = position[position.len() - 1] - position[0];
+                let load = quantiles(&stage.load()[joint], SPEED_KNOTS);
+                Knots { load, speed: quantiles(&speed, SPEED_KNOTS), reach: reach.max(1e-12), position }
+            })
+            .collect()
+    }
+}
+
+/// The shapes of one channel.
+pub(crate) struct Shapes {
+    columns: Vec<Vec<f64>>,
+    factor: Option<Cholesky<f64, Dyn>>,
+}
+
+impl Shapes {
+    /// The shapes of the channel number `channel` of `data`, to be fitted to the rows where `mask` is one.
+    pub fn new(data: &Data, channel: usize, mask: &[f64], knots: &[Knots]) -> Self {
+        let (stage, of_stage) = data.place(channel);
+        let mut columns = raw_columns(&data.stages[stage], &data.nuisances[stage], of_stage, mask, knots);
+        normalised(&mut columns);
+        Self { factor: factor(&columns, RIDGE), columns }
+    }
+
+    /// What the shapes of the `channels`, which measure the same in each recording, say of every row once they are fitted to the rows of `residual` where
+    /// `masks` is one: with the prior size of shapes under which these rows are most probable.
+    pub fn said(
+        data: &Data,
+        channels: &[usize],
+        masks: &[Vec<f64>],
+        residual: &[Vec<f64>],
+        knots: &[Knots],
+    ) -> Vec<(usize, Vec<f64>)> {
+        let of = |channel: usize, mask: &[f64]| {
+            let (stage, of_stage) = data.place(channel);
+            raw_columns(&data.stages[stage], &[], of_stage, mask, knots)
+        };
+        let fitted: Vec<Vec<Vec<f64>>> = channels.iter().map(|&c| of(c, &masks[c])).collect();
+        let count = fitted.first().map_or(0, Vec::len);
+        let mut own: Vec<Vec<f64>> =
+            (0..count).map(|k| fitted.iter().flat_map(|columns| columns[k].clone()).collect()).collect();
+        let sizes = normalised(&mut own);
+        let target: Vec<f64> = channels
+            .iter()
+            .flat_map(|&c| residual[c].iter().zip(&masks[c]).map(|(x, mask)| x * mask).collect::<Vec<_>>())
+            .collect();
+        let beta = most_probable(&own, &target);
+        channels
+            .iter()
+            .map(|&c| {
+                let mut said = vec![0.0; data.counts[c].len()];
+                for ((column, size), beta) in of(c, &data.counts[c]).iter().zip(&sizes).zip(beta.iter()) {
+                    said.iter_mut().zip(column).for_each(|(said, x)| *said += beta / size * x);
+                }
+                (c, said)
+            })
+            .collect()
+    }
+
+    /// What they leave of `residual`.
+    pub fn left(&self, residual: &[f64]) -> Vec<f64> {
+        let mut left = residual.to_vec();
+        let Some(factor) = &self.factor else { return left };
+        let right = DVector::from_iterator(self.columns.len(), self.columns.iter().map(|c| dot(c, residual)));
+        for (column, beta) in self.columns.iter().zip(factor.solve(&right).iter()) {
+            left.iter_mut().zip(column).for_each(|(left, x)| *left -= beta * x);
+        }
+        left
+    }
+}
+
+/// Divides each of `columns` by its size, and gives the sizes.
+fn normalised(columns: &mut [Vec<f64>]) -> Vec<f64> {
+    let divided = columns.iter_mut().map(|column| {
+        let size = dot(column, column).sqrt().max(f64::MIN_POSITIVE);
+        column.iter_mut().for_each(|x| *x /= size);
+        size
+    });
+    divided.collect()
+}
+
+/// The coefficients of `columns`, each of size one, for `target`, with the ridge under which the target is most probable (MacKay 1992, Neural Comput. 4:415),
+/// its noise integrated out.
+fn most_probable(columns: &[Vec<f64>], target: &[f64]) -> DVector<f64> {
+    /// Ridges that are tried: from shapes as large as they like to none.
+    const RIDGES: [f64; 7] = [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
+    let rows = target.iter().filter(|x| **x != 0.0).count() as f64;
+    let right = DVector::from_iterator(columns.len(), columns.iter().map(|c| dot(c, target)));
+    let square = dot(target, target);
+    let mut best: Option<(f64, DVector<f64>)> = None;
+    for ridge in RIDGES {
+        let Some(factor) = factor(columns, ridge) else { continue };
+        let beta = factor.solve(&right);
+        let left = (square - right.dot(&beta)).max(f64::MIN_POSITIVE);
+        let volume: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
+        let evidence = 0.5 * columns.len() as f64 * ridge.ln() - volume - 0.5 * rows * left.ln();
+        if best.as_ref().is_none_or(|best| evidence > best.0) {
+            best = Some((evidence, beta));
+        }
+    }
+    best.map_or_else(|| DVector::zeros(columns.len()), |best| best.1)
+}
+
+fn factor(columns: &[Vec<f64>], ridge: f64) -> Option<Cholesky<f64, Dyn>> {
+    let n = columns.len();
+    Cholesky::new(DMatrix::from_fn(n, n, |i, j| {
+        dot(&columns[i], &columns[j]) + if i == j { ridge } else { 0.0 }
+    }))
+}
+
+/// The columns of a channel, with the rows that don't count set to zero: the same in number and order on every stage of an arm.
+fn raw_columns(
+    stage: &Stage,
+    nuisances: &[Nuisance],
+    channel: usize,
+    kept: &[f64],
+    knots: &[Knots],
+) -> Vec<Vec<f64>> {
+    let mut columns = match stage.channels[channel].kind {
+        Kind::Torque(joint) => of_torque(stage, joint, &knots[joint]),
+        Kind::Tool(axis) => of_tool(stage, axis),
+        Kind::Link(joint) => of_joint(stage, joint, &vec![1.0; stage.motion().len()]),
+    };
+    let nothing = || vec![0.0; stage.motion().len()];
+    columns.extend(nuisances.iter().map(|nuisance| nuisance.answer[channel].clone().unwrap_or_else(nothing)));
+    for column in &mut columns {
+        column.iter_mut().zip(kept).for_each(|(x, kept)| *x *= kept);
+    }
+    columns
+}
+
+/// Position, speed, load, acceleration, reversals, and the other joints' speeds.
+fn of_torque(stage: &Stage, joint: usize, knots: &Knots) -> Vec<Vec<f64>> {
+    let motion = stage.motion();
+    let v = &stage.whole().v[joint];
+    let mut columns = hats(&motion.q[joint], &knots.position);
+    columns.extend(hats(&stage.load()[joint], &knots.load));
+    let speeds: Vec<f64> = v.iter().map(|v| v.abs()).collect();
+    let sign: Vec<f64> = v.iter().map(|v| v.signum()).collect();
+    let mut with_sign = |shape: &[f64]| {
+        let signed: Vec<f64> = shape.iter().zip(&sign).map(|(shape, sign)| shape * sign).collect();
+        columns.push(stage.treated(&signed));
+    };
+    hats(&speeds, &knots.speed).iter().for_each(|hat| with_sign(hat));
+    with_sign(&stage.whole_load()[joint].iter().map(|load| load.abs()).collect::<Vec<_>>());
+    let way = way_since_reversal(&stage.whole().q[joint], v);
+    for scale in [0.003, 0.03] {
+        with_sign(&way.iter().map(|way| (-way / (scale * knots.reach)).exp()).collect::<Vec<_>>());
+    }
+    columns.push(motion.a[joint].clone());
+    columns.extend(motion.v.iter().cloned());
+    columns
+}
+
+/// Offsets of every joint as the tool sees them.
+fn of_tool(stage: &Stage, axis: usize) -> Vec<Vec<f64>> {
+    let points = stage.motion().len();
+    let mut columns = vec![vec![1.0; points]];
+    for joint in 0..stage.arm().dof() {
+        let mut shift = vec![vec![0.0; points]; stage.arm().dof()];
+        shift[joint].fill(1e-4);
+        let answer = stage.rigid_answer(stage.arm(), Some(&shift));
+        let seen = stage.channels.iter().position(|channel| channel.kind == Kind::Tool(axis));
+        if let Some(lever) = seen.and_then(|seen| answer[seen].clone()) {
+            columns.extend(of_joint(stage, joint, &lever));
+        }
+    }
+    columns
+}
+
+/// Constants, position, load, its sign, speed and its sign at a joint, each times `lever`.
+fn of_joint(stage: &Stage, joint: usize, lever: &[f64]) -> Vec<Vec<f64>> {
+    let (q, v) = (&stage.motion().q[joint], &stage.motion().v[joint]);
+    let load = &stage.load()[joint];
+    let sign: Vec<f64> = stage.whole().v[joint].iter().map(|v| v.signum()).collect();
+    let pull: Vec<f64> = stage.whole_load()[joint].iter().map(|load| load.signum()).collect();
+    let shapes = [
+        vec![1.0; q.len()],
+        q.iter().map(|q| q.sin()).collect(),
+        q.iter().map(|q| q.cos()).collect(),
+        load.clone(),
+        v.clone(),
+        stage.treated(&sign),
+        stage.treated(&pull),
+    ];
+    shapes.iter().map(|shape| shape.iter().zip(lever).map(|(shape, lever)| shape * lever).collect()).collect()
+}
+
+/// Way travelled since the last change of direction, on all grid points.
+pub(crate) fn way_since_reversal(q: &[f64], v: &[f64]) -> Vec<f64> {
+    let (mut turned_at, mut last) = (q.first().copied().unwrap_or(0.0), 0.0);
+    q.iter()
+        .zip(v)
+        .map(|(&q, &v)| {
+            if v * last < 0.0 {
+                turned_at = q;
+            }
+            if v != 0.0 {
+                last = v;
+            }
+            (q - turned_at).abs()
+        })
+        .collect()
+}
+
+/// `count` quantiles of `x`, without those that are nearly the same.
+fn quantiles(x: &[f64], count: usize) -> Vec<f64> {
+    let mut sorted = x.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    if sorted.is_empty() {
+        return vec![0.0];
+    }
+    let reach = sorted[sorted.len() - 1] - sorted[0];
+    let mut knots: Vec<f64> = (0..count).map(|k| sorted[k * (sorted.len() - 1) / (count - 1)]).collect();
+    knots.dedup_by(|a, b| *a - *b <= 1e-3 * reach);
+    knots
+}
+
+/// Hat functions on `knots`: they add up to one everywhere; the outermost go on level.
+fn hats(x: &[f64], knots: &[f64]) -> Vec<Vec<f64>> {
+    let hat = |k: usize, x: f64| {
+        let up = k.checked_sub(1).map_or(1.0, |j| (x - knots[j]) / (knots[k] - knots[j]));
+        let down = knots.get(k + 1).map_or(1.0, |next| (next - x) / (next - knots[k]));
+        up.min(down).clamp(0.0, 1.0)
+    };
+    (0..knots.len()).map(|k| x.iter().map(|&x| hat(k, x)).collect()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{hats, quantiles, way_since_reversal};
+
+    #[test]
+    fn hats_add_up_to_one() {
+        let x: Vec<f64> = (0..500).map(|k| (0.037 * f64::from(k)).sin() * 3.0).collect();
+        let hats = hats(&x, &quantiles(&x, 7));
+        assert!(hats.len() > 4);
+        let worst = (0..x.len())
+            .map(|k| (hats.iter().map(|hat| hat[k]).sum::<f64>() - 1.0).abs())
+            .fold(0.0, f64::max);
+        println!("off by {worst:.1e}");
+        assert!(worst < 1e-12);
+        assert!(hats.iter().flatten().all(|h| (0.0..=1.0).contains(h)));
+    }
+
+    #[test]
+    fn the_way_begins_anew_at_each_reversal() {
+        let q = [0.0, 1.0, 2.0, 1.5, 0.5, 1.0];
+        let v = [1.0, 1.0, 1.0, -1.0, -1.0, 1.0];
+        assert_eq!(way_since_reversal(&q, &v), [0.0, 1.0, 2.0, 0.0, 1.0, 0.0]);
+    }
+}

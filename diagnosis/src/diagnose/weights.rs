@@ -1,0 +1,257 @@
+//! How much each row says: the noise of the instruments, and the discrepancy δ, by which every law of a real machine is off.
+//!
+//! A row i of channel c has the variance v = σ² + off² + s²L²: σ is what the instruments leave, off what the samples can't say, L the local size of what the
+//! channel models, and s the share of it by which the laws are off (Kennedy & O'Hagan 2001, J. R. Stat. Soc. B 63:425). Neighbouring rows are alike: the
+//! log-likelihood of each is weighed by φ, which turns the number of rows into the effective one, κ rows to one for the noise and for the discrepancy
+//! each.
+
+use super::data::Data;
+use super::instruments::instruments;
+use super::noise::effective_samples;
+use super::parts::Part;
+use super::shapes::{Knots, Shapes};
+use crate::residual::Kind;
+
+/// Deviation of the half-normal prior of s: laws of rigid bodies and of friction hold to a few per cent on machines that are published.
+pub(crate) const USUAL_SHARE: f64 = 0.02;
+/// Shares s that are tried: from what no machine reaches to a law that says nothing, each a fifth more than the last.
+const LEAST_SHARE: f64 = 1e-3;
+const FINER: f64 = 1.2;
+const SHARES: i32 = 40;
+/// Recordings of perfect machines from which the noise of the instruments is taken: their mean square is known to a few per cent.
+const DRAWS: u64 = 3;
+/// Length over which the size of a channel is local, in periods of the low-pass.
+const LOCAL_PERIODS: f64 = 10.0;
+
+/// How much the rows of one channel say.
+#[derive(Clone, Debug)]
+pub(crate) struct Rows {
+    /// What no law could say: σ² + off², by row.
+    instrument: Vec<f64>,
+    /// Square of the local size of what the channel models, by row.
+    size: Vec<f64>,
+    /// The weight of each row in the likelihood, φ; zero of rows that don't count.
+    phi: Vec<f64>,
+    /// How far each row is believed, where some are far out: see [`Rows::distrust`].
+    trust: Vec<f64>,
+    /// The share s.
+    pub share: f64,
+    /// Root of the mean square of what the channel models.
+    pub scale: f64,
+}
+
+/// How much all rows say.
+#[derive(Clone, Debug)]
+pub(crate) struct Weights {
+    /// By channel.
+    pub rows: Vec<Rows>,
+    /// Deviation of the noise of the instruments, over all rows, by channel of a recording.
+    pub noise: Vec<f64>,
+}
+
+impl Rows {
+    /// The variance v of each row with the share `share`.
+    fn variances(&self, share: f64) -> impl Iterator<Item = f64> {
+        self.instrument
+            .iter()
+            .zip(&self.size)
+            .map(move |(instrument, size)| instrument + share * share * size)
+    }
+
+    /// The weight of each row in the sum of squares: φ/v.
+    pub fn weights(&self) -> Vec<f64> {
+        let trusted = self.phi.iter().zip(&self.trust).zip(self.variances(self.share));
+        trusted.map(|((phi, trust), v)| if *phi > 0.0 { phi * trust / v } else { 0.0 }).collect()
+    }
+
+    /// Believes each row by what `left` remains of it, as under Student's t of four degrees of freedom (Lange, Little & Taylor 1989, J. Am. Stat. Assoc.
+    /// 84:881): what shakes at times bends no number.
+    pub fn distrust(&mut self, left: &[f64]) {
+        const FREEDOM: f64 = 4.0;
+        let v = self.variances(self.share);
+        self.trust =
+            left.iter().zip(v).map(|(x, v)| ((FREEDOM + 1.0) / (FREEDOM + x * x / v)).min(1.0)).collect();
+    }
+
+    /// Effective number of rows.
+    pub fn effective(&self) -> f64 {
+        self.phi.iter().sum()
+    }
+
+    /// Log of the likelihood of rows that leave the squares `left`, by row, with the share `share`, its prior included.
+    fn log_likelihood(&self, left: &[f64], share: f64) -> f64 {
+        let mut sum = -0.5 * (share / USUAL_SHARE).powi(2);
+        for ((phi, left), v) in self.phi.iter().zip(left).zip(self.variances(share)) {
+            if *phi > 0.0 {
+                sum -= 0.5 * phi * (v.ln() + left / v);
+            }
+        }
+        sum
+    }
+
+    /// Log of the likelihood but for the sum of squares.
+    pub fn log_volume(&self) -> f64 {
+        self.log_likelihood(&vec![0.0; self.phi.len()], self.share)
+    }
+
+    /// The most probable share where `left` remains of each row, with `taken` effective rows used up by coefficients, and the log-likelihood with it.
+    pub fn best(&self, left: &[f64], taken: f64) -> (f64, f64) {
+        let squares = self.squares(left, taken);
+        let shares = std::iter::once(0.0).chain((0..SHARES).map(|k| LEAST_SHARE * FINER.powi(k)));
+        let tried = shares.map(|share| (share, self.log_likelihood(&squares, share)));
+        tried.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((self.share, 0.0))
+    }
+
+    /// By how much the most probable share is more probable than the present one.
+    pub fn to_gain(&self, left: &[f64], taken: f64) -> f64 {
+        self.best(left, taken).1 - self.log_likelihood(&self.squares(left, taken), self.share)
+    }
+
+    /// The log-likelihood of rows of which `left` remains.
+    pub fn score(&self, left: &[f64]) -> f64 {
+        self.log_likelihood(&self.squares(left, 0.0), self.share)
+    }
+
+    fn squares(&self, left: &[f64], taken: f64) -> Vec<f64> {
+        let scale = self.effective() / (self.effective() - taken).max(1.0);
+        left.iter().zip(&self.trust).map(|(x, trust)| trust * scale * x * x).collect()
+    }
+
+    /// Sets the share to the most probable one where `left` remains of each row, with `taken` effective rows used up by coefficients; whether it moved by
+    /// more than a step.
+    pub fn follow(&mut self, left: &[f64], taken: f64) -> bool {
+        let (best, _) = self.best(left, taken);
+        let step = LEAST_SHARE.max(0.5 * (FINER - 1.0) * self.share);
+        let moved = (best - self.share).abs() > step;
+        if moved {
+            self.share = best;
+        }
+        moved
+    }
+}
+
+impl Weights {
+    /// The weights of the rows of `data` in `parts`, of which `target` is what the model as given leaves. Their number is counted by what even shapes without a
+    /// name leave: where a law is missing that all rows share, that would count none.
+    pub fn new(data: &Data, target: &[Vec<f64>], parts: &[Part], seed: u64) -> Self {
+        let draws: Vec<Vec<Vec<f64>>> = (0..DRAWS).map(|k| instruments(data, seed.wrapping_add(k))).collect();
+        let knots = data.stages.first().map(Knots::of).unwrap_or_default();
+        let squares: Vec<Vec<f64>> = draws
+            .iter()
+            .map(|draw| data.rms(draw, &data.counts).iter().map(|rms| rms.unwrap_or(0.0).powi(2)).collect())
+            .collect();
+        let mean = |c: usize| (squares.iter().map(|draw| draw[c]).sum::<f64>() / draws.len() as f64).sqrt();
+        let noise: Vec<f64> = (0..data.per_stage()).map(mean).collect();
+        let rows: Vec<Rows> = (0..data.channels())
+            .map(|channel| {
+                let mask = data.mask(channel, parts);
+                let count: f64 = mask.iter().sum();
+                let masked =
+                    |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&mask).map(|(x, m)| x * m).collect() };
+                let square = noise[channel % data.per_stage()].powi(2);
+                let kappa_noise = draws.iter().map(|draw| alike(&masked(&draw[channel]), &mask)).sum::<f64>()
+                    / draws.len() as f64;
+                let size = local_size(data, channel, target);
+                let instrument: Vec<f64> = data.off[channel].iter().map(|off| square + off * off).collect();
+                let scale = (size.iter().zip(&mask).map(|(x, m)| x * m).sum::<f64>() / count.max(1.0)).sqrt();
+                let rest = Shapes::new(data, channel, &mask, &knots).left(&masked(&target[channel]));
+                let kappa = alike(&rest, &mask);
+                let mut rows = Rows {
+                    phi: mask.iter().map(|mask| mask / kappa).collect(),
+                    trust: vec![1.0; mask.len()],
+                    instrument,
+                    size,
+                    share: USUAL_SHARE,
+                    scale,
+                };
+                rows.follow(&rest, 0.0);
+                let both = |(instrument, size): (&f64, &f64)| {
+                    let off = rows.share * rows.share * size;
+                    (instrument + off) / (kappa_noise * instrument + kappa * off).max(f64::MIN_POSITIVE)
+                };
+                let phi = rows.instrument.iter().zip(&rows.size).map(both);
+                rows.phi = phi.zip(&mask).map(|(phi, mask)| phi * mask).collect();
+                rows
+            })
+            .collect();
+        Self { rows, noise }
+    }
+
+    /// Weights of rows of which only the noise is known: its `deviation` and the number of `effective` rows, by channel.
+    pub fn plain(data: &Data, deviation: &[f64], effective: &[f64]) -> Self {
+        /// Prior size of what is asked for, in standard deviations of the noise: it leaves the data all of the say.
+        const WIDE: f64 = 1e6;
+        let of_channel = |c: usize| {
+            let counts = &data.counts[c];
+            let per_row = effective[c] / counts.iter().sum::<f64>().max(1.0);
+            let is_known = deviation[c].is_finite() && deviation[c] > 0.0;
+            Rows {
+                instrument: vec![if is_known { deviation[c].powi(2) } else { 1.0 }; counts.len()],
+                size: vec![0.0; counts.len()],
+                trust: vec![1.0; counts.len()],
+                phi: counts.iter().map(|counts| if is_known { counts * per_row } else { 0.0 }).collect(),
+                share: 0.0,
+                scale: if is_known { WIDE * deviation[c] } else { 0.0 },
+            }
+        };
+        Self { rows: (0..data.channels()).map(of_channel).collect(), noise: deviation.to_vec() }
+    }
+
+    /// The same noise and shares for rows in other `parts`.
+    pub fn on(&self, data: &Data, parts: &[Part]) -> Self {
+        let per_stage = data.per_stage();
+        let of_channel = |channel: usize| {
+            let mask = data.mask(channel, parts);
+            // The share and the number of rows to one are those of the channel in a recording of the fit.
+            let same = (channel % per_stage..data.channels()).step_by(per_stage);
+            let fitted = same.map(|c| &self.rows[c]).find(|rows| rows.effective() > 0.0);
+            let own = &self.rows[channel];
+            let share = fitted.map_or(own.share, |rows| rows.share);
+            let per_row = fitted.map_or(1.0, |rows| {
+                let counted: f64 = rows.phi.iter().filter(|phi| **phi > 0.0).count() as f64;
+                rows.effective() / counted.max(1.0)
+            });
+            Rows {
+                phi: mask.iter().map(|mask| mask * per_row).collect(),
+                trust: vec![1.0; mask.len()],
+                share,
+                ..own.clone()
+            }
+        };
+        Self { rows: (0..data.channels()).map(of_channel).collect(), noise: self.noise.clone() }
+    }
+}
+
+/// How many rows of `residual` where `mask` is one are worth one: 1 + 2Σρ, at least one.
+fn alike(residual: &[f64], mask: &[f64]) -> f64 {
+    let counted: Vec<f64> = residual.iter().zip(mask).filter(|(_, m)| **m > 0.0).map(|(x, _)| *x).collect();
+    (counted.len() as f64 / effective_samples(&counted).max(1.0)).max(1.0)
+}
+
+/// Square of the local size of what the channel number `channel` models: of a torque itself; of a pose, which the rigid arm says exactly, of what is left to
+/// explain. Nowhere less than a third of the channel's own.
+fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
+    const LEAST: f64 = 1.0 / 3.0;
+    let (stage, of_stage) = data.place(channel);
+    let stage = &data.stages[stage];
+    let modelled = match data.kind(channel) {
+        Kind::Torque(_) => stage.channels[of_stage].measured.clone(),
+        Kind::Tool(_) | Kind::Link(_) => target[channel].clone(),
+    };
+    let squares: Vec<f64> = modelled.iter().map(|x| x * x).collect();
+    let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+    let mut local = vec![0.0; squares.len()];
+    for (stretch, step) in data.stretches(channel) {
+        let half =
+            ((0.5 * LOCAL_PERIODS / stage.ground.treatment.filter().cutoff_hz() / step) as usize).max(1);
+        let mut sums = vec![0.0];
+        for square in &squares[stretch.clone()] {
+            sums.push(sums[sums.len() - 1] + square);
+        }
+        for row in 0..stretch.len() {
+            let (from, to) = (row.saturating_sub(half), (row + half + 1).min(stretch.len()));
+            local[stretch.start + row] = (sums[to] - sums[from]) / (to - from) as f64;
+        }
+    }
+    local.iter().map(|square| square.max(LEAST * LEAST * mean)).collect()
+}

@@ -1,0 +1,83 @@
+//! The first posture of a Cartesian path: which branch the arm is on.
+
+use freeplay_arm::{
+    Arm, IkError, IkReport, IkTask, Workspace, inverse_kinematics, inverse_kinematics_global,
+};
+use nalgebra::Isometry3;
+
+use crate::planning::error::PathError;
+use crate::planning::sine::middle_of;
+use crate::planning::track::JOINTS_FOR_POSE;
+
+/// A posture, and how inverse kinematics came to it.
+type Solution = (Vec<f64>, IkReport);
+
+/// Finds the posture in which the path begins; always the same one for the same arm and path.
+///
+/// From `start` if it is given: the branch is its own. Otherwise, of the solutions reached from the middle of the
+/// joints' ranges and from the model's zero posture (for an arm that is modelled bent: elbow up), the one farther from
+/// the limits; if both lead out of the limits or nowhere, the one that a search over the whole range finds.
+pub(crate) fn start_posture(
+    arm: &Arm,
+    target: &Isometry3<f64>,
+    start: Option<&[f64]>,
+) -> Result<Vec<f64>, PathError> {
+    let found = match start {
+        Some(start) => reach(arm, target, start),
+        None => from_usual_seeds(arm, target).map_or_else(|| search(arm, target), Ok),
+    };
+    found.map(|(posture, _)| posture).map_err(|error| refusal(arm, &error, 0.0, target))
+}
+
+/// Why the tool does not come to `target` from `posture`, at `time` of the motion.
+pub(crate) fn explain(arm: &Arm, posture: &[f64], time: f64, target: &Isometry3<f64>) -> PathError {
+    match reach(arm, target, posture) {
+        Err(error) => refusal(arm, &error, time, target),
+        // The point can be reached, but not by going on from here.
+        Ok(_) => PathError::Singular { time, position: target.translation.vector.into() },
+    }
+}
+
+fn from_usual_seeds(arm: &Arm, target: &Isometry3<f64>) -> Option<Solution> {
+    let middle: Vec<f64> = arm.joints().iter().map(|joint| middle_of(&joint.limits)).collect();
+    let zero = vec![0.0; arm.dof()];
+    let found = [middle, zero].map(|seed| reach(arm, target, &seed).ok());
+    found.into_iter().flatten().reduce(|one, other| {
+        // A hair's breadth is no reason to prefer one solution: rounding must not decide.
+        if other.1.limit_margin > one.1.limit_margin + 1e-9 { other } else { one }
+    })
+}
+
+fn reach(arm: &Arm, target: &Isometry3<f64>, seed: &[f64]) -> Result<Solution, IkError> {
+    let mut posture = vec![0.0; arm.dof()];
+    let report = inverse_kinematics(arm, &mut Workspace::new(arm), target, seed, &mut posture, task(arm))?;
+    Ok((posture, report))
+}
+
+fn search(arm: &Arm, target: &Isometry3<f64>) -> Result<Solution, IkError> {
+    let mut posture = vec![0.0; arm.dof()];
+    let report = inverse_kinematics_global(arm, &mut Workspace::new(arm), target, &mut posture, task(arm))?;
+    Ok((posture, report))
+}
+
+fn task(arm: &Arm) -> IkTask {
+    if arm.dof() >= JOINTS_FOR_POSE { IkTask::Pose } else { IkTask::Position }
+}
+
+fn refusal(arm: &Arm, error: &IkError, time: f64, target: &Isometry3<f64>) -> PathError {
+    let position = target.translation.vector.into();
+    match error {
+        IkError::Unreachable { position_error, rotation_error, .. } => {
+            PathError::Unreachable { time, position, distance: *position_error, angle: *rotation_error }
+        }
+        IkError::Singular { .. } => PathError::Singular { time, position },
+        IkError::OutsideLimits { joint, value, lower, upper } => PathError::JointLimit {
+            joint: arm.joints()[*joint].name.clone(),
+            index: *joint,
+            time,
+            value: *value,
+            limit: if value < lower { *lower } else { *upper },
+        },
+        IkError::NotFinite => PathError::Unreachable { time, position, distance: f64::INFINITY, angle: 0.0 },
+    }
+}

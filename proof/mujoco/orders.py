@@ -1,0 +1,125 @@
+"""Orders: sealed cases as the blind proof asks for them, and open ones for development.
+
+The contract of a generator stands in `proof/mujoco/README.md`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import TextIO
+
+import draw
+import families
+import files
+import setup_faults
+from cases import CATALOGUE, Ask, Made, NotMade, make
+from draw import Quota
+
+SCHEMA = "freeplay.generator/1"
+"""The schema of an order."""
+Outcome = dict[str, object]
+"""`{"Made": {…}}` or `{"NotMade": {…}}`."""
+
+
+def sealed(folder: str, name: str, ask: Ask) -> Outcome:
+    """Makes a case into `folder/name`; its truth is in what is returned alone."""
+    try:
+        made = make(ask)
+    except NotMade as error:
+        return {"NotMade": {"asked": ask.words(), "why": str(error)}}
+    files.write(Path(folder) / name, made.model, made.recordings)
+    return {"Made": {"name": name, "truth": made.truth}}
+
+
+def answer(order: TextIO, out: TextIO) -> int:
+    """Does the order on `order`, and says on `out` what came of each case."""
+    try:
+        asked = json.load(order)
+        quota, seed, folder = Quota(**asked["quota"]), int(asked["seed"]), str(asked["folder"])
+        wanted = [(int(case["index"]), str(case["name"])) for case in asked["cases"]]
+        known = asked["schema"] == SCHEMA
+    except (ValueError, KeyError, TypeError) as error:
+        known, why = False, repr(error)
+    else:
+        why = f"schema {asked['schema']!r}"
+    if not known:
+        print(f"standard input is no order of the schema {SCHEMA}: {why}", file=sys.stderr)
+        return 3
+    asks = draw.draw(quota, seed)
+    tasks: dict[int, Callable[[], Outcome]] = {index: partial(sealed, folder, name, asks[index]) for index, name in wanted}
+
+    def tell(index: int, outcome: Outcome | None) -> None:
+        out.write(json.dumps([index, outcome]) + "\n")
+        out.flush()
+
+    for index in tasks:
+        tell(index, None)
+    for index, outcome in spread(tasks, int(asked.get("jobs", 1))):
+        tell(index, outcome)
+    return 0
+
+
+def spread(tasks: dict[int, Callable[[], Outcome]], jobs: int) -> Iterator[tuple[int, Outcome]]:
+    """What each task returns, as it is done, by `jobs` processes."""
+    if jobs <= 1:
+        for index, task in tasks.items():
+            yield index, task()
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        running = {pool.submit(task): index for index, task in tasks.items()}
+        for done in as_completed(running):
+            yield running[done], done.result()
+
+
+def opened(folder: str, name: str, task: Callable[[], Made], asked: str) -> Outcome:
+    """Makes a case into `folder/name` with its truth beside it."""
+    try:
+        made = task()
+    except NotMade as error:
+        return {"NotMade": {"asked": asked, "why": str(error)}}
+    place = Path(folder) / name
+    files.write(place, made.model, made.recordings)
+    (place / "arm.urdf").write_text(files.urdf(made.sheet))
+    (place / "truth.json").write_text(json.dumps(made.truth, indent=1) + "\n")
+    return {"Made": {"name": name, "truth": made.truth}}
+
+
+def asks_of(asked: argparse.Namespace) -> list[Ask]:
+    """The cases of the catalogue that the command line asks for."""
+    counts = {name: getattr(asked, name) for name in ("single", "negative", "unknown", "double")}
+    some = {name: count for name, count in counts.items() if count is not None}
+    quota = Quota(**some) if some else Quota.small(asked.cases)
+    if asked.kind and not some:
+        quota = Quota(single=asked.cases)
+    return draw.draw(quota, asked.seed, tuple(asked.kind) if asked.kind else CATALOGUE)
+
+
+def tasks_of(asked: argparse.Namespace) -> list[tuple[Callable[[], Made], str]]:
+    """How to make each of the cases that the command line asks for, and what it asks for in words."""
+    if asked.family == "catalogue":
+        return [(partial(make, ask), ask.words()) for ask in asks_of(asked)]
+    numbers = range(asked.seed * 100_000, asked.seed * 100_000 + asked.cases)
+    if asked.family == "setup":
+        kinds = [kind for kind in setup_faults.KINDS if not asked.kind or kind in asked.kind]
+        noise = families.LEVELS
+        faults = [(kinds[k % len(kinds)], noise[k // len(kinds) % len(noise)], seed) for k, seed in enumerate(numbers)]
+        return [(partial(setup_faults.make, *fault), fault[0]) for fault in faults]
+    family = {"friction": families.friction, "pushes": families.pushes}[asked.family]
+    return [(partial(family, seed), asked.family) for seed in numbers]
+
+
+def open_cases(asked: argparse.Namespace) -> int:
+    """Makes open cases into the folder `asked.out`."""
+    tasks: dict[int, Callable[[], Outcome]] = {}
+    for number, (task, words) in enumerate(tasks_of(asked)):
+        tasks[number] = partial(opened, asked.out, f"{number + 1:04}", task, words)
+    for number, outcome in spread(tasks, asked.jobs):
+        print(f"{number + 1:04} {json.dumps(outcome)[:160]}", flush=True)
+    return 0

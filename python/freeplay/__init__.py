@@ -1,0 +1,132 @@
+"""Freeplay in Python: what a robot model leaves out, and controllers in the loop with arms whose joints have play.
+
+The package starts the `freeplay` command that it was installed with and hands data over as Parquet, MCAP and JSON. Units are SI
+everywhere: rad, m, s, N*m (m and N for slides); a name that ends in `_mm` or `_us` says another one.
+
+In the order in which data passes through it:
+
+- `Recording` is a recording of a machine, `Arm` a model of it; `compare` measures how far they are apart.
+- `diagnose` finds what the model leaves out; a `Diagnosis` holds it, with pictures and the completed model.
+- `run` plays a scenario under controllers, `Run` holds frames and latencies; `Controller` is what you write, `serve` its process.
+- `examine` injects faults and judges a controller by what comes of them.
+- `blind` proves the diagnosis on concealed effects; `campaign` spreads many cases over cores and machines.
+- Errors are a `FreeplayError` each, with the words of the command.
+
+The names of the controller SDK (`State`, `Command`, `Answer`, `Link`, …) stand here, too. `freeplay.controller` is that SDK alone.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from .controller import (
+    BAD_INPUT,
+    DONE,
+    DRIVEN,
+    FLAG_FALLBACK,
+    FLAG_LAST,
+    FLAG_TOOL_TRACKED,
+    ICEORYX2,
+    INTERNAL,
+    INTERRUPTED,
+    KIND_POSITION,
+    KIND_TORQUE,
+    LAYOUT_VERSION,
+    LOCKSTEP,
+    MAGIC,
+    MAX_JOINTS,
+    NO_ANSWER,
+    OK,
+    PEER_MISSING,
+    QP_FAILED,
+    QP_LIMIT,
+    REALTIME,
+    TORQUE,
+    USAGE,
+    Answer,
+    Command,
+    Controller,
+    Failure,
+    Hello,
+    Link,
+    Loop,
+    Reference,
+    State,
+    Welcome,
+    load_task,
+    run_hash,
+    serve,
+)
+
+if TYPE_CHECKING:
+    from .arm import Arm
+    from .campaigns import Campaign, campaign
+    from .comparison import Comparison, compare
+    from .diagnosis import Diagnosis, diagnose
+    from .errors import (
+        BadInput,
+        BadUsage,
+        FreeplayError,
+        InternalFault,
+        Interrupted,
+        MachineNotFit,
+        NotInstalled,
+        PeerMissing,
+    )
+    from .exams import Exam, examine
+    from .proof import Proof, blind
+    from .recording import Recording
+    from .runs import Run, run
+
+# Where the names live that need pandas: imported when they are used, so that a controller starts without it.
+_HOMES = {
+    "Arm": "arm",
+    "Campaign": "campaigns",
+    "campaign": "campaigns",
+    "Comparison": "comparison",
+    "compare": "comparison",
+    "Diagnosis": "diagnosis",
+    "diagnose": "diagnosis",
+    "BadInput": "errors",
+    "BadUsage": "errors",
+    "FreeplayError": "errors",
+    "InternalFault": "errors",
+    "Interrupted": "errors",
+    "MachineNotFit": "errors",
+    "NotInstalled": "errors",
+    "PeerMissing": "errors",
+    "Exam": "exams",
+    "examine": "exams",
+    "Proof": "proof",
+    "blind": "proof",
+    "Recording": "recording",
+    "Run": "runs",
+    "run": "runs",
+}
+
+__all__ = [
+    "Arm", "BadInput", "BadUsage", "Campaign", "Comparison", "Diagnosis", "Exam", "FreeplayError", "InternalFault",
+    "Interrupted", "MachineNotFit", "NotInstalled", "PeerMissing", "Proof", "Recording", "Run", "blind", "campaign",
+    "compare", "diagnose", "examine", "run",
+    "BAD_INPUT", "DONE", "DRIVEN", "FLAG_FALLBACK", "FLAG_LAST", "FLAG_TOOL_TRACKED", "ICEORYX2", "INTERNAL",
+    "INTERRUPTED", "KIND_POSITION", "KIND_TORQUE", "LAYOUT_VERSION", "LOCKSTEP", "MAGIC", "MAX_JOINTS", "NO_ANSWER",
+    "OK", "PEER_MISSING", "QP_FAILED", "QP_LIMIT", "REALTIME", "TORQUE", "USAGE", "Answer", "Command", "Controller",
+    "Failure", "Hello", "Link", "Loop", "Reference", "State", "Welcome", "load_task", "run_hash", "serve",
+]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from ._command import version
+
+        return version()
+    if name in _HOMES:
+        value = getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)
+        globals()[name] = value
+        return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

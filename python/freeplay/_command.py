@@ -1,0 +1,187 @@
+"""The `freeplay` executable: where it is, and how it is called."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import sysconfig
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Union
+
+from .errors import InternalFault, NotInstalled, error_of
+
+#: A file or folder.
+PathLike = Union[str, "os.PathLike[str]"]
+#: Who is told how far a command is: `True` for lines on standard error, or a function of one line; `None` or `False` for nobody.
+Progress = Union[Callable[[str], object], bool, None]
+
+# Names the executable to use in place of the installed one.
+VARIABLE = "FREEPLAY_EXECUTABLE"
+
+
+@dataclass(frozen=True)
+class Completed:
+    """What a command left."""
+
+    code: int
+    stdout: str
+    stderr: str
+
+    def json(self) -> Any:
+        """Standard output as JSON."""
+        try:
+            return json.loads(self.stdout)
+        except ValueError as error:
+            raise InternalFault(f"the command printed no JSON ({error}): {self.stdout[:200]!r}") from None
+
+
+def executable() -> Path:
+    """The executable: the one that FREEPLAY_EXECUTABLE names, the one installed beside this package, or the one on the path.
+
+    Raises
+    ------
+    NotInstalled
+        There is none.
+    """
+    named = os.environ.get(VARIABLE)
+    if named:
+        if not os.access(named, os.X_OK):
+            raise NotInstalled(f"{VARIABLE} names {named}, which is no executable file")
+        return Path(named).absolute()
+    schemes = [sysconfig.get_path("scripts"), sysconfig.get_path("scripts", f"{os.name}_user")]
+    for folder in schemes:
+        installed = Path(folder) / "freeplay"
+        if os.access(installed, os.X_OK):
+            return installed
+    found = shutil.which("freeplay")
+    if found is None:
+        raise NotInstalled(
+            f"the freeplay executable is neither in {schemes[0]} nor on the path: pip install the wheel, or name the executable with {VARIABLE}"
+        )
+    return Path(found).absolute()
+
+
+@lru_cache(maxsize=1)
+def version() -> str:
+    """The version of the executable, such as "0.1.0"."""
+    words = call(["--version"]).stdout.split()
+    return words[1] if len(words) > 1 else "unknown"
+
+
+def call(
+    arguments: Sequence[object],
+    *,
+    accept: Sequence[int] = (0,),
+    progress: Progress = None,
+    cwd: PathLike | None = None,
+    env: dict[str, str] | None = None,
+) -> Completed:
+    """Runs the executable with `arguments` and waits for it.
+
+    Parameters
+    ----------
+    arguments : sequence
+        What stands behind `freeplay` on the command line; numbers and paths are written out.
+    accept : sequence of int
+        Exit codes that are no error.
+    progress : callable, bool or None
+        Gets each line of standard error as it comes.
+    cwd : path, optional
+        Folder to run in.
+    env : dict, optional
+        More variables of the environment.
+
+    Raises
+    ------
+    FreeplayError
+        Any other exit code, with the command's words.
+    """
+    command = [str(executable()), *(str(argument) for argument in arguments)]
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        encoding="utf-8",
+        errors="replace",
+        cwd=cwd,
+        env={**os.environ, "NO_COLOR": "1", **(env or {})},
+    )
+    lines: list[str] = []
+    reader = threading.Thread(target=_pass_on, args=(process.stderr, lines, teller(progress)), daemon=True)
+    reader.start()
+    try:
+        assert process.stdout is not None
+        stdout = process.stdout.read()
+        code = process.wait()
+    except BaseException:
+        # An interrupted command closes its recordings; one that hangs is ended.
+        process.send_signal(signal.SIGINT)
+        try:
+            process.wait(10.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        raise
+    reader.join()
+    completed = Completed(code, stdout, "".join(lines))
+    if code not in accept:
+        raise error_of(code, _words(completed), command)
+    return completed
+
+
+def teller(progress: Progress) -> Callable[[str], object] | None:
+    """The function that gets the lines of progress, if anybody does."""
+    if progress is True:
+        return lambda line: print(line, file=sys.stderr, flush=True)
+    return progress or None
+
+
+def _pass_on(stream: Any, lines: list[str], tell: Callable[[str], object] | None) -> None:
+    for line in stream:
+        lines.append(line)
+        if tell is not None:
+            tell(line.rstrip("\n"))
+    stream.close()
+
+
+def _words(completed: Completed) -> str:
+    """What the command says of its failure: from the last line that begins with its name, or with `error:`, on."""
+    lines = completed.stderr.splitlines()
+    starts = [number for number, line in enumerate(lines) if re.match(r"(freeplay|error): ", line)]
+    words = "\n".join(lines[starts[-1] :] if starts else lines[-5:]).strip()
+    words = re.sub(r"^(freeplay|error): ", "", words)
+    if completed.code in (5, 70) and starts and (before := "\n".join(lines[max(0, starts[-1] - 20) : starts[-1]]).strip()):
+        # What a controller said before it ended.
+        words += f"\n{before}"
+    if completed.code < 0:
+        name = signal.Signals(-completed.code).name
+        words = f"ended by {name}" + (f"; it said: {words}" if words else "")
+    return words or f"ended with exit code {completed.code} and said nothing"
+
+
+def options(**values: object) -> list[str]:
+    """Options of a command line: `seed=1` as `--seed 1`; None and False are left out, True stands alone, lists repeat it."""
+    words: list[str] = []
+    for name, value in values.items():
+        flag = "--" + name.rstrip("_").replace("_", "-")
+        if value is None or value is False:
+            continue
+        if value is True:
+            words.append(flag)
+        elif isinstance(value, (list, tuple)):
+            for item in value:
+                words += [flag, str(item)]
+        else:
+            words += [flag, str(value)]
+    return words

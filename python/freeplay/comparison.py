@@ -1,0 +1,123 @@
+"""How far a model is from a recording."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from . import _html
+from ._command import PathLike, Progress, call, options
+from ._scratch import Scratch
+from .arm import ArmLike, model_options
+from .recording import RecordingLike, recording_of, setup_frame
+
+
+def compare(
+    arm: ArmLike,
+    recording: RecordingLike,
+    *,
+    mapping: PathLike | None = None,
+    lowpass: float | None = None,
+    trim: float | None = None,
+    progress: Progress = None,
+) -> Comparison:
+    """Compares a recording with what a model makes of the recorded motion, channel by channel.
+
+    Parameters
+    ----------
+    arm : Arm or path
+        The model.
+    recording : Recording, path or DataFrame
+        The recording.
+    mapping : path, optional
+        A mapping file for the recording, such as the `setup.toml` of a diagnosis.
+    lowpass : float, optional
+        Cutoff of the low-pass that both sides pass, Hz. Without it: 3 % of the recording's rate, 10 to 40 Hz.
+    trim : float, optional
+        Time left out at both ends, s.
+    progress : callable or bool, optional
+        Gets a line for each stage; True prints them on standard error.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    BadInput
+        A file can't be read, the joints do not fit, or there is nothing to compare.
+    """
+    scratch = Scratch()
+    recording = recording_of(recording)
+    chosen = options(recording=recording.path, mapping=mapping, lowpass=lowpass, trim=trim, format="json", out=scratch.path / "compared")
+    done = call(["compare", *model_options(arm), *chosen], progress=progress)
+    return Comparison(done.stdout, scratch, recording)
+
+
+class Comparison:
+    """How far a model is from a recording.
+
+    Attributes
+    ----------
+    json : dict
+        The document `freeplay.compare/1`.
+    text : str
+        The same, as the command printed it.
+    notes : list of str
+        What was left out or is worth knowing.
+    """
+
+    def __init__(self, text: str, scratch: Scratch, recording: object = None) -> None:
+        self.text = text
+        self.json: dict[str, Any] = json.loads(text)
+        self.notes: list[str] = self.json.get("notes", [])
+        # The recording may live in a folder of its own, which the report names.
+        self._scratch, self._recording = scratch, recording
+
+    @property
+    def channels(self) -> pd.DataFrame:
+        """The error of each channel.
+
+        Returns
+        -------
+        DataFrame, one row a channel, indexed by its name ("tau1", "x", …)
+            unit; joint; rmse, rms_measured, mean_error, max_error in that unit; nrmse, the error as a share of the measured RMS; nrmse_std, as
+            a share of the measured standard deviation.
+        """
+        return pd.DataFrame(self.json["channels"]).set_index("name")
+
+    @property
+    def setup(self) -> pd.DataFrame:
+        """What recording and model mean differently: kind, joint, value, unit, certainty, statement, remedy."""
+        return setup_frame(self.json.get("setup", []))
+
+    @property
+    def residuals(self) -> pd.DataFrame:
+        """Measured against model over time, both after the same low-pass.
+
+        Returns
+        -------
+        DataFrame, M rows
+            t (s); stretch, the number of the stretch without gaps; for each channel NAME_measured and NAME_model in the channel's unit, NaN
+            where it was not measured.
+        """
+        return pd.read_parquet(self._scratch.path / "compared" / "residuals.parquet")
+
+    def report(self) -> Path:
+        """The report, one HTML file with measured against model for every joint. It lives as long as this object."""
+        return self._scratch.path / "compared" / "report.html"
+
+    def __repr__(self) -> str:
+        worst = self.channels["nrmse_std"].astype(float)
+        if worst.notna().any():
+            return f"<Comparison of {len(worst)} channels: worst {worst.idxmax()}, off by {worst.max():.1%} of its spread>"
+        return f"<Comparison of {len(worst)} channels>"
+
+    def _repr_html_(self) -> str:
+        shown = self.channels[["joint", "unit", "rms_measured", "rmse", "nrmse_std", "mean_error"]]
+        named = shown.rename(columns={"rms_measured": "measured RMS", "rmse": "error RMS", "nrmse_std": "of spread", "mean_error": "mean error"})
+        checks = [f"CHECK {statement}" for statement in self.setup["statement"]]
+        return _html.page("Model against recording", "", [_html.bullets(checks), _html.table(named), _html.bullets(self.notes)])

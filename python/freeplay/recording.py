@@ -1,0 +1,288 @@
+"""Recordings of machines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Union
+
+import pandas as pd
+
+from . import _html, _toml
+from ._command import PathLike, call, options
+from ._scratch import Scratch
+from .arm import Arm, ArmLike
+
+# The groups of columns with one column a joint, and the unit that each has in a frame of ours.
+GROUPS = {"q": "rad", "qd": "rad/s", "tau": "N*m", "q_ref": "rad", "q_link": "rad"}
+# Those of the tool.
+TOOL, ORIENTATION = ["x", "y", "z"], ["qx", "qy", "qz", "qw"]
+
+
+class Recording:
+    """A recording of a machine: time, joint positions, and what else was measured.
+
+    Make one with `Recording.read` or `Recording.from_frame`.
+
+    Attributes
+    ----------
+    path : Path
+        The file or folder that commands read.
+    joints : list of str
+        Names of the joints from base to tool, length n; "q1", "q2", … where the file names none.
+    samples : int
+        Number of samples N.
+    duration : float
+        From the first to the last sample, s; NaN for fewer than two.
+    rate : float
+        Median rate, Hz; NaN for fewer than two samples.
+    tool_tracked : bool
+        Whether the tool was tracked.
+    notes : list of str
+        What was mended or left out when the file was read.
+    metadata : dict of str to str
+        What the file says of itself.
+    """
+
+    def __init__(self, path: Path, scratch: Scratch | None = None) -> None:
+        info = call(["record", "info", path, "--format", "json"]).json()
+        self.path = path
+        self.joints: list[str] = info["joint_names"] or [f"q{joint + 1}" for joint in range(info["joints"])]
+        self.samples: int = info["samples"]
+        self.duration = _number(info["duration_s"])
+        self.rate = _number(info["rate_hz"])
+        self.tool_tracked: bool = info["tool_tracked"]
+        self.notes: list[str] = info["notes"]
+        self.metadata: dict[str, str] = info["metadata"]
+        self._info: dict[str, Any] = info
+        self._scratch = scratch
+        self._frame: pd.DataFrame | None = None
+
+    @classmethod
+    def read(
+        cls,
+        path: PathLike,
+        *,
+        mapping: PathLike | None = None,
+        joints: Sequence[str] | None = None,
+        topic: str | None = None,
+        pose_topic: str | None = None,
+    ) -> Recording:
+        """Reads a recording as it is.
+
+        Parameters
+        ----------
+        path : path
+            CSV, MCAP, Parquet, `.npz`, `.mat`, a robot's log, a ROS 1 or ROS 2 bag (file or folder), or a LeRobot data set (its folder,
+            or one episode's file).
+        mapping : path, optional
+            A mapping file, which says what the columns mean.
+        joints : sequence of str, optional
+            The joints from base to tool, each by its name or a part of it that no other has. Without it: all, as the file has them.
+        topic : str, optional
+            The bag's topic of joint states. Without it: the only one, or `/joint_states`.
+        pose_topic : str, optional
+            The bag's topic of the tool's poses. Without it: the only one.
+
+        Returns
+        -------
+        Recording
+
+        Raises
+        ------
+        BadInput
+            There is no time, there are no positions, or the file can't be read.
+        """
+        path = Path(path).absolute()
+        wanted = ",".join(joints) if joints else None
+        if mapping is None and wanted is None and topic is None and pose_topic is None:
+            return cls(path)
+        scratch = Scratch()
+        out = scratch / "recording.mcap"
+        chosen = options(mapping=mapping, joints=wanted, topic=topic, pose_topic=pose_topic, out=out)
+        call(["record", "import", path, *chosen])
+        return cls(out, scratch)
+
+    @classmethod
+    def from_frame(
+        cls,
+        frame: pd.DataFrame,
+        *,
+        joints: Sequence[str] | None = None,
+        units: Mapping[str, str] | None = None,
+        columns: Mapping[str, str | Sequence[str]] | None = None,
+        scale: Mapping[str, float | Sequence[float]] | None = None,
+    ) -> Recording:
+        """Makes a recording of the rows of a frame.
+
+        Parameters
+        ----------
+        frame : DataFrame, N rows
+            A column `t`, or an index of times; positions `q1`…`qn`; where you have them `qd1`…, `tau1`…, `q_ref1`…, `q_link1`…, the tool's
+            `x`, `y`, `z` and `qx`, `qy`, `qz`, `qw`. With `joints`, `q_elbow` is as good as `q3`. NaN: not measured.
+        joints : sequence of str, length n, optional
+            Names of the joints from base to tool, as in the arm's model.
+        units : mapping, optional
+            Units that are not SI, by group: `{"q": "deg", "tau": "N*mm", "t": "ms", "tool": "mm"}`. Known are s, ms, us, ns; rad, deg, m,
+            mm; rad/s, deg/s, rpm, m/s, mm/s; N*m, N*mm, N.
+        columns : mapping, optional
+            Names of the columns of a group: a name with `{}` for the joint's number, or a list of n names.
+        scale : mapping, optional
+            Factors by group, one or n of them: `{"tau": [38.2, 41.0]}` makes torques of motor currents.
+
+        Returns
+        -------
+        Recording
+
+        Raises
+        ------
+        BadInput
+            There are no positions, a unit is unknown, times do not increase.
+
+        Examples
+        --------
+        >>> recording = Recording.from_frame(frame, joints=["shoulder", "elbow"], units={"q": "deg"})  # doctest: +SKIP
+        """
+        table = _with_time(frame)
+        mapping = _mapping(table, joints, dict(units or {}), dict(columns or {}), dict(scale or {}))
+        scratch = Scratch()
+        numbers = table.select_dtypes("number").astype(float)
+        numbers.to_parquet(scratch / "frame.parquet", index=False)
+        (scratch / "mapping.toml").write_text(mapping, encoding="utf-8")
+        out = scratch / "recording.mcap"
+        call(["record", "import", scratch / "frame.parquet", *options(mapping=scratch / "mapping.toml", out=out)])
+        (scratch / "frame.parquet").unlink()
+        return cls(out, scratch)
+
+    def to_frame(self) -> pd.DataFrame:
+        """All columns as a frame.
+
+        Returns
+        -------
+        DataFrame, N rows
+            `t` (s), `q1`…`qn` (rad), and what else there is: `qd1`… (rad/s), `tau1`… (N*m), `q_ref1`…, `q_link1`… (rad), `x`, `y`, `z` (m),
+            `qx`…`qw`, then columns of other names. `attrs["joints"]` has the names of the joints, `attrs["units"]` the units by column.
+        """
+        if self._frame is None:
+            scratch = Scratch()
+            call(["record", "export", self.path, *options(format="parquet", out=scratch / "frame.parquet")])
+            frame = pd.read_parquet(scratch / "frame.parquet")
+            frame.attrs["joints"] = list(self.joints)
+            frame.attrs["units"] = {column["name"]: column["unit"] for column in self._info["columns"] if column["unit"]}
+            self._frame = frame
+        return self._frame.copy()
+
+    def save(self, path: PathLike, *, force: bool = False) -> Path:
+        """Writes the recording to `path`, in the form that its ending names: `.mcap`, `.parquet` or `.csv`.
+
+        Raises
+        ------
+        BadUsage
+            The file is there already and `force` is False, or the ending is another one.
+        """
+        path = Path(path)
+        form = path.suffix.lstrip(".").lower()
+        call(["record", "export", self.path, *options(format=form, out=path, force=force)])
+        return path
+
+    def check(self, arm: ArmLike) -> pd.DataFrame:
+        """Whether recording and model mean the same: units, signs, order, zeros, gravity, clocks.
+
+        Returns
+        -------
+        DataFrame
+            One row for each thing that differs: kind, joint, value, unit, certainty ("sure" or "likely"), statement, remedy.
+        """
+        model = arm.path if isinstance(arm, Arm) else arm
+        info = call(["record", "info", self.path, *options(model=model, format="json")]).json()
+        return setup_frame(info.get("setup", []))
+
+    def __len__(self) -> int:
+        return self.samples
+
+    def __repr__(self) -> str:
+        return (
+            f"<Recording {self.path.name}: {len(self.joints)} joints, {self.samples} samples, "
+            f"{self.duration:.3g} s at {self.rate:.4g} Hz>"
+        )
+
+    def _repr_html_(self) -> str:
+        named = [column for column in self._info["columns"] if column["unit"]]
+        frame = pd.DataFrame(
+            [{"column": c["name"], "unit": c["unit"], "least": c["min"], "greatest": c["max"]} for c in named]
+        )
+        words = f"{len(self.joints)} joints ({', '.join(self.joints)}), {self.samples} samples, {self.duration:.3f} s at {self.rate:.1f} Hz"
+        return _html.page(f"Recording {self.path.name}", words, [_html.table(frame, limit=12), _html.bullets(self.notes)])
+
+
+#: A recording, the path of one, or a frame with its columns.
+RecordingLike = Union[Recording, PathLike, pd.DataFrame]
+
+
+def recording_of(given: RecordingLike) -> Recording:
+    """The recording that `given` is or names."""
+    if isinstance(given, Recording):
+        return given
+    if isinstance(given, pd.DataFrame):
+        return Recording.from_frame(given)
+    return Recording.read(given)
+
+
+def setup_frame(findings: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """What `setup` of a document says, as a frame."""
+    names = ["kind", "joint", "value", "unit", "certainty", "statement", "remedy"]
+    return pd.DataFrame([{name: finding.get(name) for name in names} for finding in findings], columns=names)
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _with_time(frame: pd.DataFrame) -> pd.DataFrame:
+    """`frame` with its times as the column `t`, s, where they were its index."""
+    index = frame.index
+    if isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)):
+        since = pd.TimedeltaIndex(index.to_numpy() - index.to_numpy()[0])
+        return frame.assign(t=since.total_seconds().to_numpy())
+    if "t" not in frame.columns and index.name in ("t", "time"):
+        return frame.assign(t=index.to_numpy(dtype=float))
+    return frame
+
+
+def _mapping(
+    frame: pd.DataFrame,
+    joints: Sequence[str] | None,
+    units: dict[str, str],
+    columns: dict[str, str | Sequence[str]],
+    scale: dict[str, float | Sequence[float]],
+) -> str:
+    """The mapping file of a frame."""
+    names = [str(name) for name in frame.columns]
+    lines = [f"joints = {_toml.value(list(joints))}"] if joints else []
+    for group in ["t", *GROUPS, "tool", "orientation"]:
+        found = columns.get(group) or _columns_of(group, names, list(joints or []))
+        if not found:
+            continue
+        lines += ["", f"[{group}]", f"columns = {_toml.value(found if isinstance(found, str) else list(found))}"]
+        if group in units:
+            lines.append(f"unit = {_toml.value(units[group])}")
+        if group in scale:
+            lines.append(f"scale = {_toml.value(scale[group])}")
+    strange = (set(units) | set(columns) | set(scale)) - {"t", *GROUPS, "tool", "orientation"}
+    if strange:
+        raise ValueError(f"no group of columns is called {sorted(strange)}: there are t, {', '.join(GROUPS)}, tool and orientation")
+    return "\n".join(lines) + "\n"
+
+
+def _columns_of(group: str, names: list[str], joints: list[str]) -> str | list[str] | None:
+    """The columns of `group` by their customary names."""
+    whole = {"t": ["t"], "tool": TOOL, "orientation": ORIENTATION}.get(group)
+    if whole is not None:
+        found = [name for name in whole if name in names]
+        return found[0] if group == "t" and found else (found if len(found) == len(whole) else None)
+    if f"{group}1" in names or not joints:
+        count = len(joints) or next(k for k in range(1, len(names) + 2) if f"q{k}" not in names) - 1
+        numbered = [f"{group}{k + 1}" for k in range(count)]
+        return [name if name in names else "" for name in numbered] if any(n in names for n in numbered) else None
+    named = [next((name for name in (f"{group}_{joint}", f"{joint}_{group}") if name in names), "") for joint in joints]
+    return named if any(named) else None

@@ -1,0 +1,116 @@
+"""Campaigns leave the same receipt however their tasks are spread, and whichever of them are killed."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import freeplay
+from freeplay import _command, campaigns
+
+#: Short runs of one arm from several seeds.
+SWEEP: dict[str, Any] = {"sweep": {"--seed": range(8)}, "controller": "computed-torque", "set": "duration=0.05", "recording": "none"}
+
+
+def killing(folder: Path, command: str, most: int) -> Path:
+    """An executable that kills the task which calls it with `command`, so many tasks at the most: the first as the command begins, the next when it is done and
+    its results are not yet in their place. It leaves the folders `killed-1` and so on in `folder`."""
+    real, killer = _command.executable(), folder / "freeplay"
+    lines = ["#!/bin/sh", f'[ "$1" = {command} ] || exec {real} "$@"']
+    for number in range(1, most + 1):
+        at_work = f'{real} "$@"; ' if number > 1 else ""
+        lines.append(f"if mkdir {folder}/killed-{number} 2>/dev/null; then {at_work}kill -9 $PPID; exit 1; fi")
+    killer.write_text("\n".join([*lines, f'exec {real} "$@"', ""]))
+    killer.chmod(0o700)
+    return killer
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The receipt of one process at a time."""
+    out = tmp_path_factory.mktemp("campaign") / "one"
+    return freeplay.campaign("run", **SWEEP, workers=1, out=out).receipt.read_bytes()
+
+
+@pytest.mark.parametrize("engine", ["local", "hyperqueue", "dask"])
+def test_killed_tasks_are_run_again_and_the_receipt_is_the_same(
+    engine: str, undisturbed: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip({"local": "freeplay", "hyperqueue": "hyperqueue", "dask": "distributed"}[engine])
+    monkeypatch.setenv("FREEPLAY_EXECUTABLE", str(killing(tmp_path, "run", most=2)))
+    found = freeplay.campaign("run", **SWEEP, engine=engine, workers=2, out=tmp_path / "many")
+    assert len(list(tmp_path.glob("killed-*"))) == 2, "it tests something"
+    assert found.receipt.read_bytes() == undisturbed
+    assert len(found.results) == 8 and found.results["--seed"].nunique() == 8
+    assert not list((tmp_path / "many/tasks").glob(".*")), "nothing half done is left"
+
+
+def test_shards_of_a_proof_leave_the_receipt_of_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    chosen: dict[str, Any] = {"matrix": True, "kind": "payload", "machine": "linear_axis", "negative": 1, "seed": 5}
+    one = freeplay.campaign("blind", **chosen, shards=1, out=tmp_path / "one")
+    with monkeypatch.context() as killed:
+        killed.setenv("FREEPLAY_EXECUTABLE", str(killing(tmp_path, "blind", most=1)))
+        two = freeplay.campaign("blind", **chosen, shards=2, workers=2, out=tmp_path / "two")
+    assert (tmp_path / "killed-1").is_dir() and one.receipt.read_bytes() == two.receipt.read_bytes()
+    assert len(two.results) == len(one.proof.cases) > 2
+    two.proof.verify()
+    assert not (two.folder_of(0) / "result/sealed").exists(), "files a shard, not a case"
+
+
+def test_a_campaign_goes_on_where_it_was(undisturbed: bytes, tmp_path: Path) -> None:
+    found = freeplay.campaign("run", **SWEEP, out=tmp_path / "c")
+    stamp = (found.folder_of(1) / "task.json").stat().st_mtime_ns
+    for task in (0, 3):
+        os.rename(found.folder_of(task), tmp_path / f"lost-{task}")
+    assert len(freeplay.Campaign(tmp_path / "c").done) == 6
+    again = freeplay.campaign("run", **SWEEP, out=tmp_path / "c")
+    assert again.receipt.read_bytes() == undisturbed
+    assert (again.folder_of(1) / "task.json").stat().st_mtime_ns == stamp, "what was done is not done again"
+    with pytest.raises(freeplay.BadUsage, match="another campaign"):
+        freeplay.campaign("run", **{**SWEEP, "sweep": {"--seed": range(9)}}, out=tmp_path / "c")
+
+
+def test_two_merges_at_once_leave_the_same(tmp_path: Path) -> None:
+    found = freeplay.campaign("run", **SWEEP, out=tmp_path / "c")
+    before = found.receipt.read_bytes()
+    threads = [threading.Thread(target=found.merge) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found.receipt.read_bytes() == before
+
+
+def test_what_can_not_succeed_is_said_once_and_with_the_commands_words(tmp_path: Path) -> None:
+    begun = time.monotonic()
+    with pytest.raises(freeplay.BadUsage, match="unknown field `perid`") as raised:
+        freeplay.campaign("run", sweep={"path.perid": [1, 2]}, out=tmp_path / "c", attempts=50)
+    assert "2 of 2 tasks" in str(raised.value) and time.monotonic() - begun < 60.0
+    with pytest.raises(freeplay.BadUsage, match="no engine"):
+        freeplay.campaign("run", **SWEEP, engine="abacus", out=tmp_path / "d")
+    with pytest.raises(freeplay.BadUsage, match="sweep"):
+        freeplay.campaign("swap", out=tmp_path / "e")
+
+
+def test_a_task_without_room_is_done_where_there_is_some(undisturbed: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A disk that is full while the first task writes: nothing half done counts, and the task is run again."""
+    full = tmp_path / "freeplay"
+    full.write_text(
+        f'#!/bin/sh\nif [ "$1" = run ] && mkdir {tmp_path}/first 2>/dev/null; then ulimit -f 1; fi\nexec {_command.executable()} "$@"\n'
+    )
+    full.chmod(0o700)
+    monkeypatch.setenv("FREEPLAY_EXECUTABLE", str(full))
+    found = freeplay.campaign("run", **SWEEP, workers=1, out=tmp_path / "c")
+    assert (tmp_path / "first").is_dir() and found.receipt.read_bytes() == undisturbed
+
+
+def test_the_command_line(undisturbed: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["run", "--controller", "computed-torque", "--set", "duration=0.05", "--recording", "none", "--sweep=--seed=0,1,2,3,4,5,6,7"]
+    assert campaigns.main([*words, "--out", str(tmp_path / "c"), "--quiet"]) == 0
+    assert (tmp_path / "c/receipt.json").read_bytes() == undisturbed
+    assert "receipt" in capsys.readouterr().out
