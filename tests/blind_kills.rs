@@ -8,7 +8,9 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use common::{Call, Started, fresh_folder, left_in_shared_memory, processes_with, runs, send_signal, until};
+use common::{
+    Call, Started, children_of, fresh_folder, left_in_shared_memory, processes_with, runs, send_signal, until,
+};
 use freeplay_concealed::{Case, Demand, Family, Machine, Noise, Severity, generate, write_sealed};
 use serde_json::Value;
 
@@ -58,14 +60,6 @@ fn members(run: &Started) -> Vec<u32> {
     processes_with(&format!("FREEPLAY_SHM={}", run.shm.path().display()))
 }
 
-/// The analysts of `run` that live now.
-fn analysts(run: &Started) -> Vec<u32> {
-    let threads = std::fs::read_dir(format!("/proc/{}/task", run.pid())).into_iter().flatten().flatten();
-    let ids: String =
-        threads.filter_map(|it| std::fs::read_to_string(it.path().join("children")).ok()).collect();
-    ids.split_whitespace().filter_map(|id| id.parse().ok()).collect()
-}
-
 fn receipt(folder: &Path) -> Option<Value> {
     let text = std::fs::read_to_string(folder.join("cases/receipt.json")).ok()?;
     Some(serde_json::from_str(&text).expect("a whole receipt"))
@@ -75,7 +69,7 @@ fn receipt(folder: &Path) -> Option<Value> {
 fn kill_one(victim: Victim, delay: Duration, tally: &mut Tally) {
     let run = Call::new(sealed(), &ANALYSE).start();
     std::thread::sleep(delay);
-    let children = analysts(&run);
+    let children = children_of(run.pid());
     let target = if victim == Victim::Parent { Some(run.pid()) } else { children.first().copied() };
     let Some(target) = target.filter(|&target| runs(target)) else {
         tally.missed += 1;

@@ -153,8 +153,7 @@ impl Found {
     fn matrix(&mut self, input: &mut dyn Read, name: Option<&str>, depth: usize) -> Result<(), Fault> {
         let (_, flags) = self.short(input, LONGEST)?;
         let class = *flags.get(if self.is_big { 3 } else { 0 }).ok_or(Fault::Damaged)?;
-        let shape: Vec<usize> =
-            self.short_numbers(input)?.into_iter().map(|size| size as usize).collect();
+        let shape: Vec<usize> = self.short_numbers(input)?.into_iter().map(|size| size as usize).collect();
         let (_, own) = self.short(input, LONGEST)?;
         let name = name.map_or_else(|| String::from_utf8_lossy(&own).into_owned(), str::to_owned);
         match class {

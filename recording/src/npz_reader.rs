@@ -67,8 +67,7 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
         let what = "a ZIP archive or a spreadsheet, without arrays of numbers: export it as CSV, or write it with numpy.savez";
         return Err(unusable(what.to_owned()));
     }
-    let mut foreign = columns(arrays, texts, room)
-        .ok_or_else(|| unusable(NO_SAMPLES.to_owned()))?;
+    let mut foreign = columns(arrays, texts, room).ok_or_else(|| unusable(NO_SAMPLES.to_owned()))?;
     if !aside.is_empty() {
         foreign.notes.push(format!("arrays that hold no numbers are left out: {}", list(&aside)));
     }
