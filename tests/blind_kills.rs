@@ -116,6 +116,7 @@ fn a_blind_set_survives_kills_at_any_moment() {
         // Steps of the golden ratio: any number of kills is spread over the whole call.
         let share = (f64::from(index) * 0.618_033_988_75).fract();
         kill_one(victim, whole.mul_f64(share), &mut tally);
+        println!("{} kills: {tally:?}", index + 1);
     }
     println!("{kills} kills within {whole:?}: {tally:?}, none hung, nothing left in shared memory");
     assert!(tally.parents > 0 && tally.analysts + tally.parents >= kills / 2, "most kills missed: {tally:?}");

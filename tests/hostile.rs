@@ -105,7 +105,9 @@ fn play(strategy: &str, mode: &str, seed: u64) -> (f64, String) {
         // No stage takes longer than the run, whatever the controller says of its times.
         assert!(longest < took.as_secs_f64() * 1e6, "{strategy}, {mode}, seed {seed}: {stage} took {longest} us");
     }
-    (greatest, run["stopped"]["reason"].as_str().unwrap_or("not stopped").to_owned())
+    let reason = run["stopped"]["reason"].as_str().unwrap_or("not stopped").to_owned();
+    println!("{strategy}, {mode}, seed {seed}: {reason}, {most} ticks beyond");
+    (greatest, reason)
 }
 
 /// Plays every strategy in both modes with `seeds` on `threads` threads; how often each reason stopped the arm.
