@@ -103,7 +103,10 @@ fn play(strategy: &str, mode: &str, seed: u64) -> (f64, String) {
     for (stage, values) in run["latency_us"].as_object().expect("latencies") {
         let longest = values["max"].as_f64().expect("a time");
         // No stage takes longer than the run, whatever the controller says of its times.
-        assert!(longest < took.as_secs_f64() * 1e6, "{strategy}, {mode}, seed {seed}: {stage} took {longest} us");
+        assert!(
+            longest < took.as_secs_f64() * 1e6,
+            "{strategy}, {mode}, seed {seed}: {stage} took {longest} us"
+        );
     }
     let reason = run["stopped"]["reason"].as_str().unwrap_or("not stopped").to_owned();
     println!("{strategy}, {mode}, seed {seed}: {reason}, {most} ticks beyond");

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use common::{
-    Call, FREEPLAY, Ran, Started, assert_recordings_open, fresh_folder, is_ready, left_in_shared_memory,
+    Call, FREEPLAY, Ran, Started, assert_recordings_open, fresh_folder, is_busy, left_in_shared_memory,
     processes_with, runs, send_signal, until,
 };
 use serde_json::Value;
@@ -19,7 +19,7 @@ use serde_json::Value;
 /// A controller that is deaf to every signal that can be caught, started by a shell, and that has started another process.
 const DEAF: &str = "#!/bin/sh\ntrap '' TERM HUP INT\nsleep 1000 &\nwhile :; do sleep 1000; done\n";
 
-/// How long the children of a killed run may take to go, besides the time for which they or this test wait for a core.
+/// How long the children of a killed run may take to go, besides the time for which they run, or they or this test wait for a core or the disk.
 const LONGEST: Duration = Duration::from_millis(200);
 
 fn moments() -> u32 {
@@ -70,7 +70,7 @@ fn until_gone(shm: &Path) -> [Duration; 2] {
     until("the end of all processes", || {
         let members = members(shm);
         let (now, waited) = (Instant::now(), waited());
-        if !members.iter().any(|&pid| is_ready(pid)) {
+        if !members.iter().any(|&pid| is_busy(pid)) {
             asleep += (now - last).saturating_sub(waited - waited_before);
         }
         (last, waited_before) = (now, waited);
@@ -112,7 +112,7 @@ fn a_killed_run_takes_all_its_processes_along_at_any_moment() {
             assert_swept_by_the_next(ran);
         }
         println!(
-            "controller {which}: {} kills, all processes gone after at most {:?}, {:?} without waits for a core",
+            "controller {which}: {} kills, all processes gone after at most {:?}, {:?} of it asleep",
             moments(),
             slowest[0],
             slowest[1]

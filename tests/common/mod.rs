@@ -145,11 +145,11 @@ impl Started {
         send_signal(self.pid(), name);
     }
 
-    /// Whether a process of the call runs, or waits for a core. An analyst has an environment of its own; who started it waits for it.
+    /// Whether a process of the call runs, or waits for a core or the disk. An analyst has an environment of its own; who started it waits for it.
     fn is_at_work(&self) -> bool {
         let mut members = processes_with(&format!("FREEPLAY_SHM={}", self.shm.path().display()));
         members.extend(members.clone().into_iter().flat_map(children_of));
-        members.into_iter().any(is_ready)
+        members.into_iter().any(is_busy)
     }
 
     /// How it ended; fails if it does not.
@@ -200,12 +200,12 @@ pub fn children_of(pid: u32) -> Vec<u32> {
     ids.split_whitespace().filter_map(|id| id.parse().ok()).collect()
 }
 
-/// Whether a thread of the process `pid` runs or waits for a core.
-pub fn is_ready(pid: u32) -> bool {
+/// Whether a thread of the process `pid` runs, or waits for a core or the disk.
+pub fn is_busy(pid: u32) -> bool {
     let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
     threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("stat")).ok()).any(|stat| {
         // The state follows the name, which is in brackets.
-        stat.rsplit_once(") ").is_some_and(|(_, rest)| rest.starts_with('R'))
+        stat.rsplit_once(") ").is_some_and(|(_, rest)| rest.starts_with(['R', 'D']))
     })
 }
 
