@@ -88,7 +88,7 @@ fn kill_one(victim: Victim, delay: Duration, tally: &mut Tally) {
     assert_eq!(left_in_shared_memory(ran.shm.path(), ran.pid), Vec::<PathBuf>::new());
     let told = receipt(ran.folder.path());
     if victim == Victim::Parent {
-        if tally.parents % NEXT == 0 {
+        if tally.parents.is_multiple_of(NEXT) {
             let next = Call::new(ran.folder, &[&ANALYSE[..], &["--force"]].concat()).run().expect(0);
             assert!(receipt(next.folder.path()).is_some());
             tally.next_calls += 1;

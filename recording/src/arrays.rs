@@ -13,6 +13,9 @@ const BLOCK: usize = 1 << 12;
 /// The most columns that one file may have: a line of text that names them all is no longer than what is read.
 const MAX_COLUMNS: usize = crate::line_guard::MAX_LINE / 2;
 
+/// The number in eight bytes, the least first.
+pub(crate) type Number = fn([u8; 8]) -> f64;
+
 /// An array of numbers, the last index running fastest.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Array {
@@ -66,7 +69,7 @@ pub(crate) fn numbers(
     count: usize,
     size: usize,
     is_big: bool,
-    number: fn([u8; 8]) -> f64,
+    number: Number,
 ) -> std::io::Result<Vec<f64>> {
     let mut values = Vec::new();
     let mut block = vec![0; size * count.min(BLOCK)];

@@ -5,7 +5,7 @@
 
 use std::io::Read;
 
-use crate::arrays::{Array, NO_SAMPLES, NoRoom, Room, columns, numbers};
+use crate::arrays::{Array, NO_SAMPLES, NoRoom, Number, Room, columns, numbers};
 use crate::error::ReadError;
 use crate::foreign::Foreign;
 use crate::npz_reader::turned;
@@ -258,7 +258,7 @@ fn pad(input: &mut dyn Read, size: u64) -> Result<(), Fault> {
 }
 
 /// Bytes of a number of the type `kind`, and the number in eight of them, the least first.
-fn number_of(kind: u32) -> Option<(usize, fn([u8; 8]) -> f64)> {
+fn number_of(kind: u32) -> Option<(usize, Number)> {
     Some(match kind {
         1 => (1, |b| f64::from(i8::from_le_bytes([b[0]]))),
         2 | 16 => (1, |b| f64::from(b[0])),

@@ -6,7 +6,7 @@ use std::io::Read;
 
 use rawzip::{CompressionMethod, ZipArchive};
 
-use crate::arrays::{Array, NO_SAMPLES, NoRoom, Room, columns, numbers};
+use crate::arrays::{Array, NO_SAMPLES, NoRoom, Number, Room, columns, numbers};
 use crate::error::ReadError;
 use crate::foreign::Foreign;
 use crate::names::{list, shorten};
@@ -154,9 +154,6 @@ fn value_of<'h>(header: &'h str, key: &str) -> Option<&'h str> {
     };
     Some(&behind[..end])
 }
-
-/// The number in eight bytes.
-type Number = fn([u8; 8]) -> f64;
 
 /// Bytes of a number of the type `letter`, and the number in eight of them, the least first.
 fn number_of(letter: &str) -> Option<(usize, Number)> {
