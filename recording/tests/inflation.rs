@@ -36,8 +36,11 @@ fn numbers(values: &[f64]) -> Cursor<Vec<u8>> {
     Cursor::new(values.iter().flat_map(|value| value.to_le_bytes()).collect())
 }
 
+/// A file in an archive: its name and what it holds.
+type Member = (&'static str, Box<dyn Read>);
+
 /// Writes an archive of `members`, each deflated.
-fn zip(path: &Path, members: Vec<(&str, Box<dyn Read>)>) {
+fn zip(path: &Path, members: Vec<Member>) {
     let (mut file, mut directory, mut count) = (Vec::new(), Vec::new(), 0_u16);
     for (name, mut data) in members {
         let offset = file.len() as u32;
@@ -101,7 +104,7 @@ fn sizes(sizes: &[u32]) -> Vec<u8> {
 }
 
 /// The names of arrays and what is wrong with a file of them.
-fn archives() -> Vec<(Vec<(&'static str, Box<dyn Read>)>, &'static str)> {
+fn archives() -> Vec<(Vec<Member>, &'static str)> {
     let zeros = || repeat(0).take(ZEROS);
     let none = || std::io::empty();
     let many = Box::new(npy("|i1", "268435456,", zeros())) as Box<dyn Read>;
@@ -170,7 +173,7 @@ fn damaged_arrays_are_refused_or_read_in_little_memory() {
     let path = folder.path().join("run");
     let three = || numbers(&[0.0, 0.1, 0.2]);
     let names: Vec<u8> = "ab".chars().flat_map(|letter| u32::from(letter).to_le_bytes()).collect();
-    let members: Vec<(&str, Box<dyn Read>)> = vec![
+    let members: Vec<Member> = vec![
         ("t.npy", Box::new(npy("<f8", "3,", three()))),
         ("q.npy", Box::new(npy("<f8", "3, 1", three()))),
         ("names.npy", Box::new(npy("<U1", "2,", Cursor::new(names)))),
