@@ -482,7 +482,10 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     fn verdict(&self, fit: &Fit, alternatives: &[Alternative]) -> Verdict {
         let system = &self.search.system;
         let is_catalogued = |&member: &usize| system.candidate(member).kind.is_catalogued();
-        if !fit.members.iter().all(is_catalogued) || is_unexplained(system, fit) {
+        let test = system.weights.on(system.data, &[Part::Test]);
+        let is_left =
+            [&system.weights, &test].into_iter().any(|weights| is_unexplained(system, fit, weights));
+        if !fit.members.iter().all(is_catalogued) || is_left {
             return Verdict::Unknown;
         }
         if fit.members.is_empty() {

@@ -5,17 +5,17 @@ use freeplay_laws::{Effects, LawError, Placed};
 use freeplay_recording::Recording;
 use thiserror::Error;
 
-use super::alternatives::tried;
 use super::candidate::{Candidate, candidates};
 use super::choice::choose;
 use super::conclude::{Conclusion, insufficient};
+use super::confirm::{confirmed, searched_again};
 use super::data::Data;
 use super::moments::{happenings, window};
 use super::nameless::is_unexplained;
 use super::parts::Part;
 use super::quality;
 use super::report::Diagnosis;
-use super::search::{Answer, Search, WORTH};
+use super::search::Search;
 use super::stage::{Ground, Stage};
 use super::system::System;
 use super::thinning;
@@ -131,13 +131,14 @@ pub(crate) fn diagnose(
     let mut search = search(&data, &target, Some(&left), laid, settings).ok_or(DiagnoseError::Singular)?;
     let members = found.members.into_iter().chain(happened);
     let members = members.filter_map(|candidate| search.system.take(candidate)).collect();
-    progress("testing");
+    progress("confirming what was found");
     let mut answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
     let fit = search.system.held_fit(&answer.members).ok_or(DiagnoseError::Singular)?;
-    if is_unexplained(&search.system, &fit) {
+    if is_unexplained(&search.system, &fit, &search.system.weights) {
         // Something is left: with all that may be seen another answer may say it.
         answer = searched_again(&mut search, &answer, progress).ok_or(DiagnoseError::Singular)?;
     }
+    progress("testing");
     let conclusion = Conclusion { file, settings, search: &mut search, answer: &answer };
     conclusion.diagnosis(notes, untestable)?.ok_or(DiagnoseError::Singular)
 }
@@ -183,39 +184,6 @@ fn searched(search: &mut Search, progress: &mut dyn FnMut(&str)) -> Option<(Vec<
         weights: search.system.weights.clone(),
     };
     Some((candidates(&search.laid), found))
-}
-
-/// The better one of `answer` and what the search finds from nothing with the fit and the choice part together, by its evidence; `None` if the system is singular.
-fn searched_again(search: &mut Search, answer: &Answer, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
-    search.system.trust_all()?;
-    let known = search.settled(answer.members.clone())?;
-    search.met.clear();
-    let again = search.run(progress)?;
-    let again = confirmed(search, again.members, progress)?;
-    search.system.trust_all()?;
-    let better = search.settled(again.members.clone())?;
-    let best = if better.evidence > known.evidence + WORTH { again } else { known };
-    search.agreed(&best)
-}
-
-/// `members` with their numbers in agreement, once nothing that is tried in the place of one of them is more probable; `None` if the system is singular.
-fn confirmed(search: &mut Search, members: Vec<usize>, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
-    /// The search has come to rest before; what is found here is a member that imitates another law in part.
-    const TURNS: usize = 4;
-    let mut instead = search.improve(members, progress)?.members;
-    for turn in 1.. {
-        progress("trying others in the place of each finding");
-        let polished = search.polished(instead)?;
-        let better = search.improve(polished.members, progress)?;
-        let now = search.agreed(&better)?;
-        let fit = search.system.held_fit(&now.members)?;
-        let tried = tried(search, &fit);
-        let best = tried.iter().min_by(|a, b| a.against.total_cmp(&b.against));
-        let Some(best) = best.filter(|best| best.against < -WORTH && turn < TURNS) else { return Some(now) };
-        instead =
-            now.members.into_iter().filter(|member| *member != best.member).chain([best.index]).collect();
-    }
-    None
 }
 
 /// There are recordings, of this arm, with the same columns.

@@ -11,14 +11,13 @@ use crate::residual::Kind;
 /// A share of discrepancy this many times the usual one has 20 : 1 against it: the two-sided quantile of a normal at 95 %.
 const UNUSUAL: f64 = 1.96;
 
-/// Whether more is missing than `fit` names: in what the search has seen or in the test part, laws are off by a share of a torque that is unusual for this
-/// machine, or something is left of a pose in which no finding shows.
+/// Whether more is missing than `fit` names in the rows that `weights` weigh: laws are off by a share of a torque that is unusual for this machine, or something
+/// is left of a pose in which no finding shows.
 ///
 /// What was found holds to the usual share of what it says, too. Where parts come apart and meet again, the laws don't say what that does to the torques.
-pub(crate) fn is_unexplained(system: &System, fit: &Fit) -> bool {
+pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> bool {
     let data = system.data;
     let left = system.left(fit);
-    let test = system.weights.on(data, &[Part::Test]);
     let members = || fit.members.iter().map(|&member| system.candidate(member));
     let shows = |c: usize| members().any(|candidate| candidate.channels.contains(&c));
     let shakes = members().any(|candidate| candidate.kind.shakes);
@@ -28,21 +27,16 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit) -> bool {
         let square = signal[c].iter().map(|x| x * x).sum::<f64>() / signal[c].len().max(1) as f64;
         square.sqrt() / system.weights.rows[c].scale.max(f64::MIN_POSITIVE)
     };
-    let off = |weights: &Weights| -> Vec<(usize, f64)> {
-        let heard = (0..data.channels()).filter(|&c| weights.rows[c].effective() > 0.0);
-        heard.map(|c| (c, weights.rows[c].best(&left[c], 0.0).0.max(LEAST_SHARE))).collect()
+    let heard = (0..data.channels()).filter(|&c| weights.rows[c].effective() > 0.0);
+    let off = heard.map(|c| (c, weights.rows[c].best(&left[c], 0.0).0.max(LEAST_SHARE)));
+    let (torques, poses): (Vec<_>, Vec<_>) = off.partition(|(c, _)| is_torque(*c));
+    let all: f64 = torques.iter().map(|(_, share)| share.ln()).sum();
+    let is_unusual = |&(c, share): &(usize, f64)| {
+        let usual = ((all - share.ln() + USUAL_SHARE.ln()) / torques.len() as f64).exp();
+        is_told(weights.rows[c].beyond(&left[c], UNUSUAL * usual.hypot(USUAL_SHARE * said(c))))
     };
-    [&system.weights, &test].into_iter().any(|weights| {
-        let (torques, poses): (Vec<_>, Vec<_>) = off(weights).into_iter().partition(|(c, _)| is_torque(*c));
-        let all: f64 = torques.iter().map(|(_, share)| share.ln()).sum();
-        let is_unusual = |&(c, share): &(usize, f64)| {
-            let usual = ((all - share.ln() + USUAL_SHARE.ln()) / torques.len() as f64).exp();
-            is_told(weights.rows[c].beyond(&left[c], UNUSUAL * usual.hypot(USUAL_SHARE * said(c))))
-        };
-        let is_left =
-            |&(c, _): &(usize, f64)| is_told(weights.rows[c].beyond(&left[c], UNUSUAL * USUAL_SHARE));
-        !shakes && torques.iter().any(is_unusual) || poses.iter().any(|pose| is_left(pose) && !shows(pose.0))
-    })
+    let is_left = |&(c, _): &(usize, f64)| is_told(weights.rows[c].beyond(&left[c], UNUSUAL * USUAL_SHARE));
+    !shakes && torques.iter().any(is_unusual) || poses.iter().any(|pose| is_left(pose) && !shows(pose.0))
 }
 
 /// What shapes without a name, fitted to the fit and the choice part of `residual`, say of every row.
