@@ -1,11 +1,10 @@
 //! The best set of changes: steps from several starts, each adding, dropping or exchanging one change.
 
 use super::change::{Change, Late, Physics};
+use super::examine::{RIVAL, SPOKEN};
 use super::kinds::{self, Ask};
 use super::problem::{FLOOR, Outcome, Problem};
 
-/// Most steps from one start.
-const STEPS: usize = 24;
 /// Changes of a step whose numbers are fitted.
 const REFINED: usize = 2;
 /// Rows of the screening.
@@ -17,11 +16,6 @@ const AHEAD: usize = 2;
 const PROMISING: usize = 48;
 /// The floor under which numbers of a settled set are fitted.
 const SHARP: f64 = 2e-3;
-/// Half the width within which a fitted zero is refined, rad, and a delay, s.
-const ABOUT_ZERO: f64 = 0.27;
-const ABOUT_DELAY: f64 = 0.02;
-/// What a finer set may lose of the evidence under the coarse floor: a factor of 20.
-const FINER: f64 = 3.0;
 /// Steps of the golden-section search of both.
 const GOLDEN: usize = 14;
 
@@ -95,7 +89,7 @@ impl<'a> Search<'a> {
         }
         if with_reading {
             let finer = self.whole.outcome(&self.finer(&best.changes));
-            if finer.evidence > best.evidence - FINER {
+            if finer.evidence > best.evidence - RIVAL {
                 best = finer;
             }
         }
@@ -116,7 +110,7 @@ impl<'a> Search<'a> {
 
 /// Steps from `start` as long as the evidence grows; changes of the reading among them, or physics beside it alone.
 fn climb(problem: &Problem, start: &[Change], with_reading: bool) -> Outcome {
-    steps(problem, start, with_reading, STEPS)
+    steps(problem, start, with_reading, usize::MAX)
 }
 
 /// The same, `most` steps at most.
@@ -153,8 +147,13 @@ fn added(
     promising: &mut Option<Vec<Change>>,
 ) -> Option<Outcome> {
     let samples = problem.samples;
-    let ask =
-        Ask { arm: problem.arm, has_torques: samples.has_torques(), has_tool: samples.has_tool(), best };
+    let ask = Ask {
+        arm: problem.arm,
+        has_torques: samples.has_torques(),
+        has_tool: samples.has_tool(),
+        positions: &samples.motion[0],
+        best,
+    };
     let asked = promising.clone().unwrap_or_else(|| kinds::asks(&ask));
     let asked = asked.into_iter().filter(|change| with_reading || !change.is_reading());
     let sets = asked.filter_map(|change| {
@@ -191,11 +190,11 @@ fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
     let fitted: Vec<Change> = match *last {
         Change::Zero { joint, offset, .. } => {
             let at = |offset| Change::Zero { joint, offset, is_fitted: true };
-            vec![at(golden(offset, ABOUT_ZERO, |x| with(at(x)).evidence))]
+            vec![at(golden(offset, 0.5 * kinds::joint_zero::STEP, |x| with(at(x)).evidence))]
         }
         Change::Delay(late, delay) => {
             let at = |delay| Change::Delay(late, delay);
-            vec![at(golden(delay, ABOUT_DELAY, |x| with(at(x)).evidence))]
+            vec![at(golden(delay, 0.5 * kinds::clock_offset::APART, |x| with(at(x)).evidence))]
         }
         Change::Scale(joint) | Change::SameScale(joint, _) => {
             kinds::torque_unit::rounded(outcome.scale[joint])
@@ -210,9 +209,7 @@ fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
 }
 /// Whether a set leaves so little of every channel that no other start can say more.
 fn is_settled(outcome: &Outcome) -> bool {
-    /// A fault of the reading leaves more than a tenth of the variance of some channel.
-    const LITTLE: f64 = 0.1;
-    outcome.left.iter().all(|left| left.is_nan() || *left <= LITTLE)
+    outcome.left.iter().all(|left| left.is_nan() || *left <= SPOKEN)
 }
 
 /// The place within `width` of `about` where `value` is greatest (Kiefer 1953).

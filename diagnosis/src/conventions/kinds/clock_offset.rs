@@ -13,7 +13,7 @@ use super::{Ask, Told};
 pub(crate) const LEAST: f64 = 0.033;
 /// The delays asked for: this many each way, s apart.
 const COUNT: i8 = 16;
-const APART: f64 = 0.03;
+pub(crate) const APART: f64 = 0.03;
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
