@@ -31,6 +31,8 @@ pub(crate) enum Physics {
     Link(usize),
     /// Motion of another joint in this joint's torque.
     Coupling(usize, usize),
+    /// Friction that grows with the load a joint carries.
+    LoadFriction(usize),
 }
 
 /// One change of the reading, or of the physics beside it.
@@ -75,7 +77,7 @@ const FACES: f64 = 6.0;
 /// Quarter turns, forwards and back, and half turns.
 const QUARTERS: f64 = 3.0;
 /// Prior odds of physics beside it: a model without a load, a rotor or a spring is common.
-const COMMON: f64 = 0.1;
+pub(super) const COMMON: f64 = 0.1;
 
 impl Change {
     /// The kind of change, for prior odds and for finding a replacement.

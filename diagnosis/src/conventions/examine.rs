@@ -145,8 +145,13 @@ impl Examination<'_> {
             if kept.len() == readings.count() {
                 return (best, certain, rivals);
             }
-            best = search.beside(&kept);
+            best = search.beside(&kept, &self.large(&best, &kept));
         }
+    }
+
+    /// Those of `changes` of `best` that no law of the catalogue covers.
+    fn large(&self, best: &Outcome, changes: &[Change]) -> Vec<Change> {
+        changes.iter().copied().filter(|change| !kinds::is_small(self.arm, best, change)).collect()
     }
 
     /// The changes of `best` that are sure, each with what explains as much; none of a set that can't be.
@@ -163,7 +168,7 @@ impl Examination<'_> {
         for change in asked {
             let rest = without(&best.changes, change);
             let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
-            let other = search.beside(&readings);
+            let other = search.beside(&readings, &self.large(best, &readings));
             // Without a fit there is nothing to compare with.
             if other.likelihood.len() != best.likelihood.len() {
                 continue;
@@ -232,6 +237,16 @@ fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, 
         if let Some(left) = same.left.get(c) {
             fall = fall.max((left + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
         }
+    }
+    if std::env::var_os("WHY").is_some() {
+        let mut fall_other = 1.0_f64;
+        for c in 0..counts.len() {
+            if !is_silent && best.spoken[c] < SPOKEN { continue; }
+            if let Some(left) = other.left.get(c) {
+                fall_other = fall_other.max((left + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
+            }
+        }
+        eprintln!("  {change:?}: odds {odds:.1} fall {fall:.2} fall_other {fall_other:.2} counts {counts:.1?}\n   best {:?}\n    left {:.4?} spoken {:.2?}\n   other {:?}\n    left {:.4?}", best.changes, best.left, best.spoken, other.changes, other.left);
     }
     odds > OVERWHELMING && fall > MOST
 }

@@ -16,7 +16,8 @@ use freeplay_arm::Arm;
 use nalgebra::Vector3;
 
 use super::along::{Along, dot};
-use super::change::{Change, reading};
+use super::change::{COMMON, Change, reading};
+use super::kinds;
 use super::reading::{PositionReading, Reading};
 use super::samples::Samples;
 use super::torques::Torques;
@@ -161,10 +162,18 @@ impl<'a> Problem<'a> {
             count += 3;
         }
         let parameters: usize = changes.iter().map(Change::parameters).sum();
-        let odds: f64 = changes.iter().enumerate().map(|(k, change)| change.log_odds(&changes[..k])).sum();
+        let odds = self.log_odds(&outcome);
         outcome.evidence =
             outcome.likelihood.iter().sum::<f64>() + odds - parameters as f64 * self.log_price(count);
         outcome
+    }
+
+    /// Prior log odds of the changes of `outcome`: a small one is an effect of the catalogue, as common as other physics.
+    fn log_odds(&self, outcome: &Outcome) -> f64 {
+        let (small, large): (Vec<Change>, Vec<Change>) =
+            outcome.changes.iter().partition(|change| kinds::is_small(self.arm, outcome, change));
+        let of_large = large.iter().enumerate().map(|(k, change)| change.log_odds(&large[..k]));
+        small.len() as f64 * COMMON.ln() + of_large.sum::<f64>()
     }
 
     /// What a fitted number costs where `channels` were recorded.

@@ -1,5 +1,7 @@
 //! The best set of changes: steps from several starts, each adding, dropping or exchanging one change.
 
+use freeplay_arm::Arm;
+
 use super::change::{Change, Late, Physics};
 use super::examine::{RIVAL, SPOKEN};
 use super::kinds::{self, Ask};
@@ -29,7 +31,7 @@ pub(crate) struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// For an arm and the rows of a recording.
-    pub fn new(arm: &'a freeplay_arm::Arm, samples: &'a super::samples::Samples) -> Self {
+    pub fn new(arm: &'a Arm, samples: &'a super::samples::Samples) -> Self {
         let stride = (samples.len() / FEW_ROWS).max(1);
         Self {
             whole: Problem::new(arm, samples, 1, FLOOR),
@@ -40,9 +42,9 @@ impl<'a> Search<'a> {
 
     /// The best set of all starts: sought on few rows, settled on all of them.
     pub fn best(&self) -> Outcome {
-        let plain = climb(&self.few, &[], true);
+        let plain = climb(&self.few, &[], Scope::All);
         let best = if is_settled(&plain) { plain } else { self.of_all_starts(plain) };
-        self.settled(&best.changes, true)
+        self.settled(&best.changes, Scope::All)
     }
 
     fn of_all_starts(&self, plain: Outcome) -> Outcome {
@@ -56,12 +58,12 @@ impl<'a> Search<'a> {
         }
         // All start, the two that are ahead after a few steps go on.
         let mut ahead: Vec<Outcome> =
-            starts.iter().map(|start| steps(&self.few, start, true, FIRST)).collect();
+            starts.iter().map(|start| steps(&self.few, start, Scope::All, FIRST)).collect();
         ahead.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         ahead.truncate(AHEAD);
         let mut best = plain;
         for start in ahead {
-            let other = climb(&self.few, &start.changes, true);
+            let other = climb(&self.few, &start.changes, Scope::All);
             if other.evidence > best.evidence {
                 best = other;
             }
@@ -72,22 +74,23 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// The best set of `start` and physics beside it.
-    pub fn beside(&self, start: &[Change]) -> Outcome {
-        self.settled(&climb(&self.few, start, false).changes, false)
+    /// The best set of `start` and physics beside it, small misreadings among that; those of `kept` stay.
+    pub fn beside(&self, start: &[Change], kept: &[Change]) -> Outcome {
+        let scope = Scope::Beside(kept);
+        self.settled(&climb(&self.few, start, scope).changes, scope)
     }
 
     /// `changes` on all rows: what is not worth it there is dropped, and numbers are fitted as finely as the instruments allow.
-    fn settled(&self, changes: &[Change], with_reading: bool) -> Outcome {
+    fn settled(&self, changes: &[Change], scope: Scope) -> Outcome {
         let mut best = self.whole.outcome(changes);
-        while let Some(next) = dropped(&self.whole, &best, with_reading)
+        while let Some(next) = dropped(&self.whole, &best, scope)
             .into_iter()
             .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
             .filter(|next| next.evidence > best.evidence)
         {
             best = next;
         }
-        if with_reading {
+        if matches!(scope, Scope::All) {
             let finer = self.whole.outcome(&self.finer(&best.changes));
             if finer.evidence > best.evidence - RIVAL {
                 best = finer;
@@ -102,24 +105,52 @@ impl<'a> Search<'a> {
         for _ in 0..best.changes.len() {
             // The first change goes to the end, refined.
             best.changes.rotate_left(1);
-            best = refined(&self.sharp, best);
+            best = refined(&self.sharp, best, Scope::All);
         }
         best.changes
     }
 }
 
-/// Steps from `start` as long as the evidence grows; changes of the reading among them, or physics beside it alone.
-fn climb(problem: &Problem, start: &[Change], with_reading: bool) -> Outcome {
-    steps(problem, start, with_reading, usize::MAX)
+/// What a search may change.
+#[derive(Clone, Copy)]
+enum Scope<'s> {
+    /// The reading, and physics beside it.
+    All,
+    /// Physics beside these changes of the reading, small misreadings that the catalogue has laws for included.
+    Beside(&'s [Change]),
+}
+
+impl Scope<'_> {
+    fn allows(self, arm: &Arm, outcome: &Outcome) -> bool {
+        let Scope::Beside(kept) = self else { return true };
+        let is_physics =
+            |change: &Change| !change.is_reading() || kinds::is_small(arm, outcome, change) || kept.contains(change);
+        outcome.changes.iter().all(is_physics) && kept.iter().all(|change| outcome.changes.contains(change))
+    }
+
+    /// Whether `change` can be physics, whatever number is fitted to it.
+    fn asks(self, change: &Change) -> bool {
+        match (self, change) {
+            (Scope::All, _) | (_, Change::Beside(_) | Change::Scale(_) | Change::CommonScale | Change::AnyGravity) => true,
+            (_, Change::Zero { offset, .. }) => offset.abs() <= kinds::joint_zero::LEAST,
+            (_, Change::Delay(_, delay)) => delay.abs() <= kinds::clock_offset::LEAST,
+            _ => false,
+        }
+    }
+}
+
+/// Steps from `start` as long as the evidence grows.
+fn climb(problem: &Problem, start: &[Change], scope: Scope) -> Outcome {
+    steps(problem, start, scope, usize::MAX)
 }
 
 /// The same, `most` steps at most.
-fn steps(problem: &Problem, start: &[Change], with_reading: bool, most: usize) -> Outcome {
+fn steps(problem: &Problem, start: &[Change], scope: Scope, most: usize) -> Outcome {
     let mut best = problem.outcome(start);
     let mut promising = None;
     for _ in 0..most {
-        let added = added(problem, &best, with_reading, &mut promising);
-        let next = added.into_iter().chain(dropped(problem, &best, with_reading));
+        let added = added(problem, &best, scope, &mut promising);
+        let next = added.into_iter().chain(dropped(problem, &best, scope));
         let Some(next) = next.max_by(|a, b| a.evidence.total_cmp(&b.evidence)) else { break };
         if next.evidence.is_nan() || next.evidence <= best.evidence {
             break;
@@ -143,7 +174,7 @@ fn steps(problem: &Problem, start: &[Change], with_reading: bool, most: usize) -
 fn added(
     problem: &Problem,
     best: &Outcome,
-    with_reading: bool,
+    scope: Scope,
     promising: &mut Option<Vec<Change>>,
 ) -> Option<Outcome> {
     let samples = problem.samples;
@@ -155,36 +186,36 @@ fn added(
         best,
     };
     let asked = promising.clone().unwrap_or_else(|| kinds::asks(&ask));
-    let asked = asked.into_iter().filter(|change| with_reading || !change.is_reading());
+    let asked = asked.into_iter().filter(|change| scope.asks(change));
     let sets = asked.filter_map(|change| {
         let others = best.changes.iter().copied().filter(|other| !other.excludes(&change));
         let set: Vec<Change> = others.chain([change]).collect();
         (!best.changes.contains(&change)).then_some(set)
     });
-    let mut outcomes: Vec<Outcome> = sets.map(|set| problem.outcome(&set)).collect();
+    let outcomes = sets.map(|set| problem.outcome(&set)).filter(|outcome| scope.allows(problem.arm, outcome));
+    let mut outcomes: Vec<Outcome> = outcomes.collect();
     outcomes.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let last = outcomes.iter().take(PROMISING).filter_map(|outcome| outcome.changes.last().copied());
     *promising = Some(last.collect());
     outcomes.truncate(REFINED);
     outcomes
         .into_iter()
-        .map(|outcome| refined(problem, outcome))
+        .map(|outcome| refined(problem, outcome, scope))
         .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
 }
 
 /// The outcomes with one change less.
-fn dropped(problem: &Problem, best: &Outcome, with_reading: bool) -> Vec<Outcome> {
-    let droppable = |k: &usize| with_reading || !best.changes[*k].is_reading();
+fn dropped(problem: &Problem, best: &Outcome, scope: Scope) -> Vec<Outcome> {
     let without = |k: usize| {
         let mut set = best.changes.clone();
         set.remove(k);
         problem.outcome(&set)
     };
-    (0..best.changes.len()).filter(droppable).map(without).collect()
+    (0..best.changes.len()).map(without).filter(|outcome| scope.allows(problem.arm, outcome)).collect()
 }
 
 /// `outcome` with the number of its last change fitted, or rounded, where that is worth it.
-fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
+fn refined(problem: &Problem, outcome: Outcome, scope: Scope) -> Outcome {
     let Some((last, rest)) = outcome.changes.split_last() else { return outcome };
     let with = |change: Change| problem.outcome(&[rest, &[change]].concat());
     let fitted: Vec<Change> = match *last {
@@ -204,7 +235,7 @@ fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
         }
         _ => Vec::new(),
     };
-    let fitted = fitted.into_iter().map(with);
+    let fitted = fitted.into_iter().map(with).filter(|outcome| scope.allows(problem.arm, outcome));
     fitted.fold(outcome.clone(), |best, other| if other.evidence > best.evidence { other } else { best })
 }
 /// Whether a set leaves so little of every channel that no other start can say more.
@@ -241,6 +272,7 @@ pub(crate) fn physics(joints: usize) -> Vec<Change> {
             Physics::Spring(joint),
             Physics::Drag(joint),
             Physics::Link(joint),
+            Physics::LoadFriction(joint),
         ]);
         all.extend((joint > 0).then(|| Physics::Coupling(joint, joint - 1)));
         all.extend((joint + 1 < joints).then_some(Physics::Coupling(joint, joint + 1)));

@@ -19,6 +19,8 @@ const MOST_LINK: f64 = 2.0;
 const FARTHEST: f64 = 0.25;
 /// What a link may lack of its own mass: no link is without weight.
 const LEAST_LINK: f64 = 0.6;
+/// Friction that a load makes, as a share of that load: a gear that loses half of it locks itself.
+const MOST_LOSS: f64 = 0.5;
 /// No unit makes a torque larger or smaller than by this: counts of 16 bits, micronewton metres of a wrist are below.
 const MOST_SCALE: f64 = 1e6;
 /// Rounds in which gravity and scales, whose product is fitted, are fitted in turn.
@@ -49,6 +51,8 @@ struct Parts<'f> {
     /// Weights of motion and gravity in the model.
     weights: [f64; 4],
     gravity_is_free: bool,
+    /// Weights of motion and gravity in the load of a joint, by which some friction grows.
+    load: [f64; 4],
     scale: &'f [f64],
     shared: &'f [Vec<Vec<f64>>],
 }
@@ -119,7 +123,7 @@ impl<'p, 'a> Torques<'p, 'a> {
         let weights = [1.0, gravity.x, gravity.y, gravity.z];
         let shared = self.along.shared(self.problem.arm, &self.physics, &weights);
         let model = if gravity_is_free { [1.0, 0.0, 0.0, 0.0] } else { weights };
-        let parts = Parts { weights: model, gravity_is_free, scale, shared: &shared };
+        let parts = Parts { weights: model, gravity_is_free, load: weights, scale, shared: &shared };
         let channels: Vec<Channel> =
             (0..self.joints.len()).map(|channel| self.channel(channel, &parts)).collect();
         let is_common = !gravity_is_free && self.scales.contains(&Scale::Common);
@@ -137,6 +141,11 @@ impl<'p, 'a> Torques<'p, 'a> {
             .into_iter()
             .map(|(column, positive)| (Term::Column(column, 1.0), positive))
             .unzip();
+        let friction = self.load_friction(joint, &parts.load);
+        if let Some(friction) = &friction {
+            own.push(Term::Given(friction, 1.0));
+            is_positive.push(true);
+        }
         if kind == Scale::Fitted && !is_known {
             own.push(Term::Model);
             is_positive.push(true);
@@ -150,7 +159,7 @@ impl<'p, 'a> Torques<'p, 'a> {
             terms.push(Term::Model);
         }
         let products =
-            Products::new(self.along, joint, &parts.weights, !parts.shared.is_empty(), &measured.column);
+            Products::new(self.along, joint, &parts.weights, friction.is_some() || !parts.shared.is_empty(), &measured.column);
         // Of the target: what was measured, less the model where its scale is known.
         let less = if is_known { factor } else { 0.0 };
         let right =
@@ -183,6 +192,14 @@ impl<'p, 'a> Torques<'p, 'a> {
             }
         }
         own
+    }
+
+    /// Direction of `joint` times the size of what it carries under `weights`, where its friction grows with that.
+    fn load_friction(&self, joint: usize, weights: &[f64; 4]) -> Option<Vec<f64>> {
+        self.physics.contains(&Physics::LoadFriction(joint)).then(|| {
+            let turns = self.along.column(joint, Column::Turns);
+            self.along.model(joint, weights).iter().zip(turns).map(|(load, turns)| load.abs() * turns).collect()
+        })
     }
 
     fn take_scales(&self, fitted: &Fit, scale: &mut [f64]) -> Option<()> {
@@ -245,7 +262,10 @@ impl<'p, 'a> Torques<'p, 'a> {
                     && friction(Column::Other(side, 2), Column::Other(side, 1))
                         <= friction(Column::Turns, Column::Speed)
         };
-        of(Column::Acceleration) <= MOST_ROTOR * self.inertia(joint) * scale && (0..2).all(is_possible)
+        let is_lossy = self.physics.contains(&Physics::LoadFriction(joint));
+        of(Column::Acceleration) <= MOST_ROTOR * self.inertia(joint) * scale
+            && (0..2).all(is_possible)
+            && !(is_lossy && coefficients[own.len()] > MOST_LOSS * scale)
     }
 
     /// Inertia that `joint` feels, about.
@@ -272,6 +292,9 @@ impl<'p, 'a> Torques<'p, 'a> {
         take(&self.along.model(joint, &weights), scale[joint]);
         for ((column, _), by) in self.own(joint).into_iter().zip(&fitted.own[channel]) {
             take(self.along.column(joint, column), *by);
+        }
+        if let Some(friction) = self.load_friction(joint, &weights) {
+            take(&friction, fitted.own[channel][self.own(joint).len()]);
         }
         let shared = self.along.shared(self.problem.arm, &self.physics, &weights);
         for (columns, by) in shared.iter().zip(&fitted.shared) {

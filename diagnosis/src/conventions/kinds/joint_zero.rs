@@ -14,6 +14,8 @@ use super::{Ask, Told};
 
 /// An encoder's zero that is off by no more than this is the catalogue's, rad: its law holds up to here.
 pub(crate) const LEAST: f64 = 0.3;
+/// A small one to start from.
+const SMALL: f64 = 0.5 * LEAST;
 /// Parts of half a turn that are asked for, how wide they are, rad, and how many of them make a right angle.
 const PARTS: i8 = 6;
 pub(crate) const STEP: f64 = PI / 6.0;
@@ -29,7 +31,8 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
             is_fitted: part % RIGHT != 0,
         })
     };
-    turning.flat_map(of_joint).collect()
+    let small = |joint| [SMALL, -SMALL].map(|offset| Change::Zero { joint, offset, is_fitted: true });
+    turning.clone().flat_map(of_joint).chain(turning.flat_map(small)).collect()
 }
 
 /// Words and remedy.
