@@ -86,10 +86,9 @@ impl Examination<'_> {
             return;
         }
         let search = Search::new(self.arm, self.samples);
-        let (best, certain, rivals) = self.settled(&search);
-        let another = search.whole.log_price(best.likelihood.len());
-        let is_another =
-            certain.len() > 1 && best.price() > kinds::another_arm::price(self.arm.dof(), another);
+        let first = search.best();
+        let (best, certain, rivals) = self.settled(&search, first.clone());
+        let is_another = self.is_another(&search, &first, &best);
         // Torques without gravity are small, and mostly what the rigid arm does not say.
         let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);
         let other = kinds::another_arm::found(&best, self.arm.dof(), is_silent || !has_torques, has_tool);
@@ -122,6 +121,19 @@ impl Examination<'_> {
         setup.findings.extend(self.left_still(&best));
     }
 
+    /// Whether another arm explains the recording better than `settled` does, of which every change is certain: it explains as much as `first`, the
+    /// best set of all, at a lower price.
+    fn is_another(&self, search: &Search, first: &Outcome, settled: &Outcome) -> bool {
+        let price = kinds::another_arm::price(self.arm.dof(), search.whole.log_price(first.likelihood.len()));
+        if price > first.price() || first.likelihood.len() != settled.likelihood.len() {
+            return false;
+        }
+        let counts = rows_per_one(&search.whole.residuals(first));
+        let gains = first.likelihood.iter().zip(&settled.likelihood).zip(&counts);
+        let gain: f64 = gains.map(|((with, without), count)| (with - without) / count).sum();
+        gain + settled.price() - price > OVERWHELMING
+    }
+
     /// The reading of the changes that are sure, with what was known of it before.
     fn take(&self, setup: &mut Setup, sure: Vec<Change>) {
         let known = setup.reading.clone();
@@ -133,8 +145,7 @@ impl Examination<'_> {
     }
 
     /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
-    fn settled(&self, search: &Search) -> (Outcome, Certain, Rivals) {
-        let mut best = search.best();
+    fn settled(&self, search: &Search, mut best: Outcome) -> (Outcome, Certain, Rivals) {
         loop {
             let (certain, rivals) = self.certain(search, &best);
             let is_kept = |change: &&Change| {
@@ -223,18 +234,21 @@ fn without(changes: &[Change], change: &Change) -> Vec<Change> {
 /// is all, a gap or bristles look like a clock, and a torque that has nothing to do with the model like one in a unit that is far too large.
 /// Torques without gravity alone may be silent.
 fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, counts: &[f64]) -> bool {
-    let is_silent = matches!(change, Change::Compensated);
+    let is_silent =
+        matches!(change, Change::Compensated | Change::TorqueSign(_) | Change::Direction { .. });
     let mut odds = other.price() - best.price();
+    let is_explained = |left: f64| left <= kinds::another_arm::UNEXPLAINED;
     let mut fall = 1.0_f64;
     for (c, count) in counts.iter().enumerate() {
-        if !is_silent && best.spoken[c] < SPOKEN {
+        let spoken = other.spoken.get(c).map_or(best.spoken[c], |spoken| spoken.max(best.spoken[c]));
+        if !is_silent && spoken < SPOKEN {
             continue;
         }
         // A reading without the change may leave a channel out.
         let Some(without) = other.likelihood.get(c) else { continue };
         let gain = best.likelihood[c] - without;
         odds += if gain > 0.0 { gain / count } else { gain };
-        if let Some(left) = same.left.get(c) {
+        if let Some(left) = same.left.get(c).filter(|_| is_explained(best.left[c])) {
             fall = fall.max((left + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
         }
     }

@@ -54,7 +54,7 @@ impl<'a> Search<'a> {
         let mut starts = vec![vec![Change::AngleUnit]];
         if self.whole.samples.has_torques() {
             let turned = [scales.as_slice(), &[Change::AnyGravity]].concat();
-            starts.extend([scales, vec![Change::AnyGravity], turned, signs]);
+            starts.extend([scales, vec![Change::AnyGravity], turned, signs, vec![Change::Compensated]]);
         }
         // All start, the two that are ahead after a few steps go on.
         let mut ahead: Vec<Outcome> =
