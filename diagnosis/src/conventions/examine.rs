@@ -122,16 +122,17 @@ impl Examination<'_> {
     }
 
     /// Whether another arm explains the recording better than `settled` does, of which every change is certain: it explains as much as `first`, the
-    /// best set of all, at a lower price.
+    /// best set of all, with the same physics beside it, at a lower price.
     fn is_another(&self, search: &Search, first: &Outcome, settled: &Outcome) -> bool {
         let price = kinds::another_arm::price(self.arm.dof(), search.whole.log_price(first.likelihood.len()));
-        if price > first.price() || first.likelihood.len() != settled.likelihood.len() {
+        let physics = search.whole.physics_price(first);
+        if price + physics > first.price() || first.likelihood.len() != settled.likelihood.len() {
             return false;
         }
         let counts = rows_per_one(&search.whole.residuals(first));
         let gains = first.likelihood.iter().zip(&settled.likelihood).zip(&counts);
         let gain: f64 = gains.map(|((with, without), count)| (with - without) / count).sum();
-        gain + settled.price() - price > OVERWHELMING
+        gain + settled.price() - price - physics > OVERWHELMING
     }
 
     /// The reading of the changes that are sure, with what was known of it before.
@@ -156,7 +157,7 @@ impl Examination<'_> {
             if kept.len() == readings.count() {
                 return (best, certain, rivals);
             }
-            best = search.beside(&kept, &self.large(&best, &kept));
+            best = search.beside(&kept, &self.large(&best, &kept), None);
         }
     }
 
@@ -179,7 +180,7 @@ impl Examination<'_> {
         for change in asked {
             let rest = without(&best.changes, change);
             let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
-            let other = search.beside(&readings, &self.large(best, &readings));
+            let other = search.beside(&readings, &self.large(best, &readings), Some(change.sort()));
             // Without a fit there is nothing to compare with.
             if other.likelihood.len() != best.likelihood.len() {
                 continue;

@@ -176,6 +176,13 @@ impl<'a> Problem<'a> {
         small.len() as f64 * COMMON.ln() + of_large.sum::<f64>()
     }
 
+    /// What the physics beside the reading of `outcome` costs.
+    pub fn physics_price(&self, outcome: &Outcome) -> f64 {
+        let physics = outcome.changes.iter().filter(|change| !change.is_reading());
+        let each = self.log_price(outcome.likelihood.len());
+        physics.map(|change| change.parameters() as f64 * each - COMMON.ln()).sum()
+    }
+
     /// What a fitted number costs where `channels` were recorded.
     pub fn log_price(&self, channels: usize) -> f64 {
         0.5 * ((self.rows() * channels.max(1)) as f64).ln()

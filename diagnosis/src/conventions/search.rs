@@ -74,9 +74,10 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// The best set of `start` and physics beside it, small misreadings among that; those of `kept` stay.
-    pub fn beside(&self, start: &[Change], kept: &[Change]) -> Outcome {
-        let scope = Scope::Beside(kept);
+    /// The best set of `start` and physics beside it, small misreadings among that; those of `kept` stay, and those
+    /// of the sort `judged` are not asked for.
+    pub fn beside(&self, start: &[Change], kept: &[Change], judged: Option<u8>) -> Outcome {
+        let scope = Scope::Beside(kept, judged);
         self.settled(&climb(&self.few, start, scope).changes, scope)
     }
 
@@ -116,13 +117,14 @@ impl<'a> Search<'a> {
 enum Scope<'s> {
     /// The reading, and physics beside it.
     All,
-    /// Physics beside these changes of the reading, small misreadings that the catalogue has laws for included.
-    Beside(&'s [Change]),
+    /// Physics beside these changes of the reading, small misreadings that the catalogue has laws for included; but for those of the same sort as
+    /// the change that is judged: where these end is a matter of size, not of odds.
+    Beside(&'s [Change], Option<u8>),
 }
 
 impl Scope<'_> {
     fn allows(self, arm: &Arm, outcome: &Outcome) -> bool {
-        let Scope::Beside(kept) = self else { return true };
+        let Scope::Beside(kept, _) = self else { return true };
         let is_physics =
             |change: &Change| !change.is_reading() || kinds::is_small(arm, outcome, change) || kept.contains(change);
         outcome.changes.iter().all(is_physics) && kept.iter().all(|change| outcome.changes.contains(change))
@@ -131,6 +133,7 @@ impl Scope<'_> {
     /// Whether `change` can be physics, whatever number is fitted to it.
     fn asks(self, change: &Change) -> bool {
         match (self, change) {
+            (Scope::Beside(_, Some(sort)), change) if change.sort() == sort => false,
             (Scope::All, _) | (_, Change::Beside(_) | Change::Scale(_) | Change::CommonScale | Change::AnyGravity) => true,
             (_, Change::Zero { offset, .. }) => offset.abs() <= kinds::joint_zero::LEAST,
             (_, Change::Delay(_, delay)) => delay.abs() <= kinds::clock_offset::LEAST,
