@@ -146,7 +146,8 @@ const PHYSICS: [Physics; 5] = [
     ("torques that are 35 ms late", |arm| late(made(arm), 0.035)),
     ("a drive that clips half of its torque", |arm| {
         let recording = made(arm);
-        let most = recording.tau.as_ref().expect("torques")[1].iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let most =
+            recording.tau.as_ref().expect("torques")[1].iter().fold(0.0_f64, |most, x| most.max(x.abs()));
         with_torque(recording, 1, |_, tau| tau.clamp(-0.3 * most, 0.3 * most))
     }),
     ("an encoder that is 14 degrees off", |arm| {

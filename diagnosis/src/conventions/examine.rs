@@ -231,12 +231,12 @@ fn without(changes: &[Change], change: &Change) -> Vec<Change> {
 }
 
 /// Whether `best` is right against `other`, the best set without `change`: by odds, rows of channel c counting 1/`counts[c]` each, and by what
-/// the change takes away of what is left of `same`, which is `best` without it. A reading shows in what the arm itself asks for: where friction
-/// is all, a gap or bristles look like a clock, and a torque that has nothing to do with the model like one in a unit that is far too large.
-/// Torques without gravity alone may be silent.
+/// the change takes away of what is left of `same`, which is `best` without it, in a channel that `best` explains.
+///
+/// A reading shows in channels where the rigid arm speaks, as it is read with the change or without it: where friction is all, a gap or bristles
+/// look like a clock. Friction speaks of signs itself, since it never drives; torques without gravity alone may be silent.
 fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, counts: &[f64]) -> bool {
-    let is_silent =
-        matches!(change, Change::Compensated | Change::TorqueSign(_) | Change::Direction { .. });
+    let is_silent = matches!(change, Change::Compensated | Change::TorqueSign(_) | Change::Direction { .. });
     let mut odds = other.price() - best.price();
     let is_explained = |left: f64| left <= kinds::another_arm::UNEXPLAINED;
     let mut fall = 1.0_f64;
@@ -252,16 +252,6 @@ fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, 
         if let Some(left) = same.left.get(c).filter(|_| is_explained(best.left[c])) {
             fall = fall.max((left + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
         }
-    }
-    if std::env::var_os("WHY").is_some() {
-        let mut fall_other = 1.0_f64;
-        for c in 0..counts.len() {
-            if !is_silent && best.spoken[c] < SPOKEN { continue; }
-            if let Some(left) = other.left.get(c) {
-                fall_other = fall_other.max((left + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
-            }
-        }
-        eprintln!("  {change:?}: odds {odds:.1} fall {fall:.2} fall_other {fall_other:.2} counts {counts:.1?}\n   best {:?}\n    left {:.4?} spoken {:.2?}\n   other {:?}\n    left {:.4?}", best.changes, best.left, best.spoken, other.changes, other.left);
     }
     odds > OVERWHELMING && fall > MOST
 }

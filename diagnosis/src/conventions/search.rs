@@ -125,8 +125,9 @@ enum Scope<'s> {
 impl Scope<'_> {
     fn allows(self, arm: &Arm, outcome: &Outcome) -> bool {
         let Scope::Beside(kept, _) = self else { return true };
-        let is_physics =
-            |change: &Change| !change.is_reading() || kinds::is_small(arm, outcome, change) || kept.contains(change);
+        let is_physics = |change: &Change| {
+            !change.is_reading() || kinds::is_small(arm, outcome, change) || kept.contains(change)
+        };
         outcome.changes.iter().all(is_physics) && kept.iter().all(|change| outcome.changes.contains(change))
     }
 
@@ -134,7 +135,8 @@ impl Scope<'_> {
     fn asks(self, change: &Change) -> bool {
         match (self, change) {
             (Scope::Beside(_, Some(sort)), change) if change.sort() == sort => false,
-            (Scope::All, _) | (_, Change::Beside(_) | Change::Scale(_) | Change::CommonScale | Change::AnyGravity) => true,
+            (Scope::All, _)
+            | (_, Change::Beside(_) | Change::Scale(_) | Change::CommonScale | Change::AnyGravity) => true,
             (_, Change::Zero { offset, .. }) => offset.abs() <= kinds::joint_zero::LEAST,
             (_, Change::Delay(_, delay)) => delay.abs() <= kinds::clock_offset::LEAST,
             _ => false,

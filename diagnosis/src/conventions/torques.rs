@@ -158,8 +158,13 @@ impl<'p, 'a> Torques<'p, 'a> {
         if kind == Scale::Common && !is_known {
             terms.push(Term::Model);
         }
-        let products =
-            Products::new(self.along, joint, &parts.weights, friction.is_some() || !parts.shared.is_empty(), &measured.column);
+        let products = Products::new(
+            self.along,
+            joint,
+            &parts.weights,
+            friction.is_some() || !parts.shared.is_empty(),
+            &measured.column,
+        );
         // Of the target: what was measured, less the model where its scale is known.
         let less = if is_known { factor } else { 0.0 };
         let right =
@@ -198,7 +203,12 @@ impl<'p, 'a> Torques<'p, 'a> {
     fn load_friction(&self, joint: usize, weights: &[f64; 4]) -> Option<Vec<f64>> {
         self.physics.contains(&Physics::LoadFriction(joint)).then(|| {
             let turns = self.along.column(joint, Column::Turns);
-            self.along.model(joint, weights).iter().zip(turns).map(|(load, turns)| load.abs() * turns).collect()
+            self.along
+                .model(joint, weights)
+                .iter()
+                .zip(turns)
+                .map(|(load, turns)| load.abs() * turns)
+                .collect()
         })
     }
 
