@@ -213,7 +213,8 @@ impl<'a> Problem<'a> {
         let reading = reading(self.arm, &outcome.changes);
         let along = self.along(&reading);
         let mut residuals = Vec::new();
-        let is_fitted = outcome.likelihood.len() >= self.arm.dof();
+        let of_tool = if self.samples.has_tool() { 3 } else { 0 };
+        let is_fitted = outcome.likelihood.len() == self.arm.dof() + of_tool;
         if self.samples.has_torques() && is_fitted {
             let torques = Torques::new(self, &reading, &along, &outcome.changes);
             let (mut gravity, mut scale) = (self.gravity(&reading), vec![1.0; self.arm.dof()]);
