@@ -25,6 +25,9 @@ use super::torques::Torques;
 /// What real arms are off their laws by: 5 % of a torque's standard deviation leaves 0.25 % of its variance.
 pub(crate) const FLOOR: f64 = 0.05;
 
+/// That of a tracked tool, as a share of the torques': no friction blurs geometry, 1 % of a motion is more than play and elasticity make.
+const GEOMETRY: f64 = 0.2;
+
 /// An arm, the rows of a recording, and what was already worked out for them.
 pub(crate) struct Problem<'a> {
     pub arm: &'a Arm,
@@ -155,7 +158,7 @@ impl<'a> Problem<'a> {
             let (residuals, variance) = self.tool_residuals(&reading, &along);
             for residual in residuals {
                 let left = mean_square(&residual);
-                outcome.likelihood.push(self.log_likelihood(left, variance));
+                outcome.likelihood.push(self.log_likelihood(left, GEOMETRY.powi(2) * variance));
                 outcome.left.push(left / variance);
                 outcome.spoken.push(1.0);
             }
@@ -195,8 +198,8 @@ impl<'a> Problem<'a> {
         reading.gravity.unwrap_or(*self.arm.gravity())
     }
 
-    fn log_likelihood(&self, left: f64, variance: f64) -> f64 {
-        -0.5 * self.rows() as f64 * (left + self.floor.powi(2) * variance).ln()
+    fn log_likelihood(&self, left: f64, size: f64) -> f64 {
+        -0.5 * self.rows() as f64 * (left + self.floor.powi(2) * size).ln()
     }
 
     /// What is left of the tool's coordinates, and the mean of their variances.
