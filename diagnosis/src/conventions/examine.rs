@@ -233,16 +233,16 @@ fn without(changes: &[Change], change: &Change) -> Vec<Change> {
 /// Whether `best` is right against `other`, the best set without `change`: by odds, rows of channel c counting 1/`counts[c]` each, and by what
 /// the change takes away of what is left of `same`, which is `best` without it, in a channel that `best` explains.
 ///
-/// A reading shows in channels where the rigid arm speaks, as it is read with the change or without it: where friction is all, a gap or bristles
-/// look like a clock. Friction speaks of signs itself, since it never drives; torques without gravity alone may be silent.
+/// A reading shows in channels where the rigid arm speaks, as it is read with the change: where friction is all, a gap or bristles look like a
+/// clock, and a torque that has little to do with the model like one in a unit that is far too large. Friction speaks of signs itself, since it
+/// never drives; torques without gravity alone may be silent.
 fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, counts: &[f64]) -> bool {
     let is_silent = matches!(change, Change::Compensated | Change::TorqueSign(_) | Change::Direction { .. });
     let mut odds = other.price() - best.price();
     let is_explained = |left: f64| left <= kinds::another_arm::UNEXPLAINED;
     let mut fall = 1.0_f64;
     for (c, count) in counts.iter().enumerate() {
-        let spoken = other.spoken.get(c).map_or(best.spoken[c], |spoken| spoken.max(best.spoken[c]));
-        if !is_silent && spoken < SPOKEN {
+        if !is_silent && best.spoken[c] < SPOKEN {
             continue;
         }
         // A reading without the change may leave a channel out.
