@@ -41,6 +41,8 @@ fn under(fault: &str, arguments: &[&str]) -> Call {
     let faulty = faulty();
     let mut all = vec!["run", "--quiet", "--out", "out", "--controller", &faulty];
     all.extend(["--set", "pace=lockstep", "--set", "duration=0.3", "--set", "path.period=2"]);
+    // A busy machine starts processes late.
+    all.extend(["--set", "patience=60"]);
     all.extend(arguments);
     Call::new(fresh_folder(), &all).env("FREEPLAY_FAULT", fault)
 }

@@ -8,6 +8,7 @@ mod common;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Instant;
 
 use common::{Call, FREEPLAY, Ran, fresh_folder};
 use freeplay_recording::Recording;
@@ -87,7 +88,9 @@ fn play(strategy: &str, mode: &str, seed: u64) -> (f64, String) {
         _ => arguments.extend(["--set", "clearance.joint_2.clearance=0.0003"]),
     }
     let call = under(&format!("{strategy}@20"), &arguments).env("FREEPLAY_SEED", seed.to_string());
+    let begun = Instant::now();
     let ran = call.run();
+    let took = begun.elapsed();
     assert!([0, 1, 5].contains(&ran.code()), "{strategy}, {mode}, seed {seed}: {}", ran.dump());
     let run = ran.run();
     let (greatest, most) = speeds(&ran.recording("faulty.csv"));
@@ -99,9 +102,15 @@ fn play(strategy: &str, mode: &str, seed: u64) -> (f64, String) {
     assert_stop_is_told(&ran, &run);
     for (stage, values) in run["latency_us"].as_object().expect("latencies") {
         let longest = values["max"].as_f64().expect("a time");
-        assert!(longest < 60e6, "{strategy}, {mode}, seed {seed}: {stage} took {longest} us");
+        // No stage takes longer than the run, whatever the controller says of its times.
+        assert!(
+            longest < took.as_secs_f64() * 1e6,
+            "{strategy}, {mode}, seed {seed}: {stage} took {longest} us"
+        );
     }
-    (greatest, run["stopped"]["reason"].as_str().unwrap_or("not stopped").to_owned())
+    let reason = run["stopped"]["reason"].as_str().unwrap_or("not stopped").to_owned();
+    println!("{strategy}, {mode}, seed {seed}: {reason}, {most} ticks beyond");
+    (greatest, reason)
 }
 
 /// Plays every strategy in both modes with `seeds` on `threads` threads; how often each reason stopped the arm.

@@ -3,13 +3,15 @@
 //! recording opens.
 //!
 //! strace strikes. Where there is none the test says so and passes. A few steps are played; `FREEPLAY_KILLS=N` plays N, spread over all,
-//! `FREEPLAY_KILLS=all` plays each. `freeplay faults --kills N` kills at random moments.
+//! `FREEPLAY_KILLS=all` plays each. `freeplay faults --kills N` kills at random moments; `blind_kills.rs` kills the processes of a blind set.
 
 mod common;
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 
 use common::{FREEPLAY, assert_recordings_open, fresh_folder, in_own_shared_memory, processes_with, until};
 use freeplay_shm::RunRoot;
@@ -23,8 +25,11 @@ const CALLS: &str =
 /// Every so many kills a whole run follows; else only the making of one, which is what sweeps.
 const WHOLE_RUN: usize = 10;
 
+/// How long what is killed, and what survives it, may take to end before it counts as hung.
+const LONGEST: Duration = Duration::from_secs(120);
+
 /// Who is killed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Victim {
     Run,
     Plant,
@@ -43,13 +48,15 @@ struct Step {
 struct Stage {
     folder: tempfile::TempDir,
     mark: String,
+    /// How long processes outlived the one that was waited for at most.
+    slowest: Cell<Duration>,
 }
 
 impl Stage {
     fn new() -> Self {
         let folder = fresh_folder();
         let mark = folder.path().display().to_string();
-        Self { folder, mark }
+        Self { folder, mark, slowest: Cell::default() }
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -71,8 +78,17 @@ impl Stage {
     /// A whole run, under strace with `options` if there are any.
     fn whole(&self, strace: &[String]) -> Child {
         let arguments = ["run", "--quiet", "--controller", "computed-torque", "--out", "out", "--force"];
-        let sets = ["--set", "duration=0.02", "--set", "recording=mcap", "--set", "patience=5"];
+        let sets = ["--set", "duration=0.02", "--set", "recording=mcap", "--set", "patience=60"];
         self.freeplay(strace, &[&arguments[..], &sets].concat()).spawn().expect("it starts")
+    }
+
+    /// Waits for the end of `child`; fails if it hangs.
+    fn await_end(&self, child: &mut Child) {
+        let begun = Instant::now();
+        while child.try_wait().expect("a child").is_none() {
+            assert!(begun.elapsed() < LONGEST, "hung: {:?}", self.members());
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
 
     /// Plant and controller in a run of this process, `victim` under strace with `options`.
@@ -85,22 +101,23 @@ impl Stage {
         let plant = [&plant[..], &["--out", "out", "--name", "computed-torque"]].concat();
         let mut plant = self.freeplay(of(Victim::Plant), &plant).spawn().expect("it starts");
         let controller = ["controller", "computed-torque", "--run", &address];
-        let mut controller = self.freeplay(of(Victim::Controller), &controller).spawn().expect("it starts");
+        let mut controller = self.freeplay(of(Victim::Controller), &controller);
+        let mut controller = controller.env("FREEPLAY_PATIENCE", "60").spawn().expect("it starts");
         if victim == Victim::Plant {
-            plant.wait().expect("a child");
+            self.await_end(&mut plant);
             // It would find out by itself; see the tests of faults for how long that takes.
             let _ = controller.kill();
         }
-        controller.wait().expect("a child");
+        self.await_end(&mut controller);
         root.tell_ended(0);
-        plant.wait().expect("a child");
+        self.await_end(&mut plant);
         self.until_gone();
     }
 
     fn play(&self, victim: Victim, strace: &[String]) {
         match victim {
             Victim::Run => {
-                self.whole(strace).wait().expect("a child");
+                self.await_end(&mut self.whole(strace));
                 self.until_gone();
             }
             victim => self.in_parts(victim, strace),
@@ -109,8 +126,14 @@ impl Stage {
 
     /// Waits until no process of the stage lives.
     fn until_gone(&self) {
-        let variable = format!("FREEPLAY_TEST_MARK={}", self.mark);
-        until("the end of all processes", || processes_with(&variable).is_empty().then_some(()));
+        let begun = Instant::now();
+        until("the end of all processes", || self.members().is_empty().then_some(()));
+        self.slowest.set(self.slowest.get().max(begun.elapsed()));
+    }
+
+    /// The processes of the stage that live.
+    fn members(&self) -> Vec<u32> {
+        processes_with(&format!("FREEPLAY_TEST_MARK={}", self.mark))
     }
 
     /// The steps of `victim` that concern shared memory, in an undisturbed run.
@@ -151,9 +174,20 @@ impl Stage {
     }
 }
 
-/// What is in shared memory.
+/// What of runs is in shared memory: segments and folders.
 fn left() -> Vec<PathBuf> {
-    std::fs::read_dir(SHM).expect("shared memory").flatten().map(|entry| entry.path()).collect()
+    let entries = std::fs::read_dir(SHM).expect("shared memory").flatten().map(|entry| entry.path());
+    entries.filter(|path| path.to_string_lossy().contains("freeplay-")).collect()
+}
+
+/// How many processes want a core, on average over one, five and fifteen minutes.
+fn load() -> String {
+    std::fs::read_to_string("/proc/loadavg")
+        .unwrap_or_default()
+        .split(' ')
+        .take(3)
+        .collect::<Vec<_>>()
+        .join(" ")
 }
 
 #[test]
@@ -180,10 +214,11 @@ fn a_kill_at_each_step_with_shared_memory_is_survived() {
         Err(_) => 12,
     };
     assert!(steps.len() > 100, "{steps:?}");
-    let (mut struck, mut recordings) = (0, 0);
+    let (mut struck, mut recordings) = (BTreeMap::<(Victim, &str), usize>::new(), 0);
+    let load = load();
     let chosen = (0..count).map(|index| &steps[index * steps.len() / count % steps.len()]);
     for (index, step) in chosen.enumerate() {
-        struck += usize::from(stage.strike(step));
+        *struck.entry((step.victim, &step.call)).or_default() += usize::from(stage.strike(step));
         recordings += assert_recordings_open(&stage.path("out"), false);
         if index % WHOLE_RUN == 0 {
             let status = stage.whole(&[]).wait().expect("a child");
@@ -191,13 +226,20 @@ fn a_kill_at_each_step_with_shared_memory_is_survived() {
         } else {
             drop(RunRoot::create().unwrap_or_else(|error| panic!("the run after {step:?}: {error}")));
         }
-        let left: Vec<PathBuf> =
-            left().into_iter().filter(|path| path.to_string_lossy().contains("freeplay-")).collect();
+        let left = left();
         assert!(left.is_empty(), "after {step:?} the next run left {left:?}");
     }
+    for ((victim, call), count) in &struck {
+        println!("{victim:?} killed at {call}: {count}");
+    }
+    let struck: usize = struck.values().sum();
     println!(
-        "{} steps, {count} kills, {struck} struck, {recordings} recordings opened, nothing left",
-        steps.len()
+        "{} steps, {count} kills, {struck} struck, none hung, {recordings} recordings opened, left in shared memory: {:?}; \
+         processes outlived the one waited for by at most {:?}; load of the machine {load} before, {} after",
+        steps.len(),
+        left(),
+        stage.slowest.get(),
+        self::load()
     );
     assert!(struck * 2 > count, "most kills missed: {struck} of {count}");
 }

@@ -43,9 +43,37 @@ fn faulty() -> String {
     text
 }
 
+/// The same recording under somebody else's names and units, as a file whose meaning is guessed.
+fn foreign() -> String {
+    let text = faulty();
+    let mut rows = text.lines();
+    let header = rows.next().expect("a header").split(',').map(|name| {
+        let number = name.trim_start_matches(|c: char| c.is_ascii_alphabetic());
+        match name.trim_end_matches(number) {
+            "q" => format!("position_{number} [deg]"),
+            "tau" => format!("effort_{number} [Nm]"),
+            _ => "time [ms]".to_owned(),
+        }
+    });
+    let mut foreign = header.collect::<Vec<_>>().join(";") + "\n";
+    for row in rows {
+        let cells = row.split(',').enumerate().map(|(column, cell)| {
+            let value: f64 = cell.parse().expect("a number");
+            match column {
+                0 => format!("{:.3}", value * 1e3),
+                1..=6 => format!("{:.6}", value.to_degrees()),
+                _ => cell.to_owned(),
+            }
+        });
+        foreign += &(cells.collect::<Vec<_>>().join(";") + "\n");
+    }
+    foreign
+}
+
 fn json(folder: &Path, arguments: &[&str]) -> Value {
     let call = Call::new(fresh_folder(), arguments);
     std::fs::write(call.folder.path().join("run.csv"), faulty()).expect("a file");
+    std::fs::write(call.folder.path().join("foreign.csv"), foreign()).expect("a file");
     let mapping = folder.join("setup.toml");
     if mapping.exists() {
         std::fs::copy(&mapping, call.folder.path().join("setup.toml")).expect("a copy");
@@ -91,4 +119,19 @@ fn a_faulty_set_up_is_said_first_and_its_mapping_mends_it() {
 
     let looked = json(folder.path(), &["record", "info", "--model", "paper", "--format", "json", "run.csv"]);
     assert_eq!(kinds(&looked), expected);
+}
+
+/// The mapping that mends a guessed file names that file's own columns.
+#[test]
+fn the_mapping_of_a_guessed_file_reads_that_file() {
+    let folder = fresh_folder();
+    let given = ["--model", "paper", "--recording", "foreign.csv", "--format", "json"];
+    let diagnosis = json(folder.path(), &[&["diagnose", "--out", "out"], given.as_slice()].concat());
+    assert_eq!(diagnosis["verdict"], "setup");
+    let mapping = std::fs::read_to_string(folder.path().join("setup.toml")).expect("a mapping");
+    assert!(mapping.contains("position_3 [deg]") && mapping.contains("effort_2 [Nm]"), "{mapping}");
+    let compared = json(folder.path(), &[&["compare", "--mapping", "setup.toml"], given.as_slice()].concat());
+    assert_eq!(kinds(&compared), [], "{mapping}");
+    let worst = compared["channels"].as_array().expect("channels").iter().filter_map(|c| c["nrmse"].as_f64());
+    assert!(worst.fold(0.0, f64::max) < 0.05, "{:#}", compared["channels"]);
 }

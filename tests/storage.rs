@@ -197,33 +197,3 @@ fn an_export_that_cannot_be_finished_leaves_the_old_file() {
         assert_eq!(std::fs::read_dir(stopped.folder.path()).expect("a folder").count(), 4, "no other file");
     }
 }
-
-#[test]
-fn little_memory_costs_no_old_result() {
-    let ran = freeplay_in(fresh_folder(), &RUN).expect(0);
-    let good = bytes(&ran, "out/summary.json");
-    let (mut folder, mut codes) = (ran.folder, Vec::new());
-    for megabytes in (20..420).step_by(40) {
-        let line = format!("ulimit -v {}; exec \"$0\" {} --force", megabytes * 1024, RUN.join(" "));
-        let mut command = Command::new("sh");
-        command.args(["-c", &line, common::FREEPLAY]);
-        let ran = Call::of(folder, command).run();
-        codes.push((megabytes, ran.output.status.code()));
-        let summary = bytes(&ran, "out/summary.json");
-        assert!(
-            serde_json::from_slice::<serde_json::Value>(&summary).is_ok(),
-            "half a summary: {}",
-            ran.dump()
-        );
-        assert!(ran.output.status.success() || summary == good, "{}", ran.dump());
-        // An allocator that ends the process cleans nothing up; the next run does.
-        let next = Call::new(ran.folder, &[&RUN[..], &["--force"]].concat()).sharing(ran.shm).run();
-        let left = next.left_in_shared_memory();
-        assert!(next.code() == 0 && left.is_empty(), "{left:?}: {}", next.dump());
-        assert!(common::left_in_shared_memory(next.shm.path(), ran.pid).is_empty());
-        std::fs::write(next.out().join("summary.json"), &good).expect("a file");
-        folder = next.folder;
-    }
-    println!("address space in MB and exit code: {codes:?}");
-    assert!(codes.iter().any(|(_, code)| *code != Some(0)), "no limit was felt");
-}

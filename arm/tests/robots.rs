@@ -95,6 +95,34 @@ fn noted(file: &ArmFile, words: &str) {
     assert!(file.ignored.iter().any(|note| note.contains(words)), "{words}: {:#?}", file.ignored);
 }
 
+/// A gripper whose one jaw moves against the last link is told by the frame between the jaws, or by what the jaw is called; a wrist is neither.
+#[test]
+fn the_one_jaw_of_a_gripper_is_no_joint_of_the_arm() {
+    let jaw = |robot: Robot, name: &str| {
+        let more = "<origin xyz=\"0.02 0 0.03\"/><axis xyz=\"0 1 0\"/><limit lower=\"0\" upper=\"1.5\" effort=\"1\" velocity=\"1\"/>";
+        robot.joint("jlink5", [name, "revolute", "last"], TIP, more)
+    };
+    let frame = |robot: Robot, parent: &str, name: &str, far: f64| {
+        let more = format!("<origin xyz=\"0 0 {far}\"/>");
+        robot.joint(parent, [&format!("{name}_joint"), "fixed", name], "", &more)
+    };
+    let arm = || Robot::new("base").chain("base", "j", 5, 0.1);
+    let grasped = frame(jaw(arm(), "six"), "jlink5", "grasp", 0.1);
+    let cases = [
+        ("a frame between the jaws", grasped.clone(), 5),
+        ("called a jaw", jaw(arm(), "Moving_Jaw"), 5),
+        ("called a gripper", jaw(arm(), "left_gripper_joint"), 5),
+        ("a wrist", jaw(arm(), "six"), 6),
+        ("the roll of a gripper", jaw(arm(), "gripper_roll"), 6),
+        ("where a gripper is mounted", jaw(arm(), "wrist_to_gripper"), 6),
+        ("a camera behind the last joint", frame(jaw(arm(), "six"), "jlink5", "camera", 0.01), 6),
+        ("a wrist with a flange", frame(grasped, "last", "flange", 0.05), 6),
+    ];
+    for (what, robot, joints) in cases {
+        assert_eq!(names(&robot.load()).len(), joints, "{what}");
+    }
+}
+
 /// Fingers and all else on the hand are a load, whatever they are called and however they are driven.
 #[test]
 fn grippers_are_loads_at_rest() {

@@ -45,7 +45,7 @@ pub struct DiagnoseArgs {
     /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// Recordings of one machine with the same columns: CSV or MCAP. Of several, the last is held out; the first, where the last alone shows what is missing.
+    /// Recordings of one machine with the same columns: CSV or MCAP. The last 30 % of each are held out.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     recording: Vec<PathBuf>,
     /// What the columns of the recordings mean, a mapping file such as the setup.toml of a diagnosis; for CSV.

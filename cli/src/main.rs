@@ -24,7 +24,7 @@ mod scenario_command;
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() -> std::process::ExitCode {
-    match args::dispatch() {
+    match freeplay_terminal::internal_fault::guarded(args::dispatch) {
         Ok(exit) => exit.into(),
         Err(failure) => {
             freeplay_terminal::messages::fault(&failure);

@@ -18,7 +18,7 @@ Exit codes:
     3  bad input or configuration: a file, a scenario, a recording
     4  the machine is not fit (--require-rt)
     5  the other process is missing: a controller that does not come, a plant that is gone
-   70  an internal fault, of this program or of the machine
+   70  an internal fault, of this program or of the machine, such as too little memory
   130  interrupted; recordings are closed properly";
 
 /// Completions for a shell.

@@ -56,8 +56,9 @@ impl Stuck {
         let share = |rows: &[usize]| {
             rows.iter().filter(|&&k| torque[k] == at).count() as f64 / rows.len().max(1) as f64
         };
-        let each_way = [&forwards, &backwards].into_iter().filter(|rows| rows.len() >= FEWEST);
-        let is_stuck = each_way.map(|rows| share(rows)).all(|share| share > SHARE);
+        let ways: Vec<&Vec<usize>> =
+            [&forwards, &backwards, &both].into_iter().filter(|rows| rows.len() >= FEWEST).collect();
+        let is_stuck = ways.iter().all(|rows| share(rows) > SHARE);
         is_stuck.then(|| Self { at, share: share(&both) })
     }
 }
@@ -92,6 +93,15 @@ mod tests {
         println!("{mostly:?}");
         assert!(mostly.is_some_and(|stuck| stuck.at == 0.0 && stuck.share > 0.85));
         assert!(along(|_| 3.5).is_some_and(|stuck| stuck.at == 3.5 && stuck.share == 1.0));
+    }
+
+    /// Fewer than twenty rows each way, thirty together.
+    #[test]
+    fn a_torque_of_a_short_motion_is_not_stuck_for_want_of_rows() {
+        let at = |k: usize| 0.2 * k as f64;
+        let [torque, v, a] = [|x: f64| 3.0 * x.sin() + x, f64::cos, |x: f64| -x.sin()]
+            .map(|of: fn(f64) -> f64| (0..30).map(|k| of(at(k))).collect::<Vec<f64>>());
+        assert_eq!(Stuck::along(&torque, &v, &a), None);
     }
 
     #[test]

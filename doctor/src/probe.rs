@@ -98,7 +98,7 @@ impl Probe {
     pub fn run(priority: u8) -> Result<Self, Failure> {
         // A thread of its own: the priority ends with it.
         let thread = std::thread::Builder::new().name("probe".to_owned()).spawn(move || measure(priority));
-        let joined = thread.map_err(Failure::internal)?.join();
+        let joined = thread.map_err(Failure::no_thread)?.join();
         joined
             .map_err(|_| Failure::internal("the measurement of the wake-up failed"))?
             .map_err(Failure::internal)

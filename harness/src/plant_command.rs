@@ -199,7 +199,7 @@ fn start_recorder(
             RowWriter::create(&path, &layout, &metadata).map(|writer| (path, writer)).map_err(Failure::input)
         })
         .transpose()?;
-    Recorder::start(queue, columns, writer, observer).map_err(Failure::internal)
+    Recorder::start(queue, columns, writer, observer).map_err(Failure::no_thread)
 }
 
 fn failure(error: PlantError) -> Failure {

@@ -6,7 +6,7 @@ use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use freeplay_controller::serve::SLOT_ENV;
+use freeplay_controller::serve::{PATIENCE_ENV, SLOT_ENV};
 use freeplay_shm::{Address, LinkError, RUN_ENV, RunRoot};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::guard::Group;
@@ -110,6 +110,7 @@ pub fn start_in_slot(
     let child = command
         .env(RUN_ENV, address.to_string())
         .env(SLOT_ENV, slot.to_string())
+        .env(PATIENCE_ENV, scenario.patience.to_string())
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(stderr)
@@ -256,6 +257,9 @@ pub fn exit(ended: &Ended, members: &[Contestant], has_begun: bool) -> Result<Ex
         Some(130) => Ok(Exit::Interrupted),
         // It was asked to end before it could listen.
         None if ended.plant.signal() == Some(Signal::TERM.as_raw()) => Ok(Exit::Interrupted),
+        Some(70) => Err(Failure::internal(
+            "the plant failed; its message is above, or there is none where shared memory was taken away",
+        )),
         _ => Err(Failure::internal(format!("the plant failed: {}", said(ended.plant)))),
     }
 }

@@ -175,9 +175,11 @@ impl Effects {
     /// Adds `placed`, an effect of `arm`.
     ///
     /// # Errors
-    /// [`LawError::Twice`] for a second effect of the same kind at the same place.
+    /// [`LawError::Twice`] for a second effect of the same kind at the same place, but for what happens at a time: that may happen again.
     pub fn add(&mut self, placed: Placed, arm: &Arm) -> Result<(), LawError> {
-        let same = |other: &Placed| other.kind.name == placed.kind.name && other.joint == placed.joint;
+        let same = |other: &Placed| {
+            other.kind.name == placed.kind.name && other.joint == placed.joint && !placed.kind.happens()
+        };
         if self.placed.iter().any(same) {
             let joint = placed.joint.map_or("none", |joint| &arm.joints()[joint].name).to_owned();
             return Err(LawError::Twice { kind: placed.kind.name.to_owned(), line: placed.line, joint });

@@ -2,6 +2,7 @@
 
 use std::cell::OnceCell;
 use std::fmt::Debug;
+use std::ops::Deref;
 use std::rc::Rc;
 
 use freeplay_arm::Arm;
@@ -46,7 +47,7 @@ pub fn changed<'a>(arm: &Arm, effects: impl IntoIterator<Item = &'a Placed>) -> 
 /// A prediction with all that went into it, and how one more effect would change it.
 pub struct Baseline<'a> {
     nominal: &'a Arm,
-    effects: Vec<&'a Placed>,
+    effects: Vec<Held<'a>>,
     low_pass: &'a LowPassed<'a>,
     /// What `motion`, which a low-pass made smooth, hides of the machine.
     hidden: Option<&'a Change>,
@@ -59,6 +60,24 @@ pub struct Baseline<'a> {
     torque_sensitivity: OnceCell<Vec<Vec<Vec<f64>>>>,
     /// And to the tool: `[moved joint][axis][point]`.
     tool_sensitivity: OnceCell<Vec<[Vec<f64>; 3]>>,
+}
+
+/// An effect that somebody else keeps, or that is kept by all who need it.
+#[derive(Clone)]
+enum Held<'a> {
+    Lent(&'a Placed),
+    Shared(Rc<Placed>),
+}
+
+impl Deref for Held<'_> {
+    type Target = Placed;
+
+    fn deref(&self) -> &Placed {
+        match self {
+            Held::Lent(placed) => placed,
+            Held::Shared(placed) => placed,
+        }
+    }
 }
 
 impl Debug for Baseline<'_> {
@@ -94,12 +113,23 @@ impl<'a> Baseline<'a> {
         low_pass: &'a LowPassed<'a>,
         hidden: Option<&'a Change>,
     ) -> Result<Baseline<'a>, LawError> {
-        let scene = Scene::new(changed(arm, effects.iter().copied())?, motion);
+        let effects = effects.iter().map(|placed| Held::Lent(placed)).collect();
+        Self::holding(arm, effects, motion, low_pass, hidden)
+    }
+
+    fn holding(
+        arm: &'a Arm,
+        effects: Vec<Held<'a>>,
+        motion: &'a Trajectory,
+        low_pass: &'a LowPassed<'a>,
+        hidden: Option<&'a Change>,
+    ) -> Result<Baseline<'a>, LawError> {
+        let scene = Scene::new(changed(arm, effects.iter().map(|held| &**held))?, motion);
         let arm_now = &scene.arm;
         let mut shift = vec![vec![0.0; motion.len()]; arm.dof()];
         let (mut smooth, mut torque) = (shift.clone(), shift.clone());
         let mut tool = vec![vec![0.0; motion.len()]; 3];
-        for placed in effects {
+        for placed in &effects {
             let shifts = if placed.kind.rough { &mut shift } else { &mut smooth };
             say(placed, low_pass, shifts, |effect, shift| effect.shift(&scene, shift));
             say(placed, low_pass, &mut torque, |effect, torque| effect.torque(&scene, torque));
@@ -117,13 +147,13 @@ impl<'a> Baseline<'a> {
         let tool = <[Vec<f64>; 3]>::try_from(positions).unwrap_or_default();
         let mut plain = Prediction { torque: total, friction, tool, link };
         hidden.into_iter().for_each(|hidden| plain.add(hidden));
-        Ok(Self::read(arm, effects.to_vec(), (low_pass, hidden), Rc::new(scene), shift, plain))
+        Ok(Self::read(arm, effects, (low_pass, hidden), Rc::new(scene), shift, plain))
     }
 
     /// The baseline whose prediction before the sensors is `plain`.
     fn read(
         nominal: &'a Arm,
-        effects: Vec<&'a Placed>,
+        effects: Vec<Held<'a>>,
         (low_pass, hidden): (&'a LowPassed<'a>, Option<&'a Change>),
         scene: Rc<Scene<'a>>,
         shift: Vec<Vec<f64>>,
@@ -177,15 +207,28 @@ impl<'a> Baseline<'a> {
     where
         'a: 'b,
     {
-        let effects: Vec<&'b Placed> = self.effects.iter().chain(more).copied().collect();
-        let anew = || self.anew(&effects);
-        if self.is_changed_by(more)? {
-            return anew();
-        }
+        self.behind(more.iter().map(|placed| Held::Lent(placed)).collect())
+    }
+
+    /// The same with effects that others need, too, so that the baseline may be kept.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if they leave no possible arm.
+    pub fn upon_shared(&self, more: &[Rc<Placed>]) -> Result<Baseline<'a>, LawError> {
+        self.behind(more.iter().map(|placed| Held::Shared(Rc::clone(placed))).collect())
+    }
+
+    fn behind<'b>(&self, more: Vec<Held<'b>>) -> Result<Baseline<'b>, LawError>
+    where
+        'a: 'b,
+    {
+        let is_changed = self.is_changed_by(more.iter().map(|held| &**held))?;
         // The same arm along the same motion: if no link is shifted, what they say is all that there is to work out.
-        let said: Vec<Change> = more.iter().map(|placed| self.said(placed)).collect();
-        if said.iter().any(|said| said.link.all_written().next().is_some()) {
-            return anew();
+        let said: Vec<Change> =
+            if is_changed { Vec::new() } else { more.iter().map(|placed| self.said(placed)).collect() };
+        let effects: Vec<Held<'b>> = self.effects.iter().cloned().chain(more).collect();
+        if is_changed || said.iter().any(|said| said.link.all_written().next().is_some()) {
+            return self.anew(effects);
         }
         let mut plain = self.plain.clone();
         said.iter().for_each(|said| plain.add(said));
@@ -194,17 +237,17 @@ impl<'a> Baseline<'a> {
     }
 
     /// The baseline of the same machine with `effects`.
-    fn anew<'b>(&self, effects: &[&'b Placed]) -> Result<Baseline<'b>, LawError>
+    fn anew<'b>(&self, effects: Vec<Held<'b>>) -> Result<Baseline<'b>, LawError>
     where
         'a: 'b,
     {
-        Baseline::with_hidden(self.nominal, effects, self.scene.motion, self.low_pass, self.hidden)
+        Baseline::holding(self.nominal, effects, self.scene.motion, self.low_pass, self.hidden)
     }
 
     /// Whether `more` effects make another arm.
-    fn is_changed_by(&self, more: &[&Placed]) -> Result<bool, LawError> {
+    fn is_changed_by<'b>(&self, mut more: impl Iterator<Item = &'b Placed>) -> Result<bool, LawError> {
         let mut parts = ArmParts::of(&self.scene.arm);
-        more.iter().try_for_each(|placed| placed.effect.arm(&mut parts))?;
+        more.try_for_each(|placed| placed.effect.arm(&mut parts))?;
         Ok(!parts.are_of(&self.scene.arm))
     }
 
@@ -214,12 +257,12 @@ impl<'a> Baseline<'a> {
     /// # Errors
     /// [`LawError::Changed`] if it leaves no possible arm.
     pub fn change(&self, placed: &Placed) -> Result<Change, LawError> {
-        if self.is_changed_by(&[placed])? {
-            let effects: Vec<&Placed> = self.effects.iter().copied().chain([placed]).collect();
-            return Ok(Change::between(&self.measured, self.anew(&effects)?.measured));
+        if self.is_changed_by(std::iter::once(placed))? {
+            let effects = self.effects.iter().cloned().chain([Held::Lent(placed)]).collect();
+            return Ok(Change::between(&self.measured, self.anew(effects)?.measured));
         }
         let change = self.plain_change(placed);
-        let effects = self.effects.iter().copied().chain([placed]);
+        let effects = self.effects.iter().map(|held| &**held).chain([placed]);
         if !effects.clone().any(|placed| placed.effect.measures()) {
             return Ok(change);
         }

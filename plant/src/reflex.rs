@@ -19,7 +19,8 @@
 //! - **torque rate** (kept by the gate): the greatest change that a sound controller asks for in a tick reverses every joint from its greatest
 //!   deceleration to its greatest acceleration and answers an impact that gives each of them its speed limit: the mass matrix times
 //!   2 (a_max + ω v_max). Without an acceleration limit a_max is v_max/T: nothing goes from rest to full speed within less than a tick T.
-//!   A heavy joint, whose effort limit is just what its acceleration needs, may thus change by all of it; a light one by a small part.
+//!   A heavy joint, whose effort limit is just what its acceleration needs, may thus change by all of it; a light one by a small part. A light
+//!   joint that carries what heavy ones do would need much: no change of its torque alone may give it its speed limit within a tick.
 
 use freeplay_arm::{Arm, Workspace, crba, jacobian};
 use freeplay_shm::{Joints, MAX_JOINTS};
@@ -153,7 +154,9 @@ impl ReflexLimits {
             let own = |given: &Option<Vec<f64>>| given.as_ref().and_then(|given| given.get(i).copied());
             limits.tracking[i] = own(&spec.tracking).unwrap_or(2.0 * of.velocity / natural_frequency);
             limits.torque_rate[i] = own(&spec.torque_rate).unwrap_or_else(|| {
-                let needed = along.change[i] + 2.0 * joint.friction.coulomb;
+                // In ticks so long that its feedback alone may ask for more than the speed limit within one, that counts.
+                let at_once = (1.0 / period).max(2.0 * natural_frequency) * of.velocity / along.mobility[i];
+                let needed = along.change[i].min(at_once) + 2.0 * joint.friction.coulomb;
                 needed.min(of.effort) / period
             });
             limits.braking[i] = match (of.acceleration.is_finite(), of.effort.is_finite()) {
@@ -202,6 +205,8 @@ struct Along {
     change: Joints,
     /// Greatest inertia about the joint with all others at rest, kg·m² (kg).
     inertia: Joints,
+    /// Greatest acceleration of the joint by its torque with all others free, 1/(kg·m²) (1/kg).
+    mobility: Joints,
     /// Greatest displacement of the tool by the joint, m/rad (1).
     lever: Joints,
 }
@@ -209,14 +214,18 @@ struct Along {
 impl Along {
     fn of(arm: &Arm, postures: &[Vec<f64>], acceleration: impl Fn(usize) -> f64) -> Self {
         let n = arm.dof().min(MAX_JOINTS);
-        let mut along =
-            Self { change: [0.0; MAX_JOINTS], inertia: [0.0; MAX_JOINTS], lever: [0.0; MAX_JOINTS] };
+        let none = [0.0; MAX_JOINTS];
+        let mut along = Self { change: none, inertia: none, mobility: none, lever: none };
         let mut workspace = Workspace::new(arm);
         let (mut mass, mut lever) = (DMatrix::zeros(arm.dof(), arm.dof()), DMatrix::zeros(6, arm.dof()));
         for q in postures {
             crba(arm, &mut workspace, q, &mut mass);
             jacobian(arm, &mut workspace, q, &mut lever);
+            let mobility = mass.clone().cholesky().map(|factor| factor.inverse());
             for joint in 0..n {
+                if let Some(mobility) = &mobility {
+                    along.mobility[joint] = along.mobility[joint].max(mobility[(joint, joint)]);
+                }
                 // A joint that is not moved by another says nothing, however fast that one may be.
                 let coupled = (0..n).filter(|&other| mass[(joint, other)] != 0.0);
                 let change: f64 = coupled.map(|other| mass[(joint, other)].abs() * acceleration(other)).sum();
@@ -279,7 +288,8 @@ impl Reflexes {
 mod tests {
     use super::{ReflexLimits, ReflexSpec, Reflexes};
     use crate::Quantity;
-    use freeplay_arm::paper_arm;
+    use freeplay_arm::{Workspace, crba, paper_arm};
+    use nalgebra::DMatrix;
 
     const PERIOD: f64 = 1e-3;
 
@@ -334,6 +344,33 @@ mod tests {
         let excess = reflexes.watch(&joints, &reference).expect("too far");
         assert_eq!((excess.quantity, excess.joint), (Quantity::Tracking, 2));
         assert!((excess.limit - 0.108).abs() < 1e-12 && excess.value > excess.limit);
+    }
+
+    #[test]
+    fn no_step_of_a_torque_gives_its_joint_the_speed_limit_within_a_tick() {
+        let arm = paper_arm().arm;
+        let postures: Vec<Vec<f64>> =
+            (0..6).map(|k| (0..6).map(|joint| 0.4 * f64::from((k * joint) % 5) - 0.8).collect()).collect();
+        let limits = ReflexLimits::of(&arm, &ReflexSpec::default(), 50.0, PERIOD, &postures);
+        let (mut workspace, mut mass) = (Workspace::new(&arm), DMatrix::zeros(6, 6));
+        let mut greatest = [0.0_f64; 6];
+        for q in &postures {
+            crba(&arm, &mut workspace, q, &mut mass);
+            let mobility = mass.clone().try_inverse().expect("a mass matrix");
+            for (joint, greatest) in greatest.iter_mut().enumerate() {
+                let torque = limits.torque_rate[joint] * PERIOD;
+                let speed = mobility[(joint, joint)] * torque * PERIOD;
+                *greatest = greatest.max(speed / limits.speed[joint]);
+            }
+        }
+        println!("of the speed limit in a tick: {greatest:.3?}");
+        let (heavy, light) = greatest.split_at(3);
+        // No torque step alone gives a joint its speed limit within a tick.
+        assert!(light.iter().all(|light| *light <= 1.0), "{greatest:?}");
+        for (joint, share) in heavy.iter().enumerate() {
+            assert_eq!(limits.torque_rate[joint], arm.joints()[joint].limits.effort / PERIOD);
+            assert!(light.iter().all(|light| share < light), "joint {joint}: {greatest:?}");
+        }
     }
 
     #[test]

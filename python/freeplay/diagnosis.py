@@ -54,7 +54,7 @@ def diagnose(
     arm : Arm or path
         The model as it is.
     recordings : Recording, path or DataFrame, or a list of them
-        Recordings of one machine with the same columns. Of several, one is the test part.
+        Recordings of one machine with the same columns. The last 30 % of each are the test part.
     mapping : path, optional
         A mapping file for the recordings.
     seed : int, optional

@@ -1,9 +1,20 @@
 //! Arrays with names, as NumPy and MATLAB keep them, as columns.
 
 use std::collections::BTreeMap;
+use std::io::Read;
 
 use crate::foreign::Foreign;
 use crate::names::list;
+use crate::read::Source;
+
+/// Numbers that are converted at a time.
+const BLOCK: usize = 1 << 12;
+
+/// The most columns that one file may have: a line of text that names them all is no longer than what is read.
+const MAX_COLUMNS: usize = crate::line_guard::MAX_LINE / 2;
+
+/// The number in eight bytes, the least first.
+pub(crate) type Number = fn([u8; 8]) -> f64;
 
 /// An array of numbers, the last index running fastest.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,8 +24,76 @@ pub(crate) struct Array {
     pub values: Vec<f64>,
 }
 
-/// The columns that `arrays` hold, and what `texts` say of the joints. Samples run along the length that most arrays share.
-pub(crate) fn columns(arrays: Vec<Array>, texts: Vec<Vec<String>>) -> Foreign {
+/// What the arrays of one file may come to, so that memory is bounded before anything is inflated.
+#[derive(Debug)]
+pub(crate) struct Room {
+    /// Numbers that may still be read.
+    numbers: u64,
+    /// Samples that the file can hold: the times of a recording differ, so that each takes at least one bit of a compressed file.
+    samples: u64,
+    /// Arrays that are too long to be sampled at these times.
+    pub too_long: Vec<String>,
+}
+
+/// An array is larger than the room that is left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct NoRoom;
+
+impl Room {
+    /// The room of a file of `length` bytes.
+    pub fn of(source: &Source, length: usize) -> Self {
+        Self { numbers: source.limit, samples: (length as u64).saturating_mul(8), too_long: Vec::new() }
+    }
+
+    /// How many numbers the array `name` of this `shape` has, which are then taken from the room; 0 for an array that is to be left out.
+    pub fn take(&mut self, name: &str, shape: &[usize]) -> Result<usize, NoRoom> {
+        if shape.contains(&0) {
+            return Ok(0);
+        }
+        if shape.iter().any(|&size| size as u64 > self.samples) {
+            self.too_long.push(name.to_owned());
+            return Ok(0);
+        }
+        let count = shape.iter().try_fold(1_usize, |count, size| count.checked_mul(*size)).ok_or(NoRoom)?;
+        self.numbers = self.numbers.checked_sub(count as u64).ok_or(NoRoom)?;
+        Ok(count)
+    }
+}
+
+/// `count` numbers of `size` bytes each from `input`, as `number` reads eight bytes, the least first.
+///
+/// # Errors
+/// Where `input` fails, or ends before.
+pub(crate) fn numbers(
+    input: &mut dyn Read,
+    count: usize,
+    size: usize,
+    is_big: bool,
+    number: Number,
+) -> std::io::Result<Vec<f64>> {
+    let mut values = Vec::new();
+    let mut block = vec![0; size * count.min(BLOCK)];
+    while values.len() < count {
+        let block = &mut block[..size * (count - values.len()).min(BLOCK)];
+        input.read_exact(block)?;
+        values.extend(block.chunks_exact(size).map(|cell| {
+            let mut bytes = [0; 8];
+            bytes[..size].copy_from_slice(cell);
+            if is_big {
+                bytes[..size].reverse();
+            }
+            number(bytes)
+        }));
+    }
+    Ok(values)
+}
+
+/// Said of arrays that are all too long for the file they come from, or empty.
+pub(crate) const NO_SAMPLES: &str = "its arrays are empty, or longer than the times of which so short a file can tell; write it again, with the time of each sample";
+
+/// The columns that `arrays` hold, and what `texts` say of the joints; none if there are no samples. Samples run along the length that most arrays
+/// share. The arrays were read within `room`.
+pub(crate) fn columns(arrays: Vec<Array>, texts: Vec<Vec<String>>, room: Room) -> Option<Foreign> {
     let mut foreign = Foreign::default();
     let squeezed: Vec<Array> = arrays
         .into_iter()
@@ -22,16 +101,20 @@ pub(crate) fn columns(arrays: Vec<Array>, texts: Vec<Vec<String>>) -> Foreign {
             shape: array.shape.iter().copied().filter(|&size| size != 1).collect(),
             ..array
         })
+        .filter(|array| !array.values.is_empty())
         .collect();
     let mut lengths: BTreeMap<usize, usize> = BTreeMap::new();
     for size in squeezed.iter().flat_map(|array| &array.shape) {
         *lengths.entry(*size).or_default() += 1;
     }
-    let Some((&samples, _)) = lengths.iter().max_by_key(|(size, count)| (**count, **size)) else {
-        return foreign;
-    };
-    let mut aside = Vec::new();
+    let (&samples, _) = lengths.iter().max_by_key(|(size, count)| (**count, **size))?;
+    let mut aside = room.too_long;
     for array in squeezed {
+        let columns = array.values.len() / samples;
+        if foreign.names.len() + columns > MAX_COLUMNS {
+            aside.push(array.name);
+            continue;
+        }
         match array.shape.as_slice() {
             [all] if *all == samples => foreign.add(array.name, array.values),
             [rows, columns] if *rows == samples => {
@@ -50,8 +133,9 @@ pub(crate) fn columns(arrays: Vec<Array>, texts: Vec<Vec<String>>) -> Foreign {
         }
     }
     if !aside.is_empty() {
-        foreign.notes.push(format!("arrays that have not {samples} samples are left out: {}", list(&aside)));
+        let what = format!("arrays that have not {samples} samples, or too many columns, are left out");
+        foreign.notes.push(format!("{what}: {}", list(&aside)));
     }
     foreign.joints = texts.into_iter().find(|texts| texts.len() > 1).unwrap_or_default();
-    foreign
+    Some(foreign)
 }

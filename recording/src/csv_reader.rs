@@ -50,6 +50,7 @@ pub(crate) fn read(
     let table = Table::new(header, interpreted.mapped.names.clone(), source.joints, source.limit)?;
     let mut table = table.with_overview(source.overview);
     table.joint_names = interpreted.joints;
+    table.sources = interpreted.sources;
     if let Some(guess) = interpreted.guess {
         table.take_guess(guess);
     }

@@ -94,6 +94,7 @@ impl Foreign {
         let mut table = table.with_overview(source.overview);
         table.check_size(rows as u64)?;
         table.joint_names = if interpreted.joints.is_empty() { self.joints } else { interpreted.joints };
+        table.sources = interpreted.sources;
         table.metadata = self.metadata;
         table.notes.extend(self.notes);
         if let Some(guess) = interpreted.guess {

@@ -6,6 +6,7 @@ use crate::guess::{Guess, Sample, guess, joints_of};
 use crate::mapped::Mapped;
 use crate::mapping::Mapping;
 use crate::names::{Role, role, shorten};
+use crate::sources::Sources;
 
 /// The name of a column that holds no numbers of its own but, behind this, the names of the joints: a CSV has no other place for them.
 pub(crate) const JOINTS_COLUMN: &str = "joints=";
@@ -17,6 +18,8 @@ pub(crate) struct Interpreted {
     /// The joints' names, where they are known.
     pub joints: Vec<String>,
     pub guess: Option<Guess>,
+    /// Where the columns come from, where these have not our names.
+    pub sources: Option<Sources>,
 }
 
 /// What the columns `names` are; those of a file without a header are `numbered`.
@@ -37,11 +40,12 @@ pub(crate) fn interpret(
     };
     if let Some(mapping) = mapping {
         let mapped = apply(mapping, names.clone())?;
+        let sources = Some(mapping.sources(&mapped, &names, form));
         let mut joints = mapping.joints().to_vec();
         if joints.is_empty() && !numbered {
             joints = joints_of(&mapped.positions(), &names, sample);
         }
-        return Ok(Interpreted { mapped, joints, guess: None });
+        return Ok(Interpreted { mapped, joints, guess: None, sources });
     }
     if numbered {
         let first = sample.rows.first().and_then(|row| row.first()).map(ToString::to_string);
@@ -54,15 +58,18 @@ pub(crate) fn interpret(
         return Ok(own(names));
     }
     if names.iter().any(|name| name == "state.q[0]") {
-        let mapped = apply(&Mapping::libfranka(), names)?;
-        return Ok(Interpreted { mapped, joints: Vec::new(), guess: None });
+        let mapping = Mapping::libfranka();
+        let mapped = apply(&mapping, names.clone())?;
+        let sources = Some(mapping.sources(&mapped, &names, form));
+        return Ok(Interpreted { mapped, joints: Vec::new(), guess: None, sources });
     }
     let file = place.file.file_name().unwrap_or_default().to_string_lossy();
     let Some(guess) = guess(&file, &names, sample, form) else { return Ok(own(names)) };
     let mapping = Mapping::parse(&guess.toml, &place.file)
         .map_err(|source| ReadError::Mapping { place: place.clone(), source })?;
-    let (mapped, joints) = (apply(&mapping, names)?, mapping.joints().to_vec());
-    Ok(Interpreted { mapped, joints, guess: Some(guess) })
+    let (mapped, joints) = (apply(&mapping, names.clone())?, mapping.joints().to_vec());
+    let sources = Some(mapping.sources(&mapped, &names, form));
+    Ok(Interpreted { mapped, joints, guess: Some(guess), sources })
 }
 
 /// Columns that have our names, and the joints' names where one of them carries these.
@@ -74,7 +81,7 @@ fn own(names: Vec<String>) -> Interpreted {
     if let Some(place) = carried {
         mapped.remove(place);
     }
-    Interpreted { mapped, joints: joints.unwrap_or_default(), guess: None }
+    Interpreted { mapped, joints: joints.unwrap_or_default(), guess: None, sources: None }
 }
 
 /// `names` of columns as they can be kept: each printable, there, and, where the contract does not know it, unlike the others.

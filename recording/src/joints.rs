@@ -118,6 +118,9 @@ impl Recording {
         for group in [&mut self.qd, &mut self.tau, &mut self.q_ref].into_iter().flatten() {
             *group = taken(group, order);
         }
+        if let Some(sources) = &mut self.sources {
+            sources.reorder(order);
+        }
         let names = self.joint_names.join(",");
         if let Some((_, written)) = self.metadata.iter_mut().find(|(key, _)| key == crate::table::JOINTS_KEY)
         {

@@ -37,11 +37,12 @@ use std::path::{Path, PathBuf};
 use serde::Deserialize;
 use thiserror::Error;
 
-use crate::csv_form::Told;
+use crate::csv_form::{Form, Told};
 use crate::mapped::{Mapped, Places};
 use crate::names::{Group, ORIENTATION, TOOL, list};
 use crate::recording::Recording;
 use crate::reread::{Relative, shifted, unwrapped};
+use crate::sources::{Quantity, Sources};
 
 /// What the columns of a foreign CSV mean.
 #[derive(Clone, Debug, Deserialize)]
@@ -348,6 +349,41 @@ impl Mapping {
         let names =
             names.into_iter().zip(ours).map(|(theirs, ours)| ours.unwrap_or_else(|| kept_name(theirs)));
         Ok(Mapped { names: names.collect(), picks, time })
+    }
+
+    /// Where the columns of `mapped` come from in a file with the columns `names`, and what this mapping does to them.
+    pub(crate) fn sources(&self, mapped: &Mapped, names: &[String], form: Option<&Form>) -> Sources {
+        let mut sources = Sources { gravity_compensated: self.gravity_compensated, ..Sources::default() };
+        sources.take_relative(&self.relative);
+        let sign = |byte: u8| toml::Value::String(char::from(byte).to_string());
+        if let Some(form) = form.filter(|form| (form.separator, form.decimal) != (b',', b'.')) {
+            sources.form =
+                format!("separator = {}\ndecimal = {}\n", sign(form.separator), sign(form.decimal));
+        }
+        if let Some(skip) = self.skip {
+            sources.form += &format!("skip = {skip}\n");
+        }
+        let place = |ours: &str| mapped.names.iter().position(|name| name == ours);
+        let joints = (0..).take_while(|&joint| place(&our_name("q", joint)).is_some()).count();
+        for (key, columns, _) in self.quantities() {
+            let count = if key == "t" { 1 } else { expected_columns(key).unwrap_or(joints) };
+            let mut quantity =
+                Quantity { unwrap: columns.unwrap, delay: columns.delay, ..Quantity::plain(key, Vec::new()) };
+            for index in 0..count {
+                let pick = place(&our_name(key, index)).map(|place| mapped.picks[place]);
+                let name = |source: usize| names[source].clone();
+                quantity.columns.push(pick.map_or_else(String::new, |pick| name(pick.source)));
+                quantity.scale.push(pick.map_or(1.0, |pick| pick.factor));
+                if let Some((rest, factor)) = pick.and_then(|pick| pick.rest) {
+                    quantity.columns.push(name(rest));
+                    quantity.scale.push(factor);
+                }
+                let offset = columns.offset.as_ref().and_then(|offset| offset.of(key, "", index, count).ok());
+                quantity.offset.push(offset.unwrap_or(0.0));
+            }
+            sources.quantities.push(quantity);
+        }
+        sources
     }
 
     /// What each pattern of a name stands for in a file without a header of `count` columns: the same number of those that no number claims.

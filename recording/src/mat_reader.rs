@@ -1,10 +1,11 @@
 //! Reading MATLAB's MAT-files of version 5 (`-v6`, `-v7`), as MATLAB, Octave and SciPy write them.
 //!
-//! Source: MathWorks, "MAT-File Format", Level 5.
+//! Source: MathWorks, "MAT-File Format", Level 5. Elements are read as they are inflated: what is taken into memory is numbers of arrays that
+//! there is room for, and short texts.
 
 use std::io::Read;
 
-use crate::arrays::{Array, columns};
+use crate::arrays::{Array, NO_SAMPLES, NoRoom, Number, Room, columns, numbers};
 use crate::error::ReadError;
 use crate::foreign::Foreign;
 use crate::npz_reader::turned;
@@ -21,6 +22,10 @@ const CHAR: u8 = 4;
 const NUMBERS: std::ops::RangeInclusive<u8> = 6..=15;
 /// Structures in structures that are followed.
 const DEEPEST: usize = 8;
+/// The most bytes of a name, of the sizes of an array, of all names of a structure's fields.
+const LONGEST: u64 = 1 << 16;
+/// The most texts of a cell array.
+const MOST_TEXTS: usize = 1 << 12;
 
 /// The arrays of the MAT-file in `bytes`.
 ///
@@ -29,26 +34,51 @@ const DEEPEST: usize = 8;
 pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> {
     let unusable =
         |what: &str| ReadError::Unusable { file: source.file.to_path_buf(), what: what.to_owned() };
-    let damaged = || unusable("this MAT-file is cut or damaged; save it again");
-    let is_big = bytes.get(126..HEADER).ok_or_else(damaged)? == b"MI";
-    let mut found =
-        Found { is_big, arrays: Vec::new(), texts: Vec::new(), room: source.limit.saturating_mul(8) };
-    let mut rest = &bytes[HEADER..];
-    while let Some(element) = found.element(&mut rest) {
-        found.variable(&element, 0).ok_or_else(damaged)?;
-    }
-    if found.arrays.is_empty() {
+    let said = |fault: Fault| {
+        unusable(match fault {
+            Fault::Damaged => "this MAT-file is cut or damaged; save it again",
+            Fault::TooLarge => "it has more numbers than what is read; write fewer rows",
+        })
+    };
+    let (header, mut rest) = bytes.split_at_checked(HEADER).ok_or_else(|| said(Fault::Damaged))?;
+    let is_big = header.ends_with(b"MI");
+    let room = Room::of(source, bytes.len());
+    let mut found = Found { is_big, arrays: Vec::new(), texts: Vec::new(), room };
+    while found.variable(&mut rest).map_err(said)? {}
+    if found.arrays.is_empty() && found.room.too_long.is_empty() {
         return Err(unusable(
             "no arrays of numbers in this MAT-file; save some: save('run.mat', '-v7', 't', 'q', 'tau')",
         ));
     }
-    Ok(columns(found.arrays, found.texts))
+    columns(found.arrays, found.texts, found.room).ok_or_else(|| unusable(NO_SAMPLES))
 }
 
-/// An element of the file: its type and its bytes.
-struct Element<'a> {
+/// Why a file can't be read.
+#[derive(Debug, Clone, Copy)]
+enum Fault {
+    Damaged,
+    TooLarge,
+}
+
+impl From<std::io::Error> for Fault {
+    fn from(_: std::io::Error) -> Self {
+        Self::Damaged
+    }
+}
+
+impl From<NoRoom> for Fault {
+    fn from(_: NoRoom) -> Self {
+        Self::TooLarge
+    }
+}
+
+/// What an element begins with.
+struct Tag {
     kind: u32,
-    data: &'a [u8],
+    /// Bytes of data.
+    size: u64,
+    /// The data themselves, where they are at most four bytes and stand here.
+    within: Option<[u8; 4]>,
 }
 
 /// What is found so far.
@@ -56,131 +86,190 @@ struct Found {
     is_big: bool,
     arrays: Vec<Array>,
     texts: Vec<Vec<String>>,
-    /// Bytes that may still be inflated.
-    room: u64,
+    room: Room,
 }
 
 impl Found {
-    fn u32(&self, bytes: &[u8]) -> Option<u32> {
-        let bytes: [u8; 4] = bytes.get(..4)?.try_into().ok()?;
-        Some(if self.is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+    fn u32(&self, bytes: [u8; 4]) -> u32 {
+        if self.is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
     }
 
-    /// Takes the next element off `rest`; none at its end, or where it is cut.
-    fn element<'a>(&self, rest: &mut &'a [u8]) -> Option<Element<'a>> {
-        let (kind, size) = (self.u32(rest)?, self.u32(rest.get(4..)?)?);
+    /// The tag of the next element; none at the end.
+    fn tag(&self, input: &mut dyn Read) -> Result<Option<Tag>, Fault> {
+        let mut bytes = [0; 4];
+        // A file that ends within a tag has been cut; some writers leave fewer than eight bytes at the end.
+        if input.read_exact(&mut bytes).is_err() {
+            return Ok(None);
+        }
+        let kind = self.u32(bytes);
+        if input.read_exact(&mut bytes).is_err() {
+            return Ok(None);
+        }
         if kind >> 16 != 0 {
-            let data = rest.get(4..4 + (kind >> 16).min(4) as usize)?;
-            *rest = rest.get(8..)?;
-            return Some(Element { kind: kind & 0xffff, data });
+            let size = u64::from(kind >> 16).min(4);
+            return Ok(Some(Tag { kind: kind & 0xffff, size, within: Some(bytes) }));
         }
-        let data = rest.get(8..8 + size as usize)?;
-        let padded = if kind == COMPRESSED { size as usize } else { (size as usize).next_multiple_of(8) };
-        *rest = rest.get(8 + padded..).unwrap_or_default();
-        Some(Element { kind, data })
+        Ok(Some(Tag { kind, size: u64::from(self.u32(bytes)), within: None }))
     }
 
-    /// Takes a variable, inflating it if it is compressed; none if it is damaged.
-    fn variable(&mut self, element: &Element, depth: usize) -> Option<()> {
-        match element.kind {
-            COMPRESSED if depth == 0 => {
-                let mut inflated = Vec::new();
-                let decoder = flate2::read::ZlibDecoder::new(element.data);
-                decoder.take(self.room + 1).read_to_end(&mut inflated).ok()?;
-                self.room = self.room.checked_sub(inflated.len() as u64)?;
-                let inner = self.element(&mut inflated.as_slice())?;
-                self.variable(&inner, 1)
-            }
-            MATRIX => self.matrix(element.data, None, depth),
-            _ => Some(()),
+    /// The type and the data of the next element, which has at most `most` bytes.
+    fn short(&self, input: &mut dyn Read, most: u64) -> Result<(u32, Vec<u8>), Fault> {
+        let tag = self.tag(input)?.ok_or(Fault::Damaged)?;
+        if let Some(within) = tag.within {
+            return Ok((tag.kind, within[..tag.size as usize].to_vec()));
         }
+        if tag.size > most {
+            return Err(Fault::Damaged);
+        }
+        let mut data = vec![0; tag.size as usize];
+        input.read_exact(&mut data)?;
+        pad(input, tag.size)?;
+        Ok((tag.kind, data))
     }
 
-    /// Takes an array, named `name` or as it names itself.
-    fn matrix(&mut self, data: &[u8], name: Option<&str>, depth: usize) -> Option<()> {
-        let mut rest = data;
-        if data.is_empty() {
-            return Some(());
+    /// Takes the next variable of the file, inflating it if it is compressed; `false` at the end.
+    fn variable(&mut self, rest: &mut &[u8]) -> Result<bool, Fault> {
+        let Some(tag) = self.tag(rest)? else { return Ok(false) };
+        if tag.within.is_some() {
+            return Ok(true);
         }
-        let class = *self.element(&mut rest)?.data.get(if self.is_big { 3 } else { 0 })?;
-        let shape = self.element(&mut rest)?;
-        let shape: Vec<usize> = self.numbers(&shape)?.into_iter().map(|size| size as usize).collect();
-        let own = String::from_utf8_lossy(self.element(&mut rest)?.data).into_owned();
-        let name = name.map_or(own, str::to_owned);
-        match class {
-            STRUCT if depth < DEEPEST => self.fields(rest, &name, depth),
-            CELL => {
-                self.cell(rest);
-                Some(())
-            }
-            class if NUMBERS.contains(&class) => {
-                let element = self.element(&mut rest)?;
-                let values = self.numbers(&element)?;
-                let count = shape.iter().try_fold(1_usize, |count, size| count.checked_mul(*size))?;
-                if values.len() == count && count > 0 {
-                    let (shape, values) = turned(&shape, &values);
-                    self.arrays.push(Array { name, shape, values });
+        // A file whose last variable is cut is read up to there.
+        let Some((mut data, behind)) = rest.split_at_checked(tag.size as usize) else { return Ok(false) };
+        *rest = behind;
+        match tag.kind {
+            COMPRESSED => {
+                let mut inflated = flate2::read::ZlibDecoder::new(data);
+                if let Some(Tag { kind: MATRIX, size, .. }) = self.tag(&mut inflated)? {
+                    self.matrix(&mut inflated.take(size), None, 1)?;
                 }
-                Some(())
             }
-            _ => Some(()),
+            MATRIX => self.matrix(&mut data, None, 0)?,
+            _ => {}
         }
+        Ok(true)
+    }
+
+    /// Takes the array that `input` holds, named `name` or as it names itself.
+    fn matrix(&mut self, input: &mut dyn Read, name: Option<&str>, depth: usize) -> Result<(), Fault> {
+        let (_, flags) = self.short(input, LONGEST)?;
+        let class = *flags.get(if self.is_big { 3 } else { 0 }).ok_or(Fault::Damaged)?;
+        let shape: Vec<usize> = self.short_numbers(input)?.into_iter().map(|size| size as usize).collect();
+        let (_, own) = self.short(input, LONGEST)?;
+        let name = name.map_or_else(|| String::from_utf8_lossy(&own).into_owned(), str::to_owned);
+        match class {
+            STRUCT if depth < DEEPEST => self.fields(input, &name, depth),
+            CELL => self.cell(input),
+            class if NUMBERS.contains(&class) => self.values(input, name, &shape),
+            _ => Ok(()),
+        }
+    }
+
+    /// Takes the numbers of the array `name` of this `shape`.
+    fn values(&mut self, input: &mut dyn Read, name: String, shape: &[usize]) -> Result<(), Fault> {
+        let count = self.room.take(&name, shape)?;
+        if count == 0 {
+            return Ok(());
+        }
+        let tag = self.tag(input)?.ok_or(Fault::Damaged)?;
+        let (size, number) = number_of(tag.kind).ok_or(Fault::Damaged)?;
+        let values = match tag.within {
+            Some(within) if tag.size == (size * count) as u64 => {
+                numbers(&mut within.as_slice(), count, size, self.is_big, number)?
+            }
+            None if tag.size == (size * count) as u64 => {
+                let values = numbers(input, count, size, self.is_big, number)?;
+                pad(input, tag.size)?;
+                values
+            }
+            _ => return Err(Fault::Damaged),
+        };
+        let (shape, values) = turned(shape, &values);
+        self.arrays.push(Array { name, shape, values });
+        Ok(())
     }
 
     /// Takes the fields of a structure as `name.field`.
-    fn fields(&mut self, mut rest: &[u8], name: &str, depth: usize) -> Option<()> {
-        let length = self.element(&mut rest)?;
-        let length = (*self.numbers(&length)?.first()? as usize).max(1);
-        let names = self.element(&mut rest)?.data;
+    fn fields(&mut self, input: &mut dyn Read, name: &str, depth: usize) -> Result<(), Fault> {
+        let length = (*self.short_numbers(input)?.first().ok_or(Fault::Damaged)? as usize).max(1);
+        let (_, names) = self.short(input, LONGEST)?;
         for field in names.chunks_exact(length) {
             let field = String::from_utf8_lossy(field).trim_end_matches('\0').to_owned();
-            let element = self.element(&mut rest)?;
-            self.matrix(element.data, Some(&format!("{name}.{field}")), depth + 1)?;
+            let name = format!("{name}.{field}");
+            self.element(input, |found, element| found.matrix(element, Some(&name), depth + 1))?;
         }
-        Some(())
+        Ok(())
+    }
+
+    /// Lets `take` have the next element of `input` if it is an array, and goes on behind it; whether there was one.
+    fn element(
+        &mut self,
+        input: &mut dyn Read,
+        take: impl FnOnce(&mut Self, &mut dyn Read) -> Result<(), Fault>,
+    ) -> Result<bool, Fault> {
+        let Some(tag) = self.tag(input)? else { return Ok(false) };
+        if tag.within.is_none() && tag.size > 0 {
+            let mut element = Read::take(&mut *input, tag.size);
+            if tag.kind == MATRIX {
+                take(self, &mut element)?;
+            }
+            std::io::copy(&mut element, &mut std::io::sink())?;
+            pad(input, tag.size)?;
+        }
+        Ok(true)
     }
 
     /// Takes a cell array of texts.
-    fn cell(&mut self, mut rest: &[u8]) {
+    fn cell(&mut self, input: &mut dyn Read) -> Result<(), Fault> {
         let mut texts = Vec::new();
-        while let Some(element) = self.element(&mut rest) {
-            texts.extend(self.text(element.data));
+        let mut take = |found: &mut Self, element: &mut dyn Read| {
+            texts.extend(found.text(element));
+            Ok(())
+        };
+        for _ in 0..MOST_TEXTS {
+            if !self.element(input, &mut take)? {
+                break;
+            }
         }
         self.texts.push(texts);
+        Ok(())
     }
 
     /// The text of an array of characters.
-    fn text(&self, mut rest: &[u8]) -> Option<String> {
-        let class = *self.element(&mut rest)?.data.get(if self.is_big { 3 } else { 0 })?;
-        let (_, _) = (self.element(&mut rest)?, self.element(&mut rest)?);
-        let characters = self.element(&mut rest)?;
-        let codes = self.numbers(&characters)?;
+    fn text(&self, input: &mut dyn Read) -> Option<String> {
+        let (_, flags) = self.short(input, LONGEST).ok()?;
+        let class = *flags.get(if self.is_big { 3 } else { 0 })?;
+        let (_, _) = (self.short(input, LONGEST).ok()?, self.short(input, LONGEST).ok()?);
+        let codes = self.short_numbers(input).ok()?;
         (class == CHAR).then(|| codes.into_iter().filter_map(|code| char::from_u32(code as u32)).collect())
     }
 
-    /// The numbers of an element of any numeric type.
-    fn numbers(&self, element: &Element) -> Option<Vec<f64>> {
-        let (size, number): (usize, fn([u8; 8]) -> f64) = match element.kind {
-            1 => (1, |b| f64::from(i8::from_le_bytes([b[0]]))),
-            2 | 16 => (1, |b| f64::from(b[0])),
-            3 => (2, |b| f64::from(i16::from_le_bytes([b[0], b[1]]))),
-            4 | 17 => (2, |b| f64::from(u16::from_le_bytes([b[0], b[1]]))),
-            5 => (4, |b| f64::from(i32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
-            6 | 18 => (4, |b| f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
-            7 => (4, |b| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
-            9 => (8, f64::from_le_bytes),
-            12 => (8, |b| i64::from_le_bytes(b) as f64),
-            13 => (8, |b| u64::from_le_bytes(b) as f64),
-            _ => return None,
-        };
-        let read = |cell: &[u8]| {
-            let mut bytes = [0; 8];
-            bytes[..size].copy_from_slice(cell);
-            if self.is_big {
-                bytes[..size].reverse();
-            }
-            number(bytes)
-        };
-        Some(element.data.chunks_exact(size).map(read).collect())
+    /// The numbers of the next element, which is a short one.
+    fn short_numbers(&self, input: &mut dyn Read) -> Result<Vec<f64>, Fault> {
+        let (kind, data) = self.short(input, LONGEST)?;
+        let (size, number) = number_of(kind).ok_or(Fault::Damaged)?;
+        Ok(numbers(&mut data.as_slice(), data.len() / size, size, self.is_big, number)?)
     }
+}
+
+/// Passes over what fills an element of `size` bytes up to a multiple of eight.
+fn pad(input: &mut dyn Read, size: u64) -> Result<(), Fault> {
+    std::io::copy(&mut input.take(size.next_multiple_of(8) - size), &mut std::io::sink())?;
+    Ok(())
+}
+
+/// Bytes of a number of the type `kind`, and the number in eight of them, the least first.
+fn number_of(kind: u32) -> Option<(usize, Number)> {
+    Some(match kind {
+        1 => (1, |b| f64::from(i8::from_le_bytes([b[0]]))),
+        2 | 16 => (1, |b| f64::from(b[0])),
+        3 => (2, |b| f64::from(i16::from_le_bytes([b[0], b[1]]))),
+        4 | 17 => (2, |b| f64::from(u16::from_le_bytes([b[0], b[1]]))),
+        5 => (4, |b| f64::from(i32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
+        6 | 18 => (4, |b| f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
+        7 => (4, |b| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
+        9 => (8, f64::from_le_bytes),
+        12 => (8, |b| i64::from_le_bytes(b) as f64),
+        13 => (8, |b| u64::from_le_bytes(b) as f64),
+        _ => return None,
+    })
 }

@@ -6,7 +6,7 @@ use std::io::Read;
 
 use rawzip::{CompressionMethod, ZipArchive};
 
-use crate::arrays::{Array, columns};
+use crate::arrays::{Array, NO_SAMPLES, NoRoom, Number, Room, columns, numbers};
 use crate::error::ReadError;
 use crate::foreign::Foreign;
 use crate::names::{list, shorten};
@@ -20,7 +20,10 @@ enum Held {
     Other(String),
 }
 
-/// The arrays of the `.npz` in `bytes`.
+/// The longest header and the longest list of names that is read, bytes.
+const MAX_TEXT: usize = 1 << 20;
+
+/// The arrays of the `.npz` in `bytes`. Headers are read before anything else is inflated.
 ///
 /// # Errors
 /// [`ReadError::Unusable`] for an archive without arrays, or one that is damaged.
@@ -32,17 +35,21 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
     let archive = ZipArchive::from_slice(bytes).map_err(|error| damaged(&error))?;
     let (mut arrays, mut texts, mut aside, mut entries) =
         (Vec::new(), Vec::new(), Vec::new(), archive.entries());
-    let mut room = source.limit.saturating_mul(8);
+    let mut room = Room::of(source, bytes.len());
     while let Some(entry) = entries.next_entry().map_err(|error| damaged(&error))? {
         let path = entry.file_path();
         let path = String::from_utf8_lossy(path.as_ref()).into_owned();
         let Some(name) = path.strip_suffix(".npy") else { continue };
         let held = archive.get_entry(entry.wayfinder()).map_err(|error| damaged(&error))?;
-        let mut data = Vec::new();
-        let inflated = match entry.compression_method() {
-            CompressionMethod::STORE => held.data().take(room + 1).read_to_end(&mut data),
+        let (mut stored, mut deflated);
+        let data: &mut dyn Read = match entry.compression_method() {
+            CompressionMethod::STORE => {
+                stored = held.data();
+                &mut stored
+            }
             CompressionMethod::DEFLATE => {
-                flate2::read::DeflateDecoder::new(held.data()).take(room + 1).read_to_end(&mut data)
+                deflated = flate2::read::DeflateDecoder::new(held.data());
+                &mut deflated
             }
             other => {
                 return Err(unusable(format!(
@@ -50,21 +57,17 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
                 )));
             }
         };
-        inflated.map_err(|error| damaged(&error))?;
-        room = room.checked_sub(data.len() as u64).ok_or_else(|| {
-            unusable("its arrays are larger than what is read; write fewer rows".to_owned())
-        })?;
-        match array(name, &data).map_err(|what| unusable(format!("{path}: {what}")))? {
+        match array(name, data, &mut room).map_err(|what| unusable(format!("{path}: {what}")))? {
             Held::Numbers(array) => arrays.push(array),
             Held::Texts(text) => texts.push(text),
             Held::Other(kind) => aside.push(format!("{name} ({kind})")),
         }
     }
-    if arrays.is_empty() {
+    if arrays.is_empty() && room.too_long.is_empty() {
         let what = "a ZIP archive or a spreadsheet, without arrays of numbers: export it as CSV, or write it with numpy.savez";
         return Err(unusable(what.to_owned()));
     }
-    let mut foreign = columns(arrays, texts);
+    let mut foreign = columns(arrays, texts, room).ok_or_else(|| unusable(NO_SAMPLES.to_owned()))?;
     if !aside.is_empty() {
         foreign.notes.push(format!("arrays that hold no numbers are left out: {}", list(&aside)));
     }
@@ -77,9 +80,11 @@ pub(crate) fn read(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> 
 /// [`ReadError::Unusable`].
 pub(crate) fn read_single(bytes: &[u8], source: &Source) -> Result<Foreign, ReadError> {
     let unusable = |what: String| ReadError::Unusable { file: source.file.to_path_buf(), what };
-    match array("column", bytes).map_err(unusable)? {
+    let mut room = Room::of(source, bytes.len());
+    match array("column", &mut { bytes }, &mut room).map_err(unusable)? {
         Held::Numbers(array) if array.shape.len() == 2 => {
-            let mut foreign = columns(vec![array], Vec::new());
+            let mut foreign = columns(vec![array], Vec::new(), room)
+                .ok_or_else(|| unusable(NO_SAMPLES.to_owned()))?;
             foreign.names = (1..=foreign.names.len()).map(|number| number.to_string()).collect();
             foreign.numbered = true;
             Ok(foreign)
@@ -90,52 +95,52 @@ pub(crate) fn read_single(bytes: &[u8], source: &Source) -> Result<Foreign, Read
     }
 }
 
-/// The array in the file `data`, or what is wrong with it.
-fn array(name: &str, data: &[u8]) -> Result<Held, String> {
-    let (header, body) = header(data).ok_or("no NumPy array, or its header is cut")?;
-    let kind = value_of(header, "descr").ok_or("its header has no descr")?.trim_matches(['\'', '"']);
-    let is_fortran = value_of(header, "fortran_order").is_some_and(|text| text.starts_with("True"));
-    let shape = value_of(header, "shape").ok_or("its header has no shape")?;
+/// The array that `input` holds, or what is wrong with it.
+fn array(name: &str, input: &mut dyn Read, room: &mut Room) -> Result<Held, String> {
+    let header = header(input).ok_or("no NumPy array, or its header is cut")?;
+    let kind = value_of(&header, "descr").ok_or("its header has no descr")?.trim_matches(['\'', '"']);
+    let is_fortran = value_of(&header, "fortran_order").is_some_and(|text| text.starts_with("True"));
+    let shape = value_of(&header, "shape").ok_or("its header has no shape")?;
+    let sizes = shape.trim_matches(['(', ')']).split(',').map(str::trim).filter(|size| !size.is_empty());
     let shape: Vec<usize> =
-        shape.trim_matches(['(', ')']).split(',').filter_map(|size| size.trim().parse().ok()).collect();
-    let count = shape
-        .iter()
-        .try_fold(1_usize, |count, size| count.checked_mul(*size))
-        .ok_or("its shape is too large")?;
+        sizes.map(str::parse).collect::<Result<_, _>>().map_err(|_| "its shape is too large")?;
     let (order, letter) = kind.split_at(usize::from(kind.starts_with(['<', '>', '|', '='])));
+    let is_big = order == ">";
+    let cut = |_| "it ends before its last number; write it again".to_owned();
     if let Some(length) = letter.strip_prefix('U').and_then(|length| length.parse::<usize>().ok()) {
-        return Ok(Held::Texts(texts(body, count, length, order == ">")));
+        let bytes = shape.iter().try_fold(length.saturating_mul(4), |bytes, size| bytes.checked_mul(*size));
+        let Some(bytes) = bytes.filter(|bytes| *bytes <= MAX_TEXT) else {
+            return Ok(Held::Other(format!("{} with too many of them", shorten(kind))));
+        };
+        let mut body = vec![0; bytes];
+        input.read_exact(&mut body).map_err(cut)?;
+        return Ok(Held::Texts(texts(&body, length, is_big)));
     }
     let Some((size, number)) = number_of(letter) else { return Ok(Held::Other(shorten(kind))) };
-    if body.len() < count.saturating_mul(size) {
-        return Err("it ends before its last number; write it again".to_owned());
+    let count =
+        room.take(name, &shape).map_err(|NoRoom| "more numbers than what is read; write fewer rows")?;
+    if count == 0 {
+        return Ok(Held::Numbers(Array { name: name.to_owned(), shape: vec![0], values: Vec::new() }));
     }
-    let read = |cell: &[u8]| {
-        let mut bytes = [0; 8];
-        bytes[..size].copy_from_slice(cell);
-        if order == ">" {
-            bytes[..size].reverse();
-        }
-        number(bytes)
-    };
-    let values: Vec<f64> = body.chunks_exact(size).take(count).map(read).collect();
+    let values = numbers(input, count, size, is_big, number).map_err(cut)?;
     let (shape, values) = if is_fortran { turned(&shape, &values) } else { (shape, values) };
     Ok(Held::Numbers(Array { name: name.to_owned(), shape, values }))
 }
 
-/// The header's text and what follows it.
-fn header(data: &[u8]) -> Option<(&str, &[u8])> {
-    let rest = data.strip_prefix(b"\x93NUMPY")?;
-    let (version, rest) = rest.split_first_chunk::<2>()?;
-    let (length, rest) = if version[0] == 1 {
-        let (length, rest) = rest.split_first_chunk::<2>()?;
-        (usize::from(u16::from_le_bytes(*length)), rest)
-    } else {
-        let (length, rest) = rest.split_first_chunk::<4>()?;
-        (u32::from_le_bytes(*length) as usize, rest)
-    };
-    let (header, body) = rest.split_at_checked(length)?;
-    Some((std::str::from_utf8(header).ok()?, body))
+/// The text of the header that `input` begins with.
+fn header(input: &mut dyn Read) -> Option<String> {
+    let mut start = [0; 8];
+    input.read_exact(&mut start).ok()?;
+    let [_, _, _, _, _, _, version, _] = start;
+    let mut length = [0; 4];
+    input.read_exact(if version == 1 { &mut length[..2] } else { &mut length }).ok()?;
+    let length = u32::from_le_bytes(length) as usize;
+    if !start.starts_with(b"\x93NUMPY") || length > MAX_TEXT {
+        return None;
+    }
+    let mut header = vec![0; length];
+    input.read_exact(&mut header).ok()?;
+    String::from_utf8(header).ok()
 }
 
 /// The value of `key` in the literal of a Python dictionary of texts, truths and tuples of numbers.
@@ -149,9 +154,6 @@ fn value_of<'h>(header: &'h str, key: &str) -> Option<&'h str> {
     };
     Some(&behind[..end])
 }
-
-/// The number in eight bytes.
-type Number = fn([u8; 8]) -> f64;
 
 /// Bytes of a number of the type `letter`, and the number in eight of them, the least first.
 fn number_of(letter: &str) -> Option<(usize, Number)> {
@@ -170,15 +172,15 @@ fn number_of(letter: &str) -> Option<(usize, Number)> {
     })
 }
 
-/// `count` texts of `length` UTF-32 characters each.
-fn texts(body: &[u8], count: usize, length: usize, is_big: bool) -> Vec<String> {
+/// The texts of `length` UTF-32 characters each in `body`.
+fn texts(body: &[u8], length: usize, is_big: bool) -> Vec<String> {
     let character = |cell: &[u8]| {
         let bytes = [cell[0], cell[1], cell[2], cell[3]];
         char::from_u32(if is_big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
             .filter(|c| *c != '\0')
     };
     let text = |cell: &[u8]| cell.chunks_exact(4).filter_map(character).collect();
-    body.chunks_exact((4 * length).max(4)).take(count).map(text).collect()
+    body.chunks_exact((4 * length).max(4)).map(text).collect()
 }
 
 /// An array whose first index runs fastest, with its last index running fastest.

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use crate::error::ReadError;
 use crate::names::{Group, ORIENTATION, Role, TOOL, role};
+use crate::sources::Sources;
 use crate::table::Table;
 
 /// What was measured on one arm over one stretch of time. All columns have one value per sample; `t` increases, and it and
@@ -19,6 +20,8 @@ pub struct Recording {
     pub joint_names: Vec<String>,
     /// The mapping that was guessed from the names of the columns, as a mapping file; where one had to be.
     pub guessed: Option<String>,
+    /// What its columns were made of, where they were mapped or guessed.
+    pub sources: Option<Sources>,
     /// Time, s.
     pub t: Vec<f64>,
     /// Joint position as the robot's own encoder reads it, `[joint][sample]`, rad.

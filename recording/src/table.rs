@@ -9,6 +9,7 @@ use crate::names::{Group, Role, Roles, list, shorten};
 use crate::order;
 use crate::overview::Overview;
 use crate::recording::{Event, Recording};
+use crate::sources::Sources;
 
 /// The most numbers (rows times columns) that one recording may hold: 2 GiB of them. While the columns
 /// grow, up to twice that may be in use for a moment.
@@ -41,6 +42,7 @@ pub(crate) struct Table {
     disorder: Option<(Row, f64, f64)>,
     pub joint_names: Vec<String>,
     pub guessed: Option<String>,
+    pub sources: Option<Sources>,
     pub metadata: Vec<(String, String)>,
     pub events: Vec<Event>,
     pub truncated: bool,
@@ -73,6 +75,7 @@ impl Table {
             disorder: None,
             joint_names: Vec::new(),
             guessed: None,
+            sources: None,
             metadata: Vec::new(),
             events: Vec::new(),
             truncated: false,
@@ -246,6 +249,7 @@ impl Table {
             origin: self.file,
             joint_names: self.joint_names,
             guessed: self.guessed,
+            sources: self.sources,
             q: vec![Vec::new(); joints],
             q_link: vec![None; joints],
             metadata: self.metadata,

@@ -54,6 +54,7 @@ impl ControllerLink {
     /// # Errors
     /// [`LinkError::NoRun`] if the run has ended; [`LinkError::NoPlant`] if nobody answers in time;
     /// [`LinkError::Refused`] with the reason; [`LinkError::Planted`] if another user made a segment of this run;
+    /// [`LinkError::NoMemory`] or [`LinkError::NoRoom`] without memory;
     /// [`LinkError::Transport`] if iceoryx2 refuses.
     pub fn connect(
         address: &Address,
@@ -74,7 +75,9 @@ impl ControllerLink {
             hello.run = address.run();
         }
         let welcome = knock(&client, &hello, &mut wait)?;
-        Segments::open()?.see_own(address)?;
+        let segments = Segments::open()?;
+        segments.see_own(address)?;
+        segments.reserve(address)?;
         let (true, Some(states), Some(commands)) = (is_accepted(&welcome), ends.states, ends.commands) else {
             return Err(refusal(&hello, &welcome));
         };

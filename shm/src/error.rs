@@ -66,14 +66,16 @@ pub enum LinkError {
         /// User id of the owner of what is there.
         owner: u32,
     },
-    /// Everybody could exchange the folder of all runs for another.
+    /// Another user could exchange the folder of all runs for another.
     #[error(
-        "everybody can rename files in {} (mode {mode:o}): set its sticky bit with chmod +t, or set FREEPLAY_SHM to a folder of yours on tmpfs",
+        "other users can rename files in {} (owner {owner}, mode {mode:o}): take their right to write with chmod go-w, set its sticky bit with chmod +t, or set FREEPLAY_SHM to a folder of yours on tmpfs",
         path.display()
     )]
     Open {
         /// The folder in which that of all runs would be.
         path: PathBuf,
+        /// User id of its owner.
+        owner: u32,
         /// Its permission bits.
         mode: u32,
     },
@@ -84,6 +86,30 @@ pub enum LinkError {
         path: PathBuf,
         /// User id of its owner.
         owner: u32,
+    },
+    /// Shared memory is full, or nearly.
+    #[error(
+        "no room for a run in {}: {} KiB are free, {} KiB are needed; remove what fills it, or give it more with mount -o remount,size=",
+        path.display(),
+        free >> 10,
+        needed >> 10
+    )]
+    NoRoom {
+        /// Where shared memory is.
+        path: PathBuf,
+        /// What is free, bytes.
+        free: u64,
+        /// What has to be, bytes.
+        needed: u64,
+    },
+    /// This process may not have the memory that the messages of a run need.
+    #[error(
+        "no memory for the messages of a run ({} MiB): allow this process more (ulimit -v), or end other programs",
+        bytes >> 20
+    )]
+    NoMemory {
+        /// What was asked for, bytes.
+        bytes: usize,
     },
     /// Nobody answered the hello in time.
     #[error("no plant answered within {patience:?}{}: is it running, and does it greet?", waiting_for(last.as_ref()))]

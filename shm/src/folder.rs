@@ -7,7 +7,10 @@ use std::io::{self, ErrorKind};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Component, Path};
 
-use rustix::fs::{AtFlags, CWD, Dir, FileType, Mode, OFlags, Stat, mkdirat, openat, statat, unlinkat};
+use rustix::fs::{
+    AtFlags, CWD, Dir, FallocateFlags, FileType, Mode, OFlags, Stat, fallocate, fstatvfs, mkdirat, openat,
+    renameat, statat, unlinkat,
+};
 use rustix::io::Errno;
 use rustix::path::Arg;
 use rustix::process::getuid;
@@ -79,6 +82,24 @@ impl Folder {
         statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW).ok()
     }
 
+    /// Bytes that are free in its file system.
+    pub(crate) fn free(&self) -> io::Result<u64> {
+        let status = fstatvfs(&self.0)?;
+        Ok(status.f_bavail.saturating_mul(status.f_frsize))
+    }
+
+    /// Takes the room that the file `name` may need, where that is a regular file of this user: nothing that is written to it later
+    /// finds the file system full.
+    pub(crate) fn reserve(&self, name: impl Arg + Copy) -> io::Result<()> {
+        let Some(status) = self.status(name).filter(is_own_file) else { return Ok(()) };
+        let length = u64::try_from(status.st_size).unwrap_or(0);
+        if length == 0 {
+            return Ok(());
+        }
+        let file: File = openat(&self.0, name, PLANTED | OFlags::RDWR, Mode::empty())?.into();
+        Ok(fallocate(&file, FallocateFlags::KEEP_SIZE, 0, length)?)
+    }
+
     /// The names in it that are `wanted`, in no order; none if it can't be read.
     pub(crate) fn names(&self, wanted: impl Fn(&CStr) -> bool) -> Vec<CString> {
         let entries = Dir::read_from(&self.0).into_iter().flatten().flatten();
@@ -92,6 +113,11 @@ impl Folder {
     /// Removes the file `name`, whatever it is, but no directory.
     pub(crate) fn remove_file(&self, name: impl Arg) -> io::Result<()> {
         Ok(unlinkat(&self.0, name, AtFlags::empty())?)
+    }
+
+    /// Gives the file `from` in it the name `to`, in place of what has it.
+    pub(crate) fn rename(&self, from: impl Arg, to: impl Arg) -> io::Result<()> {
+        Ok(renameat(&self.0, from, &self.0, to)?)
     }
 
     /// Removes the directory `name` if it is empty.

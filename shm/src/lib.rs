@@ -57,4 +57,5 @@ pub use pacing::{Arrival, Backoff, Schedule, now_ns, sleep_then_spin_until};
 pub use plant_link::{Foreign, PlantLink};
 pub use realtime::{Outcome, RtReport, RtRequest, prepare};
 pub use run_root::{RunRoot, SHM_ENV};
-pub use services::{COMMAND_BUFFER, MAX_SLOTS, STATE_BUFFER};
+pub use segments::ROOM;
+pub use services::{COMMAND_BUFFER, MAX_SLOTS, MEMORY, STATE_BUFFER};

@@ -60,7 +60,7 @@ impl PlantLink {
     /// # Errors
     /// [`LinkError::NoRun`] if the run has ended; [`LinkError::PlantExists`] if it has a plant;
     /// [`LinkError::SlotCount`] unless there are 1 to [`MAX_SLOTS`] slots; [`LinkError::Planted`] if another user made a segment of
-    /// this run; [`LinkError::Transport`] if iceoryx2 refuses.
+    /// this run; [`LinkError::NoMemory`] or [`LinkError::NoRoom`] without memory; [`LinkError::Transport`] if iceoryx2 refuses.
     pub fn open(address: &Address, slots: usize, offer: Offer) -> Result<Self, LinkError> {
         if slots == 0 || slots > MAX_SLOTS {
             return Err(LinkError::SlotCount { slots });
@@ -77,7 +77,9 @@ impl PlantLink {
             (0..slots as u32).map(|slot| Slot::open(address, &node, slot)).collect::<Result<_, _>>()?;
         let service = services::create_door(&node)?;
         let door = services::door_server(&service)?;
-        Segments::open()?.see_own(address)?;
+        let segments = Segments::open()?;
+        segments.see_own(address)?;
+        segments.reserve(address)?;
         Ok(Self { states, slots, door, offer, run: address.run(), _node: node, _seat: seat, share })
     }
 

@@ -195,10 +195,12 @@ fn unusable(all: &Path, error: io::Error) -> LinkError {
 /// Sees that nobody else can exchange what is in the parent of `all`.
 fn see_safe_place(all: &Path) -> Result<(), LinkError> {
     let Some(parent) = all.parent() else { return Ok(()) };
-    let mode = fs::metadata(parent).map_err(folder_fault("look at", parent))?.mode();
-    // In a sticky folder, such as /dev/shm, only its owner renames a file.
-    if mode & 0o002 != 0 && mode & 0o1000 == 0 {
-        return Err(LinkError::Open { path: parent.to_owned(), mode: mode & 0o7777 });
+    let found = fs::metadata(parent).map_err(folder_fault("look at", parent))?;
+    let (owner, mode) = (found.uid(), found.mode() & 0o7777);
+    // In a sticky folder, such as /dev/shm, only the owner of a file and that of the folder rename the file.
+    let is_open_to_others = mode & 0o022 != 0 && mode & 0o1000 == 0;
+    if is_open_to_others || ![0, getuid().as_raw()].contains(&owner) {
+        return Err(LinkError::Open { path: parent.to_owned(), owner, mode });
     }
     Ok(())
 }

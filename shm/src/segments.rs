@@ -5,12 +5,13 @@
 
 use std::collections::BTreeSet;
 use std::ffi::{CStr, CString};
-use std::fs::{self, Permissions};
-use std::io::{self, Read, Write};
-use std::os::unix::fs::PermissionsExt;
+use std::fs;
+use std::io::{self, ErrorKind, Read, Write};
 use std::path::Path;
 use std::thread::sleep;
 use std::time::Duration;
+
+use rustix::process::getuid;
 
 use crate::address::{Address, MAX_ROOT};
 use crate::error::{LinkError, folder_fault};
@@ -28,6 +29,17 @@ const MARK: &str = "_root";
 
 /// How long a segment may stay empty, ms: a living process gives it its size within microseconds of making it.
 const BIRTH_MS: u32 = 200;
+
+/// Most that is read of a segment which everybody may write to, bytes; iceoryx2's has 16.
+const MOST_SHARED: u64 = 4096;
+
+/// What has to be free in shared memory before a process joins a run, bytes: the segments of a run with all slots have a part of it; a test
+/// measures how much.
+pub const ROOM: u64 = 8 << 20;
+
+fn no_room(free: u64) -> LinkError {
+    LinkError::NoRoom { path: SEGMENTS.into(), free, needed: ROOM }
+}
 
 /// The folder of all segments.
 pub(crate) struct Segments(Folder);
@@ -61,22 +73,37 @@ impl Segments {
         (mark.to_bytes() == mark_of(address.id()).as_bytes()).then_some(address)
     }
 
-    /// Gives the owner alone access: iceoryx2 makes one segment, a counter of nodes, that everybody may write to.
+    /// Gives the owner alone access: iceoryx2 makes one segment, a counter of nodes, that everybody may write to. Another user may have
+    /// opened it meanwhile, and could cut it under the processes that map it, which would end them. So a copy takes its place, which nobody else
+    /// has ever had open. No process may have it mapped.
     ///
     /// # Errors
-    /// [`LinkError::Planted`] as [`Segments::see_own`]; [`LinkError::Folder`] if the system refuses.
+    /// [`LinkError::Planted`] as [`Segments::see_own`], or if another user has cut or filled a segment already; [`LinkError::Folder`] if the
+    /// system refuses.
     pub(crate) fn make_private(&self, address: &Address) -> Result<(), LinkError> {
         self.see_own(address)?;
-        let fault = || folder_fault("close to others what is in", Path::new(SEGMENTS));
         for name in self.of(address) {
-            let Some(status) = self.0.status(&*name) else { continue };
-            if status.st_mode & 0o077 != 0
-                && let Some(file) = self.0.own_file(&*name).map_err(fault())?
-            {
-                file.set_permissions(Permissions::from_mode(0o600)).map_err(fault())?;
+            if self.0.status(&*name).is_some_and(|status| status.st_mode & 0o077 != 0) {
+                self.replace(&name)?;
             }
         }
         Ok(())
+    }
+
+    /// Puts a copy of mode 0600 in the place of the segment `name`.
+    fn replace(&self, name: &CStr) -> Result<(), LinkError> {
+        let fault = || folder_fault("close to others what is in", Path::new(SEGMENTS));
+        let Some(file) = self.0.own_file(name).map_err(fault())? else { return Ok(()) };
+        let mut bytes = Vec::new();
+        file.take(MOST_SHARED + 1).read_to_end(&mut bytes).map_err(fault())?;
+        if bytes.is_empty() || bytes.len() as u64 > MOST_SHARED {
+            let path = Path::new(SEGMENTS).join(&*name.to_string_lossy());
+            return Err(LinkError::Planted { path, owner: getuid().as_raw() });
+        }
+        let copy = [name.to_bytes(), b".copy"].concat();
+        let mut file = self.0.make_file(copy.as_slice()).map_err(fault())?;
+        file.write_all(&bytes).map_err(fault())?;
+        self.0.rename(copy.as_slice(), name).map_err(fault())
     }
 
     /// Sees that all segments of the run belong to this user: iceoryx2 opens what is there under the name that it looks for.
@@ -89,6 +116,30 @@ impl Segments {
             if let Some(status) = self.0.status(&*name).filter(|status| !is_own_file(status)) {
                 let path = Path::new(SEGMENTS).join(&*name.to_string_lossy());
                 return Err(LinkError::Planted { path, owner: status.st_uid });
+            }
+        }
+        Ok(())
+    }
+
+    /// Sees that shared memory has [`ROOM`]: who writes to a segment for which there is none is ended by SIGBUS.
+    pub(crate) fn see_room(&self) -> Result<(), LinkError> {
+        let free = self.0.free().map_err(folder_fault("look at", Path::new(SEGMENTS)))?;
+        if free < ROOM { Err(no_room(free)) } else { Ok(()) }
+    }
+
+    /// Takes the room of all segments of the run. iceoryx2 gives a segment its size alone; the system then finds room for each page when it is
+    /// written to first, and everybody can fill shared memory until then.
+    ///
+    /// # Errors
+    /// [`LinkError::NoRoom`].
+    pub(crate) fn reserve(&self, address: &Address) -> Result<(), LinkError> {
+        for name in self.of(address) {
+            match self.0.reserve(&*name) {
+                Err(error) if error.kind() == ErrorKind::StorageFull => {
+                    return Err(no_room(self.0.free().unwrap_or(0)));
+                }
+                // One that is gone, or a file system that reserves nothing.
+                _ => {}
             }
         }
         Ok(())
@@ -163,7 +214,7 @@ fn run_of(name: &CStr) -> Option<&str> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 mod tests {
-    use std::os::unix::fs::symlink;
+    use std::os::unix::fs::{PermissionsExt, symlink};
     use std::path::PathBuf;
 
     use rustix::fs::{CWD, FileType, Mode, mknodat};
@@ -202,6 +253,30 @@ mod tests {
         assert_eq!([&dead, &born, &full, &other].map(|path| path.exists()), [false, true, true, true]);
         segments.remove_all(&[id.to_owned()].into());
         assert_eq!([&born, &full, &other].map(|path| path.exists()), [false, false, true]);
+    }
+
+    #[test]
+    fn who_opened_a_segment_before_it_was_closed_has_no_hold_on_it() {
+        let (folder, segments) = fresh();
+        let address = run("1-0000000a");
+        let path = folder.path().join("freeplay-1-0000000a_node.global_mgmt");
+        let publish = |bytes: &[u8]| {
+            fs::write(&path, bytes).unwrap();
+            fs::set_permissions(&path, fs::Permissions::from_mode(0o666)).unwrap();
+        };
+        publish(b"counter");
+        let mut held = fs::OpenOptions::new().write(true).open(&path).unwrap();
+        segments.make_private(&address).unwrap();
+        held.write_all(b"spoiled").unwrap();
+        held.set_len(0).unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"counter");
+        assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        // One that was cut or filled meanwhile is told.
+        for length in [0, MOST_SHARED + 1] {
+            publish(&vec![0; length as usize]);
+            assert!(matches!(segments.make_private(&address), Err(LinkError::Planted { .. })), "{length}");
+        }
     }
 
     #[test]

@@ -72,9 +72,25 @@ const SPARE: usize = 4;
 /// How long to wait for another process that is removing what a dead one left.
 const CLEANING: Duration = Duration::from_millis(500);
 
+/// Memory that a process has to be able to allocate before it joins a run, bytes. iceoryx2 0.10 writes to what the allocator returned without
+/// looking at it (`owning_pointer`): a port that gets no memory ends the process by a signal and without a word. A plant with all slots
+/// allocates a part of this; a test measures how much.
+pub const MEMORY: usize = 16 << 20;
+
+/// Sees that this process can allocate [`MEMORY`].
+fn see_memory() -> Result<(), LinkError> {
+    let mut room: Vec<u8> = Vec::new();
+    room.try_reserve_exact(MEMORY).map_err(|_| LinkError::NoMemory { bytes: MEMORY })?;
+    // Without this the compiler takes the allocation away.
+    std::hint::black_box(&mut room);
+    Ok(())
+}
+
 /// This process's node in the run at `address`: iceoryx2 kept inside the run's folder and prefix, silent about what we
 /// handle (`IOX2_LOG_LEVEL` changes that), and leaving signals alone. It cleans up after the dead here and at no other time.
 pub(crate) fn node(address: &Address) -> Result<Node<Ipc>, LinkError> {
+    see_memory()?;
+    Segments::open()?.see_room()?;
     set_log_level_from_env_or(LogLevel::Fatal);
     let bad_address = |_| LinkError::BadAddress { text: address.to_string() };
     let mut config = Config::default();

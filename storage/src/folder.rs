@@ -1,21 +1,29 @@
 //! Folders: made, listed, reserved; names removed and made durable.
 
-use std::fs::{DirBuilder, File, FileTimes};
+use std::fs::{DirBuilder, File, FileTimes, OpenOptions};
 use std::io::{self, ErrorKind};
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
+use rustix::fs::OFlags;
+
 use crate::call::{Call, perform};
 use crate::error::{Operation, Refusal, StorageError};
+use crate::handle::flags;
 use crate::path::{check_path, parent};
 
 /// Open to its owner alone.
 const PRIVATE: u32 = 0o700;
 
+/// Opens a folder. A pipe that somebody has put in its place is an error, and is not waited for.
+pub(crate) fn open_folder(folder: &Path) -> io::Result<File> {
+    OpenOptions::new().read(true).custom_flags(flags(OFlags::DIRECTORY)).open(folder)
+}
+
 /// Makes the names in `folder` durable. A file system that cannot does nothing.
 pub(crate) fn sync_folder(folder: &Path) -> io::Result<()> {
-    let synced = perform(&Call::SyncFolder(folder), || File::open(folder)?.sync_all());
+    let synced = perform(&Call::SyncFolder(folder), || open_folder(folder)?.sync_all());
     match synced {
         Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
         done => done,
@@ -169,7 +177,8 @@ pub fn list(path: &Path) -> Result<Vec<Entry>, StorageError> {
 /// What the system says.
 pub fn set_times(path: &Path, time: SystemTime) -> Result<(), StorageError> {
     let times = FileTimes::new().set_accessed(time).set_modified(time);
-    perform(&Call::SetTimes(path), || File::open(path)?.set_times(times))
+    let open = || OpenOptions::new().read(true).custom_flags(flags(OFlags::NONBLOCK)).open(path);
+    perform(&Call::SetTimes(path), || open()?.set_times(times))
         .map_err(|source| StorageError::new(Operation::Write, path, source))
 }
 

@@ -8,6 +8,7 @@
 //! - [`make_folder`] makes a folder for its owner alone;
 //! - an [`AtomicFile`] appears under its name whole or not at all; [`write()`] does the same for bytes in memory;
 //! - a [`LiveFile`] is the exception: a recording that is readable while it grows;
+//! - an [`Exposure`] tells that other users can change what is in a folder;
 //! - a [`StorageError`] names the operation, the path, the cause and the remedy; a [`Refusal`] is a cause of this crate.
 //!
 //! Every call to the operating system passes through one function of the module `call`. A debug build reads the variables
@@ -17,6 +18,7 @@
 mod atomic;
 mod call;
 mod error;
+mod exposure;
 mod folder;
 mod handle;
 #[cfg(debug_assertions)]
@@ -28,6 +30,7 @@ mod path;
 
 pub use atomic::{AtomicFile, TEMPORARY_SUFFIX, write};
 pub use error::{Operation, Refusal, StorageError};
+pub use exposure::Exposure;
 pub use folder::{
     Entry, EntryKind, FileIdentity, check_target, list, make_folder, remove_file, remove_folder, same_file,
     set_times,

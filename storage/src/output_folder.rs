@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::call::{Call, perform};
 use crate::error::{Operation, Refusal, StorageError};
-use crate::folder::{ReservedFolder, make_missing};
+use crate::folder::{ReservedFolder, make_missing, open_folder};
 use crate::handle::{is_at, lock};
 use crate::path::check_path;
 
@@ -112,7 +112,7 @@ fn numbered(path: &Path, number: u32) -> PathBuf {
 /// Locks a folder; none where its file system has no such lock.
 fn lock_folder(path: &Path) -> io::Result<Option<File>> {
     let locked = perform(&Call::Lock(path), || {
-        let folder = File::open(path)?;
+        let folder = open_folder(path)?;
         lock(&folder).map(|()| folder)
     });
     match locked {

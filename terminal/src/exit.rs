@@ -55,6 +55,13 @@ impl Failure {
         Self { exit: Exit::Internal, message: error.to_string() }
     }
 
+    /// A thread that the system does not start.
+    pub fn no_thread(error: impl std::fmt::Display) -> Self {
+        Self::internal(format!(
+            "the system starts no thread: {error}; allow more memory or more processes (ulimit -v, ulimit -u)"
+        ))
+    }
+
     /// The command line is not understood.
     pub fn usage(error: impl std::fmt::Display) -> Self {
         Self { exit: Exit::Usage, message: error.to_string() }

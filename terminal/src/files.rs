@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_storage::{Claim, Operation, OutputFolder, Refusal, StorageError};
+use freeplay_storage::{Claim, Exposure, Operation, OutputFolder, Refusal, StorageError};
 use serde::de::DeserializeOwned;
 
 use crate::exit::Failure;
@@ -86,6 +86,13 @@ pub fn claim_or_new(
         let path = folder.path().display();
         messages::note(format_args!(
             "note: the file system of {path} has no locks: let no other command write there meanwhile"
+        ));
+    }
+    if let Some(Exposure { folder, owner }) = Exposure::of(folder.path()) {
+        let who = owner.map_or_else(|| "every user".to_owned(), |owner| format!("user {owner}"));
+        messages::note(format_args!(
+            "note: {who} can replace files in {}; name a folder of your own to be sure of the results",
+            folder.display()
         ));
     }
     Ok(folder)

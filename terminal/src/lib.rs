@@ -2,6 +2,7 @@
 //!
 //! - [`exit`]: the exit codes, and [`Failure`](exit::Failure), the error that ends a command with one of them.
 //! - [`arguments`]: values of options that several commands share.
+//! - [`internal_fault`]: panics and failed allocations, as one line and an exit code.
 //! - [`output`]: results, on standard output.
 //! - [`messages`]: progress, notes, details and colour, on standard error.
 //! - [`files`]: files that a person names, and errors that say what to do.
@@ -18,6 +19,7 @@ pub mod exit;
 pub mod files;
 pub mod guard;
 pub mod hex;
+pub mod internal_fault;
 pub mod messages;
 pub mod output;
 pub mod outside;

@@ -1,5 +1,7 @@
 //! The same work for many cases, on several cores.
 
+use std::thread::Builder;
+
 use crate::exit::Failure;
 
 /// Calls `work` with every number below `count` on all cores; the results in that order.
@@ -35,9 +37,13 @@ pub fn on_cores<T: Send>(
                 mine.push((index, work(index)?));
             }
         };
-        let threads: Vec<_> = (0..workers).map(|_| scope.spawn(take)).collect();
+        // This thread is one of the workers: where the system has no threads left, it does all the work.
+        let threads: Vec<_> =
+            (1..workers).map_while(|_| Builder::new().spawn_scoped(scope, take).ok()).collect();
+        let own = take();
         let lost = || Err(Failure::internal("a thread of the simulation failed; its message is above"));
-        threads.into_iter().map(|thread| thread.join().unwrap_or_else(|_| lost())).collect()
+        let others = threads.into_iter().map(|thread| thread.join().unwrap_or_else(|_| lost()));
+        std::iter::once(own).chain(others).collect()
     });
     let mut all = Vec::with_capacity(count);
     for results in done {

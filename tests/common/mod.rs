@@ -15,8 +15,14 @@ pub const FREEPLAY: &str = env!("CARGO_BIN_EXE_freeplay");
 /// Where runs have their shared memory, and so where they could leave some.
 const SHM: &str = "/dev/shm";
 
-/// How long a call may take before it counts as hung.
-const LONGEST: Duration = Duration::from_secs(60);
+/// How long a call may take before it counts as hung, unless its processes are at work: long enough for a machine that does much else.
+const LONGEST: Duration = Duration::from_secs(300);
+
+/// How many times that long a call may be at work.
+const MOST_WORK: u32 = 10;
+
+/// Looks in a row that find no process of a call at work, after which it counts as hung.
+const IDLE_LOOKS: u32 = 100;
 
 /// How often something that is waited for is looked at.
 const LOOK: Duration = Duration::from_millis(2);
@@ -117,14 +123,8 @@ impl Started {
 
     /// The id of its child process whose command line holds `word`.
     pub fn child_with(&self, word: &str) -> u32 {
-        // The system lists children by the thread that started them.
-        let threads = format!("/proc/{}/task", self.pid());
         self.until(word, || {
-            let lists = std::fs::read_dir(&threads).ok()?.flatten();
-            let ids: String =
-                lists.filter_map(|it| std::fs::read_to_string(it.path().join("children")).ok()).collect();
-            let mut ids = ids.split_whitespace().filter_map(|id| id.parse().ok());
-            ids.find(|id: &u32| {
+            children_of(self.pid()).into_iter().find(|id| {
                 std::fs::read_to_string(format!("/proc/{id}/cmdline"))
                     .is_ok_and(|line| line.split('\0').any(|argument| argument == word))
             })
@@ -145,14 +145,25 @@ impl Started {
         send_signal(self.pid(), name);
     }
 
+    /// Whether a process of the call runs, or waits for a core or the disk. An analyst has an environment of its own; who started it waits for it.
+    fn is_at_work(&self) -> bool {
+        let mut members = processes_with(&format!("FREEPLAY_SHM={}", self.shm.path().display()));
+        members.extend(members.clone().into_iter().flat_map(children_of));
+        members.into_iter().any(is_busy)
+    }
+
     /// How it ended; fails if it does not.
     pub fn wait(mut self) -> Ran {
         let start = Instant::now();
+        let mut idle = 0;
         let status = loop {
             if let Some(status) = self.child.try_wait().expect("a child") {
                 break status;
             }
             if start.elapsed() > LONGEST {
+                idle = if self.is_at_work() { 0 } else { idle + 1 };
+            }
+            if idle > IDLE_LOOKS || start.elapsed() > LONGEST * MOST_WORK {
                 let _ = self.child.kill();
                 panic!("it hangs; stderr:\n{}", text_of(self.folder.path(), "stderr"));
             }
@@ -178,6 +189,24 @@ pub fn until<T>(name: &str, mut what: impl FnMut() -> Option<T>) -> T {
 pub fn send_signal(pid: u32, name: &str) {
     let sent = Command::new("kill").args(["-s", name, &pid.to_string()]).status().expect("kill");
     assert!(sent.success(), "kill -s {name} {pid}");
+}
+
+/// The ids of the children of the process `pid`.
+pub fn children_of(pid: u32) -> Vec<u32> {
+    // The system lists children by the thread that started them.
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
+    let ids: String =
+        threads.filter_map(|it| std::fs::read_to_string(it.path().join("children")).ok()).collect();
+    ids.split_whitespace().filter_map(|id| id.parse().ok()).collect()
+}
+
+/// Whether a thread of the process `pid` runs, or waits for a core or the disk.
+pub fn is_busy(pid: u32) -> bool {
+    let threads = std::fs::read_dir(format!("/proc/{pid}/task")).into_iter().flatten().flatten();
+    threads.filter_map(|thread| std::fs::read_to_string(thread.path().join("stat")).ok()).any(|stat| {
+        // The state follows the name, which is in brackets.
+        stat.rsplit_once(") ").is_some_and(|(_, rest)| rest.starts_with(['R', 'D']))
+    })
 }
 
 /// Whether the process `pid` runs: a zombie does not.
@@ -304,12 +333,14 @@ pub fn lockstep(duration: f64, arguments: &[&str]) -> Ran {
     Call::lockstep(duration, arguments).run()
 }
 
+/// Set in a process that has shared memory of its own by [`in_own_shared_memory`].
+pub const OWN_SHM_ENV: &str = "FREEPLAY_TEST_OWN_SHM";
+
 /// Plays the rest of the test called `name` in a mount namespace of its own, where `/dev/shm` is empty and nobody else's, so that
 /// what it plants there meets no other run. Returns `true` to the one who is to play it: this process itself where there can be no
 /// such namespace.
 pub fn in_own_shared_memory(name: &str) -> bool {
-    const INSIDE: &str = "FREEPLAY_TEST_OWN_SHM";
-    if std::env::var_os(INSIDE).is_some() {
+    if std::env::var_os(OWN_SHM_ENV).is_some() {
         return true;
     }
     let mount = "mount -t tmpfs -o mode=1777 tmpfs /dev/shm && exec \"$@\"";
@@ -321,7 +352,7 @@ pub fn in_own_shared_memory(name: &str) -> bool {
     }
     let mut command = Command::new("unshare");
     command.args(within).arg(std::env::current_exe().expect("this test has a path"));
-    command.args([name, "--exact", "--nocapture", "--include-ignored"]).env(INSIDE, "");
+    command.args([name, "--exact", "--nocapture", "--include-ignored"]).env(OWN_SHM_ENV, "");
     let output = command.stdin(Stdio::null()).output().expect("unshare");
     println!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
     assert!(output.status.success(), "{name} failed in its namespace; see above");

@@ -8,10 +8,13 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod disk;
+mod memory;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use common::{Call, FREEPLAY, Ran, fresh_folder};
 use disk::{Disk, Survives};
@@ -89,10 +92,7 @@ impl Subject {
             let step = all.div_ceil(most).max(1);
             points = points.into_iter().step_by(step).collect();
         }
-        let mut codes: BTreeMap<i32, usize> = BTreeMap::new();
-        for (point, errno) in &points {
-            *codes.entry(self.fail_one(&observed, point, *errno)).or_default() += 1;
-        }
+        let codes = on_all_cores(&points, |(point, errno)| self.fail_one(&observed, point, *errno));
         println!(
             "{}: {} calls, {} of {all} faults tried, exit codes {codes:?}",
             self.name,
@@ -222,6 +222,23 @@ impl Subject {
     }
 }
 
+/// Calls `work` with each of `points`, as many at a time as there are cores; how often it gave each exit code.
+fn on_all_cores<Point: Sync>(points: &[Point], work: impl Fn(&Point) -> i32 + Sync) -> BTreeMap<i32, usize> {
+    let next = AtomicUsize::new(0);
+    let codes = Mutex::new(BTreeMap::new());
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                while let Some(point) = points.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let code = work(point);
+                    *codes.lock().expect("no other point has failed").entry(code).or_default() += 1;
+                }
+            });
+        }
+    });
+    codes.into_inner().expect("no point has failed")
+}
+
 /// The files below `folder`, by their path in it.
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     fn add(root: &Path, folder: &Path, found: &mut BTreeMap<PathBuf, Vec<u8>>) {
@@ -252,7 +269,7 @@ fn call(folder: &Path, arguments: &[&str]) {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
-const RUN: [&str; 9] = [
+const RUN: [&str; 11] = [
     "run",
     "--quiet",
     "--force",
@@ -262,6 +279,8 @@ const RUN: [&str; 9] = [
     "computed-torque",
     "--set",
     "duration=0.05",
+    "--set",
+    "patience=60",
 ];
 
 fn a_run_before(folder: &Path) {
@@ -397,6 +416,13 @@ fn a_diagnosis_survives_the_fault_of_each_call() {
 #[test]
 fn a_blind_set_survives_the_fault_of_each_call() {
     blind().fail_each();
+}
+
+#[test]
+fn little_memory_is_told_and_costs_nothing() {
+    let subjects = [run(), export("csv"), export("parquet"), export("mcap"), diagnose(), blind()];
+    let felt: usize = subjects.iter().map(memory::starve).sum();
+    assert!(felt > 0, "no limit was felt");
 }
 
 #[test]

@@ -3,7 +3,8 @@
 //! Fingers are told from the arm by what they are to it, not by their names: they part from one link, in a pair of equals or three and
 //! more, and each has no more joints and a shorter reach than the chain that carries them. The arms of a body part from it, too, but
 //! reach farther than the body; the wheels, legs and rotors of a base part from it before any joint. Joints that only follow others
-//! (`<mimic>`) at the end of a chain are fingers as well; those that follow a joint before them are rods of the arm itself.
+//! (`<mimic>`) at the end of a chain are fingers as well; those that follow a joint before them are rods of the arm itself. The one jaw of a
+//! gripper is told by the frame between the jaws, which the link before it carries past it; only where there is none, by its name.
 
 use std::collections::HashSet;
 
@@ -17,6 +18,22 @@ use crate::joint::JointKind;
 
 /// The name of the tool frame (REP-199 calls it so); in robots of several arms it ends the name.
 const TOOL: &str = "tool0";
+
+/// Words that end the names of jaws. What they call may also be turned as a whole (`gripper_roll`), or be what a wrist leads to (`wrist_to_gripper`).
+const JAWS: [&str; 4] = ["gripper", "jaw", "finger", "claw"];
+
+/// Joints before a jaw: nothing with fewer is an arm that grips.
+const FEWEST: usize = 3;
+
+/// Whether the last word of `name` that says anything calls it a jaw.
+fn is_called_jaw(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    let words: Vec<&str> =
+        lower.split(|c: char| !c.is_ascii_alphabetic()).filter(|word| !word.is_empty()).collect();
+    let last =
+        words.iter().rev().find(|word| !matches!(**word, "joint" | "link" | "l" | "r" | "left" | "right"));
+    !words.contains(&"to") && last.is_some_and(|word| JAWS.contains(word))
+}
 
 /// The arm in the tree.
 pub(super) struct Chain {
@@ -152,9 +169,35 @@ impl<'a> Ways<'a> {
             2 => branches.iter().filter(own).all(|branch| joints(branch) == joints(&joint)),
             _ => true,
         };
-        branches.len() > 1
-            && alike
-            && branches.iter().all(|b| joints(b) <= before && reach(b) < self.reach[joint.parent])
+        self.is_jaw(joint)
+            || branches.len() > 1
+                && alike
+                && branches.iter().all(|b| joints(b) <= before && reach(b) < self.reach[joint.parent])
+    }
+
+    /// True if `joint` is the one jaw of a gripper whose other jaw is the link before it: the only joint that parts from that link, the last of its
+    /// chain, and either passed by a bare frame of that link, the grasp between the jaws, or called a jaw.
+    fn is_jaw(&self, joint: &Joint) -> bool {
+        let before = self.moving[joint.parent];
+        let body = self.body[joint.parent];
+        let is_last = joint.motion.is_own() && self.most_moving[joint.child] == before + 1;
+        if !is_last || before < FEWEST || self.branches[body].len() > 1 {
+            return false;
+        }
+        let is_frame_of = |body: usize, link: usize| {
+            self.body[link] == body
+                && link != body
+                && self.robot.links[link].inertial.is_none()
+                && !self.robot.joints.iter().any(|other| other.parent == link)
+        };
+        // A jaw carries nothing, not even a frame; what a wrist carries has one.
+        if self.tree.order.iter().any(|&link| is_frame_of(joint.child, link)) {
+            return false;
+        }
+        let is_beyond =
+            |link: &usize| is_frame_of(body, *link) && self.reach[*link] > self.reach[joint.child];
+        let names = [&joint.name, &self.robot.links[joint.child].name];
+        self.tree.order.iter().any(is_beyond) || names.into_iter().any(|name| is_called_jaw(name))
     }
 
     /// True if `joint` mimics a joint that carries it, as the rods of a parallelogram do.

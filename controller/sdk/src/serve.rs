@@ -14,6 +14,12 @@ use crate::task::{Task, TaskError};
 /// Environment variable with the number of the controller's slot; 0 if it is not set.
 pub const SLOT_ENV: &str = "FREEPLAY_SLOT";
 
+/// Environment variable with the least time, s, for which a controller waits for its plant; `freeplay run` sets it to the patience of the scenario.
+pub const PATIENCE_ENV: &str = "FREEPLAY_PATIENCE";
+
+/// How long a controller waits for its plant if nobody asks it to wait longer.
+const PATIENCE: Duration = Duration::from_secs(10);
+
 /// Which run to join and how.
 #[derive(Clone, Debug)]
 pub struct ServeOptions {
@@ -28,9 +34,12 @@ pub struct ServeOptions {
 }
 
 impl ServeOptions {
-    /// For the run at `address`, slot 0, ten seconds of patience, nothing asked of the system.
+    /// For the run at `address`, slot 0, ten seconds of patience or what [`PATIENCE_ENV`] says if that is longer, nothing asked of the system.
     pub fn new(address: Address) -> ServeOptions {
-        ServeOptions { address, slot: 0, patience: Duration::from_secs(10), realtime: RtRequest::default() }
+        let asked = std::env::var(PATIENCE_ENV).ok().and_then(|seconds| seconds.parse().ok());
+        let asked = asked.and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+        let patience = asked.map_or(PATIENCE, |asked| asked.max(PATIENCE));
+        ServeOptions { address, slot: 0, patience, realtime: RtRequest::default() }
     }
 
     /// From the arguments of a command line (`--run ADDRESS`, `--slot N`; others are left alone), else from the environment variables

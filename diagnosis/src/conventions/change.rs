@@ -31,6 +31,8 @@ pub(crate) enum Physics {
     Link(usize),
     /// Motion of another joint in this joint's torque.
     Coupling(usize, usize),
+    /// Friction that grows with the load a joint carries.
+    LoadFriction(usize),
 }
 
 /// One change of the reading, or of the physics beside it.
@@ -67,13 +69,15 @@ pub(crate) enum Change {
 }
 
 /// Prior odds of the first change of a kind. Most recordings are read as they stand.
-const RARE: f64 = 0.01;
+pub(super) const RARE: f64 = 0.01;
 /// Of a further one of the same kind: where one joint is in amperes, others are, too.
 const FURTHER: f64 = 0.2;
 /// One of the faces that an arm can be mounted on.
 const FACES: f64 = 6.0;
+/// Quarter turns, forwards and back, and half turns.
+const QUARTERS: f64 = 3.0;
 /// Prior odds of physics beside it: a model without a load, a rotor or a spring is common.
-const COMMON: f64 = 0.1;
+pub(super) const COMMON: f64 = 0.1;
 
 impl Change {
     /// The kind of change, for prior odds and for finding a replacement.
@@ -99,12 +103,16 @@ impl Change {
 
     /// Natural logarithm of its prior odds beside `others`.
     pub fn log_odds(&self, others: &[Change]) -> f64 {
+        let is_further = others.iter().any(|other| other.sort() == self.sort());
+        let first = |odds: f64| if is_further { FURTHER } else { odds };
         let odds: f64 = match self {
             Change::Beside(_) => COMMON,
             Change::SameScale(..) => 0.5,
+            // One of several that are as probable: the faces, the quarter and half turns, a joint with its torque or without.
             Change::Gravity(_) => RARE / FACES,
-            _ if others.iter().any(|other| other.sort() == self.sort()) => FURTHER,
-            _ => RARE,
+            Change::Zero { .. } => first(RARE) / QUARTERS,
+            Change::Direction { .. } => first(RARE) / 2.0,
+            _ => first(RARE),
         };
         odds.ln()
     }

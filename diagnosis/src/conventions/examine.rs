@@ -18,18 +18,14 @@ type Rivals = Vec<(Change, String)>;
 
 /// Least log odds of a change, its price and its prior odds taken off, the rows counted as far as they are independent: 1000 to 1.
 const OVERWHELMING: f64 = 6.9;
-/// Of a channel that a change mends, the variance that is left has to fall by these factors for a sure and for a likely finding.
-const MOST: f64 = 10.0;
-const MUCH: f64 = 6.0;
-/// A channel counts for that where at least this share of its variance was unexplained.
-const UNEXPLAINED: f64 = 0.05;
-/// A channel speaks of its reading where the rigid arm makes this share of its variance.
+/// "Most" of what is left of a channel is more than half of its variance.
+const MOST: f64 = 2.0;
+/// A channel speaks of its reading where the rigid arm makes this share of its variance; a fault leaves more than this of some channel.
 pub(super) const SPOKEN: f64 = 0.1;
 /// Log odds within which another change explains as much: 20 to 1.
-const RIVAL: f64 = 3.0;
-/// Rows beyond which residuals are taken to be independent, and the most that a row may be correlated with the others.
+pub(super) const RIVAL: f64 = 3.0;
+/// Rows beyond which residuals are taken to be independent, and the most rows that count as one: 1.8 s, longer than any settling of an arm.
 const MEMORY: usize = 12;
-const MOST_ROWS_PER_ONE: f64 = 12.0;
 
 /// Whether `recording` and `arm` speak of the same arm, in the same units, signs, order and on the same clock.
 pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
@@ -59,12 +55,21 @@ pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
             smooth.unwrap_or_else(|| q.clone())
         })
         .collect();
-    if setup.stop.is_none()
-        && let Ok(samples) = Samples::new(&raw, &q)
-        && samples.len() > arm.dof() + MEMORY
-    {
-        Examination { arm, recording, samples: &samples }.conclude(&mut setup);
+    let Ok(mut samples) = Samples::new(&raw, &q) else { return setup };
+    if setup.stop.is_some() || samples.len() <= arm.dof() + MEMORY {
+        return setup;
     }
+    // Where no arm moves as far or as fast, nothing else need be asked of the unit.
+    let jumps: Vec<bool> = q.iter().zip(&recording.q).map(|(smooth, q)| smooth != q).collect();
+    let by_motion = kinds::angle_unit::by_motion(arm, &samples.motion, &jumps);
+    if let Some(finding) = by_motion {
+        setup.findings.push(finding);
+        setup.reading.positions = reading(arm, &[Change::AngleUnit]).positions;
+        for order in &mut samples.motion {
+            *order = setup.reading.motion(order, false);
+        }
+    }
+    Examination { arm, recording, samples: &samples }.conclude(&mut setup);
     setup
 }
 
@@ -78,15 +83,16 @@ impl Examination<'_> {
     fn conclude(&self, setup: &mut Setup) {
         let (has_torques, has_tool) = (self.samples.has_torques(), self.samples.has_tool());
         if !has_torques && !has_tool {
-            let [q, v, _] = &self.samples.motion;
-            let finding = kinds::angle_unit::by_motion(self.arm, q, v);
-            self.take(setup, finding.iter().map(|_| Change::AngleUnit).collect());
-            setup.findings.extend(finding);
             return;
         }
         let search = Search::new(self.arm, self.samples);
-        let (best, certain, rivals) = self.settled(&search);
-        if let Some(other) = kinds::another_arm::found(&best, self.arm.dof(), has_torques, has_tool) {
+        let first = search.best();
+        let (best, certain, rivals) = self.settled(&search, first.clone());
+        let is_another = self.is_another(&search, &first, &best);
+        // Torques without gravity are small, and mostly what the rigid arm does not say.
+        let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);
+        let other = kinds::another_arm::found(&best, self.arm.dof(), is_silent || !has_torques, has_tool);
+        if let Some(other) = other.or(is_another.then(kinds::another_arm::by_price)) {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
             // Torques alone can be far from any model; geometry can't.
@@ -115,16 +121,32 @@ impl Examination<'_> {
         setup.findings.extend(self.left_still(&best));
     }
 
+    /// Whether another arm explains the recording better than `settled` does, of which every change is certain: it explains as much as `first`, the
+    /// best set of all, with the same physics beside it, at a lower price.
+    fn is_another(&self, search: &Search, first: &Outcome, settled: &Outcome) -> bool {
+        let price = kinds::another_arm::price(self.arm.dof(), search.whole.log_price(first.likelihood.len()));
+        let physics = search.whole.physics_price(first);
+        if price + physics > first.price() || first.likelihood.len() != settled.likelihood.len() {
+            return false;
+        }
+        let counts = rows_per_one(&search.whole.residuals(first));
+        let gains = first.likelihood.iter().zip(&settled.likelihood).zip(&counts);
+        let gain: f64 = gains.map(|((with, without), count)| (with - without) / count).sum();
+        gain + settled.price() - price - physics > OVERWHELMING
+    }
+
     /// The reading of the changes that are sure, with what was known of it before.
     fn take(&self, setup: &mut Setup, sure: Vec<Change>) {
         let known = setup.reading.clone();
         setup.reading =
             Reading { time_unit: known.time_unit, unwrap: known.unwrap, ..reading(self.arm, &sure) };
+        for (position, known) in setup.reading.positions.iter_mut().zip(&known.positions) {
+            position.unit *= known.unit;
+        }
     }
 
     /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
-    fn settled(&self, search: &Search) -> (Outcome, Certain, Rivals) {
-        let mut best = search.best();
+    fn settled(&self, search: &Search, mut best: Outcome) -> (Outcome, Certain, Rivals) {
         loop {
             let (certain, rivals) = self.certain(search, &best);
             let is_kept = |change: &&Change| {
@@ -135,13 +157,21 @@ impl Examination<'_> {
             if kept.len() == readings.count() {
                 return (best, certain, rivals);
             }
-            best = search.beside(&kept);
+            best = search.beside(&kept, &self.large(&best, &kept), None);
         }
     }
 
-    /// The changes of `best` that are sure or likely, each with what explains as much.
+    /// Those of `changes` of `best` that no law of the catalogue covers.
+    fn large(&self, best: &Outcome, changes: &[Change]) -> Vec<Change> {
+        changes.iter().copied().filter(|change| !kinds::is_small(self.arm, best, change)).collect()
+    }
+
+    /// The changes of `best` that are sure, each with what explains as much; none of a set that can't be.
     fn certain(&self, search: &Search, best: &Outcome) -> (Certain, Rivals) {
-        let counts = rows_per_one(best);
+        if best.likelihood.is_empty() {
+            return (Vec::new(), Vec::new());
+        }
+        let counts = rows_per_one(&search.whole.residuals(best));
         let (mut certain, mut rivals) = (Vec::new(), Vec::new());
         let asked = best
             .changes
@@ -150,12 +180,18 @@ impl Examination<'_> {
         for change in asked {
             let rest = without(&best.changes, change);
             let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
-            let other = search.beside(&readings);
+            let other = search.beside(&readings, &self.large(best, &readings), Some(change.sort()));
+            // Without a fit there is nothing to compare with.
             if other.likelihood.len() != best.likelihood.len() {
                 continue;
             }
-            let Some(certainty) = certainty(change, best, &other, &counts) else { continue };
-            certain.push((*change, certainty));
+            // Physics that fits one reading may be impossible under another.
+            let same = Some(search.whole.outcome(&rest)).filter(|same| !same.likelihood.is_empty());
+            let same = same.unwrap_or_else(|| other.clone());
+            if !is_certain(change, best, &other, &same, &counts) {
+                continue;
+            }
+            certain.push((*change, Certainty::Sure));
             rivals.extend(self.rival(search, best, change, &rest).map(|words| (*change, words)));
         }
         (certain, rivals)
@@ -180,8 +216,7 @@ impl Examination<'_> {
 
     /// A position that never changes, in a recording that no reading explains.
     fn left_still(&self, best: &Outcome) -> Option<SetupFinding> {
-        const UNEXPLAINED: f64 = 0.3;
-        let is_odd = best.left.iter().any(|left| *left > UNEXPLAINED);
+        let is_odd = best.left.iter().any(|left| *left > kinds::another_arm::UNEXPLAINED);
         kinds::frozen_channel::suspected(self.arm, self.recording)
             .filter(|_| is_odd)
             .map(|finding| SetupFinding { certainty: Certainty::Likely, ..finding })
@@ -195,13 +230,16 @@ fn without(changes: &[Change], change: &Change) -> Vec<Change> {
     changes.iter().filter(stays).copied().collect()
 }
 
-/// How sure it is that `best` is right against `other`, which lacks `change`; rows of channel c count 1/`counts[c]` each. A reading shows
-/// in what the arm itself asks for: where friction is all, a gap or bristles look like a clock, and a torque that has nothing to do with
-/// the model like one in a unit that is far too large. Torques without gravity alone may be silent.
-fn certainty(change: &Change, best: &Outcome, other: &Outcome, counts: &[f64]) -> Option<Certainty> {
-    let is_silent = matches!(change, Change::Compensated);
-    let price = |outcome: &Outcome| outcome.evidence - outcome.likelihood.iter().sum::<f64>();
-    let mut odds = price(best) - price(other);
+/// Whether `best` is right against `other`, the best set without `change`: by odds, rows of channel c counting 1/`counts[c]` each, and by what
+/// the change takes away of what is left of `same`, which is `best` without it, in a channel that `best` explains.
+///
+/// A reading shows in channels where the rigid arm speaks, as it is read with the change: where friction is all, a gap or bristles look like a
+/// clock, and a torque that has little to do with the model like one in a unit that is far too large. Friction speaks of signs itself, since it
+/// never drives; torques without gravity alone may be silent.
+fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, counts: &[f64]) -> bool {
+    let is_silent = matches!(change, Change::Compensated | Change::TorqueSign(_) | Change::Direction { .. });
+    let mut odds = other.price() - best.price();
+    let is_explained = |left: f64| left <= kinds::another_arm::UNEXPLAINED;
     let mut fall = 1.0_f64;
     for (c, count) in counts.iter().enumerate() {
         if !is_silent && best.spoken[c] < SPOKEN {
@@ -211,22 +249,15 @@ fn certainty(change: &Change, best: &Outcome, other: &Outcome, counts: &[f64]) -
         let Some(without) = other.likelihood.get(c) else { continue };
         let gain = best.likelihood[c] - without;
         odds += if gain > 0.0 { gain / count } else { gain };
-        if other.left[c] > UNEXPLAINED {
-            fall = fall.max((other.left[c] + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
+        if let Some(left) = same.left.get(c).filter(|_| is_explained(best.left[c])) {
+            fall = fall.max((left + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
         }
     }
-    if odds.is_nan() || odds <= OVERWHELMING {
-        return None;
-    }
-    match fall {
-        fall if fall > MOST => Some(Certainty::Sure),
-        fall if fall > MUCH => Some(Certainty::Likely),
-        _ => None,
-    }
+    odds > OVERWHELMING && fall > MOST
 }
 
 /// How many rows of each channel count as one: 1 + 2 Σ ρ_k of what is left of it (Bartlett 1946).
-fn rows_per_one(best: &Outcome) -> Vec<f64> {
+fn rows_per_one(residuals: &[Vec<f64>]) -> Vec<f64> {
     let of = |residual: &Vec<f64>| {
         let mean = residual.iter().sum::<f64>() / residual.len().max(1) as f64;
         let x: Vec<f64> = residual.iter().map(|x| x - mean).collect();
@@ -236,7 +267,7 @@ fn rows_per_one(best: &Outcome) -> Vec<f64> {
         }
         let at = |lag: usize| x.iter().zip(&x[lag.min(x.len())..]).map(|(a, b)| a * b).sum::<f64>() / whole;
         let sum: f64 = (1..=MEMORY).map(at).take_while(|rho| *rho > 0.0).sum();
-        (1.0 + 2.0 * sum).min(MOST_ROWS_PER_ONE)
+        (1.0 + 2.0 * sum).min(MEMORY as f64)
     };
-    best.residual.iter().map(of).collect()
+    residuals.iter().map(of).collect()
 }

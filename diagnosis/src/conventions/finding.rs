@@ -10,7 +10,7 @@ use super::reading::Reading;
 pub enum Certainty {
     /// The evidence is overwhelming, and the mended reading takes most of the residual away.
     Sure,
-    /// The evidence is overwhelming, but much of the residual stays: a question to the person.
+    /// Much of what was recorded stays unexplained by any reading: a question to the person.
     Likely,
 }
 

@@ -1,89 +1,70 @@
-//! A reading as a mapping file: what `--mapping` takes.
+//! A reading as a mapping file of the file that was read: what `--mapping` takes.
 
-use std::fmt::Write as _;
-
-use freeplay_recording::{Group, Recording};
+use freeplay_recording::{Quantity, Recording, Sources};
 
 use super::reading::Reading;
 
-/// `reading` as a mapping of the columns of `recording` under their own names; `None` for a reading that changes nothing.
+/// `reading` as a mapping of the columns that `recording` was made of, under the names that they have in their file; `None` for a reading that
+/// changes nothing.
 pub(crate) fn mapping(reading: &Reading, recording: &Recording) -> Option<String> {
     if reading.is_plain() {
         return None;
     }
-    let mut text = String::from("# How this recording is to be read. Correct it where it is wrong.\n");
-    if recording.guessed.is_some() {
-        text.push_str(
-            "# Its columns are those that freeplay record import gives the recording: import it before.\n",
-        );
-    }
-    if reading.gravity_added {
-        text.push_str("gravity_compensated = true\n");
-    }
-    let _ = write!(text, "\n[t]\ncolumns = \"t\"\n{}", scale(&[reading.time_unit]));
-    let joints = reading.positions.len();
-    let sources: Vec<usize> = reading.positions.iter().map(|position| position.source).collect();
-    let factors: Vec<f64> = reading.positions.iter().map(|position| position.sign * position.unit).collect();
-    let zeros: Vec<f64> = reading.positions.iter().map(|position| position.zero).collect();
-    let mut positions = |group: Group, name: &str, has_zero: bool| {
-        let _ = write!(text, "\n[{name}]\n{}{}", columns(group, &sources), scale(&factors));
-        if has_zero && zeros.iter().any(|zero| *zero != 0.0) {
-            let _ = writeln!(text, "offset = {zeros:?}");
+    let mut sources = Sources::of(recording);
+    correct_positions(reading, &mut sources);
+    for quantity in &mut sources.quantities {
+        match quantity.key.as_str() {
+            "t" => quantity.scale.iter_mut().for_each(|scale| *scale *= reading.time_unit),
+            "tau" => {
+                quantity.reorder(&reading.torques.iter().map(|torque| torque.source).collect::<Vec<_>>());
+                for (joint, torque) in reading.torques.iter().enumerate() {
+                    quantity.scale[joint] *= torque.factor;
+                    quantity.offset[joint] *= torque.factor;
+                }
+                quantity.delay += reading.torque_delay;
+            }
+            "tool" | "orientation" => quantity.delay += reading.tool_delay,
+            _ => {}
         }
-        if has_zero && reading.unwrap {
-            text.push_str("unwrap = true\n");
+    }
+    sources.gravity_compensated |= reading.gravity_added;
+    let head = "# How this recording is to be read. Correct it where it is wrong, and give it back with --mapping.\n";
+    Some(format!("{head}{}", sources.to_toml(&recording.joint_names)))
+}
+
+/// Positions and velocities: order, signs, units, zeros, jumps, and what they hold of other joints.
+fn correct_positions(reading: &Reading, sources: &mut Sources) {
+    let order: Vec<usize> = reading.positions.iter().map(|position| position.source).collect();
+    let place = |joint: usize| order.iter().position(|&old| old == joint).unwrap_or(joint);
+    let factor = |joint: usize| reading.positions[joint].sign * reading.positions[joint].unit;
+    // A position that held another one's in the file still does, in the new signs and places.
+    for (joint, other, k) in &mut sources.relative {
+        (*joint, *other) = (place(*joint), place(*other));
+        *k *= factor(*joint) / factor(*other);
+    }
+    let relative = sources.relative.clone();
+    let of_joints =
+        |quantity: &&mut Quantity| matches!(quantity.key.as_str(), "q" | "qd" | "q_ref" | "q_link");
+    for quantity in sources.quantities.iter_mut().filter(of_joints) {
+        quantity.reorder(&order);
+        let has_zeros = quantity.key != "qd";
+        for joint in 0..order.len() {
+            quantity.scale[joint] *= factor(joint);
+            quantity.offset[joint] *= factor(joint);
+            if has_zeros {
+                quantity.offset[joint] += reading.positions[joint].zero;
+            }
         }
-    };
-    positions(Group::Position, "q", true);
-    if recording.qd.is_some() {
-        positions(Group::Velocity, "qd", false);
-    }
-    if recording.q_ref.is_some() {
-        positions(Group::Reference, "q_ref", true);
-    }
-    if recording.q_link.len() == joints && recording.q_link.iter().all(Option::is_some) {
-        positions(Group::Link, "q_link", true);
-    }
-    if recording.tau.is_some() {
-        let sources: Vec<usize> = reading.torques.iter().map(|torque| torque.source).collect();
-        let factors: Vec<f64> = reading.torques.iter().map(|torque| torque.factor).collect();
-        let _ = write!(text, "\n[tau]\n{}{}", columns(Group::Torque, &sources), scale(&factors));
-        text.push_str(&delay(reading.torque_delay));
-    }
-    if recording.tool.is_some() {
-        let _ = write!(text, "\n[tool]\ncolumns = [\"x\", \"y\", \"z\"]\n{}", delay(reading.tool_delay));
-    }
-    if recording.orientation.is_some() {
-        let names = "columns = [\"qx\", \"qy\", \"qz\", \"qw\"]";
-        let _ = write!(text, "\n[orientation]\n{names}\n{}", delay(reading.tool_delay));
+        quantity.unwrap |= reading.unwrap && has_zeros;
+        if has_zeros {
+            for &(joint, other, k) in &relative {
+                quantity.offset[joint] += k * reading.positions[other].zero;
+            }
+        }
     }
     for (joint, position) in reading.positions.iter().enumerate() {
         if let Some((other, factor)) = position.relative {
-            let _ = write!(
-                text,
-                "\n[[relative]]\njoint = {}\nto = {}\nfactor = {factor:?}\n",
-                joint + 1,
-                other + 1
-            );
+            sources.relative.push((joint, other, factor));
         }
     }
-    Some(text)
-}
-
-fn columns(group: Group, sources: &[usize]) -> String {
-    let names: Vec<String> = sources.iter().map(|source| group.column(*source)).collect();
-    format!("columns = {names:?}\n")
-}
-
-/// Nothing for factors of one.
-fn scale(factors: &[f64]) -> String {
-    match factors {
-        factors if factors.iter().all(|factor| *factor == 1.0) => String::new(),
-        [one] => format!("scale = {one:?}\n"),
-        all => format!("scale = {all:?}\n"),
-    }
-}
-
-fn delay(seconds: f64) -> String {
-    if seconds == 0.0 { String::new() } else { format!("delay = {seconds:?}\n") }
 }

@@ -5,22 +5,25 @@
 //! - `reading`: how columns are read; what a recording is with that reading.
 //! - `samples`: a recording as few, effectively independent rows.
 //! - `change`: what a hypothesis changes, and its prior odds.
-//! - `regression`, `problem`: the evidence of a set of changes.
+//! - `bodies`, `along`: the arm along a motion; `normal`, `torques`: its fit to what was recorded; `problem`: the evidence of a set of changes.
 //! - `search`: the best set, from several starts.
 //! - `kinds`: what each kind of fault asks and says, one file each.
 //! - `examine`: all of it; `finding`: what comes of it; `several`: of several recordings; `mapping`: as a mapping file.
 
+mod along;
+mod bodies;
 mod change;
 mod examine;
 mod finding;
 mod kinds;
 mod mapping;
+mod normal;
 mod problem;
 mod reading;
-mod regression;
 mod samples;
 mod search;
 mod several;
+mod torques;
 
 pub use examine::examine;
 pub use finding::{Certainty, Setup, SetupFinding, sentences};

@@ -1,11 +1,12 @@
 //! The best set of changes: steps from several starts, each adding, dropping or exchanging one change.
 
+use freeplay_arm::Arm;
+
 use super::change::{Change, Late, Physics};
+use super::examine::{RIVAL, SPOKEN};
 use super::kinds::{self, Ask};
 use super::problem::{FLOOR, Outcome, Problem};
 
-/// Most steps from one start.
-const STEPS: usize = 24;
 /// Changes of a step whose numbers are fitted.
 const REFINED: usize = 2;
 /// Rows of the screening.
@@ -17,11 +18,6 @@ const AHEAD: usize = 2;
 const PROMISING: usize = 48;
 /// The floor under which numbers of a settled set are fitted.
 const SHARP: f64 = 2e-3;
-/// Half the width within which a fitted zero is refined, rad, and a delay, s.
-const ABOUT_ZERO: f64 = 0.27;
-const ABOUT_DELAY: f64 = 0.02;
-/// What a finer set may lose of the evidence under the coarse floor: a factor of 20.
-const FINER: f64 = 3.0;
 /// Steps of the golden-section search of both.
 const GOLDEN: usize = 14;
 
@@ -35,7 +31,7 @@ pub(crate) struct Search<'a> {
 
 impl<'a> Search<'a> {
     /// For an arm and the rows of a recording.
-    pub fn new(arm: &'a freeplay_arm::Arm, samples: &'a super::samples::Samples) -> Self {
+    pub fn new(arm: &'a Arm, samples: &'a super::samples::Samples) -> Self {
         let stride = (samples.len() / FEW_ROWS).max(1);
         Self {
             whole: Problem::new(arm, samples, 1, FLOOR),
@@ -46,9 +42,9 @@ impl<'a> Search<'a> {
 
     /// The best set of all starts: sought on few rows, settled on all of them.
     pub fn best(&self) -> Outcome {
-        let plain = climb(&self.few, &[], true);
+        let plain = climb(&self.few, &[], Scope::All);
         let best = if is_settled(&plain) { plain } else { self.of_all_starts(plain) };
-        self.settled(&best.changes, true)
+        self.settled(&best.changes, Scope::All)
     }
 
     fn of_all_starts(&self, plain: Outcome) -> Outcome {
@@ -58,16 +54,16 @@ impl<'a> Search<'a> {
         let mut starts = vec![vec![Change::AngleUnit]];
         if self.whole.samples.has_torques() {
             let turned = [scales.as_slice(), &[Change::AnyGravity]].concat();
-            starts.extend([scales, vec![Change::AnyGravity], turned, signs]);
+            starts.extend([scales, vec![Change::AnyGravity], turned, signs, vec![Change::Compensated]]);
         }
         // All start, the two that are ahead after a few steps go on.
         let mut ahead: Vec<Outcome> =
-            starts.iter().map(|start| steps(&self.few, start, true, FIRST)).collect();
+            starts.iter().map(|start| steps(&self.few, start, Scope::All, FIRST)).collect();
         ahead.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         ahead.truncate(AHEAD);
         let mut best = plain;
         for start in ahead {
-            let other = climb(&self.few, &start.changes, true);
+            let other = climb(&self.few, &start.changes, Scope::All);
             if other.evidence > best.evidence {
                 best = other;
             }
@@ -78,24 +74,26 @@ impl<'a> Search<'a> {
         best
     }
 
-    /// The best set of `start` and physics beside it.
-    pub fn beside(&self, start: &[Change]) -> Outcome {
-        self.settled(&climb(&self.few, start, false).changes, false)
+    /// The best set of `start` and physics beside it, small misreadings among that; those of `kept` stay, and those
+    /// of the sort `judged` are not asked for.
+    pub fn beside(&self, start: &[Change], kept: &[Change], judged: Option<u8>) -> Outcome {
+        let scope = Scope::Beside(kept, judged);
+        self.settled(&climb(&self.few, start, scope).changes, scope)
     }
 
     /// `changes` on all rows: what is not worth it there is dropped, and numbers are fitted as finely as the instruments allow.
-    fn settled(&self, changes: &[Change], with_reading: bool) -> Outcome {
+    fn settled(&self, changes: &[Change], scope: Scope) -> Outcome {
         let mut best = self.whole.outcome(changes);
-        while let Some(next) = dropped(&self.whole, &best, with_reading)
+        while let Some(next) = dropped(&self.whole, &best, scope)
             .into_iter()
             .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
             .filter(|next| next.evidence > best.evidence)
         {
             best = next;
         }
-        if with_reading {
+        if matches!(scope, Scope::All) {
             let finer = self.whole.outcome(&self.finer(&best.changes));
-            if finer.evidence > best.evidence - FINER {
+            if finer.evidence > best.evidence - RIVAL {
                 best = finer;
             }
         }
@@ -108,24 +106,56 @@ impl<'a> Search<'a> {
         for _ in 0..best.changes.len() {
             // The first change goes to the end, refined.
             best.changes.rotate_left(1);
-            best = refined(&self.sharp, best);
+            best = refined(&self.sharp, best, Scope::All);
         }
         best.changes
     }
 }
 
-/// Steps from `start` as long as the evidence grows; changes of the reading among them, or physics beside it alone.
-fn climb(problem: &Problem, start: &[Change], with_reading: bool) -> Outcome {
-    steps(problem, start, with_reading, STEPS)
+/// What a search may change.
+#[derive(Clone, Copy)]
+enum Scope<'s> {
+    /// The reading, and physics beside it.
+    All,
+    /// Physics beside these changes of the reading, small misreadings that the catalogue has laws for included; but for those of the same sort as
+    /// the change that is judged: where these end is a matter of size, not of odds.
+    Beside(&'s [Change], Option<u8>),
+}
+
+impl Scope<'_> {
+    fn allows(self, arm: &Arm, outcome: &Outcome) -> bool {
+        let Scope::Beside(kept, _) = self else { return true };
+        let is_physics = |change: &Change| {
+            !change.is_reading() || kinds::is_small(arm, outcome, change) || kept.contains(change)
+        };
+        outcome.changes.iter().all(is_physics) && kept.iter().all(|change| outcome.changes.contains(change))
+    }
+
+    /// Whether `change` can be physics, whatever number is fitted to it.
+    fn asks(self, change: &Change) -> bool {
+        match (self, change) {
+            (Scope::Beside(_, Some(sort)), change) if change.sort() == sort => false,
+            (Scope::All, _)
+            | (_, Change::Beside(_) | Change::Scale(_) | Change::CommonScale | Change::AnyGravity) => true,
+            (_, Change::Zero { offset, .. }) => offset.abs() <= kinds::joint_zero::LEAST,
+            (_, Change::Delay(_, delay)) => delay.abs() <= kinds::clock_offset::LEAST,
+            _ => false,
+        }
+    }
+}
+
+/// Steps from `start` as long as the evidence grows.
+fn climb(problem: &Problem, start: &[Change], scope: Scope) -> Outcome {
+    steps(problem, start, scope, usize::MAX)
 }
 
 /// The same, `most` steps at most.
-fn steps(problem: &Problem, start: &[Change], with_reading: bool, most: usize) -> Outcome {
+fn steps(problem: &Problem, start: &[Change], scope: Scope, most: usize) -> Outcome {
     let mut best = problem.outcome(start);
     let mut promising = None;
     for _ in 0..most {
-        let added = added(problem, &best, with_reading, &mut promising);
-        let next = added.into_iter().chain(dropped(problem, &best, with_reading));
+        let added = added(problem, &best, scope, &mut promising);
+        let next = added.into_iter().chain(dropped(problem, &best, scope));
         let Some(next) = next.max_by(|a, b| a.evidence.total_cmp(&b.evidence)) else { break };
         if next.evidence.is_nan() || next.evidence <= best.evidence {
             break;
@@ -149,53 +179,58 @@ fn steps(problem: &Problem, start: &[Change], with_reading: bool, most: usize) -
 fn added(
     problem: &Problem,
     best: &Outcome,
-    with_reading: bool,
+    scope: Scope,
     promising: &mut Option<Vec<Change>>,
 ) -> Option<Outcome> {
     let samples = problem.samples;
-    let ask =
-        Ask { arm: problem.arm, has_torques: samples.has_torques(), has_tool: samples.has_tool(), best };
+    let ask = Ask {
+        arm: problem.arm,
+        has_torques: samples.has_torques(),
+        has_tool: samples.has_tool(),
+        positions: &samples.motion[0],
+        best,
+    };
     let asked = promising.clone().unwrap_or_else(|| kinds::asks(&ask));
-    let asked = asked.into_iter().filter(|change| with_reading || !change.is_reading());
+    let asked = asked.into_iter().filter(|change| scope.asks(change));
     let sets = asked.filter_map(|change| {
         let others = best.changes.iter().copied().filter(|other| !other.excludes(&change));
         let set: Vec<Change> = others.chain([change]).collect();
         (!best.changes.contains(&change)).then_some(set)
     });
-    let mut outcomes: Vec<Outcome> = sets.map(|set| problem.outcome(&set)).collect();
+    let outcomes = sets.map(|set| problem.outcome(&set)).filter(|outcome| scope.allows(problem.arm, outcome));
+    let mut outcomes: Vec<Outcome> = outcomes.collect();
     outcomes.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let last = outcomes.iter().take(PROMISING).filter_map(|outcome| outcome.changes.last().copied());
     *promising = Some(last.collect());
     outcomes.truncate(REFINED);
     outcomes
         .into_iter()
-        .map(|outcome| refined(problem, outcome))
+        .map(|outcome| refined(problem, outcome, scope))
         .max_by(|a, b| a.evidence.total_cmp(&b.evidence))
 }
 
 /// The outcomes with one change less.
-fn dropped(problem: &Problem, best: &Outcome, with_reading: bool) -> Vec<Outcome> {
-    let droppable = |k: &usize| with_reading || !best.changes[*k].is_reading();
+fn dropped(problem: &Problem, best: &Outcome, scope: Scope) -> Vec<Outcome> {
     let without = |k: usize| {
         let mut set = best.changes.clone();
         set.remove(k);
         problem.outcome(&set)
     };
-    (0..best.changes.len()).filter(droppable).map(without).collect()
+    (0..best.changes.len()).map(without).filter(|outcome| scope.allows(problem.arm, outcome)).collect()
 }
 
 /// `outcome` with the number of its last change fitted, or rounded, where that is worth it.
-fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
+fn refined(problem: &Problem, outcome: Outcome, scope: Scope) -> Outcome {
     let Some((last, rest)) = outcome.changes.split_last() else { return outcome };
     let with = |change: Change| problem.outcome(&[rest, &[change]].concat());
     let fitted: Vec<Change> = match *last {
         Change::Zero { joint, offset, .. } => {
             let at = |offset| Change::Zero { joint, offset, is_fitted: true };
-            vec![at(golden(offset, ABOUT_ZERO, |x| with(at(x)).evidence))]
+            vec![at(golden(offset, 0.5 * kinds::joint_zero::STEP, |x| with(at(x)).evidence))]
         }
         Change::Delay(late, delay) => {
             let at = |delay| Change::Delay(late, delay);
-            vec![at(golden(delay, ABOUT_DELAY, |x| with(at(x)).evidence))]
+            vec![at(golden(delay, 0.5 * kinds::clock_offset::APART, |x| with(at(x)).evidence))]
         }
         Change::Scale(joint) | Change::SameScale(joint, _) => {
             kinds::torque_unit::rounded(outcome.scale[joint])
@@ -205,14 +240,12 @@ fn refined(problem: &Problem, outcome: Outcome) -> Outcome {
         }
         _ => Vec::new(),
     };
-    let fitted = fitted.into_iter().map(with);
+    let fitted = fitted.into_iter().map(with).filter(|outcome| scope.allows(problem.arm, outcome));
     fitted.fold(outcome.clone(), |best, other| if other.evidence > best.evidence { other } else { best })
 }
 /// Whether a set leaves so little of every channel that no other start can say more.
 fn is_settled(outcome: &Outcome) -> bool {
-    /// A fault of the reading leaves more than a tenth of the variance of some channel.
-    const LITTLE: f64 = 0.1;
-    outcome.left.iter().all(|left| left.is_nan() || *left <= LITTLE)
+    outcome.left.iter().all(|left| left.is_nan() || *left <= SPOKEN)
 }
 
 /// The place within `width` of `about` where `value` is greatest (Kiefer 1953).
@@ -244,6 +277,7 @@ pub(crate) fn physics(joints: usize) -> Vec<Change> {
             Physics::Spring(joint),
             Physics::Drag(joint),
             Physics::Link(joint),
+            Physics::LoadFriction(joint),
         ]);
         all.extend((joint > 0).then(|| Physics::Coupling(joint, joint - 1)));
         all.extend((joint + 1 < joints).then_some(Physics::Coupling(joint, joint + 1)));

@@ -11,8 +11,19 @@ use super::words;
 /// Most alternatives of one finding that are listed.
 const LISTED: usize = 3;
 
+/// What was tried in the place of a finding.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Tried {
+    /// The number of the finding's block.
+    pub member: usize,
+    /// The number of the block that was put in its place.
+    pub index: usize,
+    /// By how much less the log of the evidence is.
+    pub against: f64,
+}
+
 /// The most probable others in the place of each member of `fit`: each was put there, in the form that explains most, beside the other members.
-pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
+pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
     let mut all = Vec::new();
     for &member in &fit.members {
         let others: Vec<usize> = fit.members.iter().copied().filter(|other| *other != member).collect();
@@ -24,10 +35,29 @@ pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
             let Some(index) = search.refined(&others, index) else { continue };
             let instead: Vec<usize> = others.iter().copied().chain([index]).collect();
             let Some(there) = search.system.held_fit(&instead) else { continue };
-            all.push(alternative(search, member, index, own.value - there.value));
+            let mut against = own.value - there.value;
+            if search.system.candidate(member).kind.shakes {
+                // The rows in which this law is in doubt count for more under another.
+                let [Some(own), Some(there)] =
+                    [&fit.members, &instead].map(|members| search.settled(members.clone()))
+                else {
+                    continue;
+                };
+                against = own.evidence - there.evidence;
+                if search.settled(fit.members.clone()).is_none() {
+                    continue;
+                }
+            }
+            all.push(Tried { member, index, against });
         }
     }
     all
+}
+
+/// What was tried in the place of the members of `fit`, for the report.
+pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
+    let all = tried(search, fit);
+    all.iter().map(|tried| alternative(search, tried)).collect()
 }
 
 /// The best forms of other effects that show where `member` does, most probable first.
@@ -55,7 +85,7 @@ fn nearest(search: &Search, without: &Fit, member: usize) -> Vec<usize> {
     order.into_iter().take(LISTED).map(|(_, index)| index).collect()
 }
 
-fn alternative(search: &Search, member: usize, index: usize, against: f64) -> Alternative {
+fn alternative(search: &Search, &Tried { member, index, against }: &Tried) -> Alternative {
     let system = &search.system;
     let (named, other) = (system.candidate(member), system.candidate(index));
     let arm = system.data.arm();

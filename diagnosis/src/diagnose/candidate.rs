@@ -9,12 +9,12 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use toml::{Table, Value};
 
 use super::columns::dot;
-use super::data::{Column, Data};
-use super::moments::{in_one_recording, struck};
-use super::parts::Part;
+use super::data::{Column, Data, REMEMBERED};
+use super::moments::{in_one_recording, struck, window};
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
 use crate::residual::Kind;
+use crate::statistics::span;
 
 /// What of an effect is not linear: all that its columns depend on.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -53,8 +53,8 @@ pub(crate) struct Candidate {
     pub forms: usize,
     /// Whether it changes what is read of the machine, and so acts on all that the machine does.
     pub is_read: bool,
-    /// Whether it gives its joint play.
-    gives_play: bool,
+    /// Whether it parts its joint from what moves with it: by play in the bearing, or by a spring or a gap in the gear.
+    parts: [bool; 2],
     /// Where its terms are among all terms of the law; the others are zero.
     shown: Vec<usize>,
     /// Number of all terms of the law.
@@ -72,7 +72,7 @@ impl Candidate {
         joint: Option<usize>,
         form: Form,
     ) -> Result<Option<Self>, LawError> {
-        let (terms, mut columns) = columns(data, kind, joint, &form, false)?;
+        let (terms, mut columns) = columns(data, kind, joint, &form)?;
         if columns.iter().flatten().flatten().flatten().any(|x| !x.is_finite()) {
             return Ok(None);
         }
@@ -90,11 +90,11 @@ impl Candidate {
         let terms: Vec<Term> = shown.iter().map(|&place| terms[place].clone()).collect();
         let placed = Placed::new(&table(kind, joint, data.arm(), terms[0].plus.clone()), data.arm());
         let is_read = placed.as_ref().is_ok_and(|placed| placed.effect.measures());
-        let gives_play = placed.is_ok_and(|placed| {
-            let mut injection = Injection::default();
+        let mut injection = Injection::default();
+        if let Ok(placed) = &placed {
             placed.effect.inject(&mut injection);
-            !injection.clearances.is_empty()
-        });
+        }
+        let parts = [!injection.clearances.is_empty(), !injection.transmissions.is_empty()];
         let channels = (0..data.channels()).filter(|&c| columns.iter().any(|column| column[c].is_some()));
         let channels = channels.collect();
         Ok(Some(Self {
@@ -106,7 +106,7 @@ impl Candidate {
             channels,
             forms: 1,
             is_read,
-            gives_play,
+            parts,
             shown,
             all,
         }))
@@ -116,19 +116,6 @@ impl Candidate {
     pub fn reformed(&self, data: &Data, form: Form) -> Option<Self> {
         let other = Self::new(data, self.kind, self.joint, form).ok()??;
         (other.shown == self.shown).then_some(Self { forms: self.forms, ..other })
-    }
-
-    /// The same with its columns on the test part, too.
-    ///
-    /// # Errors
-    /// See [`LawError`].
-    pub fn tested(&self, data: &Data) -> Result<Self, LawError> {
-        let (_, mut all) = columns(data, self.kind, self.joint, &self.form, true)?;
-        all.resize_with(self.all, || vec![None; data.channels()]);
-        let columns: Vec<Column> = self.shown.iter().map(|&place| std::mem::take(&mut all[place])).collect();
-        let shows = |c: &usize| columns.iter().any(|column| column[*c].is_some());
-        let channels = (0..data.channels()).filter(shows).collect();
-        Ok(Self { columns: Rc::new(columns), channels, ..self.clone() })
     }
 
     /// Number of coefficients.
@@ -141,14 +128,18 @@ impl Candidate {
         self.terms.iter().map(|term| [term.least, term.most]).collect()
     }
 
-    /// The same effect at the same place, in whatever form.
+    /// The same effect at the same place, in whatever form; what happens at a time may happen again.
     pub fn same_effect(&self, other: &Self) -> bool {
-        self.kind.name == other.kind.name && self.joint == other.joint && self.form.only == other.form.only
+        self.kind.name == other.kind.name
+            && self.joint == other.joint
+            && (self.form.only == other.form.only || self.form.only.is_none() || other.form.only.is_none())
+            && (!self.kind.happens() || meet(&self.form.shape, &other.form.shape))
     }
 
-    /// Whether no machine can have both: they are the same effect, or each gives the joint all of its play.
+    /// Whether no machine can have both: they are the same effect, or each gives the joint all of its play, or its gear all of its spring and gap.
     pub fn excludes(&self, other: &Self) -> bool {
-        self.same_effect(other) || self.gives_play && other.gives_play && self.joint == other.joint
+        let both = self.parts.iter().zip(other.parts).any(|(own, other)| *own && other);
+        self.same_effect(other) || both && self.joint == other.joint
     }
 
     /// Whether both show in one channel at least: else neither can stand in the other's place.
@@ -183,40 +174,66 @@ impl Candidate {
         Placed::new(&self.table(arm, coefficients), arm).ok()
     }
 
+    /// By how much its law with these coefficients of the terms shown may be off, by channel and row: what two ways of its parts to come apart and meet again
+    /// differ by. Nothing of a law without such parts.
+    pub fn doubt(&self, data: &Data, coefficients: &[f64]) -> Option<Column> {
+        let parameters = self.parameters(coefficients);
+        let other = self.kind.on_another_course(&parameters)?;
+        let answers = |parameters: Table| -> Option<Column> {
+            let of_stage = |stage: &Stage| {
+                let table = table(self.kind, self.joint, stage.arm(), parameters.clone());
+                stage.answer(&Placed::new(&table, stage.arm()).ok()?).ok()
+            };
+            Some(data.column(data.stages.iter().map(of_stage).collect::<Option<_>>()?))
+        };
+        let (mut doubt, other) = (answers(parameters)?, answers(other)?);
+        for (own, other) in doubt.iter_mut().zip(other) {
+            match (own.as_mut(), other) {
+                (Some(own), Some(other)) => own.iter_mut().zip(other).for_each(|(x, other)| *x -= other),
+                (None, Some(other)) => *own = Some(other),
+                (_, None) => (),
+            }
+        }
+        Some(doubt)
+    }
+
     /// The numbers of its shape that can take any value near by.
     pub fn numbers(&self) -> Vec<String> {
-        let is_number = |value: &Value| value.as_float().is_some_and(|x| x != 0.0);
+        let is_number = |value: &Value| value.as_float().is_some_and(|x| x != 0.0 || self.kind.happens());
         let numbers =
             self.form.shape.iter().filter(|(name, value)| is_number(value) && self.kind.refines(name));
         numbers.map(|(name, _)| name.clone()).collect()
     }
 
-    /// Its form with the number `name` of the shape at `value`.
-    pub fn with_number(&self, name: &str, value: f64) -> Form {
+    /// Its form with each number of `along` moved by `step` that way: of its logarithm, or, of a time, of how long the effect lasts.
+    pub fn moved(&self, data: &Data, along: &[(&str, f64)], step: f64) -> Form {
         let mut form = self.form.clone();
-        form.shape.insert(name.to_owned(), Value::Float(value));
-        form
-    }
-
-    /// Its form with each number of `along` moved by `step` of its logarithm that way.
-    pub fn moved(&self, along: &[(String, f64)], step: f64) -> Form {
-        let mut form = self.form.clone();
+        let lasts = self.kind.happens().then(|| lasts(data, &form));
         for (name, way) in along {
-            if let Some(Value::Float(value)) = form.shape.get_mut(name) {
-                *value *= (way * step).exp();
+            if let Some(Value::Float(value)) = form.shape.get_mut(*name) {
+                match lasts {
+                    Some(lasts) => *value += way * step * lasts,
+                    None => *value *= (way * step).exp(),
+                }
             }
         }
         form
     }
 
-    /// Its form taken about these coefficients of the terms shown; `None` if that is the same for its law.
-    pub fn about(&self, coefficients: &[f64]) -> Option<Form> {
+    /// Its form taken about the place that is this `share` of the way from where it is taken now to these coefficients of the terms shown; `None` if that is the
+    /// same for its law.
+    pub fn about(&self, coefficients: &[f64], share: f64) -> Option<Form> {
         let mut form = self.form.clone();
         if let [coefficient] = coefficients {
-            form.shape.insert(ABOUT.to_owned(), Value::Float(*coefficient));
+            let now = form.shape.get(ABOUT).and_then(Value::as_float).unwrap_or(0.0);
+            form.shape.insert(ABOUT.to_owned(), Value::Float(now + share * (coefficient - now)));
             return (*coefficient != 0.0).then_some(form);
         }
-        form.around = Some(self.of_all(coefficients));
+        let mut around = self.of_all(coefficients);
+        if let Some(now) = &self.form.around {
+            around.iter_mut().zip(now).for_each(|(x, now)| *x = now + share * (*x - now));
+        }
+        form.around = Some(around);
         (!self.kind.rough).then_some(form)
     }
 }
@@ -237,14 +254,18 @@ pub(crate) fn places(kind: &EffectKind, arm: &Arm) -> Vec<Option<usize>> {
     }
 }
 
-/// Every effect that the recordings can show, in every form, and those that they can't.
-pub(crate) fn candidates(data: &Data, progress: &mut dyn FnMut(&str)) -> (Vec<Candidate>, Vec<Untestable>) {
+/// Every effect that the recordings can show, in every form, and those that they can't, where the model leaves `left` of every row.
+pub(crate) fn candidates(
+    data: &Data,
+    left: &[Vec<f64>],
+    progress: &mut dyn FnMut(&str),
+) -> (Vec<Candidate>, Vec<Untestable>) {
     let (mut all, mut untestable) = (Vec::new(), Vec::new());
     let count = kinds().count();
     for (number, kind) in kinds().enumerate() {
         progress(&format!("laying out what might be missing: {} of {count} laws", number + 1));
         for joint in places(kind, data.arm()) {
-            match at_place(data, kind, joint) {
+            match at_place(data, kind, joint, left) {
                 Ok((found, lacks)) => {
                     all.extend(found);
                     untestable.extend(lacks.map(|because| untestable_at(data, kind, joint, because)));
@@ -267,10 +288,11 @@ fn untestable_at(
 }
 
 /// `kind` at `joint` in all its forms, and what the motion covers too little of to tell it; what the recordings lack if they show nothing of it.
-fn at_place(
+pub(crate) fn at_place(
     data: &Data,
     kind: &'static EffectKind,
     joint: Option<usize>,
+    left: &[Vec<f64>],
 ) -> Result<(Vec<Candidate>, Option<String>), String> {
     let lacks = |of: &dyn Fn(&Place, &Stage) -> Option<String>| {
         let stages = data.stages.iter();
@@ -282,7 +304,7 @@ fn at_place(
         return Err(because);
     }
     let (mut found, mut refused) = (Vec::new(), None);
-    for form in forms(data, kind, joint) {
+    for form in forms(data, kind, joint, left) {
         match Candidate::new(data, kind, joint, form) {
             Ok(candidate) => found.extend(candidate),
             Err(error) => refused = Some(error.to_string()),
@@ -307,8 +329,24 @@ fn no_torque_of(data: &Data, joint: Option<usize>) -> Option<String> {
     Some(format!("{} {is} no measurement", stuck.join(", ")))
 }
 
+/// How long what has this `form` lasts, s: to its recording's end, if it does not end.
+pub(crate) fn lasts(data: &Data, form: &Form) -> f64 {
+    match window(&form.shape) {
+        Some([begin, end]) => end - begin,
+        None => span(&data.stages[form.only.unwrap_or(0)].motion().t),
+    }
+}
+
+/// Whether what has the shapes `one` and `other` happens at the same time in part; what does not end meets all.
+fn meet(one: &Table, other: &Table) -> bool {
+    match (window(one), window(other)) {
+        (Some([from, to]), Some([begin, end])) => begin < to && from < end,
+        _ => true,
+    }
+}
+
 /// The forms of `kind` at `joint` that are laid out.
-fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>) -> Vec<Form> {
+fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, left: &[Vec<f64>]) -> Vec<Form> {
     let shapes_of = |stage: &Stage| (kind.shapes)(&Place { scene: stage.baseline(kind).scene(), joint });
     if !kind.happens() {
         return shapes_of(fastest(data, joint)).into_iter().map(Form::of).collect();
@@ -316,7 +354,7 @@ fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>) -> Vec<Form> {
     // Each recording has a clock of its own, and what happens at a time happens in that recording alone.
     let mut forms = Vec::new();
     for (index, stage) in data.stages.iter().enumerate() {
-        let shapes = shapes_of(stage).into_iter().chain(struck(data, kind, index));
+        let shapes = shapes_of(stage).into_iter().chain(struck(data, kind, joint, index, left));
         forms.extend(shapes.map(|shape| in_one_recording(data, shape, index)));
     }
     forms
@@ -373,14 +411,11 @@ fn is_seen(data: &Data, column: &Column, term: &Term) -> bool {
     })
 }
 
-/// Share of a step that the low-pass remembers at the end of its settling time, about.
-const REMEMBERED: f64 = 1e-4;
-
-/// Whether `columns` of what happens at a time have rows of the fit part with it and without it, each for longer than the low-pass remembers: what is there from
+/// Whether `columns` of what happens at a time have rows that are heard with it and without it, each for longer than the low-pass remembers: what is there from
 /// the first sample to the last has not happened.
 fn begins_or_ends(data: &Data, columns: &[Column]) -> bool {
     (0..data.channels()).any(|c| {
-        let mask = data.mask(c, &[Part::Fit]);
+        let mask = data.heard(c);
         let parts: Vec<(&Vec<f64>, f64)> = columns
             .iter()
             .filter_map(|column| column[c].as_ref())
@@ -405,12 +440,10 @@ fn columns(
     kind: &'static EffectKind,
     joint: Option<usize>,
     form: &Form,
-    is_tested: bool,
 ) -> Result<(Vec<Term>, Vec<Column>), LawError> {
     let mut terms = Vec::new();
     let mut answers: Vec<Vec<Answer>> = Vec::new();
-    let is_asked =
-        |number: usize| (is_tested || data.is_heard(number)) && form.only.is_none_or(|only| only == number);
+    let is_asked = |number: usize| form.only.is_none_or(|only| only == number);
     for (number, stage) in data.stages.iter().enumerate() {
         if !(is_asked(number) || terms.is_empty() && number + 1 == data.stages.len()) {
             answers.iter_mut().for_each(|answers| answers.push(vec![None; data.per_stage()]));

@@ -238,7 +238,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 candidate.columns.iter().any(shows)
             };
             let shown: Vec<usize> = (0..system.data.channels()).filter(|&c| is_shown(&on_test, c)).collect();
-            let held_out = !shown.is_empty();
+            let held_out = !shown.is_empty() && !candidate.kind.happens();
             let (weights, channels) =
                 if held_out { (&on_test, shown) } else { (&on_fit, candidate.channels.clone()) };
             let compared = Compared { before: &without, after: &with, weights };
@@ -452,7 +452,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     fn noise(&self, remains: &Remains) -> BTreeMap<String, ChannelNoise> {
         let system = &self.search.system;
         let data = system.data;
-        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &[Part::Fit])).collect();
+        let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.heard(c)).collect();
         let rms = data.rms(&remains.after, &masks);
         let of = |(c, rms): (usize, Option<f64>)| {
             let (stretch, step) = data.stretches(c).next()?;
@@ -484,7 +484,10 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     fn verdict(&self, fit: &Fit, alternatives: &[Alternative]) -> Verdict {
         let system = &self.search.system;
         let is_catalogued = |&member: &usize| system.candidate(member).kind.is_catalogued();
-        if !fit.members.iter().all(is_catalogued) || is_unexplained(system, fit) {
+        let test = system.weights.on(system.data, &[Part::Test]);
+        let is_left =
+            [&system.weights, &test].into_iter().any(|weights| is_unexplained(system, fit, weights));
+        if !fit.members.iter().all(is_catalogued) || is_left {
             return Verdict::Unknown;
         }
         if fit.members.is_empty() {
@@ -533,10 +536,12 @@ fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
     pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
 }
 
-/// Adds `tables` to `model`; each stands in the place of what the model has already of the same kind at the same place.
+/// Adds `tables` to `model`; each stands in the place of what the model has already of the same kind at the same place, but for what happens at a time.
 fn add_to(model: &mut ArmFile, tables: Vec<EffectTable>) {
     for table in tables {
-        let same = |other: &&mut EffectTable| other.kind == table.kind && other.joint == table.joint;
+        let happens = kind(&table.kind).is_some_and(Kind::happens);
+        let same =
+            |other: &&mut EffectTable| !happens && other.kind == table.kind && other.joint == table.joint;
         match model.effects.iter_mut().find(same) {
             Some(known) => *known = table,
             None => model.effects.push(table),

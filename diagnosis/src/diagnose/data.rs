@@ -11,6 +11,9 @@ use super::stage::{Answer, Stage};
 use super::tolerance::{Nuisance, Tolerances, nuisances};
 use crate::residual::Kind;
 
+/// Share of a step that the low-pass remembers at the end of its settling time, about.
+pub(crate) const REMEMBERED: f64 = 1e-4;
+
 /// A column of the linear model: its rows by channel, `None` where it is zero.
 pub(crate) type Column = Vec<Option<Vec<f64>>>;
 
@@ -26,6 +29,8 @@ pub(crate) struct Data<'a> {
     pub off: Vec<Vec<f64>>,
     /// The part to which each row belongs, `[stage][row]`.
     pub parts: Vec<Vec<Part>>,
+    /// The parts that the step at hand sees.
+    pub heard: Vec<Part>,
     /// How the data were parted, in words.
     pub how: String,
 }
@@ -43,7 +48,7 @@ impl<'a> Data<'a> {
             }
         }
         let (parts, how) = parts_of(&stages, &counts);
-        Self { stages, nuisances, counts, off, parts, how }
+        Self { stages, nuisances, counts, off, parts, heard: vec![Part::Fit], how }
     }
 
     /// The same with all rows in the fit part: a motion that is only planned.
@@ -86,9 +91,39 @@ impl<'a> Data<'a> {
         rows.map(|(counts, part)| if parts.contains(part) { *counts } else { 0.0 }).collect()
     }
 
-    /// Whether any row of the recording number `stage` belongs to the fit or the choice part.
-    pub fn is_heard(&self, stage: usize) -> bool {
-        self.parts[stage].iter().any(|part| matches!(part, Part::Fit | Part::Choice))
+    /// The rows of the channel number `channel` that count and that the step at hand sees, 1 or 0.
+    pub fn heard(&self, channel: usize) -> Vec<f64> {
+        self.mask(channel, &self.heard)
+    }
+
+    /// Takes the rows in which one of `columns` says anything out of the test part, and what is around them by the memory of the low-pass: what happens at a
+    /// time is seen in no others.
+    pub fn give_moments(&mut self, columns: &[Column]) {
+        for column in columns {
+            for (channel, rows) in column.iter().enumerate() {
+                let (stage, _) = self.place(channel);
+                let Some(rows) = rows else { continue };
+                let least = REMEMBERED * rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+                let t = &self.stages[stage].motion().t;
+                let memory = self.stages[stage].ground.treatment.filter().settling_time();
+                let mut until = f64::NEG_INFINITY;
+                let mut from = f64::INFINITY;
+                let mut said = vec![false; rows.len()];
+                for row in 0..rows.len() {
+                    until = if rows[row].abs() > least { t[row] + memory } else { until };
+                    said[row] = t[row] <= until;
+                }
+                for row in (0..rows.len()).rev() {
+                    from = if rows[row].abs() > least { t[row] - memory } else { from };
+                    said[row] |= t[row] >= from;
+                }
+                let parts = self.parts[stage]
+                    .iter_mut()
+                    .zip(said)
+                    .filter(|(part, said)| *said && **part != Part::Fit);
+                parts.for_each(|(part, _)| *part = Part::Choice);
+            }
+        }
     }
 
     /// Stacks one answer a stage into a column, with the rows that don't count set to zero; nothing where none is left. The mean is taken off link

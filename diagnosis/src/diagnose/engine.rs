@@ -5,10 +5,13 @@ use freeplay_laws::{Effects, LawError, Placed};
 use freeplay_recording::Recording;
 use thiserror::Error;
 
-use super::candidate::candidates;
+use super::candidate::{Candidate, candidates};
 use super::choice::choose;
 use super::conclude::{Conclusion, insufficient};
+use super::confirm::{confirmed, searched_again};
 use super::data::Data;
+use super::moments::{happenings, window};
+use super::nameless::is_unexplained;
 use super::parts::Part;
 use super::quality;
 use super::report::Diagnosis;
@@ -97,25 +100,90 @@ pub(crate) fn diagnose(
     notes.extend(grounds.iter().flat_map(|ground| ground.treatment.notes().to_vec()));
     let stages: Vec<Stage> =
         grounds.iter().map(|ground| Stage::new(&file.arm, &known, ground)).collect::<Result<_, _>>()?;
-    let data = Data::new(stages, &settings.tolerances);
+    let mut data = Data::new(stages, &settings.tolerances);
     if let Some(lack) = quality::lack(&data) {
         return Ok(insufficient(file, settings, notes, lack));
     }
     notes.extend(quality::notes(&data));
     let target = data.target();
-    let weights = Weights::new(&data, &target, &[Part::Fit], settings.seed);
-    let system = System::new(&data, target, weights, &[Part::Fit]).ok_or(DiagnoseError::Singular)?;
-    let (candidates, untestable) = candidates(&data, progress);
-    progress("searching");
-    let mut search = Search::new(system, candidates);
-    search.run(progress).ok_or(DiagnoseError::Singular)?;
-    progress("choosing between the best answers");
-    let answer = choose(&mut search).ok_or(DiagnoseError::Singular)?;
-    let answer = search.agreed(&answer).ok_or(DiagnoseError::Singular)?;
+    let (candidates, untestable) = candidates(&data, &target, progress);
+    let (laid, mut found) = {
+        let mut search = search(&data, &target, None, candidates, settings).ok_or(DiagnoseError::Singular)?;
+        searched(&mut search, progress).ok_or(DiagnoseError::Singular)?
+    };
+    let (happened, left) = {
+        progress("looking for what happens in the other parts");
+        data.heard = vec![Part::Choice, Part::Test];
+        let weights = found.weights.on(&data, &data.heard);
+        let left = std::mem::take(&mut found.left);
+        if found.members.iter().any(|candidate| candidate.kind.shakes) {
+            // Nothing tells a push from the knocks of parts that come apart and meet again.
+            (Vec::new(), left)
+        } else {
+            happenings(&data, left, weights).ok_or(DiagnoseError::Singular)?
+        }
+    };
+    let ends = |candidate: &&Candidate| window(&candidate.form.shape).is_some();
+    for candidate in found.members.iter().filter(ends).chain(&happened) {
+        data.give_moments(&candidate.columns);
+    }
+    data.heard = vec![Part::Fit, Part::Choice];
+    let mut search = search(&data, &target, Some(&left), laid, settings).ok_or(DiagnoseError::Singular)?;
+    let members = found.members.into_iter().chain(happened);
+    let members = members.filter_map(|candidate| search.system.take(candidate)).collect();
+    progress("confirming what was found");
+    let mut answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
+    let fit = search.system.held_fit(&answer.members).ok_or(DiagnoseError::Singular)?;
+    if is_unexplained(&search.system, &fit, &search.system.weights) {
+        // Something is left: with all that may be seen another answer may say it.
+        answer = searched_again(&mut search, &answer, progress).ok_or(DiagnoseError::Singular)?;
+    }
     progress("testing");
-    let answer = search.on_test(&answer)?.ok_or(DiagnoseError::Singular)?;
     let conclusion = Conclusion { file, settings, search: &mut search, answer: &answer };
     conclusion.diagnosis(notes, untestable)?.ok_or(DiagnoseError::Singular)
+}
+
+/// A search among `candidates` by the rows of `data` that are heard, of which `target` is what the model as given leaves, and `left` what is left with all that is
+/// known so far; `None` if the system is singular.
+fn search<'d, 'a>(
+    data: &'d Data<'a>,
+    target: &[Vec<f64>],
+    left: Option<&[Vec<f64>]>,
+    candidates: Vec<Candidate>,
+    settings: &DiagnoseSettings,
+) -> Option<Search<'d, 'a>> {
+    let weights = Weights::new(data, target, left, settings.seed);
+    let system = System::new(data, target.to_vec(), weights)?;
+    Some(Search::new(system, candidates))
+}
+
+/// What a search found, for the next one.
+struct Found {
+    /// The effects.
+    members: Vec<Candidate>,
+    /// What they leave of every row.
+    left: Vec<Vec<f64>>,
+    /// How much each row says.
+    weights: Weights,
+}
+
+/// The most probable answer of `search` by the fit and the choice part, and all candidates as they are beside it; `None` if the system is singular.
+fn searched(search: &mut Search, progress: &mut dyn FnMut(&str)) -> Option<(Vec<Candidate>, Found)> {
+    progress("searching");
+    search.run(progress)?;
+    progress("choosing between the best answers");
+    let answer = choose(search)?;
+    let answer = search.agreed(&answer)?;
+    let fit = search.system.held_fit(&answer.members)?;
+    let candidates = |indices: &[usize]| -> Vec<Candidate> {
+        indices.iter().map(|&index| search.system.candidate(index).clone()).collect()
+    };
+    let found = Found {
+        members: candidates(&answer.members),
+        left: search.system.left(&fit),
+        weights: search.system.weights.clone(),
+    };
+    Some((candidates(&search.laid), found))
 }
 
 /// There are recordings, of this arm, with the same columns.

@@ -7,24 +7,26 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use toml::{Table, Value};
 
+#[cfg(doc)]
+use super::candidate::Candidate;
 use super::noise::normal;
 use super::report::Parameter;
 use super::system::{Fit, System};
 
 /// Draws of the posterior: a quantile of 2.5 % is known to half a percent of them.
 const DRAWS: usize = 1000;
-/// Steps of the logarithm of a shape's number between which the curvature of the evidence is taken.
+/// Steps of a shape's number, as [`Candidate::moved`] counts them, between which the curvature of the evidence is taken.
 const STEPS: [f64; 4] = [-0.1, -0.05, 0.05, 0.1];
-/// Greatest standard deviation of that logarithm: beyond, the motion does not tell the number.
+/// Greatest standard deviation in such steps: beyond, the motion does not tell the number.
 const VAGUE: f64 = 1.0;
 
 /// How sure a number of a shape is.
 struct Loose {
     /// Its name.
     name: String,
-    /// Standard deviation of its logarithm.
+    /// Its standard deviation, as [`Candidate::moved`] counts.
     deviation: f64,
-    /// By how much the coefficients change with that logarithm.
+    /// By how much the coefficients change with it.
     pull: DVector<f64>,
 }
 
@@ -63,14 +65,13 @@ fn of_member(
     let drawn: Vec<Table> = draws
         .into_iter()
         .map(|mut beta| {
-            let mut form = candidate.form.clone();
+            let mut along = Vec::new();
             for number in &loose {
                 let by = number.deviation * normal(rng);
-                if let Some(Value::Float(value)) = form.shape.get_mut(&number.name) {
-                    *value *= by.exp();
-                }
+                along.push((number.name.as_str(), by));
                 beta.axpy(by, &number.pull, 1.0);
             }
+            let form = candidate.moved(system.data, &along, 1.0);
             beta.iter_mut().zip(&limits).for_each(|(x, [least, most])| *x = x.clamp(*least, *most));
             candidate.kind.compose(&form.shape, &candidate.of_all(beta.as_slice()))
         })
@@ -105,14 +106,11 @@ fn loose(system: &mut System, fit: &Fit, place: usize) -> Vec<Loose> {
     let Some(best) = system.gains(&without, &[member]).pop().flatten() else { return Vec::new() };
     let mut all = Vec::new();
     for name in system.candidate(member).numbers() {
-        let Some(value) = system.candidate(member).form.shape.get(&name).and_then(Value::as_float) else {
-            continue;
-        };
         // The evidence falls by half of (step/deviation)².
         let (mut over, mut under, mut square) = (0.0, 0.0, 0.0);
         let mut pull = DVector::zeros(best.beta.len());
         for step in STEPS {
-            let form = system.candidate(member).with_number(&name, value * f64::exp(step));
+            let form = system.candidate(member).moved(system.data, &[(&name, 1.0)], step);
             let Some(other) = system.candidate(member).reformed(system.data, form) else { continue };
             let Some(at) = system.take(other) else { continue };
             let gain = system.gains(&without, &[at]).pop().flatten();

@@ -18,6 +18,7 @@ mod candidate;
 mod choice;
 mod columns;
 mod conclude;
+mod confirm;
 mod data;
 mod engine;
 mod excite;

@@ -1,37 +1,42 @@
 //! What has no name: shapes of the motion that explain what the findings leave, asked for last.
 
+use super::conclude::is_told;
+use super::data::sum_of;
 use super::parts::Part;
 use super::shapes::{Knots, Shapes};
 use super::system::{Fit, System};
-use super::weights::USUAL_SHARE;
+use super::weights::{LEAST_SHARE, USUAL_SHARE, Weights};
 use crate::residual::Kind;
 
 /// A share of discrepancy this many times the usual one has 20 : 1 against it: the two-sided quantile of a normal at 95 %.
 const UNUSUAL: f64 = 1.96;
 
-/// Whether more is missing than `fit` names: laws are off by a share of a torque that is unusual for this machine, or something is left of a pose in which no
-/// finding shows.
+/// Whether more is missing than `fit` names in the rows that `weights` weigh: laws are off by a share of a torque that is unusual for this machine, or something
+/// is left of a pose in which no finding shows.
 ///
-/// What is usual is pooled: the prior counts as one channel beside the machine's others. Where parts come apart and meet again, the laws don't say what
-/// that does to the torques.
-pub(crate) fn is_unexplained(system: &System, fit: &Fit) -> bool {
+/// What was found holds to the usual share of what it says, too. Where parts come apart and meet again, the laws don't say what that does to the torques.
+pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> bool {
     let data = system.data;
+    let left = system.left(fit);
     let members = || fit.members.iter().map(|&member| system.candidate(member));
     let shows = |c: usize| members().any(|candidate| candidate.channels.contains(&c));
     let shakes = members().any(|candidate| candidate.kind.shakes);
-    let heard: Vec<usize> =
-        (0..data.channels()).filter(|&c| system.weights.rows[c].effective() > 0.0).collect();
-    let is_torque = |c: &usize| matches!(data.kind(*c), Kind::Torque(_));
-    let torques: Vec<usize> = heard.iter().copied().filter(is_torque).collect();
-    let square = |c: usize| system.weights.rows[c].share.powi(2);
-    let all: f64 = torques.iter().map(|&c| square(c)).sum();
-    let is_unusual = |c: usize| {
-        let usual = (all - square(c) + USUAL_SHARE.powi(2)) / torques.len() as f64;
-        square(c) > UNUSUAL.powi(2) * usual
+    let is_torque = |c: usize| matches!(data.kind(c), Kind::Torque(_));
+    let signal = sum_of(system.columns(&fit.members).zip(fit.beta.iter().copied()), &left);
+    let said = |c: usize| {
+        let square = signal[c].iter().map(|x| x * x).sum::<f64>() / signal[c].len().max(1) as f64;
+        square.sqrt() / system.weights.rows[c].scale.max(f64::MIN_POSITIVE)
     };
-    let is_left = |c: usize| system.weights.rows[c].share > UNUSUAL * USUAL_SHARE;
-    let poses = heard.iter().filter(|c| !is_torque(c));
-    !shakes && torques.iter().any(|&c| is_unusual(c)) || poses.into_iter().any(|&c| is_left(c) && !shows(c))
+    let heard = (0..data.channels()).filter(|&c| weights.rows[c].effective() > 0.0);
+    let off = heard.map(|c| (c, weights.rows[c].best(&left[c], 0.0).0.max(LEAST_SHARE)));
+    let (torques, poses): (Vec<_>, Vec<_>) = off.partition(|(c, _)| is_torque(*c));
+    let all: f64 = torques.iter().map(|(_, share)| share.ln()).sum();
+    let is_unusual = |&(c, share): &(usize, f64)| {
+        let usual = ((all - share.ln() + USUAL_SHARE.ln()) / torques.len() as f64).exp();
+        is_told(weights.rows[c].beyond(&left[c], UNUSUAL * usual.hypot(USUAL_SHARE * said(c))))
+    };
+    let is_left = |&(c, _): &(usize, f64)| is_told(weights.rows[c].beyond(&left[c], UNUSUAL * USUAL_SHARE));
+    !shakes && torques.iter().any(is_unusual) || poses.iter().any(|pose| is_left(pose) && !shows(pose.0))
 }
 
 /// What shapes without a name, fitted to the fit and the choice part of `residual`, say of every row.

@@ -1,7 +1,7 @@
 //! Which set of effects is the most probable: add, drop, swap and nest, as long as the evidence rises.
 
 use freeplay_arm::Arm;
-use freeplay_laws::{LawError, Occurrence, changed};
+use freeplay_laws::{Occurrence, changed};
 
 use super::candidate::Candidate;
 use super::system::{Fit, System};
@@ -13,9 +13,9 @@ const TRIED: usize = 12;
 /// Steps of the logarithm of a shape's number, from one shape that is laid out to the next down to what no motion tells apart.
 const STEPS: [f64; 5] = [0.2, 0.07, 0.025, 0.01, 0.004];
 /// Most effects a joint: an arm that lacks more is not known by its laws, and more of them would only follow its shapes.
-const MOST: usize = 5;
+const MOST: usize = 3;
 /// Share of the log of the evidence that is worth another step.
-const WORTH: f64 = 0.01;
+pub const WORTH: f64 = 0.01;
 
 /// A set of effects with its evidence.
 #[derive(Clone, Debug)]
@@ -53,6 +53,8 @@ impl<'d, 'a> Search<'d, 'a> {
         let from_nothing = self.improve(Vec::new(), progress)?;
         self.system.set_shares(&first)?;
         self.system.unpin()?;
+        let nothing = self.system.fit(&[])?;
+        self.system.doubt(&nothing)?;
         let common = self.settled(self.common(&[]))?;
         let common = self.laid_upon(&common)?;
         let from_common = self.improve(common, progress)?;
@@ -167,20 +169,6 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(now)
     }
 
-    /// `answer` with the columns of its members on the test part, too; `None` if the fit part shows nothing of one of them.
-    ///
-    /// # Errors
-    /// See [`LawError`].
-    pub fn on_test(&mut self, answer: &Answer) -> Result<Option<Answer>, LawError> {
-        let mut members = Vec::new();
-        for &member in &answer.members {
-            let tested = self.system.candidate(member).tested(self.system.data)?;
-            let Some(index) = self.system.take(tested) else { return Ok(None) };
-            members.push(index);
-        }
-        Ok(Some(Answer { members, ..answer.clone() }))
-    }
-
     /// Keeps `answer` among those that were met.
     fn meet(&mut self, answer: &Answer) {
         if self.met.iter().all(|known| known.members != answer.members) {
@@ -190,12 +178,13 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// `members` with the shares of discrepancy that are most probable beside them.
-    fn settled(&mut self, members: Vec<usize>) -> Option<Answer> {
+    pub fn settled(&mut self, members: Vec<usize>) -> Option<Answer> {
         /// A share moves by less at each turn; the grid of shares ends it.
         const TURNS: usize = 4;
         for _ in 0..TURNS {
             let fit = self.system.fit(&members)?;
-            let moved = self.system.follow(&fit)?;
+            let doubts = self.system.doubt(&fit)?;
+            let moved = self.system.follow(&fit)? || doubts;
             let fit = self.system.fit(&members)?;
             if !self.system.pin(&fit)? && !moved {
                 break;
@@ -227,6 +216,8 @@ impl<'d, 'a> Search<'d, 'a> {
     pub fn back(&mut self, answer: &Answer) -> Option<()> {
         self.system.set_shares(&answer.shares)?;
         let fit = self.system.fit(&answer.members)?;
+        self.system.doubt(&fit)?;
+        let fit = self.system.fit(&answer.members)?;
         self.system.pin(&fit)?;
         Some(())
     }
@@ -241,6 +232,26 @@ impl<'d, 'a> Search<'d, 'a> {
         self.settled(others.iter().copied().chain([index]).collect())
     }
 
+    /// `members`, each in the form that explains most beside the others and beside what it acts on.
+    pub fn polished(&mut self, mut members: Vec<usize>) -> Option<Answer> {
+        /// A law that acts on others moves with them, and they with it.
+        const TURNS: usize = 3;
+        let mut now = self.settled(members.clone())?;
+        for _ in 0..TURNS {
+            // Where an earlier form had a tolerance at an edge, a better one need not.
+            self.system.unpin()?;
+            for place in 0..members.len() {
+                let member = members.remove(place);
+                let better = self.refined(&members, member)?;
+                members.insert(place, better);
+            }
+            let settled = self.settled(members)?;
+            now = self.agreed(&settled)?;
+            members = now.members.clone();
+        }
+        Some(now)
+    }
+
     /// Whether an arm with `members` can exist: no link of it weighs less than nothing.
     fn can_exist(&self, members: &[usize]) -> bool {
         let arm = self.system.data.arm();
@@ -249,12 +260,13 @@ impl<'d, 'a> Search<'d, 'a> {
         placed.len() == members.len() && changed(arm, &placed).is_ok()
     }
 
-    /// The candidates that may join `members`.
+    /// The candidates that may join `members`. Nothing tells a push from the knocks of parts that come apart and meet again.
     fn open(&self, members: &[usize]) -> Vec<usize> {
+        let shakes = members.iter().any(|&member| self.system.candidate(member).kind.shakes);
         let is_taken = |index: &usize| {
-            members
-                .iter()
-                .any(|&member| self.system.candidate(member).excludes(self.system.candidate(*index)))
+            let candidate = self.system.candidate(*index);
+            shakes && candidate.kind.happens()
+                || members.iter().any(|&member| self.system.candidate(member).excludes(candidate))
         };
         self.laid.iter().copied().filter(|index| !is_taken(index)).collect()
     }
@@ -395,11 +407,18 @@ impl<'d, 'a> Search<'d, 'a> {
             search.system.gains(&fit, &[at]).pop().flatten().map_or(f64::NEG_INFINITY, |gain| gain.value)
         };
         let mut now = value(self, best);
+        // What happens in one recording may happen in all.
+        if self.system.candidate(best).form.only.is_some() {
+            let form = super::candidate::Form { only: None, ..self.system.candidate(best).form.clone() };
+            (best, now) = self.try_form(&fit, best, form, now).unwrap_or((best, now));
+        }
         let moves = moves(&self.system.candidate(best).numbers());
         for step in STEPS {
             for along in &moves {
                 loop {
-                    let form = self.system.candidate(best).moved(along, step);
+                    let along: Vec<(&str, f64)> =
+                        along.iter().map(|(name, way)| (name.as_str(), *way)).collect();
+                    let form = self.system.candidate(best).moved(self.system.data, &along, step);
                     let Some(there) = self.try_form(&fit, best, form, now) else { break };
                     (best, now) = there;
                 }
@@ -407,9 +426,15 @@ impl<'d, 'a> Search<'d, 'a> {
         }
         for _ in 0..CENTRES {
             let Some(gain) = self.system.gains(&fit, &[best]).pop().flatten() else { break };
-            let Some(form) = self.system.candidate(best).about(gain.beta.as_slice()) else { break };
-            let Some(there) = self.try_form(&fit, best, form, now) else { break };
-            (best, now) = there;
+            let beta = gain.beta.as_slice();
+            let forms = SHARES.map(|share| self.system.candidate(best).about(beta, share));
+            let from = (best, now);
+            for form in forms.into_iter().flatten() {
+                (best, now) = self.try_form(&fit, best, form, now).unwrap_or((best, now));
+            }
+            if best == from.0 {
+                break;
+            }
         }
         Some(best)
     }
@@ -448,5 +473,6 @@ fn moves(numbers: &[String]) -> Vec<Vec<(String, f64)>> {
     all
 }
 
-/// Most times that a law is taken about what was found.
+/// Most times that a law is taken about what was found, and the shares of the way there: the whole, or less where that is too far.
 const CENTRES: usize = 6;
+const SHARES: [f64; 3] = [1.0, 0.5, 0.25];

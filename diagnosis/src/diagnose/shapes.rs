@@ -12,6 +12,8 @@ use crate::residual::Kind;
 /// Knots of the hat functions in position and in speed.
 const KNOTS: usize = 8;
 const SPEED_KNOTS: usize = 5;
+/// Knots of the hat functions in time, for what happens at a time or drifts.
+const MOMENTS: usize = 16;
 /// Ridge, as a share of each column's square, that keeps the fit from running away where the motion tells columns apart badly.
 const RIDGE: f64 = 1e-4;
 
@@ -51,7 +53,13 @@ impl Shapes {
     /// The shapes of the channel number `channel` of `data`, to be fitted to the rows where `mask` is one.
     pub fn new(data: &Data, channel: usize, mask: &[f64], knots: &[Knots]) -> Self {
         let (stage, of_stage) = data.place(channel);
-        let mut columns = raw_columns(&data.stages[stage], &data.nuisances[stage], of_stage, mask, knots);
+        let of = &data.stages[stage];
+        let mut columns = raw_columns(of, &data.nuisances[stage], of_stage, mask, knots);
+        let moments = hats(&of.motion().t, &quantiles(&of.motion().t, MOMENTS));
+        columns.extend(moments.into_iter().map(|mut hat| {
+            hat.iter_mut().zip(mask).for_each(|(x, mask)| *x *= mask);
+            hat
+        }));
         normalised(&mut columns);
         Self { factor: factor(&columns, RIDGE), columns }
     }

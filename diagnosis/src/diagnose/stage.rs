@@ -1,6 +1,8 @@
 //! One recording made ready: its motion, what was measured, and what any effect would add to every channel.
 
 use std::cell::RefCell;
+use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use freeplay_arm::Arm;
 use freeplay_laws::{
@@ -114,8 +116,10 @@ pub(crate) struct Stage<'a> {
     rigid: (Vec<Vec<f64>>, Vec<Vec<f64>>),
     /// The effects that the arm file has.
     known: Vec<&'a Placed>,
-    /// What was found: other laws act on the machine that has it.
-    found: RefCell<Vec<Placed>>,
+    /// What was found, and what it acts on: other laws act on the machine that has it.
+    found: RefCell<Vec<(Level, Rc<Placed>)>>,
+    /// The model with what was found beneath a level, once it was worked out: smooth or rough.
+    beneath: RefCell<BTreeMap<(Level, bool), Rc<Baseline<'a>>>>,
 }
 
 impl<'a> Stage<'a> {
@@ -134,13 +138,16 @@ impl<'a> Stage<'a> {
         let now = &smooth.scene().arm;
         let rigid = (rigid_torques(now, &ground.motion, None), tool_positions(now, &ground.motion.q));
         let known = effects.to_vec();
-        Ok(Self { ground, channels, smooth, rough, rigid, known, found: RefCell::default() })
+        let (found, beneath) = (RefCell::default(), RefCell::default());
+        Ok(Self { ground, channels, smooth, rough, rigid, known, found, beneath })
     }
 
     /// Lets the columns of laws act on the machine with what was `found`: friction that grows with the load grows with that of a payload, a limit of a
     /// drive clips its friction, and a delay is late with it.
     pub fn lay_upon(&self, found: Vec<Placed>) {
-        self.found.replace(found);
+        let with_level = |placed| (self.level(&placed), Rc::new(placed));
+        self.found.replace(found.into_iter().map(with_level).collect());
+        self.beneath.take();
     }
 
     /// The arm with the effects that change it.
@@ -248,20 +255,33 @@ impl<'a> Stage<'a> {
         joint: Option<usize>,
         shape: &Table,
     ) -> Result<Vec<(Term, Answer)>, LawError> {
-        let found = self.found.borrow();
         let place = Place { scene: self.baseline(kind).scene(), joint };
         let first = kind.terms_at(&place, shape).into_iter().next();
         let level = match first {
-            Some(term) if !found.is_empty() => self.level(&kind.place(&place, term.plus)?),
+            Some(term) if !self.found.borrow().is_empty() => self.level(&kind.place(&place, term.plus)?),
             _ => Level::Arm,
         };
-        let beneath: Vec<&Placed> = found.iter().filter(|placed| self.level(placed) < level).collect();
-        let columns = if beneath.is_empty() {
-            kind.columns(self.baseline(kind), joint, shape)?
-        } else {
-            kind.columns(&self.baseline(kind).upon(&beneath)?, joint, shape)?
+        let columns = match self.beneath(level, kind.rough)? {
+            Some(beneath) => kind.columns(&beneath, joint, shape)?,
+            None => kind.columns(self.baseline(kind), joint, shape)?,
         };
         Ok(columns.into_iter().map(|(term, column)| (term, self.answer_of(kind, &column))).collect())
+    }
+
+    /// The model with what was found beneath `level`; `None` if nothing was.
+    fn beneath(&self, level: Level, rough: bool) -> Result<Option<Rc<Baseline<'a>>>, LawError> {
+        let found = self.found.borrow();
+        let shared = |(_, placed): &(Level, Rc<Placed>)| Rc::clone(placed);
+        let more: Vec<Rc<Placed>> = found.iter().filter(|(own, _)| *own < level).map(shared).collect();
+        if more.is_empty() {
+            return Ok(None);
+        }
+        if let Some(known) = self.beneath.borrow().get(&(level, rough)) {
+            return Ok(Some(Rc::clone(known)));
+        }
+        let baseline = Rc::new(if rough { &self.rough } else { &self.smooth }.upon_shared(&more)?);
+        self.beneath.borrow_mut().insert((level, rough), Rc::clone(&baseline));
+        Ok(Some(baseline))
     }
 
     /// What `placed` acts on.

@@ -14,7 +14,7 @@ use super::bvls::bounded;
 use super::candidate::Candidate;
 use super::columns::dot;
 use super::data::{Column, Data, add};
-use super::parts::Part;
+use super::rows::envelope;
 use super::weights::Weights;
 use crate::statistics::blocks as blocks_of;
 
@@ -100,7 +100,6 @@ pub(crate) struct System<'d, 'a> {
     pub data: &'d Data<'a>,
     pub weights: Weights,
     pub target: Vec<Vec<f64>>,
-    parts: Vec<Part>,
     tolerances: Vec<Column>,
     precision: Vec<f64>,
     channels: Vec<Channel>,
@@ -118,8 +117,8 @@ pub(crate) struct System<'d, 'a> {
 }
 
 impl<'d, 'a> System<'d, 'a> {
-    /// The system of the rows of `data` in `parts` under `weights`; `None` if the tolerances are singular.
-    pub fn new(data: &'d Data<'a>, target: Vec<Vec<f64>>, weights: Weights, parts: &[Part]) -> Option<Self> {
+    /// The system of the rows of `data` that are heard, under `weights`; `None` if the tolerances are singular.
+    pub fn new(data: &'d Data<'a>, target: Vec<Vec<f64>>, weights: Weights) -> Option<Self> {
         let (tolerances, precision) = data.tolerances();
         let channels: Vec<Channel> = (0..data.channels())
             .map(|c| Channel::new(c, &tolerances, &target, weights.rows[c].weights()))
@@ -128,14 +127,12 @@ impl<'d, 'a> System<'d, 'a> {
         let free = normal_equations(&channels, &precision);
         let (factor, whitened_target) = eliminated(&free, &pins)?;
         let (blocks, crosses) = (Vec::new(), RefCell::default());
-        let parts = parts.to_vec();
         let log_volume = half_log_determinant(&factor);
         Some(Self {
             log_volume,
             data,
             weights,
             target,
-            parts,
             tolerances,
             precision,
             channels,
@@ -177,7 +174,7 @@ impl<'d, 'a> System<'d, 'a> {
             if channel.weights.iter().all(|w| *w == 0.0) {
                 continue;
             }
-            let mask = self.data.mask(c, &self.parts);
+            let mask = self.data.heard(c);
             let plain = own(&candidate.columns, c, &mask);
             let rows = mask.iter().sum::<f64>();
             let scale = HALF * self.weights.rows[c].scale;
@@ -538,6 +535,32 @@ impl<'d, 'a> System<'d, 'a> {
         Some(!moved.is_empty())
     }
 
+    /// Lets rows in which the members of `fit` say badly what happens count for less; whether any changed. `None` if that makes the tolerances singular.
+    pub fn doubt(&mut self, fit: &Fit) -> Option<bool> {
+        let mut squares: Vec<Vec<f64>> = vec![Vec::new(); self.channels.len()];
+        for (place, &member) in fit.members.iter().enumerate() {
+            let Some(doubt) = self.candidate(member).doubt(self.data, self.coefficients(fit, place)) else {
+                continue;
+            };
+            for (c, (squares, rows)) in squares.iter_mut().zip(doubt).enumerate() {
+                let Some(rows) = rows else { continue };
+                let ground = self.data.stages[self.data.place(c).0].ground;
+                let reach = ground.treatment.filter().settling_time() * ground.treatment.rate_hz()
+                    / ground.treatment.every() as f64;
+                squares.resize(rows.len(), 0.0);
+                squares
+                    .iter_mut()
+                    .zip(envelope(&rows, reach as usize))
+                    .for_each(|(square, x)| *square += x * x);
+            }
+        }
+        let rows = self.weights.rows.iter_mut().zip(squares).enumerate();
+        let moved: Vec<usize> =
+            rows.filter_map(|(c, (rows, squares))| rows.doubted(squares).then_some(c)).collect();
+        self.weigh_anew(&moved)?;
+        Some(!moved.is_empty())
+    }
+
     /// Believes each row by what `fit` leaves of it: see [`super::weights::Rows::distrust`]. `None` if that makes the tolerances singular.
     pub fn distrust(&mut self, fit: &Fit) -> Option<()> {
         let left = self.left(fit);
@@ -545,6 +568,12 @@ impl<'d, 'a> System<'d, 'a> {
             (0..self.channels.len()).filter(|&c| self.weights.rows[c].effective() > 0.0).collect();
         heard.iter().for_each(|&c| self.weights.rows[c].distrust(&left[c]));
         self.weigh_anew(&heard)
+    }
+
+    /// Believes every row alike. `None` if that makes the tolerances singular.
+    pub fn trust_all(&mut self) -> Option<()> {
+        self.weights.rows.iter_mut().for_each(super::weights::Rows::trust_all);
+        self.weigh_anew(&(0..self.channels.len()).collect::<Vec<_>>())
     }
 
     /// Sets the shares of discrepancy to those of `weights`.

@@ -15,7 +15,7 @@ use crate::residual::Kind;
 /// Deviation of the half-normal prior of s: laws of rigid bodies and of friction hold to a few per cent on machines that are published.
 pub(crate) const USUAL_SHARE: f64 = 0.02;
 /// Shares s that are tried: from what no machine reaches to a law that says nothing, each a fifth more than the last.
-const LEAST_SHARE: f64 = 1e-3;
+pub(crate) const LEAST_SHARE: f64 = 1e-3;
 const FINER: f64 = 1.2;
 const SHARES: i32 = 40;
 /// Recordings of perfect machines from which the noise of the instruments is taken: their mean square is known to a few per cent.
@@ -28,6 +28,8 @@ const LOCAL_PERIODS: f64 = 10.0;
 pub(crate) struct Rows {
     /// What no law could say: σ² + off², by row.
     instrument: Vec<f64>,
+    /// What the laws that were found say badly, squared, by row; empty where they say all well.
+    doubt: Vec<f64>,
     /// Square of the local size of what the channel models, by row.
     size: Vec<f64>,
     /// The weight of each row in the likelihood, φ; zero of rows that don't count.
@@ -52,10 +54,24 @@ pub(crate) struct Weights {
 impl Rows {
     /// The variance v of each row with the share `share`.
     fn variances(&self, share: f64) -> impl Iterator<Item = f64> {
-        self.instrument
-            .iter()
-            .zip(&self.size)
-            .map(move |(instrument, size)| instrument + share * share * size)
+        let doubt = self.doubt.iter().copied().chain(std::iter::repeat(0.0));
+        let rows = self.instrument.iter().zip(&self.size).zip(doubt);
+        rows.map(move |((instrument, size), doubt)| instrument + doubt + share * share * size)
+    }
+
+    /// Sets the squares that the laws which were found say badly to `doubt`, by row; whether that changes the rows by more than a tenth.
+    pub fn doubted(&mut self, doubt: Vec<f64>) -> bool {
+        const LITTLE: f64 = 0.1;
+        let before = self.doubt.iter().copied().chain(std::iter::repeat(0.0));
+        let after = doubt.iter().copied().chain(std::iter::repeat(0.0)).take(self.instrument.len());
+        let instrument = self.instrument.iter().zip(before.zip(after));
+        let moved = instrument.into_iter().any(|(instrument, (before, after))| {
+            (after - before).abs() > LITTLE * (instrument + before.min(after))
+        });
+        if moved {
+            self.doubt = doubt;
+        }
+        moved
     }
 
     /// The weight of each row in the sum of squares: φ/v.
@@ -71,6 +87,11 @@ impl Rows {
         let v = self.variances(self.share);
         self.trust =
             left.iter().zip(v).map(|(x, v)| ((FREEDOM + 1.0) / (FREEDOM + x * x / v)).min(1.0)).collect();
+    }
+
+    /// Believes every row alike.
+    pub fn trust_all(&mut self) {
+        self.trust.fill(1.0);
     }
 
     /// Effective number of rows.
@@ -107,6 +128,13 @@ impl Rows {
         self.best(left, taken).1 - self.log_likelihood(&self.squares(left, taken), self.share)
     }
 
+    /// By how much the log-likelihood of rows of which `left` remains is greater with the most probable share than with the greatest one up to `most`.
+    pub fn beyond(&self, left: &[f64], most: f64) -> f64 {
+        let squares = self.squares(left, 0.0);
+        let (share, likelihood) = self.best(left, 0.0);
+        if share > most { likelihood - self.log_likelihood(&squares, most) } else { 0.0 }
+    }
+
     /// The log-likelihood of rows of which `left` remains.
     pub fn score(&self, left: &[f64]) -> f64 {
         self.log_likelihood(&self.squares(left, 0.0), self.share)
@@ -131,9 +159,9 @@ impl Rows {
 }
 
 impl Weights {
-    /// The weights of the rows of `data` in `parts`, of which `target` is what the model as given leaves. Their number is counted by what even shapes without a
-    /// name leave: where a law is missing that all rows share, that would count none.
-    pub fn new(data: &Data, target: &[Vec<f64>], parts: &[Part], seed: u64) -> Self {
+    /// The weights of the rows of `data` that are heard, of which `target` is what the model as given leaves. Their number is counted by what is `left` with all that
+    /// was found, or, before anything is, by what even shapes without a name leave: where a law is missing that all rows share, that would count none.
+    pub fn new(data: &Data, target: &[Vec<f64>], left: Option<&[Vec<f64>]>, seed: u64) -> Self {
         let draws: Vec<Vec<Vec<f64>>> = (0..DRAWS).map(|k| instruments(data, seed.wrapping_add(k))).collect();
         let knots = data.stages.first().map(Knots::of).unwrap_or_default();
         let squares: Vec<Vec<f64>> = draws
@@ -144,7 +172,7 @@ impl Weights {
         let noise: Vec<f64> = (0..data.per_stage()).map(mean).collect();
         let rows: Vec<Rows> = (0..data.channels())
             .map(|channel| {
-                let mask = data.mask(channel, parts);
+                let mask = data.heard(channel);
                 let count: f64 = mask.iter().sum();
                 let masked =
                     |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&mask).map(|(x, m)| x * m).collect() };
@@ -154,12 +182,16 @@ impl Weights {
                 let size = local_size(data, channel, target);
                 let instrument: Vec<f64> = data.off[channel].iter().map(|off| square + off * off).collect();
                 let scale = (size.iter().zip(&mask).map(|(x, m)| x * m).sum::<f64>() / count.max(1.0)).sqrt();
-                let rest = Shapes::new(data, channel, &mask, &knots).left(&masked(&target[channel]));
+                let rest = match left {
+                    Some(left) => masked(&left[channel]),
+                    None => Shapes::new(data, channel, &mask, &knots).left(&masked(&target[channel])),
+                };
                 let kappa = alike(&rest, &mask);
                 let mut rows = Rows {
                     phi: mask.iter().map(|mask| mask / kappa).collect(),
                     trust: vec![1.0; mask.len()],
                     instrument,
+                    doubt: Vec::new(),
                     size,
                     share: USUAL_SHARE,
                     scale,
@@ -187,6 +219,7 @@ impl Weights {
             let is_known = deviation[c].is_finite() && deviation[c] > 0.0;
             Rows {
                 instrument: vec![if is_known { deviation[c].powi(2) } else { 1.0 }; counts.len()],
+                doubt: Vec::new(),
                 size: vec![0.0; counts.len()],
                 trust: vec![1.0; counts.len()],
                 phi: counts.iter().map(|counts| if is_known { counts * per_row } else { 0.0 }).collect(),

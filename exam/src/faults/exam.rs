@@ -37,6 +37,8 @@ const WINDOW: usize = (SPACING - BEFORE) as usize;
 const PER_RUN: u32 = 20;
 /// Seconds that lockstep waits for an answer that does not come.
 const ANSWER_PATIENCE: f64 = 0.15;
+/// Least time to wait for a process to join, s: one that a busy machine starts late is not at fault.
+const LEAST_PATIENCE_S: f64 = 60.0;
 /// How often a lockstep run is played in which somebody sound was late: that says something of a busy machine alone.
 const ATTEMPTS: u32 = 3;
 /// How many faults real time injects at most for one that is asked for, until as many as are asked for could be judged.
@@ -75,6 +77,7 @@ impl Exam {
         (scenario.controllers, scenario.standby) = (vec![examined.asked().to_owned()], vec![standby]);
         (scenario.swap, scenario.random_swaps, scenario.seed) = (Vec::new(), 0, seed);
         scenario.answer_patience.get_or_insert(ANSWER_PATIENCE);
+        scenario.patience = scenario.patience.max(LEAST_PATIENCE_S);
         let setup = Setup::new(&scenario)?;
         let limit = |joint: &freeplay_arm::Joint| match scenario.mode {
             Drive::Torque => [-joint.limits.effort, joint.limits.effort],

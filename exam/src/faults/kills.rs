@@ -1,6 +1,7 @@
 //! `kill -9` of any process of a run at any moment, also while it starts: does the next run start, does nothing grow in shared
 //! memory, does every recording open?
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,16 +19,18 @@ use rustix::process::{Pid, Signal, kill_process};
 use serde::Serialize;
 use serde_json::json;
 
-/// Within this time after the start the kill comes, ms: start-up takes most of it.
-const LATEST_MS: f64 = 900.0;
-/// How long a run may take to end after a process of it was killed.
-const LONGEST: Duration = Duration::from_secs(30);
+/// What a run that is killed plays: short, so that start, loop and end take about the same time.
+const KILLED: [&str; 3] = ["duration=1", "recording=mcap", "patience=2"];
+/// How long a run may take to end after a process of it was killed. Long enough for a machine that does much else.
+const LONGEST: Duration = Duration::from_secs(120);
+/// What the run after a kill plays. It waits for its controller as long as a busy machine takes to start one.
+const NEXT: [&str; 3] = ["duration=0.02", "recording=none", "patience=60"];
 const LOOK: Duration = Duration::from_millis(1);
 /// Where segments are.
 const SEGMENTS: &str = "/dev/shm";
 
 /// Which process of a run is killed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Victim {
     Plant,
@@ -41,6 +44,8 @@ struct Tally {
     kills: u32,
     /// Kills that came when the victim was there.
     struck: u32,
+    /// The same by victim.
+    struck_by_victim: BTreeMap<Victim, u32>,
     /// Of these, before the recording had its first tick.
     during_start: u32,
     hung: u32,
@@ -70,9 +75,17 @@ pub fn kill_runs(
 ) -> Result<Exit, Failure> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut tally = Tally::default();
+    // Kills are spread over the time that a whole run takes on this machine, as busy as it is.
+    let begun = Instant::now();
+    let mut whole = start(controller, &out.join("whole"), &KILLED)?;
+    if !ends(&mut whole)? {
+        return Err(Failure::peer(format!("a run of {controller} does not end within {LONGEST:?}")));
+    }
+    let latest = begun.elapsed();
+    tally.runs.push(whole.id());
     while tally.kills < count && !stop.load(Ordering::Relaxed) {
         let victim = [Victim::Plant, Victim::Controller, Victim::Run][random.random_range(0..3)];
-        let after = Duration::from_secs_f64(random.random_range(0.0..LATEST_MS) * 1e-3);
+        let after = latest.mul_f64(random.random_range(0.0..1.0));
         kill_one(controller, out, victim, after, &mut tally)?;
     }
     tally.files_left = files_of(&tally.runs);
@@ -94,7 +107,7 @@ fn kill_one(
 ) -> Result<(), Failure> {
     let folder = out.join("killed");
     remove_folder(&folder)?;
-    let mut run = start(controller, &folder, &["duration=6", "recording=mcap", "patience=2"])?;
+    let mut run = start(controller, &folder, &KILLED)?;
     let begun = Instant::now();
     let mut struck = false;
     // On a busy machine the victim comes late.
@@ -106,6 +119,7 @@ fn kill_one(
     }
     tally.kills += 1;
     tally.struck += u32::from(struck);
+    *tally.struck_by_victim.entry(victim).or_default() += u32::from(struck);
     tally.hung += u32::from(!ends(&mut run)?);
     let entries = list(&folder).unwrap_or_default().into_iter();
     let recordings: Vec<PathBuf> = entries
@@ -128,7 +142,7 @@ fn kill_one(
     tally.during_start += u32::from(struck && !has_ticks);
     tally.runs.push(run.id());
     tally.left_and_swept += u32::from(files_of(&[run.id()]) > 0);
-    let mut next = start(controller, &out.join("next"), &["duration=0.02", "recording=none"])?;
+    let mut next = start(controller, &out.join("next"), &NEXT)?;
     let well = ends(&mut next)? && next.wait().is_ok_and(|status| status.success());
     tally.next_did_not_start += u32::from(!well);
     tally.runs.push(next.id());

@@ -37,7 +37,7 @@ impl Console {
                     }
                 }
             })
-            .map_err(Failure::internal)?;
+            .map_err(Failure::no_thread)?;
         // Ends with the process, or when the parent closes its end.
         std::thread::Builder::new()
             .name("wishes".to_owned())
@@ -51,7 +51,7 @@ impl Console {
                     }
                 }
             })
-            .map_err(Failure::internal)?;
+            .map_err(Failure::no_thread)?;
         Ok((Self { writer }, sender))
     }
 

@@ -142,7 +142,7 @@ impl Watch {
                 let mut glances = lines.filter_map(|line| serde_json::from_str(&line).ok());
                 while glances.next().is_some_and(|glance| sender.send(glance).is_ok()) {}
             })
-            .map_err(Failure::internal)?;
+            .map_err(Failure::no_thread)?;
         Ok(())
     }
 

@@ -1,7 +1,6 @@
 //! From runs to what trains and tests: the extractor of the controller, fed state by state.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use freeplay_arm::forward_kinematics;
 use freeplay_controller::features::{Features, REGRESSORS};
@@ -14,6 +13,7 @@ use freeplay_plant::DeviationStatistics;
 use freeplay_predictor::Narx;
 use freeplay_shm::{Joints, State};
 use freeplay_terminal::exit::Failure;
+use freeplay_terminal::parallel::on_all_cores;
 use indicatif::ProgressBar;
 use nalgebra::Vector3;
 
@@ -100,28 +100,11 @@ pub fn collect(
     observer: Observer<'_>,
     bar: &ProgressBar,
 ) -> Result<Vec<Collected>, Failure> {
-    let next = AtomicUsize::new(0);
-    let workers = std::thread::available_parallelism().map_or(1, usize::from).min(specs.len().max(1));
-    let work = || {
-        let mut mine = Vec::new();
-        loop {
-            let index = next.fetch_add(1, Ordering::Relaxed);
-            let Some(spec) = specs.get(index) else { return Ok(mine) };
-            mine.push((index, one(subject, spec, observer)?));
-            bar.inc(1);
-        }
-    };
-    let done: Vec<Result<Vec<(usize, Collected)>, Failure>> = std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
-        let lost = || Err(Failure::internal("a run failed; its message is above"));
-        threads.into_iter().map(|thread| thread.join().unwrap_or_else(|_| lost())).collect()
-    });
-    let mut all = Vec::with_capacity(specs.len());
-    for runs in done {
-        all.extend(runs?);
-    }
-    all.sort_by_key(|(index, _)| *index);
-    Ok(all.into_iter().map(|(_, run)| run).collect())
+    on_all_cores(specs.len(), |index| {
+        let collected = one(subject, &specs[index], observer);
+        bar.inc(1);
+        collected
+    })
 }
 
 fn one(subject: &Subject, spec: &RunSpec, observer: Observer<'_>) -> Result<Collected, Failure> {

@@ -85,13 +85,20 @@ pub fn with_setup_faults(
     for samples in [&mut made.recording, &mut made.second] {
         keep(samples, kept);
     }
+    // Torques without gravity show nothing of its direction.
+    if kinds.contains(&"gravity_direction") && kinds.contains(&"gravity_compensated") {
+        return Ok(None);
+    }
     let mut faults: Vec<SetupFault> = Vec::new();
     for kind in kinds {
         let taken: Vec<usize> = faults.iter().flat_map(|fault| fault.joints.clone()).collect();
         let drawn = (0..DRAWS).find_map(|_| {
             let fault = draw(kind, &sheet, &made.recording, &mut rng)?;
             let is_free = fault.joints.iter().all(|joint| !taken.contains(joint));
-            (is_free && shows(&fault, &sheet, &made.recording)).then_some(fault)
+            (is_free
+                && !is_another_kind(&fault, &sheet, &made.recording)
+                && shows(&fault, &sheet, &made.recording))
+            .then_some(fault)
         });
         let Some(fault) = drawn else { return Ok(None) };
         faults.push(fault);
@@ -194,7 +201,7 @@ fn draw(kind: &str, sheet: &Arm, samples: &Samples, rng: &mut ChaCha8Rng) -> Opt
             fault(vec![], vec![sign(rng) * log_uniform(rng, 0.05, 0.4)], late)
         }
         "frozen_channel" => fault(vec![joint], vec![], if torque { pick(rng, &["tau", "q"]) } else { "q" }),
-        "another_arm" => fault(vec![], vec![], ""),
+        "another_arm" if another(sheet).is_some() => fault(vec![], vec![], ""),
         _ => None,
     }
 }
@@ -413,20 +420,36 @@ fn late(samples: &mut Samples, group: &str, delay: f64) {
     }
 }
 
+/// The data sheet of another machine with as many joints.
+fn another(sheet: &Arm) -> Option<Arm> {
+    let others = Machine::ALL.into_iter().filter(|machine| machine.name() != sheet.name());
+    others.filter_map(|machine| machine.data_sheet().ok()).find(|other| other.dof() == sheet.dof())
+}
+
+/// Whether the torques are, to the last digit, those of a fault of another kind: the zero of the first joint and a base turned about its axis;
+/// on a single axis, the sign of the torque and of the position.
+fn is_another_kind(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
+    if has(samples, "x") {
+        return false;
+    }
+    let first = &sheet.joints()[0];
+    match fault.kind {
+        "joint_zero" => fault.joints == [0],
+        "gravity_direction" => {
+            let axis = first.placement.rotation * first.axis.into_inner();
+            let along = (Vector3::from_column_slice(&fault.values) - sheet.gravity()).dot(&axis);
+            along.abs() < 1e-6 * sheet.gravity().norm()
+        }
+        "torque_sign" | "joint_direction" => sheet.dof() == 1,
+        _ => false,
+    }
+}
+
 /// The data sheet that stands beside the recording. Gravity of the machine is that of the data sheet; the file says another one.
 fn on_sheet(fault: &SetupFault, sheet: Arm) -> Result<Arm, GenerateError> {
     match fault.kind {
         "gravity_direction" => Ok(sheet.with_gravity(Vector3::from_column_slice(&fault.values))),
-        "another_arm" => {
-            let others = Machine::ALL.into_iter().filter(|machine| machine.name() != sheet.name());
-            for machine in others {
-                let other = machine.data_sheet()?;
-                if other.dof() == sheet.dof() {
-                    return Ok(other);
-                }
-            }
-            Ok(sheet)
-        }
+        "another_arm" => Ok(another(&sheet).unwrap_or(sheet)),
         _ => Ok(sheet),
     }
 }

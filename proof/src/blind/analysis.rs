@@ -139,10 +139,11 @@ impl Analysts {
         let Some(mut pipe) = child.0.stdout.take() else {
             return Err(Failure::internal("an analyst has no standard output"));
         };
-        let reader = std::thread::spawn(move || {
+        let reader = std::thread::Builder::new().spawn(move || {
             let mut text = String::new();
             pipe.read_to_string(&mut text).map(|_| text)
         });
+        let reader = reader.map_err(Failure::no_thread)?;
         let ended = self.wait(&mut child.0)?;
         drop(child);
         let said =

@@ -1,6 +1,7 @@
 //! The machines of the demonstration: what is concealed in each.
 
 use freeplay_arm::{ArmFile, EffectTable, paper_arm};
+use freeplay_laws::{ArmParts, LawError};
 use toml::{Table, Value};
 
 /// A machine that is not what its model says.
@@ -12,6 +13,8 @@ pub struct Case {
     pub hidden: &'static str,
     /// The concealed effect; none for a machine that is its model.
     pub effect: Option<EffectTable>,
+    /// Inertias of rotors by the index of their joint, kg·m², that the model names: an elastic or loose gear carries what its link takes alone.
+    pub rotors: &'static [(usize, f64)],
     /// A notch in the gear of this joint, added to the recorded torque: no effect of the catalogue.
     pub notch: Option<Notch>,
 }
@@ -30,11 +33,26 @@ pub struct Notch {
 }
 
 impl Case {
-    /// The machine: the paper's arm with what is concealed.
-    pub fn truth(&self) -> ArmFile {
+    /// What is known of the machine: the paper's arm, and its rotors where they matter.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn nominal(&self) -> Result<ArmFile, LawError> {
         let mut file = paper_arm();
-        file.effects = self.effect.iter().cloned().collect();
-        file
+        let mut parts = ArmParts::of(&file.arm);
+        for &(joint, inertia) in self.rotors {
+            parts.joints[joint].rotor_inertia = inertia;
+        }
+        file.arm = parts.into_arm(file.arm.name())?;
+        Ok(file)
+    }
+
+    /// The machine: that with what is concealed.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn truth(&self) -> Result<ArmFile, LawError> {
+        Ok(ArmFile { effects: self.effect.iter().cloned().collect(), ..self.nominal()? })
     }
 }
 
@@ -49,7 +67,7 @@ fn with<const N: usize>(
 
 /// All machines, in the order of the table.
 pub fn all() -> Vec<Case> {
-    let case = |name, hidden, effect| Case { name, hidden, effect, notch: None };
+    let case = |name, hidden, effect| Case { name, hidden, effect, rotors: &[], notch: None };
     vec![
         case(
             "clearance",
@@ -61,15 +79,18 @@ pub fn all() -> Vec<Case> {
             "40 N·m of Coulomb friction in joint_3",
             with("coulomb_friction", Some("joint_3"), [("coulomb", 40.0.into())]),
         ),
-        case(
-            "backlash",
-            "a gap of 2 mrad in the gear of joint_2",
-            with(
+        Case {
+            rotors: &[(0, 8.0)],
+            ..case(
                 "backlash",
-                Some("joint_2"),
-                [("gap", 0.002.into()), ("stiffness", 2e5.into()), ("damping", 500.0.into())],
-            ),
-        ),
+                "a gap of 2 mrad in the gear of joint_1",
+                with(
+                    "backlash",
+                    Some("joint_1"),
+                    [("gap", 0.002.into()), ("stiffness", 1e5.into()), ("damping", 1000.0.into())],
+                ),
+            )
+        },
         case(
             "payload",
             "4 kg on the last link",

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-use freeplay_arm::{ArmFile, paper_arm, to_toml};
+use freeplay_arm::{ArmFile, to_toml};
 use freeplay_diagnosis::page::{Subject, document};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Verdict, diagnose};
 use freeplay_harness::run::{Contestant, Files, play};
@@ -87,10 +87,10 @@ pub fn outcome(
     out: &Path,
     stop: &AtomicBool,
 ) -> Result<Outcome, Failure> {
-    let nominal = paper_arm();
+    let nominal = case.nominal().map_err(Failure::internal)?;
     freeplay_terminal::files::make_folder(out)?;
     let (truth, model) = (out.join("truth.toml"), out.join("nominal.toml"));
-    write(&truth, &to_toml(&case.truth()))?;
+    write(&truth, &to_toml(&case.truth().map_err(Failure::internal)?))?;
     write(&model, &to_toml(&nominal))?;
     let run = |model: &Path, name: &str| {
         let mut scenario = Scenario {

@@ -2,10 +2,14 @@
 
 use std::hint::black_box;
 use std::ops::Range;
+use std::os::unix::fs::MetadataExt;
 
 use allocation_counter::{AllocationInfo, measure};
-use freeplay_shm::{Backoff, Command, ControllerLink, Hello, PlantLink, RunRoot, State};
+use freeplay_shm::{
+    Backoff, Command, ControllerLink, Hello, MAX_SLOTS, MEMORY, PlantLink, ROOM, RunRoot, State,
+};
 
+use crate::leftovers::traces;
 use crate::{PATIENCE, greet, open_plant};
 
 /// The first ticks settle connections, since the controller has just left the door; in the last, it goes.
@@ -40,6 +44,30 @@ fn a_tick_allocates_nothing_but_the_block_of_a_loan() {
         assert!(sending.bytes_total <= messages * BYTES_PER_MESSAGE_SENT, "{side}");
     }
     assert!(measure(|| drop(black_box(Box::new(5)))).count_total > 0, "the counter counts");
+}
+
+#[test]
+fn a_plant_with_all_slots_allocates_less_than_it_asks_for_before() {
+    let run = RunRoot::create().unwrap();
+    let used = measure(|| drop(black_box(open_plant(&run, MAX_SLOTS))));
+    println!("{used:?} of {MEMORY}");
+    // The check allocates MEMORY and gives it back, so that the largest single amount is at least that.
+    let without_check = used.bytes_total - MEMORY as u64;
+    assert!((1..MEMORY as u64 / 2).contains(&without_check), "{without_check} bytes");
+}
+
+#[test]
+fn a_plant_with_all_slots_has_less_in_shared_memory_than_it_asks_for_before() {
+    let run = RunRoot::create().unwrap();
+    let _plant = open_plant(&run, MAX_SLOTS);
+    let segments = traces(run.address()).into_iter().map(|path| path.metadata().unwrap());
+    let (sizes, blocks): (Vec<u64>, Vec<u64>) =
+        segments.filter(|found| found.is_file()).map(|found| (found.len(), found.blocks() * 512)).unzip();
+    println!("{} of {ROOM} bytes, in blocks {}", sizes.iter().sum::<u64>(), blocks.iter().sum::<u64>());
+    // Each controller adds a segment and a connection to what the plant has.
+    assert!((1..ROOM / 4).contains(&sizes.iter().sum()), "{sizes:?}");
+    // What may be written to later has its place already.
+    assert!(sizes.iter().zip(&blocks).all(|(size, blocks)| size <= blocks), "{sizes:?} in {blocks:?}");
 }
 
 /// What publishing and what all else of the measured ticks allocates.

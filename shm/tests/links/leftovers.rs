@@ -1,7 +1,7 @@
 //! What a run leaves behind: nothing; and who may look into it while it lives: its owner.
 
 use std::fs;
-use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
+use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, symlink};
 use std::path::{Path, PathBuf};
 use std::thread::sleep;
 use std::time::Duration;
@@ -149,4 +149,18 @@ fn a_folder_that_others_can_change_is_refused() {
     fs::remove_file(&all_runs).unwrap();
     fs::write(&all_runs, "").unwrap();
     refused("set FREEPLAY_SHM");
+    fs::remove_file(&all_runs).unwrap();
+    for mode in [0o777, 0o770, 0o775, 0o702] {
+        fs::set_permissions(parent.path(), fs::Permissions::from_mode(mode)).unwrap();
+        refused("other users can rename files");
+    }
+    // The owner of a folder renames what is in it, whatever its mode.
+    if chown(parent.path(), Some(65_534), None).is_ok() {
+        for mode in [0o755, 0o1777] {
+            fs::set_permissions(parent.path(), fs::Permissions::from_mode(mode)).unwrap();
+            refused("other users can rename files");
+        }
+    } else {
+        println!("skipped: a folder of another user takes root");
+    }
 }

@@ -9,16 +9,21 @@ use freeplay_arm::{Arm, JointKind};
 
 use super::super::change::Change;
 use super::super::finding::{Certainty, SetupFinding};
+use super::super::problem::variance;
 use super::{Ask, Told};
 
-/// A joint goes beyond its limits, or faster than it can, by this factor: no overshoot, another unit.
+/// A joint goes beyond its limits by this factor: no overshoot, another unit. Limits of speed are placeholders in many files.
 const BEYOND: f64 = 2.0;
-/// Without limits: no arm turns this fast, rad/s.
+/// Without limits: no arm turns this fast on the average, rad/s.
 const FASTEST: f64 = 30.0;
 
-/// What it asks.
-pub(crate) fn asks(_: &Ask) -> Vec<Change> {
-    vec![Change::AngleUnit]
+/// What it asks. Where all turning joints stay within half a turn in rad, degrees would be an arm that moves by less than 3 of them.
+pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
+    let wide = ask.arm.joints().iter().zip(ask.positions).any(|(joint, q)| {
+        let least = q.iter().copied().fold(f64::INFINITY, f64::min);
+        joint.kind == JointKind::Prismatic || q.iter().any(|q| q - least > PI)
+    });
+    wide.then_some(Change::AngleUnit).into_iter().collect()
 }
 
 /// Words and remedy.
@@ -45,20 +50,23 @@ fn finding(arm: &Arm, certainty: Certainty) -> SetupFinding {
     }
 }
 
-/// By the motion alone: positions `q` with the speeds `v`, `[joint][row]`, where neither torque nor tool was recorded.
-pub(crate) fn by_motion(arm: &Arm, q: &[Vec<f64>], v: &[Vec<f64>]) -> Option<SetupFinding> {
+/// By the motion alone: positions and velocities, `[joint][row]`, that no arm has in rad; but those of joints whose position `jumps`, and may
+/// be off by turns.
+pub(crate) fn by_motion(arm: &Arm, motion: &[Vec<Vec<f64>>; 3], jumps: &[bool]) -> Option<SetupFinding> {
+    let [q, v, _] = motion;
     let most = |column: &[f64]| column.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let turning = arm.joints().iter().enumerate().filter(|(_, joint)| joint.kind == JointKind::Revolute);
+    let turning = arm.joints().iter().enumerate();
+    let turning = turning.filter(|(k, joint)| joint.kind == JointKind::Revolute && !jumps[*k]);
     let (mut known, mut beyond, mut fast) = (0, 0, 0);
     for (k, joint) in turning {
         let limits = &joint.limits;
         let farthest = limits.lower.abs().max(limits.upper.abs());
         known += usize::from(farthest.is_finite() || limits.velocity.is_finite());
-        let is_far = most(&q[k]) > BEYOND * farthest.max(PI) || most(&v[k]) > BEYOND * limits.velocity;
+        let is_far = most(&q[k]) > BEYOND * farthest.max(PI);
         // In degrees it has to be possible.
         let fits = most(&q[k]).to_radians() <= farthest && most(&v[k]).to_radians() <= limits.velocity;
         beyond += usize::from(is_far && fits);
-        fast += usize::from(most(&v[k]) > FASTEST);
+        fast += usize::from(variance(&v[k]).sqrt() > FASTEST);
     }
     let certainty = match (known, beyond, fast) {
         (_, 1.., _) => Certainty::Sure,

@@ -2,46 +2,56 @@
 //!
 //! It asks, when every other question is answered, whether most channels still have most of their variance unexplained.
 
+use super::super::change::RARE;
 use super::super::examine::SPOKEN;
 use super::super::finding::{Certainty, SetupFinding};
 use super::super::problem::Outcome;
 
 /// A channel of which this share of the variance stays is not explained at all.
-const UNEXPLAINED: f64 = 0.3;
+pub(crate) const UNEXPLAINED: f64 = 0.3;
 /// The same where a tool is tracked: its position is geometry, which no friction blurs.
 const AWAY: f64 = 0.02;
 
-/// Words and remedy; `joints` torques come first in what is left.
-pub(crate) fn found(
-    best: &Outcome,
-    joints: usize,
-    has_torques: bool,
-    has_tool: bool,
-) -> Option<SetupFinding> {
-    let has_torques = has_torques && best.left.len() >= joints;
-    let (torques, tool) = best.left.split_at(if has_torques { joints } else { 0 });
+/// Words and remedy; `joints` torques come first in what is left, unless they are silent: without gravity.
+pub(crate) fn found(best: &Outcome, joints: usize, is_silent: bool, has_tool: bool) -> Option<SetupFinding> {
+    let (torques, tool) = best.left.split_at(if best.left.len() >= joints { joints } else { 0 });
     let speaks =
         torques.iter().zip(&best.spoken).filter(|(left, spoken)| left.is_finite() && **spoken > SPOKEN);
     let judged: Vec<f64> = speaks.map(|(left, _)| *left).collect();
     let odd = judged.iter().filter(|left| **left > UNEXPLAINED).count();
     let is_away = has_tool && tool.iter().sum::<f64>() / 3.0 > AWAY;
     let is_odd = 2 * odd > judged.len();
-    let certainty = match (has_torques && !judged.is_empty(), has_tool) {
+    let certainty = match (!is_silent && !judged.is_empty(), has_tool) {
         (_, true) if is_away => Certainty::Sure,
         (true, false) if is_odd => Certainty::Likely,
         _ => return None,
     };
     let left =
         100.0 * best.left.iter().filter(|left| left.is_finite()).fold(0.0_f64, |most, left| most.max(*left));
-    Some(SetupFinding {
+    Some(finding(left.min(100.0) / 100.0, certainty))
+}
+
+/// What another arm costs that explains as much as any set of changes does: three numbers for each of `joints` links (length, mass, inertia) at
+/// `each`, and its prior odds.
+pub(crate) fn price(joints: usize, each: f64) -> f64 {
+    (3 * joints) as f64 * each - RARE.ln()
+}
+
+/// Where a set of changes costs more than another arm.
+pub(crate) fn by_price() -> SetupFinding {
+    finding(0.0, Certainty::Sure)
+}
+
+fn finding(value: f64, certainty: Certainty) -> SetupFinding {
+    SetupFinding {
         kind: "another_arm",
         joint: None,
-        value: left.min(100.0) / 100.0,
+        value,
         unit: "1",
         certainty,
         statement: "No reading of the recording (units, signs, order, zeros, gravity, clock) makes it meet this model: is it of another arm?"
             .to_owned(),
         remedy: "Check that the model file and the recording belong to the same robot, and the same tool.".to_owned(),
         gravity: None,
-    })
+    }
 }

@@ -9,15 +9,16 @@ use super::super::finding::SetupFinding;
 use super::super::search::groups;
 use super::{Ask, Told};
 
-/// Delays up to here are the catalogue's, s: with more, no position loop of 5 Hz would hold (60 degrees of its phase).
-pub(crate) const LEAST: f64 = 0.033;
+/// Delays up to here are the catalogue's, s: with more, no position loop of 3.5 Hz would hold (60 degrees of its phase).
+pub(crate) const LEAST: f64 = 0.048;
 /// The delays asked for: this many each way, s apart.
 const COUNT: i8 = 16;
-const APART: f64 = 0.03;
+pub(crate) const APART: f64 = 0.03;
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
-    let delays = || (-COUNT..=COUNT).filter(|k| *k != 0).map(|k| f64::from(k) * APART);
+    let large = || (-COUNT..=COUNT).filter(|k| *k != 0).map(|k| f64::from(k) * APART);
+    let delays = || large().chain([0.5 * APART, -0.5 * APART]);
     let groups = groups(ask.has_torques, ask.has_tool).into_iter();
     groups.flat_map(|late| delays().map(move |delay| Change::Delay(late, delay))).collect()
 }

@@ -14,8 +14,11 @@ use super::{Ask, Told};
 
 /// An encoder's zero that is off by no more than this is the catalogue's, rad: its law holds up to here.
 pub(crate) const LEAST: f64 = 0.3;
-/// Parts of half a turn that are asked for, and how many of them make a right angle.
+/// A small one to start from.
+const SMALL: f64 = 0.5 * LEAST;
+/// Parts of half a turn that are asked for, how wide they are, rad, and how many of them make a right angle.
 const PARTS: i8 = 6;
+pub(crate) const STEP: f64 = PI / 6.0;
 const RIGHT: i8 = 3;
 
 /// What it asks.
@@ -24,11 +27,12 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
     let of_joint = |joint| {
         (1 - PARTS..=PARTS).filter(|part| *part != 0).map(move |part| Change::Zero {
             joint,
-            offset: f64::from(part) / f64::from(PARTS) * PI,
+            offset: f64::from(part) * STEP,
             is_fitted: part % RIGHT != 0,
         })
     };
-    turning.flat_map(of_joint).collect()
+    let small = |joint| [SMALL, -SMALL].map(|offset| Change::Zero { joint, offset, is_fitted: true });
+    turning.clone().flat_map(of_joint).chain(turning.flat_map(small)).collect()
 }
 
 /// Words and remedy.

@@ -6,14 +6,14 @@
 pub(crate) mod angle_unit;
 pub(crate) mod angle_wrap;
 pub(crate) mod another_arm;
-mod clock_offset;
+pub(crate) mod clock_offset;
 pub(crate) mod frozen_channel;
 mod gravity_compensated;
 mod gravity_direction;
 mod joint_coordinates;
 mod joint_direction;
 mod joint_order;
-mod joint_zero;
+pub(crate) mod joint_zero;
 pub(crate) mod time_unit;
 mod torque_sign;
 pub(crate) mod torque_unit;
@@ -30,6 +30,8 @@ pub(crate) struct Ask<'a> {
     pub arm: &'a Arm,
     pub has_torques: bool,
     pub has_tool: bool,
+    /// Recorded positions, `[joint][row]`.
+    pub positions: &'a [Vec<f64>],
     /// The best set so far.
     pub best: &'a Outcome,
 }

@@ -16,7 +16,6 @@ use toml::Table;
 
 use super::super::candidate::{Candidate, Form};
 use super::super::data::Data;
-use super::super::parts::Part;
 use super::super::stage::{Ground, Stage};
 use super::super::system::{Gain, System};
 use super::super::tolerance::Tolerances;
@@ -180,8 +179,7 @@ impl Scales<'_> {
 impl<'d, 'a> Weighed<'d, 'a> {
     /// The system in which `signal` is what is to be explained.
     fn system(&self, signal: &[Vec<f64>]) -> Result<System<'d, 'a>, ExciteError> {
-        System::new(self.data, signal.to_vec(), self.weights.clone(), &[Part::Fit])
-            .ok_or(ExciteError::Singular)
+        System::new(self.data, signal.to_vec(), self.weights.clone()).ok_or(ExciteError::Singular)
     }
 
     /// What `rival` can't say of `signal`: twice a log of odds.

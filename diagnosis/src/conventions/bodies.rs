@@ -1,0 +1,217 @@
+//! Joint torques by body: what each link, and a load at the tool, adds to the torque of every joint, split into what its motion asks for and
+//! what each component of gravity adds (Newton–Euler in world axes, Featherstone 2008, §5.3; all of it is linear in masses and in gravity).
+
+use freeplay_arm::{Arm, Inertia, JointKind};
+use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
+
+/// A torque as what motion asks for, N·m (N), and what gravity adds per m/s² along each axis of the base.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Parts {
+    pub inertial: f64,
+    pub gravity: [f64; 3],
+}
+
+/// Where a link is and how it moves; world axes.
+#[derive(Clone)]
+struct Link {
+    kind: JointKind,
+    rotation: Matrix3<f64>,
+    place: Vector3<f64>,
+    axis: Vector3<f64>,
+    /// Angular velocity and acceleration, and acceleration of the origin.
+    omega: Vector3<f64>,
+    alpha: Vector3<f64>,
+    linear: Vector3<f64>,
+}
+
+/// Forces that a body needs for its motion, about the origin of its link, and what gravity pulls at: mass, and first moment about that origin.
+struct Needs {
+    force: Vector3<f64>,
+    moment: Vector3<f64>,
+    mass: f64,
+    first: Vector3<f64>,
+}
+
+/// The links of an arm in one posture and motion.
+pub(super) struct Bodies<'a> {
+    arm: &'a Arm,
+    links: Vec<Link>,
+}
+
+impl<'a> Bodies<'a> {
+    /// In the posture `q` with the velocities `v` and accelerations `a`, one number a joint.
+    pub fn new(
+        arm: &'a Arm,
+        q: impl Fn(usize) -> f64,
+        v: impl Fn(usize) -> f64,
+        a: impl Fn(usize) -> f64,
+    ) -> Self {
+        let still = Vector3::zeros();
+        let mut last = Link {
+            kind: JointKind::Revolute,
+            rotation: Matrix3::identity(),
+            place: still,
+            axis: still,
+            omega: still,
+            alpha: still,
+            linear: still,
+        };
+        let mut links = Vec::with_capacity(arm.dof());
+        for (k, joint) in arm.joints().iter().enumerate() {
+            let placed = last.rotation * joint.placement.rotation.to_rotation_matrix().matrix();
+            let axis = placed * joint.axis.into_inner();
+            let slide = if joint.kind == JointKind::Prismatic { axis * q(k) } else { still };
+            let lever = last.rotation * joint.placement.translation.vector + slide;
+            let carried =
+                last.linear + last.alpha.cross(&lever) + last.omega.cross(&last.omega.cross(&lever));
+            let link = match joint.kind {
+                JointKind::Revolute => {
+                    let turn = UnitQuaternion::from_axis_angle(&Unit::new_unchecked(*joint.axis), q(k));
+                    Link {
+                        kind: joint.kind,
+                        rotation: placed * turn.to_rotation_matrix().matrix(),
+                        place: last.place + lever,
+                        axis,
+                        omega: last.omega + axis * v(k),
+                        alpha: last.alpha + axis * a(k) + last.omega.cross(&axis) * v(k),
+                        linear: carried,
+                    }
+                }
+                JointKind::Prismatic => Link {
+                    kind: joint.kind,
+                    rotation: placed,
+                    place: last.place + lever,
+                    axis,
+                    omega: last.omega,
+                    alpha: last.alpha,
+                    linear: carried + axis * a(k) + last.omega.cross(&axis) * (2.0 * v(k)),
+                },
+            };
+            last = link.clone();
+            links.push(link);
+        }
+        Self { arm, links }
+    }
+
+    /// The tool's place, m.
+    pub fn tool(&self) -> Vector3<f64> {
+        let Some(last) = self.links.last() else { return Vector3::zeros() };
+        last.place + last.rotation * self.arm.tool().translation.vector
+    }
+
+    /// What link `body` adds to the torque of each joint: `add(joint, parts)`, for the joints that carry it.
+    pub fn link(&self, body: usize, add: impl FnMut(usize, Parts)) {
+        self.torques(body, &self.links[body].needs(&self.arm.joints()[body].inertia), add);
+    }
+
+    /// The same of a load on the last link: 1 kg at the tool, then 1 kg·m of first moment along each axis of that link.
+    pub fn load(&self, number: usize, add: impl FnMut(usize, Parts)) {
+        let Some(last) = self.links.last() else { return };
+        let needs = match number {
+            0 => {
+                let com = self.arm.tool().translation.vector;
+                last.needs(&Inertia { mass: 1.0, com, about_com: Matrix3::zeros() })
+            }
+            axis => last.needs_of_moment(last.rotation.column(axis - 1).into_owned()),
+        };
+        self.torques(self.links.len() - 1, &needs, add);
+    }
+
+    fn torques(&self, body: usize, needs: &Needs, mut add: impl FnMut(usize, Parts)) {
+        let place = self.links[body].place;
+        for (joint, link) in self.links[..=body].iter().enumerate() {
+            let lever = place - link.place;
+            let (inertial, pulled) = match link.kind {
+                JointKind::Revolute => (
+                    link.axis.dot(&(needs.moment + lever.cross(&needs.force))),
+                    link.axis.cross(&(needs.first + lever * needs.mass)),
+                ),
+                JointKind::Prismatic => (link.axis.dot(&needs.force), link.axis * needs.mass),
+            };
+            add(joint, Parts { inertial, gravity: [-pulled.x, -pulled.y, -pulled.z] });
+        }
+    }
+}
+
+impl Link {
+    fn needs(&self, inertia: &Inertia) -> Needs {
+        let first = self.rotation * (inertia.com * inertia.mass);
+        let of_moment = self.needs_of_moment(first);
+        let omega = self.rotation.tr_mul(&self.omega);
+        let com = self.rotation * inertia.com;
+        let spin =
+            inertia.about_com * self.rotation.tr_mul(&self.alpha) + omega.cross(&(inertia.about_com * omega));
+        Needs {
+            force: of_moment.force + self.linear * inertia.mass,
+            // Of the first moment's own acceleration, and of the turning about the centre of mass.
+            moment: of_moment.moment + com.cross(&of_moment.force) + self.rotation * spin,
+            mass: inertia.mass,
+            first,
+        }
+    }
+
+    /// Of a first moment `first` without mass.
+    fn needs_of_moment(&self, first: Vector3<f64>) -> Needs {
+        Needs {
+            force: self.alpha.cross(&first) + self.omega.cross(&self.omega.cross(&first)),
+            moment: first.cross(&self.linear),
+            mass: 0.0,
+            first,
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use freeplay_arm::{Workspace, paper_arm, rnea};
+    use nalgebra::Vector3;
+
+    use super::{Bodies, Parts};
+
+    /// The bodies' torques add up to those of the recursive algorithm, a load to those of an arm that has it.
+    #[test]
+    fn bodies_add_up_to_the_arm() {
+        let standing = paper_arm().arm;
+        let gravity = Vector3::new(1.0, -2.0, -9.0);
+        let arm = standing.with_gravity(gravity);
+        let n = arm.dof();
+        let at = |by: f64| (0..n).map(|k| (by + 1.7 * k as f64).sin()).collect::<Vec<f64>>();
+        let (q, v, a) = (at(0.3), at(1.1), at(2.9));
+        let bodies = Bodies::new(&arm, |k| q[k], |k| v[k], |k| a[k]);
+        let whole = |parts: &Parts| {
+            parts.inertial + parts.gravity.iter().zip(gravity.iter()).map(|(x, g)| x * g).sum::<f64>()
+        };
+        let mut sum: Vec<f64> =
+            arm.joints().iter().zip(&a).map(|(joint, a)| joint.rotor_inertia * a).collect();
+        (0..n).for_each(|body| bodies.link(body, |joint, parts| sum[joint] += whole(&parts)));
+        let (mut ws, mut expected) = (Workspace::new(&arm), vec![0.0; n]);
+        rnea(&arm, &mut ws, &q, &v, &a, &mut expected);
+        let size = expected.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        for (sum, expected) in sum.iter().zip(&expected) {
+            println!("{sum} {expected}");
+            assert!((sum - expected).abs() < 1e-12 * size);
+        }
+
+        let mut joints = arm.joints().to_vec();
+        let (mass, com) = (2.0, Vector3::new(0.1, -0.2, 0.05));
+        let load = freeplay_arm::Inertia {
+            mass,
+            com: arm.tool().translation.vector,
+            about_com: nalgebra::Matrix3::zeros(),
+        };
+        joints[n - 1].inertia = joints[n - 1].inertia.joined_with(&load, &nalgebra::Isometry3::identity());
+        let loaded = freeplay_arm::Arm::new("loaded", joints, *arm.tool(), gravity).unwrap();
+        rnea(&loaded, &mut ws, &q, &v, &a, &mut expected);
+        bodies.load(0, |joint, parts| sum[joint] += mass * whole(&parts));
+        for (sum, expected) in sum.iter().zip(&expected) {
+            assert!((sum - expected).abs() < 1e-12 * size);
+        }
+        // A first moment is linear: three along the axes are one along their sum, and gravity pulls at it as at a lever.
+        let mut held = vec![0.0; n];
+        (1..=3).for_each(|axis| {
+            bodies.load(axis, |joint, parts| held[joint] += com[axis - 1] * parts.gravity[2])
+        });
+        assert!(held.iter().any(|x| x.abs() > 1e-3));
+    }
+}

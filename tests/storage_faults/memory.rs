@@ -1,0 +1,94 @@
+//! Processes that may not have the memory they ask for: each command under many limits of its address space (`ulimit -v`), from the least under
+//! which the program starts to the one that is enough for the command. Each ends with a clear message and a documented exit code, old data are
+//! intact, nothing is left in shared memory.
+//!
+//! `FREEPLAY_MEMORY_LIMITS=N` plays N limits of each command instead of a few.
+
+use std::collections::BTreeMap;
+use std::process::Command;
+
+use crate::common::{Call, FREEPLAY, Ran, fresh_folder, left_in_shared_memory, until};
+use crate::{Subject, contents, on_all_cores};
+
+/// Limits of each command, unless another number is asked for.
+const LIMITS: u64 = 12;
+
+/// Limits just below the one that is enough, where what fails is at the end of the work.
+const CLOSE: u64 = 4;
+
+/// Every command succeeds under this limit, KiB.
+const PLENTY: u64 = 4 << 20;
+
+/// How finely the least limit that is enough is looked for, KiB.
+const GRAIN: u64 = 256;
+
+/// The program with `arguments`, and `kib` KiB of address space for each of its processes.
+fn limited(folder: tempfile::TempDir, kib: u64, arguments: &[&str]) -> Call {
+    let mut command = Command::new("sh");
+    command.args(["-c", &format!("ulimit -v {kib}; exec \"$0\" \"$@\""), FREEPLAY]).args(arguments);
+    let mut call = Call::of(folder, command);
+    call.command.env_remove("RUST_BACKTRACE");
+    call
+}
+
+/// The least limit, KiB, under which `succeeds`, as far as that is more likely with more memory.
+fn least(mut below: u64, succeeds: impl Fn(u64) -> bool) -> u64 {
+    let mut enough = PLENTY;
+    while enough - below > GRAIN {
+        let middle = u64::midpoint(below, enough);
+        if succeeds(middle) { enough = middle } else { below = middle }
+    }
+    enough
+}
+
+/// Plays `subject` under many limits; how many of them were too little.
+pub fn starve(subject: &Subject) -> usize {
+    let starts = least(0, |kib| limited(fresh_folder(), kib, &["--version"]).run().output.status.success());
+    let good = Call::new(subject.folder(), &subject.arguments).run().expect(0);
+    let good = contents(good.folder.path());
+    let enough = least(starts, |kib| {
+        // A process that the machine starts too late is no matter of memory.
+        let ran = limited(subject.folder(), kib, &subject.arguments).run();
+        !matches!(ran.output.status.code(), None | Some(3 | 70))
+    });
+    let count = std::env::var("FREEPLAY_MEMORY_LIMITS").ok().and_then(|count| count.parse().ok());
+    let count = count.unwrap_or(LIMITS).max(1);
+    let spread = (0..count).map(|index| starts + (enough - starts) * index / count);
+    let close = (1..=CLOSE).map(|index| enough.saturating_sub(GRAIN * index)).filter(|&kib| kib > starts);
+    let limits: Vec<u64> = spread.chain(close).collect();
+    let codes = on_all_cores(&limits, |&kib| starve_at(subject, kib, &good));
+    println!(
+        "{}: the program starts under {starts} KiB, {enough} KiB are enough; exit codes of {} limits between: {codes:?}",
+        subject.name,
+        limits.len()
+    );
+    codes.iter().filter(|(code, _)| **code != 0).map(|(_, count)| count).sum()
+}
+
+fn starve_at(subject: &Subject, kib: u64, good: &BTreeMap<std::path::PathBuf, Vec<u8>>) -> i32 {
+    let folder = subject.folder();
+    let old = contents(folder.path());
+    let ran = limited(folder, kib, &subject.arguments).run();
+    let at = || format!("{} under {kib} KiB: {}", subject.name, ran.dump());
+    let code = ran.output.status.code().unwrap_or_else(|| panic!("killed: {}", at()));
+    assert!([0, 1, 3, 5, 70].contains(&code), "{}", at());
+    if code != 0 {
+        assert_is_told(&ran, &at);
+    }
+    // The plant of a run that was aborted removes what is in shared memory after it.
+    until("nothing in shared memory", || {
+        left_in_shared_memory(ran.shm.path(), ran.pid).is_empty().then_some(())
+    });
+    subject.check_files(&old, &contents(ran.folder.path()), good, &at);
+    code
+}
+
+/// Fails unless one line says what happened: of the process that had too little memory, and perhaps another of the one that started it.
+fn assert_is_told(ran: &Ran, at: &dyn Fn() -> String) {
+    let stderr = ran.stderr();
+    let is_message =
+        |line: &&str| line.starts_with("freeplay: ") || line.starts_with("memory allocation of ");
+    let told = stderr.lines().filter(is_message).count();
+    assert!((1..=3).contains(&told), "{told} messages: {}", at());
+    assert!(!stderr.contains("panicked") && !stderr.contains("os error 11)\n"), "{}", at());
+}
