@@ -182,8 +182,8 @@ impl Problem<'_> {
         starts
             .map(|begin| {
                 let mut group = Curvature::zero(unknowns.len());
-                for at in begin..base.len().min(begin + length) {
-                    group.add_row(&slopes, at, base[at], state.noise.weight(at % joints, base[at]));
+                for (at, r) in base.iter().enumerate().skip(begin).take(length) {
+                    group.add_row(&slopes, at, *r, state.noise.weight(at % joints, *r));
                 }
                 group.hessian.fill_upper_triangle_with_lower_triangle();
                 group
