@@ -179,11 +179,10 @@ mod tests {
         let file = folder.path().join("run.csv");
         freeplay_storage::write(&file, text.as_bytes()).unwrap();
         let mapping = mapping.map(|mapping| Mapping::parse(mapping, Path::new("map.toml")).unwrap());
-        let read = match &mapping {
+        match &mapping {
             Some(mapping) => crate::import_csv(&file, mapping).unwrap(),
             None => crate::read(&file, None).unwrap(),
-        };
-        read
+        }
     }
 
     /// What a guess or a mapping made of a file's columns, written as a mapping again, makes the same of them.
