@@ -35,19 +35,7 @@ pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
             let Some(index) = search.refined(&others, index) else { continue };
             let instead: Vec<usize> = others.iter().copied().chain([index]).collect();
             let Some(there) = search.system.held_fit(&instead) else { continue };
-            let mut against = own.value - there.value;
-            if search.system.candidate(member).kind.shakes {
-                // The rows in which this law is in doubt count for more under another.
-                let [Some(own), Some(there)] =
-                    [&fit.members, &instead].map(|members| search.settled(members.clone()))
-                else {
-                    continue;
-                };
-                against = own.evidence - there.evidence;
-                if search.settled(fit.members.clone()).is_none() {
-                    continue;
-                }
-            }
+            let against = own.value - there.value;
             all.push(Tried { member, index, against });
         }
     }

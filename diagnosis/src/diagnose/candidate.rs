@@ -174,29 +174,6 @@ impl Candidate {
         Placed::new(&self.table(arm, coefficients), arm).ok()
     }
 
-    /// By how much its law with these coefficients of the terms shown may be off, by channel and row: what two ways of its parts to come apart and meet again
-    /// differ by. Nothing of a law without such parts.
-    pub fn doubt(&self, data: &Data, coefficients: &[f64]) -> Option<Column> {
-        let parameters = self.parameters(coefficients);
-        let other = self.kind.on_another_course(&parameters)?;
-        let answers = |parameters: Table| -> Option<Column> {
-            let of_stage = |stage: &Stage| {
-                let table = table(self.kind, self.joint, stage.arm(), parameters.clone());
-                stage.answer(&Placed::new(&table, stage.arm()).ok()?).ok()
-            };
-            Some(data.column(data.stages.iter().map(of_stage).collect::<Option<_>>()?))
-        };
-        let (mut doubt, other) = (answers(parameters)?, answers(other)?);
-        for (own, other) in doubt.iter_mut().zip(other) {
-            match (own.as_mut(), other) {
-                (Some(own), Some(other)) => own.iter_mut().zip(other).for_each(|(x, other)| *x -= other),
-                (None, Some(other)) => *own = Some(other),
-                (_, None) => (),
-            }
-        }
-        Some(doubt)
-    }
-
     /// The numbers of its shape that can take any value near by.
     pub fn numbers(&self) -> Vec<String> {
         let is_number = |value: &Value| value.as_float().is_some_and(|x| x != 0.0 || self.kind.happens());

@@ -53,8 +53,6 @@ impl<'d, 'a> Search<'d, 'a> {
         let from_nothing = self.improve(Vec::new(), progress)?;
         self.system.set_shares(&first)?;
         self.system.unpin()?;
-        let nothing = self.system.fit(&[])?;
-        self.system.doubt(&nothing)?;
         let common = self.settled(self.common(&[]))?;
         let common = self.laid_upon(&common)?;
         let from_common = self.improve(common, progress)?;
@@ -183,8 +181,7 @@ impl<'d, 'a> Search<'d, 'a> {
         const TURNS: usize = 4;
         for _ in 0..TURNS {
             let fit = self.system.fit(&members)?;
-            let doubts = self.system.doubt(&fit)?;
-            let moved = self.system.follow(&fit)? || doubts;
+            let moved = self.system.follow(&fit)?;
             let fit = self.system.fit(&members)?;
             if !self.system.pin(&fit)? && !moved {
                 break;
@@ -215,8 +212,6 @@ impl<'d, 'a> Search<'d, 'a> {
     /// Sets the system back to where `answer` was settled.
     pub fn back(&mut self, answer: &Answer) -> Option<()> {
         self.system.set_shares(&answer.shares)?;
-        let fit = self.system.fit(&answer.members)?;
-        self.system.doubt(&fit)?;
         let fit = self.system.fit(&answer.members)?;
         self.system.pin(&fit)?;
         Some(())
