@@ -53,7 +53,7 @@ pub(crate) struct Candidate {
     pub forms: usize,
     /// Whether it changes what is read of the machine, and so acts on all that the machine does.
     pub is_read: bool,
-    /// Whether it parts its joint from what moves with it: by play in the bearing, or by a spring or a gap in the gear.
+    /// The effect parts its joint: by play in the bearing (first), by a spring or a gap in the gear (second).
     parts: [bool; 2],
     /// Where its terms are among all terms of the law; the others are zero.
     shown: Vec<usize>,
@@ -136,7 +136,7 @@ impl Candidate {
             && (!self.kind.happens() || meet(&self.form.shape, &other.form.shape))
     }
 
-    /// Whether no machine can have both: they are the same effect, or each gives the joint all of its play, or its gear all of its spring and gap.
+    /// No machine has both: they are the same effect, or each gives the joint all of its play, or its gear all of its spring and gap.
     pub fn excludes(&self, other: &Self) -> bool {
         let both = self.parts.iter().zip(other.parts).any(|(own, other)| *own && other);
         self.same_effect(other) || both && self.joint == other.joint
