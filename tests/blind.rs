@@ -4,10 +4,9 @@ mod common;
 
 use std::path::Path;
 
+use common::sealed::seal_slide;
 use common::{Call, Ran, fresh_folder};
-use freeplay_concealed::{
-    Case, Demand, Family, Machine, Noise, Quota, Severity, draw_set, generate, write_sealed,
-};
+use freeplay_concealed::{Case, Machine, Quota, draw_set};
 use serde_json::{Value, json};
 
 /// Cases on the machine with one axis, which are quick: names of the folders and what they conceal.
@@ -27,17 +26,7 @@ fn read(path: &Path) -> Value {
 fn seal(folder: &Path) {
     let mut truths = serde_json::Map::new();
     for (seed, (name, kind)) in CASES.into_iter().enumerate() {
-        let demand = |kind: &str| Demand { kind: kind.to_owned(), joint: None, severity: Severity::Strong };
-        let case = Case {
-            machine: Machine::Slide,
-            effects: kind.into_iter().map(demand).collect(),
-            family: Some(Family::Fourier),
-            noise: Noise::Low,
-            hollow: false,
-            seed: 40 + seed as u64,
-        };
-        let made = generate(&case).expect("a case");
-        write_sealed(&folder.join("cases").join(name), &made).expect("files");
+        let made = seal_slide(&folder.join("cases").join(name), 40 + seed as u64, kind);
         truths.insert(name.to_owned(), serde_json::to_value(&made.truth).expect("JSON"));
     }
     let truth = json!({ "cases": truths });

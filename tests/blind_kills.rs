@@ -8,10 +8,10 @@ mod common;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
+use common::sealed::seal_slide;
 use common::{
     Call, Started, children_of, fresh_folder, left_in_shared_memory, processes_with, runs, send_signal, until,
 };
-use freeplay_concealed::{Case, Demand, Family, Machine, Noise, Severity, generate, write_sealed};
 use serde_json::Value;
 
 const ANALYSE: [&str; 6] = ["blind", "--analyse", "cases", "--quiet", "--jobs", "1"];
@@ -40,17 +40,7 @@ struct Tally {
 fn sealed() -> tempfile::TempDir {
     let folder = fresh_folder();
     for (seed, kind) in [(40, Some("coulomb_friction")), (41, None)] {
-        let demand = |kind: &str| Demand { kind: kind.to_owned(), joint: None, severity: Severity::Strong };
-        let case = Case {
-            machine: Machine::Slide,
-            effects: kind.into_iter().map(demand).collect(),
-            family: Some(Family::Fourier),
-            noise: Noise::Low,
-            hollow: false,
-            seed,
-        };
-        let made = generate(&case).expect("a case");
-        write_sealed(&folder.path().join("cases").join(format!("case{seed}")), &made).expect("files");
+        seal_slide(&folder.path().join("cases").join(format!("case{seed}")), seed, kind);
     }
     folder
 }

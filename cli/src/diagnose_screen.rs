@@ -161,7 +161,11 @@ fn findings(diagnosis: &Diagnosis) -> String {
     let what = "missing from the model, ± at 95 %, and how much of the error of the test part in which channels it takes away beside the rest";
     let mut text = under("WHAT", what, table);
     if diagnosis.effects.iter().any(|effect| !effect.evidence.held_out) {
-        text.push_str(&wrapped("", MARGIN, "* of the fit part: it does not act in the test part"));
+        text.push_str(&wrapped(
+            "",
+            MARGIN,
+            "* of the data that it was fitted to: it does not act in the test part",
+        ));
     }
     for (index, (kind, law)) in laws.into_iter().enumerate() {
         text.push_str(if index == 0 { "\n" } else { "" });

@@ -217,21 +217,6 @@ impl Kind {
         !(is_state || is_chosen || [ABOUT, NOMINAL].contains(&name))
     }
 
-    /// The same `parameters` with the parts going another way where they come apart and meet again; `None` of a law without such a choice. By what both ways
-    /// differ, no law says what happens there.
-    pub fn on_another_course(&self, parameters: &toml::Table) -> Option<toml::Table> {
-        let of_word = |parameter: &Parameter| match parameter.range {
-            Range::Word(words) => Some((parameter.name, words)),
-            _ => None,
-        };
-        let (name, words) = self.parameters.iter().filter(|_| self.shakes).find_map(of_word)?;
-        let now = parameters.get(name).and_then(toml::Value::as_str).or(words.first().copied())?;
-        let other = words.iter().find(|word| **word != now)?;
-        let mut parameters = parameters.clone();
-        parameters.insert(name.to_owned(), toml::Value::from(*other));
-        Some(parameters)
-    }
-
     /// Whether `name` is a parameter that no recording tells: its value is a usual one.
     pub fn takes_as_given(&self, name: &str) -> bool {
         self.parameter(name).is_some_and(|parameter| {

@@ -18,7 +18,7 @@ pub(super) struct Link {
     pub name: String,
     /// `None` where the file has no `<inertial>`; an error counts where the link moves.
     pub inertial: Option<Result<Inertial, ModelError>>,
-    /// Whether the link has a shape: without one it is a frame only.
+    /// The link has a shape; a link without one is only a frame.
     pub has_shape: bool,
     /// Byte offset in the text.
     pub at: usize,

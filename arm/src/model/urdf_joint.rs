@@ -32,7 +32,7 @@ impl Motion {
         }
     }
 
-    /// Whether the joint moves by itself: it is neither fixed nor driven by another.
+    /// The joint moves by itself: it is neither fixed nor driven by another joint.
     pub fn is_own(self) -> bool {
         matches!(self, Motion::Moving(_))
     }

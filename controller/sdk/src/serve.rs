@@ -17,7 +17,7 @@ pub const SLOT_ENV: &str = "FREEPLAY_SLOT";
 /// Environment variable with the least time, s, for which a controller waits for its plant; `freeplay run` sets it to the patience of the scenario.
 pub const PATIENCE_ENV: &str = "FREEPLAY_PATIENCE";
 
-/// How long a controller waits for its plant if nobody asks it to wait longer.
+/// A controller waits this long for its plant if nobody asks for more.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Which run to join and how.

@@ -121,8 +121,8 @@ impl Examination<'_> {
         setup.findings.extend(self.left_still(&best));
     }
 
-    /// Whether another arm explains the recording better than `settled` does, of which every change is certain: it explains as much as `first`, the
-    /// best set of all, with the same physics beside it, at a lower price.
+    /// Tells whether another arm explains the recording better than `settled`, in which every change is certain. Another arm explains as much as `first`,
+    /// the best set of all, with the same physics beside it; its price may be lower.
     fn is_another(&self, search: &Search, first: &Outcome, settled: &Outcome) -> bool {
         let price = kinds::another_arm::price(self.arm.dof(), search.whole.log_price(first.likelihood.len()));
         let physics = search.whole.physics_price(first);

@@ -179,7 +179,7 @@ impl<'a> Problem<'a> {
         small.len() as f64 * COMMON.ln() + of_large.sum::<f64>()
     }
 
-    /// What the physics beside the reading of `outcome` costs.
+    /// Price of the physics beside the reading of `outcome`.
     pub fn physics_price(&self, outcome: &Outcome) -> f64 {
         let physics = outcome.changes.iter().filter(|change| !change.is_reading());
         let each = self.log_price(outcome.likelihood.len());

@@ -112,7 +112,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// What a search may change.
+/// A search may change these things.
 #[derive(Clone, Copy)]
 enum Scope<'s> {
     /// The reading, and physics beside it.
@@ -131,7 +131,7 @@ impl Scope<'_> {
         outcome.changes.iter().all(is_physics) && kept.iter().all(|change| outcome.changes.contains(change))
     }
 
-    /// Whether `change` can be physics, whatever number is fitted to it.
+    /// `change` can be physics, whatever number the fit gives it.
     fn asks(self, change: &Change) -> bool {
         match (self, change) {
             (Scope::Beside(_, Some(sort)), change) if change.sort() == sort => false,

@@ -11,14 +11,14 @@ use super::words;
 /// Most alternatives of one finding that are listed.
 const LISTED: usize = 3;
 
-/// What was tried in the place of a finding.
+/// Another effect in the place of a finding.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Tried {
     /// The number of the finding's block.
     pub member: usize,
     /// The number of the block that was put in its place.
     pub index: usize,
-    /// By how much less the log of the evidence is.
+    /// The log of the evidence falls by this much; negative: it rises.
     pub against: f64,
 }
 
@@ -35,29 +35,15 @@ pub(crate) fn tried(search: &mut Search, fit: &Fit) -> Vec<Tried> {
             let Some(index) = search.refined(&others, index) else { continue };
             let instead: Vec<usize> = others.iter().copied().chain([index]).collect();
             let Some(there) = search.system.held_fit(&instead) else { continue };
-            let mut against = own.value - there.value;
-            if search.system.candidate(member).kind.shakes {
-                // The rows in which this law is in doubt count for more under another.
-                let [Some(own), Some(there)] =
-                    [&fit.members, &instead].map(|members| search.settled(members.clone()))
-                else {
-                    continue;
-                };
-                against = own.evidence - there.evidence;
-                if search.settled(fit.members.clone()).is_none() {
-                    continue;
-                }
-            }
-            all.push(Tried { member, index, against });
+            all.push(Tried { member, index, against: own.value - there.value });
         }
     }
     all
 }
 
-/// What was tried in the place of the members of `fit`, for the report.
+/// The report lists these other effects in the places of the members of `fit`.
 pub(crate) fn alternatives(search: &mut Search, fit: &Fit) -> Vec<Alternative> {
-    let all = tried(search, fit);
-    all.iter().map(|tried| alternative(search, tried)).collect()
+    tried(search, fit).iter().map(|tried| alternative(search, tried)).collect()
 }
 
 /// The best forms of other effects that show where `member` does, most probable first.

@@ -53,7 +53,7 @@ pub(crate) struct Candidate {
     pub forms: usize,
     /// Whether it changes what is read of the machine, and so acts on all that the machine does.
     pub is_read: bool,
-    /// Whether it parts its joint from what moves with it: by play in the bearing, or by a spring or a gap in the gear.
+    /// The effect parts its joint: by play in the bearing (first), by a spring or a gap in the gear (second).
     parts: [bool; 2],
     /// Where its terms are among all terms of the law; the others are zero.
     shown: Vec<usize>,
@@ -136,7 +136,7 @@ impl Candidate {
             && (!self.kind.happens() || meet(&self.form.shape, &other.form.shape))
     }
 
-    /// Whether no machine can have both: they are the same effect, or each gives the joint all of its play, or its gear all of its spring and gap.
+    /// No machine has both: they are the same effect, or each gives the joint all of its play, or its gear all of its spring and gap.
     pub fn excludes(&self, other: &Self) -> bool {
         let both = self.parts.iter().zip(other.parts).any(|(own, other)| *own && other);
         self.same_effect(other) || both && self.joint == other.joint
@@ -172,29 +172,6 @@ impl Candidate {
     /// The effect with these coefficients on `arm`; `None` if an arm file can't say it.
     pub fn placed(&self, arm: &Arm, coefficients: &[f64]) -> Option<Placed> {
         Placed::new(&self.table(arm, coefficients), arm).ok()
-    }
-
-    /// By how much its law with these coefficients of the terms shown may be off, by channel and row: what two ways of its parts to come apart and meet again
-    /// differ by. Nothing of a law without such parts.
-    pub fn doubt(&self, data: &Data, coefficients: &[f64]) -> Option<Column> {
-        let parameters = self.parameters(coefficients);
-        let other = self.kind.on_another_course(&parameters)?;
-        let answers = |parameters: Table| -> Option<Column> {
-            let of_stage = |stage: &Stage| {
-                let table = table(self.kind, self.joint, stage.arm(), parameters.clone());
-                stage.answer(&Placed::new(&table, stage.arm()).ok()?).ok()
-            };
-            Some(data.column(data.stages.iter().map(of_stage).collect::<Option<_>>()?))
-        };
-        let (mut doubt, other) = (answers(parameters)?, answers(other)?);
-        for (own, other) in doubt.iter_mut().zip(other) {
-            match (own.as_mut(), other) {
-                (Some(own), Some(other)) => own.iter_mut().zip(other).for_each(|(x, other)| *x -= other),
-                (None, Some(other)) => *own = Some(other),
-                (_, None) => (),
-            }
-        }
-        Some(doubt)
     }
 
     /// The numbers of its shape that can take any value near by.

@@ -104,19 +104,9 @@ impl<'a> Data<'a> {
                 let (stage, _) = self.place(channel);
                 let Some(rows) = rows else { continue };
                 let least = REMEMBERED * rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-                let t = &self.stages[stage].motion().t;
-                let memory = self.stages[stage].ground.treatment.filter().settling_time();
-                let mut until = f64::NEG_INFINITY;
-                let mut from = f64::INFINITY;
-                let mut said = vec![false; rows.len()];
-                for row in 0..rows.len() {
-                    until = if rows[row].abs() > least { t[row] + memory } else { until };
-                    said[row] = t[row] <= until;
-                }
-                for row in (0..rows.len()).rev() {
-                    from = if rows[row].abs() > least { t[row] - memory } else { from };
-                    said[row] |= t[row] >= from;
-                }
+                let ground = self.stages[stage].ground;
+                let says: Vec<bool> = rows.iter().map(|x| x.abs() > least).collect();
+                let said = around(&says, &ground.motion.t, ground.treatment.filter().settling_time());
                 let parts = self.parts[stage]
                     .iter_mut()
                     .zip(said)
@@ -237,6 +227,21 @@ impl<'a> Data<'a> {
         let motion = self.stages[self.place(channel).0].motion();
         motion.stretches.iter().map(|stretch| (stretch.clone(), motion.step(stretch)))
     }
+}
+
+/// The rows, at the times `t`, that are no farther than `memory` from one that `says` something.
+fn around(says: &[bool], t: &[f64], memory: f64) -> Vec<bool> {
+    let (mut around, mut until) = (vec![false; says.len()], f64::NEG_INFINITY);
+    for row in 0..says.len() {
+        until = if says[row] { t[row] + memory } else { until };
+        around[row] = t[row] <= until;
+    }
+    let mut from = f64::INFINITY;
+    for row in (0..says.len()).rev() {
+        from = if says[row] { t[row] - memory } else { from };
+        around[row] |= t[row] >= from;
+    }
+    around
 }
 
 /// `columns` times their coefficients, by channel, of which each has so many `rows`.

@@ -4,8 +4,9 @@ use freeplay_laws::{Kind as EffectKind, kinds};
 use toml::{Table, Value};
 
 use super::candidate::{Candidate, Form, at_place, places};
+use super::conclude::is_told;
 use super::data::Data;
-use super::search::{AS_GOOD, Search};
+use super::search::Search;
 use super::system::System;
 use super::weights::Weights;
 use crate::residual::Kind;
@@ -139,7 +140,7 @@ pub(crate) fn happenings(
     let all = search.system.fit(&members)?.value;
     let is_sure = |&&member: &&usize| {
         let others: Vec<usize> = members.iter().copied().filter(|other| *other != member).collect();
-        search.system.fit(&others).is_some_and(|without| all - without.value > AS_GOOD)
+        search.system.fit(&others).is_some_and(|without| is_told(all - without.value))
     };
     let sure = members.iter().filter(is_sure);
     let found = sure.map(|&member| search.system.candidate(member).clone()).collect();

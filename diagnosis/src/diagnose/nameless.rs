@@ -7,6 +7,7 @@ use super::shapes::{Knots, Shapes};
 use super::system::{Fit, System};
 use super::weights::{LEAST_SHARE, USUAL_SHARE, Weights};
 use crate::residual::Kind;
+use crate::statistics::Moments;
 
 /// A share of discrepancy this many times the usual one has 20 : 1 against it: the two-sided quantile of a normal at 95 %.
 const UNUSUAL: f64 = 1.96;
@@ -23,10 +24,7 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> b
     let shakes = members().any(|candidate| candidate.kind.shakes);
     let is_torque = |c: usize| matches!(data.kind(c), Kind::Torque(_));
     let signal = sum_of(system.columns(&fit.members).zip(fit.beta.iter().copied()), &left);
-    let said = |c: usize| {
-        let square = signal[c].iter().map(|x| x * x).sum::<f64>() / signal[c].len().max(1) as f64;
-        square.sqrt() / system.weights.rows[c].scale.max(f64::MIN_POSITIVE)
-    };
+    let said = |c: usize| Moments::of(&signal[c]).rms / system.weights.rows[c].scale.max(f64::MIN_POSITIVE);
     let heard = (0..data.channels()).filter(|&c| weights.rows[c].effective() > 0.0);
     let off = heard.map(|c| (c, weights.rows[c].best(&left[c], 0.0).0.max(LEAST_SHARE)));
     let (torques, poses): (Vec<_>, Vec<_>) = off.partition(|(c, _)| is_torque(*c));

@@ -6,13 +6,12 @@ use super::parts::{Part, file_name};
 use super::stage::Stage;
 use crate::presence::only;
 use crate::residual::{Channel, Kind};
+use crate::rest::STILL;
 use crate::statistics::Moments;
 use crate::stuck::Stuck;
 
 /// Least length of what a fit rests on, s.
 const LEAST_S: f64 = 2.0;
-/// A joint that moves less than this, rad (m), does not move.
-const STILL: f64 = 1e-4;
 
 /// What makes these recordings useless for any finding: one sentence and what to do; `None` if they are not.
 pub(crate) fn lack(data: &Data) -> Option<String> {

@@ -141,7 +141,7 @@ fn standing(v: &[f64], slow: f64, reach: usize) -> Vec<f64> {
 }
 
 /// The greatest size of `x` within `reach` points of each.
-pub(crate) fn envelope(x: &[f64], reach: usize) -> Vec<f64> {
+fn envelope(x: &[f64], reach: usize) -> Vec<f64> {
     let around = |k: usize| &x[k.saturating_sub(reach)..(k + reach + 1).min(x.len())];
     (0..x.len()).map(|k| around(k).iter().fold(0.0_f64, |most, x| most.max(x.abs()))).collect()
 }

@@ -3,7 +3,7 @@
 use freeplay_arm::Arm;
 use freeplay_laws::{Occurrence, changed};
 
-use super::candidate::Candidate;
+use super::candidate::{Candidate, Form};
 use super::system::{Fit, System};
 
 /// Odds within which two answers are as good: 20 to 1, as is usual for a name (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773, "strong").
@@ -53,8 +53,6 @@ impl<'d, 'a> Search<'d, 'a> {
         let from_nothing = self.improve(Vec::new(), progress)?;
         self.system.set_shares(&first)?;
         self.system.unpin()?;
-        let nothing = self.system.fit(&[])?;
-        self.system.doubt(&nothing)?;
         let common = self.settled(self.common(&[]))?;
         let common = self.laid_upon(&common)?;
         let from_common = self.improve(common, progress)?;
@@ -183,8 +181,7 @@ impl<'d, 'a> Search<'d, 'a> {
         const TURNS: usize = 4;
         for _ in 0..TURNS {
             let fit = self.system.fit(&members)?;
-            let doubts = self.system.doubt(&fit)?;
-            let moved = self.system.follow(&fit)? || doubts;
+            let moved = self.system.follow(&fit)?;
             let fit = self.system.fit(&members)?;
             if !self.system.pin(&fit)? && !moved {
                 break;
@@ -215,8 +212,6 @@ impl<'d, 'a> Search<'d, 'a> {
     /// Sets the system back to where `answer` was settled.
     pub fn back(&mut self, answer: &Answer) -> Option<()> {
         self.system.set_shares(&answer.shares)?;
-        let fit = self.system.fit(&answer.members)?;
-        self.system.doubt(&fit)?;
         let fit = self.system.fit(&answer.members)?;
         self.system.pin(&fit)?;
         Some(())
@@ -409,7 +404,7 @@ impl<'d, 'a> Search<'d, 'a> {
         let mut now = value(self, best);
         // What happens in one recording may happen in all.
         if self.system.candidate(best).form.only.is_some() {
-            let form = super::candidate::Form { only: None, ..self.system.candidate(best).form.clone() };
+            let form = Form { only: None, ..self.system.candidate(best).form.clone() };
             (best, now) = self.try_form(&fit, best, form, now).unwrap_or((best, now));
         }
         let moves = moves(&self.system.candidate(best).numbers());
@@ -440,13 +435,7 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// The number of `index` in another `form` and what it explains beside `fit`, if that is more than `now`.
-    fn try_form(
-        &mut self,
-        fit: &Fit,
-        index: usize,
-        form: super::candidate::Form,
-        now: f64,
-    ) -> Option<(usize, f64)> {
+    fn try_form(&mut self, fit: &Fit, index: usize, form: Form, now: f64) -> Option<(usize, f64)> {
         let other = self.system.candidate(index).reformed(self.system.data, form)?;
         let at = self.system.take(other)?;
         let gain = self.system.gains(fit, &[at]).pop().flatten().filter(|gain| gain.is_inside);

@@ -55,11 +55,9 @@ impl Shapes {
         let (stage, of_stage) = data.place(channel);
         let of = &data.stages[stage];
         let mut columns = raw_columns(of, &data.nuisances[stage], of_stage, mask, knots);
-        let moments = hats(&of.motion().t, &quantiles(&of.motion().t, MOMENTS));
-        columns.extend(moments.into_iter().map(|mut hat| {
-            hat.iter_mut().zip(mask).for_each(|(x, mask)| *x *= mask);
-            hat
-        }));
+        let mut moments = hats(&of.motion().t, &quantiles(&of.motion().t, MOMENTS));
+        keep(&mut moments, mask);
+        columns.extend(moments);
         normalised(&mut columns);
         Self { factor: factor(&columns, RIDGE), columns }
     }
@@ -165,10 +163,15 @@ fn raw_columns(
     };
     let nothing = || vec![0.0; stage.motion().len()];
     columns.extend(nuisances.iter().map(|nuisance| nuisance.answer[channel].clone().unwrap_or_else(nothing)));
-    for column in &mut columns {
+    keep(&mut columns, kept);
+    columns
+}
+
+/// Sets the rows of `columns` that `kept` does not keep to zero.
+fn keep(columns: &mut [Vec<f64>], kept: &[f64]) {
+    for column in columns {
         column.iter_mut().zip(kept).for_each(|(x, kept)| *x *= kept);
     }
-    columns
 }
 
 /// Position, speed, load, acceleration, reversals, and the other joints' speeds.

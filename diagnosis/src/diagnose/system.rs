@@ -14,7 +14,6 @@ use super::bvls::bounded;
 use super::candidate::Candidate;
 use super::columns::dot;
 use super::data::{Column, Data, add};
-use super::rows::envelope;
 use super::weights::Weights;
 use crate::statistics::blocks as blocks_of;
 
@@ -531,32 +530,6 @@ impl<'d, 'a> System<'d, 'a> {
                 self.weights.rows[c].follow(&left[c], taken)
             })
             .collect();
-        self.weigh_anew(&moved)?;
-        Some(!moved.is_empty())
-    }
-
-    /// Lets rows in which the members of `fit` say badly what happens count for less; whether any changed. `None` if that makes the tolerances singular.
-    pub fn doubt(&mut self, fit: &Fit) -> Option<bool> {
-        let mut squares: Vec<Vec<f64>> = vec![Vec::new(); self.channels.len()];
-        for (place, &member) in fit.members.iter().enumerate() {
-            let Some(doubt) = self.candidate(member).doubt(self.data, self.coefficients(fit, place)) else {
-                continue;
-            };
-            for (c, (squares, rows)) in squares.iter_mut().zip(doubt).enumerate() {
-                let Some(rows) = rows else { continue };
-                let ground = self.data.stages[self.data.place(c).0].ground;
-                let reach = ground.treatment.filter().settling_time() * ground.treatment.rate_hz()
-                    / ground.treatment.every() as f64;
-                squares.resize(rows.len(), 0.0);
-                squares
-                    .iter_mut()
-                    .zip(envelope(&rows, reach as usize))
-                    .for_each(|(square, x)| *square += x * x);
-            }
-        }
-        let rows = self.weights.rows.iter_mut().zip(squares).enumerate();
-        let moved: Vec<usize> =
-            rows.filter_map(|(c, (rows, squares))| rows.doubted(squares).then_some(c)).collect();
         self.weigh_anew(&moved)?;
         Some(!moved.is_empty())
     }

@@ -28,8 +28,6 @@ const LOCAL_PERIODS: f64 = 10.0;
 pub(crate) struct Rows {
     /// What no law could say: σ² + off², by row.
     instrument: Vec<f64>,
-    /// What the laws that were found say badly, squared, by row; empty where they say all well.
-    doubt: Vec<f64>,
     /// Square of the local size of what the channel models, by row.
     size: Vec<f64>,
     /// The weight of each row in the likelihood, φ; zero of rows that don't count.
@@ -54,24 +52,10 @@ pub(crate) struct Weights {
 impl Rows {
     /// The variance v of each row with the share `share`.
     fn variances(&self, share: f64) -> impl Iterator<Item = f64> {
-        let doubt = self.doubt.iter().copied().chain(std::iter::repeat(0.0));
-        let rows = self.instrument.iter().zip(&self.size).zip(doubt);
-        rows.map(move |((instrument, size), doubt)| instrument + doubt + share * share * size)
-    }
-
-    /// Sets the squares that the laws which were found say badly to `doubt`, by row; whether that changes the rows by more than a tenth.
-    pub fn doubted(&mut self, doubt: Vec<f64>) -> bool {
-        const LITTLE: f64 = 0.1;
-        let before = self.doubt.iter().copied().chain(std::iter::repeat(0.0));
-        let after = doubt.iter().copied().chain(std::iter::repeat(0.0)).take(self.instrument.len());
-        let instrument = self.instrument.iter().zip(before.zip(after));
-        let moved = instrument.into_iter().any(|(instrument, (before, after))| {
-            (after - before).abs() > LITTLE * (instrument + before.min(after))
-        });
-        if moved {
-            self.doubt = doubt;
-        }
-        moved
+        self.instrument
+            .iter()
+            .zip(&self.size)
+            .map(move |(instrument, size)| instrument + share * share * size)
     }
 
     /// The weight of each row in the sum of squares: φ/v.
@@ -191,7 +175,6 @@ impl Weights {
                     phi: mask.iter().map(|mask| mask / kappa).collect(),
                     trust: vec![1.0; mask.len()],
                     instrument,
-                    doubt: Vec::new(),
                     size,
                     share: USUAL_SHARE,
                     scale,
@@ -219,7 +202,6 @@ impl Weights {
             let is_known = deviation[c].is_finite() && deviation[c] > 0.0;
             Rows {
                 instrument: vec![if is_known { deviation[c].powi(2) } else { 1.0 }; counts.len()],
-                doubt: Vec::new(),
                 size: vec![0.0; counts.len()],
                 trust: vec![1.0; counts.len()],
                 phi: counts.iter().map(|counts| if is_known { counts * per_row } else { 0.0 }).collect(),

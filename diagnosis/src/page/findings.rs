@@ -46,7 +46,7 @@ fn at_a_glance(diagnosis: &Diagnosis) -> Table {
         .column(Column::number("error taken away", "%").fixed(0).bars())
         .column(Column::text("95 % interval"))
         .column(Column::text("in").wrapping())
-        .note("Error taken away: share of the error in these channels, beside all other findings, on the test part; with a star on the fit part, for it does not act in the test part.");
+        .note("Error taken away: share of the error in these channels, beside all other findings, on the test part; with a star on the data that it was fitted to, for it does not act in the test part.");
     for effect in &diagnosis.effects {
         let gain = effect.evidence.held_out_gain;
         let [low, high] = gain.ci95.map(|share| 100.0 * share);
@@ -117,9 +117,9 @@ fn parameters(effect: &Effect) -> Table {
 fn evidence(effect: &Effect) -> String {
     let evidence = &effect.evidence;
     let on = if evidence.held_out {
-        "the test part, which no step before this report has seen"
+        "the test part, of which no step before this report has seen more than what happens at a time"
     } else {
-        "the fit part (it does not act in the test part)"
+        "the data that it was fitted to (it does not act in the test part)"
     };
     let percent = |x: f64| format!("{:.0}", 100.0 * x);
     format!(

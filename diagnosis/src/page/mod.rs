@@ -153,7 +153,7 @@ fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
     let fit = diagnosis.fit.as_ref()?;
     let mut section = Section::new("Where");
     if diagnosis.location.is_empty() {
-        section = section.with("In no channel is more left than twins of the model leave.");
+        section = section.with("In no channel is more left than the noise of the instruments leaves.");
     } else {
         let mut table = Table::new("What the tuned model leaves unexplained")
             .column(Column::text("joint"))
@@ -179,7 +179,7 @@ fn whereabouts(diagnosis: &Diagnosis) -> Option<Section> {
         .column(Column::number("tuned model", "").significant(3))
         .column(Column::number("noise floor", "").significant(3))
         .column(Column::number("times the floor", "").significant(3).bars())
-        .note("Noise floor: what a machine leaves that is its model inside the tolerances, moved the same way and measured as badly; from twins.");
+        .note("Noise floor: what a machine leaves that is its model inside the tolerances, moved the same way and measured as badly; simulated.");
     for (channel, unit) in &fit.units {
         let (left, floor) = (fit.retuned[channel].rmse, fit.noise_floor[channel].rmse);
         let (scale, unit) = people(unit, left);

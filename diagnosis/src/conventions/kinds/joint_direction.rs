@@ -1,10 +1,12 @@
 //! `joint_direction`: a joint counted the other way, with its torque or without.
 //!
-//! It asks both for every joint. The hypothesis turns the sign of its positions, and of its torques with them.
+//! It asks both for every joint that leaves its zero. The hypothesis turns the sign of its positions, and of its torques with them.
 
 use super::super::change::Change;
 use super::super::finding::SetupFinding;
 use super::{Ask, Told};
+use crate::rest::STILL;
+use crate::statistics::Moments;
 
 /// What it asks.
 pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
@@ -12,7 +14,9 @@ pub(crate) fn asks(ask: &Ask) -> Vec<Change> {
         let alone = (ask.has_torques).then_some(Change::Direction { joint, with_torque: false });
         std::iter::once(Change::Direction { joint, with_torque: true }).chain(alone)
     };
-    (0..ask.arm.dof()).flat_map(of_joint).collect()
+    // A joint that stays at zero has no direction.
+    let is_away = |joint: &usize| Moments::of(&ask.positions[*joint]).rms > STILL;
+    (0..ask.arm.dof()).filter(is_away).flat_map(of_joint).collect()
 }
 
 /// Words and remedy.
