@@ -68,7 +68,9 @@ pub use effect::{ArmParts, Effect, Start};
 pub use effects::{Effects, LawError, Placed};
 pub use friction::{ContactFriction, FrictionLaw};
 pub use harmonic::PERIODS;
-pub use injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw, ToolForce, Transmission};
+pub use injection::{
+    DriveLaw, DriveState, Injection, Readings, SensorLaw, ServoLaw, ToolForce, Transmission,
+};
 pub use joint_law::{AtJoint, Instant, JointLaw};
 pub use kind::{ABOUT, Kind, Occurrence, START, Seen, Site, Tolerance, kind, kinds};
 pub use lubrication::Film;

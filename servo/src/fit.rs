@@ -48,10 +48,28 @@ pub struct Fitted {
     pub model: ServoArm,
     /// Value and standard deviation of each unknown, in their order.
     pub values: Vec<(f64, f64)>,
+    /// Inverse of the curvature of what is lost, in the same order: how the others follow where one of them is moved.
+    pub inverse: DMatrix<f64>,
     /// The noise at the end.
     pub noise: Noise,
     /// Steps taken.
     pub steps: usize,
+}
+
+impl Fitted {
+    /// The model with `value` for the unknown number `index` of `unknowns`, the others moved to where they fit best beside it, to first order, inside their bounds.
+    pub fn with(&self, unknowns: &[Unknown], index: usize, value: f64) -> ServoArm {
+        let moved = value - self.values[index].0;
+        let share = moved / self.inverse[(index, index)];
+        let others = unknowns.iter().zip(&self.values).enumerate();
+        let x: Vec<f64> = others
+            .map(|(at, (unknown, (x, _)))| {
+                let followed = x + share * self.inverse[(at, index)];
+                if at == index { value } else { followed.max(unknown.quantity.least()) }
+            })
+            .collect();
+        placed(&self.model, unknowns, &x)
+    }
 }
 
 impl Problem<'_> {
@@ -111,8 +129,9 @@ impl Problem<'_> {
             }
         }
         let groups = self.groups(&state, unknowns);
-        let values = state.x.iter().copied().zip(deviations(&groups, unknowns)).collect();
-        Fitted { model: state.model, values, noise: state.noise, steps }
+        let (deviations, inverse) = deviations(&groups, unknowns);
+        let values = state.x.iter().copied().zip(deviations).collect();
+        Fitted { model: state.model, values, inverse, noise: state.noise, steps }
     }
 
     fn state(&self, model: ServoArm, unknowns: &[Unknown]) -> Standing {
@@ -257,13 +276,22 @@ impl Curvature {
 /// Standard deviations that hold although the rows of a group are correlated and no model is exact: the scatter of what the groups say, and what beliefs leave
 /// open. In the plain form H⁻¹SH⁻¹ (White 1982, Econometrica 50:1) each group has pulled the values towards itself and the scatter is too small; here each
 /// is taken as much larger as its share of the curvature made it smaller, Σ L⁻ᵀ(1 − L⁻¹H_gL⁻ᵀ)⁻¹ᐟ²L⁻¹g with H = LLᵀ (Bell & McCaffrey 2002, Survey
-/// Methodology 28:169). Where there are few groups, deviations are as much wider as Student's t is.
-fn deviations(groups: &[Curvature], unknowns: &[Unknown]) -> Vec<f64> {
+/// Methodology 28:169). Where there are few groups, deviations are as much wider as Student's t is. Beside them H⁻¹.
+fn deviations(groups: &[Curvature], unknowns: &[Unknown]) -> (Vec<f64>, DMatrix<f64>) {
     let expected: Vec<f64> = unknowns.iter().map(|unknown| unknown.expected).collect();
     let beliefs = Curvature::of_beliefs(unknowns, &expected).hessian;
     let whole = groups.iter().fold(beliefs.clone(), |sum, group| sum + &group.hessian);
     let Some(factor) = whole.cholesky() else {
-        return unknowns.iter().map(|unknown| unknown.deviation).collect();
+        let believed: Vec<f64> = unknowns.iter().map(|unknown| unknown.deviation).collect();
+        let inverse =
+            DMatrix::from_fn(
+                believed.len(),
+                believed.len(),
+                |i, j| {
+                    if i == j { believed[i].powi(2) } else { 0.0 }
+                },
+            );
+        return (believed, inverse);
     };
     let root = factor.l();
     let said: Vec<DVector<f64>> = groups.iter().filter_map(|group| said_by(group, &root)).collect();
@@ -274,7 +302,7 @@ fn deviations(groups: &[Curvature], unknowns: &[Unknown]) -> Vec<f64> {
         let scatter: f64 = said.iter().map(|one| one[i] * one[i]).sum();
         (scatter * wider * wider + of_beliefs[(i, i)]).max(0.0).sqrt().min(unknowns[i].deviation * wider)
     };
-    (0..unknowns.len()).map(deviation).collect()
+    ((0..unknowns.len()).map(deviation).collect(), inverse)
 }
 
 /// By how much `group` moves the values of a fit whose curvature has the lower triangular `root`, as if it had not been part of it by half.
@@ -335,7 +363,7 @@ mod tests {
         let groups: Vec<Curvature> = numbers.iter().map(group).collect();
         let unknown =
             Unknown { joint: 0, quantity: Quantity::Offset, expected: 0.0, deviation: 1e6, step: 1.0 };
-        let found = deviations(&groups, &[unknown])[0];
+        let found = deviations(&groups, &[unknown]).0[0];
         let square: f64 = numbers.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
         let expected = (square / count).sqrt() * student(count - 1.0);
         assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
@@ -347,6 +375,6 @@ mod tests {
         let unknown =
             Unknown { joint: 0, quantity: Quantity::Offset, expected: 0.0, deviation: 0.3, step: 1.0 };
         let groups: Vec<Curvature> = (0..20).map(|_| Curvature::zero(1)).collect();
-        assert!((deviations(&groups, &[unknown])[0] - 0.3).abs() < 1e-12);
+        assert!((deviations(&groups, &[unknown]).0[0] - 0.3).abs() < 1e-12);
     }
 }

@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 
 use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_recording::{Group, Recording};
-use freeplay_servo::{Sight, Track};
+use freeplay_servo::{Problem, ServoArm, Sight, Track};
 use toml::Value;
 
-use super::compare::unit;
+use super::compare::{simulated, unit};
 use super::events::{Event, What};
 use super::findings::{Finding, Numbers, WIDTH, known, named_from};
+use super::limits::lost;
 use super::parts::{Parts, Rows, rounding};
-use super::scores::{Deviations, errors, gain, rms};
+use super::scores::{Deviations, deviations, errors, gain, rms};
 use crate::diagnose::{
     DIAGNOSIS_SCHEMA, DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Location, Rmse, Verdict, odds,
     phrase, statement,
@@ -29,6 +30,8 @@ pub struct Conclusion<'a> {
     pub recordings: &'a [Recording],
     pub tracks: &'a [Track],
     pub parts: &'a Parts,
+    /// The choice part, without what happened in it.
+    pub choice: &'a Problem<'a>,
     pub sights: &'a [Sight],
     pub numbers: Numbers<'a>,
     /// Joints whose commands move.
@@ -80,7 +83,9 @@ impl Conclusion<'_> {
         let mut effects: Vec<Effect> = found
             .iter()
             .filter(|finding| finding.is_named && self.is_new(finding))
-            .map(|finding| self.effect(finding, &clean))
+            .map(|finding| (finding, self.evidence(finding)))
+            .filter(|(_, evidence)| *evidence > named_from(self.moves.len()))
+            .map(|(finding, evidence)| self.effect(finding, evidence, &clean))
             .collect();
         let mut model = file.clone();
         let is_replaced = |table: &EffectTable| {
@@ -125,6 +130,15 @@ impl Conclusion<'_> {
         }
     }
 
+    /// Log-likelihood ratio of `finding` against nothing: by its own size in the fit part, and by what the choice part loses without it.
+    fn evidence(&self, finding: &Finding) -> f64 {
+        let fitted = self.numbers.fitted;
+        let of_choice = self.without(finding).map_or(0.0, |without| {
+            lost(self.choice, &without, &fitted.noise) - lost(self.choice, &fitted.model, &fitted.noise)
+        });
+        0.5 * finding.deviations.min(1e3).powi(2) + of_choice
+    }
+
     /// Whether `finding` is not what the given model has already.
     fn is_new(&self, finding: &Finding) -> bool {
         let name = &self.numbers.file.arm.joints()[finding.joint].name;
@@ -136,7 +150,7 @@ impl Conclusion<'_> {
             let new = parameter.value.as_float().unwrap_or_default();
             let old = table.parameters.get(name).and_then(Value::as_float).unwrap_or_default();
             let is_near = (new - old).abs() <= SAME * new.abs().max(old.abs());
-            let wide = named_from(self.moves.len()) / WIDTH;
+            let wide = (2.0 * named_from(self.moves.len())).sqrt() / WIDTH;
             let is_inside =
                 parameter.ci95.is_none_or(|[low, high]| (new - old).abs() <= 0.5 * wide * (high - low));
             !is_near && !is_inside
@@ -166,12 +180,14 @@ impl Conclusion<'_> {
         if parts.is_empty() { self.parts.test.clone() } else { parts }
     }
 
-    fn effect(&self, finding: &Finding, clean: &[Rows]) -> Effect {
+    fn effect(&self, finding: &Finding, evidence: f64, clean: &[Rows]) -> Effect {
         let joint = Some(self.numbers.file.arm.joints()[finding.joint].name.clone());
         let phrase = phrase(finding.kind, &finding.parameters);
-        let ratio = finding.deviations.min(1e3).powi(2);
         let joints = [finding.joint];
-        let gain = gain([&self.before, &self.after], clean, &joints, self.tracks, self.settings.seed);
+        let without = self.without(finding).map(|model| self.left_by(&model, clean));
+        let without = without.as_ref().unwrap_or(&self.before);
+        let gain = gain([without, &self.after], clean, &joints, self.tracks, self.settings.seed);
+        let square = |of: &Deviations| rms(of, clean, &joints).powi(2);
         let mut statement = statement(&phrase, joint.as_deref());
         if !finding.remark.is_empty() {
             statement = format!("{statement} {}", finding.remark);
@@ -183,9 +199,9 @@ impl Conclusion<'_> {
             equation: finding.kind.equation,
             source: finding.kind.source,
             evidence: Evidence {
-                log_odds: 0.5 * ratio,
-                odds: odds(0.5 * ratio),
-                share: 0.0,
+                log_odds: evidence,
+                odds: odds(evidence),
+                share: (square(without) - square(&self.after)).max(0.0),
                 held_out_gain: gain,
                 held_out: true,
                 channels: vec![Group::Position.column(finding.joint)],
@@ -193,6 +209,22 @@ impl Conclusion<'_> {
             phrase,
             statement,
         }
+    }
+
+    /// The model without `finding`, all else as it fits best then; `None` for the servo itself.
+    fn without(&self, finding: &Finding) -> Option<ServoArm> {
+        let (quantity, value) = finding.absent?;
+        let index = self.numbers.index(finding.joint, quantity)?;
+        Some(self.numbers.fitted.with(self.numbers.unknowns, index, value))
+    }
+
+    /// What `model` leaves of the recordings of `parts`.
+    fn left_by(&self, model: &ServoArm, parts: &[Rows]) -> Deviations {
+        let of_track = |(index, track): (usize, &Track)| {
+            let judges = parts.iter().any(|(judging, _)| *judging == index);
+            if judges { deviations(track, &simulated(model, track)) } else { Vec::new() }
+        };
+        self.tracks.iter().enumerate().map(of_track).collect()
     }
 
     pub(super) fn name_of(&self, recording: usize) -> String {
@@ -306,8 +338,12 @@ impl Conclusion<'_> {
     }
 
     fn quality(&self) -> Vec<String> {
-        let mut notes: Vec<String> =
-            self.recordings.iter().flat_map(|recording| recording.notes.clone()).collect();
+        let mut notes: Vec<String> = Vec::new();
+        for note in self.recordings.iter().flat_map(|recording| &recording.notes) {
+            if !notes.contains(note) {
+                notes.push(note.clone());
+            }
+        }
         let fitted = self.numbers.fitted;
         notes.push(format!(
             "servos fitted in {} steps to simulations from the commanded positions; judged on {}",
@@ -346,22 +382,23 @@ fn concerns(event: &Event, of: usize) -> bool {
 
 /// The kinds found, with how often: `position servo at 5 joints, contact`.
 fn summary(effects: &[Effect]) -> String {
-    let mut counts: Vec<(&str, usize)> = Vec::new();
+    let mut counts: Vec<(&str, bool, usize)> = Vec::new();
     for effect in effects {
-        match counts.iter_mut().find(|(kind, _)| *kind == effect.kind) {
-            Some((_, count)) => *count += 1,
-            None => counts.push((effect.kind, 1)),
+        match counts.iter_mut().find(|(kind, ..)| *kind == effect.kind) {
+            Some((.., count)) => *count += 1,
+            None => counts.push((effect.kind, effect.joint.is_some(), 1)),
         }
     }
-    let words = counts.into_iter().map(|(name, count)| match (known(name).title, count) {
+    let words = counts.into_iter().map(|(name, of_joint, count)| match (known(name).title, count) {
         (title, 1) => title.to_owned(),
+        (title, count) if of_joint => format!("{title} at {count} joints"),
         (title, count) => format!("{title} ({count} times)"),
     });
     words.collect::<Vec<_>>().join(", ")
 }
 
-/// Gives each of `effects` its share of the squares that are gone: of those of a channel, the effects that show there have equal parts, since a rollout has them
-/// all at once.
+/// Gives each of `effects` its share of the squares that are gone: of those of a channel, the effects that show there have parts as their own squares are, which
+/// [`Conclusion::effect`] left in their place.
 fn share_out(effects: &mut [Effect], fit: &Fit) {
     let gone = |channel: &String| -> f64 {
         let square =
@@ -369,14 +406,19 @@ fn share_out(effects: &mut [Effect], fit: &Fit) {
         (square(&fit.before) - square(&fit.after)).max(0.0)
     };
     let all: f64 = fit.before.keys().map(gone).sum();
-    let mut sharing: BTreeMap<String, f64> = BTreeMap::new();
-    for channel in effects.iter().flat_map(|effect| &effect.evidence.channels) {
-        *sharing.entry(channel.clone()).or_default() += 1.0;
+    let mut whole: BTreeMap<String, f64> = BTreeMap::new();
+    for effect in &*effects {
+        for channel in &effect.evidence.channels {
+            *whole.entry(channel.clone()).or_default() += effect.evidence.share;
+        }
     }
-    for effect in effects.iter_mut().filter(|_| all > 0.0) {
-        let channels = effect.evidence.channels.iter();
-        effect.evidence.share =
-            channels.map(|c| gone(c) / sharing.get(c).copied().unwrap_or(1.0) / all).sum();
+    for effect in &mut *effects {
+        let own = effect.evidence.share;
+        let of_channel = |channel: &String| {
+            let whole = whole.get(channel).copied().unwrap_or_default();
+            if whole > 0.0 && all > 0.0 { gone(channel) * own / whole / all } else { 0.0 }
+        };
+        effect.evidence.share = effect.evidence.channels.iter().map(of_channel).sum();
     }
     effects.sort_by(|a, b| b.evidence.share.total_cmp(&a.evidence.share));
 }

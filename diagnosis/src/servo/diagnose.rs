@@ -111,6 +111,7 @@ pub fn diagnose(
         recordings,
         tracks: &tracks,
         parts: &parts,
+        choice: &choice,
         sights: &seen,
         numbers,
         moves: &moves,

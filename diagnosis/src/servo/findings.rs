@@ -19,9 +19,9 @@ const NAMED: f64 = 3.0;
 /// Kinds that are looked for at each joint.
 const KINDS: f64 = 4.0;
 
-/// Standard deviations from nothing that a name needs at `joints` joints: what 20 to 1 takes after as many looks, ½ z² = ln 20 + ln looks.
+/// Log-likelihood ratio that a name needs at `joints` joints: what 20 to 1 takes after as many looks.
 pub fn named_from(joints: usize) -> f64 {
-    (2.0 * (NAMED + (KINDS * joints as f64).ln())).sqrt()
+    NAMED + (KINDS * joints as f64).ln()
 }
 
 /// One effect of a joint.
@@ -40,6 +40,8 @@ pub struct Finding {
     pub is_named: bool,
     /// What stands beside its numbers, a sentence; empty if nothing.
     pub remark: String,
+    /// The number that the arm has without it; none for the servo, without which a command stands for the position.
+    pub absent: Option<(Quantity, f64)>,
 }
 
 /// The numbers of a fit, joint by joint.
@@ -57,13 +59,18 @@ pub struct Numbers<'a> {
 }
 
 impl Numbers<'_> {
-    fn of(&self, joint: usize, quantity: Quantity) -> Option<(f64, f64)> {
-        let at = self.unknowns.iter().position(|one| one.joint == joint && one.quantity == quantity)?;
-        Some(self.fitted.values[at])
+    /// Index of the unknown `quantity` of `joint`.
+    pub fn index(&self, joint: usize, quantity: Quantity) -> Option<usize> {
+        self.unknowns.iter().position(|one| one.joint == joint && one.quantity == quantity)
     }
 
+    fn of(&self, joint: usize, quantity: Quantity) -> Option<(f64, f64)> {
+        self.index(joint, quantity).map(|at| self.fitted.values[at])
+    }
+
+    /// Standard deviations from nothing that a name needs: ½ z² is the ratio.
     fn named_from(&self) -> f64 {
-        named_from(self.file.arm.dof())
+        (2.0 * named_from(self.file.arm.dof())).sqrt()
     }
 
     fn joint(&self, joint: usize) -> &Joint {
@@ -182,14 +189,15 @@ impl Numbers<'_> {
             _ => String::new(),
         };
         let finding = self.finding(name, joint, numbers, deviations, remark);
-        Some(Finding { is_named, ..finding })
+        Some(Finding { is_named, absent: Some((quantity, expected)), ..finding })
     }
 
     fn delay(&self, joint: usize) -> Option<Finding> {
         let (delay, deviation) = self.of(joint, Quantity::Delay)?;
         (delay > self.named_from() * deviation).then(|| {
             let numbers = vec![("delay", delay, Some(around(delay, deviation)))];
-            self.finding("command_delay", joint, numbers, delay / deviation, String::new())
+            let finding = self.finding("command_delay", joint, numbers, delay / deviation, String::new());
+            Finding { absent: Some((Quantity::Delay, 0.0)), ..finding }
         })
     }
 
@@ -222,6 +230,7 @@ impl Numbers<'_> {
             deviations,
             is_named: true,
             remark,
+            absent: None,
         }
     }
 

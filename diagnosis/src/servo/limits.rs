@@ -52,7 +52,8 @@ pub fn add_limits(
     fitted
 }
 
-fn lost(problem: &Problem, model: &ServoArm, noise: &Noise) -> f64 {
+/// Log-likelihood that `model` loses in `problem` under `noise`.
+pub fn lost(problem: &Problem, model: &ServoArm, noise: &Noise) -> f64 {
     problem.losses(&problem.residuals(model), noise).iter().sum()
 }
 

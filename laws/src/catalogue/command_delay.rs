@@ -3,7 +3,9 @@
 //! Law: the servo answers at t the command of t − d. A joint whose encoder is read later than the command acts has d < 0.
 //! Source: Åström & Murray 2008, Feedback Systems, §9 (time delays).
 
-use super::commanded::{NO_TERMS, Unseen, no_shape};
+use super::commanded::{NO_TERMS, no_shape};
+use crate::effect::Effect;
+use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
@@ -31,5 +33,17 @@ pub static KIND: Kind = Kind {
     needs: &[Need::Motion],
     terms: NO_TERMS,
     shapes: no_shape,
-    build: |_| Ok(Box::new(Unseen)),
+    build: |values| Ok(Box::new(CommandDelay { joint: values.joint()?, delay: values.number("delay")? })),
 };
+
+#[derive(Clone, Copy, Debug)]
+struct CommandDelay {
+    joint: usize,
+    delay: f64,
+}
+
+impl Effect for CommandDelay {
+    fn inject(&self, injection: &mut Injection) {
+        injection.command_delays.push((self.joint, self.delay));
+    }
+}

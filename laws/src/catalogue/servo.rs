@@ -2,10 +2,13 @@
 //!
 //! Law: τ = k e′ − d q̇, clipped to the torque limit; e = r − q, e′ = e less the dead band. The set-point r is the command, rounded down to
 //! `resolution`, shifted by `offset` and never faster than the speed limit. Friction is that of the nominal model and of the effects
-//! `coulomb_friction`, `viscous_friction` and `stribeck_friction`. The law is integrated by the crate `freeplay-servo`.
+//! `coulomb_friction`, `viscous_friction` and `stribeck_friction`. The crate `freeplay-servo` integrates the law along recorded commands, the plant
+//! in its mode `servo`.
 //! Source: Åström & Murray 2008, Feedback Systems, §10.
 
-use super::commanded::{NO_TERMS, Unseen, no_shape};
+use super::commanded::{NO_TERMS, no_shape};
+use crate::effect::Effect;
+use crate::injection::{Injection, ServoLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
@@ -52,5 +55,28 @@ pub static KIND: Kind = Kind {
     needs: &[Need::Motion],
     terms: NO_TERMS,
     shapes: no_shape,
-    build: |_| Ok(Box::new(Unseen)),
+    build: |values| {
+        let law = ServoLaw {
+            stiffness: values.number("stiffness")?,
+            damping: values.number("damping")?,
+            deadband: values.number("deadband")?,
+            torque_limit: values.optional("torque_limit")?.unwrap_or(f64::INFINITY),
+            speed_limit: values.optional("speed_limit")?.unwrap_or(f64::INFINITY),
+            resolution: values.number("resolution")?,
+            offset: values.number("offset")?,
+        };
+        Ok(Box::new(Servo { joint: values.joint()?, law }))
+    },
 };
+
+#[derive(Clone, Copy, Debug)]
+struct Servo {
+    joint: usize,
+    law: ServoLaw,
+}
+
+impl Effect for Servo {
+    fn inject(&self, injection: &mut Injection) {
+        injection.servos.push((self.joint, self.law));
+    }
+}
