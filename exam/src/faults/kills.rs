@@ -81,12 +81,13 @@ pub fn kill_runs(
     if !ends(&mut whole)? {
         return Err(Failure::peer(format!("a run of {controller} does not end within {LONGEST:?}")));
     }
-    let latest = begun.elapsed();
+    let mut latest = begun.elapsed();
     tally.runs.push(whole.id());
     while tally.kills < count && !stop.load(Ordering::Relaxed) {
         let victim = [Victim::Plant, Victim::Controller, Victim::Run][random.random_range(0..3)];
         let after = latest.mul_f64(random.random_range(0.0..1.0));
-        kill_one(controller, out, victim, after, &mut tally)?;
+        // A run that ended before its kill says how long one takes by now.
+        latest = kill_one(controller, out, victim, after, &mut tally)?.unwrap_or(latest);
     }
     tally.files_left = files_of(&tally.runs);
     let holds = tally.hung + tally.next_did_not_start + tally.recordings_that_do_not_open == 0
@@ -98,24 +99,29 @@ pub fn kill_runs(
     Ok(if holds { Exit::Done } else { Exit::Verdict })
 }
 
+/// Kills `victim` in a run of `controller` so long `after` its start; how long the run took, if it ended before.
 fn kill_one(
     controller: &str,
     out: &Path,
     victim: Victim,
     after: Duration,
     tally: &mut Tally,
-) -> Result<(), Failure> {
+) -> Result<Option<Duration>, Failure> {
     let folder = out.join("killed");
     remove_folder(&folder)?;
     let mut run = start(controller, &folder, &KILLED)?;
     let begun = Instant::now();
-    let mut struck = false;
-    // On a busy machine the victim comes late.
-    while !struck && begun.elapsed() < LONGEST && run.try_wait().map_err(Failure::internal)?.is_none() {
-        std::thread::sleep(after.saturating_sub(begun.elapsed()).max(LOOK));
-        let orphans = if victim == Victim::Run { children_of(run.id()) } else { Vec::new() };
-        struck = pid_of(victim, run.id()).is_some_and(kill);
-        tally.slowest_orphan_ms = tally.slowest_orphan_ms.max(outlive_ms(&orphans));
+    let (mut struck, mut took) = (false, None);
+    // On a busy machine the victim comes late. One that has ended can be sent a signal, too, until it is waited for.
+    while !struck && took.is_none() && begun.elapsed() < LONGEST {
+        std::thread::sleep(LOOK);
+        if run.try_wait().map_err(Failure::internal)?.is_some() {
+            took = Some(begun.elapsed());
+        } else if begun.elapsed() >= after {
+            let orphans = if victim == Victim::Run { children_of(run.id()) } else { Vec::new() };
+            struck = pid_of(victim, run.id()).is_some_and(kill);
+            tally.slowest_orphan_ms = tally.slowest_orphan_ms.max(outlive_ms(&orphans));
+        }
     }
     tally.kills += 1;
     tally.struck += u32::from(struck);
@@ -146,7 +152,7 @@ fn kill_one(
     let well = ends(&mut next)? && next.wait().is_ok_and(|status| status.success());
     tally.next_did_not_start += u32::from(!well);
     tally.runs.push(next.id());
-    Ok(())
+    Ok(took)
 }
 
 fn start(controller: &str, folder: &Path, sets: &[&str]) -> Result<Child, Failure> {
