@@ -32,6 +32,15 @@ impl<'a> Source<'a> {
         Self { file, size: None, joints: None, limit: MAX_NUMBERS, overview: None }
     }
 
+    /// Fails if `rows` of so many `columns` are more numbers than what is read; `remedy` says what to do then.
+    pub fn check_size(&self, columns: usize, rows: u64, remedy: &str) -> Result<(), ReadError> {
+        if rows.saturating_mul(columns as u64) <= self.limit {
+            return Ok(());
+        }
+        let (file, remedy) = (self.file.to_path_buf(), remedy.to_owned());
+        Err(ReadError::TooLarge { file, columns, rows, limit: self.limit, remedy })
+    }
+
     /// A place in this input.
     pub fn place(&self, row: Row) -> Place {
         Place { file: self.file.to_path_buf(), row }
