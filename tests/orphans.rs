@@ -145,6 +145,43 @@ fn a_run_that_is_asked_to_end_does_so_in_order_at_any_moment() {
     }
 }
 
+/// A run under strace, with what it says of system calls in `trace`; `options` are of strace.
+fn traced(options: &[&str]) -> Call {
+    let mut command = std::process::Command::new("strace");
+    command.args(["-o", "trace", "-e", "trace=rt_sigaction"]).args(options).arg(FREEPLAY);
+    command.args(["run", "--quiet", "--out", "out", "--controller", "computed-torque"]);
+    command.args(["--set", "duration=0.02", "--set", "patience=60"]);
+    Call::of(fresh_folder(), command)
+}
+
+/// The order in which a handler and what it is to do are set leaves no moment at which a signal is taken and forgotten.
+#[test]
+fn a_signal_at_the_moment_its_handler_is_set_ends_the_run() {
+    let can = std::process::Command::new("strace").args(["-o", "/dev/null", "true"]).output();
+    if !can.is_ok_and(|output| output.status.success()) {
+        println!("skipped: there is no strace here, or it may not trace");
+        return;
+    }
+    let ran = traced(&[]).run().expect(0);
+    let trace = std::fs::read_to_string(ran.folder.path().join("trace")).expect("a trace");
+    let calls = trace.lines().filter(|line| line.starts_with("rt_sigaction("));
+    let handlers: Vec<(usize, &str)> = calls
+        .enumerate()
+        .filter_map(|(index, line)| {
+            let signal =
+                ["INT", "TERM", "HUP"].into_iter().find(|it| line.contains(&format!("(SIG{it}, {{")));
+            Some((index + 1, signal?))
+        })
+        .collect();
+    assert!(handlers.len() >= 3, "{trace}");
+    for (when, signal) in handlers {
+        let inject = format!("inject=rt_sigaction:signal=SIG{signal}:when={when}");
+        let ran = traced(&["-e", &inject]).run();
+        println!("SIG{signal} as its handler is set: {}", ran.output.status);
+        assert_eq!(ran.output.status.code(), Some(130), "{}", ran.dump());
+    }
+}
+
 #[test]
 fn a_run_without_a_terminal_takes_no_notice_of_a_hang_up() {
     let folder = fresh_folder();

@@ -55,37 +55,39 @@ fn parquet(path: &Path) {
     std::fs::rename(written, path).expect("renamed");
 }
 
-/// A joint state of one joint at `time`, s, as ROS 2 or as ROS 1 writes it.
-fn joint_state(time: u32, is_ros1: bool) -> Vec<u8> {
+/// A joint state of some joints at `time`, s, as ROS 2 or as ROS 1 writes it.
+fn joint_state(time: u32, is_ros1: bool, joints: usize) -> Vec<u8> {
     let mut data = if is_ros1 { vec![0; 4] } else { Vec::new() };
     let word = |data: &mut Vec<u8>, word: u32| data.extend(word.to_le_bytes());
     word(&mut data, time);
     word(&mut data, 0);
-    let name: [&[u8]; 2] = if is_ros1 { [b"", b"a"] } else { [b"\0", b"a\0"] };
-    let text = |data: &mut Vec<u8>, text: &[u8]| {
+    let text = |data: &mut Vec<u8>, text: &str| {
+        let text = if is_ros1 { text.to_owned() } else { format!("{text}\0") };
         word(data, text.len() as u32);
-        data.extend(text);
+        data.extend(text.as_bytes());
     };
     let align = |data: &mut Vec<u8>, to: usize| {
         if !is_ros1 {
             data.resize(data.len().next_multiple_of(to), 0);
         }
     };
-    text(&mut data, name[0]);
+    text(&mut data, "");
     align(&mut data, 4);
-    word(&mut data, 1);
-    text(&mut data, name[1]);
-    align(&mut data, 4);
-    word(&mut data, 1);
+    word(&mut data, joints as u32);
+    for joint in 0..joints {
+        text(&mut data, &format!("j{joint}"));
+        align(&mut data, 4);
+    }
+    word(&mut data, joints as u32);
     align(&mut data, 8);
-    data.extend(f64::from(time).sin().to_le_bytes());
+    (0..joints).for_each(|joint| data.extend((f64::from(time) + joint as f64).sin().to_le_bytes()));
     word(&mut data, 0);
     word(&mut data, 0);
     if is_ros1 { data } else { [vec![0, 1, 0, 0], data].concat() }
 }
 
 /// A bag of ROS 2.
-fn ros2(path: &Path, options: WriteOptions) {
+fn ros2(path: &Path, options: WriteOptions, joints: usize) {
     let mut writer = options.create(Cursor::new(Vec::new())).expect("in memory");
     let schema =
         writer.add_schema("sensor_msgs/msg/JointState", "ros2msg", b"float64[] position").expect("added");
@@ -93,7 +95,7 @@ fn ros2(path: &Path, options: WriteOptions) {
     for k in 0..ROWS as u32 {
         let log_time = u64::from(k) * 1_000_000_000;
         let header = MessageHeader { channel_id, sequence: k, log_time, publish_time: log_time };
-        writer.write_to_known_channel(&header, &joint_state(k, false)).expect("written");
+        writer.write_to_known_channel(&header, &joint_state(k, false, joints)).expect("written");
     }
     writer.finish().expect("finished");
     std::fs::write(path, writer.into_inner().into_inner()).expect("written");
@@ -114,7 +116,7 @@ fn ros1(path: &Path, compression: &str) {
     let mut inner = record(&[("op", &[7]), connection, ("topic", b"/joint_states")], described);
     for k in 0..ROWS as u32 {
         let time = [k.to_le_bytes(), [0; 4]].concat();
-        inner.extend(record(&[("op", &[2]), connection, ("time", &time)], &joint_state(k, true)));
+        inner.extend(record(&[("op", &[2]), connection, ("time", &time)], &joint_state(k, true, 1)));
     }
     let size = (inner.len() as u32).to_le_bytes();
     let data = match compression {
@@ -144,11 +146,11 @@ fn a_size_claimed_at_any_place_takes_no_memory() {
     let files: [(&str, Write); 9] = [
         ("MCAP", own_mcap),
         ("Parquet", parquet),
-        ("ROS 2, Zstandard", |path| ros2(path, WriteOptions::new())),
-        ("ROS 2, chunks", |path| ros2(path, WriteOptions::new().compression(None))),
-        ("ROS 2, no chunks", |path| ros2(path, WriteOptions::new().use_chunks(false))),
+        ("ROS 2, Zstandard", |path| ros2(path, WriteOptions::new(), 1)),
+        ("ROS 2, chunks", |path| ros2(path, WriteOptions::new().compression(None), 1)),
+        ("ROS 2, no chunks", |path| ros2(path, WriteOptions::new().use_chunks(false), 1)),
         ("ROS 2, no checksums", |path| {
-            ros2(path, WriteOptions::new().compression(None).calculate_chunk_crcs(false));
+            ros2(path, WriteOptions::new().compression(None).calculate_chunk_crcs(false), 1);
         }),
         ("ROS 1", |path| ros1(path, "none")),
         ("ROS 1, LZ4", |path| ros1(path, "lz4")),
@@ -179,4 +181,16 @@ fn a_size_claimed_at_any_place_takes_no_memory() {
         );
         assert!(tried > 1000 && slowest < LONGEST, "{name}: {slowest:?}");
     }
+}
+
+#[test]
+fn a_message_of_many_joints_takes_no_longer_than_its_length() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run");
+    ros2(&path, WriteOptions::new(), 100_000);
+    let begun = Instant::now();
+    let recording = read(&path, None).expect("a recording");
+    println!("{} joints in {:?}", recording.joints(), begun.elapsed());
+    assert_eq!((recording.len(), recording.joints()), (ROWS, 100_000));
+    assert!(begun.elapsed() < LONGEST, "{:?}", begun.elapsed());
 }
