@@ -249,3 +249,25 @@ fn ros2_name(kind: &str) -> String {
         _ => kind.to_owned(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::{Bag, Encoding, JOINT_STATE};
+    use crate::read::Source;
+
+    /// A few bytes of a compressed bag may inflate to any number of messages.
+    #[test]
+    fn messages_take_no_more_memory_than_what_is_read() {
+        let source = Source { limit: 1000, ..Source::of(Path::new("run.bag")) };
+        let (mut bag, data) = (Bag::default(), [0; 500]);
+        let mut take = |kind: &str| bag.take("/joint_states", kind, Encoding::Cdr, 0, &data, &source);
+        assert!((0..1000).all(|_| take("sensor_msgs/msg/Image").is_ok()), "nothing is kept of others");
+        let taken = (0..1000).take_while(|_| take(JOINT_STATE).is_ok()).count();
+        println!("{taken} messages of {} bytes", data.len());
+        assert!((10..=16).contains(&taken), "8000 bytes, and what is kept of each");
+        let said = take(JOINT_STATE).expect_err("full").to_string();
+        assert!(said.contains("run.bag: its joint states and poses have more than 8000 bytes"), "{said}");
+    }
+}
