@@ -70,7 +70,8 @@ pub struct ImportOptions {
 /// - Parquet, LeRobot data sets, `.npz`, `.mat` of version 5.
 ///
 /// At most [`MAX_NUMBERS`] numbers are read: 2 GiB of memory, for a moment up to twice that; a line of a CSV may
-/// have 1 MiB, a chunk of a MCAP 64 MiB.
+/// have 1 MiB, a chunk of a MCAP 64 MiB. A Parquet file may have one number for each of its bits, and in any case 64 MiB of them. A bag's joint states and
+/// poses may have 2 GiB. What a file claims of its sizes is compared with the file before room is made for it.
 ///
 /// # Errors
 /// See [`ReadError`]; each names the place, the value and the remedy.
