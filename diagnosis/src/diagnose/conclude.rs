@@ -382,7 +382,9 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
         for (c, channel) in data.stages[0].channels.iter().enumerate() {
             let joint = match channel.kind {
-                ChannelKind::Torque(joint) | ChannelKind::Link(joint) => Some(joint),
+                ChannelKind::Torque(joint) | ChannelKind::Link(joint) | ChannelKind::Position(joint) => {
+                    Some(joint)
+                }
                 ChannelKind::Tool(_) => None,
             };
             let group = groups.entry(joint).or_default();

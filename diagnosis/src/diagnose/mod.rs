@@ -59,3 +59,4 @@ pub use set_up::diagnose;
 pub use tolerance::Tolerances;
 pub use variables::Variable;
 pub use words::TO_TELL;
+pub(crate) use words::{odds, phrase, statement};

@@ -328,6 +328,7 @@ impl<'a> Stage<'a> {
                 Kind::Torque(joint) => change.torque.written(joint),
                 Kind::Tool(axis) => change.tool.written(axis),
                 Kind::Link(joint) => change.link.written(joint),
+                Kind::Position(_) => None,
             };
             let column = column.filter(|column| column.iter().any(|&x| x != 0.0))?;
             Some(if kind.rough { self.ground.treatment.keep(column) } else { column.to_vec() })
@@ -346,7 +347,7 @@ impl<'a> Stage<'a> {
         self.by_channel(|kind| match kind {
             Kind::Torque(joint) => difference(&torque[joint], &self.rigid.0[joint]),
             Kind::Tool(axis) => difference(&tool[axis], &self.rigid.1[axis]),
-            Kind::Link(_) => None,
+            Kind::Link(_) | Kind::Position(_) => None,
         })
     }
 
