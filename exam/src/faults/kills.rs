@@ -112,14 +112,14 @@ fn kill_one(
     let mut run = start(controller, &folder, &KILLED)?;
     let begun = Instant::now();
     let (mut struck, mut took) = (false, None);
-    // On a busy machine the victim comes late. One that has ended can be sent a signal, too, until it is waited for.
+    // On a busy machine the victim comes late.
     while !struck && took.is_none() && begun.elapsed() < LONGEST {
         std::thread::sleep(LOOK);
-        if run.try_wait().map_err(Failure::internal)?.is_some() {
+        if has_ended(&mut run)? {
             took = Some(begun.elapsed());
         } else if begun.elapsed() >= after {
             let orphans = if victim == Victim::Run { children_of(run.id()) } else { Vec::new() };
-            struck = pid_of(victim, run.id()).is_some_and(kill);
+            struck = strike(victim, &mut run)?;
             tally.slowest_orphan_ms = tally.slowest_orphan_ms.max(outlive_ms(&orphans));
         }
     }
@@ -166,6 +166,16 @@ fn start(controller: &str, folder: &Path, sets: &[&str]) -> Result<Child, Failur
         .stderr(Stdio::null())
         .spawn()
         .map_err(Failure::internal)
+}
+
+fn has_ended(run: &mut Child) -> Result<bool, Failure> {
+    Ok(run.try_wait().map_err(Failure::internal)?.is_some())
+}
+
+/// Kills the process of `victim` in `run`; whether it lived. One that has ended takes a signal, too, until it is waited for.
+fn strike(victim: Victim, run: &mut Child) -> Result<bool, Failure> {
+    let pid = pid_of(victim, run.id());
+    Ok(!has_ended(run)? && pid.is_some_and(kill))
 }
 
 /// Waits for the end of `run`; `false` if it has to be killed.
@@ -228,4 +238,23 @@ fn files_of(runs: &[u32]) -> usize {
     };
     let entries = std::fs::read_dir(SEGMENTS).into_iter().flatten().flatten();
     entries.filter(|entry| is_theirs(&entry.file_name().to_string_lossy())).count()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use std::process::Command;
+
+    use super::{Victim, ends, outlive_ms, strike};
+
+    #[test]
+    fn what_has_ended_is_not_struck() {
+        let mut sleeps = Command::new("sleep").arg("1000").spawn().unwrap();
+        assert!(strike(Victim::Run, &mut sleeps).unwrap());
+        assert!(ends(&mut sleeps).unwrap());
+        let mut ended = Command::new("true").spawn().unwrap();
+        // It has ended, but nobody has asked for it.
+        assert!(outlive_ms(&[ended.id()]) < super::LONGEST.as_secs_f64() * 1e3);
+        assert!(!strike(Victim::Run, &mut ended).unwrap());
+    }
 }
