@@ -5,6 +5,7 @@ use std::ops::Range;
 use freeplay_arm::Arm;
 use freeplay_laws::{LawError, Placed};
 
+use super::candidate::Candidate;
 use super::parts::{Part, parts_of};
 use super::rows::rows_that_count;
 use super::stage::{Answer, Stage};
@@ -96,24 +97,30 @@ impl<'a> Data<'a> {
         self.mask(channel, &self.heard)
     }
 
-    /// Takes the rows in which one of `columns` says anything out of the test part, and what is around them by the memory of the low-pass: what happens at a
-    /// time is seen in no others.
-    pub fn give_moments(&mut self, columns: &[Column]) {
-        for column in columns {
-            for (channel, rows) in column.iter().enumerate() {
-                let (stage, _) = self.place(channel);
-                let Some(rows) = rows else { continue };
-                let least = REMEMBERED * rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-                let ground = self.stages[stage].ground;
-                let says: Vec<bool> = rows.iter().map(|x| x.abs() > least).collect();
-                let said = around(&says, &ground.motion.t, ground.treatment.filter().settling_time());
-                let parts = self.parts[stage]
-                    .iter_mut()
-                    .zip(said)
-                    .filter(|(part, said)| *said && **part != Part::Fit);
-                parts.for_each(|(part, _)| *part = Part::Choice);
-            }
+    /// Takes the rows in which one of `happened` says anything out of the test part, and what is around them by the memory of the low-pass: what happens at a
+    /// time is seen in no others. Whether most of the test part is left; else nothing is taken.
+    pub fn give_moments(&mut self, happened: &[&Candidate]) -> bool {
+        let before = self.parts.clone();
+        for (channel, rows) in
+            happened.iter().flat_map(|one| one.columns.iter()).flat_map(|c| c.iter().enumerate())
+        {
+            let (stage, _) = self.place(channel);
+            let Some(rows) = rows else { continue };
+            let least = REMEMBERED * rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            let ground = self.stages[stage].ground;
+            let says: Vec<bool> = rows.iter().map(|x| x.abs() > least).collect();
+            let said = around(&says, &ground.motion.t, ground.treatment.filter().settling_time());
+            let parts = self.parts[stage].iter_mut().zip(said);
+            parts
+                .filter(|(part, said)| *said && **part != Part::Fit)
+                .for_each(|(part, _)| *part = Part::Choice);
         }
+        let tests = |parts: &[Vec<Part>]| parts.iter().flatten().filter(|part| **part == Part::Test).count();
+        let is_left = 2 * tests(&self.parts) >= tests(&before);
+        if !is_left {
+            self.parts = before;
+        }
+        is_left
     }
 
     /// Stacks one answer a stage into a column, with the rows that don't count set to zero; nothing where none is left. The mean is taken off link

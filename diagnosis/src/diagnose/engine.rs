@@ -114,16 +114,18 @@ pub(crate) fn diagnose(
     progress("looking for what happens at a time");
     data.heard = vec![Part::Fit, Part::Choice, Part::Test];
     // Nothing tells a push from the knocks of parts that come apart and meet again.
-    let (happened, left) = if found.members.iter().any(|candidate| candidate.kind.shakes) {
+    let (mut happened, mut left) = if found.members.iter().any(|candidate| candidate.kind.shakes) {
         (Vec::new(), found.left)
     } else {
         found.members.retain(|candidate| !candidate.kind.happens());
         let sizes = Weights::new(&data, &target, Some(&found.left_by_what_lasts), settings.seed);
-        happenings(&data, found.left_by_what_lasts, &sizes).ok_or(DiagnoseError::Singular)?
+        happenings(&data, found.left_by_what_lasts.clone(), &sizes).ok_or(DiagnoseError::Singular)?
     };
     let ends = |candidate: &&Candidate| window(&candidate.form.shape).is_some();
-    for candidate in found.members.iter().filter(ends).chain(&happened) {
-        data.give_moments(&candidate.columns);
+    let moments: Vec<&Candidate> = found.members.iter().filter(ends).chain(&happened).collect();
+    if !data.give_moments(&moments) {
+        // What happens nearly always does not happen at a time: a law without a name says it.
+        (happened, left) = (Vec::new(), found.left_by_what_lasts);
     }
     data.heard = vec![Part::Fit, Part::Choice];
     let mut search = search(&data, &target, Some(&left), laid, settings).ok_or(DiagnoseError::Singular)?;

@@ -57,10 +57,44 @@ pub(crate) fn struck(
         let mut said = vec![0.0; t.len().saturating_sub(long)];
         torques.iter().for_each(|torque| torque.add_said(long, &mut said));
         let (begin, _) = said.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
-        let times = [(BEGIN, t[begin]), (END, t[begin + long])];
-        Some(times.map(|(name, time)| (name.to_owned(), Value::from(time))).into_iter().collect())
+        Some([begin, begin + long])
     };
-    rows.filter_map(of_length).collect()
+    let briefest = ((BRIEFEST / step) as usize).max(1);
+    let windows = rows.filter_map(of_length).chain(between_edges(&torques, t.len(), briefest));
+    let shape = |[begin, end]: [usize; 2]| {
+        let times = [(BEGIN, t[begin]), (END, t[end])];
+        times.map(|(name, time)| (name.to_owned(), Value::from(time))).into_iter().collect()
+    };
+    windows.map(shape).collect()
+}
+
+/// The windows of any length, begun and ended by the edges at which the `torques` of so many `rows` step most, that explain most.
+fn between_edges(torques: &[Torque], rows: usize, briefest: usize) -> Vec<[usize; 2]> {
+    /// Edges that are paired: both of each of the happenings that are looked for.
+    const EDGES: usize = 2 * MOST;
+    /// Windows that are laid out.
+    const BEST: usize = 4;
+    let steps: Vec<Vec<f64>> = torques.iter().map(|torque| torque.steps(rows)).collect();
+    let size = |row: usize| steps.iter().map(|of_torque| of_torque[row].powi(2)).sum::<f64>();
+    let mut order: Vec<usize> = (0..rows).filter(|&row| size(row) > 0.0).collect();
+    order.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
+    let mut edges: Vec<usize> = Vec::new();
+    for row in order {
+        if edges.len() < EDGES && edges.iter().all(|edge| edge.abs_diff(row) >= briefest) {
+            edges.push(row);
+        }
+    }
+    edges.sort_unstable();
+    let mut windows: Vec<(f64, [usize; 2])> = Vec::new();
+    for (k, &begin) in edges.iter().enumerate() {
+        for &end in &edges[k + 1..] {
+            // What sets in and ends by the same amount.
+            let said = steps.iter().map(|of_torque| 0.5 * (of_torque[begin] - of_torque[end]).powi(2)).sum();
+            windows.push((said, [begin, end]));
+        }
+    }
+    windows.sort_by(|a, b| b.0.total_cmp(&a.0));
+    windows.into_iter().take(BEST).map(|(_, window)| window).collect()
 }
 
 /// What is left of one torque, white.
@@ -71,6 +105,24 @@ struct Torque {
 }
 
 impl Torque {
+    /// By row, what a step there explains, as so many deviations of the torque, up or down.
+    fn steps(&self, rows: usize) -> Vec<f64> {
+        let deviation = self.wandering.deviation();
+        if deviation <= 0.0 {
+            return vec![0.0; rows];
+        }
+        let step = self.wandering.step();
+        let of_row = |begin: usize| {
+            let size = self.wandering.size(begin);
+            let rows = self.left[begin..].iter().zip(&self.says[begin..]);
+            let (product, square) = step.iter().zip(rows).fold((0.0, 0.0), |sum, (x, (left, says))| {
+                (sum.0 + says * x / size * left, sum.1 + says * (x / size).powi(2))
+            });
+            if square > 0.0 { product / square.sqrt() / deviation } else { 0.0 }
+        };
+        (0..rows).map(of_row).collect()
+    }
+
     /// Adds to `said`, by the row in which it begins, what a push of `long` rows explains of it: the square of its correlation with such a push, in squares of the
     /// torque's own deviation (matched filter; Turin 1960, IRE Trans. Inf. Theory 6:311).
     fn add_said(&self, long: usize, said: &mut [f64]) {
@@ -141,7 +193,8 @@ pub(crate) fn happenings(
         let others: Vec<usize> = members.iter().copied().filter(|other| *other != member).collect();
         search.system.fit(&others).map_or(0.0, |without| all - without.value)
     };
-    let sure: Vec<usize> = members.iter().copied().filter(|&member| is_told(odds(member))).collect();
+    let is_seen = |&member: &usize| is_told(odds(member)) && is_inside(data, search.system.candidate(member));
+    let sure: Vec<usize> = members.iter().copied().filter(is_seen).collect();
     let found = sure.iter().filter_map(|&member| {
         let candidate = search.system.candidate(member);
         let raw = candidate.reformed(data, candidate.form.clone())?;
@@ -149,6 +202,17 @@ pub(crate) fn happenings(
     });
     let found = found.collect();
     Some((found, less(&left, &said(&search, &sure, &left)?)))
+}
+
+/// Whether what happens in the form of `candidate` begins after its recording does, and ends before, if it ends at all: what is there from the first sample on may have been
+/// there for ever.
+fn is_inside(data: &Data, candidate: &Candidate) -> bool {
+    let t = &data.stages[candidate.form.only.unwrap_or(0)].motion().t;
+    let (Some([begin, end]), Some(first), Some(last)) = (window(&candidate.form.shape), t.first(), t.last())
+    else {
+        return true;
+    };
+    begin > first + BRIEFEST && end < last - BRIEFEST
 }
 
 /// What `members` say of every row, as it is.

@@ -123,20 +123,32 @@ impl Wandering {
 
     /// What becomes of a push of `long` rows of size one amid many others, from its first row on.
     pub fn push(&self, long: usize) -> Vec<f64> {
+        self.filtered(
+            |row| if row < long { 1.0 } else { 0.0 },
+            |row, place| row >= long && place.abs() < OVER,
+        )
+    }
+
+    /// What becomes of a step of size one amid many rows.
+    pub fn step(&self) -> Vec<f64> {
+        let longest = self.remembers.len() / 8;
+        self.filtered(|_| 1.0, |row, place| row >= longest || (1.0 - place).abs() < OVER)
+    }
+
+    /// What becomes of a signal `of` each row amid many others, until it `is_over`, told how far the wandering has followed.
+    fn filtered(&self, of: impl Fn(usize) -> f64, is_over: impl Fn(usize, f64) -> bool) -> Vec<f64> {
         let remembers = self.remembers.iter().copied().fold(0.0, f64::max);
         let mut spread = self.ratio;
         for _ in 0..self.remembers.len() {
             spread = remembers * remembers * (spread / (spread + 1.0) - self.ratio) + self.ratio;
         }
-        let (unsure, mut place, mut push) = (spread + 1.0, 0.0, Vec::new());
-        loop {
-            let off = if push.len() < long { 1.0 } else { 0.0 } - place;
+        let (unsure, mut place, mut signal) = (spread + 1.0, 0.0, Vec::new());
+        while signal.is_empty() || signal.len() < self.remembers.len() && !is_over(signal.len(), place) {
+            let off = of(signal.len()) - place;
             place = remembers * (place + spread / unsure * off);
-            push.push(off / unsure.sqrt());
-            if push.len() >= long && place.abs() < OVER || push.len() >= self.remembers.len() {
-                return push;
-            }
+            signal.push(off / unsure.sqrt());
         }
+        signal
     }
 
     fn counted(&self, rows: &[f64]) -> Vec<f64> {
