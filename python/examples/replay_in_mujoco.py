@@ -1,10 +1,11 @@
+#!/usr/bin/env python3
 """Replays a recording of a machine in MuJoCo and prints how far the model is from it.
 
     python replay_in_mujoco.py MODEL.xml RECORDING.csv
 
-MODEL.xml is what `freeplay export MODEL --to mjcf` writes. A stiff position loop drives the joints along the recorded positions; the
-torques that it takes are the model's, in the units and signs of the recording, and the site `tool0` is the model's tool. Both sides go
-through the same low-pass. Needs mujoco, numpy and scipy.
+MODEL.xml is what `freeplay export MODEL --to mjcf` writes. The motors follow the recorded positions exactly; gears and journals, which have no
+motor, move as MuJoCo's dynamics have it. The torques that this takes are the model's, as the machine would measure them, and the site
+`tool0` is the model's tool. Measured and model go through the same low-pass. Needs mujoco, numpy and scipy.
 """
 
 import argparse
@@ -16,9 +17,6 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import butter, sosfiltfilt
 
-# Natural frequency of the position loop, rad/s: far above what an arm does, far below what a step of 1 ms resolves.
-BANDWIDTH = 100.0
-
 
 def read(path):
     """The columns of a CSV recording by name."""
@@ -28,87 +26,100 @@ def read(path):
     return {name: numbers[:, index] for index, name in enumerate(names)}
 
 
-def sensor(model, name):
-    """The place of a sensor's first number, and its delay, s."""
-    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)
-    return model.sensor_adr[index], float(getattr(model, "sensor_delay", np.zeros(model.nsensor))[index])
-
-
-def inertias(model, data, dof):
-    """Inertia that each of the joints at `dof` feels with the others held, kg m^2 or kg."""
-    column, unit, felt = np.zeros(model.nv), np.zeros(model.nv), np.zeros(len(dof))
-    for place, index in enumerate(dof):
-        unit[:] = 0.0
-        unit[index] = 1.0
-        mujoco.mj_mulM(model, data, column, unit)
-        felt[place] = column[index]
-    return felt
-
-
 def low_pass(rate, cutoff):
     """A low-pass without phase."""
     sections = butter(2, cutoff, fs=rate, output="sos")
-    return lambda column: sosfiltfilt(sections, column, axis=0)
+    return lambda columns: sosfiltfilt(sections, columns, axis=0)
 
 
-def replay(model, t, q):
-    """Torques and tool positions, as the machine would measure them, at the times `t` along the positions `q`."""
-    data = mujoco.MjData(model)
-    joints = [model.actuator_trnid[actuator, 0] for actuator in range(model.nu)]
-    place, dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-    names = [model.actuator(actuator).name for actuator in range(model.nu)]
-    torque_at = [sensor(model, f"tau_{name}")[0] for name in names]
-    tool_at, late = sensor(model, "tool")[0], sensor(model, f"q_{names[0]}")[1]
-    gain, bias = model.actuator_gainprm[:, 0].copy(), model.actuator_biasprm[:, 0].copy()
-    step = model.opt.timestep
-    start = t[0] - late
-    motion = CubicSpline(t, q)
-    speed, acceleration = motion.derivative(), motion.derivative(2)
-    data.qpos[place], data.qvel[dof] = motion(t[0]), speed(t[0])
-    steps = int(round((t[-1] - t[0]) / step))
-    times = np.clip(start + late + step * np.arange(steps + 1), t[0], t[-1])
-    q, v, a = motion(times), speed(times), acceleration(times)
-    torque, tool = np.zeros((steps + 1, model.nu)), np.zeros((steps + 1, 3))
-    for k in range(steps + 1):
-        if k % 10 == 0:
-            mujoco.mj_forward(model, data)
-            inertia = inertias(model, data, dof)
-        error, rate = q[k] - data.qpos[place], v[k] - data.qvel[dof]
-        force = inertia * (a[k] + 2.0 * BANDWIDTH * rate + BANDWIDTH**2 * error) + data.qfrc_bias[dof]
-        data.ctrl[:] = (force - bias) / gain
-        mujoco.mj_step(model, data)
-        torque[k] = (data.sensordata[torque_at] - bias) / gain
-        tool[k] = data.sensordata[tool_at : tool_at + 3]
-    # Time of the recording at which a step is measured.
-    measured_at = start + step * np.arange(steps + 1)
+class Machine:
+    """A model with its drives: one actuator for each joint that has a motor."""
 
-    def at(column):
-        return np.array([np.interp(t, measured_at, part) for part in column.T]).T
+    def __init__(self, path):
+        self.model = mujoco.MjModel.from_xml_path(path)
+        self.data = mujoco.MjData(self.model)
+        model = self.model
+        self.count = model.nu
+        joints = model.actuator_trnid[:, 0]
+        self.place, self.dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
+        self.gain, self.bias = model.actuator_gainprm[:, 0].copy(), model.actuator_biasprm[:, 0].copy()
+        self.limited, self.range = model.actuator_forcelimited.astype(bool), model.actuator_forcerange.copy()
+        self.tool = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tool0")
+        names = [model.actuator(number).name for number in range(self.count)]
+        delays = getattr(model, "sensor_delay", np.zeros(model.nsensor))
+        late = {kind: delays[model.sensor(f"{kind}_{names[0]}").id] for kind in ("q", "tau")}
+        self.late = {**late, "tool": delays[model.sensor("tool").id]}
+        # The same machine with motors so heavy that they move as they are told, whatever gears and journals do.
+        self.driven, self.moved = mujoco.MjModel.from_xml_path(path), mujoco.MjData(model)
+        self.passive = np.setdiff1d(np.arange(model.nv), self.dof)
+        mujoco.mj_forward(self.driven, self.moved)
+        self.inertia = self.inertias()
+        self.weight = 1e4 * self.inertia[self.dof]
+        self.driven.dof_armature[self.dof] += self.weight
 
-    return at(torque), at(tool)
+    def inertias(self):
+        """Inertia on the diagonal of the mass matrix, kg m^2 or kg."""
+        column, inertia = np.zeros(self.driven.nv), np.zeros(self.driven.nv)
+        for index, unit in enumerate(np.eye(self.driven.nv)):
+            mujoco.mj_mulM(self.driven, self.moved, column, unit)
+            inertia[index] = column[index]
+        return inertia
+
+    def step(self, q, v, a):
+        """Moves the motors to `q`, `v`, `a`, and returns measured torques and tool position there."""
+        model, data, moved = self.model, self.data, self.moved
+        moved.qpos[self.place], moved.qvel[self.dof] = q, v
+        if len(self.passive):
+            moved.qfrc_applied[self.dof] = self.weight * a
+            mujoco.mj_forward(self.driven, moved)
+        data.qpos[:], data.qvel[:], data.qacc[:] = moved.qpos, moved.qvel, moved.qacc
+        data.qacc[self.dof] = a
+        mujoco.mj_inverse(model, data)
+        force = data.qfrc_inverse[self.dof].copy()
+        force[self.limited] = np.clip(force[self.limited], *self.range[self.limited].T)
+        if len(self.passive):
+            mujoco.mj_step(self.driven, moved)
+        return (force - self.bias) / self.gain, data.site_xpos[self.tool].copy()
+
+    def settle(self, q):
+        """Lets gears and journals come to rest with the motors held at `q`."""
+        model = self.driven
+        damping = model.dof_damping.copy()
+        # Every swing loses half its speed in 30 ms.
+        model.dof_damping[self.passive] += 50.0 * self.inertia[self.passive]
+        still = np.zeros(self.count)
+        for _ in range(int(1.0 / model.opt.timestep)):
+            self.step(q, still, still)
+        model.dof_damping[:] = damping
+
+    def replay(self, t, q):
+        """Torques and tool positions at the times `t`, along the recorded positions `q`."""
+        step = self.model.opt.timestep if len(self.passive) else float(np.min(np.diff(t)))
+        motion = CubicSpline(t, q)
+        # The machine's time: a position that is recorded at t was there earlier.
+        times = np.arange(t[0] - self.late["q"], t[-1], step)
+        recorded = np.clip(times + self.late["q"], t[0], t[-1])
+        if len(self.passive):
+            self.settle(motion(recorded[0]))
+        states = zip(motion(recorded), motion(recorded, 1), motion(recorded, 2))
+        torque, tool = (np.array(columns) for columns in zip(*(self.step(*state) for state in states)))
+        at = lambda columns, late: np.stack([np.interp(t, times + late, column) for column in columns.T], axis=1)
+        return at(torque, self.late["tau"]), at(tool, self.late["tool"])
 
 
 def compare(path, recording, cutoff):
     """Root mean square of measured minus model, by channel."""
-    model = mujoco.MjModel.from_xml_path(path)
-    t, count = recording["t"], model.nu
+    machine, t = Machine(path), recording["t"]
     rate = (len(t) - 1) / (t[-1] - t[0])
     smooth = low_pass(rate, cutoff)
-
-    def stack(name):
-        return np.stack([recording[f"{name}{joint + 1}"] for joint in range(count)], axis=1)
-
-    torque, tool = replay(model, t, smooth(stack("q")))
-    errors = {}
+    joints = range(1, machine.count + 1)
+    torque, tool = machine.replay(t, smooth(np.stack([recording[f"q{joint}"] for joint in joints], axis=1)))
+    model = {f"tau{joint}": torque[:, joint - 1] for joint in joints}
+    model.update(zip("xyz", tool.T))
+    # The low-pass needs some time at both ends.
     inner = slice(int(rate * 0.5), -int(rate * 0.5))
-    if "tau1" in recording:
-        left = smooth(stack("tau"))[inner] - smooth(torque)[inner]
-        errors.update({f"tau{joint + 1}": float(np.sqrt(np.mean(left[:, joint] ** 2))) for joint in range(count)})
-    if "x" in recording:
-        measured = np.stack([recording[axis] for axis in "xyz"], axis=1)
-        left = smooth(measured)[inner] - smooth(tool)[inner]
-        errors.update({axis: float(np.sqrt(np.mean(left[:, place] ** 2))) for place, axis in enumerate("xyz")})
-    return errors
+    left = {name: smooth(recording[name] - column)[inner] for name, column in model.items() if name in recording}
+    return {name: float(np.sqrt(np.mean(column**2))) for name, column in left.items()}
 
 
 def main():

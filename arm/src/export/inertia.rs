@@ -4,8 +4,11 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
 use crate::joint::Inertia;
 
-/// Least mass and moment of a moving body in MuJoCo, kg and kg·m²: ten times its `mjMINVAL`.
-const LEAST: f64 = 1e-14;
+/// Least moment of a moving body, kg·m²: ten times what MuJoCo takes for zero.
+pub(super) const LEAST: f64 = 1e-14;
+
+/// Least mass of a moving body, kg: with [`LEAST`] a body of 0.1 m.
+pub(super) const LEAST_MASS: f64 = 1e-12;
 
 /// Share of the largest moment by which a moment may be changed for rounding.
 const ROUNDING: f64 = 1e-9;
@@ -37,7 +40,12 @@ impl Principal {
         let moments = possible(values);
         let changed = (moments - values).amax();
         let changed = (changed > ROUNDING * values.amax().max(LEAST)).then_some(changed);
-        Principal { mass: inertia.mass.max(LEAST), moments, axes, changed: changed.filter(|x| *x > LEAST) }
+        Principal {
+            mass: inertia.mass.max(LEAST_MASS),
+            moments,
+            axes,
+            changed: changed.filter(|x| *x > LEAST),
+        }
     }
 }
 

@@ -4,8 +4,8 @@
 //! measures; its gain, bias and force range are those of the measurement and the drive. Beside that:
 //!
 //! - rotor inertia is `armature`, friction `frictionloss`, damping `damping` with a second coefficient for the quadratic part;
-//! - a gear is a second joint in the same body, after the motor's: a spring or, with a gap, a tendon whose spring has a dead band; with rigid
-//!   flanks a joint whose range is the gap. MuJoCo's mass matrix needs an inertia on either side: see [`stand_in`];
+//! - a gear is a second joint in the same body, after the motor's: a spring or, with a gap, a joint whose range is the gap and whose limits are
+//!   the flanks. MuJoCo's mass matrix needs an inertia on either side: see [`stand_in`];
 //! - radial play is two slides across the axis, bounded by a tendon as long as the clearance;
 //! - a shaft that two joints share is a tendon with inertia, damping and friction.
 //!
@@ -60,9 +60,6 @@ pub fn to_mjcf(mechanism: &Mechanism) -> Exported {
 /// The part of `element` that MJCF has no words for.
 fn missing(element: &Element) -> Option<&'static str> {
     match element {
-        Element::Gear { gap, damping, .. } if *gap > 0.0 && *damping > 0.0 => {
-            Some("MJCF has no damping of flanks that touch; the gap is there without it")
-        }
         Element::RadialPlay { .. } => Some(
             "MJCF has no law of the contact; the journal stops within a step and slides without friction",
         ),
@@ -90,46 +87,51 @@ fn stand_in(parts: &mut Parts, arm: &Arm, unsaid: &mut Vec<String>) -> f64 {
     if parts.joints.iter().all(|joint| joint.gear.is_none()) {
         return LONGEST_STEP;
     }
-    let felt = least_inertias(arm);
+    let postures: Vec<Vec<f64>> = (0..4_u8).map(|number| inertias(parts, arm, number)).collect();
     let mut fastest = GREATEST_SWING / LONGEST_STEP;
-    for (joint, felt) in parts.joints.iter_mut().zip(felt) {
-        let Some(gear) = joint.gear else { continue };
+    for (index, joint) in parts.joints.iter_mut().enumerate() {
+        let Some(gear) = &mut joint.gear else { continue };
+        let least = postures.iter().map(|felt| felt[index]).fold(f64::INFINITY, f64::min);
         if joint.armature <= 0.0 {
-            joint.armature = STAND_IN * felt;
+            joint.armature = STAND_IN * least;
             unsaid.push(format!(
                 "the inertia of the motor of {}, which the model does not name: MuJoCo needs one, {} kg*m^2 stands for it",
                 joint.joint.name, number(joint.armature)
             ));
         }
+        gear.mobility = 1.0 / joint.armature + 1.0 / postures[0][index];
+        if gear.gap > 0.0 && gear.compliance > 0.0 && gear.damping == 0.0 {
+            gear.damping = 2.0 / (gear.compliance * gear.mobility).sqrt();
+            unsaid.push(format!(
+                "the damping of the flanks of {}, which the model does not name: {} stops the link on a flank without a bounce",
+                joint.joint.name, number(gear.damping)
+            ));
+        }
         if gear.compliance > 0.0 {
-            fastest = fastest.max(((1.0 / joint.armature + 1.0 / felt) / gear.compliance).sqrt());
+            fastest = fastest.max(((1.0 / joint.armature + 1.0 / least) / gear.compliance).sqrt());
         }
     }
     LONGEST_STEP / (LONGEST_STEP * fastest / GREATEST_SWING).ceil()
 }
 
-/// The least inertia beyond its rotor that each joint feels with all others free, 1/(M⁻¹)ⱼⱼ, over a few postures, kg·m² (kg).
-fn least_inertias(arm: &Arm) -> Vec<f64> {
+/// The inertia that each joint feels beyond its motor with all others free, 1/(M⁻¹)ⱼⱼ, in posture `number`, kg·m² (kg). In posture 0 all
+/// joints stand at zero. A motor behind a gear takes no part.
+fn inertias(parts: &Parts, arm: &Arm, number: u8) -> Vec<f64> {
     let dof = arm.dof();
     let (mut ws, mut mass) = (Workspace::new(arm), DMatrix::zeros(dof, dof));
-    let mut least = vec![f64::INFINITY; dof];
-    for posture in 0..4_u8 {
-        let q: Vec<f64> = (1..=dof).map(|i| (1.3 * i as f64 * f64::from(posture)).sin()).collect();
-        crba(arm, &mut ws, &q, &mut mass);
-        for (joint, each) in arm.joints().iter().enumerate() {
-            mass[(joint, joint)] -= each.rotor_inertia;
-        }
-        let whole = mass.clone();
-        for (joint, least) in least.iter_mut().enumerate() {
-            // A link without an inertia of its own is felt as what stands on the diagonal.
-            let free = whole
-                .clone()
-                .cholesky()
-                .map_or(whole[(joint, joint)], |free| 1.0 / free.inverse()[(joint, joint)]);
-            *least = least.min(free);
-        }
+    let q: Vec<f64> = (1..=dof).map(|i| (1.3 * i as f64 * f64::from(number)).sin()).collect();
+    crba(arm, &mut ws, &q, &mut mass);
+    for (index, (joint, parts)) in arm.joints().iter().zip(&parts.joints).enumerate() {
+        let rotor = if parts.gear.is_some() { 0.0 } else { parts.armature.max(0.0) };
+        mass[(index, index)] += rotor - joint.rotor_inertia;
     }
-    least.into_iter().map(|least| least.max(f64::MIN_POSITIVE)).collect()
+    let inverse = mass.clone().cholesky().map(|free| free.inverse());
+    let felt = |joint| match &inverse {
+        Some(inverse) => 1.0 / inverse[(joint, joint)],
+        // A link without an inertia of its own is felt as what stands on the diagonal.
+        None => mass[(joint, joint)].max(f64::MIN_POSITIVE),
+    };
+    (0..dof).map(felt).collect()
 }
 
 /// The document as it grows.

@@ -11,6 +11,9 @@ use crate::joint::JointKind;
 /// Bound of a range that is open on one side, rad or m.
 const OPEN: f64 = 1e9;
 
+/// Impedance of flanks that give: the share of what MuJoCo adds to their spring and damper.
+const SOFT: f64 = 0.01;
+
 /// Writes the joints of the body that joint number `index` moves.
 pub(super) fn write(writer: &mut Writer, index: usize, parts: &JointParts, marks: &mut Marks) {
     let joint = &parts.joint;
@@ -74,20 +77,26 @@ fn motor(parts: &JointParts) -> Vec<(&'static str, String)> {
     attributes
 }
 
-/// What a gear's joint says by itself. The spring of a gap is a tendon's.
+/// What a gear's joint says.
+///
+/// Flanks are limits. In MuJoCo a limit at the depth r, met at the speed v, gives the force f = (−b v − k r − a₀)/(R + A), a₀ being the acceleration
+/// without it, A the mobility and R = A (1 − d)/d for the impedance d. With d small the part of a₀ is small, and f = K r + D v for
+/// k = K A/d and b = D A/d, which `solref` says as −K A and −D A (MuJoCo documentation, "Solver parameters", direct format).
 fn flanks(gear: &Gear) -> Vec<(&'static str, String)> {
-    match (gear.gap > 0.0, gear.compliance > 0.0) {
-        (false, true) => {
-            let mut attributes = vec![("stiffness", number(1.0 / gear.compliance))];
-            if gear.damping > 0.0 {
-                attributes.push(("damping", number(gear.damping)));
-            }
-            attributes
-        }
-        (true, true) => Vec::new(),
-        (_, false) => {
-            let half = 0.5 * gear.gap;
-            vec![("range", numbers(&[-half, half]))]
-        }
+    let half = 0.5 * gear.gap;
+    let range = ("range", numbers(&[-half, half]));
+    if gear.compliance == 0.0 {
+        return vec![range];
     }
+    let stiffness = 1.0 / gear.compliance;
+    if gear.gap > 0.0 {
+        let reference = [-stiffness * gear.mobility, -gear.damping * gear.mobility];
+        let impedance = [SOFT, SOFT, 1e-3, 0.5, 2.0];
+        return vec![range, ("solreflimit", numbers(&reference)), ("solimplimit", numbers(&impedance))];
+    }
+    let mut attributes = vec![("stiffness", number(stiffness))];
+    if gear.damping > 0.0 {
+        attributes.push(("damping", number(gear.damping)));
+    }
+    attributes
 }

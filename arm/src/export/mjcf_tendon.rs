@@ -1,4 +1,4 @@
-//! Tendons of MJCF: flanks with a gap, friction behind a gap, radial play, shafts that two joints share.
+//! Tendons of MJCF: friction behind a gap, radial play, shafts that two joints share.
 
 use std::collections::BTreeMap;
 
@@ -21,12 +21,6 @@ pub(super) fn write(writer: &mut Writer, marks: &Marks) {
         let (motor, Some(gear)) = (&parts.joints[joint].joint.name, parts.joints[joint].gear) else {
             continue;
         };
-        if gear.gap > 0.0 && gear.compliance > 0.0 {
-            let half = 0.5 * gear.gap;
-            let spring =
-                [("stiffness", number(1.0 / gear.compliance)), ("springlength", numbers(&[-half, half]))];
-            fixed(writer, &format!("{motor}_flanks"), &spring, &[(gear_joint, 1.0)]);
-        }
         if gear.friction > 0.0 {
             let friction = [("frictionloss", number(gear.friction))];
             fixed(writer, &format!("{motor}_link_friction"), &friction, &[(motor, 1.0), (gear_joint, 1.0)]);

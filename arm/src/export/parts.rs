@@ -45,6 +45,8 @@ pub(super) struct Gear {
     pub damping: f64,
     pub gap: f64,
     pub friction: f64,
+    /// Acceleration between motor and link per torque between them where all joints stand at zero, 1/(kg·m²) (1/kg).
+    pub mobility: f64,
 }
 
 /// A shaft that two joints share.
@@ -106,7 +108,7 @@ impl Parts {
             Element::Spring { joint, stiffness, rest } => self.joints[joint].add_spring(stiffness, rest),
             Element::Gear { joint, stiffness, damping, gap, friction } => {
                 let compliance = stiffness.map_or(0.0, |stiffness| 1.0 / stiffness);
-                self.joints[joint].add_gear(Gear { compliance, damping, gap, friction });
+                self.joints[joint].add_gear(Gear { compliance, damping, gap, friction, mobility: 0.0 });
             }
             Element::RadialPlay { joint, clearance } => self.joints[joint].play = Some(clearance),
             Element::TorqueGain { joint, gain } => {
@@ -178,6 +180,7 @@ impl JointParts {
             damping,
             gap: before.gap + gear.gap,
             friction: before.friction + gear.friction,
+            mobility: 0.0,
         });
     }
 

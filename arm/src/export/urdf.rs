@@ -3,8 +3,9 @@
 //! URDF knows masses, places, limits, `<dynamics damping friction>` and nothing else beyond the rigid arm. Its gravity is 9.81 m/s² along
 //! the world's −z: an arm that hangs otherwise gets a link `world` before its base. An encoder's zero goes into the place of its joint.
 
-use nalgebra::{Isometry3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
+use super::inertia::{LEAST, LEAST_MASS};
 use super::names::Names;
 use super::parts::{JointParts, Parts};
 use super::rotation::roll_pitch_yaw;
@@ -185,9 +186,11 @@ fn write_limits(xml: &mut Xml, parts: &JointParts, is_endless: bool) {
 }
 
 fn write_link(xml: &mut Xml, joint: &Joint, name: &str) {
-    let inertia = &joint.inertia;
-    if inertia.mass == 0.0 && inertia.about_com.amax() == 0.0 {
-        return xml.empty("link", &[("name", name.to_owned())]);
+    // Simulators refuse a moving link without mass or with a moment of zero: what they get instead is below all rounding.
+    let mut inertia = joint.inertia;
+    inertia.mass = inertia.mass.max(LEAST_MASS);
+    if inertia.about_com.symmetric_eigenvalues().min().abs() < LEAST {
+        inertia.about_com += Matrix3::identity() * LEAST;
     }
     xml.start("link", &[("name", name.to_owned())]);
     xml.start("inertial", &[]);

@@ -47,8 +47,8 @@ impl<'d, 'i> Defaults<'d, 'i> {
         // A class stands in as many others as the file has, at most.
         for _ in 0..=self.classes.len() {
             let (element, parent) = self.classes.get(class)?;
-            let of_tag = element.children().filter(|child| child.has_tag_name(tag));
-            if let Some(said) = of_tag.filter(|child| child.attribute(name).is_some()).last() {
+            let mut of_tag = element.children().filter(|child| child.has_tag_name(tag));
+            if let Some(said) = of_tag.rfind(|child| child.attribute(name).is_some()) {
                 return Some(said);
             }
             class = (*parent)?;

@@ -95,7 +95,7 @@ impl Compiler {
             return Ok(UnitQuaternion::from_axis_angle(&axis, angle * self.angle));
         }
         if let Some(angles) = reader.numbers::<3>(node, "euler", owner)? {
-            return Ok(self.from_euler(angles));
+            return Ok(self.euler_turn(angles));
         }
         if let Some([ax, ay, az, bx, by, bz]) = reader.numbers(node, "xyaxes", owner)? {
             let (x, y) = (Vector3::new(ax, ay, az), Vector3::new(bx, by, bz));
@@ -108,7 +108,7 @@ impl Compiler {
         Ok(UnitQuaternion::identity())
     }
 
-    fn from_euler(&self, angles: [f64; 3]) -> UnitQuaternion<f64> {
+    fn euler_turn(&self, angles: [f64; 3]) -> UnitQuaternion<f64> {
         let mut turn = UnitQuaternion::identity();
         for (letter, angle) in self.euler.chars().zip(angles) {
             let axis = match letter.to_ascii_lowercase() {
