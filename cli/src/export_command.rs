@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use freeplay_arm::export::{Exported, Mechanism, to_mjcf, to_urdf};
+use freeplay_arm::export::{Exported, to_mjcf, to_urdf};
 use freeplay_arm::{ArmFile, Selection};
 use freeplay_harness::setup::load_selected;
 use freeplay_report::one_line;
@@ -18,7 +18,7 @@ use serde_json::json;
 /// Writes a model, such as the model.toml of a diagnosis, in the format of another tool.
 ///
 /// URDF has words for masses, places, limits, damping and friction; MJCF also for rotors, springs, gears that give way, gaps, play, shafts,
-/// drives and delays. What the format has no words for is listed, here and at the top of the file.
+/// drives and delays. What the format has no words for is listed, here and at the top of the file. An FMU is the plant with all of it.
 #[derive(Args, Debug)]
 pub struct ExportArgs {
     /// The model: an arm file (URDF, MJCF or TOML), or "paper".
@@ -44,20 +44,16 @@ enum Target {
     Urdf,
     /// For MuJoCo.
     Mjcf,
+    /// FMI 3.0 Co-Simulation: the machine itself, for Simulink, Modelica tools and others.
+    Fmu,
 }
 
 impl Target {
-    fn write(self, mechanism: &Mechanism) -> Exported {
-        match self {
-            Target::Urdf => to_urdf(mechanism),
-            Target::Mjcf => to_mjcf(mechanism),
-        }
-    }
-
     fn name(self) -> &'static str {
         match self {
             Target::Urdf => "URDF",
             Target::Mjcf => "MJCF",
+            Target::Fmu => "FMU",
         }
     }
 }
@@ -71,7 +67,11 @@ pub fn export(args: &ExportArgs) -> Result<Exit, Failure> {
     let file = load_selected(&args.model, &Selection { tip: args.tip.clone(), joints: Vec::new() })?;
     let mechanism = freeplay_laws::mechanism(&file)
         .map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
-    let exported = args.to.write(&mechanism);
+    let exported = match args.to {
+        Target::Urdf => to_urdf(&mechanism),
+        Target::Mjcf => to_mjcf(&mechanism),
+        Target::Fmu => return fmu(args, &file),
+    };
     let Some(out) = &args.out else {
         say(&exported.text)?;
         exported.unsaid.iter().for_each(|line| messages::note(format_args!("not said: {line}")));
@@ -81,6 +81,22 @@ pub fn export(args: &ExportArgs) -> Result<Exit, Failure> {
     match args.format {
         Format::Json => say(&format!("{:#}\n", described(args, out, &exported)))?,
         Format::Text => say(&in_words(args, out, &file, &exported))?,
+    }
+    Ok(Exit::Done)
+}
+
+/// Writes the FMU of `file`.
+fn fmu(args: &ExportArgs, file: &ArmFile) -> Result<Exit, Failure> {
+    let Some(out) = &args.out else {
+        return Err(Failure::usage("an FMU is an archive: name it with --out FILE.fmu"));
+    };
+    let program = std::env::current_exe().map_err(Failure::internal)?;
+    freeplay_fmi::write_fmu(file, &program, out)
+        .map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
+    let all = Exported { text: String::new(), unsaid: Vec::new() };
+    match args.format {
+        Format::Json => say(&format!("{:#}\n", described(args, out, &all)))?,
+        Format::Text => say(&in_words(args, out, file, &all))?,
     }
     Ok(Exit::Done)
 }
