@@ -7,6 +7,7 @@
 mod common;
 mod effects;
 mod fmu;
+mod fmu;
 mod replay;
 mod tools;
 
