@@ -6,10 +6,12 @@
 //! - [`Machine`]: the plant of an arm file under given parameters, stepped tick by tick with torques from outside.
 //! - [`Instance`]: what an importer drives through its modes: values, steps, and states that it takes and puts back.
 //! - [`description()`]: `modelDescription.xml`; [`write_fmu`]: the whole FMU as one file.
-//! - `abi`: the C functions of FMI 3.0 over an [`Instance`], in the shared library that an FMU carries. The only place with `unsafe`.
+//! - [`guest`]: FMUs of others as controllers.
+//! - `abi`: the C functions of FMI 3.0 over an [`Instance`], in the shared library that an FMU carries. With the module of a guest's library the only place with `unsafe`.
 
 mod abi;
 mod description;
+pub mod guest;
 mod instance;
 mod machine;
 mod package;
@@ -19,5 +21,5 @@ mod variables;
 pub use description::description;
 pub use instance::{Fault, Instance, State};
 pub use machine::{Contact, Machine, PERIOD, Readout, Stimulus};
-pub use package::{LIBRARY, PackageError, write_fmu};
+pub use package::{LIBRARY, PackageError, archive, write_fmu};
 pub use variables::{Causality, Quantity, Value, Variable, Variables};

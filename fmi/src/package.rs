@@ -87,7 +87,11 @@ fn platform() -> Option<&'static str> {
     }
 }
 
-fn archive(entries: &[(String, &[u8])]) -> Result<Vec<u8>, PackageError> {
+/// A ZIP archive of `entries`: names and contents.
+///
+/// # Errors
+/// [`PackageError::Archive`]
+pub fn archive(entries: &[(String, &[u8])]) -> Result<Vec<u8>, PackageError> {
     let failed = |error: &dyn std::fmt::Display| PackageError::Archive(error.to_string());
     let mut archive = ZipArchiveWriter::new(Vec::new());
     for (name, bytes) in entries {

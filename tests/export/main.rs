@@ -7,7 +7,7 @@
 mod common;
 mod effects;
 mod fmu;
-mod fmu;
+mod guest;
 mod replay;
 mod tools;
 
