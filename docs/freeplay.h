@@ -18,6 +18,7 @@
 enum {
     FREEPLAY_MODE_TORQUE = 0,
     FREEPLAY_MODE_DRIVEN = 1,
+    FREEPLAY_MODE_SERVO = 2,
 };
 
 /* Welcome.pace */
@@ -87,7 +88,7 @@ typedef struct {
     double tau[12]; /* Measured joint torques (forces). [N·m (N)] */
     double applied[12]; /* The command in force during this tick, after the gate. [as Command.value] */
     freeplay_reference reference; /* Reference at tick k. */
-    freeplay_reference reference_next; /* Reference at the instant that the answer to this state is for: in mode torque the start of tick k + 1, in mode driven its end. */
+    freeplay_reference reference_next; /* Reference at the instant that the answer to this state is for: in modes torque and servo the start of tick k + 1, in mode driven its end. */
     double tool[7]; /* Measured pose of frame tool0: position and unit quaternion; NaN if not tracked. [m, 1] */
 } freeplay_state;
 static_assert(sizeof(freeplay_state) == 1072, "size of freeplay_state");

@@ -70,9 +70,12 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
     messages::doing(format_args!("comparing {} samples", recording.len()));
     let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
-    let (comparison, residuals) =
+    let compared = if freeplay_diagnosis::commands_alone(&recording) {
+        freeplay_diagnosis::compare_commands(&file, &recording)
+    } else {
         freeplay_diagnosis::compare(&file.arm, &effects.placed, &recording, &settings)
-            .map_err(Failure::input)?;
+    };
+    let (comparison, residuals) = compared.map_err(Failure::input)?;
     let view = View { args, file: &file, recording: &recording, comparison: &comparison };
     let json = view.json()?;
     let report = args.out.as_deref().map(|out| view.write(out, &residuals, &json)).transpose()?;
@@ -173,13 +176,23 @@ impl View<'_> {
             file_name(Path::new(&self.args.model)),
             joints(self.file.arm.dof())
         );
+        let unfiltered = format!(
+            "{} samples: measured positions against those simulated from the commanded ones",
+            comparison.samples
+        );
         let treated = format!(
             "{} points at {} Hz; low-pass at {} Hz without phase on both sides, ends left out",
             comparison.samples,
             brief(comparison.compared_hz),
             brief(comparison.lowpass_hz)
         );
+        let treated = if self.is_of_commands() { unfiltered } else { treated };
         [("recording", measured), ("model", model), ("compared", treated)]
+    }
+
+    /// Whether positions are compared with those simulated from the commanded ones.
+    fn is_of_commands(&self) -> bool {
+        self.comparison.channels.iter().any(|channel| channel.lag_s.is_some())
     }
 
     /// The worst channel and what that means, and how far the tool is off.
@@ -239,6 +252,9 @@ impl View<'_> {
             header.push("error rms\nwithout friction");
         }
         let columns = header.len();
+        if self.is_of_commands() {
+            header.push("lag,\nms");
+        }
         table.set_header(header);
         for channel in &self.comparison.channels {
             let (scale, unit) = shown_in(channel.unit);
@@ -248,9 +264,10 @@ impl View<'_> {
                 unit.into(),
             ];
             row.extend(numbers(channel, scale).into_iter().take(columns - 3).map(brief));
+            row.extend(channel.lag_s.map(|lag| brief(lag * 1e3)));
             table.add_row(row);
         }
-        for column in 3..columns {
+        for column in 3..=columns {
             if let Some(column) = table.column_mut(column) {
                 column.set_cell_alignment(CellAlignment::Right);
             }
@@ -272,7 +289,7 @@ impl View<'_> {
         if !remarks.is_empty() {
             document = document.overview(Block::List(remarks));
         }
-        for title in ["Joint torques", "Tool position", "Link encoders"] {
+        for title in ["Joint torques", "Tool position", "Link encoders", "Joint positions"] {
             let channels = residuals.channels.iter().zip(&self.comparison.channels);
             let section = channels
                 .filter(|(channel, _)| section_of(channel.kind) == title)
@@ -287,24 +304,33 @@ impl View<'_> {
     }
 
     fn report_table(&self) -> Table {
-        let mut table = Table::new("Measured minus model, after the same low-pass on both sides")
-            .column(Column::text("channel"))
-            .column(Column::text("joint"))
-            .column(Column::text("unit"))
-            .column(Column::number("measured rms", ""))
-            .column(Column::number("error rms", ""))
-            .column(Column::number("of rms", "%").group("error rms"))
-            .column(Column::number("of spread", "%").group("error rms").bars())
-            .column(Column::number("mean error", ""));
+        let mut table = Table::new(if self.is_of_commands() {
+            "Measured minus simulated from the commanded positions"
+        } else {
+            "Measured minus model, after the same low-pass on both sides"
+        })
+        .column(Column::text("channel"))
+        .column(Column::text("joint"))
+        .column(Column::text("unit"))
+        .column(Column::number("measured rms", ""))
+        .column(Column::number("error rms", ""))
+        .column(Column::number("of rms", "%").group("error rms"))
+        .column(Column::number("of spread", "%").group("error rms").bars())
+        .column(Column::number("mean error", ""));
         if self.has_friction() {
             table = table.column(Column::number("error rms without friction", ""));
         }
         let columns = table.columns.len();
+        if self.is_of_commands() {
+            table = table.column(Column::number("lag", "ms"));
+        }
         for channel in &self.comparison.channels {
             let (scale, unit) = shown_in(channel.unit);
             let joint = channel.joint.clone().unwrap_or_default();
             let words = [Cell::from(channel.name.clone()), joint.into(), unit.into()];
-            table = table.row(words.into_iter().chain(numbers(channel, scale).map(Cell::from)).take(columns));
+            let lag = channel.lag_s.map(|lag| Cell::from(lag * 1e3));
+            let numbers = numbers(channel, scale).map(Cell::from);
+            table = table.row(words.into_iter().chain(numbers).take(columns).chain(lag));
         }
         table.note("spread: standard deviation of the measured signal, which is what a model that says the mean is off by")
     }
@@ -316,6 +342,7 @@ fn section_of(kind: Kind) -> &'static str {
         Kind::Torque(_) => "Joint torques",
         Kind::Tool(_) => "Tool position",
         Kind::Link(_) => "Link encoders",
+        Kind::Position(_) => "Joint positions",
     }
 }
 
@@ -340,7 +367,7 @@ fn chart(residuals: &Residuals, channel: &Channel, error: &ChannelError) -> Char
     let what = match channel.kind {
         Kind::Torque(_) if channel.unit == "N" => "force",
         Kind::Torque(_) => "torque",
-        Kind::Tool(_) | Kind::Link(_) => "difference",
+        Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => "difference",
     };
     let chart =
         Chart::trace(label(error), Axis::new("time", "s"), Axis::new(what, unit)).group("time").in_view(0.0);

@@ -1,12 +1,15 @@
 //! The built-in `computed-torque`: the perfect arm's inverse dynamics with feedback, no compensation.
 //!
 //! `τ = RNEA(q⁺, v⁺, q̈_d + 2ζω (q̇_d − v⁺) + ω² (q_d − q⁺)) + friction of the drives at q̇_d`, with q⁺, v⁺ the predicted state and q_d,
-//! q̇_d, q̈_d the reference at the instant at which the torque takes effect. In mode driven the reference is passed on as it is.
+//! q̇_d, q̈_d the reference at the instant at which the torque takes effect. In modes driven and servo the reference is passed on as it is; with the option
+//! `command_filter` as the command with which the servos of the model follow it.
 
 use freeplay_arm::{Arm, Workspace, rnea};
 use freeplay_laws::DriveFriction;
+use freeplay_path::JointPath;
 use freeplay_shm::{Joints, Reference, State};
 
+use crate::command_filter::CommandFilter;
 use crate::compensation::Motion;
 use crate::controller::{Answer, Controller, ControllerError, RunInfo};
 use crate::look_ahead::{JointState, LookAhead, drive_frictions};
@@ -31,6 +34,8 @@ struct Ready {
     look_ahead: LookAhead,
     no_torque: Vec<f64>,
     acceleration: Vec<f64>,
+    filter: Option<CommandFilter>,
+    period: f64,
 }
 
 impl Controller for ComputedTorque {
@@ -39,8 +44,14 @@ impl Controller for ComputedTorque {
     }
 
     fn start(&mut self, task: &Task, run: &RunInfo) -> Result<(), ControllerError> {
-        let NoOptions {} = task.options(COMPUTED_TORQUE)?;
-        let arm = Model::load(task, run)?.arm;
+        let options: Options = task.options(COMPUTED_TORQUE)?;
+        let model = Model::load(task, run)?;
+        let filter = options.command_filter.then(|| {
+            let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
+            CommandFilter::along(&model, &path, task, COMPUTED_TORQUE)
+        });
+        let filter = filter.transpose()?;
+        let arm = model.arm;
         let n = arm.dof();
         self.ready = Some(Ready {
             workspace: Workspace::new(&arm),
@@ -50,6 +61,8 @@ impl Controller for ComputedTorque {
             look_ahead: LookAhead::new(&arm, task.period()),
             no_torque: vec![0.0; n],
             acceleration: vec![0.0; n],
+            filter,
+            period: task.period(),
             arm,
         });
         Ok(())
@@ -61,8 +74,12 @@ impl Controller for ComputedTorque {
         (answer.velocity, answer.acceleration) = (reference.qd, reference.qdd);
         let computed = match ready.mode {
             TaskMode::Torque => ready.torque(state, reference, &mut answer.value),
-            TaskMode::Driven => {
+            TaskMode::Driven | TaskMode::Servo => {
                 answer.value = reference.q;
+                if let Some(filter) = &ready.filter {
+                    let t = (state.tick + ready.mode.lead()) as f64 * ready.period;
+                    filter.add(t, reference, answer);
+                }
                 Some(())
             }
         };
@@ -72,10 +89,13 @@ impl Controller for ComputedTorque {
     }
 }
 
-/// This controller understands no options.
-#[derive(serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-struct NoOptions {}
+/// What this controller understands.
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Options {
+    /// Whether commands make up for what the servos of the model do to them; mode servo.
+    command_filter: bool,
+}
 
 impl Ready {
     fn torque(&mut self, state: &State, reference: &Reference, torque: &mut Joints) -> Option<()> {

@@ -266,7 +266,7 @@ impl JournalTwin {
         }
         crba(self.arm.arm(), &mut self.workspace, &self.q, &mut self.mass);
         // At tick 0 the joints are guided, whatever the mode.
-        if self.mode == TaskMode::Driven || state.tick == 0 {
+        if self.mode != TaskMode::Torque || state.tick == 0 {
             self.stiff(state)
         } else {
             self.yielding(state)

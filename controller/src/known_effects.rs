@@ -15,11 +15,11 @@ use freeplay_shm::Reference;
 use crate::outlook::SAME_PATH;
 
 /// Most rows of the table; a longer path is tabled more coarsely.
-const MOST_ROWS: f64 = 100_000.0;
+pub(crate) const MOST_ROWS: f64 = 100_000.0;
 /// Half of the span over which shifts are averaged, twice, s.
-const HALF_SPAN: f64 = 0.01;
+pub(crate) const HALF_SPAN: f64 = 0.01;
 /// Time in which shifts go from none to full: a run begins with the joints at the path's own start, s.
-const BLEND: f64 = 0.3;
+pub(crate) const BLEND: f64 = 0.3;
 
 /// The table; see the module.
 #[derive(Clone, Debug)]
@@ -122,7 +122,7 @@ fn parted(effects: &Effects) -> (Vec<&Placed>, Vec<&Placed>) {
 }
 
 /// The path in steps of `step` s.
-fn sampled(arm: &Arm, path: &JointPath, step: f64) -> Trajectory {
+pub(crate) fn sampled(arm: &Arm, path: &JointPath, step: f64) -> Trajectory {
     let rows = (path.duration() / step).ceil() as usize + 1;
     let joints = arm.dof();
     let (mut q, mut v, mut a) = (vec![0.0; joints], vec![0.0; joints], vec![0.0; joints]);
@@ -166,18 +166,18 @@ fn misread(sensors: &[&Placed], motion: &Trajectory, step: f64, shift: &mut [Vec
 }
 
 /// From 0 to 1, at rest at both ends.
-fn begun(x: f64) -> f64 {
+pub(crate) fn begun(x: f64) -> f64 {
     let x = x.clamp(0.0, 1.0);
     x * x * x * (10.0 - 15.0 * x + 6.0 * x * x)
 }
 
 /// Columns as one row-major table.
-fn by_row(columns: &[Vec<f64>], rows: usize) -> Vec<f64> {
+pub(crate) fn by_row(columns: &[Vec<f64>], rows: usize) -> Vec<f64> {
     (0..rows).flat_map(|row| columns.iter().map(move |column| column[row])).collect()
 }
 
 /// Mean over `half` points before and after each, fewer at the ends.
-fn averaged(column: &[f64], half: usize) -> Vec<f64> {
+pub(crate) fn averaged(column: &[f64], half: usize) -> Vec<f64> {
     let mut sums = vec![0.0];
     column.iter().for_each(|x| sums.push(sums[sums.len() - 1] + x));
     let last = column.len();
@@ -190,7 +190,7 @@ fn averaged(column: &[f64], half: usize) -> Vec<f64> {
 }
 
 /// Central differences.
-fn rate_of(column: &[f64], step: f64) -> Vec<f64> {
+pub(crate) fn rate_of(column: &[f64], step: f64) -> Vec<f64> {
     let last = column.len() - 1;
     let rate = |k: usize| {
         let (from, to) = (k.saturating_sub(1), (k + 1).min(last));

@@ -32,6 +32,7 @@ pub mod acceleration_programme;
 pub mod attainable;
 pub mod built_in;
 pub mod centred;
+pub mod command_filter;
 pub mod compensation;
 pub mod computed_torque;
 pub mod corners;

@@ -60,6 +60,8 @@ pub struct NarxQpOptions {
     /// Whether the feedback is softer for a while after a journal has landed, with play in one joint only where it goes on bouncing; see
     /// [`crate::knocks`].
     pub soft_landing: bool,
+    /// Whether commands make up for what the servos of the model do to them; mode servo. See [`crate::command_filter`].
+    pub command_filter: bool,
 }
 
 impl Default for NarxQpOptions {
@@ -76,6 +78,7 @@ impl Default for NarxQpOptions {
             weights: None,
             fast: 0.0,
             soft_landing: true,
+            command_filter: false,
         }
     }
 }
@@ -98,6 +101,7 @@ impl NarxQpOptions {
             passages: self.passages,
             passage: self.passage,
             soft_landing: self.soft_landing,
+            command_filter: self.command_filter,
         };
         tracking.check(NARX_QP, period)?;
         Ok(tracking)

@@ -16,6 +16,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use crate::centred::Centred;
+use crate::command_filter::CommandFilter;
 use crate::compensation::{CompensationStatus, Motion, Weights};
 use crate::computed_torque::{add_drive_friction, feedback};
 use crate::controller::Answer;
@@ -59,6 +60,8 @@ pub struct TrackingOptions {
     pub passages: bool,
     /// What they are judged by.
     pub passage: PassageOptions,
+    /// Whether commands make up for what the servos of the model do to them; mode servo. See [`crate::command_filter`].
+    pub command_filter: bool,
     /// Whether the feedback is softer for a while after a journal has landed, with play in one joint only where it goes on bouncing; see
     /// [`crate::knocks`].
     pub soft_landing: bool,
@@ -74,6 +77,7 @@ impl Default for TrackingOptions {
             passages: false,
             passage: PassageOptions::default(),
             soft_landing: false,
+            command_filter: false,
         }
     }
 }
@@ -127,6 +131,7 @@ pub struct Tracking {
     friction: Vec<DriveFriction>,
     /// What other effects of the model ask of the drives; none if there are none.
     known: Option<KnownEffects>,
+    filter: Option<CommandFilter>,
     look_ahead: LookAhead,
     /// Landings, where the feedback is softer after one.
     knocks: Option<Knocks>,
@@ -174,6 +179,8 @@ impl Tracking {
         let (n, period) = (model.arm.dof(), task.period());
         let with_play = ArmWithPlay::new(&model.arm, &model.clearances)?;
         let known = KnownEffects::along(&model.arm, &model.effects, &path, period)?;
+        let filter = options.command_filter.then(|| CommandFilter::along(model, &path, task, "the tracking"));
+        let filter = filter.transpose()?;
         let half = ((options.average / period - 1.0) / 2.0).round().max(0.0) as usize;
         let ticks_ahead = options.ticks_ahead(period);
         let foresight = (ticks_ahead > 0).then(|| {
@@ -206,6 +213,7 @@ impl Tracking {
             smooth: half > 0,
             friction: drive_frictions(&model.arm),
             known,
+            filter,
             look_ahead: LookAhead::new(&model.arm, period),
             knocks: (options.soft_landing && !model.clearances.is_empty())
                 .then(|| Knocks::new(period, model.clearances.len())),
@@ -253,9 +261,13 @@ impl Tracking {
         let target = self.target.as_motion();
         answer.velocity[..n].copy_from_slice(target.v);
         match self.mode {
-            TaskMode::Driven => {
+            TaskMode::Driven | TaskMode::Servo => {
                 answer.value[..n].copy_from_slice(target.q);
                 answer.acceleration[..n].copy_from_slice(target.a);
+                if let Some(filter) = &self.filter {
+                    let instant = state.tick.saturating_add(self.mode.lead()) as f64;
+                    filter.add(instant * self.period, &state.reference_next, answer);
+                }
             }
             TaskMode::Torque => {
                 self.rub(state.tick + self.mode.lead());

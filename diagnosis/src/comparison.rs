@@ -33,11 +33,11 @@ pub struct Comparison {
     pub duration_s: f64,
     /// Samples of the recording per second, Hz.
     pub rate_hz: f64,
-    /// Cutoff of the zero-phase low-pass, Hz.
+    /// Cutoff of the zero-phase low-pass, Hz; infinite (`null`) where positions are compared with commanded ones, which no filter touches.
     pub lowpass_hz: f64,
     /// Points per second after decimation, Hz.
     pub compared_hz: f64,
-    /// One entry a channel: torques, tool, link encoders.
+    /// One entry a channel: torques, tool, link encoders; or positions.
     pub channels: Vec<ChannelError>,
     /// Whether recording and model mean the same: the faults of the set-up.
     pub setup: Vec<SetupFinding>,
@@ -75,6 +75,9 @@ pub struct ChannelError {
     pub std_error: f64,
     /// Largest amount of measured minus model.
     pub max_error: f64,
+    /// Time by which the measured position follows the commanded one, s; of command channels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lag_s: Option<f64>,
 }
 
 impl Comparison {

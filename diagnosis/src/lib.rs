@@ -10,6 +10,7 @@
 //! - [`Residuals`]: one [`Channel`] for each thing measured that the model can predict ([`Kind`]): torques, tool position, link
 //!   encoders; made by [`residuals`] from the [`freeplay_laws::Prediction`] of the arm with its effects.
 //! - [`Comparison`]: the [`ChannelError`] of each channel; made by [`compare`], which does all of the above, of long recordings part by part.
+//! - [`compare_commands`]: the same for measured positions against commanded ones, where these are all there is ([`commands_alone`]).
 //! - [`beyond_limits`]: the joints that a recording has where they can't be, in words.
 //! - [`examine`]: whether a recording and a model mean the same: a [`Setup`] of [`SetupFinding`]s with their [`Certainty`] and [`sentences`], and the [`Reading`]
 //!   ([`PositionReading`], [`TorqueReading`]) that mends it; [`Mended`] is that of several recordings.
@@ -44,6 +45,7 @@ mod presence;
 pub mod recorded;
 mod residual;
 mod rest;
+mod servo;
 mod stamps;
 mod statistics;
 mod stuck;
@@ -66,3 +68,4 @@ pub use grid::Grid;
 pub use motion::{Settings, Treatment, default_cutoff_hz};
 pub use notes::beyond_limits;
 pub use residual::{Channel, Kind, Residuals, residuals};
+pub use servo::{commands_alone, compare_commands};

@@ -24,15 +24,18 @@ pub enum Kind {
     Tool(usize),
     /// Link-side encoder of the joint with this index, against the motor-side position.
     Link(usize),
+    /// Position of the joint with this index: measured, against the one simulated from the commanded positions.
+    Position(usize),
 }
 
 impl Kind {
-    /// Its column of `prediction`.
+    /// Its column of `prediction`; none for positions, which a prediction takes as given.
     pub(crate) fn of(self, prediction: &Prediction) -> &[f64] {
         match self {
             Kind::Torque(joint) => &prediction.torque[joint],
             Kind::Tool(axis) => &prediction.tool[axis],
             Kind::Link(joint) => &prediction.link[joint],
+            Kind::Position(_) => &[],
         }
     }
 
@@ -42,6 +45,7 @@ impl Kind {
             Kind::Torque(joint) => &recording.tau.as_ref()?[joint],
             Kind::Tool(axis) => &recording.tool.as_ref()?[axis],
             Kind::Link(joint) => recording.q_link.get(joint)?.as_ref()?,
+            Kind::Position(joint) => recording.q.get(joint)?,
         })
     }
 }

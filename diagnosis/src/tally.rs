@@ -117,7 +117,9 @@ impl ChannelTally {
             kind: self.kind,
             unit: self.unit,
             joint: match self.kind {
-                Kind::Torque(joint) | Kind::Link(joint) => Some(arm.joints()[joint].name.clone()),
+                Kind::Torque(joint) | Kind::Link(joint) | Kind::Position(joint) => {
+                    Some(arm.joints()[joint].name.clone())
+                }
                 Kind::Tool(_) => None,
             },
             rmse: error.rms,
@@ -129,6 +131,7 @@ impl ChannelTally {
             mean_error: error.mean,
             std_error: error.std,
             max_error: self.max_error,
+            lag_s: None,
         }
     }
 }

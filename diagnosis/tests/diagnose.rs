@@ -2,7 +2,7 @@
 
 mod common;
 
-use freeplay_arm::{Arm, ArmFile, JointFriction, JointKind};
+use freeplay_arm::{Arm, ArmFile, EffectTable, JointFriction, JointKind};
 use freeplay_diagnosis::{DiagnoseError, DiagnoseSettings, Diagnosis, Settings, Verdict, compare, diagnose};
 use freeplay_laws::{ArmParts, Effects};
 use freeplay_recording::Recording;
@@ -101,6 +101,33 @@ fn coulomb_friction_is_named_at_its_joint_with_its_size() {
 }
 
 /// A torque that a drive does not report is none of 0 N·m: nothing is found in it, and what the other joint lacks is.
+/// A part of what the machine has stands in the model: one effect with the sum comes of it, and with that nothing is missing.
+#[test]
+fn what_the_model_has_a_part_of_is_changed_and_not_written_twice() {
+    let model = two_joints();
+    let machine = recording(measured(&model, 16.0, dry_elbow, 7));
+    let mut known = file(model);
+    known.effects.push(EffectTable {
+        kind: "coulomb_friction".to_owned(),
+        joint: Some("elbow".to_owned()),
+        parameters: toml::Table::from_iter([("coulomb".to_owned(), toml::Value::Float(0.3))]),
+        line: 0,
+    });
+    let again = |file: &ArmFile| {
+        diagnose(file, std::slice::from_ref(&machine), &DiagnoseSettings::default(), &mut |_| {})
+            .expect("a diagnosis")
+    };
+    let first = again(&known);
+    println!("{}", first.effects[0].statement);
+    assert!(first.effects[0].statement.contains("already"));
+    let [effect] = &first.model.effects[..] else { panic!("one effect: {:?}", first.model.effects) };
+    let coulomb = effect.parameters["coulomb"].as_float().expect("a number");
+    assert!((coulomb - 0.8).abs() < 0.02, "{coulomb}");
+    let second = again(&first.model);
+    assert_eq!(second.verdict, Verdict::NothingMissing, "{}", second.statement);
+    assert_eq!(second.model.effects.len(), 1);
+}
+
 #[test]
 fn a_torque_that_is_stuck_is_no_measurement() {
     let model = two_joints();

@@ -22,6 +22,9 @@ const JOINT_COLUMNS: [JointColumn; 9] = [
     ("command_qdd", |r| r.command.as_ref().map_or(&NO_ANSWER, |c| &c.acceleration)),
 ];
 
+/// Position on the path, where `q_ref` is what the servos were commanded.
+const PATH_COLUMN: &str = "q_path";
+
 const NO_ANSWER: Joints = [f64::NAN; MAX_JOINTS];
 
 /// Single numbers of a tick beyond the contract's columns.
@@ -70,17 +73,23 @@ pub struct RunColumns {
     standbys: usize,
     period: f64,
     plays: Vec<String>,
+    commanded: bool,
 }
 
 impl RunColumns {
     /// Columns for `joints` joints, of which those named in `plays` have play; `tracked` if the tool is measured.
     pub fn new(joints: usize, plays: Vec<String>, tracked: bool, period: f64) -> Self {
-        Self { joints, tracked, links: false, standbys: 0, period, plays }
+        Self { joints, tracked, links: false, standbys: 0, period, plays, commanded: false }
     }
 
     /// With the links' positions, if `links`: where a transmission parts a link from its motor.
     pub fn with_links(self, links: bool) -> Self {
         Self { links, ..self }
+    }
+
+    /// With the commands that have reached the servos as `q_ref1`…, if `commanded`: mode servo. The path that the controller was asked for is in `q_path_1`….
+    pub fn with_commands(self, commanded: bool) -> Self {
+        Self { commanded, ..self }
     }
 
     /// With what each of so many standbys said less what the first controller said.
@@ -93,8 +102,9 @@ impl RunColumns {
     /// # Errors
     /// [`ColumnError`] if a joint's name makes a column of the contract.
     pub fn layout(&self) -> Result<Layout, ColumnError> {
-        let joint =
-            JOINT_COLUMNS.iter().flat_map(|(name, _)| (1..=self.joints).map(move |j| format!("{name}_{j}")));
+        let path = self.commanded.then_some(PATH_COLUMN);
+        let joint = JOINT_COLUMNS.iter().map(|(name, _)| *name).chain(path);
+        let joint = joint.flat_map(|name| (1..=self.joints).map(move |j| format!("{name}_{j}")));
         let tick = TICK_COLUMNS.iter().map(|(name, _)| (*name).to_owned());
         let plays =
             self.plays.iter().flat_map(|play| PLAY_COLUMNS.iter().map(move |name| play_column(play, name)));
@@ -112,7 +122,8 @@ impl RunColumns {
         let state = &record.state;
         row.clear();
         row.push(state.tick as f64 * self.period);
-        for values in [&state.q, &state.qd, &state.tau, &state.reference.q] {
+        let reference = if self.commanded { &state.applied } else { &state.reference.q };
+        for values in [&state.q, &state.qd, &state.tau, reference] {
             row.extend_from_slice(&values[..self.joints]);
         }
         if self.links {
@@ -124,6 +135,9 @@ impl RunColumns {
         row.extend(TICK_COLUMNS.iter().map(|(_, value)| value(record)));
         for (_, values) in JOINT_COLUMNS {
             row.extend_from_slice(&values(record)[..self.joints]);
+        }
+        if self.commanded {
+            row.extend_from_slice(&state.reference.q[..self.joints]);
         }
         for play in &record.plays[..self.plays.len()] {
             row.extend([play.offset[0], play.offset[1], play.peak_normal_force, play.episode]);
@@ -142,6 +156,13 @@ pub fn play_column(joint: &str, quantity: &str) -> String {
 /// Name of the column with what the controller in `slot` said of `joint`, counted from 1, less what that in slot 0 said.
 fn difference_column(slot: usize, joint: usize) -> String {
     format!("difference_{slot}_{joint}")
+}
+
+/// Position of each joint on the path that the controllers were asked for.
+pub fn path_columns(recording: &Recording) -> Option<Vec<&[f64]>> {
+    let named = |joint| recording.column(&format!("{PATH_COLUMN}_{joint}"));
+    let of_servos: Option<Vec<&[f64]>> = (1..=recording.joints()).map(named).collect();
+    of_servos.or_else(|| Some(recording.q_ref.as_ref()?.iter().map(Vec::as_slice).collect()))
 }
 
 /// What the controllers of a recorded run differed by; `None` if it had no standby.
@@ -168,11 +189,12 @@ pub fn state_at(recording: &Recording, index: usize, run: u64, mode: Mode, perio
         }
         Some(())
     };
+    let reference = if mode == Mode::Servo { format!("{PATH_COLUMN}_") } else { "q_ref".to_owned() };
     joint_values("q", &mut state.q)?;
     joint_values("qd", &mut state.qd)?;
     joint_values("tau", &mut state.tau)?;
     joint_values("applied_", &mut state.applied)?;
-    joint_values("q_ref", &mut state.reference.q)?;
+    joint_values(&reference, &mut state.reference.q)?;
     joint_values("qd_ref_", &mut state.reference.qd)?;
     joint_values("qdd_ref_", &mut state.reference.qdd)?;
     joint_values("q_next_", &mut state.reference_next.q)?;

@@ -9,7 +9,7 @@ use clap::Args;
 use crossbeam::queue::ArrayQueue;
 use freeplay_plant::{Ending, Plant, PlantError, PlantOutcome, Rejection, StopReason};
 use freeplay_recording::RowWriter;
-use freeplay_shm::{Address, Offer, PlantLink, realtime};
+use freeplay_shm::{Address, Mode, Offer, PlantLink, realtime};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
 
@@ -90,6 +90,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let tracked = scenario.sensors.track_tool;
     let columns = RunColumns::new(setup.plant.arm.dof(), plays.clone(), tracked, period)
         .with_links(plant.system().parted().next().is_some())
+        .with_commands(setup.plant.mode == Mode::Servo)
         .with_standbys(names.len() - 1);
     let (console, observer) = if args.live {
         let (console, glances) = Console::start(plant.wishes())?;

@@ -4,7 +4,7 @@ use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use freeplay_recording::Recording;
 use freeplay_report::{Film, Moving, Scene};
 
-use crate::columns::play_column;
+use crate::columns::{path_columns, play_column};
 
 /// One run that is seen in the film.
 pub struct Seen<'a> {
@@ -126,7 +126,7 @@ fn skeleton(
     recording: &Recording,
     row: usize,
 ) -> Option<Vec<[f64; 3]>> {
-    let q: Vec<f64> = recording.q_ref.as_ref()?.iter().map(|column| column[row]).collect();
+    let q: Vec<f64> = path_columns(recording)?.iter().map(|column| column[row]).collect();
     let tool = forward_kinematics(arm, workspace, &q).translation.vector;
     let links = (0..arm.dof()).map(|joint| workspace.link_pose(joint).translation.vector.into());
     Some(std::iter::once([0.0; 3]).chain(links).chain([tool.into()]).collect())

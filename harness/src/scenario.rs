@@ -26,6 +26,8 @@ pub enum Drive {
     Torque,
     /// Prescribed motion.
     Driven,
+    /// Position servos, those of the arm file: controllers answer with commanded positions.
+    Servo,
 }
 
 /// When the plant takes its next tick.
@@ -111,6 +113,9 @@ pub struct Scenario {
     pub tip: Option<String>,
     /// Who moves the joints.
     pub mode: Drive,
+    /// In mode servo: commands per second that reach the servos, which hold each until the next; absent: one a tick.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub command_rate: Option<f64>,
     /// Lockstep or real time.
     pub pace: Pacing,
     /// Ticks per second.
@@ -177,6 +182,7 @@ impl Default for Scenario {
             model: freeplay_controller::task::PAPER_MODEL.to_owned(),
             tip: None,
             mode: Drive::default(),
+            command_rate: None,
             pace: Pacing::default(),
             rate: 1000.0,
             substeps: 50,
@@ -252,6 +258,11 @@ pub enum ScenarioError {
 }
 
 impl Scenario {
+    /// Ticks from one command that reaches the servos to the next.
+    pub fn command_every(&self) -> u32 {
+        self.command_rate.map_or(1, |rate| (self.rate / rate).round().max(1.0) as u32)
+    }
+
     /// The scenario of `file` (the default one without it), changed by `sets` of the form `key=value`.
     ///
     /// # Errors
@@ -326,6 +337,14 @@ impl Scenario {
             }
         };
         within("rate", self.rate, self.rate >= 1.0 && self.rate <= 1e5, "1 to 100000 ticks per second")?;
+        if let Some(rate) = self.command_rate {
+            let range = "above 0 and at most `rate`, commands per second";
+            within("command_rate", rate, rate > 0.0 && rate <= self.rate, range)?;
+            if self.mode != Drive::Servo {
+                let text = "command_rate is for mode = \"servo\"; say so, or leave it out";
+                return Err(ScenarioError::Contradiction(text.to_owned()));
+            }
+        }
         within(
             "substeps",
             f64::from(self.substeps),

@@ -142,7 +142,9 @@ impl Setup {
             mode: match scenario.mode {
                 Drive::Torque => Mode::Torque,
                 Drive::Driven => Mode::Driven,
+                Drive::Servo => Mode::Servo,
             },
+            command_every: scenario.command_every(),
             pace: match scenario.pace {
                 Pacing::Lockstep => Pace::Lockstep,
                 Pacing::Realtime => Pace::RealTime,
@@ -194,8 +196,10 @@ impl Setup {
             mode: match scenario.mode {
                 Drive::Torque => TaskMode::Torque,
                 Drive::Driven => TaskMode::Driven,
+                Drive::Servo => TaskMode::Servo,
             },
             rate: scenario.rate,
+            command_rate: scenario.command_rate,
             limits: LimitsFrom::Model,
             path,
             gains: scenario.controller.gains,

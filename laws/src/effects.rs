@@ -3,6 +3,7 @@
 use freeplay_arm::{Arm, ArmFile, EffectTable};
 use thiserror::Error;
 
+use crate::catalogue::COMMANDED;
 use crate::effect::Effect;
 use crate::injection::{Injection, Transmission};
 use crate::kind::{Kind, kind, kinds};
@@ -137,7 +138,11 @@ impl Placed {
             return Err(LawError::UnknownKind {
                 kind: table.kind.clone(),
                 line: table.line,
-                known: kinds().map(|kind| kind.name).collect::<Vec<_>>().join(", "),
+                known: kinds()
+                    .chain(COMMANDED.iter().copied())
+                    .map(|kind| kind.name)
+                    .collect::<Vec<_>>()
+                    .join(", "),
             });
         };
         let values = Values::of(kind, table, arm)?;

@@ -17,6 +17,10 @@ pub struct Injection {
     pub rotors: Vec<(usize, f64)>,
     /// Torques on the drives.
     pub drives: Vec<Box<dyn DriveLaw>>,
+    /// Position servos by joint index.
+    pub servos: Vec<(usize, ServoLaw)>,
+    /// Time from a command to its effect, by joint index, s.
+    pub command_delays: Vec<(usize, f64)>,
     /// Torque beyond which a drive clips, by joint index, N·m (N).
     pub saturations: Vec<(usize, f64)>,
     /// Forces on the tool.
@@ -25,6 +29,25 @@ pub struct Injection {
     pub tool: Vec<Box<dyn SensorLaw>>,
     /// What the sensors make of the truth.
     pub sensors: Vec<Box<dyn SensorLaw>>,
+}
+
+/// A position servo: τ = k e′ − d q̇, with e′ the error less the dead band.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ServoLaw {
+    /// k, N·m/rad (N/m), > 0.
+    pub stiffness: f64,
+    /// d, N·m·s/rad (N·s/m), ≥ 0.
+    pub damping: f64,
+    /// Error below which it gives no torque, rad (m), ≥ 0.
+    pub deadband: f64,
+    /// Greatest torque, N·m (N); infinite if none.
+    pub torque_limit: f64,
+    /// Greatest speed of the set-point, rad/s (m/s); infinite if none.
+    pub speed_limit: f64,
+    /// Step to which commands are rounded down, rad (m); 0 if none.
+    pub resolution: f64,
+    /// Set-point minus command, rad (m).
+    pub offset: f64,
 }
 
 /// A torque on the drives that depends on the state of the joints. It may keep a memory.
@@ -47,6 +70,8 @@ pub struct DriveState<'a> {
     pub q: &'a [f64],
     /// Their velocities, rad/s (m/s).
     pub v: &'a [f64],
+    /// The signs of these velocities, −1 to 1, as dry friction has them: smoothed, or without creep where the plant keeps where each joint sticks.
+    pub sign: &'a [f64],
     /// Their accelerations in the sub-step before, rad/s² (m/s²).
     pub a: &'a [f64],
     /// Torque that each transmission carried to its link in the sub-step before, N·m (N).

@@ -69,7 +69,7 @@ impl<L: JointLaw> Effect for AtJoint<L> {
 impl<L: JointLaw> DriveLaw for AtJoint<L> {
     fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
         let (q, v, load) = (now.q[self.joint], now.v[self.joint], now.load[self.joint]);
-        let sign = DriveFriction::sign(v);
+        let sign = now.sign[self.joint];
         torque[self.joint] -= self.law.resisting(&Instant { t: now.t, q, v, sign, load });
     }
 }

@@ -6,7 +6,7 @@ use freeplay_arm::{Joint, JointKind};
 
 use crate::basis::{Place, Term, Terms, with};
 use crate::beyond::BEYOND_CATALOGUE;
-use crate::catalogue::CATALOGUE;
+use crate::catalogue::{CATALOGUE, COMMANDED};
 use crate::effect::Effect;
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range, Role};
@@ -141,14 +141,14 @@ impl Debug for Kind {
     }
 }
 
-/// Every kind, those of the catalogue first.
+/// Every kind that shows in torques or poses, those of the catalogue first; see [`COMMANDED`] for the others.
 pub fn kinds() -> impl Iterator<Item = &'static Kind> {
     CATALOGUE.iter().chain(BEYOND_CATALOGUE).copied()
 }
 
-/// The kind called `name`, in the catalogue or beyond it.
+/// The kind called `name`, in the catalogue, among those of commanded positions or beyond.
 pub fn kind(name: &str) -> Option<&'static Kind> {
-    kinds().find(|kind| kind.name == name)
+    kinds().chain(COMMANDED.iter().copied()).find(|kind| kind.name == name)
 }
 
 /// The shapes of an effect that has one only.

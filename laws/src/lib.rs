@@ -14,7 +14,8 @@
 //! - [`ArmWithPlay`]: the arm that has two slides across the axis of every joint with play.
 //! - [`DriveFriction`]: the nominal friction of a joint's drive.
 //! - [`Film`]: the oil in a bearing; [`settle`] and [`Rest`]: where a journal lies in a dry one.
-//! - [`CATALOGUE`]: every [`Kind`] of effect: its name, [`Parameter`]s, equation, source, signature and confounders; one file each.
+//! - [`CATALOGUE`]: every [`Kind`] of effect: its name, [`Parameter`]s, equation, source, signature and confounders; one file each;
+//!   [`COMMANDED`] lists those that show in commanded against measured positions alone.
 //! - [`Term`]s: what an effect is a sum of at a [`Place`]; [`Need`]s: what a recording must have [`Recorded`] for it to be told.
 //! - [`Values`]: the values of one `[[effect]]` table, checked against its kind.
 //! - [`Effect`]: the law with its values; [`Placed`] at a joint or on the whole arm; [`Effects`]: all of an arm file.
@@ -60,7 +61,7 @@ pub use basis::{Place, Term, Terms};
 pub use bearing::{Approach, BearingContact, Journal, bearing_contact};
 pub use bearing_load::BearingLoad;
 pub use beyond::BEYOND_CATALOGUE;
-pub use catalogue::CATALOGUE;
+pub use catalogue::{CATALOGUE, COMMANDED};
 pub use clearance::{Clearance, ClearanceTable};
 pub use columns::{Change, Columns};
 pub use contact::{Material, NormalContact, NormalLaw, hertz_stiffness};
@@ -69,7 +70,9 @@ pub use effect::{ArmParts, Effect, Expressed, Start};
 pub use effects::{Effects, LawError, Placed};
 pub use friction::{ContactFriction, FrictionLaw};
 pub use harmonic::PERIODS;
-pub use injection::{DriveLaw, DriveState, Injection, Readings, SensorLaw, ToolForce, Transmission};
+pub use injection::{
+    DriveLaw, DriveState, Injection, Readings, SensorLaw, ServoLaw, ToolForce, Transmission,
+};
 pub use joint_law::{AtJoint, Instant, JointLaw};
 pub use kind::{ABOUT, Kind, Occurrence, START, Seen, Site, Tolerance, kind, kinds};
 pub use lubrication::Film;

@@ -1,7 +1,7 @@
 //! The kinds of effects as text for people: `docs/effects.md`.
 
 use crate::beyond::BEYOND_CATALOGUE;
-use crate::catalogue::CATALOGUE;
+use crate::catalogue::{CATALOGUE, COMMANDED};
 use crate::kind::{Kind, Site};
 use crate::parameter::{Absent, Parameter, Range, Role};
 
@@ -19,6 +19,14 @@ pub fn manual() -> String {
          with it, controllers that are given the file correct for it, and `diagnose` finds it in a recording and writes such a table.\n"
     );
     for kind in CATALOGUE {
+        describe(&mut text, kind);
+    }
+    text.push_str(
+        "\n# Commanded positions\n\n\
+         What shows where a recording has commanded positions (`q_ref1`…). `compare` predicts the measured position with them, `diagnose` finds them where \
+         neither torques nor the tool were recorded.\n",
+    );
+    for kind in COMMANDED {
         describe(&mut text, kind);
     }
     text.push_str(
@@ -41,7 +49,8 @@ fn describe(text: &mut String, kind: &Kind) {
     let seen = match (kind.seen.torque, kind.seen.pose) {
         (true, true) => "torques, tool and link encoders",
         (true, false) => "torques",
-        _ => "tool and link encoders",
+        (false, false) => "commanded against measured positions",
+        (false, true) => "tool and link encoders",
     };
     let Kind { name, title, equation, source, signature, .. } = kind;
     let mut line = |words: String| text.extend([words.as_str(), "\n"]);

@@ -236,6 +236,19 @@ impl<'a> Baseline<'a> {
         Ok(Baseline::read(self.nominal, effects, (self.low_pass, self.hidden), scene, shift, plain))
     }
 
+    /// The prediction with `instead` in the place of the effects for which `is_out` holds.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if it leaves no possible arm.
+    pub fn instead(
+        &self,
+        is_out: &dyn Fn(&Placed) -> bool,
+        instead: Option<&Placed>,
+    ) -> Result<Prediction, LawError> {
+        let stay = self.effects.iter().filter(|held| !is_out(held)).cloned();
+        Ok(self.anew(stay.chain(instead.map(Held::Lent)).collect())?.measured)
+    }
+
     /// The baseline of the same machine with `effects`.
     fn anew<'b>(&self, effects: Vec<Held<'b>>) -> Result<Baseline<'b>, LawError>
     where

@@ -5,8 +5,8 @@ mod common;
 
 use freeplay_arm::{Arm, EffectTable, parse_toml, to_toml};
 use freeplay_laws::{
-    ABOUT, Absent, Baseline, Change, Columns, DriveState, Kind, Place, Placed, Prediction, Range, Readings,
-    Role, Scene, Site, Trajectory, kinds,
+    ABOUT, Absent, Baseline, Change, Columns, DriveFriction, DriveState, Kind, Place, Placed, Prediction,
+    Range, Readings, Role, Scene, Site, Trajectory, kinds,
 };
 use toml::{Table, Value};
 
@@ -271,7 +271,9 @@ fn drives_and_sensors_of_the_plant_say_the_same() {
             }
             let load: Vec<f64> = scene.load.iter().map(|load| load[point]).collect();
             let mut torque = [0.0; 6];
-            let now = DriveState { t: motion.t[point], step: 0.005, q: &q, v: &v, a: &a, load: &load };
+            let sign: Vec<f64> = v.iter().map(|v| DriveFriction::sign(*v)).collect();
+            let now =
+                DriveState { t: motion.t[point], step: 0.005, q: &q, v: &v, sign: &sign, a: &a, load: &load };
             injection.drives[0].act(&now, &mut torque);
             for (joint, torque) in torque.iter().enumerate() {
                 worst = worst.max((torque + predicted.torque[joint][point]).abs());

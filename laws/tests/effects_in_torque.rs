@@ -205,8 +205,18 @@ fn a_coupling_across_leaves_each_joint_its_own_share() {
     assert!(injection.rotors.is_empty());
     let (v, a) = ([0.0, 0.0, 0.0, 0.3, 0.0, 0.2], [0.0, 0.0, 0.0, 5.0, 0.0, -2.0]);
     let mut torque = [0.0; 6];
-    injection.drives[0]
-        .act(&DriveState { t: 0.0, step: 1e-5, q: &[0.0; 6], v: &v, a: &a, load: &[0.0; 6] }, &mut torque);
+    injection.drives[0].act(
+        &DriveState {
+            t: 0.0,
+            step: 1e-5,
+            q: &[0.0; 6],
+            v: &v,
+            sign: &v.map(DriveFriction::sign),
+            a: &a,
+            load: &[0.0; 6],
+        },
+        &mut torque,
+    );
     close("own", -torque[3], -(0.2 * a[5] + 0.7 * v[5]) + 0.5, 1e-12);
     close("other", -torque[5], -(0.2 * a[3] + 0.7 * v[3]) - 0.5, 1e-12);
 }
@@ -236,8 +246,18 @@ fn a_shared_shaft_loads_both_joints() {
     // With what the rotors take by themselves, the plant's torques are the same.
     let (v, a) = ([0.0, 0.0, 0.0, 0.3, 0.0, 0.2], [0.0, 0.0, 0.0, 5.0, 0.0, -2.0]);
     let mut torque = [0.0; 6];
-    injection.drives[0]
-        .act(&DriveState { t: 0.0, step: 1e-5, q: &[0.0; 6], v: &v, a: &a, load: &[0.0; 6] }, &mut torque);
+    injection.drives[0].act(
+        &DriveState {
+            t: 0.0,
+            step: 1e-5,
+            q: &[0.0; 6],
+            v: &v,
+            sign: &v.map(DriveFriction::sign),
+            a: &a,
+            load: &[0.0; 6],
+        },
+        &mut torque,
+    );
     let x = 0.2 * 7.0 + 0.7 * 0.1 + 0.5;
     close("own", 0.2 * a[3] - torque[3], x, 1e-12);
     close("other", 0.2 * a[5] - torque[5], -x, 1e-12);
@@ -288,7 +308,15 @@ fn presliding_friction_builds_up_over_a_way() {
     // From rest, a small deflection is elastic.
     let mut injection = Injection::default();
     effect(&arm, "presliding_friction", Some(0), &text).effect.inject(&mut injection);
-    let now = DriveState { t: 0.0, step: 1e-3, q: &[0.0], v: &[1e-3], a: &[0.0], load: &[0.0] };
+    let now = DriveState {
+        t: 0.0,
+        step: 1e-3,
+        q: &[0.0],
+        v: &[1e-3],
+        sign: &[DriveFriction::sign(1e-3)],
+        a: &[0.0],
+        load: &[0.0],
+    };
     let mut torque = [0.0];
     injection.drives[0].act(&now, &mut torque);
     close("stiffness at rest", -torque[0] / 1e-6, level / displacement, 1e-3);

@@ -41,7 +41,7 @@ impl Blend {
     pub fn begin(&mut self, tick: u64, was: &Command, says: &Command) {
         for (joint, from) in self.from.iter_mut().enumerate() {
             *from = [was.value[joint] - says.value[joint], 0.0, 0.0];
-            if self.mode == Mode::Driven {
+            if self.mode != Mode::Torque {
                 from[1] = was.velocity[joint] - says.velocity[joint];
                 from[2] = was.acceleration[joint] - says.acceleration[joint];
             }
@@ -96,7 +96,7 @@ impl Blend {
         for joint in 0..command.joints as usize {
             let [value, rate, curvature] = quintic(span * self.period, share, self.from[joint], [0.0; 3]);
             command.value[joint] += value;
-            if self.mode == Mode::Driven {
+            if self.mode != Mode::Torque {
                 command.velocity[joint] += rate;
                 command.acceleration[joint] += curvature;
             }

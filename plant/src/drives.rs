@@ -6,6 +6,13 @@
 use freeplay_arm::Joint;
 use freeplay_laws::{DriveFriction, DriveLaw, DriveState, Transmission};
 
+use crate::position_servo::PositionServo;
+
+/// How far a joint on a position servo gives before it slides, rad (m): below what any encoder of a servo reads. A servo holds a pose for minutes, in which
+/// friction with a smoothed sign would creep by more than it lags. The sign is that of an elastic joint that slides at its limit
+/// (Prandtl 1928, Z. angew. Math. Mech. 8:85).
+const PRESLIDING: f64 = 1e-5;
+
 /// A motor behind a transmission.
 #[derive(Clone, Debug)]
 pub(crate) struct Motor {
@@ -68,10 +75,14 @@ pub(crate) struct Drives {
     pub q: Vec<f64>,
     /// Velocities there.
     pub v: Vec<f64>,
+    /// Signs of these velocities, as dry friction has them.
+    sign: Vec<f64>,
     /// Accelerations of the sub-step before; of prescribed joints, those of this one.
     pub a: Vec<f64>,
     /// What friction and the laws of effects put on the drives, N·m (N); negative where it opposes a positive motion.
     pub loss: Vec<f64>,
+    /// The position servos of all joints, or none: then torques are asked of the drives.
+    pub servos: Vec<PositionServo>,
     /// What each drive delivered in the sub-step before, beyond what it lost, N·m (N).
     pub load: Vec<f64>,
 }
@@ -88,8 +99,10 @@ impl Drives {
             motors: vec![None; joints.len()],
             q: blank.clone(),
             v: blank.clone(),
+            sign: blank.clone(),
             a: blank.clone(),
             loss: blank.clone(),
+            servos: Vec::new(),
             load: blank,
         }
     }
@@ -109,6 +122,12 @@ impl Drives {
         self.plain = false;
     }
 
+    /// Has `servos`, one a joint, ask torques of the drives.
+    pub fn serve(&mut self, servos: Vec<PositionServo>) {
+        self.servos = servos;
+        self.plain &= self.servos.is_empty();
+    }
+
     /// Whether there is nothing but nominal friction.
     #[inline]
     pub fn plain(&self) -> bool {
@@ -125,12 +144,27 @@ impl Drives {
     pub fn restart(&mut self) {
         self.laws.iter_mut().for_each(|law| law.restart());
         self.load.fill(0.0);
+        self.sign.fill(0.0);
         self.a.fill(0.0);
     }
 
     /// Whether any motor is parted from its link.
     pub fn has_motors(&self) -> bool {
         self.motors.iter().any(Option::is_some)
+    }
+
+    /// Has the servo of `joint` act in a sub-step of `step` s around `t`, s, on the joint at its motor.
+    #[inline]
+    pub fn act(&mut self, joint: usize, t: f64, step: f64) {
+        if let Some(servo) = self.servos.get_mut(joint) {
+            servo.act(t, step, [self.q[joint], self.v[joint]]);
+        }
+    }
+
+    /// What the motor of `joint` gives, N·m (N): what its servo asks for, or without one `torque`, within its limit.
+    #[inline]
+    pub fn given(&self, joint: usize, torque: f64) -> f64 {
+        self.saturated(joint, self.servos.get(joint).map_or(torque, PositionServo::torque))
     }
 
     /// What a motor asked for `torque` gives, N·m (N).
@@ -154,13 +188,23 @@ impl Drives {
     /// Works out the losses of all drives at the time `t`, s, of a sub-step of `step` s.
     #[inline]
     pub fn lose(&mut self, t: f64, step: f64) {
-        for ((loss, friction), &v) in self.loss.iter_mut().zip(&self.friction).zip(&self.v) {
-            *loss = friction.torque(v);
+        let sticks = !self.servos.is_empty();
+        for ((sign, friction), &v) in self.sign.iter_mut().zip(&self.friction).zip(&self.v) {
+            if sticks {
+                *sign = (*sign + v * step / PRESLIDING).clamp(-1.0, 1.0);
+            } else if friction.coulomb != 0.0 || !self.laws.is_empty() {
+                *sign = DriveFriction::sign(v);
+            }
+        }
+        let drives = self.loss.iter_mut().zip(&self.friction).zip(self.v.iter().zip(&self.sign));
+        for ((loss, friction), (v, sign)) in drives {
+            *loss = -(friction.viscous * v + friction.coulomb * sign);
         }
         if self.laws.is_empty() {
             return;
         }
-        let now = DriveState { t, step, q: &self.q, v: &self.v, a: &self.a, load: &self.load };
+        let (q, v, sign, a, load) = (&self.q, &self.v, &self.sign, &self.a, &self.load);
+        let now = DriveState { t, step, q, v, sign, a, load };
         for law in &mut self.laws {
             law.act(&now, &mut self.loss);
         }

@@ -101,7 +101,7 @@ pub struct GateLimits {
 
 impl GateLimits {
     /// Limits of `arm`, stepped by `period` s: effort and its rate, at most `torque_rate` (N·m/s, N/s), in torque mode; range,
-    /// speed and acceleration in driven mode.
+    /// speed and acceleration of positions.
     pub fn of(arm: &Arm, mode: Mode, period: f64, hold: u32, torque_rate: &Joints) -> Self {
         let mut limits = Self {
             mode,
@@ -117,7 +117,7 @@ impl GateLimits {
             let of = &joint.limits;
             (limits.lower[i], limits.upper[i], limits.change[i]) = match mode {
                 Mode::Torque => (-of.effort, of.effort, torque_rate[i] * period),
-                Mode::Driven => (of.lower, of.upper, of.velocity * period),
+                Mode::Driven | Mode::Servo => (of.lower, of.upper, of.velocity * period),
             };
             // An arm file without acceleration limits still has speeds: no joint goes from one to the other within less than a tick.
             let reversal = 2.0 * of.velocity / period;
@@ -285,7 +285,7 @@ impl Gate {
     fn judge(&self, command: &Command, due: u64) -> Result<(), Refused> {
         let kind = match self.limits.mode {
             Mode::Torque => CommandKind::Torque,
-            Mode::Driven => CommandKind::Position,
+            Mode::Driven | Mode::Servo => CommandKind::Position,
         };
         let status = CommandStatus::from_code(command.status);
         if command.check(self.run).is_err()
@@ -316,7 +316,7 @@ impl Gate {
         let (limits, value) = (&self.limits, command.value[joint]);
         let (whole, rate) = match limits.mode {
             Mode::Torque => (Quantity::Torque, Quantity::TorqueRate),
-            Mode::Driven => (Quantity::Position, Quantity::Speed),
+            Mode::Driven | Mode::Servo => (Quantity::Position, Quantity::Speed),
         };
         if value < limits.lower[joint] || value > limits.upper[joint] {
             let limit = if value < limits.lower[joint] { limits.lower[joint] } else { limits.upper[joint] };
@@ -333,7 +333,7 @@ impl Gate {
         // A joint that was held for m ticks has moved on for m + 1; a held torque has stayed.
         let room = match limits.mode {
             Mode::Torque => limits.change[joint],
-            Mode::Driven => limits.change[joint] * f64::from(self.missed + 1),
+            Mode::Driven | Mode::Servo => limits.change[joint] * f64::from(self.missed + 1),
         };
         let change = self.last.as_ref().map_or(0.0, |last| (value - last.value[joint]).abs());
         if change > room {

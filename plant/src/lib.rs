@@ -32,6 +32,7 @@ mod line_up;
 mod misses;
 mod motion;
 mod plant;
+mod position_servo;
 mod reflex;
 mod rotor;
 mod round_trips;

@@ -9,11 +9,12 @@ use freeplay_arm::{
     Arm, Drive, Purpose, Shortfall, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction,
     kinetic_energy, potential_energy,
 };
-use freeplay_laws::{ArmWithPlay, BearingContact, Injection, Journal, LawError};
+use freeplay_laws::{ArmParts, ArmWithPlay, BearingContact, Injection, Journal, LawError, ServoLaw};
 use nalgebra::Isometry3;
 use thiserror::Error;
 
 use crate::drives::{Drives, Motor};
+use crate::position_servo::PositionServo;
 use crate::rotor::{check_step, share_out, with_rotors};
 use crate::tool_forces::ToolForces;
 use crate::{Bearing, Braking, ContactTally, Excess, Ledger, Motion, ReflexLimits};
@@ -58,6 +59,23 @@ pub enum SystemError {
         needed: f64,
         /// Inertia on the motor's side, kg·m² (kg).
         motor: f64,
+    },
+    /// A joint has no servo.
+    #[error(
+        "joint `{joint}` has no position servo, which mode servo needs at each joint: give it an [[effect]] of the kind \"servo\" in the arm file; \
+         freeplay diagnose writes them from a recording of commanded and measured positions"
+    )]
+    NoServo {
+        /// The joint.
+        joint: String,
+    },
+    /// A joint's commands would act before they are sent.
+    #[error("joint `{joint}` has a command_delay of {delay} s; a simulation needs 0 or more")]
+    NegativeDelay {
+        /// The joint.
+        joint: String,
+        /// Its delay, s.
+        delay: f64,
     },
     /// The links behind the transmissions have no inertia of their own.
     #[error(
@@ -104,7 +122,7 @@ pub enum SystemError {
 
 /// What acts on the joints during a tick.
 pub struct Input<'a> {
-    /// Torque of each nominal joint's motor, N·m (N); read where `driven` is false.
+    /// Torque of each nominal joint's motor, N·m (N); read where `driven` is false and no servo is closed.
     pub torque: &'a [f64],
     /// Whether each nominal joint follows `motion` instead.
     pub driven: &'a [bool],
@@ -144,6 +162,8 @@ pub struct System {
     prescribed: [Vec<f64>; 3],
     peaks: TickPeaks,
     ledger: Ledger,
+    /// The servos that the effects name, with the delays of their commands, s: they act once they are closed.
+    named_servos: Vec<Option<(ServoLaw, f64)>>,
 }
 
 impl System {
@@ -181,6 +201,7 @@ impl System {
             prescribed: [vec![0.0; joints], vec![0.0; joints], vec![0.0; joints]],
             peaks: TickPeaks::default(),
             ledger: Ledger::default(),
+            named_servos: vec![None; joints],
             play,
         })
     }
@@ -210,9 +231,42 @@ impl System {
             check_step(&arm.joints()[*joint].name, law, sides, period, substeps)?;
             system.drives.part(*joint, Motor::new(*law, sides.motor));
         }
+        for (joint, law) in injection.servos {
+            let delays = injection.command_delays.iter().filter(|(at, _)| *at == joint);
+            system.named_servos[joint] = Some((law, delays.map(|(_, delay)| delay).sum()));
+        }
         system.drives.add(injection.drives, &injection.saturations);
         system.forces.add(injection.forces);
         Ok(system)
+    }
+
+    /// Closes the loops of the servos that the effects of `arm`, the arm with its effects, name: from now on they ask torques of the drives, and those of
+    /// [`Input::torque`] are not read. The arm with the damping of its servos beside that of its joints.
+    ///
+    /// # Errors
+    /// [`SystemError::NoServo`], [`SystemError::NegativeDelay`]; [`SystemError::Law`] for an arm that cannot be.
+    pub fn close_servos(&mut self, arm: &Arm) -> Result<Arm, SystemError> {
+        let mut parts = ArmParts::of(arm);
+        let mut servos = Vec::with_capacity(self.named_servos.len());
+        for (joint, named) in parts.joints.iter_mut().zip(&self.named_servos) {
+            let Some((law, delay)) = *named else {
+                return Err(SystemError::NoServo { joint: joint.name.clone() });
+            };
+            if delay < 0.0 {
+                return Err(SystemError::NegativeDelay { joint: joint.name.clone(), delay });
+            }
+            let servo = PositionServo::new(law, delay, self.period);
+            joint.friction.viscous += servo.damping();
+            servos.push(servo);
+        }
+        self.drives.serve(servos);
+        Ok(parts.into_arm(arm.name())?)
+    }
+
+    /// Sends the servos the commanded positions `q`, rad (m), now.
+    pub fn command_servos(&mut self, q: &[f64]) {
+        let now = self.time();
+        self.drives.servos.iter_mut().zip(q).for_each(|(servo, q)| servo.command(now, *q));
     }
 
     /// Puts the joints at `q`, `v` (nominal), the journals in the middle of their bearings at rest, and the time to zero. Links
@@ -225,6 +279,7 @@ impl System {
         self.play.spread(v, &mut self.v);
         self.ticks = 0;
         self.drives.restart();
+        self.drives.servos.iter_mut().zip(q).for_each(|(servo, q)| servo.restart(*q));
         self.wind_up(q, v);
         for bearing in &mut self.bearings {
             *bearing = Bearing::new(*bearing.clearance());
@@ -396,6 +451,7 @@ impl System {
             }
             let link = [self.middle_q[at], self.middle_v[at]];
             self.drives.place(joint, prescribed, link, 0.5 * step);
+            self.drives.act(joint, time, step);
         }
         self.drives.lose(time, step);
         for (joint, &acceleration) in a.iter().enumerate() {
@@ -405,7 +461,7 @@ impl System {
                 Some(motor) => Drive::Torque(motor.carry(state, [self.middle_q[at], self.middle_v[at]])),
                 None if input.driven[joint] => Drive::Acceleration(acceleration),
                 None => {
-                    let torque = self.drives.saturated(joint, input.torque[joint]);
+                    let torque = self.drives.given(joint, input.torque[joint]);
                     Drive::Torque(torque + self.drives.loss[joint])
                 }
             };
@@ -433,7 +489,7 @@ impl System {
         for joint in 0..self.motor.len() {
             let at = self.play.joint(joint);
             let (driven, loss) = (input.driven[joint], self.drives.loss[joint]);
-            let asked = self.drives.saturated(joint, input.torque[joint]);
+            let asked = self.drives.given(joint, input.torque[joint]);
             let prescribed = self.prescribed[2][joint];
             (self.motor[joint], self.drives.a[joint]) = match &mut self.drives.motors[joint] {
                 None if driven => (self.total[at] - loss - self.forces.on(at), prescribed),

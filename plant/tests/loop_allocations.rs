@@ -62,6 +62,7 @@ fn play(ticks: u64, controllers: usize) -> (u64, usize) {
         hold: 20,
         patience: Duration::from_secs(10),
         answer_patience: None,
+        command_every: 1,
         evidence: false,
         line_up: LineUpSpec { controllers, swaps, blend: 7, ..LineUpSpec::default() },
         reflex: ReflexSpec::default(),

@@ -52,7 +52,7 @@ FLAG_LAST, FLAG_TOOL_TRACKED, FLAG_FALLBACK = 1, 2, 4
 IN_CHARGE_SHIFT, NEXT_SHIFT, SLOT_MASK = 8, 12, 0xF
 
 # State.mode and Welcome.mode; Welcome.pace; Command.kind; Command.status.
-TORQUE, DRIVEN = 0, 1
+TORQUE, DRIVEN, SERVO = 0, 1, 2
 LOCKSTEP, REALTIME = 0, 1
 KIND_TORQUE, KIND_POSITION = 0, 1
 OK, QP_FAILED, QP_LIMIT, NO_ANSWER = 0, 1, 2, 3
@@ -179,7 +179,7 @@ class Welcome(Message):
 
 
 class Run:
-    """What the plant says about the run: joints, mode (TORQUE or DRIVEN), pace (LOCKSTEP or REALTIME), period, s,
+    """What the plant says about the run: joints, mode (TORQUE, DRIVEN or SERVO), pace (LOCKSTEP or REALTIME), period, s,
     and ticks."""
 
     def __init__(self, welcome: Welcome) -> None:
@@ -193,7 +193,7 @@ class Run:
 class Answer:
     """An answer with more than one number per joint.
 
-    value: torques, N·m, or with mode DRIVEN positions, rad; velocity and acceleration go with positions; deviation: the
+    value: torques, N·m, or with modes DRIVEN and SERVO positions, rad; velocity and acceleration go with positions; deviation: the
     predicted deviation of the tool, m, x y z; status: OK, QP_FAILED, QP_LIMIT or NO_ANSWER; predict_ns, qp_ns,
     qp_iterations: what the answer took, for the table of latencies.
     """
@@ -234,7 +234,7 @@ class Controller:
         is absolute), `run` a Run. What takes time belongs here. An exception ends the process with its message."""
 
     def answer(self, state: State) -> Answer | Sequence[float] | None:
-        """The answer to `state`: one number per joint (torques, or positions with mode DRIVEN), an Answer, or None
+        """The answer to `state`: one number per joint (torques, or positions with modes DRIVEN and SERVO), an Answer, or None
         for no answer, which the plant bridges. `state` is the same object every time: copy what you keep."""
         raise NotImplementedError
 
@@ -475,7 +475,7 @@ class Loop:
         """Makes `answer` the command to the state at hand."""
         command, state, n = self.command, self.state, self.run.joints
         command.joints, command.run, command.tick = n, state.run, state.tick
-        command.kind = KIND_POSITION if state.mode == DRIVEN else KIND_TORQUE
+        command.kind = KIND_TORQUE if state.mode == TORQUE else KIND_POSITION
         if answer is None:
             answer = Answer([0.0] * n, status=NO_ANSWER)
         elif not isinstance(answer, Answer):

@@ -139,7 +139,7 @@ fn state() -> Layout {
         tau: "τ", "joint", "N·m (N)", "Measured joint torques (forces).";
         applied: "", "joint", "as Command.value", "The command in force during this tick, after the gate.";
         reference: "", "", "", "Reference at tick k.";
-        reference_next: "", "", "", "Reference at the instant that the answer to this state is for: in mode torque the start of tick k + 1, in mode driven its end.";
+        reference_next: "", "", "", "Reference at the instant that the answer to this state is for: in modes torque and servo the start of tick k + 1, in mode driven its end.";
         tool: "x y z qx qy qz qw", "base", "m, 1", "Measured pose of frame tool0: position and unit quaternion; NaN if not tracked.";
     )
 }
@@ -215,6 +215,11 @@ pub fn codes() -> Vec<Codes> {
             codes: vec![
                 ("torque", Mode::Torque.code(), "Commands are joint torques (forces)."),
                 ("driven", Mode::Driven.code(), "Commands are joint positions; an ideal drive follows them."),
+                (
+                    "servo",
+                    Mode::Servo.code(),
+                    "Commands are joint positions; the position servos of the arm close the loop.",
+                ),
             ],
         },
         Codes {

@@ -21,7 +21,7 @@ pub const MAGIC: u64 = u64::from_ne_bytes(*b"FREEPLAY");
 /// One number per joint; the first `joints` entries are used, the rest are zero.
 pub type Joints = [f64; MAX_JOINTS];
 
-/// Who moves the joints: the controller's torque, or an ideal drive that follows commanded positions.
+/// Who moves the joints: the controller's torque, an ideal drive that follows commanded positions, or position servos.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Mode {
@@ -29,6 +29,8 @@ pub enum Mode {
     Torque = 0,
     /// Commands are joint positions with velocity and acceleration; the drive follows them exactly.
     Driven = 1,
+    /// Commands are joint positions; the position servos of the arm close the loop.
+    Servo = 2,
 }
 
 /// What [`Command::value`] means.
@@ -75,7 +77,7 @@ macro_rules! from_code {
 }
 pub(crate) use from_code;
 
-from_code!(Mode: Torque, Driven);
+from_code!(Mode: Torque, Driven, Servo);
 from_code!(CommandKind: Torque, Position);
 from_code!(CommandStatus: Ok, QpFailed, QpLimit, NoAnswer);
 
@@ -255,7 +257,7 @@ impl Command {
     /// An answer to `state` from `slot`: same run, tick and joints, kind by the state's mode, everything else zero.
     #[must_use]
     pub fn answer_to(state: &State, slot: u32) -> Self {
-        let driven = state.mode == Mode::Driven.code();
+        let is_torque = state.mode == Mode::Torque.code();
         Self {
             magic: MAGIC,
             layout: LAYOUT_VERSION,
@@ -269,7 +271,7 @@ impl Command {
             qp_ns: 0,
             sent_ns: 0,
             qp_iterations: 0,
-            kind: if driven { CommandKind::Position } else { CommandKind::Torque }.code(),
+            kind: if is_torque { CommandKind::Torque } else { CommandKind::Position }.code(),
             value: [0.0; MAX_JOINTS],
             velocity: [0.0; MAX_JOINTS],
             acceleration: [0.0; MAX_JOINTS],

@@ -40,7 +40,7 @@ fn an_answer_copies_what_ties_it_to_its_state() {
 
 #[test]
 fn the_numbers_that_travel_are_pinned() {
-    assert_eq!([Mode::Torque.code(), Mode::Driven.code()], [0, 1]);
+    assert_eq!([Mode::Torque.code(), Mode::Driven.code(), Mode::Servo.code()], [0, 1, 2]);
     assert_eq!([Pace::Lockstep.code(), Pace::RealTime.code()], [0, 1]);
     assert_eq!([CommandKind::Torque.code(), CommandKind::Position.code()], [0, 1]);
     let statuses =
@@ -64,7 +64,7 @@ proptest! {
     #[test]
     fn a_code_is_read_back_as_itself_or_not_at_all(code in any::<u32>()) {
         prop_assert!(CommandStatus::from_code(code).is_none_or(|status| status.code() == code));
-        prop_assert_eq!(Mode::from_code(code).is_some(), code < 2);
+        prop_assert_eq!(Mode::from_code(code).is_some(), code < 3);
     }
 
     #[test]

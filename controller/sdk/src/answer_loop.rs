@@ -201,7 +201,7 @@ impl AnswerLoop {
 
     fn command(&self, state: &State, answer: &Answer, received_ns: u64) -> Command {
         // Beside a torque the motion is for who watches in the same process.
-        let motion = |of: &Joints| if self.run.mode == Mode::Driven { *of } else { [0.0; MAX_JOINTS] };
+        let motion = |of: &Joints| if self.run.mode == Mode::Torque { [0.0; MAX_JOINTS] } else { *of };
         Command {
             status: answer.status.code(),
             received_ns,

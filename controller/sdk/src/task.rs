@@ -39,14 +39,16 @@ pub enum TaskMode {
     Torque,
     /// Answers are joint positions with velocity and acceleration, followed exactly.
     Driven,
+    /// Answers are joint positions, the commands of position servos.
+    Servo,
 }
 
 impl TaskMode {
-    /// Ticks from a state to the instant for which its answer is computed: a torque acts from the start of the next tick, a position
-    /// is reached at its end.
+    /// Ticks from a state to the instant for which its answer is computed: a torque and the command of a servo act from the start of the next
+    /// tick, a driven position is reached at its end.
     pub fn lead(self) -> u64 {
         match self {
-            TaskMode::Torque => 1,
+            TaskMode::Torque | TaskMode::Servo => 1,
             TaskMode::Driven => 2,
         }
     }
@@ -95,6 +97,9 @@ pub struct Task {
     /// Ticks per second, 1/s.
     #[serde(default = "Task::default_rate")]
     pub rate: f64,
+    /// In mode servo: commands per second that reach the servos; absent: one a tick.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub command_rate: Option<f64>,
     /// Where the limits of the joints come from.
     #[serde(default)]
     pub limits: LimitsFrom,
@@ -116,6 +121,7 @@ impl Default for Task {
             gravity: None,
             mode: TaskMode::default(),
             rate: Task::default_rate(),
+            command_rate: None,
             limits: LimitsFrom::default(),
             path: PathSpec::default(),
             gains: Gains::default(),
@@ -248,6 +254,7 @@ impl Task {
         let mode = match self.mode {
             TaskMode::Torque => Mode::Torque,
             TaskMode::Driven => Mode::Driven,
+            TaskMode::Servo => Mode::Servo,
         };
         if mode != run.mode {
             return Err(ControllerError::Disagreement {

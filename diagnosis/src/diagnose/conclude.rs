@@ -8,11 +8,12 @@ use nalgebra::DVector;
 
 use super::alternatives::{alternatives, rows_of_evidence};
 use super::candidate::Candidate;
-use super::data::{Data, sum_of};
+use super::data::{Data, less, sum_of};
 use super::engine::DiagnoseSettings;
 use super::excite::ChannelNoise;
 use super::gain::{Compared, Gain};
 use super::interval::parameters;
+use super::joined::joined;
 use super::locate::{Map, correct, maps};
 use super::nameless::is_unexplained;
 use super::parts::Part;
@@ -248,12 +249,19 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 continue;
             }
             let log_odds = fit.value - without_fit.value;
-            let table = candidate.table(self.arm(), system.coefficients(fit, place));
+            let mut table = candidate.table(self.arm(), system.coefficients(fit, place));
             let phrase = words::phrase(candidate.kind, &parameters);
+            let mut statement = words::statement(&phrase, table.joint.as_deref());
+            if let Some(given) = self.given(candidate)
+                && let Some(both) = joined(system.data, given, candidate, system.coefficients(fit, place))
+            {
+                statement.push_str(&words::with_given(given, &both, system.data.arm()));
+                table = both;
+            }
             let effect = Effect {
                 kind: candidate.kind.name,
                 joint: table.joint.clone(),
-                statement: words::statement(&phrase, table.joint.as_deref()),
+                statement,
                 parameters,
                 equation: candidate.kind.equation,
                 source: candidate.kind.source,
@@ -276,6 +284,14 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         }
         found.sort_by(|a, b| b.effect.evidence.share.total_cmp(&a.effect.evidence.share));
         Some(found)
+    }
+
+    /// The effect of the kind of `candidate` that the file has already at its place.
+    fn given(&self, candidate: &Candidate) -> Option<&EffectTable> {
+        let joint = candidate.joint.map(|joint| &self.arm().joints()[joint].name);
+        let is_same =
+            |table: &&EffectTable| table.kind == candidate.kind.name && table.joint.as_ref() == joint;
+        self.file.effects.iter().filter(|_| !candidate.kind.happens()).find(is_same)
     }
 
     /// What remains of every row; `None` if a fit is singular.
@@ -382,7 +398,9 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let mut groups: BTreeMap<Option<usize>, (f64, Vec<usize>)> = BTreeMap::new();
         for (c, channel) in data.stages[0].channels.iter().enumerate() {
             let joint = match channel.kind {
-                ChannelKind::Torque(joint) | ChannelKind::Link(joint) => Some(joint),
+                ChannelKind::Torque(joint) | ChannelKind::Link(joint) | ChannelKind::Position(joint) => {
+                    Some(joint)
+                }
                 ChannelKind::Tool(_) => None,
             };
             let group = groups.entry(joint).or_default();
@@ -527,11 +545,6 @@ fn removed(data: &Data, compared: &Compared, channels: &[usize]) -> (f64, Vec<St
     let mut order: Vec<(usize, f64)> = by_channel.into_iter().collect();
     order.sort_by(|a, b| b.1.total_cmp(&a.1));
     (sum, order.into_iter().map(|(c, _)| data.stages[0].channels[c].name.clone()).collect())
-}
-
-fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let pairs = rows.iter().zip(said);
-    pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
 }
 
 /// Adds `tables` to `model`; each stands in the place of what the model has already of the same kind at the same place, but for what happens at a time.

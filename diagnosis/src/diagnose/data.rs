@@ -264,3 +264,9 @@ pub(crate) fn add(rows: &mut [Vec<f64>], column: &Column, factor: f64) {
         }
     }
 }
+
+/// `rows` less what was `said` of them.
+pub(crate) fn less(rows: &[Vec<f64>], said: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let pairs = rows.iter().zip(said);
+    pairs.map(|(rows, said)| rows.iter().zip(said).map(|(x, said)| x - said).collect()).collect()
+}

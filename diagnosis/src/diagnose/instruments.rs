@@ -31,7 +31,7 @@ fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
     let mut left = Vec::new();
     for (channel, noise) in stage.channels.iter().zip(&stage.ground.noises.channels) {
         let mut rest = stage.treated(&match channel.kind {
-            Kind::Link(joint) => misreading(rng, &stage.whole().q[joint], noise),
+            Kind::Link(joint) | Kind::Position(joint) => misreading(rng, &stage.whole().q[joint], noise),
             Kind::Torque(_) | Kind::Tool(_) => normals(rng, stage.whole().len(), noise.deviation),
         });
         let mut add = |truth: &[f64], model: &[f64]| {
@@ -48,7 +48,7 @@ fn read_badly(stage: &Stage, rng: &mut ChaCha8Rng) -> Vec<Vec<f64>> {
                 }
             }
             Kind::Tool(axis) => add(&tool[axis], &read_tool[axis]),
-            Kind::Link(joint) => add(&motion.q[joint], &read.q[joint]),
+            Kind::Link(joint) | Kind::Position(joint) => add(&motion.q[joint], &read.q[joint]),
         }
         left.push(rest);
     }

@@ -7,7 +7,7 @@
 //! - `candidate` and `moments`: every effect at every place in every form, as columns.
 //! - `system` and `bvls`: the linear model and its evidence.
 //! - `search` and `choice`: the most probable set of effects.
-//! - `nameless`, `alternatives`, `interval`, `gain`, `locate`, `words`, `passage` and `conclude`: what is said, tested on data that no step before has seen.
+//! - `nameless`, `alternatives`, `interval`, `joined`, `gain`, `locate`, `words`, `passage` and `conclude`: what is said, tested on data that no step before has seen.
 //! - `excite`: the next motion, where two causes remain.
 //! - `engine`: all of it, of recordings as they stand; `set_up`: after the question whether recording and model mean the same.
 
@@ -25,6 +25,7 @@ mod excite;
 mod gain;
 mod instruments;
 mod interval;
+mod joined;
 mod locate;
 mod moments;
 mod nameless;
@@ -59,3 +60,4 @@ pub use set_up::diagnose;
 pub use tolerance::Tolerances;
 pub use variables::Variable;
 pub use words::TO_TELL;
+pub(crate) use words::{odds, phrase, statement};

@@ -90,7 +90,7 @@ fn running_sums(data: &Data, index: usize, joint: Option<usize>, left: &[Vec<f64
     let channels = (0..data.per_stage()).map(|c| index * data.per_stage() + c);
     let is_asked = |&c: &usize| match data.kind(c) {
         Kind::Torque(own) => joint.is_none_or(|joint| joint == own),
-        Kind::Tool(_) | Kind::Link(_) => false,
+        Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => false,
     };
     let summed = |values: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
         std::iter::once(0.0)

@@ -61,6 +61,7 @@ impl Noises {
             Kind::Torque(joint) => recording.tau.as_ref().map(|tau| &tau[joint]),
             Kind::Tool(axis) => recording.tool.as_ref().map(|tool| &tool[axis]),
             Kind::Link(joint) => recording.q_link[joint].as_ref(),
+            Kind::Position(joint) => Some(&recording.q[joint]),
         };
         let of_channel = |channel: &Channel| {
             let Some(column) = measured(channel.kind) else { return Noise { deviation: 0.0, step: 0.0 } };
@@ -77,12 +78,14 @@ impl Noises {
                     let above = |column| treatment.deviation_above(column, present, Quantile::LOWER_QUARTILE);
                     above(&whole).min(above(&beside))
                 }
-                Kind::Tool(_) | Kind::Link(_) => treatment.deviation_above(&whole, present, Quantile::MEDIAN),
+                Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => {
+                    treatment.deviation_above(&whole, present, Quantile::MEDIAN)
+                }
             };
             let finest = match channel.kind {
                 Kind::Torque(_) => FINEST_TORQUE * span(&read),
                 Kind::Tool(_) => FINEST_TOOL,
-                Kind::Link(_) => FINEST_LINK,
+                Kind::Link(_) | Kind::Position(_) => FINEST_LINK,
             };
             Noise { deviation: fine.deviation.max(above).max(finest), ..fine }
         };

@@ -4,7 +4,7 @@ use freeplay_arm::Arm;
 use freeplay_laws::{Occurrence, changed};
 
 use super::candidate::{Candidate, Form};
-use super::system::{Fit, System};
+use super::system::{Fit, Gain, System};
 
 /// Odds within which two answers are as good: 20 to 1, as is usual for a name (Kass & Raftery 1995, J. Am. Stat. Assoc. 90:773, "strong").
 pub const AS_GOOD: f64 = 2.995_732_273_553_991;
@@ -294,7 +294,7 @@ impl<'d, 'a> Search<'d, 'a> {
             return Some(None);
         }
         for index in self.nearest(&now.members, 0.0)? {
-            let index = self.refined(&now.members, index)?;
+            let index = self.best_of_rivals(&now.members, index)?;
             let mut members = now.members.clone();
             members.push(index);
             if let Some(better) = self.accepted(now, members)? {
@@ -344,10 +344,65 @@ impl<'d, 'a> Search<'d, 'a> {
                 }
             }
         }
-        let Some((_, others, index)) = best else { return Some(None) };
-        let index = self.refined(&others, index)?;
-        let members = others.into_iter().chain([index]).collect();
-        self.accepted(now, members)
+        if let Some((_, others, index)) = best {
+            let index = self.best_of_rivals(&others, index)?;
+            let members = others.into_iter().chain([index]).collect();
+            if let Some(better) = self.accepted(now, members)? {
+                return Some(Some(better));
+            }
+        }
+        self.swapped_for_rival(now)
+    }
+
+    /// `now` with a law in the place of one that it excludes, each in its best form.
+    fn swapped_for_rival(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        for &member in &now.members {
+            let others: Vec<usize> = now.members.iter().copied().filter(|other| *other != member).collect();
+            let index = self.best_of_rivals(&others, member)?;
+            if self.system.candidate(index).same_effect(self.system.candidate(member)) {
+                continue;
+            }
+            let members = others.into_iter().chain([index]).collect();
+            if let Some(better) = self.accepted(now, members)? {
+                return Some(Some(better));
+            }
+        }
+        Some(None)
+    }
+
+    /// Of the laws of which a machine has one at most, `index` and those that it excludes, the one that explains most beside `members`, each in its best form: before
+    /// that a law that is far from linear says less than it could.
+    fn best_of_rivals(&mut self, members: &[usize], index: usize) -> Option<usize> {
+        let fit = self.system.fit(members)?;
+        let mut best: Vec<(f64, usize)> = Vec::new();
+        let open: Vec<usize> =
+            self.open(members).into_iter().filter(|&other| self.is_rival(index, other)).collect();
+        for (&other, gain) in open.iter().zip(self.system.gains(&fit, &open)) {
+            let Some(gain) = gain else { continue };
+            let candidate = self.system.candidate(other);
+            match best.iter_mut().find(|(_, known)| self.system.candidate(*known).same_effect(candidate)) {
+                Some(known) if known.0 < gain.value => *known = (gain.value, other),
+                Some(_) => {}
+                None => best.push((gain.value, other)),
+            }
+        }
+        let mut first = self.refined(members, index)?;
+        for (_, other) in best {
+            let other = self.refined(members, other)?;
+            let gains = self.system.gains(&fit, &[first, other]);
+            let value =
+                |gain: &Option<Gain>| gain.as_ref().filter(|gain| gain.is_inside).map(|gain| gain.value);
+            if value(&gains[1]) > value(&gains[0]) {
+                first = other;
+            }
+        }
+        Some(first)
+    }
+
+    /// Whether a machine has `one` or `other` and they are different laws.
+    fn is_rival(&self, one: usize, other: usize) -> bool {
+        let (one, other) = (self.system.candidate(one), self.system.candidate(other));
+        one.excludes(other) && !one.same_effect(other)
     }
 
     /// `now` with one effect more and without all members that it makes needless: one law in the place of several that imitate it.

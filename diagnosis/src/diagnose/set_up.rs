@@ -7,6 +7,7 @@ use super::conclude::insufficient;
 use super::engine::{self, DiagnoseError, DiagnoseSettings};
 use super::report::{Diagnosis, Verdict};
 use crate::conventions::{Certainty, Mended, SetupFinding, sentences};
+use crate::servo::{self, commands_alone};
 
 /// Locates where `recordings` differ from the model `file`, names what is missing, fits it and shows the gain on held-out data.
 ///
@@ -35,16 +36,29 @@ pub fn diagnose(
         return Ok(stopped);
     }
     if !mended.is_mended() {
-        let mut diagnosis = engine::diagnose(file, recordings, settings, progress)?;
+        let mut diagnosis = by_channels(file, recordings, settings, progress)?;
         diagnosis.setup = mended.findings;
         return Ok(diagnosis);
     }
-    let mut diagnosis = engine::diagnose(&mended.file, &mended.recordings, settings, progress)?;
+    let mut diagnosis = by_channels(&mended.file, &mended.recordings, settings, progress)?;
     diagnosis.statement = format!("{statement} With that reading: {}", diagnosis.statement);
     diagnosis.verdict = Verdict::Setup;
     diagnosis.setup = mended.findings;
     diagnosis.mapping = mended.mapping;
     Ok(diagnosis)
+}
+
+/// By torques and poses; where there are only commanded and measured positions, by these.
+fn by_channels(
+    file: &ArmFile,
+    recordings: &[Recording],
+    settings: &DiagnoseSettings,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, DiagnoseError> {
+    if recordings.iter().all(commands_alone) {
+        return servo::diagnose(file, recordings, settings, progress);
+    }
+    engine::diagnose(file, recordings, settings, progress)
 }
 
 fn in_words(findings: &[SetupFinding]) -> String {

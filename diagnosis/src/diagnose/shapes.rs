@@ -159,7 +159,7 @@ fn raw_columns(
     let mut columns = match stage.channels[channel].kind {
         Kind::Torque(joint) => of_torque(stage, joint, &knots[joint]),
         Kind::Tool(axis) => of_tool(stage, axis),
-        Kind::Link(joint) => of_joint(stage, joint, &vec![1.0; stage.motion().len()]),
+        Kind::Link(joint) | Kind::Position(joint) => of_joint(stage, joint, &vec![1.0; stage.motion().len()]),
     };
     let nothing = || vec![0.0; stage.motion().len()];
     columns.extend(nuisances.iter().map(|nuisance| nuisance.answer[channel].clone().unwrap_or_else(nothing)));

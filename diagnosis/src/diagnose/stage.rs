@@ -322,12 +322,31 @@ impl<'a> Stage<'a> {
         Ok(self.channels.iter().map(|channel| left(&best, channel)).collect())
     }
 
+    /// Measured minus the model that has `instead` in the place of those effects for which `is_out` holds, channel by channel.
+    ///
+    /// # Errors
+    /// [`LawError::Changed`] if it leaves no possible arm.
+    pub fn left_instead(
+        &self,
+        is_out: &dyn Fn(&Placed) -> bool,
+        instead: Option<&Placed>,
+    ) -> Result<Vec<Vec<f64>>, LawError> {
+        let prediction = self.rough.instead(is_out, instead)?;
+        let left = |channel: &Channel| {
+            let model = self.ground.treatment.keep(channel.kind.of(&prediction));
+            let off = channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect();
+            masked(off, channel.present.as_deref())
+        };
+        Ok(self.channels.iter().map(left).collect())
+    }
+
     fn answer_of(&self, kind: &EffectKind, change: &Change) -> Answer {
         self.by_channel(|channel| {
             let column = match channel {
                 Kind::Torque(joint) => change.torque.written(joint),
                 Kind::Tool(axis) => change.tool.written(axis),
                 Kind::Link(joint) => change.link.written(joint),
+                Kind::Position(_) => None,
             };
             let column = column.filter(|column| column.iter().any(|&x| x != 0.0))?;
             Some(if kind.rough { self.ground.treatment.keep(column) } else { column.to_vec() })
@@ -346,7 +365,7 @@ impl<'a> Stage<'a> {
         self.by_channel(|kind| match kind {
             Kind::Torque(joint) => difference(&torque[joint], &self.rigid.0[joint]),
             Kind::Tool(axis) => difference(&tool[axis], &self.rigid.1[axis]),
-            Kind::Link(_) => None,
+            Kind::Link(_) | Kind::Position(_) => None,
         })
     }
 

@@ -382,6 +382,17 @@ impl<'d, 'a> System<'d, 'a> {
         self.eliminate_anew()
     }
 
+    /// The normal matrix of the coefficients of `members` with every tolerance as wide as the data sheet says, one that a member says included: what the data tell is
+    /// the sum of both.
+    pub fn normal_beside_all(&mut self, members: &[usize]) -> Option<DMatrix<f64>> {
+        let pins = self.pins.clone();
+        self.unpin()?;
+        let normal = self.fit(members).map(|fit| fit.normal);
+        self.pins = pins;
+        self.eliminate_anew()?;
+        normal
+    }
+
     /// What each of `candidates` would explain more beside the members of `fit`.
     pub fn gains(&self, fit: &Fit, candidates: &[usize]) -> Vec<Option<Gain>> {
         let factor = Cholesky::new(fit.normal.clone());

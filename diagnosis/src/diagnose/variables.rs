@@ -27,7 +27,7 @@ pub(crate) fn variables(stage: &Stage, kind: Kind) -> Vec<Variable> {
     let joints = 0..stage.arm().dof();
     let mut all = Vec::new();
     match kind {
-        Kind::Torque(joint) | Kind::Link(joint) => all.extend(of_joint(stage, joint)),
+        Kind::Torque(joint) | Kind::Link(joint) | Kind::Position(joint) => all.extend(of_joint(stage, joint)),
         Kind::Tool(_) => all.extend(joints.clone().flat_map(|joint| of_joint(stage, joint))),
     }
     all.push(time(stage));

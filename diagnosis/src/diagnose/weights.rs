@@ -251,7 +251,7 @@ fn local_size(data: &Data, channel: usize, target: &[Vec<f64>]) -> Vec<f64> {
     let stage = &data.stages[stage];
     let modelled = match data.kind(channel) {
         Kind::Torque(_) => stage.channels[of_stage].measured.clone(),
-        Kind::Tool(_) | Kind::Link(_) => target[channel].clone(),
+        Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => target[channel].clone(),
     };
     let squares: Vec<f64> = modelled.iter().map(|x| x * x).collect();
     let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use freeplay_arm::{Arm, EffectTable};
 use freeplay_laws::{Kind as EffectKind, kind};
+use toml::Value;
 
 use super::locate::Map;
 use super::report::{Alternative, Effect, Parameter};
@@ -162,6 +164,23 @@ fn listed(words: &[String]) -> String {
 /// One sentence on the effect that `phrase` says.
 pub(crate) fn statement(phrase: &str, joint: Option<&str>) -> String {
     format!("The model leaves out {phrase}{}.", on(joint))
+}
+
+/// One sentence: that the model has the effect as `given`, and what that and the finding are together on `arm`.
+pub(crate) fn with_given(given: &EffectTable, both: &EffectTable, arm: &Arm) -> String {
+    let in_words = |table: &EffectTable| {
+        let kind = kind(&table.kind)?;
+        let joint = table.joint.as_ref().and_then(|name| arm.joint_index(name)).map(|at| &arm.joints()[at]);
+        let parameter = |(name, value): (&String, &Value)| {
+            let unit = kind.unit(name, joint).to_owned();
+            (name.clone(), Parameter { value: value.clone(), unit, ci95: None })
+        };
+        Some(phrase(kind, &table.parameters.iter().map(parameter).collect()))
+    };
+    match (in_words(given), in_words(both)) {
+        (Some(given), Some(both)) => format!(" The model has {given} already; both together are {both}."),
+        _ => String::new(),
+    }
 }
 
 /// One sentence on all effects: with their numbers if they are few, else by kind and place.

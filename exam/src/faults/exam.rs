@@ -81,7 +81,7 @@ impl Exam {
         let setup = Setup::new(&scenario)?;
         let limit = |joint: &freeplay_arm::Joint| match scenario.mode {
             Drive::Torque => [-joint.limits.effort, joint.limits.effort],
-            Drive::Driven => [joint.limits.lower, joint.limits.upper],
+            Drive::Driven | Drive::Servo => [joint.limits.lower, joint.limits.upper],
         };
         let limits = setup.arm().joints().iter().map(limit).collect();
         Ok(Self { scenario, examined, seed, out, stop, names, limits, alone: Vec::new() })

@@ -30,8 +30,11 @@ pub enum Signal {
     Time,
 }
 
+/// Makes the signal of a joint.
+type OfJoint = fn(usize) -> Signal;
+
 /// Names of signals of joints.
-const OF_JOINTS: [(&str, fn(usize) -> Signal); 6] = [
+const OF_JOINTS: [(&str, OfJoint); 6] = [
     ("q", Signal::Position),
     ("qd", Signal::Velocity),
     ("tau", Signal::Torque),
@@ -69,8 +72,7 @@ impl Signal {
         }
         let tool = name.strip_prefix("tool.").and_then(|part| TOOL.iter().position(|known| *known == part));
         let of_joint = || {
-            let kinds = OF_JOINTS.iter().filter_map(|(kind, make)| joint_of(name, kind, joints).map(make));
-            kinds.last()
+            OF_JOINTS.iter().rev().find_map(|(kind, make)| joint_of(name, kind, joints).map(make))
         };
         tool.map(Signal::Tool).or_else(of_joint)
     }

@@ -6,11 +6,15 @@ mod actuator_saturation;
 mod asymmetric_friction;
 mod backlash;
 mod base_tilt;
+mod command_delay;
+mod commanded;
+mod contact;
 mod coulomb_friction;
 mod encoder_eccentricity;
 mod encoder_offset;
 mod external_force;
 mod friction_drift;
+mod hard_stop;
 mod joint_clearance;
 mod joint_coupling;
 mod joint_elasticity;
@@ -26,6 +30,7 @@ mod presliding_friction;
 mod quadratic_drag;
 mod rotor_inertia;
 mod sensor_lowpass;
+mod servo;
 mod stribeck_friction;
 mod time_delay;
 mod torque_gain;
@@ -66,3 +71,6 @@ pub static CATALOGUE: &[&Kind] = &[
     &time_delay::KIND,
     &sensor_lowpass::KIND,
 ];
+
+/// The kinds that show in commanded against measured positions alone: the servo, what is before it, and what bounds the joint.
+pub static COMMANDED: &[&Kind] = &[&servo::KIND, &command_delay::KIND, &hard_stop::KIND, &contact::KIND];

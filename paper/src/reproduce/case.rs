@@ -102,6 +102,7 @@ pub fn drive_name(drive: Drive) -> &'static str {
     match drive {
         Drive::Driven => "prescribed motion",
         Drive::Torque => "torque-driven",
+        Drive::Servo => "on position servos",
     }
 }
 

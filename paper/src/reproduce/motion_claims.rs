@@ -67,6 +67,7 @@ fn tags(case: &Case) -> Vec<Tag> {
     let drive = match case.drive {
         Drive::Driven => "the motion is prescribed",
         Drive::Torque => "torques drive the joints",
+        Drive::Servo => "servos drive the joints",
     };
     let weight = if case.gravity { "there is gravity" } else { "there is no gravity" };
     let period = if case.period == PERIODS[0] { "T = 6 s" } else { "T = 12 s" };

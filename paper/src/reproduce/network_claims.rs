@@ -56,6 +56,7 @@ fn tags(setting: &Setting, closed: bool) -> Vec<Tag> {
     let drive = match setting.drive {
         Drive::Driven => "the motion is prescribed",
         Drive::Torque => "torques drive the joints",
+        Drive::Servo => "servos drive the joints",
     };
     let cut = match setting.cut {
         Cut::Random => "the test samples lie between training samples",

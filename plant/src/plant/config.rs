@@ -22,6 +22,8 @@ pub struct PlantConfig {
     pub effects: Arc<Effects>,
     /// Who moves the joints.
     pub mode: Mode,
+    /// In mode servo a command in so many ticks reaches the servos, which hold it until the next.
+    pub command_every: u32,
     /// Lockstep or real time.
     pub pace: Pace,
     /// Length of a tick, ns.
@@ -66,9 +68,10 @@ impl PlantConfig {
         let rotors = injection.rotors.clone();
         let mut system = System::with_effects(&body, injection, &postures, self.period(), self.substeps)?;
         let blank = vec![0.0; self.arm.dof()];
-        if self.mode == Mode::Torque {
+        if self.mode != Mode::Driven {
+            let damped = if self.mode == Mode::Servo { system.close_servos(&body)? } else { body };
             let step = self.period() / f64::from(self.substeps);
-            check_damping(&body, &rotors, &postures, step, self.substeps)?;
+            check_damping(&damped, &rotors, &postures, step, self.substeps)?;
         }
         let [mut q, mut v, mut a] = [blank.clone(), blank.clone(), blank];
         path.at(0.0, &mut q, &mut v, &mut a);

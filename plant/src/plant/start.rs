@@ -7,7 +7,7 @@ use std::time::Duration;
 use crossbeam::queue::ArrayQueue;
 use freeplay_arm::Workspace;
 use freeplay_path::JointPath;
-use freeplay_shm::{Backoff, Greeting, MAX_JOINTS, PlantLink, State, now_ns};
+use freeplay_shm::{Backoff, Greeting, MAX_JOINTS, Mode, PlantLink, State, now_ns};
 
 use crate::attendance::Attendance;
 use crate::cause::Links;
@@ -36,6 +36,12 @@ impl Plant {
         let period = config.period_ns as f64 * 1e-9;
         let (system, laws) = config.system(&path)?;
         let limits = config.reflex_limits(&path)?;
+        let mut state = State::new(run, joints);
+        if config.mode == Mode::Servo {
+            // The servos hold the joints where the path begins until a command reaches them.
+            let [mut v, mut a] = [vec![0.0; joints], vec![0.0; joints]];
+            path.at(0.0, &mut state.applied[..joints], &mut v, &mut a);
+        }
         Ok(Self {
             nominal: Workspace::new(&config.arm),
             line_up: LineUp::new(
@@ -58,7 +64,7 @@ impl Plant {
             brakes: Braking::new(limits.braking[..joints].to_vec()),
             driven: vec![true; joints],
             torque: vec![0.0; joints],
-            state: State::new(run, joints),
+            state,
             reflexes: Reflexes::new(limits, period),
             measured: vec![[0.0; 3]; joints],
             stopped: None,

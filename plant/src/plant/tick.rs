@@ -116,7 +116,7 @@ impl Plant {
         self.system.play().gather(self.system.q(), &mut link[..joints]);
         // The answer is applied from the next tick on: a torque from its start, a position at its end.
         let ahead = match self.config.mode {
-            Mode::Torque => period,
+            Mode::Torque | Mode::Servo => period,
             Mode::Driven => 2.0 * period,
         };
         for (reference, at) in [(&mut state.reference, time), (&mut state.reference_next, time + ahead)] {
@@ -266,18 +266,27 @@ impl Plant {
         match applied {
             Applied::Guided => {}
             Applied::Brake => self.close_brakes(),
-            Applied::Command | Applied::Hold => self.command(),
+            Applied::Command | Applied::Hold => self.command(tick),
         }
     }
 
     /// Puts the command that passed, or the last one that did, in force.
-    fn command(&mut self) {
+    fn command(&mut self, tick: u64) {
         let Some(command) = self.line_up.in_force().copied() else { return };
         let joints = self.config.arm.dof();
         let held = self.applied == Applied::Hold;
         self.torque.copy_from_slice(&command.value[..joints]);
-        if !held {
+        // Servos keep the last command that reached them, at the start of the next tick.
+        let every = u64::from(self.config.command_every);
+        let arrives = self.config.mode != Mode::Servo || (tick + 1).is_multiple_of(every);
+        if !held && arrives {
             self.state.applied = command.value;
+        }
+        if self.config.mode == Mode::Servo {
+            if !held && arrives {
+                self.system.command_servos(&command.value[..joints]);
+            }
+            return;
         }
         if self.config.mode == Mode::Driven {
             let period = self.config.period_ns as f64 * 1e-9;

@@ -1,0 +1,424 @@
+//! What is said of servos: verdict, findings, errors, events, and the model that holds them.
+
+use std::collections::BTreeMap;
+
+use freeplay_arm::{ArmFile, EffectTable};
+use freeplay_recording::{Group, Recording};
+use freeplay_servo::{Problem, ServoArm, Sight, Track};
+use toml::Value;
+
+use super::compare::{simulated, unit};
+use super::events::{Event, What};
+use super::findings::{Finding, Numbers, WIDTH, known, named_from};
+use super::limits::lost;
+use super::parts::{Parts, Rows, rounding};
+use super::scores::{Deviations, deviations, errors, gain, rms};
+use crate::diagnose::{
+    DIAGNOSIS_SCHEMA, DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Location, Rmse, Verdict, odds,
+    phrase, statement,
+};
+
+/// Kinds of effects at joints that the findings stand in the place of.
+const REPLACED: [&str; 6] =
+    ["servo", "command_delay", "coulomb_friction", "viscous_friction", "stribeck_friction", "rotor_inertia"];
+/// A number of the given model that differs by less is the same: the tolerance of friction in data sheets.
+const SAME: f64 = 0.05;
+
+/// All that a conclusion rests on.
+pub struct Conclusion<'a> {
+    pub settings: &'a DiagnoseSettings,
+    pub recordings: &'a [Recording],
+    pub tracks: &'a [Track],
+    pub parts: &'a Parts,
+    /// The choice part, without what happened in it.
+    pub choice: &'a Problem<'a>,
+    pub sights: &'a [Sight],
+    pub numbers: Numbers<'a>,
+    /// Joints whose commands move.
+    pub moves: &'a [bool],
+    /// The model that was given has servos.
+    pub has_servos: bool,
+    /// What the model as given, a plain lag, filters without a name and the fitted servos leave.
+    pub before: Deviations,
+    pub lagged: Deviations,
+    pub filtered: Deviations,
+    pub after: Deviations,
+    pub events: Vec<Event>,
+}
+
+impl Conclusion<'_> {
+    /// The diagnosis of recordings that can't tell, because of `why`.
+    pub fn insufficient(file: &ArmFile, settings: &DiagnoseSettings, why: &str) -> Diagnosis {
+        Diagnosis {
+            schema: DIAGNOSIS_SCHEMA,
+            verdict: Verdict::InsufficientData,
+            statement: format!("These recordings can't tell: {why}."),
+            setup: Vec::new(),
+            location: Vec::new(),
+            effects: Vec::new(),
+            alternatives: Vec::new(),
+            fit: None,
+            next: vec![
+                "record a motion in which every joint moves, slowly and quickly, both ways".to_owned(),
+            ],
+            untestable: Vec::new(),
+            quality: Vec::new(),
+            evidence: Vec::new(),
+            maps: Vec::new(),
+            tuned: Vec::new(),
+            noise: BTreeMap::new(),
+            discrepancy: BTreeMap::new(),
+            seed: settings.seed,
+            passages: Vec::new(),
+            mapping: None,
+            model: file.clone(),
+        }
+    }
+
+    /// The diagnosis.
+    pub fn diagnosis(&self) -> Diagnosis {
+        let file = self.numbers.file;
+        let found = self.numbers.findings(self.moves);
+        let clean = self.clean_test();
+        let mut effects: Vec<Effect> = found
+            .iter()
+            .filter(|finding| finding.is_named && self.is_new(finding))
+            .map(|finding| (finding, self.evidence(finding)))
+            .filter(|(_, evidence)| *evidence > named_from(self.moves.len()))
+            .map(|(finding, evidence)| self.effect(finding, evidence, &clean))
+            .collect();
+        let mut model = file.clone();
+        let is_replaced = |table: &EffectTable| {
+            REPLACED.contains(&table.kind.as_str())
+                && table
+                    .joint
+                    .as_ref()
+                    .and_then(|name| file.arm.joint_index(name))
+                    .is_some_and(|at| self.moves[at])
+        };
+        model.effects.retain(|table| !is_replaced(table));
+        model.effects.extend(found.iter().map(|finding| finding.table.clone()));
+        let (happened, stops) = self.happenings();
+        effects.extend(happened);
+        for stop in stops {
+            let is_same = |table: &&mut EffectTable| table.kind == stop.kind && table.joint == stop.joint;
+            match model.effects.iter_mut().find(is_same) {
+                Some(known) => known.parameters.extend(stop.parameters),
+                None => model.effects.push(stop),
+            }
+        }
+        if !self.moves.iter().all(|moves| *moves) {
+            // A rollout needs a servo at each joint.
+            model.effects.extend(self.servos_of_joints_at_rest());
+        }
+        let base = Conclusion::insufficient(file, self.settings, "");
+        let fit = self.fit(&clean);
+        share_out(&mut effects, &fit);
+        let verdict = if effects.is_empty() { Verdict::NothingMissing } else { Verdict::Named };
+        Diagnosis {
+            verdict,
+            statement: self.statement(&effects, &clean),
+            location: self.location(&clean),
+            fit: Some(fit),
+            next: self.next(),
+            untestable: self.numbers.untestable(self.moves),
+            quality: self.quality(),
+            passages: self.passages(),
+            model,
+            effects,
+            ..base
+        }
+    }
+
+    /// Log-likelihood ratio of `finding` against nothing: by its own size in the fit part, and by what the choice part loses without it.
+    fn evidence(&self, finding: &Finding) -> f64 {
+        let fitted = self.numbers.fitted;
+        let of_choice = self.without(finding).map_or(0.0, |without| {
+            lost(self.choice, &without, &fitted.noise) - lost(self.choice, &fitted.model, &fitted.noise)
+        });
+        0.5 * finding.deviations.min(1e3).powi(2) + of_choice
+    }
+
+    /// Whether `finding` is not what the given model has already.
+    fn is_new(&self, finding: &Finding) -> bool {
+        let name = &self.numbers.file.arm.joints()[finding.joint].name;
+        let given = self.numbers.file.effects.iter();
+        let mut given =
+            given.filter(|table| table.kind == finding.kind.name && table.joint.as_ref() == Some(name));
+        let Some(table) = given.next() else { return true };
+        finding.parameters.iter().any(|(name, parameter)| {
+            let new = parameter.value.as_float().unwrap_or_default();
+            let old = table.parameters.get(name).and_then(Value::as_float).unwrap_or_default();
+            let is_near = (new - old).abs() <= SAME * new.abs().max(old.abs());
+            let wide = (2.0 * named_from(self.moves.len())).sqrt() / WIDTH;
+            let is_inside =
+                parameter.ci95.is_none_or(|[low, high]| (new - old).abs() <= 0.5 * wide * (high - low));
+            !is_near && !is_inside
+        })
+    }
+
+    /// The judging rows without what happened in them.
+    fn clean_test(&self) -> Vec<Rows> {
+        let mut parts = self.parts.test.clone();
+        for event in &self.events {
+            parts = parts
+                .into_iter()
+                .flat_map(|(index, rows)| {
+                    if index != event.recording {
+                        return vec![(index, rows)];
+                    }
+                    let before = rows.start..rows.end.min(event.rows.start);
+                    let after = rows.start.max(event.rows.end)..rows.end;
+                    [before, after]
+                        .into_iter()
+                        .filter(|rows| !rows.is_empty())
+                        .map(|rows| (index, rows))
+                        .collect()
+                })
+                .collect();
+        }
+        if parts.is_empty() { self.parts.test.clone() } else { parts }
+    }
+
+    fn effect(&self, finding: &Finding, evidence: f64, clean: &[Rows]) -> Effect {
+        let joint = Some(self.numbers.file.arm.joints()[finding.joint].name.clone());
+        let phrase = phrase(finding.kind, &finding.parameters);
+        let joints = [finding.joint];
+        let without = self.without(finding).map(|model| self.left_by(&model, clean));
+        let without = without.as_ref().unwrap_or(&self.before);
+        let gain = gain([without, &self.after], clean, &joints, self.tracks, self.settings.seed);
+        let square = |of: &Deviations| rms(of, clean, &joints).powi(2);
+        let mut statement = statement(&phrase, joint.as_deref());
+        if !finding.remark.is_empty() {
+            statement = format!("{statement} {}", finding.remark);
+        }
+        Effect {
+            kind: finding.kind.name,
+            joint,
+            parameters: finding.parameters.clone(),
+            equation: finding.kind.equation,
+            source: finding.kind.source,
+            evidence: Evidence {
+                log_odds: evidence,
+                odds: odds(evidence),
+                share: (square(without) - square(&self.after)).max(0.0),
+                held_out_gain: gain,
+                held_out: true,
+                channels: vec![Group::Position.column(finding.joint)],
+            },
+            phrase,
+            statement,
+        }
+    }
+
+    /// The model without `finding`, all else as it fits best then; `None` for the servo itself.
+    fn without(&self, finding: &Finding) -> Option<ServoArm> {
+        let (quantity, value) = finding.absent?;
+        let index = self.numbers.index(finding.joint, quantity)?;
+        Some(self.numbers.fitted.with(self.numbers.unknowns, index, value))
+    }
+
+    /// What `model` leaves of the recordings of `parts`.
+    fn left_by(&self, model: &ServoArm, parts: &[Rows]) -> Deviations {
+        let of_track = |(index, track): (usize, &Track)| {
+            let judges = parts.iter().any(|(judging, _)| *judging == index);
+            if judges { deviations(track, &simulated(model, track)) } else { Vec::new() }
+        };
+        self.tracks.iter().enumerate().map(of_track).collect()
+    }
+
+    pub(super) fn name_of(&self, recording: usize) -> String {
+        let origin = &self.recordings[recording].origin;
+        origin.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
+    }
+
+    pub(super) fn joints(&self) -> Vec<usize> {
+        (0..self.moves.len()).collect()
+    }
+
+    fn statement(&self, effects: &[Effect], clean: &[Rows]) -> String {
+        let joints = self.joints();
+        let of = |deviations: &Deviations| 1e3 * rms(deviations, clean, &joints);
+        let (before, lagged, after) = (of(&self.before), of(&self.lagged), of(&self.after));
+        let given = if self.has_servos { "the model as given" } else { "the command itself" };
+        let numbers = format!(
+            "On {} the measured positions are {after:.1} mrad rms off the simulated servos, {lagged:.1} off the command taken late, {before:.1} off {given}.",
+            self.parts.words
+        );
+        let lags: Vec<String> = self
+            .numbers
+            .file
+            .arm
+            .joints()
+            .iter()
+            .zip(self.sights)
+            .zip(self.moves)
+            .filter(|(_, moves)| **moves)
+            .map(|((joint, sight), _)| format!("{} {:.0} ms", joint.name, 1e3 * sight.lag))
+            .collect();
+        let lag = format!("Measured positions follow the commanded ones by: {}.", lags.join(", "));
+        if effects.is_empty() {
+            return format!("The servos of the model explain the recordings. {lag} {numbers}");
+        }
+        format!("{lag} {numbers} Named: {}.", summary(effects))
+    }
+
+    fn location(&self, clean: &[Rows]) -> Vec<Location> {
+        let all: f64 = self.joints().iter().map(|joint| rms(&self.before, clean, &[*joint]).powi(2)).sum();
+        let of_joint = |joint: usize| {
+            let square = rms(&self.before, clean, &[joint]).powi(2);
+            let when = self.events.iter().filter(|event| concerns(event, joint)).map(|event| {
+                format!("{:.1} to {:.1} s of {}", event.time[0], event.time[1], self.name_of(event.recording))
+            });
+            let when: Vec<String> = when.collect();
+            let place = if when.is_empty() {
+                format!("wherever it moves: {:.0} ms late", 1e3 * self.sights[joint].lag)
+            } else {
+                format!("wherever it moves, and off its servo from {}", when.join(", "))
+            };
+            Location {
+                joint: Some(self.numbers.file.arm.joints()[joint].name.clone()),
+                channels: vec![Group::Position.column(joint)],
+                share: if all > 0.0 { square / all } else { 0.0 },
+                when: place,
+                p: 0.0,
+            }
+        };
+        let mut locations: Vec<Location> =
+            self.joints().into_iter().filter(|joint| self.moves[*joint]).map(of_joint).collect();
+        locations.sort_by(|a, b| b.share.total_cmp(&a.share));
+        locations
+    }
+
+    fn fit(&self, clean: &[Rows]) -> Fit {
+        let joints = self.joints();
+        let floor =
+            |joint: usize| (Group::Position.column(joint), Rmse { rmse: rounding(self.sights[joint].tick) });
+        let gain_of =
+            |model: &Deviations| gain([&self.before, model], clean, &joints, self.tracks, self.settings.seed);
+        let without = if clean.len() > self.parts.test.len() { ", without contacts and stops" } else { "" };
+        Fit {
+            noise_floor: joints.iter().map(|joint| floor(*joint)).collect(),
+            before: errors(&self.before, clean),
+            after: errors(&self.after, clean),
+            retuned: errors(&self.lagged, clean),
+            after_as_given: errors(&self.after, clean),
+            black_box: errors(&self.filtered, clean),
+            held_out: true,
+            test: format!(
+                "{}{without} (re-tuned: the command taken late; unnamed: a linear filter of the commands; floor: rounding)",
+                self.parts.words
+            ),
+            gain: Some(gain_of(&self.after)),
+            black_box_gain: Some(gain_of(&self.filtered)),
+            units: joints
+                .iter()
+                .map(|joint| {
+                    (Group::Position.column(*joint), unit(self.numbers.file.arm.joints()[*joint].kind))
+                })
+                .collect(),
+        }
+    }
+
+    fn next(&self) -> Vec<String> {
+        let names: Vec<&str> = self
+            .joints()
+            .into_iter()
+            .filter(|joint| self.moves[*joint] && !self.numbers.is_known(*joint))
+            .map(|joint| self.numbers.file.arm.joints()[joint].name.as_str())
+            .collect();
+        let mut next = Vec::new();
+        if !names.is_empty() {
+            next.push(format!(
+                "to know the stiffness of {} in N·m/rad, hang a known weight on a lever there, or lay the arm on its side",
+                names.join(", ")
+            ));
+        }
+        next
+    }
+
+    fn quality(&self) -> Vec<String> {
+        let mut notes: Vec<String> = Vec::new();
+        for note in self.recordings.iter().flat_map(|recording| &recording.notes) {
+            if !notes.contains(note) {
+                notes.push(note.clone());
+            }
+        }
+        let fitted = self.numbers.fitted;
+        notes.push(format!(
+            "servos fitted in {} steps to simulations from the commanded positions; judged on {}",
+            fitted.steps, self.parts.words
+        ));
+        notes
+    }
+
+    /// Servos of the joints that never move, so that the model can be simulated: as the fit began with.
+    fn servos_of_joints_at_rest(&self) -> Vec<EffectTable> {
+        let file = self.numbers.file;
+        let has = |name: &str| {
+            file.effects.iter().any(|table| table.kind == "servo" && table.joint.as_deref() == Some(name))
+        };
+        let table = |joint: usize| {
+            let servo = &self.numbers.fitted.model.joints[joint];
+            let numbers = [("stiffness", servo.stiffness), ("damping", servo.damping)];
+            EffectTable {
+                kind: "servo".to_owned(),
+                joint: Some(file.arm.joints()[joint].name.clone()),
+                parameters: numbers.into_iter().map(|(name, x)| (name.to_owned(), Value::Float(x))).collect(),
+                line: 0,
+            }
+        };
+        let resting = self.joints().into_iter().filter(|joint| !self.moves[*joint]);
+        resting.filter(|joint| !has(&file.arm.joints()[*joint].name)).map(table).collect()
+    }
+}
+
+fn concerns(event: &Event, of: usize) -> bool {
+    match &event.what {
+        What::Stop { joint, .. } => *joint == of,
+        What::Contact { joints, .. } => joints.contains(&of),
+    }
+}
+
+/// The kinds found, with how often: `position servo at 5 joints, contact`.
+fn summary(effects: &[Effect]) -> String {
+    let mut counts: Vec<(&str, bool, usize)> = Vec::new();
+    for effect in effects {
+        match counts.iter_mut().find(|(kind, ..)| *kind == effect.kind) {
+            Some((.., count)) => *count += 1,
+            None => counts.push((effect.kind, effect.joint.is_some(), 1)),
+        }
+    }
+    let words = counts.into_iter().map(|(name, of_joint, count)| match (known(name).title, count) {
+        (title, 1) => title.to_owned(),
+        (title, count) if of_joint => format!("{title} at {count} joints"),
+        (title, count) => format!("{title} ({count} times)"),
+    });
+    words.collect::<Vec<_>>().join(", ")
+}
+
+/// Gives each of `effects` its share of the squares that are gone: of those of a channel, the effects that show there have parts as their own squares are, which
+/// [`Conclusion::effect`] left in their place.
+fn share_out(effects: &mut [Effect], fit: &Fit) {
+    let gone = |channel: &String| -> f64 {
+        let square =
+            |table: &BTreeMap<String, Rmse>| table.get(channel).map_or(0.0, |error| error.rmse.powi(2));
+        (square(&fit.before) - square(&fit.after)).max(0.0)
+    };
+    let all: f64 = fit.before.keys().map(gone).sum();
+    let mut whole: BTreeMap<String, f64> = BTreeMap::new();
+    for effect in &*effects {
+        for channel in &effect.evidence.channels {
+            *whole.entry(channel.clone()).or_default() += effect.evidence.share;
+        }
+    }
+    for effect in &mut *effects {
+        let own = effect.evidence.share;
+        let of_channel = |channel: &String| {
+            let whole = whole.get(channel).copied().unwrap_or_default();
+            if whole > 0.0 && all > 0.0 { gone(channel) * own / whole / all } else { 0.0 }
+        };
+        effect.evidence.share = effect.evidence.channels.iter().map(of_channel).sum();
+    }
+    effects.sort_by(|a, b| b.evidence.share.total_cmp(&a.evidence.share));
+}

@@ -1,0 +1,210 @@
+//! From recordings of commanded and measured positions to a diagnosis.
+
+use std::collections::BTreeSet;
+
+use freeplay_arm::ArmFile;
+use freeplay_recording::Recording;
+use freeplay_servo::{Fitted, Problem, ServoArm, Sight, Track, Unknown, first_model, sights, unknowns};
+
+use super::black_box::Filters;
+use super::compare::{late, simulated};
+use super::conclude::Conclusion;
+use super::events::{Event, Judging};
+use super::findings::Numbers;
+use super::limits::add_limits;
+use super::parts::{Parts, Rows, problem};
+use super::scores::{Deviations, deviations};
+use super::tracks::{for_fit, for_lags, track};
+use crate::diagnose::{DiagnoseError, DiagnoseSettings, Diagnosis};
+
+/// Rounds in which a fit and the contacts and stops that it leaves out agree: the first fit knows none, the second those that it could not bend to.
+const ROUNDS: usize = 2;
+/// Fewest rows that judge.
+const FEWEST: usize = 10;
+
+/// Finds the servos of the arm of `file` in `recordings` of commanded and measured positions.
+///
+/// # Errors
+/// [`DiagnoseError::Law`]: the effects of `file` can't be taken.
+pub fn diagnose(
+    file: &ArmFile,
+    recordings: &[Recording],
+    settings: &DiagnoseSettings,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, DiagnoseError> {
+    progress("measuring by how much positions follow their commands");
+    let whole: Vec<Track> = recordings.iter().map(track).collect();
+    let few: Vec<Track> = whole.iter().map(for_lags).collect();
+    let seen = sights(&file.arm, &few);
+    let tracks: Vec<Track> = whole.iter().map(|track| for_fit(track, quickest(&seen))).collect();
+    drop((whole, few));
+    let given = ServoArm::of(file)?;
+    let parts = Parts::of(recordings, &tracks);
+    let moves: Vec<bool> = (0..file.arm.dof()).map(|joint| moves(&tracks, &parts.fit, joint)).collect();
+    if !moves.contains(&true) {
+        return Ok(Conclusion::insufficient(file, settings, "no joint is commanded to move"));
+    }
+    let fit = problem(&tracks, &parts.fit, &seen);
+    if fit.windows.is_empty() || parts.test.iter().all(|(_, rows)| rows.len() < FEWEST) {
+        return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
+    }
+    let arm = given.as_ref().map_or(&file.arm, |given| &given.arm);
+    let (first, _) = first_model(arm, &fit);
+    let first = nearest(&fit, first, given.as_ref());
+    let believed = unknowns(&seen, &first, settings.tolerances.zero);
+    let mut believed: Vec<Unknown> = believed.into_iter().filter(|unknown| moves[unknown.joint]).collect();
+    let begun = fit.begin(&first, &believed, &mut |step, _| {
+        progress(&format!("fitting the servos to a few of the windows, step {step}"));
+    });
+    let is_known = |fitted: &Fitted| {
+        let numbers = Numbers {
+            file,
+            fitted,
+            unknowns: &believed,
+            sights: &seen,
+            friction: settings.tolerances.friction,
+        };
+        (0..moves.len()).map(|joint| numbers.is_known(joint)).collect::<Vec<bool>>()
+    };
+    // What happened to the arm in the fit's recordings is no servo's: the fit goes on without it.
+    let seen_by_fit: BTreeSet<usize> =
+        parts.fit.iter().chain(&parts.choice).map(|(index, _)| *index).collect();
+    let happened = |fitted: &Fitted| -> Vec<Event> {
+        let simulated = deviations_of(&fitted.model, &tracks);
+        let events = events(&tracks, fitted, &is_known(fitted), &seen, &simulated);
+        events.into_iter().filter(|event| seen_by_fit.contains(&event.recording)).collect()
+    };
+    let mut fitted = begun;
+    let mut undisturbed = tracks.clone();
+    for round in 1..=ROUNDS {
+        progress("looking for contacts and stops");
+        let others = without(&tracks, &happened(&fitted));
+        if round > 1 && others.iter().zip(&undisturbed).all(|(other, one)| is_same(other, one)) {
+            break;
+        }
+        undisturbed = others;
+        fitted = problem(&undisturbed, &parts.fit, &seen).fit(&fitted.model, &believed, &mut |step, _| {
+            progress(&format!("fitting the servos by simulating the recordings, step {round}.{step}"));
+        });
+    }
+    let [fit, choice] = [&parts.fit, &parts.choice].map(|part| problem(&undisturbed, part, &seen));
+    progress("asking whether a servo has limits");
+    let fitted = add_limits([&fit, &choice], &seen, &mut believed, fitted, progress);
+    progress("judging on what no step has seen");
+    let numbers = Numbers {
+        file,
+        fitted: &fitted,
+        unknowns: &believed,
+        sights: &seen,
+        friction: settings.tolerances.friction,
+    };
+    let is_known: Vec<bool> = (0..moves.len()).map(|joint| numbers.is_known(joint)).collect();
+    let rival = rivals(&parts.fit, &tracks, &seen);
+    let simulated = deviations_of(&fitted.model, &tracks);
+    let events = events(&tracks, &fitted, &is_known, &seen, &simulated);
+    let before = match &given {
+        Some(given) => deviations_of(given, &tracks),
+        None => tracks.iter().map(|track| deviations(track, &late(track, &vec![0.0; moves.len()]))).collect(),
+    };
+    let conclusion = Conclusion {
+        settings,
+        recordings,
+        tracks: &tracks,
+        parts: &parts,
+        choice: &choice,
+        sights: &seen,
+        numbers,
+        moves: &moves,
+        has_servos: given.is_some(),
+        before,
+        lagged: rival.0,
+        filtered: rival.1,
+        after: simulated,
+        events,
+    };
+    Ok(conclusion.diagnosis())
+}
+
+/// The least lag of a joint that follows later than its encoder's rounding hides, s.
+fn quickest(sights: &[Sight]) -> f64 {
+    let late = sights.iter().filter(|sight| sight.error > sight.tick && sight.lag > 0.0);
+    late.map(|sight| sight.lag).fold(f64::INFINITY, f64::min)
+}
+
+/// Whether the command of `joint` moves in `parts`.
+fn moves(tracks: &[Track], parts: &[Rows], joint: usize) -> bool {
+    parts.iter().any(|(index, rows)| {
+        let track = &tracks[*index];
+        let first = track.commands[joint].held(track.stamps[rows.start]);
+        rows.clone().any(|row| track.commands[joint].held(track.stamps[row]) != first)
+    })
+}
+
+/// Of `first` and the model that was given the one that is nearer to the fit's part; the stops that are known hold in both.
+fn nearest(fit: &Problem, mut first: ServoArm, given: Option<&ServoArm>) -> ServoArm {
+    let Some(given) = given else { return first };
+    first.joints.iter_mut().zip(&given.joints).for_each(|(first, given)| first.stops = given.stops);
+    let residuals = [&first, given].map(|model| fit.residuals(model));
+    let noise = freeplay_servo::Noise::of(&residuals[0], &fit.rounding);
+    let [of_first, of_given] = residuals.map(|residuals| fit.losses(&residuals, &noise).iter().sum::<f64>());
+    if of_given < of_first { given.clone() } else { first }
+}
+
+/// Measured minus simulated positions of all recordings.
+fn deviations_of(model: &ServoArm, tracks: &[Track]) -> Deviations {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    freeplay_servo::each(tracks.len(), threads, |index| {
+        deviations(&tracks[index], &simulated(model, &tracks[index]))
+    })
+}
+
+/// What plain lags and filters without a name leave.
+fn rivals(fit: &[Rows], tracks: &[Track], sights: &[Sight]) -> (Deviations, Deviations) {
+    let lags: Vec<f64> = sights.iter().map(|sight| sight.lag).collect();
+    let filters = Filters::fit(tracks, fit, &lags);
+    let lagged = tracks.iter().map(|track| deviations(track, &late(track, &lags)));
+    let filtered = tracks.iter().map(|track| {
+        let column = |joint: usize| {
+            (0..track.stamps.len()).map(|row| filters.position(track, joint, row)).collect::<Vec<f64>>()
+        };
+        deviations(track, &(0..lags.len()).map(column).collect::<Vec<_>>())
+    });
+    (lagged.collect(), filtered.collect())
+}
+
+/// The events of all recordings under the fitted model.
+fn events(
+    tracks: &[Track],
+    fitted: &Fitted,
+    is_known: &[bool],
+    sights: &[Sight],
+    simulated: &Deviations,
+) -> Vec<Event> {
+    let ticks: Vec<f64> = sights.iter().map(|sight| sight.tick).collect();
+    let judging = Judging { model: &fitted.model, noise: &fitted.noise, is_known, ticks: &ticks, tracks };
+    let of_recording = |(index, columns): (usize, &Vec<Vec<f64>>)| {
+        let rows = 0..tracks[index].stamps.len();
+        let residual: Vec<f64> =
+            rows.clone().flat_map(|row| columns.iter().map(move |column| column[row])).collect();
+        judging.events(index, &rows, &residual)
+    };
+    simulated.iter().enumerate().flat_map(of_recording).collect()
+}
+
+/// Whether the same rows of two tracks were measured.
+fn is_same(a: &Track, b: &Track) -> bool {
+    let rows = |track: &Track| track.measured.iter().flatten().map(|q| q.is_finite()).collect::<Vec<bool>>();
+    rows(a) == rows(b)
+}
+
+/// `tracks` without what was measured during `events`.
+fn without(tracks: &[Track], events: &[Event]) -> Vec<Track> {
+    let mut tracks = tracks.to_vec();
+    for event in events {
+        tracks[event.recording]
+            .measured
+            .iter_mut()
+            .for_each(|column| column[event.rows.clone()].fill(f64::NAN));
+    }
+    tracks
+}

@@ -1,0 +1,237 @@
+//! What happens to an arm that no servo explains: a stop at the end of a joint, contact with something. Both show as a steady deviation for a while.
+
+use std::ops::Range;
+
+use freeplay_arm::{Workspace, forward_kinematics, gravity_torque, jacobian};
+use freeplay_servo::{Noise, ServoArm, Track};
+use nalgebra::{DMatrix, DVector};
+
+/// Time over which deviations are averaged, s: longer than a servo's lag, so that what a fit misses of quick motion averages out.
+const STEADY: f64 = 0.5;
+/// A steady deviation of so many sizes of the noise is none of the servo's: Student's t by which the noise is weighed passes that in one row of 2000, and the mean of
+/// half a second far more rarely.
+const BEYOND: f64 = 10.0;
+/// At a stop a joint gives by less than this share of what it is held off: it is stiff against the servo.
+const GIVES: f64 = 0.25;
+
+/// Something that happened to the arm.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// Index of the recording.
+    pub recording: usize,
+    /// Its rows.
+    pub rows: Range<usize>,
+    /// From when to when, s.
+    pub time: [f64; 2],
+    /// What it is.
+    pub what: What,
+}
+
+/// What an event is.
+#[derive(Clone, Debug, PartialEq)]
+pub enum What {
+    /// The joint rests at the end of all that it reaches, at a position in rad (m), above (else below) which it can't go.
+    Stop {
+        /// Index of the joint.
+        joint: usize,
+        /// Where.
+        position: f64,
+        /// The stop is above.
+        is_above: bool,
+    },
+    /// The arm touches something.
+    Contact {
+        /// Joints that are off.
+        joints: Vec<usize>,
+        /// Mean position of the tool, base frame, m.
+        point: [f64; 3],
+        /// Mean force on the tool, base frame, N, where the servos' stiffness is known.
+        force: Option<[f64; 3]>,
+    },
+}
+
+/// A deviation that lasts is mostly its own mean: that makes at least this share of its root mean square. Quick motion that a model misses turns about.
+const LASTS: f64 = 0.5;
+
+/// Mean and root mean square of each column of `values`, `[row][column]` on rows of `stamps`, over [`STEADY`] about each row.
+fn steady(stamps: &[f64], values: &[f64], columns: usize) -> Vec<Vec<[f64; 2]>> {
+    let of_column = |column: usize| {
+        let r = values.iter().skip(column).step_by(columns).map(|r| if r.is_nan() { 0.0 } else { *r });
+        let mut sums = vec![[0.0, 0.0]];
+        let mut sum = [0.0, 0.0];
+        sums.extend(r.map(|r| {
+            sum = [sum[0] + r, sum[1] + r * r];
+            sum
+        }));
+        let (mut from, mut to) = (0, 0);
+        stamps
+            .iter()
+            .map(|t| {
+                while stamps[from] < t - 0.5 * STEADY {
+                    from += 1;
+                }
+                while to < stamps.len() && stamps[to] <= t + 0.5 * STEADY {
+                    to += 1;
+                }
+                let [mean, square] = [0, 1].map(|of| (sums[to][of] - sums[from][of]) / (to - from) as f64);
+                [mean, square.max(0.0).sqrt()]
+            })
+            .collect()
+    };
+    (0..columns).map(of_column).collect()
+}
+
+/// What the events of a recording are judged by.
+pub struct Judging<'a> {
+    /// The fitted model.
+    pub model: &'a ServoArm,
+    /// What it usually leaves.
+    pub noise: &'a Noise,
+    /// Whether the stiffness of each joint is known.
+    pub is_known: &'a [bool],
+    /// Step of each encoder, rad (m).
+    pub ticks: &'a [f64],
+    /// All recordings.
+    pub tracks: &'a [Track],
+}
+
+impl Judging<'_> {
+    /// The events of the recording number `index`, whose deviations from the start of `rows` on are `residual`.
+    pub fn events(&self, index: usize, rows: &Range<usize>, residual: &[f64]) -> Vec<Event> {
+        let track = &self.tracks[index];
+        let joints = self.model.joints.len();
+        let steady = steady(&track.stamps[rows.clone()], residual, joints);
+        let held = self::steady(&track.stamps[rows.clone()], &self.held_off(track, rows), joints);
+        let is_off = |joint: usize, row: usize| {
+            let [mean, rms] = steady[joint][row];
+            mean.abs() > (BEYOND * self.noise.size[joint]).max(LASTS * rms)
+        };
+        let is_held = |joint: usize, row: usize| {
+            let servo = &self.model.joints[joint];
+            let friction = (servo.coulomb + servo.stiction) / servo.stiffness;
+            held[joint][row][0].abs() > friction + self.noise.size[joint]
+        };
+        let any = |row: usize| (0..joints).any(|joint| is_off(joint, row));
+        let mut events = Vec::new();
+        let mut row = 0;
+        while row < rows.len() {
+            if !any(row) {
+                row += 1;
+                continue;
+            }
+            let begin = row;
+            let mut last = row;
+            // Deviations that pause for less than the time of the mean are one event.
+            while row < rows.len()
+                && track.stamps[rows.start + row] - track.stamps[rows.start + last] <= STEADY
+            {
+                if any(row) {
+                    last = row;
+                }
+                row += 1;
+            }
+            let is_in_it =
+                |joint: &usize| (begin..=last).any(|row| is_off(*joint, row) && is_held(*joint, row));
+            let off: Vec<usize> = (0..joints).filter(is_in_it).collect();
+            let of_event = rows.start + begin..rows.start + last + 1;
+            let time = [track.stamps[of_event.start], track.stamps[of_event.end - 1]];
+            if off.is_empty() || time[1] - time[0] < STEADY {
+                continue;
+            }
+            let from = (of_event.start - rows.start) * joints..(of_event.end - rows.start) * joints;
+            let what = self.stop(track, &of_event, &off, &residual[from.clone()]);
+            let what = what.unwrap_or_else(|| self.contact(track, &of_event, off, &residual[from]));
+            events.push(Event { recording: index, rows: of_event, time, what });
+        }
+        events
+    }
+
+    /// By how much each joint is held off where its servo and its load would have it, `[row][joint]`, rad (m): friction may do that up to its amount over the
+    /// stiffness, and where in that band a joint rests depends on all that was before. What is beyond needs another cause.
+    fn held_off(&self, track: &Track, rows: &Range<usize>) -> Vec<f64> {
+        let arm = &self.model.arm;
+        let mut workspace = Workspace::new(arm);
+        let (mut q, mut load) = (vec![0.0; arm.dof()], vec![0.0; arm.dof()]);
+        let mut all = Vec::with_capacity(rows.len() * arm.dof());
+        for row in rows.clone() {
+            (0..arm.dof()).for_each(|joint| q[joint] = track.measured[joint][row]);
+            gravity_torque(arm, &mut workspace, &q, &mut load);
+            let (before, after) = (row.saturating_sub(1), (row + 1).min(track.stamps.len() - 1));
+            let span = track.stamps[after] - track.stamps[before];
+            all.extend(self.model.joints.iter().enumerate().map(|(joint, servo)| {
+                let v = (track.measured[joint][after] - track.measured[joint][before]) / span;
+                let error = track.commands[joint].at(servo, track.stamps[row]) - q[joint];
+                (servo.torque(error, v) - load[joint]) / servo.stiffness
+            }));
+        }
+        all
+    }
+
+    /// The stop that the joint that is far more off than all others rests at, in the middle half of the event: at its ends the mean sees the motion, too.
+    fn stop(&self, track: &Track, rows: &Range<usize>, off: &[usize], residual: &[f64]) -> Option<What> {
+        let quarter = rows.len() / 4;
+        let middle = quarter..rows.len() - quarter;
+        let joints = self.model.joints.len();
+        let mean_of = |joint: usize| {
+            let r = middle.clone().map(|row| residual[row * joints + joint]).filter(|r| r.is_finite());
+            (r.sum::<f64>() / middle.len().max(1) as f64).abs()
+        };
+        let joint = off.iter().copied().max_by(|a, b| mean_of(*a).total_cmp(&mean_of(*b)))?;
+        // Others are off as far as the load that the stop takes over was theirs.
+        if off.iter().any(|other| *other != joint && mean_of(*other) > GIVES * mean_of(joint)) {
+            return None;
+        }
+        let deviation = |row: usize| residual[row * joints + joint];
+        let inside: Vec<(f64, f64)> = middle
+            .clone()
+            .map(|row| (track.measured[joint][rows.start + row], deviation(row)))
+            .filter(|(q, r)| q.is_finite() && r.is_finite())
+            .collect();
+        let mean = inside.iter().map(|(_, r)| r).sum::<f64>() / inside.len().max(1) as f64;
+        // The measured position stays below what is simulated: the stop is above.
+        let is_above = mean < 0.0;
+        let outwards = |q: f64| if is_above { q } else { -q };
+        let most = |all: &mut dyn Iterator<Item = f64>| all.map(outwards).fold(f64::NEG_INFINITY, f64::max);
+        let end = most(&mut inside.iter().map(|(q, _)| *q));
+        let begin = inside.iter().map(|(q, _)| outwards(*q)).fold(f64::INFINITY, f64::min);
+        let rests = end - begin <= GIVES * mean.abs() + self.ticks[joint];
+        let columns = self.tracks.iter().flat_map(|track| track.measured[joint].iter().copied());
+        let is_end = most(&mut columns.filter(|q| q.is_finite())) <= end + GIVES * mean.abs();
+        (rests && is_end).then_some(What::Stop { joint, position: outwards(end), is_above })
+    }
+
+    /// A contact that leaves the deviations `residual`: what the servos of the joints give against it is Jᵀ f.
+    fn contact(&self, track: &Track, rows: &Range<usize>, joints: Vec<usize>, residual: &[f64]) -> What {
+        let arm = &self.model.arm;
+        let n = arm.dof();
+        let mut workspace = Workspace::new(arm);
+        let mut jacobian_here = DMatrix::zeros(6, n);
+        let (mut normal, mut right) = (DMatrix::zeros(3, 3), DVector::zeros(3));
+        let (mut point, mut count) = ([0.0; 3], 0.0);
+        for (offset, row) in rows.clone().enumerate() {
+            let q: Vec<f64> = (0..n).map(|joint| track.measured[joint][row]).collect();
+            let r = &residual[offset * n..(offset + 1) * n];
+            if q.iter().chain(r).any(|x| x.is_nan()) {
+                continue;
+            }
+            let tool = forward_kinematics(arm, &mut workspace, &q).translation.vector;
+            (0..3).for_each(|axis| point[axis] += tool[axis]);
+            count += 1.0;
+            jacobian(arm, &mut workspace, &q, &mut jacobian_here);
+            let columns = jacobian_here.rows(0, 3);
+            let torque = |joint: usize| self.model.joints[joint].stiffness * r[joint];
+            for joint in (0..n).filter(|joint| self.is_known[*joint]) {
+                normal += columns.column(joint) * columns.column(joint).transpose();
+                right += columns.column(joint) * torque(joint);
+            }
+        }
+        let force = normal.clone().try_inverse().map(|inverse| inverse * right);
+        let is_told = joints.iter().all(|joint| self.is_known[*joint]);
+        let force = force.filter(|force| is_told && force.iter().all(|f| f.is_finite()));
+        What::Contact {
+            joints,
+            point: point.map(|sum: f64| sum / f64::max(count, 1.0)),
+            force: force.map(|force| [force[0], force[1], force[2]]),
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! What a fit says of each joint, as effects of the catalogue with intervals, and as tables of an arm file.
+
+use std::collections::BTreeMap;
+
+use freeplay_arm::{ArmFile, EffectTable, Joint, JointKind};
+use freeplay_laws::{Kind, kind};
+use freeplay_servo::{Fitted, JointServo, Quantity, Sight, Unknown};
+use toml::{Table, Value};
+
+use crate::diagnose::{Parameter, Untestable};
+
+/// Half width of a 95 % interval over its standard deviation.
+pub const WIDTH: f64 = 1.96;
+/// Deviation of the logarithm of a stiffness beyond which only ratios to it are said: its interval holds its half and its double.
+const UNKNOWN: f64 = std::f64::consts::LN_2 / WIDTH;
+
+/// Log odds that a name needs: 20 to 1.
+const NAMED: f64 = 3.0;
+/// Kinds that are looked for at each joint.
+const KINDS: f64 = 4.0;
+
+/// Log-likelihood ratio that a name needs at `joints` joints: what 20 to 1 takes after as many looks.
+pub fn named_from(joints: usize) -> f64 {
+    NAMED + (KINDS * joints as f64).ln()
+}
+
+/// One effect of a joint.
+pub struct Finding {
+    /// Its kind.
+    pub kind: &'static Kind,
+    /// Index of the joint.
+    pub joint: usize,
+    /// Its numbers.
+    pub parameters: BTreeMap<String, Parameter>,
+    /// The same as a table of an arm file.
+    pub table: EffectTable,
+    /// By how many standard deviations the data tell it from nothing.
+    pub deviations: f64,
+    /// Whether the data tell it from nothing and it is beyond the tolerance of the model: else it is a number of the model alone.
+    pub is_named: bool,
+    /// What stands beside its numbers, a sentence; empty if nothing.
+    pub remark: String,
+    /// The number that the arm has without it; none for the servo, without which a command stands for the position.
+    pub absent: Option<(Quantity, f64)>,
+}
+
+/// The numbers of a fit, joint by joint.
+pub struct Numbers<'a> {
+    /// The file that was given.
+    pub file: &'a ArmFile,
+    /// The fit.
+    pub fitted: &'a Fitted,
+    /// Its unknowns.
+    pub unknowns: &'a [Unknown],
+    /// What the recordings say of each joint before.
+    pub sights: &'a [Sight],
+    /// Deviation of nominal friction, as a share of it.
+    pub friction: f64,
+}
+
+impl Numbers<'_> {
+    /// Index of the unknown `quantity` of `joint`.
+    pub fn index(&self, joint: usize, quantity: Quantity) -> Option<usize> {
+        self.unknowns.iter().position(|one| one.joint == joint && one.quantity == quantity)
+    }
+
+    fn of(&self, joint: usize, quantity: Quantity) -> Option<(f64, f64)> {
+        self.index(joint, quantity).map(|at| self.fitted.values[at])
+    }
+
+    /// Standard deviations from nothing that a name needs: ½ z² is the ratio.
+    fn named_from(&self) -> f64 {
+        (2.0 * named_from(self.file.arm.dof())).sqrt()
+    }
+
+    fn joint(&self, joint: usize) -> &Joint {
+        &self.file.arm.joints()[joint]
+    }
+
+    fn servo(&self, joint: usize) -> &JointServo {
+        &self.fitted.model.joints[joint]
+    }
+
+    /// Deviation of the logarithm of the stiffness of `joint`.
+    fn stiffness_deviation(&self, joint: usize) -> f64 {
+        self.of(joint, Quantity::Stiffness).map_or(f64::INFINITY, |(_, deviation)| deviation)
+    }
+
+    /// Whether the load told the stiffness of `joint`.
+    pub fn is_known(&self, joint: usize) -> bool {
+        self.sights[joint].stiffness.is_some() && self.stiffness_deviation(joint) < UNKNOWN
+    }
+
+    /// The findings of all joints that move.
+    pub fn findings(&self, moves: &[bool]) -> Vec<Finding> {
+        let of_joint = |joint: usize| {
+            let mut findings = vec![self.servo_of(joint)];
+            findings.extend(self.friction(joint, Quantity::Coulomb, "coulomb_friction", "coulomb"));
+            findings.extend(self.friction(joint, Quantity::Stiction, "stribeck_friction", "extra"));
+            findings.extend(self.friction(joint, Quantity::Rotor, "rotor_inertia", "inertia"));
+            findings.extend(self.delay(joint));
+            findings
+        };
+        (0..moves.len()).filter(|joint| moves[*joint]).flat_map(of_joint).collect()
+    }
+
+    fn servo_of(&self, joint: usize) -> Finding {
+        let servo = self.servo(joint);
+        let of_log = self.stiffness_deviation(joint);
+        let is_known = self.is_known(joint);
+        let mut numbers =
+            vec![("stiffness", servo.stiffness, is_known.then(|| around_log(servo.stiffness, of_log)))];
+        // The joint's own viscous friction is the model's already.
+        let viscous = self.joint(joint).friction.viscous;
+        let interval = self.absolute(joint, Quantity::Lag).map(|ends| ends.map(|end| end - viscous));
+        numbers.push(("damping", (servo.damping - viscous).max(0.0), interval));
+        if let Some((_, deviation)) = self.of(joint, Quantity::Deadband) {
+            numbers.push(("deadband", servo.deadband, Some(around(servo.deadband, deviation))));
+        }
+        if let Some((_, deviation)) = self.of(joint, Quantity::TorqueLimit) {
+            let deviation = deviation.hypot(of_log);
+            let interval = is_known.then(|| around_log(servo.torque_limit, deviation));
+            numbers.push(("torque_limit", servo.torque_limit, interval));
+        }
+        if let Some((_, deviation)) = self.of(joint, Quantity::SpeedLimit) {
+            numbers.push(("speed_limit", servo.speed_limit, Some(around_log(servo.speed_limit, deviation))));
+        }
+        if let Some((offset, deviation)) = self.of(joint, Quantity::Offset) {
+            numbers.push(("offset", offset, Some(around(offset, deviation))));
+        }
+        let lag = self.of(joint, Quantity::Lag).unwrap_or_default();
+        let name = &self.joint(joint).name;
+        let (lag_ms, half_ms) = (lag.0 * 1e3, WIDTH * lag.1 * 1e3);
+        let remark = if is_known {
+            let droop = distance(self.joint(joint).kind, 1.0 / servo.stiffness, None);
+            let unit = if self.joint(joint).kind == JointKind::Revolute { "N·m" } else { "N" };
+            format!(
+                "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late, beside the delay of its commands; a load of 1 {unit} lets it droop by {droop}."
+            )
+        } else {
+            format!(
+                "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late. No load tells its stiffness: only ratios to it are known, and the numbers in N·m rest on the one assumed."
+            )
+        };
+        self.finding("servo", joint, numbers, f64::INFINITY, remark)
+    }
+
+    /// Interval of `ratio` times stiffness, where the stiffness is known.
+    fn absolute(&self, joint: usize, quantity: Quantity) -> Option<[f64; 2]> {
+        let (ratio, deviation) = self.of(joint, quantity)?;
+        let stiffness = self.servo(joint).stiffness;
+        let spread = (deviation * stiffness).hypot(ratio * stiffness * self.stiffness_deviation(joint));
+        self.is_known(joint).then(|| around(ratio * stiffness, spread))
+    }
+
+    /// What is a ratio to the stiffness, if the data tell it from nothing.
+    fn friction(
+        &self,
+        joint: usize,
+        quantity: Quantity,
+        name: &'static str,
+        number: &'static str,
+    ) -> Option<Finding> {
+        let (ratio, deviation) = self.of(joint, quantity)?;
+        let servo = self.servo(joint);
+        let nominal = if quantity == Quantity::Coulomb { self.joint(joint).friction.coulomb } else { 0.0 };
+        // What the model has already counts in N·m: where no load tells the stiffness, nothing beside it is known.
+        let expected = nominal / servo.stiffness;
+        let of_model = |share: f64| if expected > 0.0 { expected * share } else { 0.0 };
+        let of_nominal = of_model(self.friction.hypot(self.stiffness_deviation(joint)));
+        let deviations = (ratio - expected).abs() / deviation.hypot(of_nominal);
+        let is_named = deviations > self.named_from();
+        if !is_named && nominal == 0.0 {
+            return None;
+        }
+        let value = ratio * servo.stiffness - nominal;
+        let interval = self.absolute(joint, quantity).map(|interval| interval.map(|end| end - nominal));
+        let mut numbers = vec![(number, value, interval)];
+        if quantity == Quantity::Stiction {
+            numbers.push(("velocity", servo.stribeck_velocity, None));
+        }
+        let joint_name = &self.joint(joint).name;
+        let remark = match quantity {
+            Quantity::Coulomb | Quantity::Stiction => {
+                let what = if quantity == Quantity::Coulomb { "holds" } else { "holds at rest" };
+                let off = distance(self.joint(joint).kind, ratio, Some(WIDTH * deviation));
+                format!("It {what} {joint_name} up to {off} off where its servo would have it.")
+            }
+            _ => String::new(),
+        };
+        let finding = self.finding(name, joint, numbers, deviations, remark);
+        Some(Finding { is_named, absent: Some((quantity, expected)), ..finding })
+    }
+
+    fn delay(&self, joint: usize) -> Option<Finding> {
+        let (delay, deviation) = self.of(joint, Quantity::Delay)?;
+        (delay > self.named_from() * deviation).then(|| {
+            let numbers = vec![("delay", delay, Some(around(delay, deviation)))];
+            let finding = self.finding("command_delay", joint, numbers, delay / deviation, String::new());
+            Finding { absent: Some((Quantity::Delay, 0.0)), ..finding }
+        })
+    }
+
+    fn finding(
+        &self,
+        name: &'static str,
+        joint: usize,
+        numbers: Vec<(&'static str, f64, Option<[f64; 2]>)>,
+        deviations: f64,
+        remark: String,
+    ) -> Finding {
+        let kind = known(name);
+        let at = self.joint(joint);
+        let table: Table =
+            numbers.iter().map(|(name, value, _)| ((*name).to_owned(), Value::Float(*value))).collect();
+        let parameter = |(name, value, ci95): (&'static str, f64, Option<[f64; 2]>)| {
+            let unit = kind.unit(name, Some(at)).to_owned();
+            (name.to_owned(), Parameter { value: Value::Float(value), unit, ci95 })
+        };
+        Finding {
+            kind,
+            joint,
+            parameters: numbers.into_iter().map(parameter).collect(),
+            table: EffectTable {
+                kind: name.to_owned(),
+                joint: Some(at.name.clone()),
+                parameters: table,
+                line: 0,
+            },
+            deviations,
+            is_named: true,
+            remark,
+            absent: None,
+        }
+    }
+
+    /// What these recordings can't show of the joints: those that rest, and stiffnesses without a load.
+    pub fn untestable(&self, moves: &[bool]) -> Vec<Untestable> {
+        let lack = |joint: usize| {
+            let name = &self.joint(joint).name;
+            if !moves[joint] {
+                return Some(format!("{name} is never commanded to move"));
+            }
+            (!self.is_known(joint)).then(|| {
+                format!(
+                    "no load on {name} changes: only ratios to its servo's stiffness can be known, not N·m"
+                )
+            })
+        };
+        let of_joint = |joint: usize| {
+            lack(joint).map(|because| Untestable {
+                kind: "servo",
+                joint: Some(self.joint(joint).name.clone()),
+                because,
+            })
+        };
+        let mut all: Vec<Untestable> = (0..moves.len()).filter_map(of_joint).collect();
+        let arm = [
+            (
+                "viscous_friction",
+                "from commanded and measured positions alone viscous friction can't be told from the servo's own damping: both are in `damping`",
+            ),
+            (
+                "payload",
+                "without torques a payload can't be told from softer servos, unless the model knows their stiffness",
+            ),
+            ("joint_elasticity", "what gives behind the encoder needs the tool or the link's encoder"),
+            ("backlash", "what is loose behind the encoder needs the tool or the link's encoder"),
+        ];
+        all.extend(arm.map(|(kind, because)| Untestable { kind, joint: None, because: because.to_owned() }));
+        all
+    }
+}
+
+/// A distance of a joint of `kind`, rad (m), with the half of its interval: `37.2 ± 1.3 mrad (2.1°)`, or in mm.
+fn distance(kind: JointKind, value: f64, half: Option<f64>) -> String {
+    let (unit, degrees) = match kind {
+        JointKind::Revolute => ("mrad", format!(" ({:.1}°)", value.to_degrees())),
+        JointKind::Prismatic => ("mm", String::new()),
+    };
+    let half = half.map_or_else(String::new, |half| format!(" ± {:.1}", half * 1e3));
+    format!("{:.1}{half} {unit}{degrees}", value * 1e3)
+}
+
+/// The entry called `name`.
+pub fn known(name: &str) -> &'static Kind {
+    kind(name).unwrap_or(freeplay_laws::COMMANDED[0])
+}
+
+fn around(value: f64, deviation: f64) -> [f64; 2] {
+    [value - WIDTH * deviation, value + WIDTH * deviation]
+}
+
+fn around_log(value: f64, deviation: f64) -> [f64; 2] {
+    [value * (-WIDTH * deviation).exp(), value * (WIDTH * deviation).exp()]
+}

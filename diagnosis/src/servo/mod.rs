@@ -1,0 +1,27 @@
+//! Commanded against measured positions: the servos of an arm, where a recording has nothing else. The files in the order in which data passes through them:
+//!
+//! - `tracks`: recordings as rollouts take them.
+//! - `compare`: measured positions against those simulated from the commands.
+//! - `parts`: what is fitted, what chooses and what judges.
+//! - `limits`: limits and dead bands, weighed one by one; the fit itself is in the crate `freeplay-servo`.
+//! - `black_box`: filters without a name, to be beaten.
+//! - `scores`: errors on what no step has seen.
+//! - `events`: stops and contacts, which no servo explains.
+//! - `findings`: the numbers as effects; `happenings`: events as effects; `passages`: rows for pictures; `conclude`: what is said; `diagnose`: all of it.
+
+mod black_box;
+mod compare;
+mod conclude;
+mod diagnose;
+mod events;
+mod findings;
+mod happenings;
+mod limits;
+mod parts;
+mod passages;
+mod scores;
+mod tracks;
+
+pub use compare::compare_commands;
+pub use diagnose::diagnose;
+pub use tracks::commands_alone;

@@ -1,0 +1,95 @@
+//! Errors on the part that judges: of the model as given, of a plain lag, of filters without a name and of the servos found.
+
+use std::collections::BTreeMap;
+
+use freeplay_recording::Group;
+use freeplay_servo::Track;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::parts::Rows;
+use super::tracks::median_step;
+use crate::diagnose::{Gain, Rmse};
+
+/// Length of a block of the bootstrap, s: many lags of a servo.
+const BLOCK: f64 = 2.0;
+/// Draws of the bootstrap: enough for the ends of a 95 % interval to stand to a tenth of its width.
+const DRAWS: usize = 400;
+
+/// Deviations of one model, `[recording][joint][row]`: measured minus model.
+pub type Deviations = Vec<Vec<Vec<f64>>>;
+
+/// Measured minus `model`, `[joint][row]`.
+pub fn deviations(track: &Track, model: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let minus =
+        |(q, model): (&Vec<f64>, &Vec<f64>)| q.iter().zip(model).map(|(q, model)| q - model).collect();
+    track.measured.iter().zip(model).map(minus).collect()
+}
+
+/// Root of the mean square of each joint's channel on `parts`, by the name of its column.
+pub fn errors(of: &Deviations, parts: &[Rows]) -> BTreeMap<String, Rmse> {
+    let joints = of.first().map_or(0, Vec::len);
+    (0..joints)
+        .map(|joint| (Group::Position.column(joint), Rmse { rmse: rms(of, parts, &[joint]) }))
+        .collect()
+}
+
+/// Root of the mean square of the channels of `joints` on `parts`.
+pub fn rms(of: &Deviations, parts: &[Rows], joints: &[usize]) -> f64 {
+    let (square, count) = blocks(of, parts, joints, f64::INFINITY)
+        .into_iter()
+        .fold((0.0, 0.0), |sum, (square, count)| (sum.0 + square, sum.1 + count));
+    if count > 0.0 { f64::sqrt(square / count) } else { 0.0 }
+}
+
+/// Sum of squares and number of rows in each block of `parts`.
+fn blocks(of: &Deviations, parts: &[Rows], joints: &[usize], rows: f64) -> Vec<(f64, f64)> {
+    let mut blocks = Vec::new();
+    for (index, part) in parts {
+        let length = if rows.is_finite() { (rows as usize).max(1) } else { part.len().max(1) };
+        for begin in part.clone().step_by(length) {
+            let mut block = (0.0, 0.0);
+            for joint in joints {
+                let column = &of[*index][*joint][begin..part.end.min(begin + length)];
+                column.iter().filter(|r| r.is_finite()).for_each(|r| {
+                    block.0 += r * r;
+                    block.1 += 1.0;
+                });
+            }
+            blocks.push(block);
+        }
+    }
+    blocks
+}
+
+/// Share of the error of `before` that is gone in `after` on `parts`, over the channels of `joints`, with a 95 % interval by drawing blocks.
+pub fn gain(
+    [before, after]: [&Deviations; 2],
+    parts: &[Rows],
+    joints: &[usize],
+    tracks: &[Track],
+    seed: u64,
+) -> Gain {
+    let step = tracks.iter().map(median_step).fold(f64::INFINITY, f64::min);
+    let rows = (BLOCK / step).max(1.0);
+    let before = blocks(before, parts, joints, rows);
+    let after = blocks(after, parts, joints, rows);
+    let share = |picked: &mut dyn Iterator<Item = usize>| {
+        let (b, a) = picked.fold((0.0, 0.0), |sum, at| (sum.0 + before[at].0, sum.1 + after[at].0));
+        if b > 0.0 { 1.0 - f64::sqrt(a / b) } else { 0.0 }
+    };
+    let value = share(&mut (0..before.len()));
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut drawn: Vec<f64> = (0..DRAWS)
+        .map(|_| {
+            share(
+                &mut (0..before.len())
+                    .map(|_| rng.random_range(0..before.len()))
+                    .collect::<Vec<_>>()
+                    .into_iter(),
+            )
+        })
+        .collect();
+    drawn.sort_by(f64::total_cmp);
+    Gain { value, ci95: [drawn[DRAWS / 40], drawn[DRAWS - 1 - DRAWS / 40]] }
+}

@@ -1,0 +1,76 @@
+//! Recordings as the rollouts of servos take them.
+
+use freeplay_recording::Recording;
+use freeplay_servo::{Commands, Track};
+
+/// Steps of the stamps beyond which a recording has a gap, in medians: what came in between is not known.
+const GAP_STEPS: f64 = 5.0;
+/// Longest step of a rollout, s: a tenth of the time constants that servos of arms have (0.05 to 0.2 s), at which the midpoint rule
+/// is right to about a hundredth.
+const LONGEST_STEP: f64 = 0.01;
+
+/// Whether commanded positions are all that `recording` has to compare the measured ones with.
+pub fn commands_alone(recording: &Recording) -> bool {
+    let has_links = recording.q_link.iter().any(Option::is_some);
+    recording.q_ref.is_some() && recording.tau.is_none() && recording.tool.is_none() && !has_links
+}
+
+/// `recording` as a track. A joint without commands is taken to follow itself.
+pub fn track(recording: &Recording) -> Track {
+    let commands = recording.q.iter().enumerate().map(|(joint, q)| {
+        let commanded = recording.q_ref.as_ref().map(|columns| &columns[joint]);
+        let commanded = commanded.filter(|column| column.iter().any(|value| value.is_finite()));
+        Commands::new(&recording.t, commanded.unwrap_or(q))
+    });
+    Track { stamps: recording.t.clone(), measured: recording.q.clone(), commands: commands.collect() }
+}
+
+/// Every so manieth row of `track`, so that they are at least `spacing` s apart, where it has so many; the commands stay whole.
+pub fn thinned(track: &Track, spacing: f64) -> Track {
+    let stride = ((spacing / median_step(track)) * (1.0 + 1e-6)).floor();
+    if !(stride >= 2.0 && stride.is_finite()) {
+        return track.clone();
+    }
+    let pick = |column: &Vec<f64>| column.iter().step_by(stride as usize).copied().collect();
+    Track {
+        stamps: pick(&track.stamps),
+        measured: track.measured.iter().map(pick).collect(),
+        commands: track.commands.clone(),
+    }
+}
+
+/// Median of the steps between the stamps of `track`, s.
+pub fn median_step(track: &Track) -> f64 {
+    let mut steps: Vec<f64> = track.stamps.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let middle = steps.len() / 2;
+    if steps.is_empty() {
+        return 0.0;
+    }
+    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Rows that lags are measured on need not be closer, s: lags are told between rows, as the commands are.
+const FOR_LAGS: f64 = 0.02;
+
+/// `track` with as many rows as lags need.
+pub fn for_lags(track: &Track) -> Track {
+    thinned(track, FOR_LAGS)
+}
+
+/// Rows a lag that a fit needs: what a servo does to a motion is over after a few lags, and rows between add next to nothing.
+const ROWS: f64 = 3.0;
+
+/// `track` with as many rows as a fit of servos needs whose positions follow by `lag` s or more.
+pub fn for_fit(track: &Track, lag: f64) -> Track {
+    thinned(track, (lag / ROWS).min(FOR_LAGS))
+}
+
+/// Longest step between two stamps of `track` that is no gap, s.
+pub fn longest_gap(track: &Track) -> f64 {
+    GAP_STEPS * median_step(track)
+}
+
+/// Longest step of a rollout along `track`, s: at least two between two rows, so that a delay of part of a row acts.
+pub fn rollout_step(track: &Track) -> f64 {
+    LONGEST_STEP.min(0.5 * median_step(track) * (1.0 + 1e-3))
+}

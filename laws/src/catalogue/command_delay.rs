@@ -1,0 +1,49 @@
+//! A delay between a command's stamp and its effect on what the encoder reports.
+//!
+//! Law: the servo answers at t the command of t − d. A joint whose encoder is read later than the command acts has d < 0.
+//! Source: Åström & Murray 2008, Feedback Systems, §9 (time delays).
+
+use super::commanded::{NO_TERMS, no_shape};
+use crate::effect::Effect;
+use crate::injection::Injection;
+use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "command_delay",
+    title: "delay of commands",
+    words: "a delay of commands of {delay}",
+    site: Site::Joint,
+    parameters: &[Parameter::number("delay", "from a command's stamp to its effect", "s", [-1.0, 10.0])],
+    occurs: Occurrence::Common,
+    tolerance: None,
+    seen: Seen { torque: false, pose: false },
+    rough: true,
+    shakes: false,
+    equation: "r(t) = u(t − d)",
+    source: "Åström & Murray 2008, §9",
+    signature: "the measured position follows the commanded one later by one time, at any speed and also where it begins to move",
+    confounders: &[
+        ("servo", "its lag d/k lets a motion begin at once, and slowly"),
+        ("time_delay", "a late sensor shows in torque against position, too"),
+    ],
+    contains: &[],
+    needs: &[Need::Motion],
+    terms: NO_TERMS,
+    shapes: no_shape,
+    build: |values| Ok(Box::new(CommandDelay { joint: values.joint()?, delay: values.number("delay")? })),
+};
+
+#[derive(Clone, Copy, Debug)]
+struct CommandDelay {
+    joint: usize,
+    delay: f64,
+}
+
+impl Effect for CommandDelay {
+    fn inject(&self, injection: &mut Injection) {
+        injection.command_delays.push((self.joint, self.delay));
+    }
+}

@@ -1,0 +1,42 @@
+//! Contact of the arm with something that the model does not know, such as a table, for a time.
+//!
+//! Law: a force f \[N\] acts on the tool from t = start to end \[s\], with the tool near `point`; the joints rest off their commands
+//! by what their servos give: k (r − q) = g − Jᵀ f. It belongs to a recording, not to the machine.
+//! Source: De Luca & Mattone 2005, ICRA, Eq. 4 (collisions as generalised forces Jᵀ f).
+
+use super::commanded::{NO_TERMS, Unseen, no_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "contact",
+    title: "contact",
+    words: "contact from {start} to {end}[ with a force of {force} on the tool]",
+    site: Site::Arm,
+    parameters: &[
+        Parameter::number("start", "when it sets in", "s", [-1e12, 1e12]).shape(),
+        Parameter::number("end", "when it ends", "s", [-1e12, 1e12]).shape(),
+        Parameter::vector("point", "where the tool is, mean, base frame", "m").or_else("not known"),
+        Parameter::vector("force", "mean force on the tool in the base frame", "N").or_else("not known"),
+    ],
+    occurs: Occurrence::Common,
+    tolerance: None,
+    seen: Seen { torque: false, pose: false },
+    rough: true,
+    shakes: false,
+    equation: "k (r − q) = g − Jᵀ f for start ≤ t < end",
+    source: "De Luca & Mattone 2005, Eq. 4",
+    signature: "for a time several joints rest off where their servos would have them, in the pattern Jᵀ f of one force",
+    confounders: &[
+        ("hard_stop", "is at one position of one joint"),
+        ("payload", "lasts, and moves with the tool"),
+        ("coulomb_friction", "is there in all of the motion"),
+    ],
+    contains: &[],
+    needs: &[Need::Motion],
+    terms: NO_TERMS,
+    shapes: no_shape,
+    build: |_| Ok(Box::new(Unseen)),
+};

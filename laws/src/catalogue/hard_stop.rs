@@ -1,0 +1,42 @@
+//! A stop that a joint can't pass.
+//!
+//! Law: lower ≤ q ≤ upper; at the stop the joint rests, whatever the servo wants. Without a bounce.
+//! Source: Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, §3.
+
+use super::commanded::{NO_TERMS, Unseen, no_shape};
+use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "hard_stop",
+    title: "hard stop",
+    words: "a hard stop",
+    site: Site::Joint,
+    parameters: &[
+        Parameter::number("lower", "least position that the joint reaches", "rad", [-1e6, 1e6])
+            .prismatic("m")
+            .or_else("no stop below"),
+        Parameter::number("upper", "greatest position that the joint reaches", "rad", [-1e6, 1e6])
+            .prismatic("m")
+            .or_else("no stop above"),
+    ],
+    occurs: Occurrence::Common,
+    tolerance: None,
+    seen: Seen { torque: false, pose: false },
+    rough: true,
+    shakes: false,
+    equation: "lower ≤ q ≤ upper",
+    source: "Moreau 1988, §3",
+    signature: "the joint rests at one position, the end of all that it reaches, while its command goes on",
+    confounders: &[
+        ("contact", "is elsewhere in another posture, and stops other joints, too"),
+        ("servo", "a torque limit lets the joint go where the load is less"),
+    ],
+    contains: &[],
+    needs: &[Need::Motion],
+    terms: NO_TERMS,
+    shapes: no_shape,
+    build: |_| Ok(Box::new(Unseen)),
+};

@@ -1,0 +1,380 @@
+//! The fit of servo parameters: rollouts through windows of recordings, Levenberg–Marquardt with Student weights inside physical bounds.
+
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+
+use crate::bounded::descend;
+use crate::noise::Noise;
+use crate::parallel::each;
+use crate::rollout::{Rollout, ServoArm};
+use crate::track::Track;
+use crate::unknowns::Unknown;
+
+/// Most steps; a fit that is not done by then says so.
+const MOST_STEPS: usize = 40;
+/// A fit ends with a step that gains less log-likelihood for each number: it moves them by a tenth of a standard deviation (½ · 0.1²).
+const LEAST_GAIN: f64 = 5e-3;
+/// One window in so many makes the coarse fit that the whole one begins from: a tenth of the work for nearly all of the way.
+const COARSE: usize = 5;
+/// Damping of the first step, its change after a step that was good and one that was not (Marquardt 1963; Nielsen 1999).
+const DAMPING: [f64; 3] = [1e-3, 0.2, 5.0];
+/// Tries of a step before the fit ends where it is.
+const TRIES: usize = 8;
+/// Groups of rows that intervals need: with fewer, the scatter of their estimates is itself told to a quarter at best (1/√(2 · 16)).
+const GROUPS: usize = 16;
+/// Most groups that a window is cut in for that: each then still lasts some seconds, many lags of a servo, so that groups are independent.
+const MOST_CUTS: usize = 6;
+
+/// What a fit rests on.
+#[derive(Clone, Debug)]
+pub struct Problem<'a> {
+    /// The recordings.
+    pub tracks: &'a [Track],
+    /// Windows: index of the track, and its rows.
+    pub windows: Vec<(usize, Range<usize>)>,
+    /// Least size of the noise of each joint, rad (m): that of rounding.
+    pub rounding: Vec<f64>,
+    /// Longest step of a rollout, s.
+    pub longest_step: f64,
+    /// Threads.
+    pub threads: usize,
+}
+
+/// A fitted model.
+#[derive(Clone, Debug)]
+pub struct Fitted {
+    /// The model.
+    pub model: ServoArm,
+    /// Value and standard deviation of each unknown, in their order.
+    pub values: Vec<(f64, f64)>,
+    /// Inverse of the curvature of what is lost, in the same order: how the others follow where one of them is moved.
+    pub inverse: DMatrix<f64>,
+    /// The noise at the end.
+    pub noise: Noise,
+    /// Steps taken.
+    pub steps: usize,
+}
+
+impl Fitted {
+    /// The model with `value` for the unknown number `index` of `unknowns`, the others moved to where they fit best beside it, to first order, inside their bounds.
+    pub fn with(&self, unknowns: &[Unknown], index: usize, value: f64) -> ServoArm {
+        let moved = value - self.values[index].0;
+        let share = moved / self.inverse[(index, index)];
+        let others = unknowns.iter().zip(&self.values).enumerate();
+        let x: Vec<f64> = others
+            .map(|(at, (unknown, (x, _)))| {
+                let followed = x + share * self.inverse[(at, index)];
+                if at == index { value } else { followed.max(unknown.quantity.least()) }
+            })
+            .collect();
+        placed(&self.model, unknowns, &x)
+    }
+}
+
+impl Problem<'_> {
+    /// Residuals of `model` in every window, `[window][row][joint]`.
+    pub fn residuals(&self, model: &ServoArm) -> Vec<Vec<f64>> {
+        each(self.windows.len(), self.threads, |index| {
+            let (track, rows) = &self.windows[index];
+            let mut rollout = Rollout::new(&model.arm, self.longest_step);
+            self.tracks[*track].residual(model, &mut rollout, rows)
+        })
+    }
+
+    /// Log-likelihood lost to `residuals` under `noise`, for each joint.
+    pub fn losses(&self, residuals: &[Vec<f64>], noise: &Noise) -> Vec<f64> {
+        let joints = self.rounding.len();
+        let mut losses = vec![0.0; joints];
+        for window in residuals {
+            for (at, r) in window.iter().enumerate() {
+                losses[at % joints] += noise.loss(at % joints, *r);
+            }
+        }
+        losses
+    }
+
+    /// Fits `unknowns` from `model` onwards to one window in [`COARSE`]; to all of them where there are few. `progress` is told the step's number and what it
+    /// gained.
+    pub fn begin(
+        &self,
+        model: &ServoArm,
+        unknowns: &[Unknown],
+        progress: &mut dyn FnMut(usize, f64),
+    ) -> Fitted {
+        let few: Vec<_> = self.windows.iter().skip(COARSE / 2).step_by(COARSE).cloned().collect();
+        if few.len() < 2 {
+            return self.fit(model, unknowns, progress);
+        }
+        let coarse = Problem { windows: few, rounding: self.rounding.clone(), ..*self };
+        coarse.fit(model, unknowns, progress)
+    }
+
+    /// Fits `unknowns` from `model` onwards, in at most 40 steps. `progress` is told the step's number and what it gained.
+    pub fn fit(
+        &self,
+        model: &ServoArm,
+        unknowns: &[Unknown],
+        progress: &mut dyn FnMut(usize, f64),
+    ) -> Fitted {
+        let mut state = self.state(model.clone(), unknowns);
+        let mut damping = DAMPING[0];
+        let mut steps = 0;
+        while steps < MOST_STEPS {
+            let gain = self.step(&mut state, unknowns, &mut damping);
+            steps += 1;
+            progress(steps, gain);
+            if gain < LEAST_GAIN * unknowns.len() as f64 {
+                break;
+            }
+        }
+        let groups = self.groups(&state, unknowns);
+        let (deviations, inverse) = deviations(&groups, unknowns);
+        let values = state.x.iter().copied().zip(deviations).collect();
+        Fitted { model: state.model, values, inverse, noise: state.noise, steps }
+    }
+
+    fn state(&self, model: ServoArm, unknowns: &[Unknown]) -> Standing {
+        let residuals = self.residuals(&model);
+        let noise = Noise::of(&residuals, &self.rounding);
+        Standing { x: unknowns.iter().map(|unknown| unknown.of(&model)).collect(), model, residuals, noise }
+    }
+
+    /// Takes a step; what it gained, log-likelihood and prior.
+    fn step(&self, state: &mut Standing, unknowns: &[Unknown], damping: &mut f64) -> f64 {
+        let curvature = self.curvature(state, unknowns);
+        let before = self.lost(&state.residuals, &state.noise, &state.x, unknowns);
+        for _ in 0..TRIES {
+            let x = curvature.next(&state.x, unknowns, *damping);
+            let model = placed(&state.model, unknowns, &x);
+            let residuals = self.residuals(&model);
+            let gain = before - self.lost(&residuals, &state.noise, &x, unknowns);
+            if gain > 0.0 {
+                *damping *= DAMPING[1];
+                let noise = Noise::of(&residuals, &self.rounding);
+                *state = Standing { x, model, residuals, noise };
+                return gain;
+            }
+            *damping *= DAMPING[2];
+        }
+        0.0
+    }
+
+    fn lost(&self, residuals: &[Vec<f64>], noise: &Noise, x: &[f64], unknowns: &[Unknown]) -> f64 {
+        let prior =
+            |(unknown, x): (&Unknown, &f64)| 0.5 * ((x - unknown.expected) / unknown.deviation).powi(2);
+        self.losses(residuals, noise).iter().sum::<f64>() + unknowns.iter().zip(x).map(prior).sum::<f64>()
+    }
+
+    /// First and second derivatives (Gauss–Newton) of what is lost, and of what the beliefs lose.
+    fn curvature(&self, state: &Standing, unknowns: &[Unknown]) -> Curvature {
+        let mut sum = Curvature::of_beliefs(unknowns, &state.x);
+        self.groups(state, unknowns).iter().for_each(|group| sum.add(group));
+        sum
+    }
+
+    /// Derivatives of what is lost in groups of rows that are taken as independent, window by window on all threads.
+    fn groups(&self, state: &Standing, unknowns: &[Unknown]) -> Vec<Curvature> {
+        let cuts = GROUPS.div_ceil(self.windows.len().max(1)).min(MOST_CUTS);
+        let windows =
+            each(self.windows.len(), self.threads, |index| self.window(state, unknowns, index, cuts));
+        windows.into_iter().flatten().collect()
+    }
+
+    /// The groups of the window `index`, cut in `cuts`.
+    fn window(&self, state: &Standing, unknowns: &[Unknown], index: usize, cuts: usize) -> Vec<Curvature> {
+        let (track, rows) = &self.windows[index];
+        let mut rollout = Rollout::new(&state.model.arm, self.longest_step);
+        let (base, joints) = (&state.residuals[index], self.rounding.len());
+        let slopes: Vec<Vec<f64>> = unknowns
+            .iter()
+            .zip(&state.x)
+            .map(|(unknown, x)| {
+                let mut model = state.model.clone();
+                unknown.set(&mut model, x + unknown.step);
+                let moved = self.tracks[*track].residual(&model, &mut rollout, rows);
+                moved.iter().zip(base).map(|(moved, base)| (moved - base) / unknown.step).collect()
+            })
+            .collect();
+        let length = rows.len().div_ceil(cuts).max(1) * joints;
+        let starts = (0..base.len()).step_by(length);
+        starts
+            .map(|begin| {
+                let mut group = Curvature::zero(unknowns.len());
+                for (at, r) in base.iter().enumerate().skip(begin).take(length) {
+                    group.add_row(&slopes, at, *r, state.noise.weight(at % joints, *r));
+                }
+                group.hessian.fill_upper_triangle_with_lower_triangle();
+                group
+            })
+            .collect()
+    }
+}
+
+/// Where a fit stands.
+struct Standing {
+    x: Vec<f64>,
+    model: ServoArm,
+    residuals: Vec<Vec<f64>>,
+    noise: Noise,
+}
+
+/// Derivatives of what is lost.
+struct Curvature {
+    gradient: DVector<f64>,
+    hessian: DMatrix<f64>,
+}
+
+impl Curvature {
+    fn zero(count: usize) -> Curvature {
+        Curvature { gradient: DVector::zeros(count), hessian: DMatrix::zeros(count, count) }
+    }
+
+    /// Of what the beliefs lose at `x`.
+    fn of_beliefs(unknowns: &[Unknown], x: &[f64]) -> Curvature {
+        let mut beliefs = Curvature::zero(unknowns.len());
+        for (i, unknown) in unknowns.iter().enumerate() {
+            let precision = unknown.deviation.powi(-2);
+            beliefs.gradient[i] = precision * (x[i] - unknown.expected);
+            beliefs.hessian[(i, i)] = precision;
+        }
+        beliefs
+    }
+
+    fn add(&mut self, other: &Curvature) {
+        self.gradient += &other.gradient;
+        self.hessian += &other.hessian;
+    }
+
+    /// Adds the row `at` with the residual `r` to the lower triangle.
+    fn add_row(&mut self, slopes: &[Vec<f64>], at: usize, r: f64, weight: f64) {
+        if weight == 0.0 {
+            return;
+        }
+        for (i, slope) in slopes.iter().enumerate() {
+            let weighed = weight * slope[at];
+            self.gradient[i] += weighed * r;
+            for (j, other) in slopes.iter().enumerate().take(i + 1) {
+                self.hessian[(i, j)] += weighed * other[at];
+            }
+        }
+    }
+
+    /// The values after a damped step inside the bounds.
+    fn next(&self, x: &[f64], unknowns: &[Unknown], damping: f64) -> Vec<f64> {
+        let mut hessian = self.hessian.clone();
+        for i in 0..x.len() {
+            hessian[(i, i)] *= 1.0 + damping;
+        }
+        let least: Vec<f64> =
+            unknowns.iter().zip(x).map(|(unknown, x)| unknown.quantity.least() - x).collect();
+        let step = descend(&hessian, &self.gradient, &least);
+        x.iter().zip(step.iter()).zip(unknowns).map(|((x, d), u)| (x + d).max(u.quantity.least())).collect()
+    }
+}
+
+/// Standard deviations that hold although the rows of a group are correlated and no model is exact: the scatter of what the groups say, and what beliefs leave
+/// open. In the plain form H⁻¹SH⁻¹ (White 1982, Econometrica 50:1) each group has pulled the values towards itself and the scatter is too small; here each
+/// is taken as much larger as its share of the curvature made it smaller, Σ L⁻ᵀ(1 − L⁻¹H_gL⁻ᵀ)⁻¹ᐟ²L⁻¹g with H = LLᵀ (Bell & McCaffrey 2002, Survey
+/// Methodology 28:169). Where there are few groups, deviations are as much wider as Student's t is. Beside them H⁻¹.
+fn deviations(groups: &[Curvature], unknowns: &[Unknown]) -> (Vec<f64>, DMatrix<f64>) {
+    let expected: Vec<f64> = unknowns.iter().map(|unknown| unknown.expected).collect();
+    let beliefs = Curvature::of_beliefs(unknowns, &expected).hessian;
+    let whole = groups.iter().fold(beliefs.clone(), |sum, group| sum + &group.hessian);
+    let Some(factor) = whole.cholesky() else {
+        let believed: Vec<f64> = unknowns.iter().map(|unknown| unknown.deviation).collect();
+        let inverse =
+            DMatrix::from_fn(
+                believed.len(),
+                believed.len(),
+                |i, j| {
+                    if i == j { believed[i].powi(2) } else { 0.0 }
+                },
+            );
+        return (believed, inverse);
+    };
+    let root = factor.l();
+    let said: Vec<DVector<f64>> = groups.iter().filter_map(|group| said_by(group, &root)).collect();
+    let wider = student(said.len() as f64 - 1.0);
+    let inverse = factor.inverse();
+    let of_beliefs = &inverse * &beliefs * &inverse;
+    let deviation = |i: usize| {
+        let scatter: f64 = said.iter().map(|one| one[i] * one[i]).sum();
+        (scatter * wider * wider + of_beliefs[(i, i)]).max(0.0).sqrt().min(unknowns[i].deviation * wider)
+    };
+    ((0..unknowns.len()).map(deviation).collect(), inverse)
+}
+
+/// By how much `group` moves the values of a fit whose curvature has the lower triangular `root`, as if it had not been part of it by half.
+fn said_by(group: &Curvature, root: &DMatrix<f64>) -> Option<DVector<f64>> {
+    let half = root.solve_lower_triangular(&group.hessian)?;
+    let share = root.solve_lower_triangular(&half.transpose())?;
+    let score = root.solve_lower_triangular(&group.gradient)?;
+    let eigen = SymmetricEigen::new(share);
+    let mut along = eigen.eigenvectors.tr_mul(&score);
+    for (along, share) in along.iter_mut().zip(eigen.eigenvalues.iter()) {
+        *along /= (1.0 - share).max(f64::EPSILON).sqrt();
+    }
+    root.tr_solve_lower_triangular(&(&eigen.eigenvectors * along))
+}
+
+/// The point of Student's t with `freedom` degrees of freedom that holds 95 % between ± itself, over that of the normal distribution: Cornish–Fisher's
+/// expansion, right to 0.1 % from eight degrees on (Abramowitz & Stegun 1964, 26.7.5).
+fn student(freedom: f64) -> f64 {
+    let (z, n) = (1.96_f64, freedom.max(1.0));
+    let first = (z.powi(2) + 1.0) / 4.0;
+    let second = (5.0 * z.powi(4) + 16.0 * z.powi(2) + 3.0) / 96.0;
+    let third = (3.0 * z.powi(6) + 19.0 * z.powi(4) + 17.0 * z.powi(2) - 15.0) / 384.0;
+    1.0 + first / n + second / n.powi(2) + third / n.powi(3)
+}
+
+/// `model` with the values `x`.
+fn placed(model: &ServoArm, unknowns: &[Unknown], x: &[f64]) -> ServoArm {
+    let mut model = model.clone();
+    unknowns.iter().zip(x).for_each(|(unknown, x)| unknown.set(&mut model, *x));
+    model
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::{DMatrix, DVector};
+
+    use super::{Curvature, deviations, student};
+    use crate::unknowns::{Quantity, Unknown};
+
+    #[test]
+    fn students_points_are_those_of_tables() {
+        for (freedom, point) in [(5.0, 2.571), (8.0, 2.306), (15.0, 2.131), (30.0, 2.042), (120.0, 1.980)] {
+            let ratio = student(freedom) * 1.96 / point;
+            assert!((ratio - 1.0).abs() < 3e-3, "{freedom}: {ratio}");
+        }
+    }
+
+    /// Of numbers with equal weights the scatter is the deviation of their mean, s/√n.
+    #[test]
+    fn groups_give_the_deviation_of_a_mean() {
+        let numbers = [1.0, 2.0, 4.0, 3.5, -1.0, 0.5, 2.5, 1.5, 0.0, 3.0];
+        let count = numbers.len() as f64;
+        let mean: f64 = numbers.iter().sum::<f64>() / count;
+        let group = |x: &f64| Curvature {
+            gradient: DVector::from_element(1, mean - x),
+            hessian: DMatrix::from_element(1, 1, 1.0),
+        };
+        let groups: Vec<Curvature> = numbers.iter().map(group).collect();
+        let unknown =
+            Unknown { joint: 0, quantity: Quantity::Offset, expected: 0.0, deviation: 1e6, step: 1.0 };
+        let found = deviations(&groups, &[unknown]).0[0];
+        let square: f64 = numbers.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (count - 1.0);
+        let expected = (square / count).sqrt() * student(count - 1.0);
+        assert!((found / expected - 1.0).abs() < 1e-6, "{found} {expected}");
+    }
+
+    /// What no row tells keeps the deviation of its belief.
+    #[test]
+    fn without_rows_beliefs_stay() {
+        let unknown =
+            Unknown { joint: 0, quantity: Quantity::Offset, expected: 0.0, deviation: 0.3, step: 1.0 };
+        let groups: Vec<Curvature> = (0..20).map(|_| Curvature::zero(1)).collect();
+        assert!((deviations(&groups, &[unknown]).0[0] - 0.3).abs() < 1e-12);
+    }
+}

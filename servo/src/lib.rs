@@ -1,0 +1,38 @@
+//! Arms on position servos: from commanded to measured positions, and from recordings of both back to the servos.
+//!
+//! The nouns, in the order in which data passes through them:
+//!
+//! - [`Commands`]: the commands of one joint, held between their stamps.
+//! - [`JointServo`]: the law of one joint: servo, friction, limits, delay; a piece of it is a [`Line`].
+//! - [`ServoArm`]: the rigid arm with the servo of each joint, as an arm file has them.
+//! - [`solve`]: one step with set-valued friction; [`Rollout`]: many of them from a [`State`] along the commands.
+//! - [`Track`]: a recording of commanded and measured positions; its windows begin anew from what was measured.
+//! - [`Sight`]: what a recording says of a joint before any rollout ([`sights`], [`lag`]); [`servos`], [`first_model`] to begin a fit from.
+//! - [`Unknown`]: a [`Quantity`] of a joint that a fit looks for, with what is believed of it before ([`unknowns`]).
+//! - [`Problem`]: windows of recordings; [`Fitted`]: what came out of them, with the [`Noise`] that is left.
+
+mod arm_file;
+mod beginning;
+mod bounded;
+mod command;
+mod fit;
+mod joint;
+mod noise;
+mod parallel;
+mod priors;
+mod rollout;
+mod solve;
+mod track;
+mod unknowns;
+
+pub use beginning::{Sight, lag, servos, sights};
+pub use command::Commands;
+pub use fit::{Fitted, Problem};
+pub use joint::{JointServo, Line};
+pub use noise::Noise;
+pub use parallel::each;
+pub use priors::{first_model, unknowns};
+pub use rollout::{Rollout, ServoArm, State};
+pub use solve::solve;
+pub use track::Track;
+pub use unknowns::{Quantity, Unknown};

@@ -1,0 +1,70 @@
+//! What is believed of a joint's servo before a fit, and a fit from nothing but recordings.
+
+use freeplay_arm::Arm;
+
+use crate::beginning::{Sight, servos, sights};
+use crate::fit::Problem;
+use crate::joint::JointServo;
+use crate::noise::Noise;
+use crate::rollout::ServoArm;
+use crate::unknowns::{Quantity, Unknown};
+
+/// Shares of the whole lag that are tried as delay before a fit: a quick servo behind a slow line, a slow one behind a quick line, and between.
+const SHARES: [f64; 3] = [0.1, 0.5, 0.9];
+/// Step of a finite difference over the size of what it changes. Dry friction makes a rollout a chain of small slips, whose derivative is rough below
+/// a few hundredths of that size; far above it a rollout bends.
+const STEP: f64 = 0.03;
+
+/// The unknowns of every joint of a servo about which nothing is known but `sights`. `zero` is how far the zeros of commands and encoder may be apart
+/// beside rounding, rad. Beliefs are weak: each quantity may be as large as all of the error, or all of the lag.
+pub fn unknowns(sights: &[Sight], model: &ServoArm, zero: f64) -> Vec<Unknown> {
+    let longest = sights.iter().map(|sight| sight.lag).fold(1e-3, f64::max);
+    let of_joint = |(joint, sight): (usize, &Sight)| {
+        let error = sight.error.max(sight.tick).max(zero);
+        // A joint whose commands never move shows no lag; its servo is as slow as the slowest.
+        let lag = if sight.error > 2.0 * sight.tick { sight.lag.max(1e-3) } else { longest };
+        let servo = &model.joints[joint];
+        let is_like_others =
+            sight.stiffness.is_none() && sights.iter().any(|other| other.stiffness.is_some());
+        // Where no load tells it, servos of one arm are alike within a factor of two; else a factor of ten either way.
+        let width = if is_like_others { std::f64::consts::LN_2 } else { std::f64::consts::LN_10 };
+        let believed = [
+            (Quantity::Stiffness, servo.stiffness.ln(), width, 1.0),
+            (Quantity::Lag, 0.5 * lag, lag, lag),
+            (Quantity::Coulomb, 0.0, error, error),
+            (Quantity::Stiction, 0.0, error, error),
+            (Quantity::Rotor, 0.0, lag * lag, lag * lag),
+            (Quantity::Delay, 0.0, lag, lag),
+            // Commands and encoder count from one zero, but for rounding.
+            (Quantity::Offset, 0.0, sight.tick / 12.0_f64.sqrt() + zero, error),
+        ];
+        believed.map(|(quantity, expected, deviation, size)| Unknown {
+            joint,
+            quantity,
+            expected,
+            deviation,
+            step: STEP * size,
+        })
+    };
+    sights.iter().enumerate().flat_map(of_joint).collect()
+}
+
+/// A model to begin a fit of `problem` from: of each joint's lag that share is delay with which its channel is nearest.
+pub fn first_model(arm: &Arm, problem: &Problem) -> (ServoArm, Vec<Sight>) {
+    let sights = sights(arm, problem.tracks);
+    let of_share = |share: f64| {
+        let joints = servos(arm, &sights, &vec![share; arm.dof()]);
+        let model = ServoArm { arm: arm.clone(), joints };
+        let residuals = problem.residuals(&model);
+        (model, residuals)
+    };
+    let tried: Vec<_> = SHARES.into_iter().map(of_share).collect();
+    let noise = Noise::of(&tried[0].1, &problem.rounding);
+    let losses: Vec<Vec<f64>> =
+        tried.iter().map(|(_, residuals)| problem.losses(residuals, &noise)).collect();
+    let best = |joint: usize| -> JointServo {
+        let order = (0..tried.len()).min_by(|&a, &b| losses[a][joint].total_cmp(&losses[b][joint]));
+        tried[order.unwrap_or(0)].0.joints[joint]
+    };
+    (ServoArm { arm: arm.clone(), joints: (0..arm.dof()).map(best).collect() }, sights)
+}

@@ -1,0 +1,145 @@
+//! The motion of an arm on position servos, integrated from its commands.
+
+use freeplay_arm::{Arm, Workspace, bias, crba};
+use nalgebra::DMatrix;
+
+use crate::command::Commands;
+use crate::joint::JointServo;
+use crate::solve::solve;
+
+/// An arm and the servo of each of its joints.
+#[derive(Clone, Debug)]
+pub struct ServoArm {
+    /// The rigid arm.
+    pub arm: Arm,
+    /// One servo a joint.
+    pub joints: Vec<JointServo>,
+}
+
+/// Position and velocity of all joints.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// rad (m).
+    pub q: Vec<f64>,
+    /// rad/s (m/s).
+    pub v: Vec<f64>,
+}
+
+/// The numbers of a rollout, allocated once for an arm.
+#[derive(Clone, Debug)]
+pub struct Rollout {
+    workspace: Workspace,
+    mass: DMatrix<f64>,
+    state: State,
+    middle: Vec<f64>,
+    bias: Vec<f64>,
+    matrix: Vec<f64>,
+    right: Vec<f64>,
+    friction: Vec<f64>,
+    bounds: Vec<[f64; 2]>,
+    speed: Vec<f64>,
+    set_point: Vec<f64>,
+    cursors: Vec<usize>,
+    longest_step: f64,
+}
+
+impl Rollout {
+    /// A rollout of arms with as many joints as `arm`, in steps of at most `longest_step` s.
+    pub fn new(arm: &Arm, longest_step: f64) -> Rollout {
+        let n = arm.dof();
+        Rollout {
+            workspace: Workspace::new(arm),
+            mass: DMatrix::zeros(n, n),
+            state: State { q: vec![0.0; n], v: vec![0.0; n] },
+            middle: vec![0.0; n],
+            bias: vec![0.0; n],
+            matrix: vec![0.0; n * n],
+            right: vec![0.0; n],
+            friction: vec![0.0; n],
+            bounds: vec![[0.0; 2]; n],
+            speed: vec![0.0; n],
+            set_point: vec![0.0; n],
+            cursors: vec![0; n],
+            longest_step,
+        }
+    }
+
+    /// Integrates `model` from `start` along `commands` (one a joint) through the times `stamps` (s, increasing) and writes the position at each stamp
+    /// into `out`, `[stamp][joint]`; the first row is the start.
+    ///
+    /// # Panics
+    /// If the sizes do not fit the arm.
+    pub fn run(
+        &mut self,
+        model: &ServoArm,
+        commands: &[Commands],
+        stamps: &[f64],
+        start: &State,
+        out: &mut [f64],
+    ) {
+        let n = model.joints.len();
+        self.state.q.copy_from_slice(&start.q);
+        self.state.v.copy_from_slice(&start.v);
+        self.speed.copy_from_slice(&start.v);
+        for (i, (commands, joint)) in commands.iter().zip(&model.joints).enumerate() {
+            self.cursors[i] = commands.cursor(stamps[0] - joint.delay);
+            self.set_point[i] = commands.at(joint, stamps[0]);
+        }
+        out[..n].copy_from_slice(&self.state.q);
+        for (row, pair) in stamps.windows(2).enumerate() {
+            let steps = ((pair[1] - pair[0]) / self.longest_step - 1e-6).ceil().max(1.0);
+            let h = (pair[1] - pair[0]) / steps;
+            for step in 0..steps as usize {
+                let t = pair[0] + step as f64 * h;
+                self.step(model, commands, t, h);
+            }
+            out[(row + 1) * n..(row + 2) * n].copy_from_slice(&self.state.q);
+        }
+    }
+
+    /// The state at the end of `stamps` from `start` at their beginning; see [`Rollout::run`].
+    ///
+    /// # Panics
+    /// If the sizes do not fit the arm.
+    pub fn after(&mut self, model: &ServoArm, commands: &[Commands], stamps: &[f64], start: &State) -> State {
+        let mut out = vec![0.0; stamps.len() * model.joints.len()];
+        self.run(model, commands, stamps, start, &mut out);
+        self.state.clone()
+    }
+
+    /// One step of `h` from `t`, s: implicit midpoint rule in the servo's law and friction, the arm's own terms at the predicted middle.
+    fn step(&mut self, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
+        let n = model.joints.len();
+        for i in 0..n {
+            self.middle[i] = self.state.q[i] + 0.5 * h * self.state.v[i];
+        }
+        bias(&model.arm, &mut self.workspace, &self.middle, &self.state.v, &mut self.bias);
+        crba(&model.arm, &mut self.workspace, &self.middle, &mut self.mass);
+        for (i, (joint, command)) in model.joints.iter().zip(commands).enumerate() {
+            let wished = command.mean(&mut self.cursors[i], joint, t, t + h);
+            let most = joint.speed_limit * h;
+            self.set_point[i] += (wished - self.set_point[i]).clamp(-most, most);
+            let error = self.set_point[i] - self.state.q[i];
+            let line = joint.line(self.set_point[i] - self.middle[i], self.state.v[i]);
+            let mut momentum = 0.0;
+            for j in 0..n {
+                let mass = self.mass[(i, j)];
+                self.matrix[i * n + j] = mass * (2.0 / h);
+                momentum += mass * self.state.v[j];
+            }
+            momentum += joint.rotor_inertia * self.state.v[i];
+            self.matrix[i * n + i] +=
+                joint.rotor_inertia * (2.0 / h) + line.damping + line.stiffness * 0.5 * h;
+            self.right[i] = momentum * (2.0 / h) + line.stiffness * error + line.constant - self.bias[i];
+            self.friction[i] = joint.dry_friction(self.speed[i]);
+            self.bounds[i] = joint.stops.map(|stop| (stop - self.state.q[i]) / h);
+        }
+        solve(&self.matrix, &self.right, &self.friction, &self.bounds, &mut self.speed);
+        for i in 0..n {
+            let speed = self.speed[i];
+            self.state.q[i] += h * speed;
+            // A joint that rests at the middle of the step rests at its end.
+            self.state.v[i] = if speed == 0.0 { 0.0 } else { 2.0 * speed - self.state.v[i] };
+        }
+    }
+}

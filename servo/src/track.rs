@@ -1,0 +1,85 @@
+//! A recording of commanded and measured positions, and the windows of it that rollouts go through.
+
+use std::ops::Range;
+
+use crate::command::Commands;
+use crate::rollout::{Rollout, ServoArm, State};
+
+/// Rows at the beginning of a window from which its initial state is estimated.
+const START_ROWS: usize = 5;
+
+/// A recording of commanded and measured positions.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// Stamps, s, increasing.
+    pub stamps: Vec<f64>,
+    /// Measured position, `[joint][row]`, rad (m); not a number where it is missing.
+    pub measured: Vec<Vec<f64>>,
+    /// Commands, one a joint.
+    pub commands: Vec<Commands>,
+}
+
+impl Track {
+    /// Rows without a gap longer than `gap` s in the stamps, in pieces of at most `longest` s.
+    pub fn windows(&self, gap: f64, longest: f64) -> Vec<Range<usize>> {
+        let mut windows = Vec::new();
+        let mut begin = 0;
+        for end in 1..=self.stamps.len() {
+            let is_end = end == self.stamps.len()
+                || self.stamps[end] - self.stamps[end - 1] > gap
+                || self.stamps[end] - self.stamps[begin] >= longest;
+            if is_end {
+                windows.push(begin..end);
+                begin = end;
+            }
+        }
+        windows.retain(|window| window.len() > START_ROWS);
+        windows
+    }
+
+    /// Position and velocity of all joints at the beginning of `rows`: a straight line through the first rows of each. Where the joint
+    /// was not measured, its command.
+    pub fn start(&self, rows: &Range<usize>) -> State {
+        let first = rows.start..rows.end.min(rows.start + START_ROWS);
+        let line = |joint: usize| {
+            let points: Vec<(f64, f64)> = first
+                .clone()
+                .map(|row| (self.stamps[row] - self.stamps[rows.start], self.measured[joint][row]))
+                .filter(|(_, q)| q.is_finite())
+                .collect();
+            straight(&points).unwrap_or((self.commands[joint].held(self.stamps[rows.start]), 0.0))
+        };
+        let (q, v) = (0..self.measured.len()).map(line).unzip();
+        State { q, v }
+    }
+
+    /// Measured minus simulated position of `model` on `rows`, `[row][joint]`; not a number where it was not measured.
+    pub fn residual(&self, model: &ServoArm, rollout: &mut Rollout, rows: &Range<usize>) -> Vec<f64> {
+        let mut out = self.simulated(model, rollout, rows);
+        let joints = self.measured.len();
+        for (offset, row) in rows.clone().enumerate() {
+            for joint in 0..joints {
+                let at = offset * joints + joint;
+                out[at] = self.measured[joint][row] - out[at];
+            }
+        }
+        out
+    }
+
+    /// Position of `model` simulated along the commands on `rows`, `[row][joint]`, rad (m).
+    pub fn simulated(&self, model: &ServoArm, rollout: &mut Rollout, rows: &Range<usize>) -> Vec<f64> {
+        let mut out = vec![0.0; rows.len() * self.measured.len()];
+        rollout.run(model, &self.commands, &self.stamps[rows.clone()], &self.start(rows), &mut out);
+        out
+    }
+}
+
+/// Value at zero and slope of the line of least squares through `points`; `None` without a point.
+fn straight(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+    let n = points.len() as f64;
+    let (t, q) = points.iter().fold((0.0, 0.0), |sum, point| (sum.0 + point.0 / n, sum.1 + point.1 / n));
+    let spread: f64 = points.iter().map(|point| (point.0 - t).powi(2)).sum();
+    let slope = points.iter().map(|point| (point.0 - t) * (point.1 - q)).sum::<f64>();
+    let slope = if spread > 0.0 { slope / spread } else { 0.0 };
+    (!points.is_empty()).then_some((q - slope * t, slope))
+}

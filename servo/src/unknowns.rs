@@ -1,0 +1,113 @@
+//! The numbers that a fit looks for, each with what is believed of it before.
+
+use crate::joint::JointServo;
+use crate::rollout::ServoArm;
+
+/// A quantity of a joint. Where no load acts on a joint, only ratios to the servo's stiffness can be known; so all but the stiffness
+/// itself are such ratios, times or angles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Natural logarithm of the stiffness in N·m/rad.
+    Stiffness,
+    /// Damping over stiffness, s.
+    Lag,
+    /// Sliding friction over stiffness, rad.
+    Coulomb,
+    /// Breakaway above sliding friction, over stiffness, rad.
+    Stiction,
+    /// Rotor inertia over stiffness, s².
+    Rotor,
+    /// Delay of the commands, s; an effect does not come before its cause.
+    Delay,
+    /// Set-point minus command, rad.
+    Offset,
+    /// Dead band, rad.
+    Deadband,
+    /// Natural logarithm of the torque limit over stiffness in rad.
+    TorqueLimit,
+    /// Natural logarithm of the speed limit in rad/s.
+    SpeedLimit,
+}
+
+impl Quantity {
+    /// The least value that is physical.
+    pub fn least(self) -> f64 {
+        match self {
+            Quantity::Lag
+            | Quantity::Coulomb
+            | Quantity::Stiction
+            | Quantity::Rotor
+            | Quantity::Delay
+            | Quantity::Deadband => 0.0,
+            _ => f64::NEG_INFINITY,
+        }
+    }
+
+    /// Its value for `joint`.
+    pub fn of(self, joint: &JointServo) -> f64 {
+        match self {
+            Quantity::Stiffness => joint.stiffness.ln(),
+            Quantity::Lag => joint.damping / joint.stiffness,
+            Quantity::Coulomb => joint.coulomb / joint.stiffness,
+            Quantity::Stiction => joint.stiction / joint.stiffness,
+            Quantity::Rotor => joint.rotor_inertia / joint.stiffness,
+            Quantity::Delay => joint.delay,
+            Quantity::Offset => joint.offset,
+            Quantity::Deadband => joint.deadband,
+            Quantity::TorqueLimit => (joint.torque_limit / joint.stiffness).ln(),
+            Quantity::SpeedLimit => joint.speed_limit.ln(),
+        }
+    }
+
+    /// Gives `joint` the value `x`. A new stiffness keeps the ratios.
+    pub fn set(self, joint: &mut JointServo, x: f64) {
+        let stiffness = joint.stiffness;
+        match self {
+            Quantity::Stiffness => {
+                let ratio = x.exp() / stiffness;
+                joint.stiffness *= ratio;
+                joint.damping *= ratio;
+                joint.coulomb *= ratio;
+                joint.stiction *= ratio;
+                joint.rotor_inertia *= ratio;
+                joint.torque_limit *= ratio;
+            }
+            Quantity::Lag => joint.damping = stiffness * x,
+            Quantity::Coulomb => joint.coulomb = stiffness * x,
+            Quantity::Stiction => joint.stiction = stiffness * x,
+            Quantity::Rotor => joint.rotor_inertia = stiffness * x,
+            Quantity::Delay => joint.delay = x,
+            Quantity::Offset => joint.offset = x,
+            Quantity::Deadband => joint.deadband = x,
+            Quantity::TorqueLimit => joint.torque_limit = stiffness * x.exp(),
+            Quantity::SpeedLimit => joint.speed_limit = x.exp(),
+        }
+    }
+}
+
+/// One number that a fit looks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Unknown {
+    /// Index of the joint.
+    pub joint: usize,
+    /// What it is.
+    pub quantity: Quantity,
+    /// The value believed before, in the unit of the quantity.
+    pub expected: f64,
+    /// Standard deviation of that belief.
+    pub deviation: f64,
+    /// Step of its finite differences.
+    pub step: f64,
+}
+
+impl Unknown {
+    /// Its value in `arm`.
+    pub fn of(&self, arm: &ServoArm) -> f64 {
+        self.quantity.of(&arm.joints[self.joint])
+    }
+
+    /// Gives it the value `x` in `arm`.
+    pub fn set(&self, arm: &mut ServoArm, x: f64) {
+        self.quantity.set(&mut arm.joints[self.joint], x);
+    }
+}

@@ -1,0 +1,125 @@
+//! Fits of simulated recordings: what was put in comes out, inside its intervals; with any number of threads; contact does not bend it.
+#![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
+
+mod common;
+
+use freeplay_servo::{
+    Commands, Fitted, JointServo, Problem, Quantity, Rollout, ServoArm, State, Track, Unknown, first_model,
+    lag, sights, unknowns,
+};
+
+use common::{stamps, two_links};
+
+/// Step of the encoders, rad.
+const TICK: f64 = 5e-4;
+
+/// Servos that the fit does not know.
+fn truth() -> ServoArm {
+    let servo = |stiffness: f64, lag: f64, friction: f64| JointServo {
+        damping: stiffness * lag,
+        coulomb: stiffness * friction,
+        stiction: 0.3 * stiffness * friction,
+        delay: 0.023,
+        stribeck_velocity: 0.03,
+        rotor_inertia: 0.01,
+        ..JointServo::stiff(stiffness)
+    };
+    ServoArm { arm: two_links(9.81), joints: vec![servo(30.0, 0.06, 0.02), servo(15.0, 0.05, 0.03)] }
+}
+
+/// A recording of `truth` of `seconds` at 50 Hz, its encoders rounded, the first joint pressed aside by `pressed` rad for two seconds.
+fn recorded(truth: &ServoArm, seconds: usize, pressed: f64) -> Track {
+    let times = stamps(50 * seconds, 0.02);
+    let wave = |t: f64, phase: f64| {
+        0.4 * (0.7 * t + phase).sin() + 0.25 * (2.3 * t + 2.0 * phase).sin() + 0.1 * (4.9 * t).sin()
+    };
+    let columns = [0.0, 1.3].map(|phase| times.iter().map(|t| wave(*t, phase)).collect::<Vec<f64>>());
+    let commands: Vec<Commands> = columns.iter().map(|column| Commands::new(&times, column)).collect();
+    let start = State { q: columns.iter().map(|column| column[0]).collect(), v: vec![0.0; 2] };
+    let mut out = vec![0.0; 2 * times.len()];
+    Rollout::new(&truth.arm, 0.001).run(truth, &commands, &times, &start, &mut out);
+    let column = |joint: usize| {
+        let rows = out.iter().skip(joint).step_by(2).zip(&times);
+        rows.map(|(q, t)| {
+            let aside = if joint == 0 && (12.0..14.0).contains(t) { pressed } else { 0.0 };
+            ((q + aside) / TICK).round() * TICK
+        })
+        .collect::<Vec<f64>>()
+    };
+    Track { measured: vec![column(0), column(1)], commands, stamps: times }
+}
+
+fn fitted(track: &Track, threads: usize) -> (Vec<Unknown>, Fitted) {
+    let tracks = std::slice::from_ref(track);
+    let windows = track.windows(0.1, 10.0).into_iter().map(|rows| (0, rows)).collect();
+    let problem =
+        Problem { tracks, windows, rounding: vec![TICK / 12.0_f64.sqrt(); 2], longest_step: 0.005, threads };
+    let (model, seen) = first_model(&two_links(9.81), &problem);
+    let unknowns = unknowns(&seen, &model, 1e-4);
+    let fitted = problem.fit(&model, &unknowns, &mut |_, _| ());
+    (unknowns, fitted)
+}
+
+#[test]
+fn servos_come_back_from_a_recording() {
+    let truth = truth();
+    let track = recorded(&truth, 40, 0.0);
+    let (unknowns, fitted) = fitted(&track, 2);
+    println!("{} steps, noise {:?}", fitted.steps, fitted.noise.size);
+    for (unknown, (value, deviation)) in unknowns.iter().zip(&fitted.values) {
+        let true_value = unknown.of(&truth);
+        println!(
+            "{} {:?}: {value:.5} ± {deviation:.5}, in truth {true_value:.5}",
+            unknown.joint, unknown.quantity
+        );
+        let slack = match unknown.quantity {
+            Quantity::Stiffness => 0.03,
+            Quantity::Lag | Quantity::Delay => 0.003,
+            Quantity::Coulomb | Quantity::Offset => 0.002,
+            // The truth breaks away in steps of 1 ms, the fit in steps of 5 ms.
+            Quantity::Stiction => 0.003,
+            Quantity::Rotor => 3e-4,
+            Quantity::Deadband | Quantity::TorqueLimit | Quantity::SpeedLimit => 0.0,
+        };
+        assert!((value - true_value).abs() < slack, "{unknown:?}");
+    }
+    assert!(fitted.noise.size.iter().all(|size| *size < 3.0 * TICK));
+}
+
+#[test]
+fn a_contact_does_not_bend_the_fit_and_threads_do_not_change_it() {
+    let truth = truth();
+    let track = recorded(&truth, 30, 0.2);
+    let [(unknowns, one), (_, two)] = [1, 2].map(|threads| fitted(&track, threads));
+    assert_eq!(one.values, two.values, "the number of threads shows");
+    for (unknown, (value, _)) in unknowns.iter().zip(&one.values) {
+        if unknown.quantity == Quantity::Stiffness {
+            let off = value - unknown.of(&truth);
+            println!("logarithm of the stiffness of {} off by {off:.4}", unknown.joint);
+            assert!(off.abs() < 0.05);
+        }
+    }
+}
+
+#[test]
+fn a_lag_and_a_stiffness_show_before_any_rollout() {
+    let truth = truth();
+    let track = recorded(&truth, 30, 0.0);
+    let seen = sights(&truth.arm, std::slice::from_ref(&track));
+    println!("{seen:?}");
+    for (sight, joint) in seen.iter().zip(&truth.joints) {
+        let expected = joint.delay + joint.damping / joint.stiffness;
+        assert!((0.8..1.8).contains(&(sight.lag / expected)), "{sight:?}");
+        assert!((sight.tick - TICK).abs() < 1e-9);
+        let stiffness = sight.stiffness.unwrap();
+        assert!((0.5..2.0).contains(&(stiffness / joint.stiffness)), "{sight:?}");
+    }
+    let shifted = Track {
+        measured: vec![
+            (0..track.stamps.len()).map(|row| track.commands[0].between(track.stamps[row] - 0.05)).collect(),
+        ],
+        commands: vec![track.commands[0].clone()],
+        stamps: track.stamps.clone(),
+    };
+    assert!((lag(&[shifted], 0) - 0.05).abs() < 1e-3);
+}
