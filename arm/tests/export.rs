@@ -127,6 +127,26 @@ fn friction_limits_and_zeros_are_in_both_formats() {
 }
 
 #[test]
+fn a_servo_is_an_actuator_whose_control_is_the_position() {
+    let mut random = Random(9);
+    let joints = (1..=2).map(|number| Joint { rotor_inertia: 0.0, ..random.joint(number) }).collect();
+    let arm = Arm::new("two", joints, Isometry3::identity(), Vector3::new(0.0, 0.0, -9.81)).unwrap();
+    let elements = [
+        Element::Servo { joint: 1, stiffness: 40.0, damping: 1.5, offset: 0.01, limit: 3.0 },
+        Element::CommandDelay { joint: 1, delay: 0.0125 },
+    ];
+    let mechanism = with(arm, &elements);
+    let exported = to_mjcf(&mechanism);
+    assert!(exported.unsaid.is_empty(), "{:?}", exported.unsaid);
+    let document = roxmltree::Document::parse(&exported.text).unwrap();
+    let servo = document.descendants().find(|node| node.has_tag_name("general")).expect("an actuator");
+    let said =
+        ["joint", "gainprm", "biasprm", "forcerange", "delay", "nsample"].map(|name| servo.attribute(name));
+    assert_eq!(said, ["joint_2", "40", "0.4 -40 -1.5", "-3 3", "0.0125", "15"].map(Some));
+    assert_eq!(to_urdf(&mechanism).unsaid.len(), 2);
+}
+
+#[test]
 fn what_a_format_has_no_words_for_is_listed_in_the_file() {
     let mut random = Random(6);
     let arm = random.arm(3).with_gravity(Vector3::new(0.0, 0.0, -1.62));

@@ -42,7 +42,10 @@ class Machine:
         self.count = model.nu
         joints = model.actuator_trnid[:, 0]
         self.place, self.dof = model.jnt_qposadr[joints], model.jnt_dofadr[joints]
-        self.gain, self.bias = model.actuator_gainprm[:, 0].copy(), model.actuator_biasprm[:, 0].copy()
+        # The control of a servo is a position: its torque is what it is.
+        servo = model.actuator_biasprm[:, 1] != 0.0
+        self.gain = np.where(servo, 1.0, model.actuator_gainprm[:, 0])
+        self.bias = np.where(servo, 0.0, model.actuator_biasprm[:, 0])
         self.limited, self.range = model.actuator_forcelimited.astype(bool), model.actuator_forcerange.copy()
         self.tool = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tool0")
         names = [model.actuator(number).name for number in range(self.count)]

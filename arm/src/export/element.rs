@@ -105,6 +105,26 @@ pub enum Element {
         /// rad.
         offset: f64,
     },
+    /// A position servo: τ = stiffness·(command + offset − q) − damping·q̇, within ± the limit.
+    Servo {
+        /// The joint.
+        joint: usize,
+        /// N·m/rad.
+        stiffness: f64,
+        /// N·m·s/rad.
+        damping: f64,
+        /// Set-point minus command, rad.
+        offset: f64,
+        /// N·m; infinite if none.
+        limit: f64,
+    },
+    /// A drive that acts on a command only after this time.
+    CommandDelay {
+        /// The joint.
+        joint: usize,
+        /// s.
+        delay: f64,
+    },
     /// A channel of the measurement that is late.
     Delay {
         /// Which one.

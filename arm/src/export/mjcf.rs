@@ -1,7 +1,7 @@
 //! A mechanism → MJCF, the format of MuJoCo.
 //!
 //! Each joint of the arm is a body. The drive of a joint is an actuator of the joint's name, whose control is the torque that the machine
-//! measures; its gain, bias and force range are those of the measurement and the drive. Beside that:
+//! measures, or the position that its servo is commanded; its gain, bias and force range are those of measurement, servo and drive. Beside that:
 //!
 //! - rotor inertia is `armature`, friction `frictionloss`, damping `damping` with a second coefficient for the quadratic part;
 //! - a gear is a second joint in the same body, after the motor's: a spring or, with a gap, a joint whose range is the gap and whose limits are
@@ -71,13 +71,16 @@ fn missing(element: &Element) -> Option<&'static str> {
 fn unsaid_of_bodies(parts: &Parts) -> Vec<String> {
     let of = |parts: &JointParts| {
         let name = &parts.joint.name;
+        let unread = (parts.servo.is_some() && parts.measured != [1.0, 0.0]).then(|| {
+            format!("gain and offset of the torque measurement of {name}, whose control is a position")
+        });
         let changed = Principal::of(&parts.joint.inertia).changed.map(|changed| {
             format!("the inertia of the link of {name}: no real body has it, the nearest that MuJoCo takes differs by {} kg*m^2", number(changed))
         });
         let negative = (parts.armature < 0.0).then(|| {
             format!("rotor inertia of {name} ({}): MJCF has none below zero", number(parts.armature))
         });
-        changed.into_iter().chain(negative)
+        changed.into_iter().chain(negative).chain(unread)
     };
     parts.joints.iter().flat_map(of).collect()
 }
@@ -167,7 +170,7 @@ impl Writer<'_> {
         self.parts.joints.iter().for_each(|_| self.xml.end());
         self.xml.end();
         mjcf_tendon::write(self, &marks);
-        self.write_actuators();
+        self.write_actuators(step);
         self.write_sensors(&tool, step);
     }
 
@@ -232,27 +235,27 @@ impl Writer<'_> {
         );
     }
 
-    /// One actuator for each joint: control is the measured torque m, and the joint gets gain·(m − offset) − constant.
-    fn write_actuators(&mut self) {
+    /// One actuator for each joint.
+    fn write_actuators(&mut self, step: f64) {
         self.xml.start("actuator", &[]);
         for parts in &self.parts.joints {
-            let [gain, offset] = parts.measured;
-            let bias = -offset * gain - parts.constant;
             let name = parts.joint.name.clone();
             let mut attributes = vec![("name", name.clone()), ("joint", name)];
-            let is_plain = gain == 1.0 && bias == 0.0;
+            let law = affine(parts);
+            let is_plain = law == [1.0, 0.0, 0.0, 0.0];
             if !is_plain {
                 attributes.extend([
                     ("gaintype", "fixed".to_owned()),
-                    ("gainprm", number(gain)),
+                    ("gainprm", number(law[0])),
                     ("biastype", "affine".to_owned()),
-                    ("biasprm", numbers(&[bias, 0.0, 0.0])),
+                    ("biasprm", numbers(&law[1..])),
                 ]);
             }
             let range = parts.torque.map(|torque| torque - parts.constant);
             if range.iter().all(|torque| torque.is_finite()) {
                 attributes.push(("forcerange", numbers(&range)));
             }
+            attributes.extend(late(parts.command_delay, step));
             self.xml.empty(if is_plain { "motor" } else { "general" }, &attributes);
         }
         self.xml.end();
@@ -263,11 +266,7 @@ impl Writer<'_> {
         self.xml.start("sensor", &[]);
         let late = |channel: Channel| {
             let delays = self.parts.delays.iter().filter(|(of, _)| *of == channel);
-            let delay: f64 = delays.map(|(_, delay)| delay).sum();
-            let samples = (delay / step).ceil() + 2.0;
-            let attributes =
-                [("delay", number(delay)), ("nsample", number(samples)), ("interp", "linear".to_owned())];
-            if delay > 0.0 { attributes.to_vec() } else { Vec::new() }
+            late(delays.map(|(_, delay)| delay).sum(), step)
         };
         for joint in self.parts.joints.iter().map(|parts| &parts.joint.name) {
             let sensors = [
@@ -290,6 +289,31 @@ impl Writer<'_> {
 }
 
 type Attribute = (&'static str, String);
+
+/// Gain, and the bias by position and velocity, of the actuator of a joint. Without a servo its control is the measured torque m, and the joint gets
+/// gain·(m − offset) − constant; with one it is the commanded position.
+fn affine(parts: &JointParts) -> [f64; 4] {
+    match parts.servo {
+        Some(servo) => [
+            servo.stiffness,
+            servo.stiffness * servo.offset - parts.constant,
+            -servo.stiffness,
+            -servo.damping,
+        ],
+        None => {
+            let [gain, offset] = parts.measured;
+            [gain, -offset * gain - parts.constant, 0.0, 0.0]
+        }
+    }
+}
+
+/// The attributes of what is `delay` s late, which has to keep as many samples.
+fn late(delay: f64, step: f64) -> Vec<Attribute> {
+    let samples = (delay / step).ceil() + 2.0;
+    let attributes =
+        [("delay", number(delay)), ("nsample", number(samples)), ("interp", "linear".to_owned())];
+    if delay > 0.0 { attributes.to_vec() } else { Vec::new() }
+}
 
 fn pos(pose: &nalgebra::Isometry3<f64>) -> Attribute {
     ("pos", numbers(pose.translation.vector.as_slice()))

@@ -28,6 +28,18 @@ pub(super) struct JointParts {
     pub measured: [f64; 2],
     /// Least and greatest true torque of the drive.
     pub torque: [f64; 2],
+    /// The servo that closes the loop of the position, if commands are positions.
+    pub servo: Option<Servo>,
+    /// Time from a command to its effect, s.
+    pub command_delay: f64,
+}
+
+/// A position servo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Servo {
+    pub stiffness: f64,
+    pub damping: f64,
+    pub offset: f64,
 }
 
 /// A spring across a joint.
@@ -118,6 +130,12 @@ impl Parts {
             Element::TorqueOffset { joint, offset } => self.joints[joint].measured[1] += offset,
             Element::TorqueLimit { joint, limit } => self.joints[joint].limit(limit),
             Element::EncoderZero { joint, offset } => self.joints[joint].turn_back(offset),
+            Element::Servo { joint, stiffness, damping, offset, limit } => {
+                let parts = &mut self.joints[joint];
+                parts.servo = Some(Servo { stiffness, damping, offset });
+                parts.torque = [parts.torque[0].max(-limit), parts.torque[1].min(limit)];
+            }
+            Element::CommandDelay { joint, delay } => self.joints[joint].command_delay += delay,
             Element::Shaft { .. } | Element::Delay { .. } => {}
         }
     }
@@ -153,6 +171,8 @@ impl JointParts {
             play: None,
             measured: [1.0, 0.0],
             torque: [-effort, effort],
+            servo: None,
+            command_delay: 0.0,
         }
     }
 

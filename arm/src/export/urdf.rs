@@ -85,7 +85,8 @@ fn missing(element: &Element) -> Option<&'static str> {
         Element::TorqueGain { .. } | Element::TorqueOffset { .. } => {
             Some("URDF has no gain or offset of torques")
         }
-        Element::Delay { .. } => Some("URDF has no delays"),
+        Element::Servo { .. } => Some("URDF has no servos"),
+        Element::Delay { .. } | Element::CommandDelay { .. } => Some("URDF has no delays"),
     }
 }
 

@@ -71,9 +71,8 @@ impl Signal {
             return Some(Signal::Time);
         }
         let tool = name.strip_prefix("tool.").and_then(|part| TOOL.iter().position(|known| *known == part));
-        let of_joint = || {
-            OF_JOINTS.iter().rev().find_map(|(kind, make)| joint_of(name, kind, joints).map(make))
-        };
+        let of_joint =
+            || OF_JOINTS.iter().rev().find_map(|(kind, make)| joint_of(name, kind, joints).map(make));
         tool.map(Signal::Tool).or_else(of_joint)
     }
 }
