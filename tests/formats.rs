@@ -5,7 +5,7 @@ mod common;
 use std::fmt::Write as _;
 use std::process::Command;
 
-use common::{Ran, freeplay_in, fresh_folder};
+use common::{Call, FREEPLAY, Ran, freeplay_in, fresh_folder};
 use freeplay_arm::{Arm, Workspace, rnea};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -226,6 +226,47 @@ fn what_other_packages_write_is_compared_and_diagnosed() {
             "{}",
             ran.dump()
         );
+        folder = ran.folder;
+    }
+}
+
+/// A Parquet file of a time and a joint, three samples each, whose second page says that it is 2 GiB large when it is decompressed.
+const LARGE_PAGE: &str = concat!(
+    "504152311500153015302c1506150015061506000000000000000000009a9999999999b93f9a9999999999c93f150015feffffff0f15302c15061500",
+    "1506150600000000000000000000000000000000e03f9a9999999999b93f1502193c3500180173150400150a250018017400150a2500180271310016",
+    "06191c192c26081c150a19150019180174150016061652165226080000265a1c150a191500191802713115021606165a165a265a0000160016060000",
+    "5a00000050415231",
+);
+
+/// What a file claims of itself takes no memory: the same error under a limit as without one.
+#[test]
+fn a_recording_that_claims_more_than_it_holds_is_bad_input() {
+    let folder = fresh_folder();
+    let byte = |at: usize| u8::from_str_radix(&LARGE_PAGE[at..at + 2], 16).expect("a byte");
+    let page: Vec<u8> = (0..LARGE_PAGE.len()).step_by(2).map(byte).collect();
+    std::fs::write(folder.path().join("page.parquet"), page).expect("written");
+    let topics = "CREATE TABLE topics (id INTEGER, name TEXT, type TEXT);
+        INSERT INTO topics VALUES (1, '/joint_states', 'sensor_msgs/msg/JointState');";
+    let endless = "CREATE VIEW messages AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n)
+        SELECT i AS id, 1 AS topic_id, i AS timestamp, zeroblob(100) AS data FROM n;";
+    let large = "CREATE TABLE messages (id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB AS (zeroblob(900000000)));
+        INSERT INTO messages VALUES (1, 1, 0), (2, 1, 1), (3, 1, 2);";
+    for (name, messages) in [("endless.db3", endless), ("large.db3", large)] {
+        let database = rusqlite::Connection::open(folder.path().join(name)).expect("a database");
+        database.execute_batch(&format!("{topics}{messages}")).expect("statements");
+    }
+    let mut folder = folder;
+    for (name, said) in [
+        ("page.parquet", "a page of 2147483647 bytes in a file of"),
+        ("endless.db3", "messages is no table of stored rows"),
+        ("large.db3", "messages is no table of stored rows"),
+    ] {
+        let mut command = Command::new("sh");
+        let limited = "ulimit -v 1000000; exec \"$0\" record import \"$1\" --out r.csv";
+        command.args(["-c", limited, FREEPLAY, name]);
+        let ran = Call::of(folder, command).run().expect(3);
+        assert!(ran.stderr().contains(said) && ran.stderr().contains(name), "{}", ran.dump());
+        assert!(!ran.folder.path().join("r.csv").exists(), "{name}: nothing is written");
         folder = ran.folder;
     }
 }

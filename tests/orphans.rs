@@ -120,6 +120,13 @@ fn a_killed_run_takes_all_its_processes_along_at_any_moment() {
     }
 }
 
+/// Whether this process was started with SIGHUP ignored.
+fn ignores_hang_ups() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").expect("a process");
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).expect("a mask");
+    u64::from_str_radix(ignored.trim(), 16).expect("a mask") & 1 != 0
+}
+
 #[test]
 fn a_run_that_is_asked_to_end_does_so_in_order_at_any_moment() {
     for which in 0..3 {
@@ -135,13 +142,52 @@ fn a_run_that_is_asked_to_end_does_so_in_order_at_any_moment() {
                 (u64::from_str_radix(caught.trim(), 16).ok()? & (1 << 14) != 0).then_some(())
             });
             std::thread::sleep(after(moment * 3 + which as u32));
-            let signal = ["TERM", "HUP", "INT"][moment as usize % 3];
+            // Where this test ignores hang-ups, as `nohup` has it, its runs do.
+            let signals = if ignores_hang_ups() { ["TERM", "INT", "TERM"] } else { ["TERM", "HUP", "INT"] };
+            let signal = signals[moment as usize % 3];
             run.signal(signal);
             let shm = run.shm.path().to_owned();
             let ran = run.wait().expect(130);
             assert_eq!(members(&shm), Vec::<u32>::new(), "{signal} under {controller}");
             assert_recordings_open(&ran.out(), true);
         }
+    }
+}
+
+/// A run under strace, with what it says of system calls in `trace`; `options` are of strace.
+fn traced(options: &[&str]) -> Call {
+    let mut command = std::process::Command::new("strace");
+    command.args(["-o", "trace", "-e", "trace=rt_sigaction"]).args(options).arg(FREEPLAY);
+    command.args(["run", "--quiet", "--out", "out", "--controller", "computed-torque"]);
+    command.args(["--set", "duration=0.02", "--set", "patience=60"]);
+    Call::of(fresh_folder(), command)
+}
+
+/// The order in which a handler and what it is to do are set leaves no moment at which a signal is taken and forgotten.
+#[test]
+fn a_signal_at_the_moment_its_handler_is_set_ends_the_run() {
+    let can = std::process::Command::new("strace").args(["-o", "/dev/null", "true"]).output();
+    if !can.is_ok_and(|output| output.status.success()) {
+        println!("skipped: there is no strace here, or it may not trace");
+        return;
+    }
+    let ran = traced(&[]).run().expect(0);
+    let trace = std::fs::read_to_string(ran.folder.path().join("trace")).expect("a trace");
+    let calls = trace.lines().filter(|line| line.starts_with("rt_sigaction("));
+    let handlers: Vec<(usize, &str)> = calls
+        .enumerate()
+        .filter_map(|(index, line)| {
+            let signal =
+                ["INT", "TERM", "HUP"].into_iter().find(|it| line.contains(&format!("(SIG{it}, {{")));
+            Some((index + 1, signal?))
+        })
+        .collect();
+    assert!(handlers.len() >= 3, "{trace}");
+    for (when, signal) in handlers {
+        let inject = format!("inject=rt_sigaction:signal=SIG{signal}:when={when}");
+        let ran = traced(&["-e", &inject]).run();
+        println!("SIG{signal} as its handler is set: {}", ran.output.status);
+        assert_eq!(ran.output.status.code(), Some(130), "{}", ran.dump());
     }
 }
 

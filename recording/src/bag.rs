@@ -49,6 +49,8 @@ pub(crate) struct Bag {
     /// It ends before its end was written.
     pub truncated: bool,
     pub notes: Vec<String>,
+    /// Bytes of all messages.
+    held: u64,
 }
 
 impl Bag {
@@ -105,22 +107,33 @@ impl Bag {
     }
 
     /// Takes a message of `topic`, whose type is `kind`, if it is one that matters.
+    ///
+    /// # Errors
+    /// [`ReadError::Unusable`] where all messages together take more memory than what is read.
     pub fn take(
         &mut self,
         topic: &str,
         kind: &str,
         encoding: Encoding,
         log_ns: u64,
-        data: impl FnOnce() -> Vec<u8>,
-    ) {
+        data: &[u8],
+        source: &Source,
+    ) -> Result<(), ReadError> {
         let of_type = match ros2_name(kind).as_str() {
             JOINT_STATE => &mut self.states,
             POSE_STAMPED => &mut self.poses,
-            _ => return,
+            _ => return Ok(()),
         };
+        let most = source.limit.saturating_mul(8);
+        self.held += (data.len() + size_of::<Message>()) as u64;
+        if self.held > most {
+            let what = format!("its joint states and poses have more than {most} bytes; record shorter bags");
+            return Err(ReadError::Unusable { file: source.file.to_path_buf(), what });
+        }
         let messages = of_type.entry(topic.to_owned()).or_default();
         let number = messages.len() as u64 + 1;
-        messages.push(Message { log_ns, number, encoding, data: data() });
+        messages.push(Message { log_ns, number, encoding, data: data.to_vec() });
+        Ok(())
     }
 
     /// Adds what a MCAP holds behind its first magic bytes; a damaged chunk costs its messages.
@@ -128,7 +141,7 @@ impl Bag {
         let mut reading = McapBag::new(self, source);
         let mut records = Records::new(BufReader::with_capacity(1 << 16, input), source);
         records.for_each(&mut |offset, item| reading.take(offset, item))?;
-        reading.take_waiting();
+        reading.take_waiting()?;
         self.truncated |= records.truncated;
         if let (Some(compression), true) = (records.compression, self.states.is_empty()) {
             return Err(ReadError::Compression { file: source.file.to_path_buf(), compression });
@@ -188,7 +201,7 @@ impl<'a> McapBag<'a> {
             }
             Record::Message { header, data } => match self.channels.get(&header.channel_id) {
                 Some((topic, kind, encoding)) => {
-                    self.bag.take(topic, kind, *encoding, header.log_time, || data.into_owned());
+                    self.bag.take(topic, kind, *encoding, header.log_time, &data, self.source)?;
                 }
                 None if self.is_damaged => {
                     self.waiting_bytes += data.len() as u64;
@@ -206,12 +219,13 @@ impl<'a> McapBag<'a> {
     }
 
     /// Takes the messages whose channel the summary has described.
-    fn take_waiting(&mut self) {
+    fn take_waiting(&mut self) -> Result<(), ReadError> {
         for (header, data) in std::mem::take(&mut self.waiting) {
             if let Some((topic, kind, encoding)) = self.channels.get(&header.channel_id) {
-                self.bag.take(topic, kind, *encoding, header.log_time, || data);
+                self.bag.take(topic, kind, *encoding, header.log_time, &data, self.source)?;
             }
         }
+        Ok(())
     }
 }
 
@@ -223,10 +237,37 @@ fn behind_magic(path: &Path) -> Result<InputFile, ReadError> {
     Ok(file)
 }
 
+/// Whether messages of the type `kind` are read.
+pub(crate) fn is_read(kind: &str) -> bool {
+    [JOINT_STATE, POSE_STAMPED].contains(&ros2_name(kind).as_str())
+}
+
 /// The name of a type as ROS 2 has it: `sensor_msgs/JointState` of ROS 1 is `sensor_msgs/msg/JointState`.
 fn ros2_name(kind: &str) -> String {
     match kind.split_once('/') {
         Some((package, name)) if !name.contains('/') => format!("{package}/msg/{name}"),
         _ => kind.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::{Bag, Encoding, JOINT_STATE};
+    use crate::read::Source;
+
+    /// A few bytes of a compressed bag may inflate to any number of messages.
+    #[test]
+    fn messages_take_no_more_memory_than_what_is_read() {
+        let source = Source { limit: 1000, ..Source::of(Path::new("run.bag")) };
+        let (mut bag, data) = (Bag::default(), [0; 500]);
+        let mut take = |kind: &str| bag.take("/joint_states", kind, Encoding::Cdr, 0, &data, &source);
+        assert!((0..1000).all(|_| take("sensor_msgs/msg/Image").is_ok()), "nothing is kept of others");
+        let taken = (0..1000).take_while(|_| take(JOINT_STATE).is_ok()).count();
+        println!("{taken} messages of {} bytes", data.len());
+        assert!((10..=16).contains(&taken), "8000 bytes, and what is kept of each");
+        let said = take(JOINT_STATE).expect_err("full").to_string();
+        assert!(said.contains("run.bag: its joint states and poses have more than 8000 bytes"), "{said}");
     }
 }

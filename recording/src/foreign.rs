@@ -37,9 +37,14 @@ impl Foreign {
         self.columns.push(values);
     }
 
+    /// Values of each column.
+    pub fn rows(&self) -> usize {
+        self.columns.first().map_or(0, Vec::len)
+    }
+
     /// Adds the rows of `other`, which has the same columns; those that it has not are missing there.
     pub fn append(&mut self, other: &Self) {
-        let rows = other.columns.first().map_or(0, Vec::len);
+        let rows = other.rows();
         for (name, column) in self.names.iter().zip(&mut self.columns) {
             match other.names.iter().position(|theirs| theirs == name) {
                 Some(place) => column.extend_from_slice(&other.columns[place]),
@@ -80,7 +85,7 @@ impl Foreign {
     /// # Errors
     /// See [`ReadError`].
     pub fn into_recording(self, source: &Source, mapping: Option<&Mapping>) -> Result<Recording, ReadError> {
-        let rows = self.columns.first().map_or(0, Vec::len);
+        let rows = self.rows();
         let row = |k: usize| self.columns.iter().map(|column| column[k]).collect::<Vec<f64>>();
         let sample = Sample {
             rows: (0..rows.min(SAMPLE)).map(row).collect(),

@@ -3,8 +3,9 @@
 //! Sources: ROS interface definitions `sensor_msgs/msg/JointState` and `geometry_msgs/msg/PoseStamped`; their messages as [`crate::messages`] reads
 //! them. Positions are rad or m, velocities rad/s or m/s, efforts N·m or N, as ROS says.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
+use std::rc::Rc;
 
 use crate::bag::{Bag, JOINT_STATE, Message, POSE_STAMPED, Topics};
 use crate::error::{ReadError, Row};
@@ -135,25 +136,31 @@ impl States {
         let is_there =
             |values: &[f64], state: &JointState| !state.name.is_empty() && values.len() == state.name.len();
         let has = |group: Group, state: &JointState| is_there(state.values(group), state);
-        let of_joints = |state: &JointState| joints.iter().all(|joint| state.name.contains(joint));
-        let optional = [Group::Velocity, Group::Torque];
-        let present = optional
-            .into_iter()
-            .filter(|&group| decoded.iter().any(|(_, state)| of_joints(state) && has(group, state)));
-        let groups: Vec<Group> = std::iter::once(Group::Position).chain(present).collect();
-        let mut states = Self { joints, groups, rows: Vec::new(), notes: Vec::new() };
-        let (mut others, mut lacking) = (0_u64, 0_u64);
+        let all = decoded.len();
+        let mut seats = Seats { joints: &joints, names: &[], places: None };
+        let mut seated: Vec<(&Message, &JointState, Rc<[usize]>)> = Vec::new();
         for (message, state) in &decoded {
-            if !states.joints.iter().all(|joint| state.name.contains(joint)) {
-                others += 1;
-            } else if states.groups.iter().all(|group| has(*group, state)) {
-                let row = states.row(state);
+            seated.extend(seats.of(&state.name).map(|places| (*message, state, places)));
+        }
+        let others = all - seated.len();
+        let optional = [Group::Velocity, Group::Torque];
+        let present =
+            optional.into_iter().filter(|&group| seated.iter().any(|(_, state, _)| has(group, state)));
+        let groups: Vec<Group> = std::iter::once(Group::Position).chain(present).collect();
+        let mut states = Self { joints: joints.clone(), groups, rows: Vec::new(), notes: Vec::new() };
+        let mut lacking = 0_u64;
+        for (message, state, places) in seated {
+            if states.groups.iter().all(|group| has(*group, state)) {
+                let of_group = |group: &Group| {
+                    let values = state.values(*group);
+                    places.iter().map(|&place| values.get(place).copied().unwrap_or(f64::NAN))
+                };
+                let row = states.groups.iter().flat_map(of_group).collect();
                 states.rows.push((time_ns(state.stamp_ns(), message), message.number, row));
             } else {
                 lacking += 1;
             }
         }
-        let all = decoded.len();
         if states.rows.is_empty() {
             let what = "no message has a position for each of its names; record the bag again".to_owned();
             return Err(bag_error(topic, 1, what, source));
@@ -171,17 +178,6 @@ impl States {
         Ok(states)
     }
 
-    /// The values of one message in our order.
-    fn row(&self, state: &JointState) -> Vec<f64> {
-        let of_joint = |joint: &String| state.name.iter().position(|name| name == joint);
-        let places: Vec<Option<usize>> = self.joints.iter().map(of_joint).collect();
-        let of_group = |group: &Group| {
-            let values = state.values(*group);
-            places.iter().map(|place| place.and_then(|place| values.get(place)).copied().unwrap_or(f64::NAN))
-        };
-        self.groups.iter().flat_map(of_group).collect()
-    }
-
     /// Leaves out joints that never have a position, unless that is all of them.
     fn drop_joints_without_position(&mut self) {
         let column = |joint: usize| self.rows.iter().map(|row| row.2[joint]).collect::<Vec<f64>>();
@@ -190,10 +186,8 @@ impl States {
         if kept.is_empty() || kept.len() == count {
             return;
         }
-        let gone: Vec<String> = (0..count)
-            .filter(|joint| !kept.contains(joint))
-            .map(|joint| self.joints[joint].clone())
-            .collect();
+        let is_gone = |joint: &usize| kept.binary_search(joint).is_err();
+        let gone: Vec<String> = (0..count).filter(is_gone).map(|joint| self.joints[joint].clone()).collect();
         self.notes.push(format!("joints without any position are left out: {}", list(&gone)));
         for (_, _, row) in &mut self.rows {
             *row = (0..groups)
@@ -236,6 +230,28 @@ impl States {
         table.notes.extend(track.as_ref().map(|track| format!("tool: {}", track.in_words())));
         table.joint_names = self.joints;
         table.into_recording()
+    }
+}
+
+/// Where the joints stand in the names of messages. Most messages have the names of the one before.
+struct Seats<'a> {
+    joints: &'a [String],
+    names: &'a [String],
+    places: Option<Rc<[usize]>>,
+}
+
+impl<'a> Seats<'a> {
+    /// Where each joint stands in `names`, at first; none if one is not there.
+    fn of(&mut self, names: &'a [String]) -> Option<Rc<[usize]>> {
+        if self.names != names {
+            let mut place_of = HashMap::new();
+            for (place, name) in names.iter().enumerate() {
+                place_of.entry(name).or_insert(place);
+            }
+            self.names = names;
+            self.places = self.joints.iter().map(|joint| place_of.get(joint).copied()).collect();
+        }
+        self.places.clone()
     }
 }
 

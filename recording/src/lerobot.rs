@@ -32,7 +32,11 @@ pub(crate) fn read_folder(path: &Path, source: &Source) -> Result<Foreign, ReadE
     for file in &files {
         let episode = parquet_reader::read(open(file)?.into_file(), &Source { file, ..*source })?;
         match &mut all {
-            Some(all) => all.append(&episode),
+            Some(all) => {
+                let rows = all.rows() + episode.rows();
+                source.check_size(all.names.len(), rows as u64, "give fewer episodes")?;
+                all.append(&episode);
+            }
             None => all = Some(episode),
         }
     }

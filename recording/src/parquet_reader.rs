@@ -1,15 +1,19 @@
 //! Reading Parquet: our own export, what pandas and polars write, and data sets with lists in a cell.
 
-use parquet::basic::{ConvertedType, LogicalType, TimeUnit};
+use std::fs::File;
+
+use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
-use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
+use parquet::file::metadata::ParquetMetaData;
+use parquet::file::reader::{FileReader, Length, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use crate::error::ReadError;
 use crate::foreign::Foreign;
 use crate::names::list;
+use crate::parquet_claims::{Claims, Refused, check_depth, check_rows};
 use crate::read::Source;
 
 /// Records that are read at a time.
@@ -22,19 +26,20 @@ pub(crate) const CREATED_BY: &str = "freeplay";
 /// The columns of `file`.
 ///
 /// # Errors
-/// [`ReadError::Unusable`] for a file that is damaged, [`ReadError::TooLarge`].
-pub(crate) fn read(file: impl ChunkReader + 'static, source: &Source) -> Result<Foreign, ReadError> {
-    let damaged = |error: ParquetError| ReadError::Unusable {
+/// [`ReadError::Unusable`] for a file that is damaged, or says more of itself than it can hold; [`ReadError::TooLarge`].
+pub(crate) fn read(file: File, source: &Source) -> Result<Foreign, ReadError> {
+    let damaged = |Refused(what): Refused| ReadError::Unusable {
         file: source.file.to_path_buf(),
-        what: format!("this Parquet file can't be read: {error}; write it again"),
+        what: format!("this Parquet file can't be read: {what}; write it again"),
     };
-    let reader = SerializedFileReader::new(file).map_err(damaged)?;
+    check_depth(&file).map_err(damaged)?;
+    let pages = file.try_clone().map_err(|error| damaged(ParquetError::from(error).into()))?;
+    let mut claims = Claims::new(Length::len(&file), source.limit);
+    let reader = SerializedFileReader::new(file).map_err(|error| damaged(error.into()))?;
+    let rows = check_rows(reader.metadata()).map_err(damaged)?;
     let metadata = reader.metadata().file_metadata();
-    let (rows, columns) = (metadata.num_rows().max(0) as u64, metadata.schema_descr().num_columns());
-    if rows.saturating_mul(columns as u64) > source.limit {
-        let (file, remedy) = (source.file.to_path_buf(), "write fewer rows or columns".to_owned());
-        return Err(ReadError::TooLarge { file, columns, rows, limit: source.limit, remedy });
-    }
+    let columns = metadata.schema_descr().num_columns();
+    source.check_size(columns, rows, "write fewer rows or columns")?;
     let mut foreign = Foreign::default();
     if metadata.created_by() == Some(CREATED_BY) {
         let pairs = metadata.key_value_metadata().into_iter().flatten();
@@ -42,9 +47,9 @@ pub(crate) fn read(file: impl ChunkReader + 'static, source: &Source) -> Result<
     }
     let mut aside = Vec::new();
     for column in 0..columns {
-        let leaf = Leaf::of(&reader, column).map_err(damaged)?;
+        let leaf = Leaf::of(&reader, &pages, column, &mut claims).map_err(damaged)?;
         match leaf {
-            Some(leaf) => leaf.add_to(&mut foreign, rows as usize),
+            Some(leaf) => leaf.add_to(&mut foreign, rows as usize, &mut claims).map_err(damaged)?,
             None => aside.push(name(&metadata.schema_descr().column(column))),
         }
     }
@@ -72,8 +77,14 @@ struct Leaf {
 }
 
 impl Leaf {
-    /// The column number `column`; none if it holds no numbers, or lists of lists.
-    fn of(reader: &impl FileReader, column: usize) -> Result<Option<Self>, ParquetError> {
+    /// The column number `column`, whose pages are in `pages`; none if it holds no numbers, or lists of lists. Its numbers are taken from `claims`, those of
+    /// a list when it is laid out.
+    fn of(
+        reader: &impl FileReader,
+        pages: &File,
+        column: usize,
+        claims: &mut Claims,
+    ) -> Result<Option<Self>, Refused> {
         let descriptor = reader.metadata().file_metadata().schema_descr().column(column);
         let mut raw = Raw {
             is_list: descriptor.max_rep_level() == 1,
@@ -81,9 +92,10 @@ impl Leaf {
             values: Vec::new(),
             widths: Vec::new(),
         };
-        if raw.descriptor.max_rep_level() > 1 {
+        if raw.descriptor.max_rep_level() > 1 || !is_number(raw.descriptor.physical_type()) {
             return Ok(None);
         }
+        raw.check(reader.metadata(), pages, column, claims)?;
         let second = seconds(&raw.descriptor);
         let mut begin: Option<i64> = None;
         let mut moment = |value: i64, second: f64| (value - *begin.get_or_insert(value)) as f64 / second;
@@ -107,22 +119,26 @@ impl Leaf {
                 }
             }
         }
-        let is_moment = second.is_some() || raw.descriptor.physical_type() == parquet::basic::Type::INT96;
+        let is_moment = second.is_some() || raw.descriptor.physical_type() == Type::INT96;
         let widths = raw.is_list.then_some(raw.widths);
         Ok(Some(Self { name: name(&raw.descriptor), values: raw.values, widths, is_moment }))
     }
 
     /// Adds it to `foreign`: a list as one column for each of its places.
-    fn add_to(self, foreign: &mut Foreign, rows: usize) {
+    fn add_to(self, foreign: &mut Foreign, rows: usize, claims: &mut Claims) -> Result<(), Refused> {
+        let found = self.widths.as_ref().map_or(self.values.len(), Vec::len);
+        if found != rows {
+            return Err(Refused(format!("column {} has {found} rows of {rows}", self.name)));
+        }
         let Some(widths) = self.widths else {
             if self.is_moment {
                 foreign.moments.insert(foreign.names.len());
             }
-            let mut values = self.values;
-            values.resize(rows, f64::NAN);
-            return foreign.add(self.name, values);
+            foreign.add(self.name, self.values);
+            return Ok(());
         };
         let width = widths.iter().copied().max().unwrap_or(0);
+        claims.take((rows as u64).saturating_mul(width as u64))?;
         let mut columns = vec![Vec::with_capacity(rows); width];
         let mut begin = 0;
         for count in widths {
@@ -131,10 +147,10 @@ impl Leaf {
             }
             begin += count;
         }
-        for (place, mut values) in columns.into_iter().enumerate() {
-            values.resize(rows, f64::NAN);
+        for (place, values) in columns.into_iter().enumerate() {
             foreign.add(format!("{}[{place}]", self.name), values);
         }
+        Ok(())
     }
 }
 
@@ -146,7 +162,35 @@ struct Raw {
     widths: Vec<usize>,
 }
 
+/// Whether values of the type `kind` are read as numbers.
+fn is_number(kind: Type) -> bool {
+    !matches!(kind, Type::BYTE_ARRAY | Type::FIXED_LEN_BYTE_ARRAY)
+}
+
 impl Raw {
+    /// Checks what `metadata` and the pages say of the column number `column` before it is decoded.
+    fn check(
+        &self,
+        metadata: &ParquetMetaData,
+        pages: &File,
+        column: usize,
+        claims: &mut Claims,
+    ) -> Result<(), Refused> {
+        let mut all = 0;
+        for group in metadata.row_groups() {
+            let (chunk, rows) = (group.columns().get(column), group.num_rows());
+            let chunk = chunk.ok_or_else(|| Refused("a row group has not all columns".to_owned()))?;
+            let values = claims.check_chunk(pages, chunk)?;
+            if !self.is_list && i64::try_from(values) != Ok(rows) {
+                let name = name(&self.descriptor);
+                return Err(Refused(format!("column {name} has {values} numbers in {rows} rows")));
+            }
+            all += values;
+        }
+        // A list has as many numbers as its longest row in each.
+        if self.is_list { claims.fits(all) } else { claims.take(all) }
+    }
+
     /// Takes all of one row group.
     ///
     /// Source: Dremel encoding, <https://parquet.apache.org/docs/file-format/nestedencoding/>.

@@ -32,6 +32,15 @@ impl<'a> Source<'a> {
         Self { file, size: None, joints: None, limit: MAX_NUMBERS, overview: None }
     }
 
+    /// Fails if `rows` of so many `columns` are more numbers than what is read; `remedy` says what to do then.
+    pub fn check_size(&self, columns: usize, rows: u64, remedy: &str) -> Result<(), ReadError> {
+        if rows.saturating_mul(columns as u64) <= self.limit {
+            return Ok(());
+        }
+        let (file, remedy) = (self.file.to_path_buf(), remedy.to_owned());
+        Err(ReadError::TooLarge { file, columns, rows, limit: self.limit, remedy })
+    }
+
     /// A place in this input.
     pub fn place(&self, row: Row) -> Place {
         Place { file: self.file.to_path_buf(), row }
@@ -61,7 +70,8 @@ pub struct ImportOptions {
 /// - Parquet, LeRobot data sets, `.npz`, `.mat` of version 5.
 ///
 /// At most [`MAX_NUMBERS`] numbers are read: 2 GiB of memory, for a moment up to twice that; a line of a CSV may
-/// have 1 MiB, a chunk of a MCAP 64 MiB.
+/// have 1 MiB, a chunk of a MCAP 64 MiB. A Parquet file may have one number for each of its bits, and in any case 64 MiB of them. A bag's joint states and
+/// poses may have 2 GiB. What a file claims of its sizes is compared with the file before room is made for it.
 ///
 /// # Errors
 /// See [`ReadError`]; each names the place, the value and the remedy.

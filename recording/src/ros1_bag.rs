@@ -41,10 +41,10 @@ pub(crate) fn add(mut input: impl Read, source: &Source, bag: &mut Bag) -> Resul
             let inner = record.inflated(source)?.map_err(|what| damaged(offset, &what))?;
             let mut rest = inner.as_slice();
             while let Some(inner) = Record::split(&mut rest) {
-                inner.take(&mut connections, bag);
+                inner.take(&mut connections, bag, source)?;
             }
         } else {
-            record.take(&mut connections, bag);
+            record.take(&mut connections, bag, source)?;
         }
         offset += (header.len() + data.len() + 8) as u64;
     }
@@ -121,27 +121,38 @@ impl<'a> Record<'a> {
         })
     }
 
-    /// Takes a connection or a message.
-    fn take(&self, connections: &mut Connections, bag: &mut Bag) -> Option<()> {
-        let connection = self.number("conn")?;
-        match self.kind()? {
-            CONNECTION => {
-                let topic = String::from_utf8_lossy(self.field("topic")?).into_owned();
-                let kind = fields(self.data).find(|(name, _)| *name == b"type")?.1;
-                let kind = String::from_utf8_lossy(kind).into_owned();
-                bag.topics.insert(topic.clone(), kind.clone());
-                connections.insert(connection, (topic, kind));
+    /// Takes a connection or a message; a damaged one is passed over.
+    fn take(&self, connections: &mut Connections, bag: &mut Bag, source: &Source) -> Result<(), ReadError> {
+        match self.kind() {
+            Some(CONNECTION) => {
+                if let Some((connection, topic, kind)) = self.connection() {
+                    bag.topics.insert(topic.clone(), kind.clone());
+                    connections.insert(connection, (topic, kind));
+                }
             }
-            MESSAGE => {
-                let (topic, kind) = connections.get(&connection)?;
-                let (seconds, nanos) = self.field("time")?.split_first_chunk::<4>()?;
-                let nanos = u32::from_le_bytes(nanos.try_into().ok()?);
-                let time = u64::from(u32::from_le_bytes(*seconds)) * 1_000_000_000 + u64::from(nanos);
-                bag.take(topic, kind, Encoding::Ros1, time, || self.data.to_vec());
+            Some(MESSAGE) => {
+                let described = self.number("conn").and_then(|connection| connections.get(&connection));
+                if let (Some((topic, kind)), Some(time)) = (described, self.time_ns()) {
+                    bag.take(topic, kind, Encoding::Ros1, time, self.data, source)?;
+                }
             }
             _ => {}
         }
-        Some(())
+        Ok(())
+    }
+
+    /// Number, topic and type of the connection that this record describes.
+    fn connection(&self) -> Option<(u32, String, String)> {
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        let kind = fields(self.data).find(|(name, _)| *name == b"type")?.1;
+        Some((self.number("conn")?, text(self.field("topic")?), text(kind)))
+    }
+
+    /// When this message was logged, ns.
+    fn time_ns(&self) -> Option<u64> {
+        let (seconds, nanos) = self.field("time")?.split_first_chunk::<4>()?;
+        let nanos = u32::from_le_bytes(nanos.try_into().ok()?);
+        Some(u64::from(u32::from_le_bytes(*seconds)) * 1_000_000_000 + u64::from(nanos))
     }
 }
 

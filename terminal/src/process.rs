@@ -4,6 +4,7 @@ use std::process::Child;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, OnceLock};
 
+use nix::sys::signal::{SIGHUP as HANG_UP, SIGINT as INTERRUPT, SIGTERM as TERMINATE, SigSet, SigmaskHow};
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::flag::{register, register_conditional_shutdown};
@@ -45,11 +46,15 @@ static ENDS_AT_ONCE: OnceLock<Arc<AtomicBool>> = OnceLock::new();
 /// What the system says.
 pub fn end_on_signals() -> Result<(), Failure> {
     let at_once = ENDS_AT_ONCE.get_or_init(|| Arc::new(AtomicBool::new(true)));
-    for signal in stop_signals() {
-        let code = i32::from(Exit::Interrupted as u8);
-        register_conditional_shutdown(signal, code, Arc::clone(at_once)).map_err(Failure::internal)?;
-    }
-    Ok(())
+    // The first handler of a signal is there before it knows what to do: a signal in between would be lost. It waits instead.
+    let mut waiting = SigSet::empty();
+    [INTERRUPT, TERMINATE, HANG_UP].into_iter().for_each(|signal| waiting.add(signal));
+    let before = waiting.thread_swap_mask(SigmaskHow::SIG_BLOCK).map_err(Failure::internal)?;
+    let code = i32::from(Exit::Interrupted as u8);
+    let registered = stop_signals()
+        .try_for_each(|signal| register_conditional_shutdown(signal, code, Arc::clone(at_once)).map(drop));
+    before.thread_set_mask().map_err(Failure::internal)?;
+    registered.map_err(Failure::internal)
 }
 
 /// Makes SIGINT, SIGTERM and SIGHUP set `stop`, and a file that reaches the largest size allowed (`ulimit -f`) an error of the

@@ -2,8 +2,8 @@
 //! documented exit code, no half file under a final name, nothing in shared memory.
 //!
 //! A debug build of the program counts and logs its calls on demand (`storage/src/injection.rs`). Without a variable a part of the calls is
-//! tried, evenly spread; all of them by `FREEPLAY_FAULT_POINTS=all cargo test -p freeplay --test storage_faults -- --nocapture`. Power
-//! cuts are replayed from the log in memory, and always all of them.
+//! tried, evenly spread; all of them by `FREEPLAY_FAULT_POINTS=all cargo test -p freeplay --test storage_faults -- --nocapture`, or in parts, as
+//! `FREEPLAY_FAULT_POINTS=3/20`. Power cuts are replayed from the log in memory, and always all of them.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -84,14 +84,12 @@ impl Subject {
             }
         }
         let all = points.len();
-        if std::env::var("FREEPLAY_FAULT_POINTS").is_ok_and(|points| points == "all") {
-            // All of them.
-        } else {
+        let (first, step) = chosen(std::env::var("FREEPLAY_FAULT_POINTS").ok().as_deref(), || {
             // Drawing and analysing a set takes seconds each time.
             let most = if self.name == "blind" { THINNED / 4 } else { THINNED };
-            let step = all.div_ceil(most).max(1);
-            points = points.into_iter().step_by(step).collect();
-        }
+            (0, all.div_ceil(most).max(1))
+        });
+        points = points.into_iter().skip(first).step_by(step).collect();
         let codes = on_all_cores(&points, |(point, errno)| self.fail_one(&observed, point, *errno));
         println!(
             "{}: {} calls, {} of {all} faults tried, exit codes {codes:?}",
@@ -218,6 +216,20 @@ impl Subject {
                 bytes.len(),
                 whole.len()
             );
+        }
+    }
+}
+
+/// The first point that is played, and how many from one to the next: `all`, or `I/N` for every N-th from the I-th on; else `thinned`.
+fn chosen(asked: Option<&str>, thinned: impl Fn() -> (usize, usize)) -> (usize, usize) {
+    match asked {
+        None => thinned(),
+        Some("all") => (0, 1),
+        Some(part) => {
+            let part = part.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+            let (index, count): (usize, usize) = part.expect("all, or I/N");
+            assert!((1..=count).contains(&index), "{index}/{count}: from 1/{count} to {count}/{count}");
+            (index - 1, count)
         }
     }
 }

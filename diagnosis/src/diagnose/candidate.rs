@@ -59,6 +59,8 @@ pub(crate) struct Candidate {
     shown: Vec<usize>,
     /// Number of all terms of the law.
     all: usize,
+    /// The log odds for it where a search of its own has seen it: nothing takes it away again.
+    pub seen: Option<f64>,
 }
 
 impl Candidate {
@@ -109,13 +111,19 @@ impl Candidate {
             parts,
             shown,
             all,
+            seen: None,
         }))
     }
 
     /// The same effect in another `form`; `None` if the motion shows nothing of it, or other terms.
     pub fn reformed(&self, data: &Data, form: Form) -> Option<Self> {
         let other = Self::new(data, self.kind, self.joint, form).ok()??;
-        (other.shown == self.shown).then_some(Self { forms: self.forms, ..other })
+        (other.shown == self.shown).then_some(Self { forms: self.forms, seen: self.seen, ..other })
+    }
+
+    /// The same, seen with these log `odds` by a search of its own.
+    pub fn seen_with(self, odds: f64) -> Self {
+        Self { seen: Some(odds), ..self }
     }
 
     /// Number of coefficients.

@@ -180,6 +180,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 let parameters = candidate.parameters(system.coefficients(&fit, place));
                 let odds = if self.settings.tolerances.hold(candidate.kind, &parameters, step) {
                     f64::NEG_INFINITY
+                } else if let Some(seen) = candidate.seen {
+                    seen
                 } else if can_exist || self.changes_arm(&fit, place) {
                     fit.value - system.held_fit(&others)?.value
                 } else {
@@ -248,7 +250,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             if held_out && gain.value <= 0.0 || holds_nothing(candidate, &parameters) {
                 continue;
             }
-            let log_odds = fit.value - without_fit.value;
+            let log_odds = candidate.seen.unwrap_or(fit.value - without_fit.value);
             let mut table = candidate.table(self.arm(), system.coefficients(fit, place));
             let phrase = words::phrase(candidate.kind, &parameters);
             let mut statement = words::statement(&phrase, table.joint.as_deref());

@@ -9,7 +9,7 @@ use super::candidate::{Candidate, candidates};
 use super::choice::choose;
 use super::conclude::{Conclusion, insufficient};
 use super::confirm::{confirmed, searched_again};
-use super::data::Data;
+use super::data::{Data, add};
 use super::moments::{happenings, window};
 use super::nameless::is_unexplained;
 use super::parts::Part;
@@ -111,17 +111,15 @@ pub(crate) fn diagnose(
         let mut search = search(&data, &target, None, candidates, settings).ok_or(DiagnoseError::Singular)?;
         searched(&mut search, progress).ok_or(DiagnoseError::Singular)?
     };
-    let (happened, left) = {
-        progress("looking for what happens in the other parts");
-        data.heard = vec![Part::Choice, Part::Test];
-        let weights = found.weights.on(&data, &data.heard);
-        let left = std::mem::take(&mut found.left);
-        if found.members.iter().any(|candidate| candidate.kind.shakes) {
-            // Nothing tells a push from the knocks of parts that come apart and meet again.
-            (Vec::new(), left)
-        } else {
-            happenings(&data, left, weights).ok_or(DiagnoseError::Singular)?
-        }
+    progress("looking for what happens at a time");
+    data.heard = vec![Part::Fit, Part::Choice, Part::Test];
+    // Nothing tells a push from the knocks of parts that come apart and meet again.
+    let (happened, left) = if found.members.iter().any(|candidate| candidate.kind.shakes) {
+        (Vec::new(), found.left)
+    } else {
+        found.members.retain(|candidate| !candidate.kind.happens());
+        let sizes = Weights::new(&data, &target, Some(&found.left_by_what_lasts), settings.seed);
+        happenings(&data, found.left_by_what_lasts, &sizes).ok_or(DiagnoseError::Singular)?
     };
     let ends = |candidate: &&Candidate| window(&candidate.form.shape).is_some();
     for candidate in found.members.iter().filter(ends).chain(&happened) {
@@ -163,8 +161,8 @@ struct Found {
     members: Vec<Candidate>,
     /// What they leave of every row.
     left: Vec<Vec<f64>>,
-    /// How much each row says.
-    weights: Weights,
+    /// What those of them leave that do not happen at a time.
+    left_by_what_lasts: Vec<Vec<f64>>,
 }
 
 /// The most probable answer of `search` by the fit and the choice part, and all candidates as they are beside it; `None` if the system is singular.
@@ -178,11 +176,17 @@ fn searched(search: &mut Search, progress: &mut dyn FnMut(&str)) -> Option<(Vec<
     let candidates = |indices: &[usize]| -> Vec<Candidate> {
         indices.iter().map(|&index| search.system.candidate(index).clone()).collect()
     };
-    let found = Found {
-        members: candidates(&answer.members),
-        left: search.system.left(&fit),
-        weights: search.system.weights.clone(),
-    };
+    let left = search.system.left(&fit);
+    let columns = search.system.columns(&fit.members).zip(fit.beta.iter().copied());
+    let happens = fit.members.iter().flat_map(|&member| {
+        let candidate = search.system.candidate(member);
+        std::iter::repeat_n(candidate.kind.happens(), candidate.size())
+    });
+    let mut left_by_what_lasts = left.clone();
+    for ((column, x), _) in columns.zip(happens).filter(|(_, happens)| *happens) {
+        add(&mut left_by_what_lasts, column, x);
+    }
+    let found = Found { members: candidates(&answer.members), left, left_by_what_lasts };
     Some((candidates(&search.laid), found))
 }
 

@@ -44,6 +44,7 @@ mod thinning;
 mod tolerance;
 mod variables;
 mod weights;
+mod whitening;
 mod words;
 
 pub use engine::{DiagnoseError, DiagnoseSettings};

@@ -5,17 +5,18 @@ use toml::{Table, Value};
 
 use super::candidate::{Candidate, Form, at_place, places};
 use super::conclude::is_told;
-use super::data::Data;
+use super::data::{Data, less, sum_of};
 use super::search::Search;
 use super::system::System;
 use super::weights::Weights;
+use super::whitening::{Wandering, Whitening};
 use crate::residual::Kind;
 
 /// The shortest push that is looked for, s, and the factor from one length to the next.
 const BRIEFEST: f64 = 0.05;
 const LONGER: f64 = 2.0;
-/// The longest is this share of a recording: laws list windows down to it.
-const LONGEST: f64 = 1.0 / 16.0;
+/// The longest is this share of a recording: laws list those of a half.
+const LONGEST: f64 = 0.25;
 /// Most happenings of a recording that are looked for once all else is found.
 const MOST: usize = 8;
 /// Names of the numbers of a law that begins and ends.
@@ -48,84 +49,82 @@ pub(crate) fn struck(
     let motion = data.stages[index].motion();
     let (Some(stretch), t) = (motion.stretches.first(), &motion.t) else { return Vec::new() };
     let step = motion.step(stretch);
-    let sums = running_sums(data, index, joint, left);
+    let torques = torques(data, index, joint, left);
     let most = (LONGEST * t.len() as f64) as usize;
     let lengths = std::iter::successors(Some(BRIEFEST), |length| Some(LONGER * length));
     let rows = lengths.map(|length| ((length / step) as usize).max(1)).take_while(|rows| *rows <= most);
     let of_length = |long: usize| {
-        let begin = (long..t.len().saturating_sub(2 * long)).max_by(|a, b| {
-            let off = |k: usize| sums.iter().map(|sums| sums.off(k, long)).sum::<f64>();
-            off(*a).total_cmp(&off(*b))
-        })?;
+        let mut said = vec![0.0; t.len().saturating_sub(long)];
+        torques.iter().for_each(|torque| torque.add_said(long, &mut said));
+        let (begin, _) = said.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
         let times = [(BEGIN, t[begin]), (END, t[begin + long])];
         Some(times.map(|(name, time)| (name.to_owned(), Value::from(time))).into_iter().collect())
     };
     rows.filter_map(of_length).collect()
 }
 
-/// Sums, up to each point, of what is left of one torque in units of its own size, and of the rows that count.
-struct Sums {
+/// What is left of one torque, white.
+struct Torque {
+    wandering: Wandering,
+    says: Vec<f64>,
     left: Vec<f64>,
-    rows: Vec<f64>,
 }
 
-impl Sums {
-    fn mean(&self, from: usize, to: usize) -> Option<f64> {
-        let rows = self.rows[to] - self.rows[from];
-        (rows > 0.5 * (to - from) as f64).then(|| (self.left[to] - self.left[from]) / rows)
-    }
-
-    /// Square of what the `long` rows from `k` on are off from those before and after, in all of these rows.
-    fn off(&self, k: usize, long: usize) -> f64 {
-        let around = [self.mean(k - long, k), self.mean(k + long, k + 2 * long)];
-        let (Some(here), [Some(before), Some(after)]) = (self.mean(k, k + long), around) else { return 0.0 };
-        // A step that lasts is no push: what is off on both sides the same way counts.
-        let (rise, fall) = (here - before, here - after);
-        if rise * fall > 0.0 { long as f64 * rise.abs().min(fall.abs()).powi(2) } else { 0.0 }
+impl Torque {
+    /// Adds to `said`, by the row in which it begins, what a push of `long` rows explains of it: the square of its correlation with such a push, in squares of the
+    /// torque's own deviation (matched filter; Turin 1960, IRE Trans. Inf. Theory 6:311).
+    fn add_said(&self, long: usize, said: &mut [f64]) {
+        let deviation = self.wandering.deviation();
+        if deviation <= 0.0 {
+            return;
+        }
+        let push = self.wandering.push(long);
+        for (begin, said) in said.iter_mut().enumerate() {
+            let size = self.wandering.size(begin);
+            let rows = self.left[begin..].iter().zip(&self.says[begin..]);
+            let (product, square) = push.iter().zip(rows).fold((0.0, 0.0), |sum, (x, (left, says))| {
+                (sum.0 + says * x / size * left, sum.1 + says * (x / size).powi(2))
+            });
+            if square > 0.0 {
+                *said += product * product / square / deviation.powi(2);
+            }
+        }
     }
 }
 
-/// The [`Sums`] of the torques of the recording number `index`, or of that of `joint`.
-fn running_sums(data: &Data, index: usize, joint: Option<usize>, left: &[Vec<f64>]) -> Vec<Sums> {
+/// What is `left` of the torques of the recording number `index`, or of that of `joint`.
+fn torques(data: &Data, index: usize, joint: Option<usize>, left: &[Vec<f64>]) -> Vec<Torque> {
     let channels = (0..data.per_stage()).map(|c| index * data.per_stage() + c);
     let is_asked = |&c: &usize| match data.kind(c) {
         Kind::Torque(own) => joint.is_none_or(|joint| joint == own),
         Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => false,
     };
-    let summed = |values: &mut dyn Iterator<Item = f64>| -> Vec<f64> {
-        std::iter::once(0.0)
-            .chain(values.scan(0.0, |sum, x| {
-                *sum += x;
-                Some(*sum)
-            }))
-            .collect()
-    };
     let of_channel = |c: usize| {
-        let heard = data.heard(c);
-        let square: f64 = left[c].iter().zip(&heard).map(|(x, heard)| heard * x * x).sum();
-        let size = (square / heard.iter().sum::<f64>().max(1.0)).sqrt().max(f64::MIN_POSITIVE);
-        Sums {
-            left: summed(&mut left[c].iter().zip(&heard).map(|(x, heard)| heard * x / size)),
-            rows: summed(&mut heard.iter().copied()),
-        }
+        let sizes = vec![1.0; left[c].len()];
+        let wandering = Wandering::of(data, c, &left[c], &sizes);
+        Torque { left: wandering.rows(&left[c]), says: wandering.says().collect(), wandering }
     };
     channels.filter(is_asked).map(of_channel).collect()
 }
 
-/// What happens in the rows that are heard and is not yet in what is `left` of them, as long as each is more probable than none, and what these leave. The
-/// evidence is that of the diagnosis. `None` if the system is singular.
+/// What happens in the rows that are heard and is not yet in what is `left` of them, as long as each is more probable than none, and what these leave. Rows are
+/// taken as they differ from their past, so that a push is not counted as if it were as slow as what else is left. The evidence is that of the diagnosis. `None` if the system is
+/// singular.
 pub(crate) fn happenings(
     data: &Data,
-    mut left: Vec<Vec<f64>>,
-    weights: Weights,
+    left: Vec<Vec<f64>>,
+    sizes: &Weights,
 ) -> Option<(Vec<Candidate>, Vec<Vec<f64>>)> {
-    let system = System::new(data, left.clone(), weights)?;
+    let whitening = Whitening::of(data, &left, sizes);
+    let weights = Weights::white(data, &whitening);
+    let system = System::white(data, &left, weights, whitening)?;
     let mut search = Search::new(system, Vec::new());
     let mut members = Vec::new();
-    while members.len() < MOST {
+    let mut rest = left.clone();
+    while members.len() < MOST * data.stages.len() {
         for kind in kinds().filter(|kind| kind.happens()) {
             for joint in places(kind, data.arm()) {
-                let Ok((found, _)) = at_place(data, kind, joint, &left) else { continue };
+                let Ok((found, _)) = at_place(data, kind, joint, &rest) else { continue };
                 let taken: Vec<usize> = found.into_iter().filter_map(|one| search.system.take(one)).collect();
                 search.laid.extend(taken);
             }
@@ -135,14 +134,32 @@ pub(crate) fn happenings(
             break;
         }
         members = better.members;
-        left = search.system.left(&search.system.fit(&members)?);
+        rest = less(&left, &said(&search, &members, &left)?);
     }
     let all = search.system.fit(&members)?.value;
-    let is_sure = |&&member: &&usize| {
+    let odds = |member: usize| {
         let others: Vec<usize> = members.iter().copied().filter(|other| *other != member).collect();
-        search.system.fit(&others).is_some_and(|without| is_told(all - without.value))
+        search.system.fit(&others).map_or(0.0, |without| all - without.value)
     };
-    let sure = members.iter().filter(is_sure);
-    let found = sure.map(|&member| search.system.candidate(member).clone()).collect();
-    Some((found, left))
+    let sure: Vec<usize> = members.iter().copied().filter(|&member| is_told(odds(member))).collect();
+    let found = sure.iter().filter_map(|&member| {
+        let candidate = search.system.candidate(member);
+        let raw = candidate.reformed(data, candidate.form.clone())?;
+        Some(raw.seen_with(odds(member)))
+    });
+    let found = found.collect();
+    Some((found, less(&left, &said(&search, &sure, &left)?)))
+}
+
+/// What `members` say of every row, as it is.
+fn said(search: &Search, members: &[usize], rows: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+    let system = &search.system;
+    let fit = system.fit(members)?;
+    let mut columns = Vec::new();
+    for (place, &member) in members.iter().enumerate() {
+        let candidate = system.candidate(member);
+        let raw = candidate.reformed(system.data, candidate.form.clone())?;
+        columns.extend(raw.columns.iter().cloned().zip(system.coefficients(&fit, place).to_vec()));
+    }
+    Some(sum_of(columns.iter().map(|(column, x)| (column, *x)), rows))
 }

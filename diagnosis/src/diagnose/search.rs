@@ -236,6 +236,9 @@ impl<'d, 'a> Search<'d, 'a> {
             // Where an earlier form had a tolerance at an edge, a better one need not.
             self.system.unpin()?;
             for place in 0..members.len() {
+                if self.is_seen(members[place]) {
+                    continue;
+                }
                 let member = members.remove(place);
                 let better = self.refined(&members, member)?;
                 members.insert(place, better);
@@ -253,6 +256,11 @@ impl<'d, 'a> Search<'d, 'a> {
         let Some(fit) = self.system.fit(members) else { return false };
         let placed = self.system.placed(&fit, arm, |_| true);
         placed.len() == members.len() && changed(arm, &placed).is_ok()
+    }
+
+    /// Whether a search of its own has seen `member`: this one can't tell better.
+    fn is_seen(&self, member: usize) -> bool {
+        self.system.candidate(member).seen.is_some()
     }
 
     /// The candidates that may join `members`. Nothing tells a push from the knocks of parts that come apart and meet again.
@@ -307,6 +315,7 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `now` without the member whose absence makes it most probable.
     fn dropped(&mut self, now: &Answer) -> Option<Option<Answer>> {
         let mut without: Vec<(f64, Vec<usize>)> = (0..now.members.len())
+            .filter(|&place| !self.is_seen(now.members[place]))
             .filter_map(|place| {
                 let mut members = now.members.clone();
                 members.remove(place);
@@ -328,7 +337,7 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `now` with another effect in the place of one of its members.
     fn swapped(&mut self, now: &Answer) -> Option<Option<Answer>> {
         let mut best: Option<(f64, Vec<usize>, usize)> = None;
-        for &member in &now.members {
+        for &member in now.members.iter().filter(|&&member| !self.is_seen(member)) {
             let others: Vec<usize> = now.members.iter().copied().filter(|other| *other != member).collect();
             let fit = self.system.fit(&others)?;
             let meets = |index: &usize| {
@@ -357,6 +366,9 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `now` with a law in the place of one that it excludes, each in its best form.
     fn swapped_for_rival(&mut self, now: &Answer) -> Option<Option<Answer>> {
         for &member in &now.members {
+            if self.system.candidate(member).kind.happens() {
+                continue;
+            }
             let others: Vec<usize> = now.members.iter().copied().filter(|other| *other != member).collect();
             let index = self.best_of_rivals(&others, member)?;
             if self.system.candidate(index).same_effect(self.system.candidate(member)) {
@@ -427,7 +439,7 @@ impl<'d, 'a> Search<'d, 'a> {
         let before = all.len();
         loop {
             let mut best: Option<(f64, usize)> = None;
-            for place in 0..all.len() - 1 {
+            for place in (0..all.len() - 1).filter(|&place| !self.is_seen(all[place])) {
                 let mut rest = all.clone();
                 rest.remove(place);
                 let there = self.system.fit(&rest)?.value;

@@ -5,6 +5,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::rc::Rc;
 
 use freeplay_arm::Arm;
 use freeplay_laws::Placed;
@@ -15,6 +16,7 @@ use super::candidate::Candidate;
 use super::columns::dot;
 use super::data::{Column, Data, add};
 use super::weights::Weights;
+use super::whitening::Whitening;
 use crate::statistics::blocks as blocks_of;
 
 /// Half the width of a tolerance in standard deviations: an even spread of deviation one.
@@ -99,6 +101,7 @@ pub(crate) struct System<'d, 'a> {
     pub data: &'d Data<'a>,
     pub weights: Weights,
     pub target: Vec<Vec<f64>>,
+    whitening: Option<Whitening>,
     tolerances: Vec<Column>,
     precision: Vec<f64>,
     channels: Vec<Channel>,
@@ -118,7 +121,30 @@ pub(crate) struct System<'d, 'a> {
 impl<'d, 'a> System<'d, 'a> {
     /// The system of the rows of `data` that are heard, under `weights`; `None` if the tolerances are singular.
     pub fn new(data: &'d Data<'a>, target: Vec<Vec<f64>>, weights: Weights) -> Option<Self> {
-        let (tolerances, precision) = data.tolerances();
+        Self::over(data, target, weights, None)
+    }
+
+    /// The same of rows of which each says something new by `whitening`, all columns with them.
+    pub fn white(
+        data: &'d Data<'a>,
+        target: &[Vec<f64>],
+        weights: Weights,
+        whitening: Whitening,
+    ) -> Option<Self> {
+        let target = target.iter().enumerate().map(|(c, rows)| whitening.channel(c).rows(rows)).collect();
+        Self::over(data, target, weights, Some(whitening))
+    }
+
+    fn over(
+        data: &'d Data<'a>,
+        target: Vec<Vec<f64>>,
+        weights: Weights,
+        whitening: Option<Whitening>,
+    ) -> Option<Self> {
+        let (mut tolerances, precision) = data.tolerances();
+        if let Some(whitening) = &whitening {
+            tolerances.iter_mut().for_each(|column| *column = whitening.column(column));
+        }
         let channels: Vec<Channel> = (0..data.channels())
             .map(|c| Channel::new(c, &tolerances, &target, weights.rows[c].weights()))
             .collect();
@@ -132,6 +158,7 @@ impl<'d, 'a> System<'d, 'a> {
             data,
             weights,
             target,
+            whitening,
             tolerances,
             precision,
             channels,
@@ -164,7 +191,10 @@ impl<'d, 'a> System<'d, 'a> {
         }
     }
 
-    fn block(&self, candidate: Candidate) -> Option<Block> {
+    fn block(&self, mut candidate: Candidate) -> Option<Block> {
+        if let Some(whitening) = &self.whitening {
+            candidate.columns = Rc::new(candidate.columns.iter().map(|c| whitening.column(c)).collect());
+        }
         let size = candidate.size();
         let mut precision = DMatrix::zeros(size, size);
         let (mut channels, mut count) = (Vec::new(), 0.0);

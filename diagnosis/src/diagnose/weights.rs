@@ -10,6 +10,7 @@ use super::instruments::instruments;
 use super::noise::effective_samples;
 use super::parts::Part;
 use super::shapes::{Knots, Shapes};
+use super::whitening::Whitening;
 use crate::residual::Kind;
 
 /// Deviation of the half-normal prior of s: laws of rigid bodies and of friction hold to a few per cent on machines that are published.
@@ -76,6 +77,11 @@ impl Rows {
     /// Believes every row alike.
     pub fn trust_all(&mut self) {
         self.trust.fill(1.0);
+    }
+
+    /// The deviation of each row: √v.
+    pub fn sizes(&self) -> Vec<f64> {
+        self.variances(self.share).map(|v| v.sqrt().max(f64::MIN_POSITIVE)).collect()
     }
 
     /// Effective number of rows.
@@ -210,6 +216,29 @@ impl Weights {
             }
         };
         Self { rows: (0..data.channels()).map(of_channel).collect(), noise: deviation.to_vec() }
+    }
+
+    /// Weights of rows that `whitening` made independent: each says as much as its channel's deviation leaves it.
+    pub fn white(data: &Data, whitening: &Whitening) -> Self {
+        let of_channel = |c: usize| {
+            let wandering = whitening.channel(c);
+            let deviation = wandering.deviation();
+            let is_known = deviation > 0.0;
+            let (stage, of_stage) = data.place(c);
+            let measured = wandering.rows(&data.stages[stage].channels[of_stage].measured);
+            let phi: Vec<f64> = wandering.says().map(|says| if is_known { says } else { 0.0 }).collect();
+            let count = phi.iter().filter(|phi| **phi > 0.0).count().max(1) as f64;
+            Rows {
+                instrument: vec![if is_known { deviation.powi(2) } else { 1.0 }; phi.len()],
+                size: vec![0.0; phi.len()],
+                trust: vec![1.0; phi.len()],
+                phi,
+                share: 0.0,
+                scale: (measured.iter().map(|x| x * x).sum::<f64>() / count).sqrt(),
+            }
+        };
+        let noise = (0..data.channels()).map(|c| whitening.channel(c).deviation()).collect();
+        Self { rows: (0..data.channels()).map(of_channel).collect(), noise }
     }
 
     /// The same noise and shares for rows in other `parts`.

@@ -81,12 +81,13 @@ pub fn kill_runs(
     if !ends(&mut whole)? {
         return Err(Failure::peer(format!("a run of {controller} does not end within {LONGEST:?}")));
     }
-    let latest = begun.elapsed();
+    let mut latest = begun.elapsed();
     tally.runs.push(whole.id());
     while tally.kills < count && !stop.load(Ordering::Relaxed) {
         let victim = [Victim::Plant, Victim::Controller, Victim::Run][random.random_range(0..3)];
         let after = latest.mul_f64(random.random_range(0.0..1.0));
-        kill_one(controller, out, victim, after, &mut tally)?;
+        // A run that ended before its kill says how long one takes by now.
+        latest = kill_one(controller, out, victim, after, &mut tally)?.unwrap_or(latest);
     }
     tally.files_left = files_of(&tally.runs);
     let holds = tally.hung + tally.next_did_not_start + tally.recordings_that_do_not_open == 0
@@ -98,24 +99,29 @@ pub fn kill_runs(
     Ok(if holds { Exit::Done } else { Exit::Verdict })
 }
 
+/// Kills `victim` in a run of `controller` so long `after` its start; how long the run took, if it ended before.
 fn kill_one(
     controller: &str,
     out: &Path,
     victim: Victim,
     after: Duration,
     tally: &mut Tally,
-) -> Result<(), Failure> {
+) -> Result<Option<Duration>, Failure> {
     let folder = out.join("killed");
     remove_folder(&folder)?;
     let mut run = start(controller, &folder, &KILLED)?;
     let begun = Instant::now();
-    let mut struck = false;
+    let (mut struck, mut took) = (false, None);
     // On a busy machine the victim comes late.
-    while !struck && begun.elapsed() < LONGEST && run.try_wait().map_err(Failure::internal)?.is_none() {
-        std::thread::sleep(after.saturating_sub(begun.elapsed()).max(LOOK));
-        let orphans = if victim == Victim::Run { children_of(run.id()) } else { Vec::new() };
-        struck = pid_of(victim, run.id()).is_some_and(kill);
-        tally.slowest_orphan_ms = tally.slowest_orphan_ms.max(outlive_ms(&orphans));
+    while !struck && took.is_none() && begun.elapsed() < LONGEST {
+        std::thread::sleep(LOOK);
+        if has_ended(&mut run)? {
+            took = Some(begun.elapsed());
+        } else if begun.elapsed() >= after {
+            let orphans = if victim == Victim::Run { children_of(run.id()) } else { Vec::new() };
+            struck = strike(victim, &mut run)?;
+            tally.slowest_orphan_ms = tally.slowest_orphan_ms.max(outlive_ms(&orphans));
+        }
     }
     tally.kills += 1;
     tally.struck += u32::from(struck);
@@ -146,7 +152,7 @@ fn kill_one(
     let well = ends(&mut next)? && next.wait().is_ok_and(|status| status.success());
     tally.next_did_not_start += u32::from(!well);
     tally.runs.push(next.id());
-    Ok(())
+    Ok(took)
 }
 
 fn start(controller: &str, folder: &Path, sets: &[&str]) -> Result<Child, Failure> {
@@ -160,6 +166,16 @@ fn start(controller: &str, folder: &Path, sets: &[&str]) -> Result<Child, Failur
         .stderr(Stdio::null())
         .spawn()
         .map_err(Failure::internal)
+}
+
+fn has_ended(run: &mut Child) -> Result<bool, Failure> {
+    Ok(run.try_wait().map_err(Failure::internal)?.is_some())
+}
+
+/// Kills the process of `victim` in `run`; whether it lived. One that has ended takes a signal, too, until it is waited for.
+fn strike(victim: Victim, run: &mut Child) -> Result<bool, Failure> {
+    let pid = pid_of(victim, run.id());
+    Ok(!has_ended(run)? && pid.is_some_and(kill))
 }
 
 /// Waits for the end of `run`; `false` if it has to be killed.
@@ -222,4 +238,23 @@ fn files_of(runs: &[u32]) -> usize {
     };
     let entries = std::fs::read_dir(SEGMENTS).into_iter().flatten().flatten();
     entries.filter(|entry| is_theirs(&entry.file_name().to_string_lossy())).count()
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+mod tests {
+    use std::process::Command;
+
+    use super::{Victim, ends, outlive_ms, strike};
+
+    #[test]
+    fn what_has_ended_is_not_struck() {
+        let mut sleeps = Command::new("sleep").arg("1000").spawn().unwrap();
+        assert!(strike(Victim::Run, &mut sleeps).unwrap());
+        assert!(ends(&mut sleeps).unwrap());
+        let mut ended = Command::new("true").spawn().unwrap();
+        // It has ended, but nobody has asked for it.
+        assert!(outlive_ms(&[ended.id()]) < super::LONGEST.as_secs_f64() * 1e3);
+        assert!(!strike(Victim::Run, &mut ended).unwrap());
+    }
 }

@@ -63,19 +63,16 @@ fn table(shape: &Table, force: [f64; 3]) -> Table {
     table
 }
 
-/// A half, a quarter, an eighth and a sixteenth of the recording, half overlapping.
-fn windows(place: &Place) -> Vec<Table> {
+/// The first half, the middle and the second half of the motion; shorter ones are where something shows.
+pub(super) fn windows(place: &Place) -> Vec<Table> {
     let t = &place.scene.motion.t;
     let (Some(first), Some(last)) = (t.first(), t.last()) else { return Vec::new() };
-    let window = |parts: u32, half: u32| {
-        let lasts = (last - first) / f64::from(parts);
-        let start = first + 0.5 * lasts * f64::from(half);
+    let lasts = 0.5 * (last - first);
+    let window = |half: f64| {
+        let start = first + 0.5 * lasts * half;
         with(&Table::new(), [("start", start), ("end", start + lasts)])
     };
-    [2, 4, 8, 16]
-        .into_iter()
-        .flat_map(|parts| (0..2 * parts - 1).map(move |half| window(parts, half)))
-        .collect()
+    [0.0, 1.0, 2.0].map(window).into()
 }
 
 #[derive(Clone, Copy, Debug)]

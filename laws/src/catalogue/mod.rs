@@ -13,6 +13,7 @@ mod coulomb_friction;
 mod encoder_eccentricity;
 mod encoder_offset;
 mod external_force;
+mod external_torque;
 mod friction_drift;
 mod hard_stop;
 mod joint_clearance;
@@ -62,6 +63,7 @@ pub static CATALOGUE: &[&Kind] = &[
     &joint_spring::KIND,
     &joint_coupling::KIND,
     &external_force::KIND,
+    &external_torque::KIND,
     &actuator_saturation::KIND,
     &torque_offset::KIND,
     &torque_gain::KIND,

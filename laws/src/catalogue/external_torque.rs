@@ -1,0 +1,59 @@
+//! A torque on one joint that the model does not know, for a time: a hand on a link, a cable that catches, a brake that drags.
+//!
+//! Law: a torque T \[N·m\] acts *on* the joint from t = start to end \[s\], positive in its positive direction; the drive spends τ = −T.
+//! Source: De Luca & Mattone 2005, ICRA, Eq. 4 (collisions as generalised forces), with the force on one coordinate.
+
+use super::external_force::windows;
+use crate::basis::Terms;
+use crate::joint_law::{AtJoint, Instant, JointLaw};
+use crate::kind::{Kind, Occurrence, Seen, Site};
+use crate::needs::Need;
+use crate::parameter::Parameter;
+
+/// The entry.
+pub static KIND: Kind = Kind {
+    name: "external_torque",
+    title: "torque on a joint",
+    words: "a torque of {torque} on the joint from {start} to {end}",
+    site: Site::Joint,
+    parameters: &[
+        Parameter::number("torque", "torque that acts on the joint", "N*m", [-1e6, 1e6]).prismatic("N"),
+        Parameter::number("start", "when it sets in", "s", [-1e12, 1e12]).shape(),
+        Parameter::number("end", "when it ends", "s", [-1e12, 1e12]).shape(),
+    ],
+    occurs: Occurrence::Rare,
+    tolerance: None,
+    seen: Seen::TORQUE,
+    rough: true,
+    shakes: false,
+    equation: "τ = −T for start ≤ t < end",
+    source: "De Luca & Mattone 2005, Eq. 4",
+    signature: "the torque of one joint is off for a time, by the same amount",
+    confounders: &[
+        ("external_force", "shows in the torques of several joints, in the pattern Jᵀ f"),
+        ("torque_offset", "lasts"),
+        ("friction_drift", "changes slowly, and with the direction of motion"),
+        ("actuator_saturation", "is where much torque is asked"),
+    ],
+    contains: &[],
+    needs: &[Need::Torque],
+    terms: Terms::PLAIN,
+    shapes: windows,
+    build: |values| {
+        let (torque, start, end) = (values.number("torque")?, values.number("start")?, values.number("end")?);
+        Ok(Box::new(AtJoint { joint: values.joint()?, law: ExternalTorque { torque, start, end } }))
+    },
+};
+
+#[derive(Clone, Copy, Debug)]
+struct ExternalTorque {
+    torque: f64,
+    start: f64,
+    end: f64,
+}
+
+impl JointLaw for ExternalTorque {
+    fn resisting(&self, at: &Instant) -> f64 {
+        if at.t >= self.start && at.t < self.end { -self.torque } else { 0.0 }
+    }
+}
