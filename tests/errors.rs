@@ -177,6 +177,8 @@ fn files_that_cannot_be_used() {
                 "compare --recording good.csv --out out --model",
                 "diagnose --recording good.csv --out out --model",
                 "train --out w.json --model",
+                "export --to urdf",
+                "export --to mjcf --out out.xml",
                 excite,
             ],
             &models,
@@ -231,6 +233,7 @@ fn places_that_cannot_be_written_to() {
         }
         for command in [
             "train --out",
+            "export paper --to mjcf --out",
             "demo --case nothing --picture",
             "doctor --quick --html",
             "blind --quiet --cases 1 --history",
@@ -245,7 +248,9 @@ fn places_that_cannot_be_written_to() {
             &[&file, "cannot be created"],
         );
     }
-    for command in ["train --out folder", "doctor --quick --html folder"] {
+    for command in
+        ["train --out folder", "export paper --to urdf --out folder", "doctor --quick --html folder"]
+    {
         tried.refused(command, 3, &["cannot write folder", "a file in it"]);
     }
     tried.refused("record export good.csv --format csv --out good.csv", 2, &["is the file that is read"]);

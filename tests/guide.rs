@@ -1,7 +1,7 @@
 //! The guide does what it says: every console block of its pages is run, in the order of the page, with the files that the page shows.
 //!
 //! A block ` ```console ` holds commands behind `$ `; ` ```console python ` takes a Python with iceoryx2 and is left out, with a word, where
-//! there is none; a block with `file=NAME` is a file that the reader writes.
+//! there is none, ` ```console mujoco ` one with mujoco, numpy and scipy, ` ```console fmpy ` one with FMPy, ` ```console pythonfmu ` one with pythonfmu3 and a shared library; a block with `file=NAME` is a file that the reader writes.
 
 mod common;
 
@@ -42,12 +42,29 @@ fn blocks(page: &str) -> Vec<Block> {
     blocks
 }
 
+/// What blocks need of Python, by the word behind `console`.
+const NEEDS: [(&str, &str); 4] = [
+    ("python", "import tomllib, iceoryx2"),
+    ("mujoco", "import mujoco, numpy, scipy"),
+    ("fmpy", "import fmpy"),
+    (
+        "pythonfmu",
+        "import pythonfmu3, sysconfig; assert sysconfig.get_config_var('Py_ENABLE_SHARED'), 'no shared library'",
+    ),
+];
+
+/// The Python that has the packages of `word`, if there is one.
+fn python_with(word: &str) -> Option<String> {
+    let python = std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let (_, packages) = NEEDS.into_iter().find(|(known, _)| *known == word)?;
+    let script = format!("{packages}; import sys; print(sys.executable)");
+    let output = Command::new(python).args(["-c", &script]).output().ok()?;
+    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+}
+
 /// The Python that takes part, if there is one.
 fn python() -> Option<String> {
-    let python = std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let script = "import tomllib, iceoryx2, sys; print(sys.executable)";
-    let output = Command::new(python).args(["-c", script]).output().ok()?;
-    output.status.success().then(|| String::from_utf8_lossy(&output.stdout).trim().to_owned())
+    python_with("python")
 }
 
 /// Plays the page called `name`; the number of commands run.
@@ -63,7 +80,7 @@ fn play(name: &str) -> usize {
     for part in ["freeplay", "examples"] {
         symlink(root().join("python").join(part), folder.path().join("python").join(part)).expect("linked");
     }
-    let python = python();
+    let python = NEEDS.into_iter().find_map(|(word, _)| python_with(word));
     let folders = python.iter().filter_map(|python| Path::new(python).parent()).map(Path::to_owned);
     let system = std::env::var("PATH").unwrap_or_default();
     let path = std::env::join_paths(folders.chain([binaries]).chain(std::env::split_paths(&system)))
@@ -76,8 +93,9 @@ fn play(name: &str) -> usize {
         if !block.kind.starts_with("console") {
             continue;
         }
-        if block.kind.ends_with("python") && python.is_none() {
-            println!("skipped: no Python with iceoryx2 0.10.0; FREEPLAY_PYTHON names one\n{}", block.text);
+        let need = NEEDS.into_iter().find(|(word, _)| block.kind.ends_with(word));
+        if let Some((_, packages)) = need.filter(|(word, _)| python_with(word).is_none()) {
+            println!("skipped: no Python for `{packages}`; FREEPLAY_PYTHON names one\n{}", block.text);
             continue;
         }
         for line in block.text.lines().filter_map(|line| line.strip_prefix("$ ")) {
@@ -139,6 +157,18 @@ fn bringing_an_arm() {
 #[test]
 fn bringing_a_recording() {
     assert_eq!(play("own-recording.md"), 6);
+}
+
+#[test]
+fn taking_the_arm_to_other_tools() {
+    let more = [("mujoco", 1), ("fmpy", 2)].into_iter().filter(|(word, _)| python_with(word).is_some());
+    assert_eq!(play("other-tools.md"), 7 + more.map(|(_, commands)| commands).sum::<usize>());
+}
+
+#[test]
+fn bringing_a_controller_as_an_fmu() {
+    let expected = if python_with("pythonfmu").is_some() { 2 } else { 0 };
+    assert_eq!(play("controller-fmu.md"), expected);
 }
 
 #[test]

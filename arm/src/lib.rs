@@ -8,6 +8,7 @@
 //! - [`Selection`]: which chain of a robot is the arm: the one to a link, or the one whose joints have certain names.
 //! - [`ArmFile`]: what a model file says: an arm, the effects beyond the rigid body, and what was not used ([`load`],
 //!   [`load_selected`], [`parse_urdf`], [`parse_toml`], [`paper_arm`], [`to_toml`]).
+//! - [`export::Mechanism`]: an arm with elements beyond it, for the files of other tools ([`export::to_urdf`], [`export::to_mjcf`]).
 //! - [`Joint`]: one joint and the link it moves: [`JointKind`], axis, placement, [`Limits`], [`JointFriction`], [`Inertia`].
 //! - [`Arm`]: the checked, immutable chain of joints, with tool and gravity; what it can be used for is a [`Purpose`], what it lacks
 //!   for one a [`Shortfall`] ([`Arm::require`], [`Fitness`]).
@@ -25,6 +26,7 @@
 mod arm;
 mod check;
 mod dynamics;
+pub mod export;
 mod fitness;
 mod inverse;
 mod joint;

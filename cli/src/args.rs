@@ -50,6 +50,8 @@ enum Command {
     Scenario(crate::scenario_command::ScenarioArgs),
     /// What a model file holds: which chain is the arm, its joints, limits and effects.
     Arm(crate::arm_command::ArmArgs),
+    /// A model in the format of another tool, such as the model of a diagnosis, and a list of what that format has no words for.
+    Export(crate::export_command::ExportArgs),
     /// Many shards of a command or of a sweep, spread over cores and machines; needs the Python package.
     Campaign(crate::campaign_command::CampaignArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
@@ -117,6 +119,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Record(args) => crate::record::record(&args),
         Command::Scenario(args) => crate::scenario_command::scenario(&args),
         Command::Arm(args) => crate::arm_command::arm(&args),
+        Command::Export(args) => crate::export_command::export(&args),
         Command::Campaign(args) => crate::campaign_command::campaign(&args),
         Command::ReferenceRuns(args) => freeplay_paper::reference_runs::reference_runs(&args),
         Command::Reproduce(args) => freeplay_paper::reproduce::reproduce(&args),

@@ -15,7 +15,7 @@ const GROUPS: [(&str, &[&str]); 7] = [
     ("Diagnose", &["compare", "excite", "demo"]),
     ("Prove", &["blind", "campaign"]),
     ("Exam", &["swap", "faults", "bench", "doctor"]),
-    ("Files", &["arm", "record", "scenario", "completions", "man", "exit-codes"]),
+    ("Files", &["arm", "export", "record", "scenario", "completions", "man", "exit-codes"]),
     ("Paper", &["reproduce", "reference-runs", "bound", "cells", "train"]),
 ];
 

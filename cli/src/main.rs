@@ -1,7 +1,7 @@
 //! The `freeplay` command: what was typed, and one short file for each command that no other crate holds.
 //!
 //! Modules: `args` (the command line), `manual`; `compare` with `curves`, `diagnose` with `diagnose_screen`, `excite`, `inputs` (models beside
-//! recordings); `arm_command`, `record`, `scenario_command`, `campaign_command`, `controller`.
+//! recordings); `arm_command`, `export_command`, `record`, `scenario_command`, `campaign_command`, `controller`.
 
 mod args;
 mod arm_command;
@@ -13,6 +13,7 @@ mod curves;
 mod diagnose;
 mod diagnose_screen;
 mod excite;
+mod export_command;
 mod help;
 mod inputs;
 mod manual;

@@ -42,7 +42,7 @@ const MOST_JUMP: f64 = 1.0;
 pub struct SwapArgs {
     /// The scenario, as for `freeplay run`.
     scenario: Option<PathBuf>,
-    /// The controllers: built-in names or paths of executables; without any: all built-in ones.
+    /// The controllers: built-in names, or paths of executables or FMUs; without any: all built-in ones.
     #[arg(long)]
     controller: Vec<String>,
     /// Swaps in all.

@@ -6,6 +6,7 @@ use std::process::Command;
 
 use clap::Args;
 use freeplay_controller::{BUILT_IN, Ended, ServeOptions, built_in, serve_with};
+use freeplay_fmi::guest::FmuController;
 use freeplay_shm::{Address, RtRequest};
 use freeplay_terminal::exit::{Exit, Failure};
 
@@ -14,7 +15,7 @@ use crate::load::Loaded;
 /// Runs a controller as a process of its own; `freeplay run` starts it.
 #[derive(Args, Debug)]
 pub struct ControllerArgs {
-    /// Name of a built-in controller, or path of an executable, which finds the run in its environment.
+    /// Name of a built-in controller, path of an FMU, or path of an executable, which finds the run in its environment.
     pub name: PathBuf,
     /// Address of the run in shared memory.
     #[arg(long, env = "FREEPLAY_RUN")]
@@ -47,8 +48,10 @@ pub struct ControllerArgs {
 /// # Errors
 /// An unknown name, an executable that can't be started, a run that can't be joined, a task that can't be used.
 pub fn controller(args: &ControllerArgs) -> Result<Exit, Failure> {
-    let Some(mut controller) = args.name.to_str().and_then(built_in) else {
-        return Err(become_executable(&args.name));
+    let mut controller = match args.name.to_str().and_then(built_in) {
+        Some(controller) => controller,
+        None if FmuController::is_named(&args.name) => Box::new(FmuController::new(&args.name)),
+        None => return Err(become_executable(&args.name)),
     };
     if args.load > 0.0 {
         controller = Box::new(Loaded::new(controller, args.load));
@@ -84,7 +87,7 @@ fn become_executable(path: &Path) -> Failure {
 /// No built-in controller has this name.
 pub fn unknown(name: &str) -> Failure {
     Failure::usage(format!(
-        "no controller {name:?}: built-in are {}; for a controller of your own give the path of its executable",
+        "no controller {name:?}: built-in are {}; for a controller of your own give the path of its executable or FMU",
         BUILT_IN.join(", ")
     ))
 }

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use freeplay_controller::serve::{PATIENCE_ENV, SLOT_ENV};
+use freeplay_fmi::guest::FmuController;
 use freeplay_shm::{Address, LinkError, RUN_ENV, RunRoot};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::guard::Group;
@@ -130,7 +131,8 @@ fn controller_command(scenario: &Scenario, contestant: &Contestant, slot: usize)
     if let Some(plan) = &contestant.faults {
         command.arg("--faults").arg(plan);
     }
-    let understands = contestant.executable.is_none() || contestant.faults.is_some();
+    let is_fmu = contestant.executable.as_deref().is_some_and(FmuController::is_named);
+    let understands = contestant.executable.is_none() || is_fmu || contestant.faults.is_some();
     if scenario.pace == Pacing::Realtime && understands {
         let realtime = &scenario.realtime;
         if realtime.priority > 0 {

@@ -31,7 +31,7 @@ const LOOK_AFTER_NS: u64 = 50_000_000;
 pub struct ReplayArgs {
     /// A recording of `freeplay run`, MCAP.
     recording: PathBuf,
-    /// The controller: a built-in name or the path of an executable.
+    /// The controller: a built-in name, or the path of an executable or an FMU.
     #[arg(long)]
     against: String,
     /// How results are printed.

@@ -9,6 +9,7 @@ use std::time::Duration;
 use clap::Args;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
+use freeplay_fmi::guest::FmuController;
 use freeplay_shm::RunRoot;
 use freeplay_storage::{FileIdentity, read_text, remove_file};
 use freeplay_terminal::arguments::Format;
@@ -46,7 +47,7 @@ const RESULTS: [&str; 3] = ["scenario.toml", "task.toml", "summary.json"];
 pub struct RunArgs {
     /// The scenario; without it: the paper's arm, 0.6 mm of play in joint 5, the smooth path in 6 s.
     scenario: Option<PathBuf>,
-    /// A controller: a built-in name or the path of an executable. Several run one after the other.
+    /// A controller: a built-in name, or the path of an executable or an FMU. Several run one after the other.
     #[arg(long)]
     controller: Vec<String>,
     /// By the wall clock, or as fast as it goes and deterministic; without it: the scenario's, else lockstep.
@@ -122,7 +123,7 @@ impl Contestant {
         Self { faults: Some(plan), ..self }
     }
 
-    /// The controller `asked`: a built-in name or the path of an executable.
+    /// The controller `asked`: a built-in name, or the path of an FMU or an executable.
     ///
     /// # Errors
     /// Neither of the two.
@@ -140,7 +141,8 @@ impl Contestant {
                 crate::controller_command::unknown(asked)
             });
         }
-        if !built_in && access(path, Access::EXEC_OK).is_err() {
+        let is_fmu = FmuController::is_named(path);
+        if !built_in && !is_fmu && access(path, Access::EXEC_OK).is_err() {
             return Err(Failure::input(format!(
                 "controller {asked}: not executable: name a program, or allow it with chmod +x"
             )));

@@ -2,6 +2,7 @@
 
 use std::fmt::Debug;
 
+use freeplay_arm::export::Element;
 use freeplay_arm::{Arm, Fitness, Joint};
 use nalgebra::{Isometry3, Vector3};
 use toml::Value;
@@ -64,6 +65,22 @@ pub trait Effect: Debug + Send + Sync {
 
     /// Puts the effect into a plant. Changes of the arm are already in.
     fn inject(&self, injection: &mut Injection);
+
+    /// Adds to `elements` what multibody tools share words for. Changes of the arm are already in.
+    fn express(&self, _elements: &mut Vec<Element>) -> Expressed {
+        Expressed::Not
+    }
+}
+
+/// How much of an effect the elements that multibody tools share can express.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Expressed {
+    /// All of it.
+    Whole,
+    /// All but what the words name.
+    But(&'static str),
+    /// Nothing.
+    Not,
 }
 
 /// Where a memory stands as a motion begins.

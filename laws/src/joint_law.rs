@@ -2,9 +2,11 @@
 
 use std::fmt::Debug;
 
+use freeplay_arm::export::Element;
+
 use crate::DriveFriction;
 use crate::columns::Columns;
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::scene::Scene;
 
@@ -27,6 +29,11 @@ pub struct Instant {
 pub trait JointLaw: Copy + Debug + Send + Sync + 'static {
     /// The torque, N·m (N); positive where it resists a positive motion.
     fn resisting(&self, at: &Instant) -> f64;
+
+    /// As [`Effect::express`], for the law at `joint`.
+    fn express(&self, _joint: usize, _elements: &mut Vec<Element>) -> Expressed {
+        Expressed::Not
+    }
 }
 
 /// A [`JointLaw`] at its joint: the same numbers in a recording and, opposed, in the plant.
@@ -52,6 +59,10 @@ impl<L: JointLaw> Effect for AtJoint<L> {
 
     fn inject(&self, injection: &mut Injection) {
         injection.drives.push(Box::new(*self));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        self.law.express(self.joint, elements)
     }
 }
 

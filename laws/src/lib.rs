@@ -22,6 +22,7 @@
 //! - [`Trajectory`] and [`Scene`]: the motion that effects see; [`Prediction`]: what a recording of it would show; made by [`predict`],
 //!   or by a [`Baseline`], which also says what one more effect would [`Change`], in [`Columns`].
 //! - [`Injection`]: what effects put into a plant: [`DriveLaw`], [`Transmission`], [`ToolForce`], [`SensorLaw`].
+//! - [`mechanism`]: an arm file for the formats of other tools; [`Expressed`]: how much of an effect they can say.
 
 mod basis;
 mod bearing;
@@ -44,6 +45,7 @@ mod journal_flight;
 mod kind;
 mod lubrication;
 mod manual;
+mod mechanism;
 mod needs;
 mod parameter;
 mod play;
@@ -64,7 +66,7 @@ pub use clearance::{Clearance, ClearanceTable};
 pub use columns::{Change, Columns};
 pub use contact::{Material, NormalContact, NormalLaw, hertz_stiffness};
 pub use drive_friction::DriveFriction;
-pub use effect::{ArmParts, Effect, Start};
+pub use effect::{ArmParts, Effect, Expressed, Start};
 pub use effects::{Effects, LawError, Placed};
 pub use friction::{ContactFriction, FrictionLaw};
 pub use harmonic::PERIODS;
@@ -75,6 +77,7 @@ pub use joint_law::{AtJoint, Instant, JointLaw};
 pub use kind::{ABOUT, Kind, Occurrence, START, Seen, Site, Tolerance, kind, kinds};
 pub use lubrication::Film;
 pub use manual::manual;
+pub use mechanism::mechanism;
 pub use needs::{Need, Recorded};
 pub use parameter::{Absent, Parameter, Range, Role};
 pub use play::{ArmWithPlay, Play};

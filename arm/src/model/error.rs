@@ -76,13 +76,13 @@ pub enum ModelError {
         origin: String,
     },
     /// Nothing in the file.
-    #[error("{origin}: the file is empty; it should hold a URDF robot or a TOML arm")]
+    #[error("{origin}: the file is empty; it should hold a URDF robot, an MJCF model or a TOML arm")]
     Empty {
         /// The file.
         origin: String,
     },
     /// Neither URDF nor TOML by its name.
-    #[error("{path}: unknown kind of model file; its name must end in .urdf, .xml or .toml")]
+    #[error("{path}: unknown kind of model file; its name must end in .urdf, .xml, .mjcf or .toml")]
     UnknownExtension {
         /// The file.
         path: String,

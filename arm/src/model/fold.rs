@@ -111,7 +111,7 @@ impl<'a> Fold<'a> {
             placement: self.seats[joint.parent].pose * placement,
             limits: details.limits,
             friction: JointFriction { ..details.friction },
-            rotor_inertia: 0.0,
+            rotor_inertia: details.rotor_inertia,
             inertia: Inertia::zero(),
         }
     }

@@ -1,8 +1,9 @@
-//! Model files: URDF as found in the field, and the TOML arm file of this project.
+//! Model files: URDF and MJCF as found in the field, and the TOML arm file of this project.
 
 mod chain;
 mod error;
 mod fold;
+mod mjcf;
 mod names;
 mod numbers;
 mod plausible;
@@ -74,14 +75,16 @@ pub fn load(path: &Path) -> Result<ArmFile, ModelError> {
     load_selected(path, &Selection::default())
 }
 
-/// Reads a model file: `.urdf` or `.xml` as URDF, `.toml` as an arm file.
+/// Reads a model file: `.urdf`, `.xml` or `.mjcf` as URDF or MJCF, whichever its root element is; `.toml` as an arm file.
 ///
 /// # Errors
 /// [`ModelError`] with file, line, column, value and remedy.
 pub fn load_selected(path: &Path, selection: &Selection) -> Result<ArmFile, ModelError> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {
-        "urdf" | "xml" => parse_urdf_selected(&read_text(path)?, &path.display().to_string(), selection),
+        "urdf" | "xml" | "mjcf" => {
+            parse_urdf_selected(&read_text(path)?, &path.display().to_string(), selection)
+        }
         "toml" => toml_read::parse(&read_text(path)?, path, selection),
         "xacro" => Err(ModelError::Xacro {
             at: Place::start(&path.display().to_string()),

@@ -244,8 +244,9 @@ impl Reader<'_> {
         let file = path.parent().unwrap_or(Path::new("")).join(urdf.get_ref());
         let extension = file.extension().map(|extension| extension.to_ascii_lowercase());
         // An arm file on an arm file could stand on itself.
-        if !extension.is_some_and(|extension| extension == "urdf" || extension == "xml") {
-            return Err(self.value(urdf, "urdf", urdf.get_ref(), "name a .urdf or .xml file"));
+        if !extension.is_some_and(|extension| ["urdf", "xml", "mjcf"].iter().any(|known| extension == *known))
+        {
+            return Err(self.value(urdf, "urdf", urdf.get_ref(), "name a .urdf, .xml or .mjcf file"));
         }
         let tip = selection.tip.clone().or_else(|| table.tip.as_ref().map(|tip| tip.get_ref().clone()));
         let selection = Selection { tip, ..selection.clone() };

@@ -11,7 +11,7 @@ use super::prefixes::{Declared, options};
 use super::urdf_inertial::Inertial;
 use super::urdf_joint::{Details, Motion};
 use super::urdf_xml::{Reader, Source, children};
-use super::{ArmFile, Selection, check_extent, urdf_tree};
+use super::{ArmFile, Selection, check_extent, mjcf, urdf_tree};
 
 /// A `<link>`.
 pub(super) struct Link {
@@ -58,7 +58,7 @@ pub fn parse_urdf(text: &str, origin: &str) -> Result<ArmFile, ModelError> {
     parse_urdf_selected(text, origin, &Selection::default())
 }
 
-/// Reads a URDF robot from `text`; `origin` names the text in errors.
+/// Reads a URDF robot, or an MJCF model, from `text`; `origin` names the text in errors.
 ///
 /// A robot is a tree, and the arm is one chain of it: see [`Selection`]. All other joints are held still, at zero or in the middle of
 /// a range without zero, and what hangs on them is a load of the link that carries it. The base frame is the root link. What was taken
@@ -76,6 +76,9 @@ pub fn parse_urdf_selected(text: &str, origin: &str, selection: &Selection) -> R
     let undeclared =
         declared.prefixes.iter().map(|prefix| format!("the XML prefix `{prefix}` is not declared"));
     let reader = Reader { source, notes: undeclared.collect() };
+    if mjcf::is_mjcf(&document) {
+        return mjcf::arm(&document, reader, selection);
+    }
     urdf_tree::arm(reader.robot(document.root_element())?, selection)
 }
 
@@ -116,7 +119,7 @@ impl<'a> Reader<'a> {
                 at: self.place(robot),
                 what: "the root element".to_owned(),
                 value: shortened(robot.tag_name().name()),
-                remedy: "a URDF file holds one <robot>".to_owned(),
+                remedy: "a URDF file holds one <robot>, an MJCF file one <mujoco>".to_owned(),
             });
         }
         let name = robot.attribute("name").unwrap_or("robot").to_owned();

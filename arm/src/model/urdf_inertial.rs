@@ -79,7 +79,8 @@ impl Reader<'_> {
         Ok(Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz))
     }
 
-    fn impossible(&self, node: Node<'_, '_>, link: &str, body: &Inertia) -> Option<Shortfall> {
+    /// Why the tensor of `body`, the inertia of `link` in `node`, can't be.
+    pub fn impossible(&self, node: Node<'_, '_>, link: &str, body: &Inertia) -> Option<Shortfall> {
         let problem = body.tensor_problem()?;
         let m = &body.about_com;
         let value =

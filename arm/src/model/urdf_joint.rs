@@ -43,6 +43,8 @@ pub(super) struct Details {
     pub axis: Unit<Vector3<f64>>,
     pub limits: Limits,
     pub friction: JointFriction,
+    /// MJCF's `armature`; URDF has none.
+    pub rotor_inertia: f64,
     pub follows: Option<Follows>,
 }
 
@@ -58,7 +60,7 @@ impl Details {
     /// Of a joint that does not move.
     pub fn none() -> Details {
         let (limits, friction) = (Limits::NONE, JointFriction::default());
-        Details { axis: Vector3::x_axis(), limits, friction, follows: None }
+        Details { axis: Vector3::x_axis(), limits, friction, rotor_inertia: 0.0, follows: None }
     }
 }
 
@@ -95,6 +97,7 @@ impl Reader<'_> {
             axis: self.axis(node, owner)?,
             limits: self.limits(node, owner)?,
             friction: self.friction(node, owner)?,
+            rotor_inertia: 0.0,
             follows: self.follows(node, owner)?,
         })
     }

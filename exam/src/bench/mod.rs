@@ -52,7 +52,7 @@ pub const BROKEN: f64 = 0.01;
 pub struct BenchArgs {
     /// The scenario, as for `freeplay run`.
     scenario: Option<PathBuf>,
-    /// A controller: a built-in name or the path of an executable; without any: all built-in ones.
+    /// A controller: a built-in name, or the path of an executable or an FMU; without any: all built-in ones.
     #[arg(long)]
     controller: Vec<String>,
     /// Ticks of each controller, and of each yardstick.

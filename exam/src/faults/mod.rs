@@ -32,7 +32,7 @@ use freeplay_terminal::files::claim;
 /// Examines a controller.
 #[derive(Args, Debug)]
 pub struct FaultsArgs {
-    /// The controller under examination: a built-in name or the path of an executable.
+    /// The controller under examination: a built-in name, or the path of an executable or an FMU.
     controller: String,
     /// The scenario, as for `freeplay run`; without it: the paper's arm.
     #[arg(long)]

@@ -4,11 +4,12 @@
 //! it is lost, 1 for a hard limit, less where the current measurement saturates softly. In the plant the limit is hard.
 //! Source: Khalil 2002, Nonlinear Systems, §1.2.7.
 
+use freeplay_arm::export::Element;
 use toml::Table;
 
 use crate::DriveFriction;
 use crate::basis::{Place, Term, Terms, with};
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -99,5 +100,13 @@ impl Effect for ActuatorSaturation {
 
     fn inject(&self, injection: &mut Injection) {
         injection.saturations.push((self.joint, self.limit));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::TorqueLimit { joint: self.joint, limit: self.limit });
+        match self.share < 1.0 {
+            true => Expressed::But("the torque beyond the limit that is not lost"),
+            false => Expressed::Whole,
+        }
     }
 }

@@ -5,7 +5,10 @@
 //! law passes through the middle, as it does with the two.
 //! Source: Armstrong-Hélouvry 1991, Control of Machines with Friction, §2.
 
+use freeplay_arm::export::Element;
+
 use crate::basis::Terms;
+use crate::effect::Expressed;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -66,5 +69,13 @@ struct Asymmetric {
 impl JointLaw for Asymmetric {
     fn resisting(&self, at: &Instant) -> f64 {
         0.5 * (at.sign * (self.positive + self.negative) + self.positive - self.negative)
+    }
+
+    fn express(&self, joint: usize, elements: &mut Vec<Element>) -> Expressed {
+        elements.extend([
+            Element::DryFriction { joint, level: 0.5 * (self.positive + self.negative) },
+            Element::ConstantTorque { joint, torque: 0.5 * (self.positive - self.negative) },
+        ]);
+        Expressed::Whole
     }
 }

@@ -17,13 +17,14 @@
 
 use std::f64::consts::TAU;
 
+use freeplay_arm::export::Element;
 use freeplay_arm::{Arm, Workspace, crba};
 use nalgebra::DMatrix;
 use toml::{Table, Value};
 
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::{Change, Columns};
-use crate::effect::{Effect, Start};
+use crate::effect::{Effect, Expressed, Start};
 use crate::flight::Flight;
 use crate::injection::{DriveLaw, DriveState, Injection, Transmission};
 use crate::kind::{Kind, Occurrence, START, Seen, Site};
@@ -422,6 +423,26 @@ impl Effect for Backlash {
                 play,
                 start: play.place,
             }));
+        }
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        let friction = 0.5 * (self.friction[0] + self.friction[1]);
+        let joint = self.joint;
+        // Of two flanks the mean gives way.
+        let compliance = 0.5 * (self.compliance[0] + self.compliance[1]);
+        if self.gap == 0.0 && compliance == 0.0 {
+            elements.push(Element::DryFriction { joint, level: friction });
+        } else {
+            let stiffness = (compliance > 0.0).then(|| 1.0 / compliance);
+            elements.push(Element::Gear { joint, stiffness, damping: self.damping, gap: self.gap, friction });
+        }
+        let differ = |pair: [f64; 2]| pair[0] != pair[1];
+        match differ(self.friction) || differ(self.compliance) {
+            true => Expressed::But(
+                "the difference of friction or stiffness between the directions, whose mean is there",
+            ),
+            false => Expressed::Whole,
         }
     }
 }

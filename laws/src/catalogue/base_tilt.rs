@@ -5,11 +5,12 @@
 //! y towards z, a positive pitch z towards x.
 //! Source: Khalil & Dombre 2002, §9.4 (base parameters under a turned gravity). The two terms are linear for small angles.
 
+use freeplay_arm::export::Element;
 use nalgebra::{Isometry3, UnitQuaternion};
 
 use crate::LawError;
 use crate::basis::{Term, Terms, with};
-use crate::effect::{ArmParts, Effect};
+use crate::effect::{ArmParts, Effect, Expressed};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -95,4 +96,8 @@ impl Effect for BaseTilt {
     }
 
     fn inject(&self, _injection: &mut Injection) {}
+
+    fn express(&self, _elements: &mut Vec<Element>) -> Expressed {
+        Expressed::Whole
+    }
 }

@@ -3,8 +3,10 @@
 //! Law: the servo answers at t the command of t − d. A joint whose encoder is read later than the command acts has d < 0.
 //! Source: Åström & Murray 2008, Feedback Systems, §9 (time delays).
 
+use freeplay_arm::export::Element;
+
 use super::commanded::{NO_TERMS, no_shape};
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -45,5 +47,13 @@ struct CommandDelay {
 impl Effect for CommandDelay {
     fn inject(&self, injection: &mut Injection) {
         injection.command_delays.push((self.joint, self.delay));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        if self.delay < 0.0 {
+            return Expressed::Not;
+        }
+        elements.push(Element::CommandDelay { joint: self.joint, delay: self.delay });
+        Expressed::Whole
     }
 }

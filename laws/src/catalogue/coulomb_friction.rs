@@ -5,7 +5,10 @@
 //! Source: Coulomb 1785; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, §2.1.
 //! The sign is smoothed over [`crate::DriveFriction::SMOOTHING`], as the nominal friction's is.
 
+use freeplay_arm::export::Element;
+
 use crate::basis::Terms;
+use crate::effect::Expressed;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -58,5 +61,10 @@ struct Coulomb {
 impl JointLaw for Coulomb {
     fn resisting(&self, at: &Instant) -> f64 {
         self.coulomb * at.sign
+    }
+
+    fn express(&self, joint: usize, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::DryFriction { joint, level: self.coulomb });
+        Expressed::Whole
     }
 }

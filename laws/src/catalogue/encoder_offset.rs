@@ -3,9 +3,11 @@
 //! Law: q_true = q − q₀ with the offset q₀ \[rad\]: the encoder reads q₀ where the joint is at zero.
 //! Source: Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration, §2.
 
+use freeplay_arm::export::Element;
+
 use crate::basis::{Term, Terms, with};
 use crate::columns::Columns;
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -72,6 +74,11 @@ impl Effect for EncoderOffset {
 
     fn inject(&self, injection: &mut Injection) {
         injection.sensors.push(Box::new(*self));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::EncoderZero { joint: self.joint, offset: self.offset });
+        Expressed::Whole
     }
 }
 

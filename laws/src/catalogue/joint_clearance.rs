@@ -9,12 +9,13 @@
 //! Terms, at rest or for the flight through a given clearance: c.
 //! Source: Erkaya 2018, Eqs. 1–7; Flores et al. 2006, Mech. Mach. Theory 41:247.
 
+use freeplay_arm::export::Element;
 use toml::{Table, Value};
 
 use crate::basis::{Place, Term, Terms, with};
 use crate::bearing_course::BearingCourse;
 use crate::columns::{Change, Columns};
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::Injection;
 use crate::journal_flight::JournalFlight;
 use crate::kind::{Kind, Occurrence, Seen, Site};
@@ -193,6 +194,11 @@ impl Effect for JointClearance {
 
     fn inject(&self, injection: &mut Injection) {
         injection.clearances.push((self.joint, self.clearance));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::RadialPlay { joint: self.joint, clearance: self.clearance.clearance });
+        Expressed::Whole
     }
 }
 

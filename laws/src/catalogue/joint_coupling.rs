@@ -7,12 +7,13 @@
 //! numbers already: τᵢ = s (I q̈ⱼ + F_v q̇ⱼ) + F_c sign(u), τⱼ = s (I q̈ᵢ + F_v q̇ᵢ) + s F_c sign(u).
 //! Source: Janot, Vandanjon & Gautier 2014, IEEE Trans. Control Syst. Technol. 22:132, §IV (coupled joints 5 and 6 of a Stäubli TX40), who have `cross`.
 
+use freeplay_arm::export::Element;
 use toml::{Table, Value};
 
 use crate::DriveFriction;
 use crate::basis::{Place, Terms, with};
 use crate::columns::Columns;
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -134,6 +135,18 @@ impl Effect for JointCoupling {
             injection.rotors.extend([(own, self.inertia), (other, self.sign * self.sign * self.inertia)]);
         }
         injection.drives.push(Box::new(*self));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::Shaft {
+            joints: self.joints,
+            ratio: self.sign,
+            inertia: self.inertia,
+            viscous: self.viscous,
+            coulomb: self.coulomb,
+            own_shares_named: !self.is_shaft,
+        });
+        Expressed::Whole
     }
 }
 

@@ -6,11 +6,12 @@
 //! shape is the loss d/k \[s\].
 //! Source: Spong 1987, J. Dyn. Sys. Meas. Control 109:310, Eqs. 3–4.
 
+use freeplay_arm::export::Element;
 use toml::{Table, Value};
 
 use crate::basis::{Term, Terms, with};
 use crate::columns::Columns;
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Transmission};
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -111,5 +112,11 @@ impl Effect for JointElasticity {
     fn inject(&self, injection: &mut Injection) {
         let (stiffness, damping) = (self.stiffness, self.damping);
         injection.transmissions.push((self.joint, Transmission { stiffness, damping, gap: 0.0 }));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        let JointElasticity { joint, stiffness, damping } = *self;
+        elements.push(Element::Gear { joint, stiffness: Some(stiffness), damping, gap: 0.0, friction: 0.0 });
+        Expressed::Whole
     }
 }

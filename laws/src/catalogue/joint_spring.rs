@@ -4,7 +4,10 @@
 //! Source: Hooke 1678; as a model of hose packs and counterbalances in identification: Swevers, Verdonck & De Schutter 2007, §3.
 //! The terms are k and the moment m = −k q₀, in which the effect is linear.
 
+use freeplay_arm::export::Element;
+
 use crate::basis::{Term, Terms, with};
+use crate::effect::Expressed;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
@@ -69,5 +72,10 @@ struct Spring {
 impl JointLaw for Spring {
     fn resisting(&self, at: &Instant) -> f64 {
         self.stiffness * (at.q - self.rest)
+    }
+
+    fn express(&self, joint: usize, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::Spring { joint, stiffness: self.stiffness, rest: self.rest });
+        Expressed::Whole
     }
 }

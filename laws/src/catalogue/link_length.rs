@@ -4,12 +4,13 @@
 //! `along` names: along the way itself, or along x, y or z of the link's frame. Masses stay where they are in their own links.
 //! Source: Denavit & Hartenberg 1955; Mooring, Roth & Driels 1991, Fundamentals of Manipulator Calibration, §3.
 
+use freeplay_arm::export::Element;
 use nalgebra::{Isometry3, Vector3};
 use toml::{Table, Value};
 
 use crate::LawError;
 use crate::basis::{Term, Terms, with};
-use crate::effect::{ArmParts, Effect};
+use crate::effect::{ArmParts, Effect, Expressed};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
@@ -95,4 +96,8 @@ impl Effect for LinkLength {
     }
 
     fn inject(&self, _injection: &mut Injection) {}
+
+    fn express(&self, _elements: &mut Vec<Element>) -> Expressed {
+        Expressed::Whole
+    }
 }

@@ -6,12 +6,13 @@
 //! Terms: s − 1 and, where the centre of mass is searched for, too, s d, whose columns leave out the tensor's part in d² until the law is
 //! taken around what was found. The last link has no such shape: what is fastened to it, a payload, says the same.
 
+use freeplay_arm::export::Element;
 use nalgebra::Vector3;
 use toml::{Table, Value};
 
 use crate::LawError;
 use crate::basis::{Place, Term, Terms, along, vector, with};
-use crate::effect::{ArmParts, Effect};
+use crate::effect::{ArmParts, Effect, Expressed};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance};
 use crate::needs::Need;
@@ -114,4 +115,8 @@ impl Effect for LinkMass {
     }
 
     fn inject(&self, _injection: &mut Injection) {}
+
+    fn express(&self, _elements: &mut Vec<Element>) -> Expressed {
+        Expressed::Whole
+    }
 }

@@ -8,12 +8,13 @@
 //! columns, some percent of a wrist's torque (c q̈/g of it); with ten terms, none is.
 
 use freeplay_arm::Inertia;
+use freeplay_arm::export::Element;
 use nalgebra::{Isometry3, Matrix3, Vector3};
 use toml::{Table, Value};
 
 use crate::LawError;
 use crate::basis::{Place, Term, Terms, along, vector};
-use crate::effect::{ArmParts, Effect};
+use crate::effect::{ArmParts, Effect, Expressed};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -154,4 +155,8 @@ impl Effect for Payload {
     }
 
     fn inject(&self, _injection: &mut Injection) {}
+
+    fn express(&self, _elements: &mut Vec<Element>) -> Expressed {
+        Expressed::Whole
+    }
 }

@@ -7,12 +7,13 @@
 //! Source: Canudas de Wit, Olsson, Åström & Lischinsky 1995, IEEE Trans. Autom. Control 40:419, Eqs. 1–3. Departure: the level does not
 //! depend on the speed (Dahl 1968); the Stribeck bump is an effect of its own.
 
+use freeplay_arm::export::Element;
 use toml::Table;
 
 use crate::DriveFriction;
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
-use crate::effect::{Effect, Start};
+use crate::effect::{Effect, Expressed, Start};
 use crate::injection::{DriveLaw, DriveState, Injection};
 use crate::kind::{Kind, NOMINAL, Occurrence, START, Seen, Site, Tolerance};
 use crate::needs::Need;
@@ -211,6 +212,12 @@ impl Effect for Presliding {
 
     fn inject(&self, injection: &mut Injection) {
         injection.drives.push(Box::new(Presliding { bristles: self.first(), ..*self }));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        let level = self.bristles.level - self.replaced.coulomb;
+        elements.push(Element::DryFriction { joint: self.joint, level });
+        Expressed::But("the way on which the friction builds up after a reversal; it is there at once")
     }
 }
 

@@ -3,7 +3,10 @@
 //! Law: τ = c q̇|q̇|, with c \[N·m·s²/rad²\] ≥ 0. τ is what the drive spends: positive for a positive velocity.
 //! Source: Newton 1687, Principia II; for gear churning Changenet & Velex 2007, J. Mech. Des. 129:128.
 
+use freeplay_arm::export::Element;
+
 use crate::basis::Terms;
+use crate::effect::Expressed;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -50,5 +53,10 @@ struct Drag {
 impl JointLaw for Drag {
     fn resisting(&self, at: &Instant) -> f64 {
         self.coefficient * at.v * at.v.abs()
+    }
+
+    fn express(&self, joint: usize, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::Damping { joint, linear: 0.0, quadratic: self.coefficient });
+        Expressed::Whole
     }
 }

@@ -4,9 +4,11 @@
 //! torque of the rotor on the other joints, smaller by the gear ratio, is left out.
 //! Source: Siciliano, Sciavicco, Villani & Oriolo 2009, Robotics, §7.2.1 (with the remark on high ratios).
 
+use freeplay_arm::export::Element;
+
 use crate::basis::Terms;
 use crate::columns::Columns;
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -62,5 +64,10 @@ impl Effect for RotorInertia {
 
     fn inject(&self, injection: &mut Injection) {
         injection.rotors.push((self.joint, self.inertia));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::RotorInertia { joint: self.joint, inertia: self.inertia });
+        Expressed::Whole
     }
 }

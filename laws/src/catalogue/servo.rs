@@ -6,8 +6,10 @@
 //! in its mode `servo`.
 //! Source: Åström & Murray 2008, Feedback Systems, §10.
 
+use freeplay_arm::export::Element;
+
 use super::commanded::{NO_TERMS, no_shape};
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, ServoLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
@@ -78,5 +80,15 @@ struct Servo {
 impl Effect for Servo {
     fn inject(&self, injection: &mut Injection) {
         injection.servos.push((self.joint, self.law));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        let ServoLaw { stiffness, damping, offset, torque_limit: limit, .. } = self.law;
+        elements.push(Element::Servo { joint: self.joint, stiffness, damping, offset, limit });
+        let ServoLaw { deadband, speed_limit, resolution, .. } = self.law;
+        match deadband > 0.0 || resolution > 0.0 || speed_limit.is_finite() {
+            true => Expressed::But("dead band, speed limit and resolution of the set-point"),
+            false => Expressed::Whole,
+        }
     }
 }

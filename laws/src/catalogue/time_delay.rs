@@ -5,10 +5,11 @@
 //! derivative. A zero-order hold makes half a sample by itself.
 //! Source: Ljung 1999, System Identification, §10.1 (dead time); cubic Hermite interpolation with centred slopes (Catmull & Rom 1974).
 
+use freeplay_arm::export::{Channel, Element};
 use toml::{Table, Value};
 
 use crate::basis::{Term, Terms, with};
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, small_and_about};
 use crate::needs::Need;
@@ -116,6 +117,17 @@ impl Effect for TimeDelay {
         let columns = if self.channel == "position" { 2 * width } else { width };
         let memory = vec![0.0; columns * TICKS];
         injection.sensors.push(Box::new(Late { of: *self, columns, memory, seen: 0 }));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        let channel = match self.channel {
+            "torque" => Channel::Torque,
+            "tool" => Channel::Tool,
+            "position" => Channel::Motor,
+            _ => return Expressed::Not,
+        };
+        elements.push(Element::Delay { channel, delay: self.delay });
+        Expressed::Whole
     }
 }
 

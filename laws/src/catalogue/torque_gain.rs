@@ -3,10 +3,11 @@
 //! Law: τ_true = g τ_measured, with the gain g \[1\] > 0; 1 is right. The recording shows τ/g.
 //! Source: Gautier & Briot 2014, J. Dyn. Sys. Meas. Control 136:031004, §3. The term is 1/g − 1, in which the effect is linear.
 
+use freeplay_arm::export::Element;
 use toml::Table;
 
 use crate::basis::{Term, Terms, with};
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
@@ -69,6 +70,11 @@ impl Effect for TorqueGain {
 
     fn inject(&self, injection: &mut Injection) {
         injection.sensors.push(Box::new(*self));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::TorqueGain { joint: self.joint, gain: self.gain });
+        Expressed::Whole
     }
 }
 

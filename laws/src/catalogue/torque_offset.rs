@@ -3,8 +3,10 @@
 //! Law: τ_measured = τ + τ₀, with τ₀ \[N·m\] of either sign: an amplifier's or a strain gauge's zero.
 //! Source: Swevers, Verdonck & De Schutter 2007, IEEE Control Syst. Mag. 27(5):58, Eq. 4.
 
+use freeplay_arm::export::Element;
+
 use crate::basis::Terms;
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
 use crate::needs::Need;
@@ -57,6 +59,11 @@ impl Effect for TorqueOffset {
 
     fn inject(&self, injection: &mut Injection) {
         injection.sensors.push(Box::new(*self));
+    }
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::TorqueOffset { joint: self.joint, offset: self.offset });
+        Expressed::Whole
     }
 }
 

@@ -4,7 +4,10 @@
 //! what it names. τ is what the drive spends: positive for a positive velocity.
 //! Source: Reynolds 1886; Armstrong-Hélouvry, Dupont & Canudas de Wit 1994, Automatica 30:1083, §2.2.
 
+use freeplay_arm::export::Element;
+
 use crate::basis::Terms;
+use crate::effect::Expressed;
 use crate::joint_law::{AtJoint, Instant, JointLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, Tolerance, one_shape};
 use crate::needs::Need;
@@ -56,5 +59,10 @@ struct Viscous {
 impl JointLaw for Viscous {
     fn resisting(&self, at: &Instant) -> f64 {
         self.viscous * at.v
+    }
+
+    fn express(&self, joint: usize, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::Damping { joint, linear: self.viscous, quadratic: 0.0 });
+        Expressed::Whole
     }
 }

@@ -1,0 +1,128 @@
+//! `freeplay export`: a model in the formats of other tools.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::{Args, ValueEnum};
+use freeplay_arm::export::{Exported, to_mjcf, to_urdf};
+use freeplay_arm::{ArmFile, Selection};
+use freeplay_harness::setup::load_selected;
+use freeplay_report::one_line;
+use freeplay_terminal::arguments::Format;
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::{check_target, write};
+use freeplay_terminal::messages;
+use freeplay_terminal::output::say;
+use serde_json::json;
+
+/// Writes a model, such as the model.toml of a diagnosis, in the format of another tool.
+///
+/// URDF has words for masses, places, limits, damping and friction; MJCF also for rotors, springs, gears that give way, gaps, play, shafts,
+/// drives and delays. What the format has no words for is listed, here and at the top of the file. An FMU is the plant with all of it.
+#[derive(Args, Debug)]
+pub struct ExportArgs {
+    /// The model: an arm file (URDF, MJCF or TOML), or "paper".
+    model: String,
+    /// The format.
+    #[arg(long, value_name = "FORMAT")]
+    to: Target,
+    /// The file to write; without it the text goes to standard output.
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
+    #[arg(long, value_name = "LINK")]
+    tip: Option<String>,
+    /// How the list of what the file does not say is printed, with --out.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// A format of another tool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Target {
+    /// For ROS, Pinocchio, Drake and most others.
+    Urdf,
+    /// For MuJoCo.
+    Mjcf,
+    /// FMI 3.0 Co-Simulation: the machine itself, for Simulink, Modelica tools and others.
+    Fmu,
+}
+
+impl Target {
+    fn name(self) -> &'static str {
+        match self {
+            Target::Urdf => "URDF",
+            Target::Mjcf => "MJCF",
+            Target::Fmu => "FMU",
+        }
+    }
+}
+
+/// Writes the model of `args`.
+///
+/// # Errors
+/// A model that can't be read or that its effects leave impossible; a file that can't be written.
+pub fn export(args: &ExportArgs) -> Result<Exit, Failure> {
+    args.out.as_deref().map_or(Ok(()), check_target)?;
+    let file = load_selected(&args.model, &Selection { tip: args.tip.clone(), joints: Vec::new() })?;
+    let mechanism = freeplay_laws::mechanism(&file)
+        .map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
+    let exported = match args.to {
+        Target::Urdf => to_urdf(&mechanism),
+        Target::Mjcf => to_mjcf(&mechanism),
+        Target::Fmu => return fmu(args, &file),
+    };
+    let Some(out) = &args.out else {
+        say(&exported.text)?;
+        exported.unsaid.iter().for_each(|line| messages::note(format_args!("not said: {line}")));
+        return Ok(Exit::Done);
+    };
+    write(out, &exported.text)?;
+    match args.format {
+        Format::Json => say(&format!("{:#}\n", described(args, out, &exported)))?,
+        Format::Text => say(&in_words(args, out, &file, &exported))?,
+    }
+    Ok(Exit::Done)
+}
+
+/// Writes the FMU of `file`.
+fn fmu(args: &ExportArgs, file: &ArmFile) -> Result<Exit, Failure> {
+    let Some(out) = &args.out else {
+        return Err(Failure::usage("an FMU is an archive: name it with --out FILE.fmu"));
+    };
+    let program = std::env::current_exe().map_err(Failure::internal)?;
+    freeplay_fmi::write_fmu(file, &program, out)
+        .map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
+    let all = Exported { text: String::new(), unsaid: Vec::new() };
+    match args.format {
+        Format::Json => say(&format!("{:#}\n", described(args, out, &all)))?,
+        Format::Text => say(&in_words(args, out, file, &all))?,
+    }
+    Ok(Exit::Done)
+}
+
+fn described(args: &ExportArgs, out: &Path, exported: &Exported) -> serde_json::Value {
+    json!({
+        "schema": "freeplay.export/1", "model": args.model, "to": args.to.name().to_lowercase(), "file": out,
+        "unsaid": exported.unsaid,
+    })
+}
+
+fn in_words(args: &ExportArgs, out: &Path, file: &ArmFile, exported: &Exported) -> String {
+    let (name, joints) = (one_line(file.arm.name()), file.arm.dof());
+    let effects = match file.effects.len() {
+        0 => String::new(),
+        1 => ", 1 effect".to_owned(),
+        count => format!(", {count} effects"),
+    };
+    let mut text = format!("{}: {name}, {joints} joints{effects} as {}\n", out.display(), args.to.name());
+    if exported.unsaid.is_empty() {
+        text.push_str("the file says all of the model\n");
+    } else {
+        text.push_str("the file does not say:\n");
+    }
+    for line in &exported.unsaid {
+        let _ = writeln!(text, "- {}", one_line(line));
+    }
+    text
+}

@@ -1,0 +1,142 @@
+//! An FMU behind the trait of a controller.
+//!
+//! At tick k the FMU gets the state, steps from k to k + 1 periods, and its outputs are the answer. What it refuses is no answer, which the plant's gate
+//! counts and bridges; after an error nothing is asked of it any more.
+
+use std::path::{Path, PathBuf};
+
+use freeplay_arm::paper_arm;
+use freeplay_controller_sdk::{Answer, Controller, ControllerError, PAPER_MODEL, RunInfo, Task};
+use freeplay_shm::State;
+
+use super::slave::Slave;
+use super::{Guest, GuestError, Mapping, Version, unpack};
+
+/// A controller that an FMU is.
+#[derive(Debug)]
+pub struct FmuController {
+    path: PathBuf,
+    name: String,
+    ready: Option<Ready>,
+}
+
+#[derive(Debug)]
+struct Ready {
+    slave: Slave,
+    mapping: Mapping,
+    inputs: Vec<f64>,
+    outputs: Vec<f64>,
+    period: f64,
+    /// The tick at which the FMU began.
+    first: Option<u64>,
+    /// Ticks that it has stepped since.
+    done: u64,
+    failed: bool,
+}
+
+/// A folder that goes when it is no longer needed.
+struct Unpacked(PathBuf);
+
+impl Drop for Unpacked {
+    fn drop(&mut self) {
+        // What can't be removed stays in the system's folder for such things.
+        let _ = freeplay_storage::remove_folder(&self.0);
+    }
+}
+
+impl FmuController {
+    /// The controller in the FMU `path`.
+    pub fn new(path: &Path) -> FmuController {
+        let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
+        FmuController { path: path.to_path_buf(), name: name.chars().take(60).collect(), ready: None }
+    }
+
+    /// Whether `path` names an FMU.
+    pub fn is_named(path: &Path) -> bool {
+        path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("fmu"))
+    }
+
+    fn prepare(&self, joints: &[String], period: f64) -> Result<Ready, GuestError> {
+        let folder = Unpacked(std::env::temp_dir().join(format!("freeplay-fmu-{}", std::process::id())));
+        freeplay_storage::make_folder(&folder.0)?;
+        unpack(&self.path, &folder.0)?;
+        let guest = Guest::parse(&freeplay_storage::read_text(&folder.0.join("modelDescription.xml"))?)?;
+        let mapping = Mapping::of(&guest, &self.path, joints)?;
+        let library = library(&folder.0, &guest)?;
+        // The library stays mapped and has read its resources: the folder can go.
+        let slave = Slave::start(&guest, &library, &folder.0.join("resources"))?;
+        let (inputs, outputs) = (vec![0.0; mapping.signals.len()], vec![0.0; mapping.commands.len()]);
+        Ok(Ready { slave, mapping, inputs, outputs, period, first: None, done: 0, failed: false })
+    }
+}
+
+/// The library of the FMU in `folder` for this platform.
+fn library(folder: &Path, guest: &Guest) -> Result<PathBuf, GuestError> {
+    let arch = std::env::consts::ARCH;
+    let platform = match guest.version {
+        Version::Two if arch == "x86_64" => "linux64".to_owned(),
+        Version::Two => format!("linux-{arch}"),
+        Version::Three => format!("{arch}-linux"),
+    };
+    let wanted = Path::new("binaries").join(platform).join(format!("{}.so", guest.identifier));
+    let path = folder.join(&wanted);
+    if path.is_file() {
+        return Ok(path);
+    }
+    let found: Vec<String> = freeplay_storage::list(&folder.join("binaries"))
+        .map(|entries| {
+            entries
+                .iter()
+                .filter_map(|entry| Some(entry.path.file_name()?.to_string_lossy().into_owned()))
+                .collect()
+        })
+        .unwrap_or_default();
+    let found = if found.is_empty() { "none".to_owned() } else { found.join(", ") };
+    Err(GuestError::Platform { wanted, found })
+}
+
+impl Controller for FmuController {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn start(&mut self, task: &Task, run: &RunInfo) -> Result<(), ControllerError> {
+        let custom = |error: Box<dyn std::error::Error + Send + Sync>| ControllerError::Custom(error);
+        let arm = match task.model.as_str() {
+            PAPER_MODEL => paper_arm().arm,
+            model => freeplay_arm::load(Path::new(model)).map_err(|error| custom(error.into()))?.arm,
+        };
+        task.check(arm.dof(), run)?;
+        let joints: Vec<String> = arm.joints().iter().map(|joint| joint.name.clone()).collect();
+        let ready = self.prepare(&joints, task.period());
+        let named = |error: GuestError| custom(format!("{}: {error}", self.path.display()).into());
+        self.ready = Some(ready.map_err(named)?);
+        Ok(())
+    }
+
+    fn answer(&mut self, state: &State, answer: &mut Answer) {
+        let Some(ready) = self.ready.as_mut().filter(|ready| !ready.failed) else { return answer.give_up() };
+        if ready.step(state).is_err() {
+            ready.failed = true;
+            return answer.give_up();
+        }
+        // A number that is none goes to the plant's gate, which counts it by its name.
+        ready.mapping.answer(state, &ready.outputs, answer);
+    }
+}
+
+impl Ready {
+    fn step(&mut self, state: &State) -> Result<(), GuestError> {
+        for (input, signal) in self.inputs.iter_mut().zip(&self.mapping.signals) {
+            *input = signal.of(state, self.period);
+        }
+        // An FMU begins where its controller joins, at its time 0; over states that were missed it steps at once.
+        let first = *self.first.get_or_insert(state.tick);
+        let until = (state.tick + 1).saturating_sub(first).max(self.done + 1);
+        self.slave.set(&self.mapping.input_references, &mut self.inputs)?;
+        let [from, step] = [self.done, until - self.done].map(|ticks| ticks as f64 * self.period);
+        self.slave.step(from, step)?;
+        self.done = until;
+        self.slave.get(&self.mapping.output_references, &mut self.outputs)
+    }
+}

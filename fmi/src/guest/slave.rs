@@ -1,0 +1,348 @@
+//! The shared library of an FMU, at work: the C functions of FMI 2.0 and 3.0 that a Co-Simulation without events needs.
+//!
+//! Loading a library of somebody else runs its code, and its functions are taken at their word: what they do with their pointers is theirs. That is why
+//! an FMU runs in a process of its own, which it can take down, and nothing else.
+#![allow(unsafe_code, reason = "the C interface of FMI: the functions of a library that was loaded")]
+
+use std::ffi::{CString, c_char, c_int, c_void};
+use std::path::Path;
+use std::sync::Mutex;
+
+use libloading::os::unix::{Library, RTLD_GLOBAL, RTLD_NOW, Symbol};
+
+use super::{Guest, GuestError, Version};
+
+/// Statuses up to this one go on: OK and warning.
+const WARNING: c_int = 1;
+
+type Component = *mut c_void;
+type Transfer2 = unsafe extern "C" fn(Component, *const u32, usize, *mut f64) -> c_int;
+type Transfer3 = unsafe extern "C" fn(Component, *const u32, usize, *mut f64, usize) -> c_int;
+type Step2 = unsafe extern "C" fn(Component, f64, f64, c_int) -> c_int;
+type Step3 =
+    unsafe extern "C" fn(Component, f64, f64, bool, *mut bool, *mut bool, *mut bool, *mut f64) -> c_int;
+type Plain = unsafe extern "C" fn(Component) -> c_int;
+type Free = unsafe extern "C" fn(Component);
+
+/// Functions of one version for values and steps.
+#[derive(Debug)]
+enum Calls {
+    Two { get: Transfer2, set: Transfer2, step: Step2 },
+    Three { get: Transfer3, set: Transfer3, step: Step3 },
+}
+
+/// `fmi2CallbackFunctions`.
+#[repr(C)]
+#[derive(Debug)]
+struct Callbacks {
+    logger: unsafe extern "C" fn(Component, *const c_char, c_int, *const c_char, *const c_char),
+    allocate: unsafe extern "C" fn(usize, usize) -> *mut c_void,
+    free: unsafe extern "C" fn(*mut c_void),
+    step_finished: Option<unsafe extern "C" fn(Component, c_int)>,
+    environment: *mut c_void,
+}
+
+unsafe extern "C" {
+    fn calloc(count: usize, size: usize) -> *mut c_void;
+    fn free(pointer: *mut c_void);
+}
+
+/// The last message of an FMU, of which a process has one.
+static SAID: Mutex<String> = Mutex::new(String::new());
+
+fn said() -> String {
+    SAID.lock().map(|said| said.clone()).unwrap_or_default()
+}
+
+fn keep(message: *const c_char) {
+    if message.is_null() {
+        return;
+    }
+    // SAFETY: messages of FMI end with a zero.
+    let text = unsafe { std::ffi::CStr::from_ptr(message) }.to_string_lossy();
+    if let Ok(mut said) = SAID.lock() {
+        said.clear();
+        said.extend(text.chars().map(|c| if c.is_control() { ' ' } else { c }).take(400));
+    }
+}
+
+/// `fmi2CallbackLogger`: the values behind the message, which a format would ask for, are not looked at.
+unsafe extern "C" fn log2(
+    _: Component,
+    _: *const c_char,
+    _: c_int,
+    _: *const c_char,
+    message: *const c_char,
+) {
+    keep(message);
+}
+
+/// `fmi3LogMessageCallback`.
+unsafe extern "C" fn log3(_: *mut c_void, _: c_int, _: *const c_char, message: *const c_char) {
+    keep(message);
+}
+
+/// An FMU that steps.
+#[derive(Debug)]
+pub(super) struct Slave {
+    component: Component,
+    calls: Calls,
+    terminate: Plain,
+    free_instance: Free,
+    /// What the FMU was given, which it may look at as long as it lives.
+    _given: (Vec<CString>, Box<Callbacks>),
+    /// Last, so that the code outlives the instance.
+    _library: Library,
+}
+
+// SAFETY: an FMU is used by one thread at a time, as FMI demands; which one is the same to it.
+unsafe impl Send for Slave {}
+
+fn ok(call: &'static str, status: c_int) -> Result<(), GuestError> {
+    if status <= WARNING { Ok(()) } else { Err(GuestError::Refused { call, status, said: said() }) }
+}
+
+/// The function called `name`.
+fn function<T: Copy>(library: &Library, name: &str) -> Result<T, GuestError> {
+    // SAFETY: the type is that of FMI's header for this name.
+    let symbol: Result<Symbol<T>, _> = unsafe { library.get(name.as_bytes()) };
+    symbol.map(|symbol| *symbol).map_err(|_| GuestError::Library {
+        said: format!("it has no function {name}"),
+        remedy: "export the FMU again",
+    })
+}
+
+/// Why a library can't be loaded. One that is made by Python names symbols of the interpreter, which its importer is taken to have.
+fn unusable(error: &libloading::Error) -> GuestError {
+    let said = error.to_string();
+    let remedy = match said.contains("undefined symbol: _Py") || said.contains("undefined symbol: Py") {
+        true => "name Python's own library, such as libpython3.13.so, in FREEPLAY_FMU_PRELOAD",
+        false => {
+            "export the FMU for this machine, and install what it needs; FREEPLAY_FMU_PRELOAD names a library to load before it"
+        }
+    };
+    GuestError::Library { said, remedy }
+}
+
+/// Loads the library that the user names, if any, for all that is loaded later. It stays.
+fn preload() -> Result<(), GuestError> {
+    let Some(path) = std::env::var_os("FREEPLAY_FMU_PRELOAD") else { return Ok(()) };
+    // SAFETY: the user asked for this library to be loaded; see the top of this file.
+    let library = unsafe { Library::open(Some(&path), RTLD_NOW | RTLD_GLOBAL) };
+    std::mem::forget(library.map_err(|error| unusable(&error))?);
+    Ok(())
+}
+
+fn string(text: &str) -> CString {
+    CString::new(text.replace('\0', " ")).unwrap_or_default()
+}
+
+impl Slave {
+    /// The FMU `guest`, whose library is `path` and whose resources are in `resources`, initialised and ready to step from 0 s.
+    pub fn start(guest: &Guest, path: &Path, resources: &Path) -> Result<Slave, GuestError> {
+        preload()?;
+        // SAFETY: the user asked for this library to be run; see the top of this file. Its symbols are resolved at once, so that one that is missing is
+        // an error here and not the end of the process at the first call.
+        let library = unsafe { Library::open(Some(path), RTLD_NOW) };
+        let library = library.map_err(|error| unusable(&error))?;
+        match guest.version {
+            Version::Two => Slave::start2(guest, library, resources),
+            Version::Three => Slave::start3(guest, library, resources),
+        }
+    }
+
+    fn start2(guest: &Guest, library: Library, resources: &Path) -> Result<Slave, GuestError> {
+        type Instantiate = unsafe extern "C" fn(
+            *const c_char,
+            c_int,
+            *const c_char,
+            *const c_char,
+            *const Callbacks,
+            c_int,
+            c_int,
+        ) -> Component;
+        type SetUp = unsafe extern "C" fn(Component, c_int, f64, f64, c_int, f64) -> c_int;
+        let instantiate: Instantiate = function(&library, "fmi2Instantiate")?;
+        let set_up: SetUp = function(&library, "fmi2SetupExperiment")?;
+        let enter: Plain = function(&library, "fmi2EnterInitializationMode")?;
+        let exit: Plain = function(&library, "fmi2ExitInitializationMode")?;
+        let calls = Calls::Two {
+            get: function(&library, "fmi2GetReal")?,
+            set: function(&library, "fmi2SetReal")?,
+            step: function(&library, "fmi2DoStep")?,
+        };
+        let callbacks = Box::new(Callbacks {
+            logger: log2,
+            allocate: calloc,
+            free,
+            step_finished: None,
+            environment: std::ptr::null_mut(),
+        });
+        let uri = format!("file://{}", resources.display());
+        let given = ["controller", guest.token.as_str(), uri.as_str()].map(string).to_vec();
+        /// `fmi2CoSimulation`.
+        const CO_SIMULATION: c_int = 1;
+        // SAFETY: FMI 2.0, fmi2Instantiate; strings and callbacks are kept as long as the instance.
+        let component = unsafe {
+            instantiate(
+                given[0].as_ptr(),
+                CO_SIMULATION,
+                given[1].as_ptr(),
+                given[2].as_ptr(),
+                &raw const *callbacks,
+                0,
+                0,
+            )
+        };
+        let slave = Slave::made(component, calls, given, callbacks, library, "fmi2")?;
+        // SAFETY: the component lives; the calls are in FMI's order.
+        unsafe {
+            ok("fmi2SetupExperiment", set_up(component, 0, 0.0, 0.0, 0, 0.0))?;
+            ok("fmi2EnterInitializationMode", enter(component))?;
+            ok("fmi2ExitInitializationMode", exit(component))?;
+        }
+        Ok(slave)
+    }
+
+    fn start3(guest: &Guest, library: Library, resources: &Path) -> Result<Slave, GuestError> {
+        type Log = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
+        type Instantiate = unsafe extern "C" fn(
+            *const c_char,
+            *const c_char,
+            *const c_char,
+            bool,
+            bool,
+            bool,
+            bool,
+            *const u32,
+            usize,
+            *mut c_void,
+            Log,
+            *const c_void,
+        ) -> Component;
+        type Enter = unsafe extern "C" fn(Component, bool, f64, f64, bool, f64) -> c_int;
+        let instantiate: Instantiate = function(&library, "fmi3InstantiateCoSimulation")?;
+        let enter: Enter = function(&library, "fmi3EnterInitializationMode")?;
+        let exit: Plain = function(&library, "fmi3ExitInitializationMode")?;
+        let calls = Calls::Three {
+            get: function(&library, "fmi3GetFloat64")?,
+            set: function(&library, "fmi3SetFloat64")?,
+            step: function(&library, "fmi3DoStep")?,
+        };
+        let callbacks = Box::new(Callbacks {
+            logger: log2,
+            allocate: calloc,
+            free,
+            step_finished: None,
+            environment: std::ptr::null_mut(),
+        });
+        let folder = format!("{}/", resources.display());
+        let given = ["controller", guest.token.as_str(), folder.as_str()].map(string).to_vec();
+        let none = std::ptr::null();
+        // SAFETY: FMI 3.0, fmi3InstantiateCoSimulation, without events and intermediate variables; the strings are kept as long as the instance.
+        let component = unsafe {
+            instantiate(
+                given[0].as_ptr(),
+                given[1].as_ptr(),
+                given[2].as_ptr(),
+                false,
+                false,
+                false,
+                false,
+                std::ptr::null(),
+                0,
+                std::ptr::null_mut(),
+                log3,
+                none,
+            )
+        };
+        let slave = Slave::made(component, calls, given, callbacks, library, "fmi3")?;
+        // SAFETY: the component lives; the calls are in FMI's order.
+        unsafe {
+            ok("fmi3EnterInitializationMode", enter(component, false, 0.0, 0.0, false, 0.0))?;
+            ok("fmi3ExitInitializationMode", exit(component))?;
+        }
+        Ok(slave)
+    }
+
+    fn made(
+        component: Component,
+        calls: Calls,
+        given: Vec<CString>,
+        callbacks: Box<Callbacks>,
+        library: Library,
+        prefix: &str,
+    ) -> Result<Slave, GuestError> {
+        let terminate = function(&library, &format!("{prefix}Terminate"))?;
+        let free_instance = function(&library, &format!("{prefix}FreeInstance"))?;
+        if component.is_null() {
+            return Err(GuestError::Refused { call: "its instantiation", status: 3, said: said() });
+        }
+        Ok(Slave {
+            component,
+            calls,
+            terminate,
+            free_instance,
+            _given: (given, callbacks),
+            _library: library,
+        })
+    }
+
+    /// Sets inputs.
+    pub fn set(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), GuestError> {
+        let (count, values) = (references.len().min(values.len()), values.as_mut_ptr());
+        // SAFETY: both lists hold `count` elements.
+        let status = unsafe {
+            match self.calls {
+                Calls::Two { set, .. } => set(self.component, references.as_ptr(), count, values),
+                Calls::Three { set, .. } => set(self.component, references.as_ptr(), count, values, count),
+            }
+        };
+        ok("to take its inputs", status)
+    }
+
+    /// Gets outputs.
+    pub fn get(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), GuestError> {
+        let (count, values) = (references.len().min(values.len()), values.as_mut_ptr());
+        // SAFETY: both lists hold `count` elements.
+        let status = unsafe {
+            match self.calls {
+                Calls::Two { get, .. } => get(self.component, references.as_ptr(), count, values),
+                Calls::Three { get, .. } => get(self.component, references.as_ptr(), count, values, count),
+            }
+        };
+        ok("to give its outputs", status)
+    }
+
+    /// Steps from the time `from` by `step`, s.
+    pub fn step(&mut self, from: f64, step: f64) -> Result<(), GuestError> {
+        let (mut event, mut end, mut early, mut last) = (false, false, false, 0.0);
+        // SAFETY: the component lives, and the results have their places.
+        let status = unsafe {
+            match self.calls {
+                Calls::Two { step: go, .. } => go(self.component, from, step, 1),
+                Calls::Three { step: go, .. } => go(
+                    self.component,
+                    from,
+                    step,
+                    true,
+                    &raw mut event,
+                    &raw mut end,
+                    &raw mut early,
+                    &raw mut last,
+                ),
+            }
+        };
+        ok("its step", if early || end { 2 } else { status })
+    }
+}
+
+impl Drop for Slave {
+    fn drop(&mut self) {
+        // SAFETY: the component lives until here, and is given back once.
+        unsafe {
+            (self.terminate)(self.component);
+            (self.free_instance)(self.component);
+        }
+    }
+}

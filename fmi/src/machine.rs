@@ -1,0 +1,144 @@
+//! The plant of an arm file, stepped by torques from outside.
+
+use freeplay_arm::{Arm, ArmFile, Workspace, forward_kinematics};
+use freeplay_laws::{Effects, Readings, SensorLaw};
+use freeplay_plant::{Input, Motion, System, SystemError};
+
+/// Length of a step, s: the tick of a plant.
+pub const PERIOD: f64 = 1e-3;
+
+/// What an importer gives for a step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Stimulus {
+    /// Torques of the motors, N·m (N).
+    pub torque: Vec<f64>,
+    /// Whether the brakes hold all joints where they are.
+    pub brakes: bool,
+}
+
+/// How a journal stands after a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Contact {
+    /// Whether it touches its bearing.
+    pub touches: bool,
+    /// Normal force, N.
+    pub force: f64,
+}
+
+/// What an importer reads after a step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Readout {
+    /// Measured positions, rad (m).
+    pub q: Vec<f64>,
+    /// Measured velocities, rad/s (m/s).
+    pub v: Vec<f64>,
+    /// Measured torques, N·m (N).
+    pub torque: Vec<f64>,
+    /// Tool in the base frame: x, y, z in m, then the quaternion x, y, z, w.
+    pub tool: [f64; 7],
+    /// Tool position minus that of the arm without effects at the measured positions, m.
+    pub deviation: [f64; 3],
+    /// The journals, by play.
+    pub contacts: Vec<Contact>,
+    /// Kinetic, potential and elastic energy, J.
+    pub energy: f64,
+}
+
+/// A machine that steps.
+#[derive(Debug)]
+pub struct Machine {
+    nominal: Arm,
+    workspace: Workspace,
+    system: System,
+    laws: [Vec<Box<dyn SensorLaw>>; 2],
+    driven: [Vec<bool>; 2],
+    readout: Readout,
+    link: Vec<f64>,
+}
+
+/// Joints that stand where they are.
+struct Held(Vec<f64>);
+
+impl Motion for Held {
+    fn at(&self, _t: f64, q: &mut [f64], v: &mut [f64], a: &mut [f64]) {
+        q.copy_from_slice(&self.0);
+        v.fill(0.0);
+        a.fill(0.0);
+    }
+}
+
+impl Machine {
+    /// The machine of `file` at rest of its journals, its joints at `start`, position and velocity, with so many sub-steps a step.
+    ///
+    /// # Errors
+    /// [`SystemError`]: a machine that can't be simulated.
+    pub fn new(file: &ArmFile, start: [&[f64]; 2], substeps: u32) -> Result<Machine, SystemError> {
+        let effects = Effects::of(file)?;
+        let body = effects.changed(&file.arm)?;
+        let mut injection = effects.injection();
+        let laws = [&mut injection.tool, &mut injection.sensors].map(std::mem::take);
+        let mut system = System::with_effects(&body, injection, &[start[0].to_vec()], PERIOD, substeps)?;
+        system.start(start[0], start[1]);
+        let dof = file.arm.dof();
+        let blank = || vec![0.0; dof];
+        let contacts = vec![Contact::default(); system.bearings().len()];
+        let readout = Readout { q: blank(), v: blank(), torque: blank(), contacts, ..Readout::default() };
+        let mut machine = Machine {
+            workspace: Workspace::new(&file.arm),
+            nominal: file.arm.clone(),
+            system,
+            laws,
+            driven: [vec![false; dof], vec![true; dof]],
+            readout,
+            link: blank(),
+        };
+        machine.read();
+        Ok(machine)
+    }
+
+    /// Steps by [`PERIOD`] under `stimulus`.
+    ///
+    /// # Errors
+    /// [`SystemError::NotFinite`]: the motion can't be integrated.
+    pub fn step(&mut self, stimulus: &Stimulus) -> Result<(), SystemError> {
+        let held = stimulus
+            .brakes
+            .then(|| Held((0..self.nominal.dof()).map(|joint| self.system.joint(joint)[0]).collect()));
+        let held = held.unwrap_or(Held(Vec::new()));
+        let driven = &self.driven[usize::from(stimulus.brakes)];
+        self.system.tick(&Input { torque: &stimulus.torque, driven, motion: &held })?;
+        self.read();
+        Ok(())
+    }
+
+    /// What is read after the last step.
+    pub fn readout(&self) -> &Readout {
+        &self.readout
+    }
+
+    /// Simulated time, s.
+    pub fn time(&self) -> f64 {
+        self.system.time()
+    }
+
+    fn read(&mut self) {
+        let Readout { q, v, torque, tool, deviation, contacts, energy } = &mut self.readout;
+        self.system.encoders(q, v);
+        self.system.drive_torque(torque);
+        self.system.play().gather(self.system.q(), &mut self.link);
+        let pose = self.system.tool();
+        let (p, r) = (pose.translation.vector, pose.rotation.coords);
+        *tool = [p.x, p.y, p.z, r.x, r.y, r.z, r.w];
+        let (place, _) = tool.split_at_mut(3);
+        let mut readings = Readings { period: PERIOD, q, v, torque, link: &mut self.link, tool: place };
+        self.laws.iter_mut().flatten().for_each(|law| law.read(&mut readings));
+        let rigid = forward_kinematics(&self.nominal, &mut self.workspace, q).translation.vector;
+        *deviation = [tool[0] - rigid.x, tool[1] - rigid.y, tool[2] - rigid.z];
+        for ((contact, bearing), now) in
+            contacts.iter_mut().zip(self.system.bearings()).zip(self.system.contacts())
+        {
+            *contact = Contact { touches: bearing.touching(), force: now.normal };
+        }
+        *energy = self.system.ledger().total();
+    }
+}

@@ -1,0 +1,107 @@
+//! The FMU as one file: a ZIP archive of description, library and arm file.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
+use freeplay_arm::{ArmFile, to_toml};
+use freeplay_laws::LawError;
+use freeplay_storage::StorageError;
+use rawzip::{CompressionMethod, ZipArchiveWriter};
+use thiserror::Error;
+
+use crate::description::description;
+
+/// Name of the library in an FMU, without its ending.
+pub const LIBRARY: &str = "freeplay_fmi";
+
+/// Name of the arm file among the resources of an FMU.
+pub(crate) const MODEL: &str = "model.toml";
+
+/// The longest library that is packed, bytes.
+const LONGEST: u64 = 1 << 30;
+
+/// Why no FMU was written.
+#[derive(Debug, Error)]
+pub enum PackageError {
+    /// An effect that can't be taken.
+    #[error(transparent)]
+    Law(#[from] LawError),
+    /// The shared library is not where the program is.
+    #[error(
+        "the library lib{LIBRARY}.so, which an FMU carries, is not in {}; build it with `cargo build --release`, or name it in FREEPLAY_FMI_LIBRARY",
+        folder.display()
+    )]
+    NoLibrary {
+        /// The folder of the program.
+        folder: PathBuf,
+    },
+    /// No FMI platform of that name.
+    #[error("FMUs are written for Linux on x86_64 or aarch64, not for this machine")]
+    Platform,
+    /// The archive can't be made.
+    #[error("the archive of the FMU can't be made: {0}")]
+    Archive(String),
+    /// A file can't be read or written.
+    #[error(transparent)]
+    Storage(#[from] StorageError),
+}
+
+/// Writes the FMU of `file` to `out`, whole or not at all. The library is that which `FREEPLAY_FMI_LIBRARY` names, else the one beside `program`.
+///
+/// # Errors
+/// [`PackageError`]
+pub fn write_fmu(file: &ArmFile, program: &Path, out: &Path) -> Result<(), PackageError> {
+    let library = freeplay_storage::read_bytes(&library(program)?, LONGEST)?;
+    let text = to_toml(file);
+    let xml = description(file, &text)?;
+    let platform = platform().ok_or(PackageError::Platform)?;
+    let entries: [(String, &[u8]); 3] = [
+        ("modelDescription.xml".to_owned(), xml.as_bytes()),
+        (format!("binaries/{platform}/{LIBRARY}.so"), &library),
+        (format!("resources/{MODEL}"), text.as_bytes()),
+    ];
+    let bytes = archive(&entries)?;
+    Ok(freeplay_storage::write(out, bytes)?)
+}
+
+/// The library that is packed.
+fn library(program: &Path) -> Result<PathBuf, PackageError> {
+    if let Some(named) = std::env::var_os("FREEPLAY_FMI_LIBRARY") {
+        return Ok(named.into());
+    }
+    let folder = program.parent().unwrap_or(Path::new(".")).to_owned();
+    let name = format!("lib{LIBRARY}.so");
+    // Cargo leaves the library of a dependency in `deps`.
+    let found = [folder.join(&name), folder.join("deps").join(&name)].into_iter().find(|path| path.is_file());
+    found.ok_or(PackageError::NoLibrary { folder })
+}
+
+/// FMI's name of this platform.
+fn platform() -> Option<&'static str> {
+    match (std::env::consts::OS, std::env::consts::ARCH) {
+        ("linux", "x86_64") => Some("x86_64-linux"),
+        ("linux", "aarch64") => Some("aarch64-linux"),
+        _ => None,
+    }
+}
+
+/// A ZIP archive of `entries`: names and contents.
+///
+/// # Errors
+/// [`PackageError::Archive`]
+pub fn archive(entries: &[(String, &[u8])]) -> Result<Vec<u8>, PackageError> {
+    let failed = |error: &dyn std::fmt::Display| PackageError::Archive(error.to_string());
+    let mut archive = ZipArchiveWriter::new(Vec::new());
+    for (name, bytes) in entries {
+        let file = archive.new_file(name.as_str()).compression_method(CompressionMethod::DEFLATE);
+        let (mut entry, config) = file.start().map_err(|error| failed(&error))?;
+        let mut writer = config.wrap(DeflateEncoder::new(&mut entry, Compression::default()));
+        writer.write_all(bytes).map_err(|error| failed(&error))?;
+        let (encoder, descriptor) = writer.finish().map_err(|error| failed(&error))?;
+        encoder.finish().map_err(|error| failed(&error))?;
+        entry.finish(descriptor).map_err(|error| failed(&error))?;
+    }
+    archive.finish().map_err(|error| failed(&error))
+}

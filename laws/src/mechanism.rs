@@ -1,0 +1,35 @@
+//! An arm file as a mechanism: its effects in the elements that the formats of other tools share.
+
+use freeplay_arm::ArmFile;
+use freeplay_arm::export::{Mechanism, Named};
+
+use crate::effect::Expressed;
+use crate::{Effects, LawError, Placed};
+
+/// The mechanism of `file`: the arm with the effects that change it, and the elements of the others.
+///
+/// # Errors
+/// See [`LawError`]: an effect that can't be taken, or that leaves no possible arm.
+pub fn mechanism(file: &ArmFile) -> Result<Mechanism, LawError> {
+    let effects = Effects::of(file)?;
+    let arm = effects.changed(&file.arm)?;
+    let mut mechanism = Mechanism { arm, elements: Vec::new(), unsaid: Vec::new() };
+    for placed in &effects.placed {
+        let (name, mut elements) = (name(placed, file), Vec::new());
+        match placed.effect.express(&mut elements) {
+            Expressed::Whole => {}
+            Expressed::But(part) => mechanism.unsaid.push(format!("{name}: {part}")),
+            Expressed::Not => mechanism.unsaid.push(format!("{name}: {}", placed.kind.equation)),
+        }
+        mechanism.elements.extend(elements.into_iter().map(|element| Named { name: name.clone(), element }));
+    }
+    Ok(mechanism)
+}
+
+/// `coulomb_friction at joint_3`.
+fn name(placed: &Placed, file: &ArmFile) -> String {
+    let kind = placed.kind.name;
+    placed
+        .joint
+        .map_or_else(|| kind.to_owned(), |joint| format!("{kind} at {}", file.arm.joints()[joint].name))
+}

@@ -1,0 +1,58 @@
+"""Drives an FMU by FMPy: validates it, steps it with the torques on standard input, and prints every output after every step as hex.
+
+Input: {"fmu", "parameters": {name: value}, "brakes": [bool per step], "torque": [[per joint] per step], "names": [outputs], "torques": [inputs],
+"rewind": step or null}. With `rewind` the state at that step is taken, serialised, and put back into the instance at the end; what is played from
+there again has to be the same.
+"""
+
+import json
+import struct
+import sys
+import tempfile
+
+import fmpy
+import numpy as np
+from fmpy.fmi3 import FMU3Slave
+from fmpy.validation import validate_fmu
+
+order = json.load(sys.stdin)
+problems = validate_fmu(order["fmu"])
+assert not problems, problems
+description = fmpy.read_model_description(order["fmu"])
+reference = {variable.name: variable.valueReference for variable in description.modelVariables}
+folder = fmpy.extract(order["fmu"], unzipdir=tempfile.mkdtemp())
+fmu = FMU3Slave(guid=description.guid, unzipDirectory=folder, modelIdentifier=description.coSimulation.modelIdentifier, instanceName="arm")
+fmu.instantiate()
+for name, value in order["parameters"].items():
+    fmu.setFloat64([reference[name]], [value])
+fmu.enterInitializationMode(startTime=0.0)
+fmu.exitInitializationMode()
+outputs = [reference[name] for name in order["names"]]
+inputs = [reference[name] for name in order["torques"]]
+brakes = [reference["brakes"]]
+
+
+def play(first, last):
+    rows = []
+    for step in range(first, last):
+        fmu.setFloat64(inputs, order["torque"][step])
+        fmu.setBoolean(brakes, [order["brakes"][step]])
+        fmu.doStep(currentCommunicationPoint=step * 1e-3, communicationStepSize=1e-3)
+        rows.append(struct.pack(f"<{len(outputs)}d", *fmu.getFloat64(outputs)).hex())
+    return rows
+
+
+steps, rewind = len(order["torque"]), order["rewind"]
+rows = play(0, rewind or steps)
+if rewind:
+    state = fmu.getFMUState()
+    data = fmu.serializeFMUState(state)
+    rows += play(rewind, steps)
+    for put_back in (state, fmu.deserializeFMUState(data)):
+        fmu.setFMUState(put_back)
+        again = play(rewind, steps)
+        assert again == rows[rewind:], "a state that was put back gives other numbers"
+        fmu.freeFMUState(put_back)
+fmu.terminate()
+fmu.freeInstance()
+print(json.dumps(rows))

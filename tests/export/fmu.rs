@@ -1,0 +1,117 @@
+//! The plant as an FMU, driven by FMPy: valid, and the same bits as a native run in lockstep.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::process::{Command, Stdio};
+
+use freeplay_arm::{paper_arm, to_toml};
+use serde_json::{Value, json};
+
+use crate::common::{Call, fresh_folder};
+use crate::tools::{has, here, python};
+
+/// Steps of a run; the full exam is 100 000.
+fn steps() -> usize {
+    std::env::var("FREEPLAY_FMU_STEPS").ok().and_then(|steps| steps.parse().ok()).unwrap_or(10_000)
+}
+
+/// The posture that the native controller holds, while the journal falls and bounces: bent, so that all joints carry weight.
+const POSTURE: [f64; 6] = [0.2, 0.3, 0.4, 0.1, 0.9, 0.3];
+
+/// A scenario in which a native controller drives the worn arm by torques.
+fn scenario(seconds: f64) -> String {
+    format!(
+        "model = \"worn.toml\"\ncontrollers = [\"computed-torque\"]\nmode = \"torque\"\nduration = {seconds}\n\
+         [path]\nkind = \"file\"\nfile = \"rest.csv\"\n"
+    )
+}
+
+/// The columns of a recording as CSV that `names` call, row by row.
+fn columns(text: &str, names: &[String]) -> Vec<Vec<f64>> {
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    let places: Vec<usize> =
+        names.iter().map(|name| header.iter().position(|column| column == name).expect(name)).collect();
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        places.iter().map(|&place| cells[place].parse().expect("a number")).collect()
+    };
+    lines.map(row).collect()
+}
+
+/// The same numbers as FMPy's side prints them.
+fn hex(row: &[f64]) -> String {
+    let bytes = row.iter().flat_map(|value| value.to_le_bytes());
+    bytes.fold(String::new(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}");
+        text
+    })
+}
+
+fn numbered(prefix: &str) -> Vec<String> {
+    (1..=6).map(|number| format!("{prefix}{number}")).collect()
+}
+
+fn of_joints(prefix: &str) -> Vec<String> {
+    (1..=6).map(|number| format!("{prefix}.joint_{number}")).collect()
+}
+
+#[test]
+fn an_fmu_gives_the_bits_of_a_native_run_and_goes_back_to_a_state() {
+    if !has("fmpy, numpy") {
+        return;
+    }
+    let steps = steps();
+    let folder = fresh_folder();
+    let at = |name: &str| folder.path().join(name);
+    let play = "\n[[effect]]\nkind = \"joint_clearance\"\njoint = \"joint_5\"\nclearance = 0.0006\n";
+    std::fs::write(at("worn.toml"), to_toml(&paper_arm()) + play).expect("written");
+    std::fs::write(at("run.toml"), scenario(steps as f64 * 1e-3)).expect("written");
+    let row = POSTURE.map(|q| q.to_string()).join(",");
+    let times = [0.0, 0.3, 0.6, 1.0].map(|share| share * (steps as f64 * 1e-3 + 1.0));
+    let rows: String = times.iter().map(|t| format!("{t},{row}\n")).collect();
+    std::fs::write(at("rest.csv"), format!("t,q1,q2,q3,q4,q5,q6\n{rows}")).expect("written");
+    let asked = ["run", "run.toml", "--pace", "lockstep", "--recording", "csv", "--out", "native", "--quiet"];
+    let ran = Call::new(folder, &asked).run().expect(0);
+    let ran =
+        Call::new(ran.folder, &["export", "worn.toml", "--to", "fmu", "--out", "worn.fmu"]).run().expect(0);
+    let text =
+        std::fs::read_to_string(ran.folder.path().join("native/computed-torque.csv")).expect("a recording");
+    let tool = ["x", "y", "z", "qx", "qy", "qz", "qw"].map(str::to_owned).to_vec();
+    let natives = [numbered("q"), numbered("qd"), numbered("tau"), tool.clone()].concat();
+    let tools: Vec<String> = tool.iter().map(|name| format!("tool.{name}")).collect();
+    let names = [of_joints("q"), of_joints("qd"), of_joints("tau"), tools].concat();
+    let (native, torque) = (columns(&text, &natives), columns(&text, &numbered("applied_")));
+    let count = native.len() - 1;
+    let parameters: serde_json::Map<String, Value> =
+        of_joints("start.q").into_iter().zip(POSTURE).map(|(name, q)| (name, q.into())).collect();
+    let order = json!({
+        "fmu": ran.folder.path().join("worn.fmu"), "parameters": parameters, "names": names, "torques": of_joints("torque"),
+        // No command can have come yet in the first tick: the native plant holds its joints on the path.
+        "brakes": (0..count).map(|step| step == 0).collect::<Vec<_>>(),
+        "torque": &torque[..count], "rewind": count / 2,
+    });
+    let mut child = Command::new(python())
+        .arg(here("fmu.py"))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("it starts");
+    child.stdin.take().expect("a pipe").write_all(order.to_string().as_bytes()).expect("it reads");
+    let output = child.wait_with_output().expect("it ends");
+    assert!(output.status.success());
+    let text = String::from_utf8(output.stdout).expect("text");
+    let found: Vec<String> = serde_json::from_str(text.lines().last().expect("a line")).expect("JSON");
+    assert_eq!(found.len(), count);
+    assert!(native[1] != native[count], "it moves");
+    for (step, found) in found.iter().enumerate() {
+        assert_eq!(*found, hex(&native[step + 1]), "step {step}");
+    }
+    println!("{count} steps, {} numbers each, all bits the same", names.len());
+}
+
+#[test]
+fn an_fmu_needs_a_name() {
+    let ran = Call::new(fresh_folder(), &["export", "paper", "--to", "fmu"]).run().expect(2);
+    assert!(ran.stderr().contains("--out FILE.fmu"), "{}", ran.stderr());
+}

@@ -1,0 +1,198 @@
+//! Recordings of machines with concealed effects, replayed in MuJoCo with the exported model.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::process::Command;
+
+use freeplay_concealed::{Case, Demand, Family, Machine, Noise, Severity, generate, write_sealed};
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::common::{Call, fresh_folder};
+use crate::tools::{has, python};
+
+/// Root mean square errors by channel.
+type Errors = BTreeMap<String, f64>;
+
+/// Effects that MJCF has words for, the machine that has them, and where in it.
+const KINDS: [(&str, Machine, Option<usize>); 19] = [
+    ("coulomb_friction", Machine::SixBench, None),
+    ("viscous_friction", Machine::SixBench, None),
+    ("asymmetric_friction", Machine::SixBench, None),
+    ("quadratic_drag", Machine::SixBench, None),
+    ("rotor_inertia", Machine::SixBench, None),
+    ("payload", Machine::SixBench, None),
+    ("link_mass", Machine::SixBench, None),
+    ("base_tilt", Machine::SixBench, None),
+    ("joint_spring", Machine::SixBench, None),
+    ("joint_coupling", Machine::SixBench, None),
+    ("actuator_saturation", Machine::SixBench, None),
+    ("torque_offset", Machine::SixBench, None),
+    ("torque_gain", Machine::SixBench, None),
+    ("encoder_offset", Machine::SixBench, None),
+    ("link_length", Machine::SixBench, None),
+    ("time_delay", Machine::SixBench, None),
+    ("joint_elasticity", Machine::SixBench, None),
+    ("backlash", Machine::SixBench, None),
+    // A bearing whose axis is level: its journal rests. About an upright axis it flies, and no two tools fly alike.
+    ("joint_clearance", Machine::Paper, Some(4)),
+];
+
+/// `model` with the effects that `truth` names.
+fn with_effects(model: &str, truth: &freeplay_concealed::Truth) -> String {
+    let mut text = model.to_owned();
+    for effect in &truth.effects {
+        text += &format!("\n[[effect]]\nkind = \"{}\"\n", effect.kind);
+        if let Some(joint) = &effect.joint {
+            text += &format!("joint = \"{joint}\"\n");
+        }
+        for (name, value) in effect.parameters.as_object().expect("parameters") {
+            text += &format!("{name} = {}\n", toml::Value::try_from(value).expect("a value"));
+        }
+    }
+    text
+}
+
+/// What `freeplay compare` says of `model` on the recording `held`.
+fn compared(folder: TempDir, model: &str, held: &str) -> (Errors, TempDir) {
+    let asked = [
+        "compare",
+        "--model",
+        model,
+        "--recording",
+        held,
+        "--lowpass",
+        "10",
+        "--trim",
+        "0.5",
+        "--format",
+        "json",
+    ];
+    let ran = Call::new(folder, &asked).run().expect(0);
+    let json: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
+    let channels = json["channels"].as_array().expect("channels").iter();
+    let errors = channels
+        .filter_map(|channel| Some((channel["name"].as_str()?.to_owned(), channel["rmse"].as_f64()?)))
+        .collect();
+    (errors, ran.folder)
+}
+
+/// What MuJoCo says of both models on it.
+fn replayed(folder: &Path, held: &str) -> [Errors; 2] {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/examples/replay_in_mujoco.py");
+    let mut command = Command::new(python());
+    command.arg(script).args(["sheet.xml", "full.xml", held]).current_dir(folder);
+    let output = command.output().expect("it starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let errors: BTreeMap<String, Errors> = serde_json::from_slice(&output.stdout).expect("JSON");
+    ["sheet.xml", "full.xml"].map(|model| errors[model].clone())
+}
+
+#[test]
+fn mujoco_takes_away_what_the_model_itself_takes_away() {
+    if !has("mujoco, numpy, scipy") {
+        return;
+    }
+    let mut short = Vec::new();
+    for (kind, machine, joint) in KINDS {
+        let demand = Demand { kind: kind.to_owned(), joint, severity: Severity::Strong };
+        let case = Case {
+            machine,
+            effects: vec![demand],
+            family: Some(Family::Fourier),
+            noise: Noise::Low,
+            hollow: false,
+            seed: 41,
+        };
+        let made = generate(&case).unwrap_or_else(|error| panic!("{kind}: {error}"));
+        let mut folder = fresh_folder();
+        write_sealed(folder.path(), &made).expect("files");
+        std::fs::write(folder.path().join("full.toml"), with_effects(&made.model, &made.truth))
+            .expect("written");
+        for (model, file) in [("model.toml", "sheet.xml"), ("full.toml", "full.xml")] {
+            folder =
+                Call::new(folder, &["export", model, "--to", "mjcf", "--out", file]).run().expect(0).folder;
+        }
+        let (before, folder) = compared(folder, "model.toml", "second.csv");
+        let (after, folder) = compared(folder, "full.toml", "second.csv");
+        let [there_before, there_after] = replayed(folder.path(), "second.csv");
+        // The channel in which the model itself takes most away, as a share of the error.
+        let share = |name: &String| (before[name] - after[name]) / before[name];
+        let channel = before
+            .keys()
+            .filter(|name| there_before.contains_key(*name))
+            .max_by(|a, b| share(a).total_cmp(&share(b)))
+            .expect("a channel");
+        let own = before[channel] - after[channel];
+        let theirs = there_before[channel] - there_after[channel];
+        println!(
+            "{kind} {channel}: {:.4} -> {:.4} here, {:.4} -> {:.4} in MuJoCo: {:.3}",
+            before[channel],
+            after[channel],
+            there_before[channel],
+            there_after[channel],
+            theirs / own
+        );
+        assert!(share(channel) > 0.2, "{kind}: it tests something");
+        if theirs < 0.9 * own {
+            short.push(kind);
+        }
+    }
+    assert!(short.is_empty(), "{short:?}");
+}
+
+/// A real machine: what a diagnosis of one recording finds, on another one, as far as MJCF has words for it.
+#[test]
+fn mujoco_takes_away_of_a_real_machine_what_the_model_itself_takes_away() {
+    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
+    let set = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, std::path::PathBuf::from).join("emps");
+    if !has("mujoco, numpy, scipy") {
+        return;
+    }
+    if !set.is_dir() {
+        println!("skipped: no recordings here; FREEPLAY_RECORDINGS names their folder");
+        return;
+    }
+    let file = |name: &str| set.join(name).display().to_string();
+    let [sheet, train, held] = ["emps.urdf", "train.csv", "test_pulses.csv"].map(file);
+    let mut folder = fresh_folder();
+    let asked = ["diagnose", "--seed", "1", "--model", &sheet, "--recording", &train, "--out", "found"];
+    folder = Call::new(folder, &asked).run().expect(0).folder;
+    for (model, to) in [(sheet.as_str(), "sheet.xml"), ("found/model.toml", "full.xml")] {
+        let ran = Call::new(folder, &["export", model, "--to", "mjcf", "--out", to, "--format", "json"])
+            .run()
+            .expect(0);
+        let json: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
+        if to == "full.xml" {
+            let unsaid = json["unsaid"].as_array().expect("a list").clone();
+            let text = std::fs::read_to_string(ran.folder.path().join(model)).expect("the model");
+            std::fs::write(ran.folder.path().join("said.toml"), without(&text, &unsaid)).expect("written");
+        }
+        folder = ran.folder;
+    }
+    let (before, folder) = compared(folder, &sheet, &held);
+    let (after, folder) = compared(folder, "said.toml", &held);
+    let [there_before, there_after] = replayed(folder.path(), &held);
+    let (own, theirs) = (before["tau1"] - after["tau1"], there_before["tau1"] - there_after["tau1"]);
+    println!(
+        "{before:?} -> {after:?} here, {there_before:?} -> {there_after:?} in MuJoCo: {:.3}",
+        theirs / own
+    );
+    assert!(own > 0.2 * before["tau1"], "it tests something");
+    assert!(theirs > 0.9 * own);
+}
+
+/// The arm file `text` without the effects that the list `unsaid` begins with.
+fn without(text: &str, unsaid: &[Value]) -> String {
+    let mut table: toml::Table = toml::from_str(text).expect("TOML");
+    if let Some(effects) = table.get_mut("effect").and_then(toml::Value::as_array_mut) {
+        let is_said = |effect: &toml::Value| {
+            let kind = effect["kind"].as_str().unwrap_or_default();
+            !unsaid
+                .iter()
+                .any(|line| line.as_str().is_some_and(|line| line.starts_with(&format!("{kind} at"))))
+        };
+        effects.retain(is_said);
+    }
+    toml::to_string(&table).expect("TOML")
+}
