@@ -98,7 +98,7 @@ fn bad_arm_files() {
             &[("a.dae", "")],
             &["--model", "a.dae"],
             3,
-            &["a.dae: unknown kind", ".urdf, .xml or .toml"],
+            &["a.dae: unknown kind", ".urdf, .xml, .mjcf or .toml"],
         ),
         (
             "joints",

@@ -194,8 +194,8 @@ fn files_that_cannot_be_read() {
         assert!(error.contains(words), "{error}");
     };
     check(&folder.path().join("none.urdf"), "check the path");
-    check(folder.path(), "must end in .urdf, .xml or .toml");
-    check(&write("arm.sdf", b"x"), "must end in .urdf, .xml or .toml");
+    check(folder.path(), "must end in .urdf, .xml, .mjcf or .toml");
+    check(&write("arm.sdf", b"x"), "must end in .urdf, .xml, .mjcf or .toml");
     check(&write("arm.urdf.xacro", b"x"), "run xacro first");
     check(&write("latin.urdf", b"<robot name=\"\xE4\"/>"), "not UTF-8 text from byte 13");
     check(&write("empty.toml", b""), "empty");

@@ -163,6 +163,7 @@ fn trial(kind: &str, joints: usize) -> Option<(&'static str, f64)> {
         // The plant's drives feel it by the acceleration of the sub-step before.
         "load_change" => ("mass = 2.0\ntime = 1.2", 0.1),
         "external_force" => ("force = [8.0, -5.0, 12.0]\nstart = 1.2\nend = 2.0", 0.1),
+        "external_torque" => ("torque = 9.0\nstart = 1.2\nend = 2.0", 0.1),
         "lubricated_clearance" => ("clearance = 0.5e-3\nviscosity = 2.0\nstart = [0.2, 0.4, 0.3]", 0.05),
         // Transmissions fit the mass of what they carry.
         "joint_elasticity" if joints == 6 => ("stiffness = 1e6\ndamping = 8e3", 0.08),

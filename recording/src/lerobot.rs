@@ -30,7 +30,7 @@ pub(crate) fn read_folder(path: &Path, source: &Source) -> Result<Foreign, ReadE
     files.sort();
     let mut all: Option<Foreign> = None;
     for file in &files {
-        let episode = parquet_reader::read(open(file)?.into_file(), &Source { file, ..*source })?;
+        let episode = parquet_reader::read(open(file)?, &Source { file, ..*source })?;
         match &mut all {
             Some(all) => {
                 let rows = all.rows() + episode.rows();

@@ -1,13 +1,12 @@
 //! Reading Parquet: our own export, what pandas and polars write, and data sets with lists in a cell.
 
-use std::fs::File;
-
+use freeplay_storage::InputFile;
 use parquet::basic::{ConvertedType, LogicalType, TimeUnit, Type};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::errors::ParquetError;
 use parquet::file::metadata::ParquetMetaData;
-use parquet::file::reader::{FileReader, Length, SerializedFileReader};
+use parquet::file::reader::{ChunkReader, FileReader, Length, SerializedFileReader};
 use parquet::schema::types::ColumnDescriptor;
 
 use crate::error::ReadError;
@@ -27,11 +26,12 @@ pub(crate) const CREATED_BY: &str = "freeplay";
 ///
 /// # Errors
 /// [`ReadError::Unusable`] for a file that is damaged, or says more of itself than it can hold; [`ReadError::TooLarge`].
-pub(crate) fn read(file: File, source: &Source) -> Result<Foreign, ReadError> {
+pub(crate) fn read(file: InputFile, source: &Source) -> Result<Foreign, ReadError> {
     let damaged = |Refused(what): Refused| ReadError::Unusable {
         file: source.file.to_path_buf(),
         what: format!("this Parquet file can't be read: {what}; write it again"),
     };
+    let file = file.into_file();
     check_depth(&file).map_err(damaged)?;
     let pages = file.try_clone().map_err(|error| damaged(ParquetError::from(error).into()))?;
     let mut claims = Claims::new(Length::len(&file), source.limit);
@@ -81,7 +81,7 @@ impl Leaf {
     /// a list when it is laid out.
     fn of(
         reader: &impl FileReader,
-        pages: &File,
+        pages: &impl ChunkReader,
         column: usize,
         claims: &mut Claims,
     ) -> Result<Option<Self>, Refused> {
@@ -172,7 +172,7 @@ impl Raw {
     fn check(
         &self,
         metadata: &ParquetMetaData,
-        pages: &File,
+        pages: &impl ChunkReader,
         column: usize,
         claims: &mut Claims,
     ) -> Result<(), Refused> {

@@ -154,7 +154,7 @@ fn read_named(source: &Source, options: &ImportOptions) -> Result<Recording, Rea
             from_bag(&options.bag, source)
         }
         Kind::Parquet => {
-            let mut foreign = parquet_reader::read(open(path)?.into_file(), source)?;
+            let mut foreign = parquet_reader::read(open(path)?, source)?;
             lerobot::name_episode(&mut foreign, path);
             foreign.into_recording(source, mapping)
         }

@@ -180,8 +180,6 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 let parameters = candidate.parameters(system.coefficients(&fit, place));
                 let odds = if self.settings.tolerances.hold(candidate.kind, &parameters, step) {
                     f64::NEG_INFINITY
-                } else if let Some(seen) = candidate.seen {
-                    seen
                 } else if can_exist || self.changes_arm(&fit, place) {
                     fit.value - system.held_fit(&others)?.value
                 } else {

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::candidate::{Candidate, candidates};
 use super::choice::choose;
-use super::conclude::{Conclusion, insufficient};
+use super::conclude::{Conclusion, insufficient, is_told};
 use super::confirm::{confirmed, searched_again};
 use super::data::{Data, add};
 use super::moments::{happenings, window};
@@ -119,7 +119,9 @@ pub(crate) fn diagnose(
     } else {
         found.members.retain(|candidate| !candidate.kind.happens());
         let sizes = Weights::new(&data, &target, Some(&found.left_by_what_lasts), settings.seed);
-        happenings(&data, found.left_by_what_lasts.clone(), &sizes).ok_or(DiagnoseError::Singular)?
+        // Where the rows are exact nothing wanders, and nothing happens that the laws don't say.
+        happenings(&data, found.left_by_what_lasts.clone(), &sizes)
+            .unwrap_or_else(|| (Vec::new(), found.left_by_what_lasts.clone()))
     };
     let ends = |candidate: &&Candidate| window(&candidate.form.shape).is_some();
     let moments: Vec<&Candidate> = found.members.iter().filter(ends).chain(&happened).collect();
@@ -129,8 +131,19 @@ pub(crate) fn diagnose(
     }
     data.heard = vec![Part::Fit, Part::Choice];
     let mut search = search(&data, &target, Some(&left), laid, settings).ok_or(DiagnoseError::Singular)?;
-    let members = found.members.into_iter().chain(happened);
-    let members = members.filter_map(|candidate| search.system.take(candidate)).collect();
+    let mut members: Vec<usize> =
+        found.members.into_iter().filter_map(|candidate| search.system.take(candidate)).collect();
+    for candidate in happened {
+        // Where laws are off the same way for a while, white rows believe an event too readily.
+        let Some(index) = search.system.take(candidate) else { continue };
+        let with = [members.clone(), vec![index]].concat();
+        let values = [&members, &with].map(|members| search.system.fit(members).map(|fit| fit.value));
+        if let [Some(without), Some(value)] = values
+            && is_told(value - without)
+        {
+            members = with;
+        }
+    }
     progress("confirming what was found");
     let mut answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
     let fit = search.system.held_fit(&answer.members).ok_or(DiagnoseError::Singular)?;
