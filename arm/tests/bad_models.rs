@@ -201,7 +201,7 @@ fn files_that_cannot_be_read() {
     check(&write("empty.toml", b""), "empty");
     check(&write("huge.xml", &vec![b' '; (32 << 20) + 2]), "32 MiB");
     check(&write("a.toml", b"urdf = \"nowhere.urdf\""), "a.toml:1:8: urdf is `nowhere.urdf`");
-    check(&write("b.toml", b"urdf = \"b.toml\""), "name a .urdf or .xml file");
+    check(&write("b.toml", b"urdf = \"b.toml\""), "name a .urdf, .xml or .mjcf file");
     write("bad.urdf", b"<robot/>");
     check(&write("c.toml", b"urdf = \"bad.urdf\""), "bad.urdf:1:1:");
 }
