@@ -94,7 +94,7 @@ impl Problem<'_> {
         losses
     }
 
-    /// Fits `unknowns` from `model` onwards to one window in [`COARSE`]; to all of them where there are few. `progress` is told the step's number and what it
+    /// Fits `unknowns` from `model` onwards to one window in five; to all of them where there are few. `progress` is told the step's number and what it
     /// gained.
     pub fn begin(
         &self,
