@@ -124,7 +124,7 @@ pub(crate) fn diagnose(
             .unwrap_or_else(|| (Vec::new(), found.left_by_what_lasts.clone()))
     };
     let ends = |candidate: &&Candidate| window(&candidate.form.shape).is_some();
-    let moments: Vec<&Candidate> = found.members.iter().filter(ends).chain(&happened).collect();
+    let moments: Vec<&Candidate> = found.members.iter().chain(&happened).filter(ends).collect();
     if !data.give_moments(&moments) {
         // What happens nearly always does not happen at a time: a law without a name says it.
         (happened, left) = (Vec::new(), found.left_by_what_lasts);
