@@ -125,7 +125,7 @@ impl Servo {
     }
 }
 
-/// Whether `placed` takes torque of the drives: sensors and what gives behind the encoder do not.
+/// Whether the drives spend torque on `placed`: they spend none on sensors, nor on springs and gaps behind the encoder.
 fn costs_torque(placed: &Placed) -> bool {
     let mut injection = Injection::default();
     placed.effect.inject(&mut injection);

@@ -89,7 +89,7 @@ impl Controller for ComputedTorque {
     }
 }
 
-/// What this controller understands.
+/// The options of this controller.
 #[derive(Default, serde::Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Options {

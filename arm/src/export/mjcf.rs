@@ -261,7 +261,7 @@ impl Writer<'_> {
         self.xml.end();
     }
 
-    /// What the machine records of its motion, with the delays of its channels.
+    /// The sensors of the machine, each with the delay of its channel.
     fn write_sensors(&mut self, tool: &str, step: f64) {
         self.xml.start("sensor", &[]);
         let late = |channel: Channel| {

@@ -77,7 +77,7 @@ fn motor(parts: &JointParts) -> Vec<(&'static str, String)> {
     attributes
 }
 
-/// What a gear's joint says.
+/// The numbers of a joint that stands for a gear.
 ///
 /// Flanks are limits. In MuJoCo a limit at the depth r, met at the speed v, gives the force f = (−b v − k r − a₀)/(R + A), a₀ being the acceleration
 /// without it, A the mobility and R = A (1 − d)/d for the impedance d. With d small the part of a₀ is small, and f = K r + D v for

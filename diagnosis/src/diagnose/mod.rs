@@ -47,6 +47,7 @@ mod weights;
 mod whitening;
 mod words;
 
+pub(crate) use conclude::insufficient;
 pub use engine::{DiagnoseError, DiagnoseSettings};
 pub use excite::{ChannelNoise, Excitation, ExciteError, ExciteSettings, Fourier, Rival, Used, excite};
 pub use gain::Gain;

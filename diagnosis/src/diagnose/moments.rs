@@ -55,7 +55,10 @@ pub(crate) fn struck(
     let rows = lengths.map(|length| ((length / step) as usize).max(1)).take_while(|rows| *rows <= most);
     let of_length = |long: usize| {
         let mut said = vec![0.0; t.len().saturating_sub(long)];
-        torques.iter().for_each(|torque| torque.add_said(long, &mut said));
+        for torque in &torques {
+            let matched = torque.matched(&torque.wandering.push(long));
+            said.iter_mut().zip(matched).for_each(|(said, x)| *said += x * x);
+        }
         let (begin, _) = said.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
         Some([begin, begin + long])
     };
@@ -74,7 +77,8 @@ fn between_edges(torques: &[Torque], rows: usize, briefest: usize) -> Vec<[usize
     const EDGES: usize = 2 * MOST;
     /// Windows that are laid out.
     const BEST: usize = 4;
-    let steps: Vec<Vec<f64>> = torques.iter().map(|torque| torque.steps(rows)).collect();
+    let steps: Vec<Vec<f64>> =
+        torques.iter().map(|torque| torque.matched(&torque.wandering.step())).collect();
     let size = |row: usize| steps.iter().map(|of_torque| of_torque[row].powi(2)).sum::<f64>();
     let mut order: Vec<usize> = (0..rows).filter(|&row| size(row) > 0.0).collect();
     order.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
@@ -105,42 +109,18 @@ struct Torque {
 }
 
 impl Torque {
-    /// By row, what a step there explains, as so many deviations of the torque, up or down.
-    fn steps(&self, rows: usize) -> Vec<f64> {
+    /// By row, by how many deviations of the torque what is left of it goes with a `signal` that begins there: the matched filter (Turin 1960, IRE Trans. Inf. Theory
+    /// 6:311), whose square is what such a signal explains.
+    fn matched(&self, signal: &[f64]) -> Vec<f64> {
         let deviation = self.wandering.deviation();
-        if deviation <= 0.0 {
-            return vec![0.0; rows];
-        }
-        let step = self.wandering.step();
         let of_row = |begin: usize| {
-            let size = self.wandering.size(begin);
             let rows = self.left[begin..].iter().zip(&self.says[begin..]);
-            let (product, square) = step.iter().zip(rows).fold((0.0, 0.0), |sum, (x, (left, says))| {
-                (sum.0 + says * x / size * left, sum.1 + says * (x / size).powi(2))
+            let (product, square) = signal.iter().zip(rows).fold((0.0, 0.0), |sum, (x, (left, says))| {
+                (sum.0 + says * x * left, sum.1 + says * x.powi(2))
             });
             if square > 0.0 { product / square.sqrt() / deviation } else { 0.0 }
         };
-        (0..rows).map(of_row).collect()
-    }
-
-    /// Adds to `said`, by the row in which it begins, what a push of `long` rows explains of it: the square of its correlation with such a push, in squares of the
-    /// torque's own deviation (matched filter; Turin 1960, IRE Trans. Inf. Theory 6:311).
-    fn add_said(&self, long: usize, said: &mut [f64]) {
-        let deviation = self.wandering.deviation();
-        if deviation <= 0.0 {
-            return;
-        }
-        let push = self.wandering.push(long);
-        for (begin, said) in said.iter_mut().enumerate() {
-            let size = self.wandering.size(begin);
-            let rows = self.left[begin..].iter().zip(&self.says[begin..]);
-            let (product, square) = push.iter().zip(rows).fold((0.0, 0.0), |sum, (x, (left, says))| {
-                (sum.0 + says * x / size * left, sum.1 + says * (x / size).powi(2))
-            });
-            if square > 0.0 {
-                *said += product * product / square / deviation.powi(2);
-            }
-        }
+        if deviation > 0.0 { (0..self.left.len()).map(of_row).collect() } else { vec![0.0; self.left.len()] }
     }
 }
 

@@ -116,11 +116,6 @@ impl Wandering {
         rows.iter().zip(&self.sizes).zip(&self.remembers).zip(&self.heard).map(white).collect()
     }
 
-    /// The size of the row number `row`.
-    pub fn size(&self, row: usize) -> f64 {
-        self.sizes[row]
-    }
-
     /// What becomes of a push of `long` rows of size one amid many others, from its first row on.
     pub fn push(&self, long: usize) -> Vec<f64> {
         self.filtered(

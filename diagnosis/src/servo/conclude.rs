@@ -14,8 +14,8 @@ use super::limits::lost;
 use super::parts::{Parts, Rows, rounding};
 use super::scores::{Deviations, deviations, errors, gain, rms};
 use crate::diagnose::{
-    DIAGNOSIS_SCHEMA, DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Location, Rmse, Verdict, odds,
-    phrase, statement,
+    DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Location, Rmse, Verdict, insufficient, odds, phrase,
+    statement,
 };
 
 /// Kinds of effects at joints that the findings stand in the place of.
@@ -49,30 +49,8 @@ pub struct Conclusion<'a> {
 impl Conclusion<'_> {
     /// The diagnosis of recordings that can't tell, because of `why`.
     pub fn insufficient(file: &ArmFile, settings: &DiagnoseSettings, why: &str) -> Diagnosis {
-        Diagnosis {
-            schema: DIAGNOSIS_SCHEMA,
-            verdict: Verdict::InsufficientData,
-            statement: format!("These recordings can't tell: {why}."),
-            setup: Vec::new(),
-            location: Vec::new(),
-            effects: Vec::new(),
-            alternatives: Vec::new(),
-            fit: None,
-            next: vec![
-                "record a motion in which every joint moves, slowly and quickly, both ways".to_owned(),
-            ],
-            untestable: Vec::new(),
-            quality: Vec::new(),
-            evidence: Vec::new(),
-            maps: Vec::new(),
-            tuned: Vec::new(),
-            noise: BTreeMap::new(),
-            discrepancy: BTreeMap::new(),
-            seed: settings.seed,
-            passages: Vec::new(),
-            mapping: None,
-            model: file.clone(),
-        }
+        let advice = "record a motion in which every joint moves, slowly and quickly, both ways";
+        insufficient(file, settings, Vec::new(), format!("{why}; {advice}"))
     }
 
     /// The diagnosis.

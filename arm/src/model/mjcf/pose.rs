@@ -7,7 +7,7 @@ use super::super::error::{ModelError, shortened};
 use super::super::numbers::direction;
 use super::super::urdf_xml::{Reader, children};
 
-/// What `<compiler>` says of the numbers in a file.
+/// The units and conventions of the numbers in a file, as its `<compiler>` sets them.
 pub(super) struct Compiler {
     /// One unit of an angle, rad.
     pub angle: f64,
