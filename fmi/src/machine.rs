@@ -1,8 +1,10 @@
 //! The plant of an arm file, stepped by torques from outside.
 
 use freeplay_arm::{Arm, ArmFile, Workspace, forward_kinematics};
-use freeplay_laws::{Effects, Readings, SensorLaw};
+use freeplay_laws::{Archive, Effects, Readings, SensorLaw};
 use freeplay_plant::{Input, Motion, System, SystemError};
+
+use crate::variables::{Quantity, Value};
 
 /// Length of a step, s: the tick of a plant.
 pub const PERIOD: f64 = 1e-3;
@@ -14,6 +16,17 @@ pub struct Stimulus {
     pub torque: Vec<f64>,
     /// Whether the brakes hold all joints where they are.
     pub brakes: bool,
+}
+
+impl Stimulus {
+    /// Takes the value of an input; those of other variables leave it as it is.
+    pub(crate) fn take(&mut self, quantity: Quantity, value: Value) {
+        match (quantity, value) {
+            (Quantity::Torque(joint), Value::Real(torque)) => self.torque[joint] = torque,
+            (Quantity::Brakes, Value::Truth(brakes)) => self.brakes = brakes,
+            _ => {}
+        }
+    }
 }
 
 /// How a journal stands after a step.
@@ -119,6 +132,20 @@ impl Machine {
     /// Simulated time, s.
     pub fn time(&self) -> f64 {
         self.system.time()
+    }
+
+    /// Transfers all state variables to or from `archive`: see [`System::transfer`].
+    pub fn transfer(&mut self, archive: &mut Archive) {
+        let Machine { nominal: _, workspace: _, system, laws, driven: _, readout, link: _ } = self;
+        system.transfer(archive);
+        laws.iter_mut().flatten().for_each(|law| law.transfer(archive));
+        let Readout { q, v, torque, tool, deviation, contacts, energy } = readout;
+        [q, v, torque].into_iter().for_each(|values| archive.reals(values));
+        archive.reals(tool.iter_mut().chain(deviation).chain([energy]));
+        for Contact { touches, force } in contacts {
+            archive.flag(touches);
+            archive.real(force);
+        }
     }
 
     fn read(&mut self) {

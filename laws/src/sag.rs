@@ -5,6 +5,7 @@ use std::fmt::Debug;
 use freeplay_arm::{Arm, Workspace, joint_reaction, rnea};
 use nalgebra::Vector3;
 
+use crate::archive::Archive;
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
@@ -91,5 +92,10 @@ impl<L: SagLaw> SensorLaw for Sunk<L> {
 
     fn restart(&mut self) {
         self.begun = false;
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        archive.flag(&mut self.begun);
+        archive.reals(&mut self.now.v);
     }
 }

@@ -4,6 +4,7 @@
 //! Source: Mancini 1998; Hagiwara et al. 1992, IEEE Trans. Instrum. Meas. 41:40: one period in one turn of the disc.
 //! The terms are a cos φ and a sin φ, linear for small a.
 
+use crate::archive::Archive;
 use crate::columns::Columns;
 use crate::effect::Effect;
 use crate::harmonic::TERMS;
@@ -78,4 +79,6 @@ impl SensorLaw for EncoderEccentricity {
         readings.v[self.joint] *= 1.0 + self.amplitude * (q + self.phase).cos();
         readings.q[self.joint] = q + self.amplitude * (q + self.phase).sin();
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }

@@ -9,6 +9,7 @@ use std::f64::consts::TAU;
 
 use toml::Table;
 
+use crate::archive::Archive;
 use crate::basis::{Term, Terms, with};
 use crate::effect::Effect;
 use crate::injection::{Injection, Readings, SensorLaw};
@@ -123,5 +124,12 @@ impl SensorLaw for SensorLowpass {
 
     fn restart(&mut self) {
         self.lag.last = None;
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        let (mut begun, (mut input, mut output)) = (self.lag.last.is_some(), self.lag.last.unwrap_or_default());
+        archive.flag(&mut begun);
+        archive.reals([&mut input, &mut output]);
+        self.lag.last = begun.then_some((input, output));
     }
 }

@@ -8,6 +8,7 @@
 use freeplay_arm::export::{Channel, Element};
 use toml::{Table, Value};
 
+use crate::archive::Archive;
 use crate::basis::{Term, Terms, with};
 use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Readings, SensorLaw};
@@ -205,5 +206,12 @@ impl SensorLaw for Late {
 
     fn restart(&mut self) {
         self.seen = 0;
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        let mut seen = self.seen as u64;
+        archive.count(&mut seen);
+        self.seen = seen as usize;
+        archive.reals(&mut self.memory);
     }
 }
