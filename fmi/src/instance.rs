@@ -105,7 +105,7 @@ impl Instance {
     pub fn new(file: ArmFile) -> Result<Instance, Fault> {
         let variables = Variables::of(&file).map_err(SystemError::Law)?;
         let token = token(&to_toml(&file));
-        let stimulus = Stimulus { torque: vec![0.0; file.arm.dof()], brakes: false };
+        let stimulus = Stimulus { torque: vec![0.0; file.arm.dof()], ..Stimulus::default() };
         let (mode, values) = (Mode::Instantiated, Vec::new());
         let mut instance =
             Instance { file, variables, mode, values, start: 0.0, steps: 0, stimulus, machine: None, token };
@@ -163,7 +163,7 @@ impl Instance {
     pub fn reset(&mut self) {
         self.values = self.variables.0.iter().map(|variable| variable.start).collect();
         (self.mode, self.start, self.steps, self.machine) = (Mode::Instantiated, 0.0, 0, None);
-        self.take_inputs();
+        self.take_inputs(false);
     }
 
     /// The importer's time, s.
@@ -260,10 +260,13 @@ impl Instance {
         Ok(())
     }
 
-    /// Copies the inputs out of the values.
-    fn take_inputs(&mut self) {
+    /// Copies the inputs out of the values. Servos that were not commanded yet hold the start, whatever the values say.
+    fn take_inputs(&mut self, is_commanded: bool) {
         let variables = self.variables.0.iter().zip(&self.values);
         variables.for_each(|(variable, value)| self.stimulus.take(variable.quantity, *value));
+        if !is_commanded {
+            self.stimulus.command = None;
+        }
     }
 
     /// The machine, built if it is not there.
@@ -281,8 +284,15 @@ impl Instance {
             machine.transfer(&mut Archive::save(&mut words));
             words
         });
-        let (mode, start, steps) = (self.mode as u8, self.start, self.steps);
-        State { token: self.token.clone(), mode, start, steps, values: self.values.clone(), machine }
+        State {
+            token: self.token.clone(),
+            mode: self.mode as u8,
+            start: self.start,
+            steps: self.steps,
+            is_commanded: self.stimulus.command.is_some(),
+            values: self.values.clone(),
+            machine,
+        }
     }
 
     /// The state of this FMU that has the `bytes` of [`State::to_bytes`].
@@ -320,7 +330,7 @@ impl Instance {
             .all(|index| self.values[index] == state.values[index]);
         (self.mode, self.start, self.steps) = (mode, state.start, state.steps);
         self.values.clone_from(&state.values);
-        self.take_inputs();
+        self.take_inputs(state.is_commanded);
         if !is_same_machine || state.machine.is_none() {
             self.machine = None;
         }

@@ -11,6 +11,9 @@ use crate::variables::Value;
 /// First bytes of a serialised state; the number rises with the format.
 const MARK: &[u8; 8] = b"fpstate2";
 
+/// Words before the values.
+const HEAD: usize = 6;
+
 /// Length of a digest, bytes.
 const DIGEST: usize = 32;
 
@@ -25,6 +28,8 @@ pub struct State {
     pub(crate) start: f64,
     /// Steps since then.
     pub(crate) steps: u64,
+    /// Whether servos were commanded since then.
+    pub(crate) is_commanded: bool,
     /// Values of parameters and inputs, by value reference.
     pub(crate) values: Vec<Value>,
     /// State variables of the machine; none before it is built.
@@ -37,10 +42,11 @@ impl State {
         let mut bytes = MARK.to_vec();
         bytes.extend_from_slice(&Sha256::digest(&self.token));
         let machine = self.machine.as_deref();
-        let head = [
+        let head: [u64; HEAD] = [
             u64::from(self.mode),
             self.start.to_bits(),
             self.steps,
+            u64::from(self.is_commanded),
             self.values.len() as u64,
             u64::from(machine.is_some()),
         ];
@@ -58,7 +64,7 @@ impl State {
 
     /// The length of [`State::to_bytes`].
     pub fn size(&self) -> usize {
-        let words = 5 + 2 * self.values.len() + self.machine.as_ref().map_or(0, Vec::len);
+        let words = HEAD + 2 * self.values.len() + self.machine.as_ref().map_or(0, Vec::len);
         MARK.len() + DIGEST + 8 * words + DIGEST
     }
 
@@ -84,6 +90,7 @@ impl State {
         let mut words = words.iter().map(|word| u64::from_le_bytes(*word));
         let mut next = || words.next();
         let (mode, start, steps) = (u8::try_from(next()?).ok()?, f64::from_bits(next()?), next()?);
+        let is_commanded = next()? == 1;
         let (count, has_machine) = (next()?, next()? == 1);
         let value = |kind, word| match kind {
             0 => Some(Value::Real(f64::from_bits(word))),
@@ -95,6 +102,6 @@ impl State {
         let machine: Vec<u64> = words.collect();
         let is_whole = left.is_empty() && (has_machine || machine.is_empty());
         let machine = has_machine.then_some(machine);
-        is_whole.then(|| State { token: token.to_owned(), mode, start, steps, values, machine })
+        is_whole.then(|| State { token: token.to_owned(), mode, start, steps, is_commanded, values, machine })
     }
 }

@@ -123,6 +123,47 @@ fn a_state_of_every_kind_of_effect_gives_the_same_bits_from_there_on() {
     }
 }
 
+/// An arm whose joints have servos gets positions instead of torques; a command that is late is under way in the state.
+#[test]
+fn an_arm_with_servos_gets_positions_and_keeps_those_under_way() {
+    let servo = |joint: u8| {
+        let [stiffness, damping] = if joint < 4 { [2e4, 400.0] } else { [40.0, 0.5] };
+        format!(
+            "kind = \"servo\"\njoint = \"joint_{joint}\"\nstiffness = {stiffness:?}\ndamping = {damping:?}\n\
+             [[effect]]\nkind = \"command_delay\"\njoint = \"joint_{joint}\"\ndelay = 0.0125\n[[effect]]\n"
+        )
+    };
+    let servos: String = (1..=6).map(servo).collect();
+    let text = format!(
+        "{}\n[[effect]]\n{servos}kind = \"base_tilt\"\nroll = 0.0\npitch = 0.0\n",
+        to_toml(&paper_arm())
+    );
+    let file = parse_toml(&text, Path::new("servo.toml")).unwrap();
+    let command = |instance: &mut Instance, tick: u32| {
+        for joint in 1..=6_u8 {
+            let swing = 0.1 * (0.02 * f64::from(tick) + f64::from(joint)).sin();
+            set(instance, &format!("position.joint_{joint}"), Value::Real(swing));
+        }
+        instance.step(f64::from(tick) * 1e-3, 1e-3).unwrap();
+        outputs(instance)
+    };
+    let mut one = running(&file);
+    one.step(0.0, 1e-3).unwrap();
+    let held = one.state();
+    let rows: Vec<Vec<u64>> = (1..60).map(|tick| command(&mut one, tick)).collect();
+    let kept = one.state();
+    let after: Vec<Vec<u64>> = (60..90).map(|tick| command(&mut one, tick)).collect();
+    assert!(one.variables().0.iter().all(|variable| !variable.name.starts_with("torque.")));
+    let mut other = Instance::new(file).unwrap();
+    for (state, first, expected) in [(kept, 60, after), (held, 1, rows)] {
+        let state = other.state_of(&state.to_bytes()).unwrap();
+        other.restore(&state).unwrap();
+        let played: Vec<Vec<u64>> =
+            (first..).take(expected.len()).map(|tick| command(&mut other, tick)).collect();
+        assert_eq!(played, expected);
+    }
+}
+
 #[test]
 fn a_state_of_another_fmu_or_of_changed_bytes_is_refused_and_changes_nothing() {
     let mut instance = running(&arm("coulomb_friction", "joint = \"joint_3\"\ncoulomb = 4.0"));

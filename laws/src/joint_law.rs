@@ -4,8 +4,8 @@ use std::fmt::Debug;
 
 use freeplay_arm::export::Element;
 
-use crate::archive::Archive;
 use crate::DriveFriction;
+use crate::archive::Archive;
 use crate::columns::Columns;
 use crate::effect::{Effect, Expressed};
 use crate::injection::{DriveLaw, DriveState, Injection};

@@ -165,8 +165,7 @@ impl Drives {
             load,
         } = self;
         laws.iter_mut().for_each(|law| law.transfer(archive));
-        for Motor { law: _, inertia: _, state, mean: _, carried: _, damped: _ } in
-            motors.iter_mut().flatten()
+        for Motor { law: _, inertia: _, state, mean: _, carried: _, damped: _ } in motors.iter_mut().flatten()
         {
             archive.reals(state);
         }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use freeplay_arm::{paper_arm, to_toml};
@@ -114,4 +115,36 @@ fn an_fmu_gives_the_bits_of_a_native_run_and_goes_back_to_a_state() {
 fn an_fmu_needs_a_name() {
     let ran = Call::new(fresh_folder(), &["export", "paper", "--to", "fmu"]).run().expect(2);
     assert!(ran.stderr().contains("--out FILE.fmu"), "{}", ran.stderr());
+}
+
+/// The program as it is installed: in `bin`, alone or with the library in `lib/freeplay`.
+#[test]
+fn an_installed_program_finds_the_library_of_its_installation_or_says_how_to_build_it() {
+    let folder = fresh_folder();
+    let program = Path::new(env!("CARGO_BIN_EXE_freeplay"));
+    let beside = program.parent().expect("a folder");
+    let name = "libfreeplay_fmi.so";
+    let built = [beside.join(name), beside.join("deps").join(name)].into_iter().find(|path| path.is_file());
+    let (bin, lib) = (folder.path().join("bin"), folder.path().join("lib/freeplay"));
+    for folder in [&bin, &lib] {
+        std::fs::create_dir_all(folder).expect("made");
+    }
+    std::fs::copy(program, bin.join("freeplay")).expect("copied");
+    let export = || {
+        let mut command = Command::new(bin.join("freeplay"));
+        command.args(["export", "paper", "--to", "fmu", "--out", "paper.fmu"]).current_dir(folder.path());
+        command.env_remove("FREEPLAY_FMI_LIBRARY").output().expect("it runs")
+    };
+    let refused = export();
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(3), "{said}");
+    assert!(
+        said.contains("cargo build --release -p freeplay-fmi") && said.contains("lib/freeplay"),
+        "{said}"
+    );
+    assert!(!folder.path().join("paper.fmu").exists());
+    std::fs::copy(built.expect("the library is built with the program"), lib.join(name)).expect("copied");
+    let done = export();
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(folder.path().join("paper.fmu").exists());
 }

@@ -8,6 +8,7 @@ mod common;
 mod effects;
 mod fmu;
 mod guest;
+mod real;
 mod replay;
 mod tools;
 

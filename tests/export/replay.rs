@@ -12,7 +12,7 @@ use crate::common::{Call, fresh_folder};
 use crate::tools::{has, python};
 
 /// Root mean square errors by channel.
-type Errors = BTreeMap<String, f64>;
+pub type Errors = BTreeMap<String, f64>;
 
 /// Effects that MJCF has words for, the machine that has them, and where in it.
 const KINDS: [(&str, Machine, Option<usize>); 19] = [
@@ -54,7 +54,7 @@ fn with_effects(model: &str, truth: &freeplay_concealed::Truth) -> String {
 }
 
 /// What `freeplay compare` says of `model` on the recording `held`.
-fn compared(folder: TempDir, model: &str, held: &str) -> (Errors, TempDir) {
+pub fn compared(folder: TempDir, model: &str, held: &str) -> (Errors, TempDir) {
     let asked = [
         "compare",
         "--model",
@@ -78,7 +78,7 @@ fn compared(folder: TempDir, model: &str, held: &str) -> (Errors, TempDir) {
 }
 
 /// What MuJoCo says of both models on it.
-fn replayed(folder: &Path, held: &str) -> [Errors; 2] {
+pub fn replayed(folder: &Path, held: &str) -> [Errors; 2] {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/examples/replay_in_mujoco.py");
     let mut command = Command::new(python());
     command.arg(script).args(["sheet.xml", "full.xml", held]).current_dir(folder);
@@ -139,60 +139,4 @@ fn mujoco_takes_away_what_the_model_itself_takes_away() {
         }
     }
     assert!(short.is_empty(), "{short:?}");
-}
-
-/// A real machine: what a diagnosis of one recording finds, on another one, as far as MJCF has words for it.
-#[test]
-fn mujoco_takes_away_of_a_real_machine_what_the_model_itself_takes_away() {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
-    let set = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, std::path::PathBuf::from).join("emps");
-    if !has("mujoco, numpy, scipy") {
-        return;
-    }
-    if !set.is_dir() {
-        println!("skipped: no recordings here; FREEPLAY_RECORDINGS names their folder");
-        return;
-    }
-    let file = |name: &str| set.join(name).display().to_string();
-    let [sheet, train, held] = ["emps.urdf", "train.csv", "test_pulses.csv"].map(file);
-    let mut folder = fresh_folder();
-    let asked = ["diagnose", "--seed", "1", "--model", &sheet, "--recording", &train, "--out", "found"];
-    folder = Call::new(folder, &asked).run().expect(0).folder;
-    for (model, to) in [(sheet.as_str(), "sheet.xml"), ("found/model.toml", "full.xml")] {
-        let ran = Call::new(folder, &["export", model, "--to", "mjcf", "--out", to, "--format", "json"])
-            .run()
-            .expect(0);
-        let json: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
-        if to == "full.xml" {
-            let unsaid = json["unsaid"].as_array().expect("a list").clone();
-            let text = std::fs::read_to_string(ran.folder.path().join(model)).expect("the model");
-            std::fs::write(ran.folder.path().join("said.toml"), without(&text, &unsaid)).expect("written");
-        }
-        folder = ran.folder;
-    }
-    let (before, folder) = compared(folder, &sheet, &held);
-    let (after, folder) = compared(folder, "said.toml", &held);
-    let [there_before, there_after] = replayed(folder.path(), &held);
-    let (own, theirs) = (before["tau1"] - after["tau1"], there_before["tau1"] - there_after["tau1"]);
-    println!(
-        "{before:?} -> {after:?} here, {there_before:?} -> {there_after:?} in MuJoCo: {:.3}",
-        theirs / own
-    );
-    assert!(own > 0.2 * before["tau1"], "it tests something");
-    assert!(theirs > 0.9 * own);
-}
-
-/// The arm file `text` without the effects that the list `unsaid` begins with.
-fn without(text: &str, unsaid: &[Value]) -> String {
-    let mut table: toml::Table = toml::from_str(text).expect("TOML");
-    if let Some(effects) = table.get_mut("effect").and_then(toml::Value::as_array_mut) {
-        let is_said = |effect: &toml::Value| {
-            let kind = effect["kind"].as_str().unwrap_or_default();
-            !unsaid
-                .iter()
-                .any(|line| line.as_str().is_some_and(|line| line.starts_with(&format!("{kind} at"))))
-        };
-        effects.retain(is_said);
-    }
-    toml::to_string(&table).expect("TOML")
 }

@@ -125,7 +125,7 @@ impl Effect for TimeDelay {
             "torque" => Channel::Torque,
             "tool" => Channel::Tool,
             "position" => Channel::Motor,
-            _ => return Expressed::Not,
+            _ => return Expressed::Never("the file has no sensor on the links' side"),
         };
         elements.push(Element::Delay { channel, delay: self.delay });
         Expressed::Whole
