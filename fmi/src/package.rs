@@ -75,8 +75,9 @@ fn library(program: &Path) -> Result<PathBuf, PackageError> {
     }
     let folder = program.parent().unwrap_or(Path::new(".")).to_owned();
     let name = format!("lib{LIBRARY}.so");
-    // Cargo leaves the library of a dependency in `deps`; the wheel installs the program in `bin` and the library in `lib/freeplay` of one environment.
-    let folders = [folder.clone(), folder.join("deps"), shared(&folder)];
+    // Cargo leaves the library of a dependency in `deps`; one beside the program was asked for by itself and may be older. The wheel installs the program
+    // in `bin` and the library in `lib/freeplay` of one environment.
+    let folders = [folder.join("deps"), folder.clone(), shared(&folder)];
     let found = folders.into_iter().map(|folder| folder.join(&name)).find(|path| path.is_file());
     found.ok_or(PackageError::NoLibrary { folder })
 }

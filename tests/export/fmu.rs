@@ -124,7 +124,7 @@ fn an_installed_program_finds_the_library_of_its_installation_or_says_how_to_bui
     let program = Path::new(env!("CARGO_BIN_EXE_freeplay"));
     let beside = program.parent().expect("a folder");
     let name = "libfreeplay_fmi.so";
-    let built = [beside.join(name), beside.join("deps").join(name)].into_iter().find(|path| path.is_file());
+    let built = [beside.join("deps").join(name), beside.join(name)].into_iter().find(|path| path.is_file());
     let (bin, lib) = (folder.path().join("bin"), folder.path().join("lib/freeplay"));
     for folder in [&bin, &lib] {
         std::fs::create_dir_all(folder).expect("made");
