@@ -8,6 +8,7 @@ mod common;
 mod effects;
 mod fmu;
 mod guest;
+mod joints;
 mod real;
 mod replay;
 mod tools;
