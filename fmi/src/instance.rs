@@ -249,10 +249,7 @@ impl Instance {
         if !(ticks >= 1.0 && (step - ticks * PERIOD).abs() < ROUNDING * PERIOD) {
             return Err(Fault::Step(step));
         }
-        let machine = match &mut self.machine {
-            Some(machine) => machine,
-            machine => machine.insert(build(&self.file, &self.variables, &self.values)?),
-        };
+        let machine = built(&mut self.machine, &self.file, &self.variables, &self.values)?;
         for _ in 0..ticks as u64 {
             machine.step(&self.stimulus)?;
             self.steps += 1;
@@ -271,10 +268,7 @@ impl Instance {
 
     /// The machine, built if it is not there.
     fn machine(&mut self) -> Result<&mut Machine, Fault> {
-        Ok(match &mut self.machine {
-            Some(machine) => machine,
-            machine => machine.insert(build(&self.file, &self.variables, &self.values)?),
-        })
+        built(&mut self.machine, &self.file, &self.variables, &self.values)
     }
 
     /// The state now.
@@ -339,6 +333,19 @@ impl Instance {
         self.machine()?.transfer(&mut archive);
         if archive.is_complete() { Ok(()) } else { Err(Fault::Damaged) }
     }
+}
+
+/// The machine in `machine`, built if it is not there.
+fn built<'a>(
+    machine: &'a mut Option<Machine>,
+    file: &ArmFile,
+    variables: &Variables,
+    values: &[Value],
+) -> Result<&'a mut Machine, Fault> {
+    Ok(match machine {
+        Some(machine) => machine,
+        machine => machine.insert(build(file, variables, values)?),
+    })
 }
 
 /// The machine of the arm of `file` under the parameters among `values`.

@@ -263,7 +263,7 @@ fn a_mapping_file_says_what_names_do_not() {
 /// The shared library of the Python that `FREEPLAY_PYTHON` names, if it has one and the package `package`.
 fn python_library(package: &str) -> Option<String> {
     let script = format!(
-        "import {package}, os, sysconfig; get = sysconfig.get_config_var; assert get('Py_ENABLE_SHARED'); print(os.path.join(get('LIBDIR'), get('INSTSONAME')))"
+        "import {package}, os, sysconfig; get = sysconfig.get_config_var; path = os.path.join(get('LIBDIR'), get('INSTSONAME')); assert get('Py_ENABLE_SHARED') and os.path.exists(path); print(path)"
     );
     let output = Command::new(python()).args(["-c", &script]).output().ok()?;
     if !output.status.success() {
