@@ -6,6 +6,7 @@
 use super::super::change::Change;
 use super::super::finding::Certainty;
 use super::super::finding::SetupFinding;
+use super::super::problem::Outcome;
 use super::{Ask, Told};
 use super::{brief, listed};
 
@@ -33,6 +34,14 @@ pub(crate) fn rounded(scale: f64) -> Vec<f64> {
     }
     near.retain(|round| (round / scale - 1.0).abs() < SAME);
     near
+}
+
+/// Whether `change` gives a joint the torque unit that one of `others` gives another joint.
+pub(crate) fn is_shared(outcome: &Outcome, change: &Change, others: &[Change]) -> bool {
+    let Change::SameScale(joint, _) = *change else { return false };
+    let is_scale = |other: &&Change| matches!(other, Change::Scale(_) | Change::SameScale(..));
+    let scales = others.iter().filter(is_scale).filter_map(Change::joint);
+    scales.into_iter().any(|other| (outcome.scale[other] / outcome.scale[joint] - 1.0).abs() < SAME)
 }
 
 /// What it asks.
