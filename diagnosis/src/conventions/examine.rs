@@ -127,6 +127,7 @@ impl Examination<'_> {
         let is_large = |change: &Change| change.is_reading() && !kinds::is_small(self.arm, settled, change);
         let speaks = |channel: &usize| settled.spoken[*channel] >= SPOKEN;
         let spoken = (0..settled.left.len()).filter(speaks);
+        // Torques without gravity say little of an arm.
         let is_silent = settled.changes.contains(&Change::Compensated);
         if is_silent || !settled.changes.iter().any(is_large) {
             return false;
@@ -237,7 +238,7 @@ fn without(changes: &[Change], change: &Change) -> Vec<Change> {
     changes.iter().filter(stays).copied().collect()
 }
 
-/// Whether `best` is right against `other`, the best set without `change`: by odds, rows of channel c counting 1/`counts[c]` each, and by what
+/// Whether `best` is right against `other`, the best set without `change`: by odds, rows counting as far as they are independent, and by what
 /// the change takes away of what is left of `same`, which is `best` without it, in a channel that `best` explains.
 ///
 /// A reading shows in channels where the rigid arm speaks, as it is read with the change: where friction is all, a gap or bristles look like a

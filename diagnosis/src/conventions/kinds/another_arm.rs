@@ -31,8 +31,8 @@ pub(crate) fn found(best: &Outcome, joints: usize, is_silent: bool, has_tool: bo
     Some(finding(left.min(100.0) / 100.0, certainty))
 }
 
-/// What another arm costs that explains as much as any set of changes does: three numbers for each of the `links` whose torque speaks (length, mass, inertia) at
-/// `each`, and its prior odds.
+/// What another arm costs that explains as much as any set of changes does: three numbers (length, mass, inertia) at `each` for each of the `links`
+/// whose torque speaks, and its prior odds.
 pub(crate) fn price(links: usize, each: f64) -> f64 {
     (3 * links) as f64 * each - RARE.ln()
 }

@@ -182,3 +182,30 @@ fn guess(scale: f64, count: usize) -> String {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::is_shared;
+    use crate::conventions::change::Change;
+    use crate::conventions::problem::Outcome;
+
+    /// A unit that no other joint has is a number of its own, however it was found.
+    #[test]
+    fn a_unit_is_shared_with_another_joint() {
+        let outcome = |scale: [f64; 2]| Outcome {
+            changes: Vec::new(),
+            evidence: 0.0,
+            likelihood: Vec::new(),
+            left: Vec::new(),
+            spoken: Vec::new(),
+            gravity: Vector3::zeros(),
+            scale: scale.to_vec(),
+        };
+        let other = [Change::Scale(0)];
+        assert!(is_shared(&outcome([3.0, 3.0]), &Change::SameScale(1, 3.0), &other));
+        assert!(!is_shared(&outcome([3.0, 7.0]), &Change::SameScale(1, 7.0), &other));
+        assert!(!is_shared(&outcome([3.0, 7.0]), &Change::SameScale(1, 7.0), &[]));
+    }
+}
