@@ -286,7 +286,7 @@ impl Scenario {
 
     fn read(path: &Path) -> Result<(Self, toml::Table), ScenarioError> {
         let syntax = |source| ScenarioError::Syntax { path: path.to_owned(), source: Box::new(source) };
-        let text = freeplay_storage::read_text(path)?;
+        let text = freeplay_storage::read_config(path)?;
         if text.trim_start().starts_with('<') {
             return Err(ScenarioError::Arm { path: path.to_owned() });
         }
