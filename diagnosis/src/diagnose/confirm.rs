@@ -19,7 +19,8 @@ pub(crate) fn confirmed(
         let now = search.agreed(&better)?;
         let fit = search.system.held_fit(&now.members)?;
         let tried = tried(search, &fit);
-        let best = tried.iter().min_by(|a, b| a.against.total_cmp(&b.against));
+        let open = tried.iter().filter(|tried| !search.is_seen(tried.member));
+        let best = open.min_by(|a, b| a.against.total_cmp(&b.against));
         let Some(best) = best.filter(|best| best.against < -WORTH && turn < TURNS) else { return Some(now) };
         instead =
             now.members.into_iter().filter(|member| *member != best.member).chain([best.index]).collect();
@@ -27,7 +28,7 @@ pub(crate) fn confirmed(
     None
 }
 
-/// The better one of `answer` and what the search finds from nothing with the fit and the choice part together, by its evidence; `None` if the system is singular.
+/// The better one of `answer` and what the search finds from what happens at a time alone with the fit and the choice part together, by its evidence; `None` if the system is singular.
 pub(crate) fn searched_again(
     search: &mut Search,
     answer: &Answer,
@@ -36,7 +37,8 @@ pub(crate) fn searched_again(
     search.system.trust_all()?;
     let known = search.settled(answer.members.clone())?;
     search.met.clear();
-    let again = search.run(progress)?;
+    let seen: Vec<usize> = answer.members.iter().copied().filter(|&member| search.is_seen(member)).collect();
+    let again = search.run(&seen, progress)?;
     let again = confirmed(search, again.members, progress)?;
     search.system.trust_all()?;
     let better = search.settled(again.members.clone())?;

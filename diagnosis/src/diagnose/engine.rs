@@ -172,7 +172,7 @@ struct Found {
 /// The most probable answer of `search` by the fit and the choice part, and all candidates as they are beside it; `None` if the system is singular.
 fn searched(search: &mut Search, progress: &mut dyn FnMut(&str)) -> Option<(Vec<Candidate>, Found)> {
     progress("searching");
-    search.run(progress)?;
+    search.run(&[], progress)?;
     progress("choosing between the best answers");
     let answer = choose(search)?;
     let answer = search.agreed(&answer)?;

@@ -45,15 +45,16 @@ impl<'d, 'a> Search<'d, 'a> {
         Self { system, laid, met: Vec::new() }
     }
 
-    /// Searches from nothing and from what is common, and goes back to the best; `None` if the system is singular.
-    pub fn run(&mut self, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+    /// Searches from `known` alone and from that and what is common, and goes back to the best; `None` if the system is singular.
+    pub fn run(&mut self, known: &[usize], progress: &mut dyn FnMut(&str)) -> Option<Answer> {
         /// What a sensor reads changes with what is found, and that with the sensor.
         const TURNS: usize = 2;
         let first = self.system.shares();
-        let from_nothing = self.improve(Vec::new(), progress)?;
+        let from_nothing = self.improve(known.to_vec(), progress)?;
         self.system.set_shares(&first)?;
         self.system.unpin()?;
-        let common = self.settled(self.common(&[]))?;
+        let common = [known.to_vec(), self.common(known)].concat();
+        let common = self.settled(common)?;
         let common = self.laid_upon(&common)?;
         let from_common = self.improve(common, progress)?;
         let mut best =
@@ -259,7 +260,7 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// Whether a search of its own has seen `member`: this one can't tell better.
-    fn is_seen(&self, member: usize) -> bool {
+    pub fn is_seen(&self, member: usize) -> bool {
         self.system.candidate(member).seen.is_some()
     }
 
