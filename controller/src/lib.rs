@@ -26,6 +26,7 @@
 //! - [`Correction`]: that correction over time, with its derivatives by [`Centred`] differences.
 //! - [`Tracking`]: a reference tracked while the deviation is taken out: what the compensating controllers share.
 //! - [`ToolResidual`]: what a tracked tool says that physics does not, learned online.
+//! - [`Remainder`]: what physics leaves of the deviation, as a network learned it while a tool was tracked; read from a [`WeightFile`].
 //! - [`ComputedTorque`], [`QuasiStaticControl`], [`NarxQp`]: the controllers that come with the project; [`built_in()`] finds them by name.
 
 pub mod acceleration_programme;
@@ -40,15 +41,12 @@ pub mod correction;
 pub mod course;
 pub mod deviation;
 pub mod dual_active_set;
-pub mod features;
 pub mod foresight;
 pub mod free_minimiser;
 pub mod horizon;
 pub mod identity;
-pub mod journal_twin;
 pub mod knocks;
 pub mod known_effects;
-pub mod learned;
 pub mod look_ahead;
 pub mod model;
 pub mod narx_qp;
@@ -63,7 +61,7 @@ pub mod pin_force;
 pub mod preview;
 pub mod qp;
 pub mod quasi_static;
-pub mod repeating;
+pub mod remainder;
 pub mod rollout;
 pub mod room;
 pub mod sparse_programme;
@@ -100,6 +98,7 @@ pub use pin_force::PinForce;
 pub use preview::Preview;
 pub use qp::{Qp, QpError, QpReport, QpStatus};
 pub use quasi_static::QuasiStaticControl;
+pub use remainder::{Remainder, WeightFile};
 pub use rollout::{Driven, Rollout, Touch};
 pub use tool_residual::ToolResidual;
 pub use tracking::{Beyond, Plan, Tracking, TrackingOptions};

@@ -8,6 +8,7 @@ use freeplay_laws::{Clearance, Effects};
 use nalgebra::Vector3;
 
 use crate::controller::RunInfo;
+use crate::identity::{identity, model_identity};
 use crate::not_ready::NotReady;
 use crate::task::{LimitsFrom, PAPER_MODEL, Task};
 
@@ -20,6 +21,8 @@ pub struct Model {
     pub effects: Arc<Effects>,
     /// Clearances by joint index of `arm`, in ascending order.
     pub clearances: Vec<(usize, Clearance)>,
+    /// Which arm it is, without its effects, and which model ([`identity`], [`model_identity`]).
+    pub hashes: [String; 2],
 }
 
 impl Model {
@@ -35,6 +38,7 @@ impl Model {
         };
         task.check(file.arm.dof(), run)?;
         let effects = Effects::of(&file)?;
+        let hashes = [identity(&file.arm), model_identity(&file)];
         let mut arm = file.arm;
         if let Some(gravity) = task.gravity {
             arm = arm.with_gravity(Vector3::from(gravity));
@@ -43,7 +47,7 @@ impl Model {
         if task.limits == LimitsFrom::None {
             arm = without_limits(&arm)?;
         }
-        Ok(Model { arm, clearances: effects.clearances.clone(), effects: Arc::new(effects) })
+        Ok(Model { arm, clearances: effects.clearances.clone(), effects: Arc::new(effects), hashes })
     }
 }
 

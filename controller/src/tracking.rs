@@ -147,6 +147,8 @@ pub struct Tracking {
     tick: Option<u64>,
     planned: JointMotion,
     target: JointMotion,
+    /// Where the links are meant to be at that instant: the target without what encoders and transmissions shift.
+    links: JointMotion,
     /// Moments of the contacts' friction on the joints with play during the tick of the answer, N·m.
     moments: Vec<f64>,
     /// What they, the known effects and the motion of the journals do to the joints during that tick, N·m (N).
@@ -225,6 +227,7 @@ impl Tracking {
             tick: None,
             planned: JointMotion::new(n),
             target: JointMotion::new(n),
+            links: JointMotion::new(n),
             moments: vec![0.0; model.clearances.len()],
             external: vec![0.0; n],
             acceleration: vec![0.0; n],
@@ -250,6 +253,7 @@ impl Tracking {
         let [learned, _] = self.learned;
         self.plan(state.tick, Some(&state.reference_next), beyond, answer);
         self.target.add(&state.reference_next, self.correction.motion());
+        self.links.copy(self.target.as_motion());
         if let Some(known) = &mut self.known {
             let instant = state.tick.saturating_add(self.mode.lead());
             known.turn_to(instant as f64 * self.period, &state.reference_next);
@@ -291,6 +295,11 @@ impl Tracking {
     /// The corrected motion at the instant of the last answer.
     pub fn target(&self) -> Motion<'_> {
         self.target.as_motion()
+    }
+
+    /// Where the links are meant to be at the instant of the last answer: the corrected motion without what encoders and transmissions shift.
+    pub fn links(&self) -> Motion<'_> {
+        self.links.as_motion()
     }
 
     /// Brings the correction to where it was to be at `state`: starts it, or makes up for missed ticks.
