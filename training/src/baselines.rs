@@ -103,6 +103,7 @@ fn paper(data: &Data, fitting: Fitting) -> Result<Option<Tried>, Failure> {
         inputs: Vec::new(),
         hidden: PAPER.to_vec(),
         activation: Activation::Logistic,
+        decay: false,
         feedback: vec![1, 2],
     };
     let layout = Layout { input_lags: vec![0, 1], output_lags: vec![0, 1], horizon: 1, input_at_target: false };

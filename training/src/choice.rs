@@ -164,6 +164,7 @@ pub fn choose(data: &Data, fitting: Fitting) -> Result<(Structure, Vec<HeldOut>,
     inputs.sort_by_key(|group| InputGroup::ALL.iter().position(|other| other == group));
     let paper = Structure {
         activation: Activation::Logistic,
+        decay: false,
         ..Structure::plain(&inputs, &PAPER)
     };
     let layers = LAYERS.into_iter().map(|hidden| Structure::plain(&inputs, hidden)).chain([paper]);

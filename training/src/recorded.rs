@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use freeplay_controller::computed_torque::COMPUTED_TORQUE;
 use freeplay_controller::remainder::{Observed, remainder};
 use freeplay_controller::{Model, Task};
 use freeplay_harness::columns::path_columns;
@@ -102,8 +103,9 @@ impl RecordedRun {
             )));
         }
         let reference = reference(recording, period);
-        let sent = sent(recording, &reference, period);
-        let observed = Observed { reference: &reference, sent: &sent, tool };
+        let sent = sent(recording, &reference);
+        let taken_out = taken_out(recording);
+        let observed = Observed { reference: &reference, sent, taken_out: &taken_out, tool };
         let left = remainder(model, &observed, period).map_err(Failure::input)?;
         if let Some(at) = left.iter().position(|left| !left.iter().all(|value| value.is_finite())) {
             return Err(Failure::input(format!(
@@ -179,29 +181,29 @@ fn reference(recording: &Recording, period: f64) -> Trajectory {
     }
 }
 
-/// Where the encoders were sent: the commands of servos, the reference with the controller's correction, or the reference alone.
-fn sent(recording: &Recording, reference: &Trajectory, period: f64) -> Vec<Vec<f64>> {
-    if recording.column("q_path_1").is_some() {
-        return recording.q_ref.clone().unwrap_or_else(|| reference.q.clone());
+/// Where the encoders were sent: the commands of servos, the reference, or where they were.
+fn sent<'a>(recording: &'a Recording, reference: &'a Trajectory) -> &'a [Vec<f64>] {
+    match &recording.q_ref {
+        Some(commanded) if recording.column("q_path_1").is_some() => commanded,
+        Some(_) => &reference.q,
+        None => &recording.q,
     }
-    let (Some(commanded), Some(next)) = (columns(recording, "command_qd_"), columns(recording, "qd_next_"))
-    else {
-        return if recording.q_ref.is_some() { reference.q.clone() } else { recording.q.clone() };
+}
+
+/// What the controller of a run in mode torque took out: what it predicted of each instant in its answer to the state before. Nothing for
+/// a controller that compensates nothing.
+fn taken_out(recording: &Recording) -> Vec<Vector3<f64>> {
+    let is_plain = recording.origin.file_stem().is_some_and(|stem| stem == COMPUTED_TORQUE);
+    let predicted = ["x", "y", "z"].map(|axis| recording.column(&format!("predicted_{axis}")));
+    let [Some(x), Some(y), Some(z)] = predicted else { return Vec::new() };
+    if is_plain || recording.column("q_path_1").is_some() {
+        return Vec::new();
+    }
+    let at = |k: usize| {
+        let predicted = Vector3::new(x[k], y[k], z[k]);
+        if predicted.iter().all(|value| value.is_finite()) { predicted } else { Vector3::zeros() }
     };
-    let of_joint = |(joint, q): (usize, &Vec<f64>)| {
-        let rate = |k: usize| Some(commanded[joint][k] - next[joint][k]).filter(|rate| rate.is_finite());
-        let mut sent = q.clone();
-        let (mut correction, mut before) = (0.0, 0.0);
-        // The answer to a state is for the instant after it.
-        for k in 1..q.len() {
-            let now = rate(k - 1).unwrap_or(0.0);
-            correction += 0.5 * period * (before + now);
-            before = now;
-            sent[k] += correction;
-        }
-        sent
-    };
-    reference.q.iter().enumerate().map(of_joint).collect()
+    averaged(&(0..recording.len()).map(|k| at(k.saturating_sub(1))).collect::<Vec<_>>())
 }
 
 /// Centred mean over [`HALF_SPAN`] samples before and after, fewer at the ends.

@@ -27,6 +27,8 @@ pub struct Structure {
     pub hidden: Vec<usize>,
     /// Kind of hidden unit.
     pub activation: Activation,
+    /// Whether its weights decay as the data choose; else a part of the samples stops the training.
+    pub decay: bool,
     /// Samples ago of its own answers that it looks at: fed back, as a NARX in closed loop has them.
     pub feedback: Vec<usize>,
 }
@@ -38,6 +40,7 @@ impl Structure {
             inputs: inputs.to_vec(),
             hidden: hidden.to_vec(),
             activation: Activation::Tanh,
+            decay: true,
             feedback: Vec::new(),
         }
     }
@@ -122,6 +125,7 @@ pub fn with_split(
         activation: structure.activation,
         seed: fitting.seed,
         settings: Minimiser { epochs: fitting.epochs, ..Minimiser::default() },
+        decay: structure.decay,
     };
     let trained = fit(series, split, &recipe, Provenance::default(), |_| ControlFlow::Continue(()));
     trained.map(|trained| trained.narx).map_err(Failure::input)

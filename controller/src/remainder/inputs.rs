@@ -95,19 +95,18 @@ impl Inputs {
         self.row.is_empty()
     }
 
-    /// The numbers at the instant of `tick` on `motion`. Called instant by instant; after a gap each joint counts as going its way for long.
+    /// The numbers at the instant of `tick` on `motion`. Called instant by instant; after a gap no joint has a direction yet.
     pub fn at(&mut self, tick: u64, motion: Motion<'_>) -> &[f64] {
         let follows = self.last.is_some_and(|last| last.checked_add(1) == Some(tick));
         for (joint, turn) in self.turns.iter_mut().enumerate() {
-            let (travel, v) = (motion.q[joint] - self.before[joint], motion.v[joint]);
-            *turn = if follows {
-                let way = if travel == 0.0 { 0.0 } else { travel.signum() };
-                if way == 0.0 { *turn } else { way + (*turn - way) * (-travel.abs() / TURN).exp() }
-            } else if v == 0.0 {
-                0.0
-            } else {
-                v.signum()
-            };
+            let travel = motion.q[joint] - self.before[joint];
+            if !follows {
+                // The way is not known; the first 2 mrad tell.
+                *turn = 0.0;
+            } else if travel != 0.0 {
+                let way = travel.signum();
+                *turn = way + (*turn - way) * (-travel.abs() / TURN).exp();
+            }
         }
         self.before.copy_from_slice(motion.q);
         self.last = Some(tick);
@@ -138,27 +137,30 @@ mod tests {
     use crate::compensation::Motion;
     use freeplay_arm::paper_arm;
 
-    /// After a travel of δ beyond a reversal the state is 1 − 2/e of the way, whatever the speed; a gap starts anew.
+    /// After a long way and a travel of δ beyond a reversal the state is 1 − 2/e of the way, whatever the speed; a gap starts anew, and
+    /// a joint that stands still has no direction.
     #[test]
     fn the_direction_turns_with_the_travel_and_not_with_time() {
         let arm = paper_arm().arm;
         for steps in [1_u32, 10, 1000] {
             let mut inputs = Inputs::new(&arm, &[InputGroup::Turn, InputGroup::Elapsed], 1e-3);
             let zeros = [0.0; 6];
-            let mut at = |tick: u64, q: f64, v: f64| {
-                let (q, v) = ([q, 0.0, 0.0, 0.0, 0.0, 0.0], [v, 0.0, 0.0, 0.0, 0.0, 0.0]);
-                inputs.at(tick, Motion { q: &q, v: &v, a: &zeros }).to_vec()
+            let mut at = |tick: u64, q: f64| {
+                let q = [q, 1e-18 * tick as f64, 0.0, 0.0, 0.0, 0.0];
+                inputs.at(tick, Motion { q: &q, v: &zeros, a: &zeros }).to_vec()
             };
-            assert_eq!(at(0, 1.0, 0.5)[0].to_bits(), 1.0_f64.to_bits());
+            assert!(at(0, 0.0)[0].abs() < 1e-15);
+            assert!((at(1, 1.0)[0] - 1.0).abs() < 1e-15);
             let mut turned = 0.0;
             for step in 1..=steps {
                 let q = 1.0 - TURN * f64::from(step) / f64::from(steps);
-                turned = at(u64::from(step), q, -0.5)[0];
+                turned = at(1 + u64::from(step), q)[0];
             }
             let expected = -1.0 + 2.0 * (-1.0_f64).exp();
             assert!((turned - expected).abs() < 1e-9, "{turned} in {steps} steps");
-            let anew = at(5000, 0.7, -0.1);
-            assert!((anew[0] + 1.0).abs() < 1e-15 && (anew[6] - 5.0).abs() < 1e-12, "{anew:?}");
+            let anew = at(5000, 0.7);
+            assert!(anew[0].abs() < 1e-15 && anew[1].abs() < 1e-12, "{anew:?}");
+            assert!((anew[6] - 5.0).abs() < 1e-12, "{anew:?}");
         }
     }
 }

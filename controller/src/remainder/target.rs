@@ -16,8 +16,11 @@ use crate::tracking::TrackingOptions;
 pub struct Observed<'a> {
     /// The reference motion, without corrections.
     pub reference: &'a Trajectory,
-    /// Where the encoders were sent, `[joint][point]`, rad (m).
+    /// Where the encoders were sent but for what follows, `[joint][point]`, rad (m).
     pub sent: &'a [Vec<f64>],
+    /// What the controller expected of the tool's deviation and took out, base frame, m; empty if it took nothing out. Such a controller also makes
+    /// up for what encoders and transmissions shift.
+    pub taken_out: &'a [Vector3<f64>],
     /// Where the tool was, `[axis][point]`, base frame, m.
     pub tool: &'a [Vec<f64>; 3],
 }
@@ -32,10 +35,14 @@ pub fn remainder(
     observed: &Observed<'_>,
     period: f64,
 ) -> Result<Vec<Vector3<f64>>, NotReady> {
-    let Observed { reference, sent, tool } = observed;
+    let Observed { reference, sent, taken_out, tool } = observed;
     let points = reference.len();
     let journals = journals(model, reference, period)?;
-    let known = KnownEffects::of_motion(&model.arm, &model.effects, reference, period)?;
+    let known = if taken_out.is_empty() {
+        KnownEffects::of_motion(&model.arm, &model.effects, reference, period)?
+    } else {
+        None
+    };
     let mut statics = QuasiStatic::new(&ArmWithPlay::new(&model.arm, &model.clearances)?, period);
     let mut workspace = Workspace::new(&model.arm);
     let mut q = vec![0.0; model.arm.dof()];
@@ -47,7 +54,9 @@ pub fn remainder(
         if let Some(shift) = known.as_ref().map(|known| known.shift_at(point)) {
             q.iter_mut().zip(shift).for_each(|(q, shift)| *q -= shift);
         }
-        let expected = forward_kinematics(&model.arm, &mut workspace, &q).translation.vector + deviation;
+        let taken_out = taken_out.get(point).copied().unwrap_or_default();
+        let sent = forward_kinematics(&model.arm, &mut workspace, &q).translation.vector - taken_out;
+        let expected = sent + deviation;
         left.push(Vector3::new(tool[0][point], tool[1][point], tool[2][point]) - expected);
     }
     Ok(left)
