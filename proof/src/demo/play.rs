@@ -125,7 +125,7 @@ pub fn outcome(
 }
 
 /// Sensors as good ones are.
-fn sensors() -> SensorsSpec {
+pub fn sensors() -> SensorsSpec {
     let noisy = |noise: f64| Channel { noise, ..Channel::default() };
     let [position, velocity, torque, tool] = NOISE.map(noisy);
     SensorsSpec { position, velocity, torque, tool, ..SensorsSpec::default() }
@@ -144,7 +144,10 @@ fn played(scenario: &Scenario, out: &Path, stop: &AtomicBool) -> Result<Played, 
 }
 
 /// What a real machine would have recorded: joints, torques and the tracked tool, nothing of the truth.
-fn measured(path: &Path, notch: Option<Notch>) -> Result<Recording, Failure> {
+///
+/// # Errors
+/// A recording that can't be read back.
+pub fn measured(path: &Path, notch: Option<Notch>) -> Result<Recording, Failure> {
     let all = freeplay_recording::read(path, None).map_err(Failure::input)?;
     let mut columns = vec![("t".to_owned(), all.t.clone())];
     let joints = |name: &str, values: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
