@@ -1,4 +1,4 @@
-//! A run in this process: the arm with its effects under a built-in controller, torque mode, ideal sensors.
+//! A run in this process: the arm with its effects under a built-in controller, torque mode.
 //!
 //! The states are those that a plant would publish in lockstep; there is no shared memory and no gate in between.
 
@@ -9,7 +9,7 @@ use freeplay_arm::{Arm, ArmFile, EffectTable, Workspace, forward_kinematics, to_
 use freeplay_controller::{Answer, RunInfo, Task, built_in};
 use freeplay_laws::{Clearance, Effects, Readings, SensorLaw};
 use freeplay_path::{JointPath, PathSpec};
-use freeplay_plant::{DeviationStatistics, Input, JointUse, System};
+use freeplay_plant::{DeviationStatistics, Input, JointUse, Sensors, SensorsSpec, System};
 use freeplay_shm::{CommandStatus, Mode, Pace, Reference, State};
 use freeplay_terminal::exit::Failure;
 use nalgebra::Vector3;
@@ -41,6 +41,8 @@ pub struct ClosedLoop<'a> {
     pub tracked: bool,
     /// Time after which the deviation counts, s.
     pub after: f64,
+    /// The sensors, and the seed of their noise.
+    pub sensors: (SensorsSpec, u64),
     /// How far the tool is off at each tick beyond what the effects do, base frame, m; nothing beyond its end.
     pub beyond: &'a [Vector3<f64>],
 }
@@ -51,6 +53,8 @@ pub struct Tick<'a> {
     pub state: &'a State,
     /// The truth.
     pub system: &'a System,
+    /// What the controller said.
+    pub answer: &'a Answer,
 }
 
 /// What a run came to.
@@ -73,7 +77,8 @@ impl ClosedLoop<'_> {
     /// A path that the arm cannot follow, a controller that cannot start or has no answer, a motion that cannot be integrated.
     pub fn run(&self, mut keep: impl FnMut(&Tick<'_>)) -> Result<Outcome, Failure> {
         let path = Arc::new(JointPath::plan(self.arm, self.path, RATE).map_err(Failure::input)?);
-        let (mut system, mut laws) = self.system(&path)?;
+        let (mut system, [mut laws, mut readers]) = self.system(&path)?;
+        let mut sensors = Sensors::new(&self.sensors.0, self.arm.dof(), self.sensors.1);
         let n = self.arm.dof();
         let ticks = (path.duration() * RATE).round() as u64;
         let mut controller = built_in(self.controller)
@@ -98,10 +103,11 @@ impl ClosedLoop<'_> {
             let tool = Vector3::new(state.tool[0], state.tool[1], state.tool[2]);
             outcome.deviation.add(tick as f64 / RATE, &(tool - desired.translation.vector));
             outcome.joint_use.add(&system);
+            sense(&mut readers, &mut sensors, &mut state);
             let mut answer = Answer::BLANK;
             let seen = if self.tracked { state } else { State { flags: 0, tool: [0.0; 7], ..state } };
             controller.answer(&seen, &mut answer);
-            keep(&Tick { state: &state, system: &system });
+            keep(&Tick { state: &state, system: &system, answer: &answer });
             match answer.status {
                 CommandStatus::NoAnswer => {
                     return Err(Failure::internal(format!("{}: no answer at tick {tick}", self.controller)));
@@ -120,11 +126,11 @@ impl ClosedLoop<'_> {
 }
 
 impl ClosedLoop<'_> {
-    /// The plant, and what it does to the tool beside the joints.
-    fn system(&self, path: &JointPath) -> Result<(System, Vec<Box<dyn SensorLaw>>), Failure> {
+    /// The plant, what it does to the tool beside the joints, and what its sensors make of the truth.
+    fn system(&self, path: &JointPath) -> Result<(System, [Vec<Box<dyn SensorLaw>>; 2]), Failure> {
         let body = self.effects.changed(self.arm).map_err(Failure::input)?;
         let mut injection = self.effects.injection();
-        let laws = std::mem::take(&mut injection.tool);
+        let laws = [&mut injection.tool, &mut injection.sensors].map(std::mem::take);
         let posture = |number: u32| {
             let instant = path.duration() * f64::from(number) / f64::from(POSTURES);
             reference(path, instant, self.arm.dof()).q[..self.arm.dof()].to_vec()
@@ -136,21 +142,33 @@ impl ClosedLoop<'_> {
 
     /// Moves the tool of `state` by what the laws and the remainder of `tick` say.
     fn displace(&self, laws: &mut [Box<dyn SensorLaw>], tick: u64, state: &mut State) {
-        let n = state.joints as usize;
-        let mut link = state.q;
-        let mut readings = Readings {
-            period: 1.0 / RATE,
-            q: &mut state.q[..n],
-            v: &mut state.qd[..n],
-            torque: &mut state.tau[..n],
-            link: &mut link[..n],
-            tool: &mut state.tool,
-        };
-        laws.iter_mut().for_each(|law| law.read(&mut readings));
+        read(laws, state);
         if let Some(beyond) = usize::try_from(tick).ok().and_then(|tick| self.beyond.get(tick)) {
             state.tool.iter_mut().zip(beyond.iter()).for_each(|(tool, beyond)| *tool += beyond);
         }
     }
+}
+
+/// Lets `laws` change the readings of `state`.
+fn read(laws: &mut [Box<dyn SensorLaw>], state: &mut State) {
+    let n = state.joints as usize;
+    let mut link = state.q;
+    let mut readings = Readings {
+        period: 1.0 / RATE,
+        q: &mut state.q[..n],
+        v: &mut state.qd[..n],
+        torque: &mut state.tau[..n],
+        link: &mut link[..n],
+        tool: &mut state.tool,
+    };
+    laws.iter_mut().for_each(|law| law.read(&mut readings));
+}
+
+/// What the sensors make of the truth in `state`.
+fn sense(laws: &mut [Box<dyn SensorLaw>], sensors: &mut Sensors, state: &mut State) {
+    read(laws, state);
+    let n = state.joints as usize;
+    sensors.read(&mut state.q[..n], &mut state.qd[..n], &mut state.tau[..n], &mut state.tool[..3]);
 }
 
 /// The effects of `arm` with `plays`.
@@ -207,9 +225,8 @@ fn observe(system: &mut System, path: &JointPath, tick: u64, state: &mut State) 
     let n = state.joints as usize;
     state.tick = tick;
     state.flags = State::FLAG_TOOL_TRACKED;
-    system.play().gather(system.q(), &mut state.q[..n]);
-    system.play().gather(system.v(), &mut state.qd[..n]);
-    state.tau[..n].copy_from_slice(system.motor_torque());
+    system.encoders(&mut state.q[..n], &mut state.qd[..n]);
+    system.drive_torque(&mut state.tau[..n]);
     state.reference = reference(path, tick as f64 / RATE, n);
     state.reference_next = reference(path, (tick + 1) as f64 / RATE, n);
     let pose = system.tool();

@@ -14,7 +14,7 @@ use freeplay_controller::computed_torque::COMPUTED_TORQUE;
 use freeplay_controller::narx_qp::NARX_QP;
 use freeplay_controller::quasi_static::QUASI_STATIC;
 use freeplay_path::{PathKind, PathSpec};
-use freeplay_plant::{DeviationStatistics, UsedByJoint};
+use freeplay_plant::{DeviationStatistics, SensorsSpec, UsedByJoint};
 use freeplay_terminal::arguments::{Format, above_zero};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::output::say;
@@ -175,6 +175,7 @@ impl Cell {
             task: &task,
             tracked,
             after,
+            sensors: (SensorsSpec::default(), 0),
             beyond: &[],
         };
         let outcome = closed.run(|_| {})?;

@@ -7,9 +7,10 @@ use clap::Args;
 use comfy_table::{CellAlignment, Table, presets};
 use freeplay_arm::ArmFile;
 use freeplay_controller::remainder::{Condition, Machine, Parts, Receipt, WeightFile};
-use freeplay_controller::{Model, RunInfo, Task};
+use freeplay_controller::{Model, RunInfo, Task, TaskMode};
 use freeplay_harness::setup::load_model;
 use freeplay_harness::weights::beside;
+use freeplay_recording::Recording;
 use freeplay_shm::{Mode, Pace};
 use freeplay_terminal::arguments::{Format, at_least_one};
 use freeplay_terminal::exit::{Exit, Failure};
@@ -21,7 +22,7 @@ use serde::Serialize;
 use crate::bounds::{around, confirmed};
 use crate::choice::{Answers, HeldOut, Tried, choose, held_out, scored};
 use crate::data::Data;
-use crate::recorded::{RecordedRun, files, task_of};
+use crate::recorded::{RecordedRun, files, name_of, task_of};
 use crate::rehearsal::rehearse;
 use crate::structure::{Fitting, Structure, fitted};
 
@@ -107,7 +108,7 @@ pub fn train_command(args: &TrainArgs) -> Result<Exit, Failure> {
         seed: args.seed,
         command: std::env::args().collect::<Vec<_>>().join(" "),
     };
-    let trained = train(&recordings, model, &settings)?;
+    let trained = train_on_files(&recordings, model, &settings)?;
     write(&out, &trained.file.to_json().map_err(Failure::internal)?)?;
     messages::note(format_args!("weights  {}", out.display()));
     match args.format {
@@ -119,15 +120,34 @@ pub fn train_command(args: &TrainArgs) -> Result<Exit, Failure> {
     Ok(if trained.receipt.proved { Exit::Done } else { Exit::Verdict })
 }
 
-/// Learns from `recordings` what `model`, "paper" or an arm file, leaves.
+/// Learns from the recordings `files`.
+fn train_on_files(files: &[PathBuf], model: &Path, settings: &Settings) -> Result<Trained, Failure> {
+    let task = task_of_all(files)?.unwrap_or_default();
+    let read = |file: &PathBuf| {
+        let recording = freeplay_recording::read(file, None).map_err(Failure::input)?;
+        Ok((name_of(file), recording))
+    };
+    let recordings: Vec<(String, Recording)> = files.iter().map(read).collect::<Result<_, Failure>>()?;
+    train(&recordings, task, model, settings)
+}
+
+/// Learns from `recordings`, by name, what `model`, "paper" or an arm file, leaves; `task` is the one of their runs.
 ///
 /// # Errors
 /// Recordings or a model that can't be used, or runs that fail.
-pub fn train(recordings: &[PathBuf], model: &Path, settings: &Settings) -> Result<Trained, Failure> {
+pub fn train(
+    recordings: &[(String, Recording)],
+    task: Task,
+    model: &Path,
+    settings: &Settings,
+) -> Result<Trained, Failure> {
     let file = load_model(&model.display().to_string())?;
-    let (task, believed) = believed(recordings, model, &file)?;
-    let runs: Result<Vec<_>, Failure> =
-        recordings.iter().map(|recording| RecordedRun::read(recording, &believed)).collect();
+    let task = Task { model: model.display().to_string(), weights: None, ..task };
+    let believed = believed(&task, &file)?;
+    let runs: Result<Vec<_>, Failure> = recordings
+        .iter()
+        .map(|(name, recording)| RecordedRun::of(recording, name.clone(), &believed))
+        .collect();
     let data = Data::new(&believed.arm, runs?)?;
     let period = data.runs[0].period;
     if let Some(other) = data.runs.iter().find(|run| (run.period / period - 1.0).abs() > 1e-3) {
@@ -159,8 +179,8 @@ pub fn train(recordings: &[PathBuf], model: &Path, settings: &Settings) -> Resul
     Ok(Trained { structure, tried, receipt: weights.receipt.clone(), file: weights })
 }
 
-/// The task of the recordings and what a controller with it makes of the model.
-fn believed(recordings: &[PathBuf], model: &Path, file: &ArmFile) -> Result<(Task, Model), Failure> {
+/// The task of the runs that left `recordings`; none where none stands beside them.
+fn task_of_all(recordings: &[PathBuf]) -> Result<Option<Task>, Failure> {
     let mut task: Option<Task> = None;
     for recording in recordings {
         let Some(found) = task_of(recording)? else { continue };
@@ -174,16 +194,19 @@ fn believed(recordings: &[PathBuf], model: &Path, file: &ArmFile) -> Result<(Tas
         }
         task.get_or_insert(found);
     }
-    let task = Task { model: model.display().to_string(), weights: None, ..task.unwrap_or_default() };
+    Ok(task)
+}
+
+/// What a controller with `task` makes of the model.
+fn believed(task: &Task, file: &ArmFile) -> Result<Model, Failure> {
     let mode = match task.mode {
-        freeplay_controller::TaskMode::Torque => Mode::Torque,
-        freeplay_controller::TaskMode::Driven => Mode::Driven,
-        freeplay_controller::TaskMode::Servo => Mode::Servo,
+        TaskMode::Torque => Mode::Torque,
+        TaskMode::Driven => Mode::Driven,
+        TaskMode::Servo => Mode::Servo,
     };
     let period_ns = (1e9 / task.rate).round() as u64;
     let run = RunInfo { joints: file.arm.dof(), mode, pace: Pace::Lockstep, period_ns, ticks: 1 };
-    let believed = Model::load(&task, &run).map_err(Failure::input)?;
-    Ok((task, believed))
+    Model::load(task, &run).map_err(Failure::input)
 }
 
 /// All that weight files are made of.

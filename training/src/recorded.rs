@@ -65,23 +65,16 @@ pub fn task_of(file: &Path) -> Result<Option<Task>, Failure> {
     if task.is_file() { Task::load(&task).map(Some).map_err(Failure::input) } else { Ok(None) }
 }
 
-impl RecordedRun {
-    /// Reads `file` for `model`.
-    ///
-    /// # Errors
-    /// A recording that can't be read, without a tracked tool, of other joints or unevenly sampled.
-    pub fn read(file: &Path, model: &Model) -> Result<Self, Failure> {
-        let recording = freeplay_recording::read(file, None).map_err(Failure::input)?;
-        let name = file.parent().and_then(Path::file_name).map_or_else(
-            || file.display().to_string(),
-            |folder| {
-                let file = file.file_name().unwrap_or_default();
-                format!("{}/{}", folder.to_string_lossy(), file.to_string_lossy())
-            },
-        );
-        Self::of(&recording, name, model)
-    }
+/// The name of the recording `file`: its folder and its own.
+pub fn name_of(file: &Path) -> String {
+    let folder = file.parent().and_then(Path::file_name);
+    folder.map_or_else(
+        || file.display().to_string(),
+        |folder| format!("{}/{}", folder.to_string_lossy(), file.file_name().unwrap_or_default().to_string_lossy()),
+    )
+}
 
+impl RecordedRun {
     /// What `recording` says for `model`.
     ///
     /// # Errors

@@ -10,9 +10,10 @@ use std::path::Path;
 use freeplay_arm::ArmFile;
 use freeplay_controller::narx_qp::NARX_QP;
 use freeplay_controller::remainder::{Receipt, Rehearsed, WeightFile};
-use freeplay_controller::{Model, Task};
+use freeplay_controller::{Model, Task, TaskMode};
 use freeplay_harness::closed_loop::{ClosedLoop, RATE};
 use freeplay_path::{PathKind, PathSpec};
+use freeplay_plant::SensorsSpec;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::write;
 use freeplay_terminal::parallel::on_all_cores;
@@ -42,7 +43,7 @@ pub fn rehearse(
     task: &Task,
     files: &[WeightFile],
 ) -> Result<Receipt, Failure> {
-    if (1.0 / data.runs[0].period - RATE).abs() > 1e-6 * RATE || task.mode != freeplay_controller::TaskMode::Torque {
+    if (1.0 / data.runs[0].period - RATE).abs() > 1e-6 * RATE || task.mode != TaskMode::Torque {
         return Err(Failure::input(format!(
             "recordings of {} Hz in mode {:?}: runs that prove weights are of mode torque at {RATE} Hz; record such ones",
             1.0 / data.runs[0].period,
@@ -92,6 +93,7 @@ fn one(
             task: &task,
             tracked: false,
             after: START,
+            sensors: (SensorsSpec::default(), 0),
             beyond: &beyond,
         };
         let outcome = closed.run(|_| {}).map_err(|failure| {

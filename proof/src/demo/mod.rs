@@ -118,7 +118,7 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
     let bar = progress::bar(machines.len() as u64, "commissioning and learning {bar:30} {pos}/{len}  {msg}");
     let outcomes = on_cores(AT_ONCE, machines.len(), |number| {
         let machine = &machines[number];
-        let came = nameless::outcome(machine, args.seed, &out.join(machine.name), &stop);
+        let came = nameless::outcome(machine, args.seed, &out.join(machine.name));
         bar.inc(1);
         bar.set_message(machine.name);
         came

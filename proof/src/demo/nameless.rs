@@ -3,24 +3,25 @@
 //! On three paths the tool is tracked. The recordings are diagnosed; what has a name goes into the model, what the model leaves is learned
 //! ([`freeplay_training`]). Then five ways to control the machine are compared on three other paths and periods, without a tracker.
 
-use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 
 use freeplay_arm::{ArmFile, EffectTable, paper_arm, to_toml};
+use freeplay_controller::Task;
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
-use freeplay_harness::run::{Contestant, Files, play};
-use freeplay_harness::scenario::{RecordingKind, Scenario};
-use freeplay_harness::setup::Setup;
+use freeplay_harness::closed_loop::{ClosedLoop, RATE, Tick};
 use freeplay_harness::weights::beside;
+use freeplay_laws::Effects;
 use freeplay_path::{PathKind, PathSpec, Size};
-use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_plant::DeviationStatistics;
+use freeplay_recording::Recording;
+use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::{make_folder, write};
 use freeplay_training::{Settings, Trained, train};
 use serde::Serialize;
 
 use super::cases::with;
-use super::play::{measured, sensors};
+use super::play::sensors;
 
 /// A machine with something nameless.
 #[derive(Clone, Debug)]
@@ -162,62 +163,100 @@ fn path(kind: PathKind, size: Option<Size>, period: f64, centre: [f64; 3]) -> Pa
 }
 
 /// A machine in its folder.
-struct Bench<'a> {
-    out: &'a Path,
-    truth: PathBuf,
+struct Bench {
+    truth: ArmFile,
+    effects: Effects,
     seed: u64,
-    stop: &'a AtomicBool,
 }
 
-impl Bench<'_> {
-    /// A run along `path`: its recording, and what it came to.
+impl Bench {
+    /// A run along `path`, in this process: what it recorded, and what it came to.
     fn run(
         &self,
-        (controller, model): (&str, &Path),
+        (controller, model): (&'static str, &Path),
         path: &PathSpec,
         is_tracked: bool,
-        folder: &str,
-    ) -> Result<(PathBuf, Reached), Failure> {
-        let mut sensors = sensors();
-        sensors.track_tool = is_tracked;
-        let mut scenario = Scenario {
-            model: self.truth.display().to_string(),
-            controllers: vec![controller.to_owned()],
-            clearance: BTreeMap::new(),
-            recording: if is_tracked { RecordingKind::Mcap } else { RecordingKind::None },
-            sensors,
-            seed: self.seed,
+    ) -> Result<(Option<Recording>, Reached), Failure> {
+        let weights = Some(beside(model)).filter(|file| !is_tracked && file.is_file());
+        let task = Task {
+            model: model.display().to_string(),
+            weights: weights.map(|file| file.display().to_string()),
             path: path.clone(),
-            ..Scenario::default()
+            ..Task::default()
         };
-        scenario.controller.model = Some(model.display().to_string());
-        let setup = Setup::new(&scenario)?;
-        let files = Files::write(&scenario, &setup, &self.out.join(folder))?;
-        let (exit, summary) = play(&scenario, &Contestant::of(controller)?, &files, 0.0, self.stop)?;
-        let summary = summary
-            .filter(|_| exit == Exit::Done)
-            .ok_or_else(|| Failure::internal(format!("a run in {folder} did not end well")))?;
-        let number = |key: &str| summary.deviation_mm[key].as_f64().unwrap_or(f64::NAN);
-        let reached = Reached { rms: number("rms_after_start"), max: number("max_after_start") };
-        Ok((files.out.join(summary.recording.unwrap_or_default()), reached))
+        let closed = ClosedLoop {
+            arm: &self.truth.arm,
+            effects: &self.effects,
+            path,
+            controller,
+            task: &task,
+            tracked: is_tracked,
+            after: DeviationStatistics::START,
+            sensors: (sensors(), self.seed),
+            beyond: &[],
+        };
+        let mut recorder = Recorder::new(self.truth.arm.dof());
+        let outcome = closed.run(|tick| {
+            if is_tracked {
+                recorder.keep(tick);
+            }
+        })?;
+        let [norm, ..] = outcome.deviation.components();
+        let reached = Reached { rms: norm.rms_after_start, max: norm.max_after_start };
+        let recording = is_tracked.then(|| recorder.finish(controller)).transpose()?;
+        Ok((recording, reached))
     }
 
-    /// The recordings of the commissioning under `quasi-static` with `model`.
-    fn commission(&self, model: &Path, round: &str) -> Result<Vec<PathBuf>, Failure> {
+    /// The recordings of the commissioning under `quasi-static` with `model`, by name.
+    fn commission(&self, model: &Path) -> Result<Vec<(String, Recording)>, Failure> {
         let paths = commissioning();
         let recorded = paths.iter().map(|(name, path)| {
-            let folder = format!("{round}-{name}");
-            self.run(("quasi-static", model), path, true, &folder).map(|(recording, _)| recording)
+            let (recording, _) = self.run(("quasi-static", model), path, true)?;
+            let recording = recording.ok_or_else(|| Failure::internal("a run was not recorded"))?;
+            Ok(((*name).to_owned(), recording))
         });
         recorded.collect()
     }
 
     /// What `model` leaves in `recordings`, learned, its weights beside the model.
-    fn learn(&self, recordings: &[PathBuf], model: &Path) -> Result<Trained, Failure> {
+    fn learn(&self, recordings: &[(String, Recording)], model: &Path) -> Result<Trained, Failure> {
         let command = format!("freeplay demo, seed {}", self.seed);
-        let trained = train(recordings, model, &Settings { seed: self.seed, command, ..Settings::default() })?;
+        let settings = Settings { seed: self.seed, command, ..Settings::default() };
+        let trained = train(recordings, Task::default(), model, &settings)?;
         write(&beside(model), &trained.file.to_json().map_err(Failure::internal)?)?;
         Ok(trained)
+    }
+}
+
+/// What a run leaves: joints, torques and the tracked tool, the reference and what the controller predicted.
+struct Recorder {
+    columns: Vec<(String, Vec<f64>)>,
+    joints: usize,
+}
+
+impl Recorder {
+    fn new(joints: usize) -> Recorder {
+        let of_joints = ["q", "qd", "tau", "q_ref", "qd_ref_", "qdd_ref_"];
+        let names = of_joints.iter().flat_map(|name| (1..=joints).map(move |joint| format!("{name}{joint}")));
+        let rest = ["x", "y", "z", "predicted_x", "predicted_y", "predicted_z", "tick"].map(str::to_owned);
+        let columns = std::iter::once("t".to_owned()).chain(names).chain(rest);
+        Recorder { columns: columns.map(|name| (name, Vec::new())).collect(), joints }
+    }
+
+    fn keep(&mut self, tick: &Tick<'_>) {
+        let (state, n) = (tick.state, self.joints);
+        let joints =
+            [&state.q, &state.qd, &state.tau, &state.reference.q, &state.reference.qd, &state.reference.qdd];
+        let row = std::iter::once(state.tick as f64 / RATE)
+            .chain(joints.into_iter().flat_map(|values| values[..n].iter().copied()))
+            .chain(state.tool[..3].iter().copied())
+            .chain(tick.answer.deviation)
+            .chain([state.tick as f64]);
+        self.columns.iter_mut().zip(row).for_each(|((_, column), value)| column.push(value));
+    }
+
+    fn finish(self, controller: &str) -> Result<Recording, Failure> {
+        Recording::new(&PathBuf::from(format!("{controller}.csv")), self.columns).map_err(Failure::internal)
     }
 }
 
@@ -225,15 +264,15 @@ impl Bench<'_> {
 ///
 /// # Errors
 /// A run of the commissioning that fails, or a file that can't be written.
-pub fn outcome(machine: &Machine, seed: u64, out: &Path, stop: &AtomicBool) -> Result<Outcome, Failure> {
+pub fn outcome(machine: &Machine, seed: u64, out: &Path) -> Result<Outcome, Failure> {
     make_folder(out)?;
     let nominal = paper_arm();
-    let bench = Bench { out, truth: out.join("truth.toml"), seed, stop };
-    let (given, found) = (out.join("nominal.toml"), out.join("model.toml"));
     let truth = ArmFile { effects: machine.effects.clone(), ..nominal.clone() };
-    write(&bench.truth, &to_toml(&truth))?;
+    let bench = Bench { effects: Effects::of(&truth).map_err(Failure::internal)?, truth, seed };
+    let (given, found) = (out.join("nominal.toml"), out.join("model.toml"));
+    write(&out.join("truth.toml"), &to_toml(&bench.truth))?;
     write(&given, &to_toml(&nominal))?;
-    let first = bench.commission(&given, "nominal")?;
+    let first = bench.commission(&given)?;
     let alone = bench.learn(&first, &given)?;
     let diagnosis = diagnosed(&nominal, &first, seed)?;
     write(&found, &to_toml(&diagnosis.model))?;
@@ -246,20 +285,18 @@ pub fn outcome(machine: &Machine, seed: u64, out: &Path, stop: &AtomicBool) -> R
         write(&beside(&found), &alone.file.to_json().map_err(Failure::internal)?)?;
         alone.receipt.proved
     } else {
-        let second = bench.commission(&found, "diagnosed")?;
+        let second = bench.commission(&found)?;
         bench.learn(&second, &found)?.receipt.proved
     };
-    let ways: [(&str, &Path); 5] = [
+    let ways: [(&'static str, &Path); 5] = [
         ("computed-torque", &given),
         ("quasi-static", &given),
         ("quasi-static", &found),
         ("narx-qp", &given),
         ("narx-qp", &found),
     ];
-    let cells = judged().into_iter().enumerate().map(|(number, (name, path))| {
-        let reached = ways.iter().enumerate().map(|(way, how)| {
-            bench.run(*how, &path, false, &format!("judged-{}-{}", number + 1, way + 1)).ok().map(|(_, reached)| reached)
-        });
+    let cells = judged().into_iter().map(|(name, path)| {
+        let reached = ways.iter().map(|how| bench.run(*how, &path, false).ok().map(|(_, reached)| reached));
         Cell { path: name, reached: reached.collect() }
     });
     Ok(Outcome {
@@ -275,10 +312,23 @@ pub fn outcome(machine: &Machine, seed: u64, out: &Path, stop: &AtomicBool) -> R
     })
 }
 
-fn diagnosed(nominal: &ArmFile, recordings: &[PathBuf], seed: u64) -> Result<Diagnosis, Failure> {
-    let read: Result<Vec<_>, Failure> = recordings.iter().map(|path| measured(path, None)).collect();
+fn diagnosed(
+    nominal: &ArmFile,
+    recordings: &[(String, Recording)],
+    seed: u64,
+) -> Result<Diagnosis, Failure> {
+    // What a real machine would have recorded: no references, no predictions.
+    let seen = |(_, recording): &(String, Recording)| {
+        let columns = recording.named().filter(|(name, _)| {
+            let end = name.trim_end_matches(|c: char| c.is_ascii_digit());
+            ["t", "q", "tau", "x", "y", "z"].contains(&end)
+        });
+        let columns = columns.map(|(name, column)| (name, column.to_vec())).collect();
+        Recording::new(&recording.origin, columns).map_err(Failure::internal)
+    };
+    let seen: Vec<Recording> = recordings.iter().map(seen).collect::<Result<_, _>>()?;
     let settings = DiagnoseSettings { seed, ..DiagnoseSettings::default() };
-    diagnose(nominal, &read?, &settings, &mut |_| {}).map_err(Failure::internal)
+    diagnose(nominal, &seen, &settings, &mut |_| {}).map_err(Failure::internal)
 }
 
 /// The table of `outcomes`.
@@ -302,14 +352,15 @@ pub fn text(outcomes: &[Outcome]) -> String {
     for outcome in outcomes {
         let named = if outcome.named.is_empty() { "nothing".to_owned() } else { outcome.named.join(", ") };
         let proved = |proved: bool| if proved { "proved" } else { "not proved, not used" };
-        text.push_str(&format!(
-            "{}: {}; verdict {}, named {named}; network on the nominal model {}, on the diagnosed one {}\n",
+        let _ = writeln!(
+            text,
+            "{}: {}; verdict {}, named {named}; network on the nominal model {}, on the diagnosed one {}",
             outcome.machine,
             outcome.hidden,
             outcome.verdict,
             proved(outcome.proved[0]),
             proved(outcome.proved[1])
-        ));
+        );
     }
     text.push_str(
         "\ndeviation of the tool after the first 0.5 s, RMS / greatest, mm, on paths and periods that took no part, without a tracker\n\

@@ -144,10 +144,7 @@ fn played(scenario: &Scenario, out: &Path, stop: &AtomicBool) -> Result<Played, 
 }
 
 /// What a real machine would have recorded: joints, torques and the tracked tool, nothing of the truth.
-///
-/// # Errors
-/// A recording that can't be read back.
-pub fn measured(path: &Path, notch: Option<Notch>) -> Result<Recording, Failure> {
+fn measured(path: &Path, notch: Option<Notch>) -> Result<Recording, Failure> {
     let all = freeplay_recording::read(path, None).map_err(Failure::input)?;
     let mut columns = vec![("t".to_owned(), all.t.clone())];
     let joints = |name: &str, values: &[Vec<f64>]| -> Vec<(String, Vec<f64>)> {
