@@ -14,6 +14,7 @@
 //! - [`LookAhead`]: the state of the joints when the answer takes effect.
 //! - [`Knocks`]: landings of journals, seen in the encoders; after one the feedback is softer.
 //! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`freeplay_laws::Rest`].
+//! - [`Geometry`]: what another geometry than the nominal one moves the tool by.
 //! - [`Outlook`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
 //! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`], where
 //!   the [`FreeMinimiser`] of its cost breaks a limit.
@@ -43,6 +44,7 @@ pub mod deviation;
 pub mod dual_active_set;
 pub mod foresight;
 pub mod free_minimiser;
+pub mod geometry;
 pub mod horizon;
 pub mod identity;
 pub mod knocks;
@@ -85,6 +87,7 @@ pub use deviation::QuasiStatic;
 pub use dual_active_set::DualActiveSet;
 pub use foresight::Foresight;
 pub use free_minimiser::FreeMinimiser;
+pub use geometry::Geometry;
 pub use horizon::{Horizon, HorizonError, HorizonReport, HorizonStatus};
 pub use knocks::Knocks;
 pub use look_ahead::{JointState, LookAhead};

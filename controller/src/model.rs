@@ -17,6 +17,8 @@ use crate::task::{LimitsFrom, PAPER_MODEL, Task};
 pub struct Model {
     /// The arm with what its effects change of it, a payload or a tilt, with the gravity and the limits of the task.
     pub arm: Arm,
+    /// The arm without its effects, with the gravity of the task: deviations are counted from it.
+    pub nominal: Arm,
     /// All effects of the model file.
     pub effects: Arc<Effects>,
     /// Clearances by joint index of `arm`, in ascending order.
@@ -43,11 +45,12 @@ impl Model {
         if let Some(gravity) = task.gravity {
             arm = arm.with_gravity(Vector3::from(gravity));
         }
+        let nominal = arm.clone();
         arm = effects.changed(&arm)?;
         if task.limits == LimitsFrom::None {
             arm = without_limits(&arm)?;
         }
-        Ok(Model { arm, clearances: effects.clearances.clone(), effects: Arc::new(effects), hashes })
+        Ok(Model { arm, nominal, clearances: effects.clearances.clone(), effects: Arc::new(effects), hashes })
     }
 }
 

@@ -112,7 +112,7 @@ impl Controller for NarxQp {
         let options: NarxQpOptions = task.options(NARX_QP)?;
         let tracking = options.tracking(task.period())?;
         let model = Model::load(task, run)?;
-        let path = JointPath::plan(&model.arm, &task.path, task.rate).map_err(NotReady::from)?;
+        let path = JointPath::plan(&model.nominal, &task.path, task.rate).map_err(NotReady::from)?;
         let tracking = Tracking::new(task, &model, path, run.ticks, &tracking)?;
         for Unplanned { first, fault, .. } in tracking.unplanned() {
             let at = *first as f64 * task.period();
@@ -124,7 +124,7 @@ impl Controller for NarxQp {
         self.ready = Some(Ready {
             remainder: learned(task, &model)?,
             tracking,
-            residual: ToolResidual::new(&model.arm, reach, task.period(), options.tracker_delay),
+            residual: ToolResidual::new(&model.nominal, reach, task.period(), options.tracker_delay),
             lead: task.mode.lead(),
             tick: None,
         });

@@ -24,6 +24,7 @@ use crate::corners::CornerSearch;
 use crate::correction::Correction;
 use crate::deviation::QuasiStatic;
 use crate::foresight::Foresight;
+use crate::geometry::Geometry;
 use crate::horizon::{HorizonReport, HorizonStatus, MOST_TICKS};
 use crate::knocks::Knocks;
 use crate::known_effects::KnownEffects;
@@ -129,6 +130,8 @@ pub struct Tracking {
     /// Whether the predicted journals are smooth enough to be differentiated.
     smooth: bool,
     friction: Vec<DriveFriction>,
+    /// What the geometry of the model moves the tool by; none if it is the nominal one.
+    geometry: Option<Geometry>,
     /// What other effects of the model ask of the drives; none if there are none.
     known: Option<KnownEffects>,
     filter: Option<CommandFilter>,
@@ -162,7 +165,7 @@ pub struct Tracking {
     passages: Passages,
     /// Whether the last reference was that of the own path.
     own: bool,
-    /// What was said beyond physics of the instant before the newest, and of the newest, m.
+    /// What geometry and learning say beyond the journals of the instant before the newest, and of the newest, m.
     learned: [Vector3<f64>; 2],
 }
 
@@ -214,6 +217,7 @@ impl Tracking {
             period,
             smooth: half > 0,
             friction: drive_frictions(&model.arm),
+            geometry: Geometry::between(&model.nominal, &model.arm),
             known,
             filter,
             look_ahead: LookAhead::new(&model.arm, period),
@@ -370,8 +374,10 @@ impl Tracking {
         }
         let planned = self.planned.as_motion();
         let physics = self.predictor.deviation_with(planned.q, self.journals.newest());
+        let geometry = self.geometry.as_mut().map_or_else(Vector3::zeros, |other| other.deviation(planned.q));
         let [_, before] = self.learned;
-        let learned = beyond(&Plan { tick: ahead, motion: planned, deviation: physics });
+        let deviation = physics + geometry;
+        let learned = geometry + beyond(&Plan { tick: ahead, motion: planned, deviation });
         self.learned = [before, learned];
         let foresight = self.foresight.as_mut().filter(|_| own);
         let horizon = foresight

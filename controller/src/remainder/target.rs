@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use crate::compensation::Motion;
 use crate::deviation::QuasiStatic;
+use crate::geometry::Geometry;
 use crate::known_effects::KnownEffects;
 use crate::model::Model;
 use crate::not_ready::NotReady;
@@ -44,18 +45,20 @@ pub fn remainder(
         None
     };
     let mut statics = QuasiStatic::new(&ArmWithPlay::new(&model.arm, &model.clearances)?, period);
-    let mut workspace = Workspace::new(&model.arm);
+    let mut geometry = Geometry::between(&model.nominal, &model.arm);
+    let mut workspace = Workspace::new(&model.nominal);
     let mut q = vec![0.0; model.arm.dof()];
     let mut left = Vec::with_capacity(points);
     for point in 0..points {
         q.iter_mut().zip(&reference.q).for_each(|(q, column)| *q = column[point]);
-        let deviation = statics.deviation_with(&q, &journals[point]);
+        let mut deviation = statics.deviation_with(&q, &journals[point]);
+        deviation += geometry.as_mut().map_or_else(Vector3::zeros, |other| other.deviation(&q));
         q.iter_mut().zip(*sent).for_each(|(q, column)| *q = column[point]);
         if let Some(shift) = known.as_ref().map(|known| known.shift_at(point)) {
             q.iter_mut().zip(shift).for_each(|(q, shift)| *q -= shift);
         }
         let taken_out = taken_out.get(point).copied().unwrap_or_default();
-        let sent = forward_kinematics(&model.arm, &mut workspace, &q).translation.vector - taken_out;
+        let sent = forward_kinematics(&model.nominal, &mut workspace, &q).translation.vector - taken_out;
         let expected = sent + deviation;
         left.push(Vector3::new(tool[0][point], tool[1][point], tool[2][point]) - expected);
     }
