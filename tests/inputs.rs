@@ -540,7 +540,13 @@ fn bad_training() {
     let cases: [Case; 7] = [
         ("no recording", &[], &[], 2, &["--recording"]),
         ("epochs", &[], &["--recording", "r.csv", "--epochs", "0"], 2, &["--epochs", "at least 1"]),
-        ("folder", &[], &["--recording", "r.csv", "--out", "none/w.json"], 3, &["none/w.json", "no folder none"]),
+        (
+            "folder",
+            &[],
+            &["--recording", "r.csv", "--out", "none/w.json"],
+            3,
+            &["none/w.json", "no folder none"],
+        ),
         ("arm", &[], &["--recording", "r.csv", "--model", "none.toml", "--out", "w.json"], 3, &["none.toml"]),
         ("no file", &[], &["--recording", "none.csv", "--out", "w.json"], 3, &["none.csv"]),
         (
@@ -550,7 +556,13 @@ fn bad_training() {
             3,
             &["r.csv", "x"],
         ),
-        ("no runs", &[("here/a", "")], &["--recording", "here", "--out", "w.json"], 3, &["here", "no recordings"]),
+        (
+            "no runs",
+            &[("here/a", "")],
+            &["--recording", "here", "--out", "w.json"],
+            3,
+            &["here", "no recordings"],
+        ),
     ];
     play(&["train"], &cases);
 }

@@ -26,9 +26,8 @@ impl Geometry {
 
     /// How far the tool is from where the nominal arm has it with the joints at `q`, base frame, m.
     pub fn deviation(&mut self, q: &[f64]) -> Vector3<f64> {
-        let [nominal, changed] = [0, 1].map(|arm| {
-            forward_kinematics(&self.arms[arm], &mut self.workspaces[arm], q).translation.vector
-        });
+        let [nominal, changed] = [0, 1]
+            .map(|arm| forward_kinematics(&self.arms[arm], &mut self.workspaces[arm], q).translation.vector);
         changed - nominal
     }
 }

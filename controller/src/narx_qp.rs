@@ -148,7 +148,9 @@ fn learned(task: &Task, model: &Model) -> Result<Option<Remainder>, NotReady> {
     let other = |source| NotReady::OtherWeights { file: name.clone(), source: Box::new(source) };
     file.check(&machine, model.arm.dof()).map_err(other)?;
     if !file.receipt.proved {
-        eprintln!("narx-qp: {name} is not used: it did not prove itself in simulated runs (freeplay train says where)");
+        eprintln!(
+            "narx-qp: {name} is not used: it did not prove itself in simulated runs (freeplay train says where)"
+        );
         return Ok(None);
     }
     Ok(Some(Remainder::new(&file, &model.arm, task.period()).map_err(other)?))
@@ -172,8 +174,9 @@ impl Ready {
         self.residual.observe(state);
         let Ready { tracking, residual, remainder, .. } = self;
         let mut beyond = |plan: &Plan<'_>| {
-            let learned =
-                remainder.as_mut().map_or_else(Default::default, |learned| learned.at(plan.tick, plan.motion));
+            let learned = remainder
+                .as_mut()
+                .map_or_else(Default::default, |learned| learned.at(plan.tick, plan.motion));
             let Plan { tick, motion, deviation } = *plan;
             residual.beyond(&Plan { tick, motion, deviation: deviation + learned }) + learned
         };

@@ -7,7 +7,9 @@ use std::path::Path;
 use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
 use freeplay_controller::compensation::Motion;
 use freeplay_controller::identity::{identity, model_identity};
-use freeplay_controller::remainder::{Axis, Condition, InputGroup, Machine, Parts, Region, Remainder, WeightFile};
+use freeplay_controller::remainder::{
+    Axis, Condition, InputGroup, Machine, Parts, Region, Remainder, WeightFile,
+};
 use freeplay_controller::{Answer, Controller, NarxQp, RunInfo, Task, TaskMode};
 use freeplay_path::JointPath;
 use freeplay_predictor::Narx;
@@ -123,10 +125,16 @@ fn a_proved_remainder_is_taken_out_within_its_bounds() {
     }
     let mut unproved = weights(&centre, 1.0);
     unproved.receipt.proved = false;
-    assert!(moved(Some(saved(&unproved, folder.path())), 600).norm() < 1e-9, "what is not proved moves nothing");
+    assert!(
+        moved(Some(saved(&unproved, folder.path())), 600).norm() < 1e-9,
+        "what is not proved moves nothing"
+    );
     assert!(moved(None, 600).norm() < 1e-9);
     let far: Vec<f64> = centre.iter().map(|q| q + 3.0).collect();
-    assert!(moved(Some(saved(&weights(&far, 1.0), folder.path())), 600).norm() < 1e-9, "nothing far from what trained");
+    assert!(
+        moved(Some(saved(&weights(&far, 1.0), folder.path())), 600).norm() < 1e-9,
+        "nothing far from what trained"
+    );
 }
 
 #[test]
@@ -138,7 +146,8 @@ fn the_remainder_fades_with_the_distance_and_allocates_nothing() {
         let q = [q, 0.0, 0.0, 0.0, 0.0, 0.0];
         remainder.at(tick, Motion { q: &q, v: &zeros, a: &zeros }).x
     };
-    let found: Vec<f64> = [0.2, 0.75, 1.0, 1.5, 2.5, f64::NAN].iter().zip(0..).map(|(q, k)| at(k, *q)).collect();
+    let found: Vec<f64> =
+        [0.2, 0.75, 1.0, 1.5, 2.5, f64::NAN].iter().zip(0..).map(|(q, k)| at(k, *q)).collect();
     let expected = [1.0, 0.75, 0.5, 0.25, 0.0, 0.0].map(|trust| trust * 0.25e-3);
     println!("{found:?}");
     assert!(found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-12));

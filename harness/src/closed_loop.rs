@@ -21,6 +21,9 @@ const SUBSTEPS: u32 = 50;
 /// Stretches of the path between the postures for which rotors are shared out.
 const POSTURES: u32 = 32;
 
+/// Laws that are asked once a tick.
+type Laws = Vec<Box<dyn SensorLaw>>;
+
 /// Joints with play, by index, and their radial clearances, m.
 pub type Plays = Vec<(usize, f64)>;
 
@@ -127,7 +130,7 @@ impl ClosedLoop<'_> {
 
 impl ClosedLoop<'_> {
     /// The plant, what it does to the tool beside the joints, and what its sensors make of the truth.
-    fn system(&self, path: &JointPath) -> Result<(System, [Vec<Box<dyn SensorLaw>>; 2]), Failure> {
+    fn system(&self, path: &JointPath) -> Result<(System, [Laws; 2]), Failure> {
         let body = self.effects.changed(self.arm).map_err(Failure::input)?;
         let mut injection = self.effects.injection();
         let laws = [&mut injection.tool, &mut injection.sensors].map(std::mem::take);

@@ -306,7 +306,8 @@ impl Scenario {
         let folder = path.parent().unwrap_or(Path::new("."));
         scenario.model = beside(folder, &scenario.model);
         scenario.controller.model = scenario.controller.model.map(|model| beside(folder, &model));
-        scenario.controller.weights = scenario.controller.weights.map(|weights| beside_unless_none(folder, &weights));
+        scenario.controller.weights =
+            scenario.controller.weights.map(|weights| beside_unless_none(folder, &weights));
         scenario.path.file = scenario.path.file.map(|file| folder.join(file));
         if let Some(sound) = scenario.compare.as_mut().and_then(|compare| compare.sound.as_mut()) {
             *sound = folder.join(&*sound);

@@ -45,10 +45,11 @@ pub fn reach(scenario: &Scenario, setup: &Setup, controller: &str) -> Value {
         return Value::Null;
     }
     let Ok(file) = WeightFile::load(Path::new(&name)) else { return Value::Null };
-    let model = scenario.controller.model.as_deref().map_or_else(
-        || Ok(setup.truth.clone()),
-        |model| crate::setup::load_model(model),
-    );
+    let model = scenario
+        .controller
+        .model
+        .as_deref()
+        .map_or_else(|| Ok(setup.truth.clone()), crate::setup::load_model);
     let usage = model.ok().and_then(|model| usage(&file, &model, setup));
     let Some(usage) = usage else { return Value::Null };
     let share = |count: u64| count as f64 / usage.instants.max(1) as f64;

@@ -148,7 +148,11 @@ mod tests {
         let found = minimise_by_evidence(&mut problem, vec![0.0; columns], &settings, go).unwrap();
         let decay = chosen(&mut problem, &found.weights, 1.0).unwrap();
         let expected = (noise * noise) / (0.3 * 0.3);
-        eprintln!("off {:.3} and {:.3}, decay {decay:.2} of {expected:.2}", off(&plain.weights), off(&found.weights));
+        eprintln!(
+            "off {:.3} and {:.3}, decay {decay:.2} of {expected:.2}",
+            off(&plain.weights),
+            off(&found.weights)
+        );
         assert!(off(&found.weights) < 0.7 * off(&plain.weights));
         assert!(decay > 0.3 * expected && decay < 3.0 * expected);
     }

@@ -19,6 +19,9 @@ use crate::choice::{Answers, PAPER, Tried, scored};
 use crate::data::{Data, OUTPUTS};
 use crate::structure::{Fitting, Structure, said, split, with_split};
 
+/// What something says of the windows of a held-out fold, m.
+type Say<'a> = dyn Fn(usize, &[Window]) -> Result<Vec<Vector3<f64>>, Failure> + 'a;
+
 /// Most windows that train the paper's network: it has 700 weights.
 const MOST: usize = 1500;
 
@@ -29,7 +32,7 @@ const MOST: usize = 1500;
 pub fn all(data: &Data, structure: &Structure, fitting: Fitting) -> Result<Vec<Tried>, Failure> {
     let inputs = &structure.inputs;
     let series = data.series(inputs)?;
-    let by = |name: &str, say: &dyn Fn(usize, &[Window]) -> Result<Vec<Vector3<f64>>, Failure>| {
+    let by = |name: &str, say: &Say<'_>| {
         let held = (0..data.fold_count()).map(|fold| {
             let windows = data.windows(fitting.stride, 0, |run| data.folds[run] == fold);
             Ok(Answers { fold, said: say(fold, &windows)?, windows })
@@ -106,7 +109,8 @@ fn paper(data: &Data, fitting: Fitting) -> Result<Option<Tried>, Failure> {
         decay: false,
         feedback: vec![1, 2],
     };
-    let layout = Layout { input_lags: vec![0, 1], output_lags: vec![0, 1], horizon: 1, input_at_target: false };
+    let layout =
+        Layout { input_lags: vec![0, 1], output_lags: vec![0, 1], horizon: 1, input_at_target: false };
     let held = on_all_cores(data.fold_count(), |fold| {
         let all = data.windows(1, layout.memory(), |run| data.folds[run] != fold);
         let stride = all.len().div_ceil(MOST).max(1);

@@ -96,11 +96,7 @@ pub fn range(data: &Data, windows: &[Window]) -> (Vector3<f64>, Vector3<f64>) {
 }
 
 /// How well `all` predict, under the name `name`.
-pub fn scored<'a>(
-    data: &Data,
-    name: String,
-    all: impl Iterator<Item = &'a Answers> + Clone,
-) -> Tried {
+pub fn scored<'a>(data: &Data, name: String, all: impl Iterator<Item = &'a Answers> + Clone) -> Tried {
     let pairs = |axis: usize| {
         all.clone().flat_map(move |held| {
             held.windows
@@ -162,11 +158,8 @@ pub fn choose(data: &Data, fitting: Fitting) -> Result<(Structure, Vec<HeldOut>,
         }
     }
     inputs.sort_by_key(|group| InputGroup::ALL.iter().position(|other| other == group));
-    let paper = Structure {
-        activation: Activation::Logistic,
-        decay: false,
-        ..Structure::plain(&inputs, &PAPER)
-    };
+    let paper =
+        Structure { activation: Activation::Logistic, decay: false, ..Structure::plain(&inputs, &PAPER) };
     let layers = LAYERS.into_iter().map(|hidden| Structure::plain(&inputs, hidden)).chain([paper]);
     let mut best: Option<(f64, Structure, Vec<HeldOut>)> = None;
     for structure in layers {

@@ -169,7 +169,8 @@ pub fn train(
         (asked, held)
     };
     tried.splice(0..0, crate::baselines::all(&data, &structure, fitting)?);
-    let trained = Making { data: &data, structure: &structure, fitting, settings, task: &task, believed: &believed };
+    let trained =
+        Making { data: &data, structure: &structure, fitting, settings, task: &task, believed: &believed };
     let (mut weights, of_folds) = trained.files(&held)?;
     weights.receipt = if weights.axes.iter().all(|axis| axis.share <= 0.0) {
         Receipt::default()

@@ -145,9 +145,8 @@ fn folds(runs: &[RecordedRun]) -> Vec<usize> {
     let all: Vec<Vec<Vec<f64>>> = runs.iter().map(points).collect();
     let far = |from: &[Vec<f64>], to: &[Vec<f64>]| -> f64 {
         let nearest = |point: &Vec<f64>| {
-            let square = |other: &Vec<f64>| -> f64 {
-                point.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum()
-            };
+            let square =
+                |other: &Vec<f64>| -> f64 { point.iter().zip(other).map(|(a, b)| (a - b) * (a - b)).sum() };
             to.iter().map(square).fold(f64::INFINITY, f64::min)
         };
         from.iter().map(nearest).fold(0.0, f64::max).sqrt()

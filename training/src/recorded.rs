@@ -70,7 +70,9 @@ pub fn name_of(file: &Path) -> String {
     let folder = file.parent().and_then(Path::file_name);
     folder.map_or_else(
         || file.display().to_string(),
-        |folder| format!("{}/{}", folder.to_string_lossy(), file.file_name().unwrap_or_default().to_string_lossy()),
+        |folder| {
+            format!("{}/{}", folder.to_string_lossy(), file.file_name().unwrap_or_default().to_string_lossy())
+        },
     )
 }
 
@@ -156,7 +158,8 @@ fn columns(recording: &Recording, name: &str) -> Option<Vec<Vec<f64>>> {
 fn reference(recording: &Recording, period: f64) -> Trajectory {
     let points = recording.len();
     let t = (0..points).map(|k| k as f64 * period).collect();
-    let of = |q: Vec<Vec<f64>>, v, a| Trajectory { t, q, v, a, stretches: std::iter::once(0..points).collect() };
+    let of =
+        |q: Vec<Vec<f64>>, v, a| Trajectory { t, q, v, a, stretches: std::iter::once(0..points).collect() };
     let path = path_columns(recording).map(|columns| columns.into_iter().map(<[f64]>::to_vec).collect());
     let rates = columns(recording, "qd_ref_").zip(columns(recording, "qdd_ref_"));
     match (path, rates) {

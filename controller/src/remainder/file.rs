@@ -13,8 +13,8 @@
 
 use std::path::Path;
 
-use freeplay_predictor::weight_file::WeightFileError;
 use freeplay_predictor::Narx;
+use freeplay_predictor::weight_file::WeightFileError;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -63,7 +63,9 @@ pub enum WeightError {
     #[error(transparent)]
     Network(#[from] WeightFileError),
     /// It was trained for another machine, model or way of running.
-    #[error("the weights are for {what} {trained}, this run has {wanted}: train for it; they were made by: {command}")]
+    #[error(
+        "the weights are for {what} {trained}, this run has {wanted}: train for it; they were made by: {command}"
+    )]
     Other {
         /// What differs.
         what: &'static str,
@@ -335,6 +337,13 @@ pub fn input_names(groups: &[InputGroup], joints: usize) -> Vec<String> {
 impl Machine {
     /// What a run of `task` with the model of these hashes is.
     pub fn of(arm: &str, arm_hash: String, model_hash: String, task: &Task) -> Machine {
-        Machine { arm: arm.to_owned(), arm_hash, model_hash, mode: task.mode, rate: task.rate, gains: task.gains }
+        Machine {
+            arm: arm.to_owned(),
+            arm_hash,
+            model_hash,
+            mode: task.mode,
+            rate: task.rate,
+            gains: task.gains,
+        }
     }
 }

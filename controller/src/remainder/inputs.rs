@@ -27,13 +27,8 @@ pub enum InputGroup {
 
 impl InputGroup {
     /// All groups, those first that tell the most on most machines.
-    pub const ALL: [InputGroup; 5] = [
-        InputGroup::Position,
-        InputGroup::Velocity,
-        InputGroup::Turn,
-        InputGroup::Load,
-        InputGroup::Elapsed,
-    ];
+    pub const ALL: [InputGroup; 5] =
+        [InputGroup::Position, InputGroup::Velocity, InputGroup::Turn, InputGroup::Load, InputGroup::Elapsed];
 
     /// How many numbers it has for an arm of `joints` joints.
     pub fn width(self, joints: usize) -> usize {

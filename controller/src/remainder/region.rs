@@ -90,8 +90,7 @@ const LEAST_RANGE: f64 = 0.05;
 
 /// Of `rows` those that are farthest from the ones taken before, the first first, at most `most`.
 fn spread(rows: &[Vec<f64>], most: usize) -> Vec<Vec<f64>> {
-    let square =
-        |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
+    let square = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
     let Some(first) = rows.first() else { return Vec::new() };
     let mut taken = vec![first.clone()];
     let mut nearest: Vec<f64> = rows.iter().map(|row| square(row, first)).collect();

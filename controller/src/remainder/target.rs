@@ -31,11 +31,7 @@ pub struct Observed<'a> {
 ///
 /// # Errors
 /// A model whose arm with play cannot be built.
-pub fn remainder(
-    model: &Model,
-    observed: &Observed<'_>,
-    period: f64,
-) -> Result<Vec<Vector3<f64>>, NotReady> {
+pub fn remainder(model: &Model, observed: &Observed<'_>, period: f64) -> Result<Vec<Vector3<f64>>, NotReady> {
     let Observed { reference, sent, taken_out, tool } = observed;
     let points = reference.len();
     let journals = journals(model, reference, period)?;

@@ -39,7 +39,11 @@ pub static KIND: Kind = Kind {
     terms: Terms::PLAIN,
     shapes: one_shape,
     build: |values| {
-        Ok(Box::new(ThermalDrift { drift: values.vector("drift")?.into(), time: values.number("time")?, ticks: 0 }))
+        Ok(Box::new(ThermalDrift {
+            drift: values.vector("drift")?.into(),
+            time: values.number("time")?,
+            ticks: 0,
+        }))
     },
 };
 

@@ -38,9 +38,7 @@ pub static KIND: Kind = Kind {
     needs: &[Need::Tool],
     terms: Terms::PLAIN,
     shapes: one_shape,
-    build: |values| {
-        Ok(Box::new(WarpedBase { tilt: values.number("tilt")?, waves: values.number("waves")? }))
-    },
+    build: |values| Ok(Box::new(WarpedBase { tilt: values.number("tilt")?, waves: values.number("waves")? })),
 };
 
 #[derive(Clone, Copy, Debug)]

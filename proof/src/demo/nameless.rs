@@ -122,7 +122,11 @@ pub fn all() -> Vec<Machine> {
     };
     vec![
         machine("play", "play of joint 5, nothing nameless", vec![play()]),
-        machine("play-detent", "play of joint 5, a detent in joint 3", vec![play(), detent("joint_3", 6.0, 0.35)]),
+        machine(
+            "play-detent",
+            "play of joint 5, a detent in joint 3",
+            vec![play(), detent("joint_3", 6.0, 0.35)],
+        ),
         machine("play-cable", "play of joint 5, a cable on the tool", vec![play(), cable()]),
         machine("play-warped", "play of joint 5, a warped base", vec![play(), warped(3e-4)]),
         machine("play-drift", "play of joint 5, a drift of the tool", vec![play(), drift()]),
@@ -135,7 +139,11 @@ pub fn all() -> Vec<Machine> {
         machine("cable", "a cable on the tool", vec![cable()]),
         machine("warped", "a warped base", vec![warped(5e-4)]),
         machine("cable-drift", "a cable on the tool and a drift", vec![cable(), drift()]),
-        machine("friction-warped", "20 N·m of Coulomb friction in joint 3, a warped base", vec![rub(), warped(3e-4)]),
+        machine(
+            "friction-warped",
+            "20 N·m of Coulomb friction in joint 3, a warped base",
+            vec![rub(), warped(3e-4)],
+        ),
         machine("nothing-nameless", "nothing: the machine is its model", vec![]),
     ]
 }
@@ -153,7 +161,10 @@ fn commissioning() -> [(&'static str, PathSpec); 3] {
 fn judged() -> [(&'static str, PathSpec); 3] {
     [
         ("wide, 5 s", path(PathKind::Lissajous, Some(Size::Axes([0.1, 0.2, 0.08])), 5.0, [0.95, 0.0, 0.95])),
-        ("small and aside, 7 s", path(PathKind::Lissajous, Some(Size::Axes([0.12, 0.12, 0.03])), 7.0, [0.93, 0.05, 0.97])),
+        (
+            "small and aside, 7 s",
+            path(PathKind::Lissajous, Some(Size::Axes([0.12, 0.12, 0.03])), 7.0, [0.93, 0.05, 0.97]),
+        ),
         ("square, 9 s", path(PathKind::Square, Some(Size::One(0.12)), 9.0, [0.95, 0.0, 0.95])),
     ]
 }
@@ -312,11 +323,7 @@ pub fn outcome(machine: &Machine, seed: u64, out: &Path) -> Result<Outcome, Fail
     })
 }
 
-fn diagnosed(
-    nominal: &ArmFile,
-    recordings: &[(String, Recording)],
-    seed: u64,
-) -> Result<Diagnosis, Failure> {
+fn diagnosed(nominal: &ArmFile, recordings: &[(String, Recording)], seed: u64) -> Result<Diagnosis, Failure> {
     // What a real machine would have recorded: no references, no predictions.
     let seen = |(_, recording): &(String, Recording)| {
         let columns = recording.named().filter(|(name, _)| {
@@ -339,7 +346,8 @@ pub fn text(outcomes: &[Outcome]) -> String {
     table.set_header(header.collect::<Vec<_>>());
     for outcome in outcomes {
         for (number, cell) in outcome.cells.iter().enumerate() {
-            let mut row = vec![if number == 0 { outcome.machine } else { "" }.to_owned(), cell.path.to_owned()];
+            let mut row =
+                vec![if number == 0 { outcome.machine } else { "" }.to_owned(), cell.path.to_owned()];
             row.extend(cell.reached.iter().map(|reached| {
                 reached.map_or_else(|| "–".to_owned(), |r| format!("{:.4} / {:.3}", r.rms, r.max))
             }));
