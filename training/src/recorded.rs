@@ -47,7 +47,7 @@ pub fn files(given: &Path) -> Result<Vec<PathBuf>, Failure> {
             given.display()
         ))
     };
-    let text = std::fs::read_to_string(&summary).map_err(|_| none())?;
+    let text = freeplay_storage::read_text(&summary).map_err(|_| none())?;
     let summary: serde_json::Value = serde_json::from_str(&text)
         .map_err(|error| Failure::input(format!("{}: {error}", summary.display())))?;
     let runs = summary["runs"].as_array().map(Vec::as_slice).unwrap_or_default();
