@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets};
-use freeplay_arm::ArmFile;
+use freeplay_arm::{Arm, ArmFile};
 use freeplay_controller::remainder::{Condition, Machine, Parts, Receipt, WeightFile};
 use freeplay_controller::{Model, RunInfo, Task, TaskMode};
 use freeplay_harness::setup::load_model;
@@ -40,6 +40,9 @@ pub struct TrainArgs {
     /// The model whose remainder is learned: "paper", or an arm file such as the one of a diagnosis.
     #[arg(long, default_value = freeplay_controller::task::PAPER_MODEL)]
     model: String,
+    /// The arm that planned the reference, from which deviations are counted: a diagnosis moves its model within tolerances; without it: the model's.
+    #[arg(long, value_name = "MODEL")]
+    nominal: Option<String>,
     /// Where the weights go; without it: beside the model, where runs with this model find them.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -66,13 +69,15 @@ pub struct Settings {
     pub epochs: usize,
     /// Seed of the start weights.
     pub seed: u64,
+    /// The arm from which deviations are counted; none: the model's.
+    pub nominal: Option<Arm>,
     /// The command, for the weight file.
     pub command: String,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { hidden: Vec::new(), epochs: 60, seed: 1, command: "freeplay train".to_owned() }
+        Self { hidden: Vec::new(), epochs: 60, seed: 1, nominal: None, command: "freeplay train".to_owned() }
     }
 }
 
@@ -106,6 +111,7 @@ pub fn train_command(args: &TrainArgs) -> Result<Exit, Failure> {
         hidden: args.hidden.clone(),
         epochs: args.epochs,
         seed: args.seed,
+        nominal: args.nominal.as_deref().map(load_model).transpose()?.map(|file| file.arm),
         command: std::env::args().collect::<Vec<_>>().join(" "),
     };
     let trained = train_on_files(&recordings, model, &settings)?;
@@ -144,9 +150,17 @@ pub fn train(
     let file = load_model(&model.display().to_string())?;
     let task = Task { model: model.display().to_string(), weights: None, ..task };
     let believed = believed(&task, &file)?;
+    let nominal = settings.nominal.as_ref().unwrap_or(&believed.nominal);
+    if nominal.dof() != believed.arm.dof() {
+        return Err(Failure::input(format!(
+            "--nominal: {} joints, but the model has {}: give the nominal arm of this machine",
+            nominal.dof(),
+            believed.arm.dof()
+        )));
+    }
     let runs: Result<Vec<_>, Failure> = recordings
         .iter()
-        .map(|(name, recording)| RecordedRun::of(recording, name.clone(), &believed))
+        .map(|(name, recording)| RecordedRun::of(recording, name.clone(), &believed, nominal))
         .collect();
     let data = Data::new(&believed.arm, runs?)?;
     let period = data.runs[0].period;

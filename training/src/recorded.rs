@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use freeplay_arm::Arm;
 use freeplay_controller::computed_torque::COMPUTED_TORQUE;
 use freeplay_controller::remainder::{Observed, remainder};
 use freeplay_controller::{Model, Task};
@@ -77,11 +78,11 @@ pub fn name_of(file: &Path) -> String {
 }
 
 impl RecordedRun {
-    /// What `recording` says for `model`.
+    /// What `recording` says for `model`, with deviations counted from the `nominal` arm.
     ///
     /// # Errors
     /// A recording without a tracked tool, of other joints or unevenly sampled.
-    pub fn of(recording: &Recording, name: String, model: &Model) -> Result<Self, Failure> {
+    pub fn of(recording: &Recording, name: String, model: &Model, nominal: &Arm) -> Result<Self, Failure> {
         let origin = recording.origin.display();
         let (found, wanted) = (recording.joints(), model.arm.dof());
         if found != wanted {
@@ -100,7 +101,7 @@ impl RecordedRun {
         let reference = reference(recording, period);
         let sent = sent(recording, &reference);
         let taken_out = taken_out(recording);
-        let observed = Observed { reference: &reference, sent, taken_out: &taken_out, tool };
+        let observed = Observed { nominal, reference: &reference, sent, taken_out: &taken_out, tool };
         let left = remainder(model, &observed, period).map_err(Failure::input)?;
         if let Some(at) = left.iter().position(|left| !left.iter().all(|value| value.is_finite())) {
             return Err(Failure::input(format!(

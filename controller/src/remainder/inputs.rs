@@ -92,16 +92,8 @@ impl Inputs {
 
     /// The numbers at the instant of `tick` on `motion`. Called instant by instant; after a gap no joint has a direction yet.
     pub fn at(&mut self, tick: u64, motion: Motion<'_>) -> &[f64] {
-        let follows = self.last.is_some_and(|last| last.checked_add(1) == Some(tick));
-        for (joint, turn) in self.turns.iter_mut().enumerate() {
-            let travel = motion.q[joint] - self.before[joint];
-            if !follows {
-                // The way is not known; the first 2 mrad tell.
-                *turn = 0.0;
-            } else if travel != 0.0 {
-                let way = travel.signum();
-                *turn = way + (*turn - way) * (-travel.abs() / TURN).exp();
-            }
+        if self.groups.contains(&InputGroup::Turn) {
+            self.turn(tick, motion.q);
         }
         self.before.copy_from_slice(motion.q);
         self.last = Some(tick);
@@ -123,6 +115,23 @@ impl Inputs {
             rest = others;
         }
         &self.row
+    }
+}
+
+impl Inputs {
+    /// Moves the direction of each joint on to the joints `q` at the instant of `tick`.
+    fn turn(&mut self, tick: u64, q: &[f64]) {
+        let follows = self.last.is_some_and(|last| last.checked_add(1) == Some(tick));
+        for (joint, turn) in self.turns.iter_mut().enumerate() {
+            let travel = q[joint] - self.before[joint];
+            if !follows {
+                // The way is not known; the first 2 mrad tell.
+                *turn = 0.0;
+            } else if travel != 0.0 {
+                let way = travel.signum();
+                *turn = way + (*turn - way) * (-travel.abs() / TURN).exp();
+            }
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! What a recording says of the remainder: the tracked tool less what the model says of the motion that was sent.
 
-use freeplay_arm::{Workspace, forward_kinematics};
+use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use freeplay_laws::{ArmWithPlay, Trajectory};
 use nalgebra::Vector3;
 
@@ -15,6 +15,8 @@ use crate::tracking::TrackingOptions;
 
 /// What was observed of one motion, evenly sampled.
 pub struct Observed<'a> {
+    /// The arm from which deviations are counted: the one that planned the reference. A diagnosis may have moved the model's own within its tolerances.
+    pub nominal: &'a Arm,
     /// The reference motion, without corrections.
     pub reference: &'a Trajectory,
     /// Where the encoders were sent but for what follows, `[joint][point]`, rad (m).
@@ -32,7 +34,7 @@ pub struct Observed<'a> {
 /// # Errors
 /// A model whose arm with play cannot be built.
 pub fn remainder(model: &Model, observed: &Observed<'_>, period: f64) -> Result<Vec<Vector3<f64>>, NotReady> {
-    let Observed { reference, sent, taken_out, tool } = observed;
+    let Observed { nominal, reference, sent, taken_out, tool } = observed;
     let points = reference.len();
     let journals = journals(model, reference, period)?;
     let known = if taken_out.is_empty() {
@@ -42,7 +44,7 @@ pub fn remainder(model: &Model, observed: &Observed<'_>, period: f64) -> Result<
     };
     let mut statics = QuasiStatic::new(&ArmWithPlay::new(&model.arm, &model.clearances)?, period);
     let mut geometry = Geometry::between(&model.nominal, &model.arm);
-    let mut workspace = Workspace::new(&model.nominal);
+    let mut workspace = Workspace::new(nominal);
     let mut q = vec![0.0; model.arm.dof()];
     let mut left = Vec::with_capacity(points);
     for point in 0..points {
@@ -54,7 +56,7 @@ pub fn remainder(model: &Model, observed: &Observed<'_>, period: f64) -> Result<
             q.iter_mut().zip(shift).for_each(|(q, shift)| *q -= shift);
         }
         let taken_out = taken_out.get(point).copied().unwrap_or_default();
-        let sent = forward_kinematics(&model.nominal, &mut workspace, &q).translation.vector - taken_out;
+        let sent = forward_kinematics(nominal, &mut workspace, &q).translation.vector - taken_out;
         let expected = sent + deviation;
         left.push(Vector3::new(tool[0][point], tool[1][point], tool[2][point]) - expected);
     }

@@ -232,7 +232,8 @@ impl Bench {
     /// What `model` leaves in `recordings`, learned, its weights beside the model.
     fn learn(&self, recordings: &[(String, Recording)], model: &Path) -> Result<Trained, Failure> {
         let command = format!("freeplay demo, seed {}", self.seed);
-        let settings = Settings { seed: self.seed, command, ..Settings::default() };
+        let nominal = Some(paper_arm().arm);
+        let settings = Settings { seed: self.seed, command, nominal, ..Settings::default() };
         let trained = train(recordings, Task::default(), model, &settings)?;
         write(&beside(model), &trained.file.to_json().map_err(Failure::internal)?)?;
         Ok(trained)
