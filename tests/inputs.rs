@@ -535,6 +535,9 @@ fn a_full_disk_ends_the_recording_and_not_the_run() {
     }
 }
 
+/// A recording of six joints at rest, without a tool.
+const RESTING: &str = "t,q1,q2,q3,q4,q5,q6\n0,0,0,0,0,0,0\n0.001,0,0,0,0,0,0\n0.002,0,0,0,0,0,0\n";
+
 #[test]
 fn bad_training() {
     let cases: [Case; 7] = [
@@ -547,15 +550,15 @@ fn bad_training() {
             3,
             &["none/w.json", "no folder none"],
         ),
-        ("arm", &[], &["--recording", "r.csv", "--model", "none.toml", "--out", "w.json"], 3, &["none.toml"]),
-        ("no file", &[], &["--recording", "none.csv", "--out", "w.json"], 3, &["none.csv"]),
         (
-            "no tool",
-            &[("r.csv", "t,q1,q2,q3,q4,q5,q6\n0,0,0,0,0,0,0\n0.001,0,0,0,0,0,0\n0.002,0,0,0,0,0,0\n")],
-            &["--recording", "r.csv", "--out", "w.json"],
+            "arm",
+            &[("r.csv", RESTING)],
+            &["--recording", "r.csv", "--model", "none.toml", "--out", "w.json"],
             3,
-            &["r.csv", "x"],
+            &["none.toml"],
         ),
+        ("no file", &[], &["--recording", "none.csv", "--out", "w.json"], 3, &["none.csv"]),
+        ("no tool", &[("r.csv", RESTING)], &["--recording", "r.csv", "--out", "w.json"], 3, &["r.csv", "x"]),
         (
             "no runs",
             &[("here/a", "")],
