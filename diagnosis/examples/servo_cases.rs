@@ -120,6 +120,7 @@ impl Case {
             add(0.7, "coulomb_friction", "coulomb", angle([5e-3, 4e-2]), "");
             add(0.3, "stribeck_friction", "extra", angle([5e-3, 3e-2]), "velocity = 0.03\n");
             add(0.6, "command_delay", "delay", [0.005, 0.05], "");
+            add(0.2, "rotor_inertia", "inertia", [0.005, 0.05], "");
             add(0.1, "hard_stop", "lower", [-0.45, -0.3], "");
         }
         Self { arm, effects, tick: rng.random_range(3e-4..2e-3), phases: [0.0, 1.3, 2.9] }

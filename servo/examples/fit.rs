@@ -33,8 +33,14 @@ fn main() {
         .flat_map(|(index, track)| track.windows(0.5, 20.0).into_iter().map(move |rows| (index, rows)));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let rounding = vec![4e-4; arm.dof()];
-    let problem =
-        Problem { tracks: &train, windows: windows.collect(), rounding, longest_step: STEP, threads };
+    let problem = Problem {
+        tracks: &train,
+        windows: windows.collect(),
+        counted: Vec::new(),
+        rounding,
+        longest_step: STEP,
+        threads,
+    };
     let began = Instant::now();
     let (model, sights) = first_model(&arm, &problem);
     for sight in &sights {

@@ -11,12 +11,17 @@ use crate::rollout::{Rollout, ServoArm};
 use crate::track::Track;
 use crate::unknowns::Unknown;
 
+/// Shares of a number that is positive or nothing to which a fit leaps.
+const LEAPS: [f64; 4] = [0.0, 0.5, 0.8, 1.25];
 /// Most steps; a fit that is not done by then says so.
 const MOST_STEPS: usize = 40;
 /// A fit ends with a step that gains less log-likelihood for each number: it moves them by a tenth of a standard deviation (½ · 0.1²).
 const LEAST_GAIN: f64 = 5e-3;
 /// One window in so many makes the coarse fit that the whole one begins from: a tenth of the work for nearly all of the way.
 const COARSE: usize = 5;
+/// What the steps of finite differences shrink by where a fit gains no more, and the least that they shrink to.
+const NEARER: f64 = 0.15;
+const NEAREST: f64 = 0.1;
 /// Damping of the first step, its change after a step that was good and one that was not (Marquardt 1963; Nielsen 1999).
 const DAMPING: [f64; 3] = [1e-3, 0.2, 5.0];
 /// Tries of a step before the fit ends where it is.
@@ -33,6 +38,8 @@ pub struct Problem<'a> {
     pub tracks: &'a [Track],
     /// Windows: index of the track, and its rows.
     pub windows: Vec<(usize, Range<usize>)>,
+    /// Rows that count, `[window][row][joint]`: those that say nothing of how their window began. Empty if all do.
+    pub counted: Vec<Vec<bool>>,
     /// Least size of the noise of each joint, rad (m): that of rounding.
     pub rounding: Vec<f64>,
     /// Longest step of a rollout, s.
@@ -73,13 +80,33 @@ impl Fitted {
 }
 
 impl Problem<'_> {
-    /// Residuals of `model` in every window, `[window][row][joint]`.
+    /// Residuals of `model` in every window, `[window][row][joint]`; not a number where nothing was measured or a row does not count.
     pub fn residuals(&self, model: &ServoArm) -> Vec<Vec<f64>> {
         each(self.windows.len(), self.threads, |index| {
+            self.residual(index, model, &mut Rollout::new(&model.arm, self.longest_step))
+        })
+    }
+
+    fn residual(&self, index: usize, model: &ServoArm, rollout: &mut Rollout) -> Vec<f64> {
+        let (track, rows) = &self.windows[index];
+        let mut residual = self.tracks[*track].residual(model, rollout, rows);
+        if let Some(counted) = self.counted.get(index) {
+            residual.iter_mut().zip(counted).filter(|(_, counts)| !**counts).for_each(|(r, _)| *r = f64::NAN);
+        }
+        residual
+    }
+
+    /// The same, where only rows count that under `model` say nothing of how their window began.
+    #[must_use]
+    pub fn forgetting(mut self, model: &ServoArm) -> Self {
+        self.counted.clear();
+        let noise = Noise::of(&self.residuals(model), &self.rounding);
+        self.counted = each(self.windows.len(), self.threads, |index| {
             let (track, rows) = &self.windows[index];
             let mut rollout = Rollout::new(&model.arm, self.longest_step);
-            self.tracks[*track].residual(model, &mut rollout, rows)
-        })
+            self.tracks[*track].forgets(model, &mut rollout, rows, &noise.size)
+        });
+        self
     }
 
     /// Log-likelihood lost to `residuals` under `noise`, for each joint.
@@ -106,8 +133,8 @@ impl Problem<'_> {
         if few.len() < 2 {
             return self.fit(model, unknowns, progress);
         }
-        let coarse = Problem { windows: few, rounding: self.rounding.clone(), ..*self };
-        coarse.fit(model, unknowns, progress)
+        let coarse = Problem { windows: few, counted: Vec::new(), rounding: self.rounding.clone(), ..*self };
+        coarse.forgetting(model).fit(model, unknowns, progress)
     }
 
     /// Fits `unknowns` from `model` onwards, in at most 40 steps. `progress` is told the step's number and what it gained.
@@ -125,19 +152,74 @@ impl Problem<'_> {
             steps += 1;
             progress(steps, gain);
             if gain < LEAST_GAIN * unknowns.len() as f64 {
-                break;
+                state.reach *= NEARER;
+                damping = DAMPING[0];
+                if state.reach < NEAREST {
+                    break;
+                }
             }
         }
+        // Rough derivatives would say that the data know more than they do.
+        state.reach = 1.0;
         let groups = self.groups(&state, unknowns);
         let (deviations, inverse) = deviations(&groups, unknowns);
         let values = state.x.iter().copied().zip(deviations).collect();
         Fitted { model: state.model, values, inverse, noise: state.noise, steps }
     }
 
+    /// Leaps from `fitted` with one of its numbers to one of [`LEAPS`], all else where it fits best then, and fits again, as long as that ends nearer to the data: sticking
+    /// and slipping leave valleys that no derivative leads out of.
+    pub fn leap(
+        &self,
+        mut fitted: Fitted,
+        unknowns: &[Unknown],
+        progress: &mut dyn FnMut(usize, f64),
+    ) -> Fitted {
+        for _ in unknowns {
+            let Some(model) = self.nearest_leap(&fitted, unknowns) else { break };
+            fitted = self.fit(&model, unknowns, progress);
+        }
+        fitted
+    }
+
+    /// The leap from `fitted` that ends nearest to the data, if any is nearer than `fitted`.
+    fn nearest_leap(&self, fitted: &Fitted, unknowns: &[Unknown]) -> Option<ServoArm> {
+        let state = self.state(fitted.model.clone(), unknowns);
+        let here = self.lost(&state.residuals, &state.noise, &state.x, unknowns);
+        let positive = unknowns.iter().enumerate().filter(|(_, unknown)| unknown.quantity.least() == 0.0);
+        let leaps = positive.flat_map(|(index, _)| LEAPS.map(|share| (index, share)));
+        let tried = leaps.map(|(index, share)| {
+            let model = fitted.with(unknowns, index, share * state.x[index]);
+            let x: Vec<f64> = unknowns.iter().map(|unknown| unknown.of(&model)).collect();
+            (here - self.lost(&self.residuals(&model), &state.noise, &x, unknowns), model)
+        });
+        tried.filter(|(gain, _)| *gain > 0.0).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, model)| model)
+    }
+
+    /// By how much the likelihood of `fitted` would grow with each of `more` beside its `unknowns`, all of them moved to where they fit best then, to second
+    /// order: Rao's score of one more number. Nothing where the number would have to pass its bound.
+    pub fn scores(&self, fitted: &Fitted, unknowns: &[Unknown], more: &[Unknown]) -> Vec<f64> {
+        let all: Vec<Unknown> = unknowns.iter().chain(more).copied().collect();
+        let curvature = self.curvature(&self.state(fitted.model.clone(), &all), &all);
+        let count = unknowns.len();
+        let own = curvature.hessian.view((0, 0), (count, count)).clone_owned().cholesky();
+        let score = |index: usize| {
+            let beside = curvature.hessian.view((0, index), (count, 1));
+            let follow = own.as_ref()?.solve(&beside);
+            let slope = curvature.gradient[index] - follow.column(0).dot(&curvature.gradient.rows(0, count));
+            let open = curvature.hessian[(index, index)] - follow.dot(&beside);
+            let unknown = &all[index];
+            let reached = unknown.of(&fitted.model) - slope / open;
+            (open > 0.0 && reached > unknown.quantity.least()).then(|| 0.5 * slope * slope / open)
+        };
+        (count..all.len()).map(|index| score(index).unwrap_or(0.0)).collect()
+    }
+
     fn state(&self, model: ServoArm, unknowns: &[Unknown]) -> Standing {
         let residuals = self.residuals(&model);
         let noise = Noise::of(&residuals, &self.rounding);
-        Standing { x: unknowns.iter().map(|unknown| unknown.of(&model)).collect(), model, residuals, noise }
+        let x = unknowns.iter().map(|unknown| unknown.of(&model)).collect();
+        Standing { x, model, residuals, noise, reach: 1.0 }
     }
 
     /// Takes a step; what it gained, log-likelihood and prior.
@@ -152,7 +234,7 @@ impl Problem<'_> {
             if gain > 0.0 {
                 *damping *= DAMPING[1];
                 let noise = Noise::of(&residuals, &self.rounding);
-                *state = Standing { x, model, residuals, noise };
+                *state = Standing { x, model, residuals, noise, reach: state.reach };
                 return gain;
             }
             *damping *= DAMPING[2];
@@ -183,7 +265,7 @@ impl Problem<'_> {
 
     /// The groups of the window `index`, cut in `cuts`.
     fn window(&self, state: &Standing, unknowns: &[Unknown], index: usize, cuts: usize) -> Vec<Curvature> {
-        let (track, rows) = &self.windows[index];
+        let rows = &self.windows[index].1;
         let mut rollout = Rollout::new(&state.model.arm, self.longest_step);
         let (base, joints) = (&state.residuals[index], self.rounding.len());
         let slopes: Vec<Vec<f64>> = unknowns
@@ -191,9 +273,10 @@ impl Problem<'_> {
             .zip(&state.x)
             .map(|(unknown, x)| {
                 let mut model = state.model.clone();
-                unknown.set(&mut model, x + unknown.step);
-                let moved = self.tracks[*track].residual(&model, &mut rollout, rows);
-                moved.iter().zip(base).map(|(moved, base)| (moved - base) / unknown.step).collect()
+                let reach = state.reach * unknown.step;
+                unknown.set(&mut model, x + reach);
+                let moved = self.residual(index, &model, &mut rollout);
+                moved.iter().zip(base).map(|(moved, base)| (moved - base) / reach).collect()
             })
             .collect();
         let length = rows.len().div_ceil(cuts).max(1) * joints;
@@ -217,6 +300,8 @@ struct Standing {
     model: ServoArm,
     residuals: Vec<Vec<f64>>,
     noise: Noise,
+    /// Steps of finite differences over the widest.
+    reach: f64,
 }
 
 /// Derivatives of what is lost.

@@ -101,3 +101,8 @@ pub struct Line {
     /// N·m.
     pub constant: f64,
 }
+
+impl Line {
+    /// Of no servo: not equal to any piece.
+    pub(crate) const NONE: Line = Line { stiffness: f64::NAN, damping: f64::NAN, constant: f64::NAN };
+}

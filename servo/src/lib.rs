@@ -33,6 +33,6 @@ pub use noise::Noise;
 pub use parallel::each;
 pub use priors::{first_model, unknowns};
 pub use rollout::{Rollout, ServoArm, State};
-pub use solve::solve;
+pub use solve::Sliding;
 pub use track::Track;
 pub use unknowns::{Quantity, Unknown};

@@ -4,8 +4,11 @@ use freeplay_arm::{Arm, Workspace, bias, crba};
 use nalgebra::DMatrix;
 
 use crate::command::Commands;
-use crate::joint::JointServo;
-use crate::solve::solve;
+use crate::joint::{JointServo, Line};
+use crate::solve::Sliding;
+
+/// Longest step of the servos, s: that of a controller.
+const SERVO_STEP: f64 = 0.001;
 
 /// An arm and the servo of each of its joints.
 #[derive(Clone, Debug)]
@@ -33,7 +36,8 @@ pub struct Rollout {
     state: State,
     middle: Vec<f64>,
     bias: Vec<f64>,
-    matrix: Vec<f64>,
+    sliding: Sliding,
+    pieces: Vec<Line>,
     right: Vec<f64>,
     friction: Vec<f64>,
     bounds: Vec<[f64; 2]>,
@@ -53,7 +57,8 @@ impl Rollout {
             state: State { q: vec![0.0; n], v: vec![0.0; n] },
             middle: vec![0.0; n],
             bias: vec![0.0; n],
-            matrix: vec![0.0; n * n],
+            sliding: Sliding::new(n),
+            pieces: vec![Line::NONE; n],
             right: vec![0.0; n],
             friction: vec![0.0; n],
             bounds: vec![[0.0; 2]; n],
@@ -107,7 +112,7 @@ impl Rollout {
         self.state.clone()
     }
 
-    /// One step of `h` from `t`, s: implicit midpoint rule in the servo's law and friction, the arm's own terms at the predicted middle.
+    /// One step of `h` from `t`, s: the arm's own terms stand as at the predicted middle, the servos move through it in steps of their own.
     fn step(&mut self, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
         let n = model.joints.len();
         for i in 0..n {
@@ -115,26 +120,43 @@ impl Rollout {
         }
         bias(&model.arm, &mut self.workspace, &self.middle, &self.state.v, &mut self.bias);
         crba(&model.arm, &mut self.workspace, &self.middle, &mut self.mass);
+        let steps = (h / SERVO_STEP - 1e-6).ceil().max(1.0);
+        let own = h / steps;
+        for (i, joint) in model.joints.iter().enumerate() {
+            self.mass[(i, i)] += joint.rotor_inertia;
+        }
+        self.mass *= 2.0 / own;
+        self.pieces.fill(Line::NONE);
+        for step in 0..steps as usize {
+            self.servo_step(model, commands, t + step as f64 * own, own);
+        }
+    }
+
+    /// One step of `h` from `t`, s, of the servos alone: implicit midpoint rule in their law and friction. `mass` is in the unit of a damping, over half of the step.
+    fn servo_step(&mut self, model: &ServoArm, commands: &[Commands], t: f64, h: f64) {
+        let n = model.joints.len();
+        let mut is_same = true;
         for (i, (joint, command)) in model.joints.iter().zip(commands).enumerate() {
             let wished = command.mean(&mut self.cursors[i], joint, t, t + h);
             let most = joint.speed_limit * h;
             self.set_point[i] += (wished - self.set_point[i]).clamp(-most, most);
             let error = self.set_point[i] - self.state.q[i];
-            let line = joint.line(self.set_point[i] - self.middle[i], self.state.v[i]);
-            let mut momentum = 0.0;
-            for j in 0..n {
-                let mass = self.mass[(i, j)];
-                self.matrix[i * n + j] = mass * (2.0 / h);
-                momentum += mass * self.state.v[j];
-            }
-            momentum += joint.rotor_inertia * self.state.v[i];
-            self.matrix[i * n + i] +=
-                joint.rotor_inertia * (2.0 / h) + line.damping + line.stiffness * 0.5 * h;
-            self.right[i] = momentum * (2.0 / h) + line.stiffness * error + line.constant - self.bias[i];
+            let piece = joint.line(error - 0.5 * h * self.state.v[i], self.state.v[i]);
+            is_same &= piece.damping == self.pieces[i].damping && piece.stiffness == self.pieces[i].stiffness;
+            self.pieces[i] = piece;
+            let momentum: f64 = self.mass.column(i).iter().zip(&self.state.v).map(|(m, v)| m * v).sum();
+            self.right[i] = momentum + piece.stiffness * error + piece.constant - self.bias[i];
             self.friction[i] = joint.dry_friction(self.speed[i]);
             self.bounds[i] = joint.stops.map(|stop| (stop - self.state.q[i]) / h);
         }
-        solve(&self.matrix, &self.right, &self.friction, &self.bounds, &mut self.speed);
+        if !is_same {
+            let matrix = self.sliding.matrix_mut();
+            matrix.copy_from_slice(self.mass.as_slice());
+            for (i, piece) in self.pieces.iter().enumerate() {
+                matrix[i * n + i] += piece.damping + piece.stiffness * 0.5 * h;
+            }
+        }
+        self.sliding.solve(&self.right, &self.friction, &self.bounds, &mut self.speed);
         for i in 0..n {
             let speed = self.speed[i];
             self.state.q[i] += h * speed;

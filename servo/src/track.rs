@@ -66,10 +66,34 @@ impl Track {
         out
     }
 
+    /// Whether each position of `model` on `rows`, `[row][joint]`, says nothing of how they began: two beginnings, one as estimated and one at rest where the
+    /// joint was measured first, lead to the same within `noise` (rad (m), a number a joint). What they disagree on tells of the beginning, and of no servo.
+    pub fn forgets(
+        &self,
+        model: &ServoArm,
+        rollout: &mut Rollout,
+        rows: &Range<usize>,
+        noise: &[f64],
+    ) -> Vec<bool> {
+        let estimated = self.start(rows);
+        let first = |joint: usize| {
+            let q = self.measured[joint][rows.start];
+            if q.is_finite() { q } else { estimated.q[joint] }
+        };
+        let at_rest = State { q: (0..noise.len()).map(first).collect(), v: vec![0.0; noise.len()] };
+        let [one, other] = [&estimated, &at_rest].map(|start| self.begun(model, rollout, rows, start));
+        let differ = one.iter().zip(&other).enumerate();
+        differ.map(|(at, (a, b))| (a - b).abs() <= noise[at % noise.len()]).collect()
+    }
+
     /// Position of `model` simulated along the commands on `rows`, `[row][joint]`, rad (m).
     pub fn simulated(&self, model: &ServoArm, rollout: &mut Rollout, rows: &Range<usize>) -> Vec<f64> {
+        self.begun(model, rollout, rows, &self.start(rows))
+    }
+
+    fn begun(&self, model: &ServoArm, rollout: &mut Rollout, rows: &Range<usize>, start: &State) -> Vec<f64> {
         let mut out = vec![0.0; rows.len() * self.measured.len()];
-        rollout.run(model, &self.commands, &self.stamps[rows.clone()], &self.start(rows), &mut out);
+        rollout.run(model, &self.commands, &self.stamps[rows.clone()], start, &mut out);
         out
     }
 }

@@ -52,8 +52,14 @@ fn recorded(truth: &ServoArm, seconds: usize, pressed: f64) -> Track {
 fn fitted(track: &Track, threads: usize) -> (Vec<Unknown>, Fitted) {
     let tracks = std::slice::from_ref(track);
     let windows = track.windows(0.1, 10.0).into_iter().map(|rows| (0, rows)).collect();
-    let problem =
-        Problem { tracks, windows, rounding: vec![TICK / 12.0_f64.sqrt(); 2], longest_step: 0.005, threads };
+    let problem = Problem {
+        tracks,
+        windows,
+        counted: Vec::new(),
+        rounding: vec![TICK / 12.0_f64.sqrt(); 2],
+        longest_step: 0.005,
+        threads,
+    };
     let (model, seen) = first_model(&two_links(9.81), &problem);
     let unknowns = unknowns(&seen, &model, 1e-4);
     let fitted = problem.fit(&model, &unknowns, &mut |_, _| ());

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 
 use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_recording::{Group, Recording};
-use freeplay_servo::{Problem, ServoArm, Sight, Track};
+use freeplay_servo::{Problem, Quantity, ServoArm, Sight, Track};
 use toml::Value;
 
 use super::compare::{simulated, unit};
 use super::events::{Event, What};
-use super::findings::{Finding, Numbers, WIDTH, known, named_from};
+use super::findings::{Finding, Numbers, known, named_from};
 use super::limits::lost;
 use super::parts::{Parts, Rows, rounding};
 use super::scores::{Deviations, deviations, errors, gain, rms};
@@ -21,8 +21,9 @@ use crate::diagnose::{
 /// Kinds of effects at joints that the findings stand in the place of.
 const REPLACED: [&str; 6] =
     ["servo", "command_delay", "coulomb_friction", "viscous_friction", "stribeck_friction", "rotor_inertia"];
-/// A number of the given model that differs by less is the same: the tolerance of friction in data sheets.
-const SAME: f64 = 0.05;
+
+/// Standard deviations beyond which a number is certain.
+const CERTAIN: f64 = 1e3;
 
 /// All that a conclusion rests on.
 pub struct Conclusion<'a> {
@@ -36,8 +37,8 @@ pub struct Conclusion<'a> {
     pub numbers: Numbers<'a>,
     /// Joints whose commands move.
     pub moves: &'a [bool],
-    /// The model that was given has servos.
-    pub has_servos: bool,
+    /// The model that was given, if it has servos.
+    pub given: Option<&'a ServoArm>,
     /// What the model as given, a plain lag, filters without a name and the fitted servos leave.
     pub before: Deviations,
     pub lagged: Deviations,
@@ -60,7 +61,7 @@ impl Conclusion<'_> {
         let clean = self.clean_test();
         let mut effects: Vec<Effect> = found
             .iter()
-            .filter(|finding| finding.is_named && self.is_new(finding))
+            .filter(|finding| finding.is_named && self.is_told(finding))
             .map(|finding| (finding, self.evidence(finding)))
             .filter(|(_, evidence)| *evidence > named_from(self.moves.len()))
             .map(|(finding, evidence)| self.effect(finding, evidence, &clean))
@@ -108,31 +109,48 @@ impl Conclusion<'_> {
         }
     }
 
-    /// Log-likelihood ratio of `finding` against nothing: by its own size in the fit part, and by what the choice part loses without it.
-    fn evidence(&self, finding: &Finding) -> f64 {
-        let fitted = self.numbers.fitted;
-        let of_choice = self.without(finding).map_or(0.0, |without| {
-            lost(self.choice, &without, &fitted.noise) - lost(self.choice, &fitted.model, &fitted.noise)
-        });
-        0.5 * finding.deviations.min(1e3).powi(2) + of_choice
+    /// The numbers of `finding` with the values that the given model has, or that nothing has: index of the unknown, and value. None for a servo where there was none.
+    fn references(&self, finding: &Finding) -> Vec<(usize, f64)> {
+        let given = self.given.map(|given| &given.joints[finding.joint]);
+        let reference = |quantity: Quantity| {
+            let index = self.numbers.index(finding.joint, quantity)?;
+            let absent = finding.absent.map(|(_, value)| value);
+            Some((index, given.map(|given| quantity.of(given)).or(absent)?))
+        };
+        finding.quantities().filter_map(reference).collect()
     }
 
-    /// Whether `finding` is not what the given model has already.
-    fn is_new(&self, finding: &Finding) -> bool {
-        let name = &self.numbers.file.arm.joints()[finding.joint].name;
-        let given = self.numbers.file.effects.iter();
-        let mut given =
-            given.filter(|table| table.kind == finding.kind.name && table.joint.as_ref() == Some(name));
-        let Some(table) = given.next() else { return true };
-        finding.parameters.iter().any(|(name, parameter)| {
-            let new = parameter.value.as_float().unwrap_or_default();
-            let old = table.parameters.get(name).and_then(Value::as_float).unwrap_or_default();
-            let is_near = (new - old).abs() <= SAME * new.abs().max(old.abs());
-            let wide = (2.0 * named_from(self.moves.len())).sqrt() / WIDTH;
-            let is_inside =
-                parameter.ci95.is_none_or(|[low, high]| (new - old).abs() <= 0.5 * wide * (high - low));
-            !is_near && !is_inside
-        })
+    /// Log-likelihood ratio of `finding` against what was given, by its best number: by the number's own distance in the fit part, and by what the choice part loses with
+    /// the number that was given, all else as it fits best then.
+    fn evidence(&self, finding: &Finding) -> f64 {
+        let fitted = self.numbers.fitted;
+        let here = lost(self.choice, &fitted.model, &fitted.noise);
+        let of = |(index, old): (usize, f64)| {
+            let other = fitted.with(self.numbers.unknowns, index, old);
+            let distance = self.numbers.distance(index, old, &self.settings.tolerances).min(CERTAIN);
+            0.5 * distance.powi(2) + lost(self.choice, &other, &fitted.noise) - here
+        };
+        self.references(finding).into_iter().map(of).reduce(f64::max).unwrap_or(0.5 * CERTAIN.powi(2))
+    }
+
+    /// Whether the data tell `finding` from what was given: one of its numbers is beyond what fit part and tolerance leave open, and, put back with all else as it fits best then, moves the simulated position
+    /// of the choice part somewhere by more than a step of the encoder. Less shows in thousands of rows as well, but only if the model is exact to that.
+    fn is_told(&self, finding: &Finding) -> bool {
+        let references = self.references(finding);
+        let tells = |(index, old): &(usize, f64)| {
+            let other = self.numbers.fitted.with(self.numbers.unknowns, *index, *old);
+            let distance = self.numbers.distance(*index, *old, &self.settings.tolerances);
+            distance > self.numbers.named_from()
+                && self.trace(&other, finding.joint) > self.sights[finding.joint].tick
+        };
+        references.is_empty() || references.iter().any(tells)
+    }
+
+    /// The most that the simulated position of `joint` moves by in the choice part with the model `other`, rad (m).
+    fn trace(&self, other: &ServoArm, joint: usize) -> f64 {
+        let [one, other] = [&self.numbers.fitted.model, other].map(|model| self.choice.residuals(model));
+        let rows = one.iter().flatten().zip(other.iter().flatten()).skip(joint).step_by(self.moves.len());
+        rows.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     }
 
     /// The judging rows without what happened in them.
@@ -218,7 +236,7 @@ impl Conclusion<'_> {
         let joints = self.joints();
         let of = |deviations: &Deviations| 1e3 * rms(deviations, clean, &joints);
         let (before, lagged, after) = (of(&self.before), of(&self.lagged), of(&self.after));
-        let given = if self.has_servos { "the model as given" } else { "the command itself" };
+        let given = if self.given.is_some() { "the model as given" } else { "the command itself" };
         let numbers = format!(
             "On {} the measured positions are {after:.1} mrad rms off the simulated servos, {lagged:.1} off the command taken late, {before:.1} off {given}.",
             self.parts.words

@@ -9,10 +9,11 @@ use freeplay_servo::{Fitted, Problem, ServoArm, Sight, Track, Unknown, first_mod
 use super::black_box::Filters;
 use super::compare::{late, simulated};
 use super::conclude::Conclusion;
-use super::events::{Event, Judging};
+use super::events::{Event, Judging, What};
 use super::findings::Numbers;
 use super::limits::add_limits;
-use super::parts::{Parts, Rows, problem};
+use super::parts::{Parts, Rows, WINDOW, problem};
+use super::rotors::{add_rotors, without_rotors};
 use super::scores::{Deviations, deviations};
 use super::tracks::{for_fit, for_lags, track};
 use crate::diagnose::{DiagnoseError, DiagnoseSettings, Diagnosis};
@@ -44,7 +45,7 @@ pub fn diagnose(
     if !moves.contains(&true) {
         return Ok(Conclusion::insufficient(file, settings, "no joint is commanded to move"));
     }
-    let fit = problem(&tracks, &parts.fit, &seen);
+    let fit = problem(&tracks, &parts.fit, &seen, WINDOW);
     if fit.windows.is_empty() || parts.test.iter().all(|(_, rows)| rows.len() < FEWEST) {
         return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
     }
@@ -52,7 +53,8 @@ pub fn diagnose(
     let (first, _) = first_model(arm, &fit);
     let first = nearest(&fit, first, given.as_ref());
     let believed = unknowns(&seen, &first, settings.tolerances.zero);
-    let mut believed: Vec<Unknown> = believed.into_iter().filter(|unknown| moves[unknown.joint]).collect();
+    let believed: Vec<Unknown> = believed.into_iter().filter(|unknown| moves[unknown.joint]).collect();
+    let (mut believed, rotors) = without_rotors(believed, &first);
     let begun = fit.begin(&first, &believed, &mut |step, _| {
         progress(&format!("fitting the servos to a few of the windows, step {step}"));
     });
@@ -70,8 +72,7 @@ pub fn diagnose(
     let seen_by_fit: BTreeSet<usize> =
         parts.fit.iter().chain(&parts.choice).map(|(index, _)| *index).collect();
     let happened = |fitted: &Fitted| -> Vec<Event> {
-        let simulated = deviations_of(&fitted.model, &tracks);
-        let events = events(&tracks, fitted, &is_known(fitted), &seen, &simulated);
+        let events = events(&tracks, fitted, &is_known(fitted), &seen);
         events.into_iter().filter(|event| seen_by_fit.contains(&event.recording)).collect()
     };
     let mut fitted = begun;
@@ -83,11 +84,18 @@ pub fn diagnose(
             break;
         }
         undisturbed = others;
-        fitted = problem(&undisturbed, &parts.fit, &seen).fit(&fitted.model, &believed, &mut |step, _| {
+        let of_fit = problem(&undisturbed, &parts.fit, &seen, WINDOW).forgetting(&fitted.model);
+        fitted = of_fit.fit(&fitted.model, &believed, &mut |step, _| {
             progress(&format!("fitting the servos by simulating the recordings, step {round}.{step}"));
         });
     }
-    let [fit, choice] = [&parts.fit, &parts.choice].map(|part| problem(&undisturbed, part, &seen));
+    let [fit, choice] = [&parts.fit, &parts.choice]
+        .map(|part| problem(&undisturbed, part, &seen, WINDOW).forgetting(&fitted.model));
+    progress("asking whether other frictions and delays are nearer");
+    let fitted = fit.leap(fitted, &believed, &mut |step, _| {
+        progress(&format!("fitting the servos from other frictions and delays, step {step}"));
+    });
+    let fitted = add_rotors([&fit, &choice], &rotors, &mut believed, fitted, progress);
     progress("asking whether a servo has limits");
     let fitted = add_limits([&fit, &choice], &seen, &mut believed, fitted, progress);
     progress("judging on what no step has seen");
@@ -101,7 +109,7 @@ pub fn diagnose(
     let is_known: Vec<bool> = (0..moves.len()).map(|joint| numbers.is_known(joint)).collect();
     let rival = rivals(&parts.fit, &tracks, &seen);
     let simulated = deviations_of(&fitted.model, &tracks);
-    let events = events(&tracks, &fitted, &is_known, &seen, &simulated);
+    let events = with_stops(&tracks, &fitted, &is_known, &seen);
     let before = match &given {
         Some(given) => deviations_of(given, &tracks),
         None => tracks.iter().map(|track| deviations(track, &late(track, &vec![0.0; moves.len()]))).collect(),
@@ -115,7 +123,7 @@ pub fn diagnose(
         sights: &seen,
         numbers,
         moves: &moves,
-        has_servos: given.is_some(),
+        given: given.as_ref(),
         before,
         lagged: rival.0,
         filtered: rival.1,
@@ -173,22 +181,40 @@ fn rivals(fit: &[Rows], tracks: &[Track], sights: &[Sight]) -> (Deviations, Devi
 }
 
 /// The events of all recordings under the fitted model.
-fn events(
-    tracks: &[Track],
-    fitted: &Fitted,
-    is_known: &[bool],
-    sights: &[Sight],
-    simulated: &Deviations,
-) -> Vec<Event> {
+fn events(tracks: &[Track], fitted: &Fitted, is_known: &[bool], sights: &[Sight]) -> Vec<Event> {
     let ticks: Vec<f64> = sights.iter().map(|sight| sight.tick).collect();
     let judging = Judging { model: &fitted.model, noise: &fitted.noise, is_known, ticks: &ticks, tracks };
-    let of_recording = |(index, columns): (usize, &Vec<Vec<f64>>)| {
-        let rows = 0..tracks[index].stamps.len();
-        let residual: Vec<f64> =
-            rows.clone().flat_map(|row| columns.iter().map(move |column| column[row])).collect();
-        judging.events(index, &rows, &residual)
-    };
-    simulated.iter().enumerate().flat_map(of_recording).collect()
+    let whole: Vec<Rows> =
+        tracks.iter().enumerate().map(|(index, track)| (index, 0..track.stamps.len())).collect();
+    let problem = problem(tracks, &whole, sights, f64::INFINITY).forgetting(&fitted.model);
+    let residuals = problem.residuals(&fitted.model);
+    let windows = problem.windows.iter().zip(&residuals);
+    windows.flat_map(|((index, rows), residual)| judging.events(*index, rows, residual)).collect()
+}
+
+/// The events of all recordings under the fitted model where its joints end at the stops that are found: what a known stop explains is no other event.
+fn with_stops(tracks: &[Track], fitted: &Fitted, is_known: &[bool], sights: &[Sight]) -> Vec<Event> {
+    let mut fitted = fitted.clone();
+    let mut stops: Vec<Event> = Vec::new();
+    loop {
+        let found = events(tracks, &fitted, is_known, sights);
+        let new: Vec<Event> = found.iter().filter(|event| stop(&mut fitted.model, event)).cloned().collect();
+        if new.is_empty() {
+            return stops.into_iter().chain(found).collect();
+        }
+        stops.extend(new);
+    }
+}
+
+/// Ends a joint of `model` where `event` found it to rest; whether that is a stop that the model has not had.
+fn stop(model: &mut ServoArm, event: &Event) -> bool {
+    let What::Stop { joint, position, is_above } = event.what else { return false };
+    let end = &mut model.joints[joint].stops[usize::from(is_above)];
+    let is_new = end.is_infinite();
+    if is_new {
+        *end = position;
+    }
+    is_new
 }
 
 /// Whether the same rows of two tracks were measured.

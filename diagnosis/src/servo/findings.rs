@@ -7,7 +7,7 @@ use freeplay_laws::{Kind, kind};
 use freeplay_servo::{Fitted, JointServo, Quantity, Sight, Unknown};
 use toml::{Table, Value};
 
-use crate::diagnose::{Parameter, Untestable};
+use crate::diagnose::{Parameter, Tolerances, Untestable};
 
 /// Half width of a 95 % interval over its standard deviation.
 pub const WIDTH: f64 = 1.96;
@@ -34,14 +34,31 @@ pub struct Finding {
     pub parameters: BTreeMap<String, Parameter>,
     /// The same as a table of an arm file.
     pub table: EffectTable,
-    /// By how many standard deviations the data tell it from nothing.
-    pub deviations: f64,
     /// Whether the data tell it from nothing and it is beyond the tolerance of the model: else it is a number of the model alone.
     pub is_named: bool,
     /// What stands beside its numbers, a sentence; empty if nothing.
     pub remark: String,
     /// The number that the arm has without it; none for the servo, without which a command stands for the position.
     pub absent: Option<(Quantity, f64)>,
+}
+
+/// Quantities of a servo itself.
+const OF_SERVO: [Quantity; 6] = [
+    Quantity::Stiffness,
+    Quantity::Lag,
+    Quantity::Offset,
+    Quantity::Deadband,
+    Quantity::TorqueLimit,
+    Quantity::SpeedLimit,
+];
+
+impl Finding {
+    /// The quantities that it is made of.
+    pub fn quantities(&self) -> impl Iterator<Item = Quantity> {
+        let one = self.absent.map(|(quantity, _)| quantity);
+        let servo = OF_SERVO.into_iter().filter(move |_| one.is_none());
+        one.into_iter().chain(servo)
+    }
 }
 
 /// The numbers of a fit, joint by joint.
@@ -68,8 +85,24 @@ impl Numbers<'_> {
         self.index(joint, quantity).map(|at| self.fitted.values[at])
     }
 
+    /// By how many standard deviations the unknown number `index` is off `old`, which a model says within `tolerances`.
+    pub fn distance(&self, index: usize, old: f64, tolerances: &Tolerances) -> f64 {
+        let (value, deviation) = self.fitted.values[index];
+        let tolerance = match self.unknowns[index].quantity {
+            // Logarithms.
+            Quantity::Stiffness | Quantity::TorqueLimit | Quantity::SpeedLimit => tolerances.friction,
+            Quantity::Lag | Quantity::Coulomb | Quantity::Stiction | Quantity::Deadband => {
+                tolerances.friction * old.abs()
+            }
+            Quantity::Rotor => tolerances.inertia * old.abs(),
+            Quantity::Delay => tolerances.delay,
+            Quantity::Offset => tolerances.zero,
+        };
+        (value - old).abs() / deviation.hypot(tolerance)
+    }
+
     /// Standard deviations from nothing that a name needs: ½ z² is the ratio.
-    fn named_from(&self) -> f64 {
+    pub fn named_from(&self) -> f64 {
         (2.0 * named_from(self.file.arm.dof())).sqrt()
     }
 
@@ -142,7 +175,7 @@ impl Numbers<'_> {
                 "In motion {name} follows {lag_ms:.0} ± {half_ms:.0} ms late. No load tells its stiffness: only ratios to it are known, and the numbers in N·m rest on the one assumed."
             )
         };
-        self.finding("servo", joint, numbers, f64::INFINITY, remark)
+        self.finding("servo", joint, numbers, remark)
     }
 
     /// Interval of `ratio` times stiffness, where the stiffness is known.
@@ -188,7 +221,7 @@ impl Numbers<'_> {
             }
             _ => String::new(),
         };
-        let finding = self.finding(name, joint, numbers, deviations, remark);
+        let finding = self.finding(name, joint, numbers, remark);
         Some(Finding { is_named, absent: Some((quantity, expected)), ..finding })
     }
 
@@ -196,7 +229,7 @@ impl Numbers<'_> {
         let (delay, deviation) = self.of(joint, Quantity::Delay)?;
         (delay > self.named_from() * deviation).then(|| {
             let numbers = vec![("delay", delay, Some(around(delay, deviation)))];
-            let finding = self.finding("command_delay", joint, numbers, delay / deviation, String::new());
+            let finding = self.finding("command_delay", joint, numbers, String::new());
             Finding { absent: Some((Quantity::Delay, 0.0)), ..finding }
         })
     }
@@ -206,7 +239,6 @@ impl Numbers<'_> {
         name: &'static str,
         joint: usize,
         numbers: Vec<(&'static str, f64, Option<[f64; 2]>)>,
-        deviations: f64,
         remark: String,
     ) -> Finding {
         let kind = known(name);
@@ -227,7 +259,6 @@ impl Numbers<'_> {
                 parameters: table,
                 line: 0,
             },
-            deviations,
             is_named: true,
             remark,
             absent: None,

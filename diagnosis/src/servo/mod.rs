@@ -19,6 +19,7 @@ mod happenings;
 mod limits;
 mod parts;
 mod passages;
+mod rotors;
 mod scores;
 mod tracks;
 

@@ -9,7 +9,7 @@ use super::tracks::{longest_gap, rollout_step};
 
 /// Longest window of a rollout, s: many times the lag of a servo, so that little is lost to its beginning, and short enough that a window that goes
 /// wrong is one of many.
-const WINDOW: f64 = 20.0;
+pub const WINDOW: f64 = 20.0;
 /// Shares of a single recording for fit and choice; the rest judges.
 const SHARES: [f64; 2] = [0.6, 0.8];
 
@@ -82,11 +82,11 @@ fn cuts(track: &Track) -> [usize; 2] {
     })
 }
 
-/// The problem of `parts` of `tracks`, in windows.
-pub fn problem<'a>(tracks: &'a [Track], parts: &[Rows], sights: &[Sight]) -> Problem<'a> {
+/// The problem of `parts` of `tracks`, in windows of at most `longest` s.
+pub fn problem<'a>(tracks: &'a [Track], parts: &[Rows], sights: &[Sight], longest: f64) -> Problem<'a> {
     let windows = parts.iter().flat_map(|(index, part)| {
         let gap = longest_gap(&tracks[*index]);
-        let windows = tracks[*index].windows(gap, WINDOW).into_iter();
+        let windows = tracks[*index].windows(gap, longest).into_iter();
         let inside = windows.map(|rows| rows.start.max(part.start)..rows.end.min(part.end));
         inside.filter(|rows| rows.len() > 1).map(|rows| (*index, rows)).collect::<Vec<_>>()
     });
@@ -94,6 +94,7 @@ pub fn problem<'a>(tracks: &'a [Track], parts: &[Rows], sights: &[Sight]) -> Pro
     Problem {
         tracks,
         windows: windows.collect(),
+        counted: Vec::new(),
         rounding: sights.iter().map(|sight| rounding(sight.tick)).collect(),
         longest_step: steps.fold(f64::INFINITY, f64::min),
         threads: std::thread::available_parallelism().map_or(1, usize::from),
