@@ -559,13 +559,7 @@ fn bad_training() {
         ),
         ("no file", &[], &["--recording", "none.csv", "--out", "w.json"], 3, &["none.csv"]),
         ("no tool", &[("r.csv", RESTING)], &["--recording", "r.csv", "--out", "w.json"], 3, &["r.csv", "x"]),
-        (
-            "no runs",
-            &[("here/a", "")],
-            &["--recording", "here", "--out", "w.json"],
-            3,
-            &["here", "no recordings"],
-        ),
+        ("no runs", &[], &["--recording", ".", "--out", "w.json"], 3, &["no recordings of runs"]),
     ];
     play(&["train"], &cases);
 }
