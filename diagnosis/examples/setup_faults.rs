@@ -1,11 +1,12 @@
-//! Set-up faults put into concealed machines' recordings, and what is found of them:
-//! `cargo run --release -p freeplay-diagnosis --example setup_faults -- single|two|clean ROUNDS SEED [KIND]`.
+//! Set-up faults put into recordings of concealed and of real machines, and what is found of them:
+//! `cargo run --release -p freeplay-diagnosis --example setup_faults -- single|two|clean|real ROUNDS SEED [KIND]`.
+//! `real` reads the folder that `FREEPLAY_RECORDINGS` names.
 //!
 //! Prints each case that is not answered right, and a table at the end: right kind and joint, missed, wrong, time.
 
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use freeplay_concealed::{
@@ -28,12 +29,29 @@ struct Row {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().collect();
-    let usage = "give single, two or clean, a number of rounds and a seed";
+    let usage = "give single, two, clean or real, a number of rounds and a seed";
     let mode = arguments.get(1).ok_or(usage)?;
     let rounds: u64 = arguments.get(2).ok_or(usage)?.parse()?;
     let seed: u64 = arguments.get(3).ok_or(usage)?.parse()?;
     let only = arguments.get(4).map(String::as_str);
     let mut rows: BTreeMap<String, Row> = BTreeMap::new();
+    if mode == "real" {
+        real(rounds, seed, only, &mut rows)?;
+    } else {
+        concealed(mode, rounds, seed, only, &mut rows)?;
+    }
+    print_table(&rows);
+    Ok(())
+}
+
+/// Faults in recordings of machines of the generator.
+fn concealed(
+    mode: &str,
+    rounds: u64,
+    seed: u64,
+    only: Option<&str>,
+    rows: &mut BTreeMap<String, Row>,
+) -> Result<(), Box<dyn Error>> {
     for round in 0..rounds {
         for (number, machine) in Machine::ALL.into_iter().enumerate() {
             let draw = (seed * 7919 + round) as usize * 7 + number;
@@ -62,8 +80,72 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
         }
     }
+    Ok(())
+}
+
+/// Sets of real machines with their models, and the recording of each into which faults are put.
+const REAL: [(&str, &str, &str); 7] = [
+    ("kuka_kr300", "kr300_r2500_payload150.urdf", "train_A.csv"),
+    ("kuka_kr300", "kr300_r2500_payload150.urdf", "test_B.csv"),
+    ("kuka_lwr4", "kuka_lwr4.urdf", "train_1.csv"),
+    ("kuka_lwr4", "kuka_lwr4.urdf", "test_3_fast.csv"),
+    ("dfki_double_pendulum", "double_pendulum_C1.urdf", "train_1.csv"),
+    ("dfki_double_pendulum", "double_pendulum_C1.urdf", "train_5_swing.csv"),
+    ("dfki_double_pendulum", "double_pendulum_C1.urdf", "test_2.csv"),
+];
+
+/// Faults in recordings of real machines. No true reading is known of their clocks' last milliseconds, so only what is put in is asked for.
+fn real(
+    rounds: u64,
+    seed: u64,
+    only: Option<&str>,
+    rows: &mut BTreeMap<String, Row>,
+) -> Result<(), Box<dyn Error>> {
+    let folder = std::env::var_os("FREEPLAY_RECORDINGS").ok_or("FREEPLAY_RECORDINGS names no folder")?;
+    let case = Case {
+        machine: Machine::ALL[0],
+        effects: Vec::new(),
+        family: None,
+        noise: Noise::ALL[0],
+        hollow: false,
+        seed,
+    };
+    let mut made = generate(&case)?;
+    for (k, (set, model, file)) in REAL.into_iter().enumerate() {
+        let folder = PathBuf::from(&folder).join(set);
+        let arm = freeplay_arm::load(&folder.join(model))?;
+        let read = freeplay_recording::read(&folder.join(file), Some(arm.arm.dof()))?;
+        made.model = freeplay_arm::to_toml(&arm);
+        made.recording = samples(&read);
+        made.second = made.recording.clone();
+        score(rows.entry("clean".to_owned()).or_default(), &format!("{set}/{file}"), &made, &[])?;
+        for round in 0..rounds {
+            for (number, kinds) in sets("single", k, only).into_iter().enumerate() {
+                let kept = Kept { torque: true, tool: false, friction: true };
+                let draw = (seed * 7919 + round) * 997 + (number * 31 + k) as u64;
+                if let Some((made, truth)) = with_setup_faults(&made, &kinds, kept, draw)? {
+                    let row = rows.entry(kinds.join(" + ")).or_default();
+                    score(row, &format!("{set}/{file}"), &made, &truth)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A recording in the generator's form.
+fn samples(recording: &Recording) -> Samples {
+    let (mut names, mut columns) = (Vec::new(), Vec::new());
+    for (name, column) in recording.named().filter(|(name, _)| name != "t") {
+        names.push(name);
+        columns.push(column.to_vec());
+    }
+    Samples { t: recording.t.clone(), names, columns }
+}
+
+fn print_table(rows: &BTreeMap<String, Row>) {
     let mut all = Row::default();
-    for (name, row) in &rows {
+    for (name, row) in rows {
         let Row { right, missed, wrong, seconds } = row;
         println!(
             "{name:40} right {right:3} missed {missed:3} wrong {wrong:3} {:.2} s each",
@@ -74,7 +156,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         all.wrong += wrong;
     }
     println!("all: right {} missed {} wrong {}", all.right, all.missed, all.wrong);
-    Ok(())
 }
 
 /// The sets of faults that are tried on one recording.

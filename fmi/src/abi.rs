@@ -14,8 +14,9 @@ use std::path::Path;
 use freeplay_arm::parse_toml;
 
 use crate::description::token;
-use crate::instance::{Fault, Instance, State};
+use crate::instance::{Fault, Instance};
 use crate::package::MODEL;
+use crate::state::State;
 use crate::variables::Value;
 
 /// `fmi3Status`.
@@ -308,7 +309,7 @@ pub extern "C" fn fmi3GetFMUState(handle: *mut Handle, state: *mut *mut State) -
 #[unsafe(no_mangle)]
 pub extern "C" fn fmi3SetFMUState(handle: *mut Handle, state: *const State) -> Status {
     // SAFETY: FMI gives a state that this library made.
-    with(handle, |instance| instance.restore(unsafe { state.as_ref() }.ok_or(Fault::State)?))
+    with(handle, |instance| instance.restore(unsafe { state.as_ref() }.ok_or(Fault::NoState)?))
 }
 
 /// `fmi3FreeFMUState`.
@@ -333,7 +334,7 @@ pub extern "C" fn fmi3SerializedFMUStateSize(
 ) -> Status {
     // SAFETY: FMI gives a state that this library made.
     with(handle, |_| {
-        write(size, unsafe { state.as_ref() }.ok_or(Fault::State)?.to_bytes().len());
+        write(size, unsafe { state.as_ref() }.ok_or(Fault::NoState)?.size());
         Ok(())
     })
 }
@@ -348,8 +349,8 @@ pub extern "C" fn fmi3SerializeFMUState(
 ) -> Status {
     // SAFETY: FMI gives a state that this library made.
     with(handle, |_| {
-        let made = unsafe { state.as_ref() }.ok_or(Fault::State)?.to_bytes();
-        slice_mut(bytes, size).get_mut(..made.len()).ok_or(Fault::State)?.copy_from_slice(&made);
+        let made = unsafe { state.as_ref() }.ok_or(Fault::NoState)?.to_bytes();
+        slice_mut(bytes, size).get_mut(..made.len()).ok_or(Fault::NoState)?.copy_from_slice(&made);
         Ok(())
     })
 }
@@ -362,8 +363,8 @@ pub extern "C" fn fmi3DeserializeFMUState(
     size: usize,
     state: *mut *mut State,
 ) -> Status {
-    with(handle, |_| {
-        let made = State::from_bytes(slice(bytes, size))?;
+    with(handle, |instance| {
+        let made = instance.state_of(slice(bytes, size))?;
         // SAFETY: FMI gives null, or a state of this FMU that is to be written over.
         match unsafe { state.as_ref().and_then(|kept| kept.as_mut()) } {
             Some(kept) => *kept = made,

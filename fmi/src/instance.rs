@@ -1,16 +1,15 @@
 //! An instance of the FMU: its mode, its values, its steps and its states.
 //!
-//! A state is the parameters and everything that was put into the machine since the start. The machine is deterministic, so that this is all
-//! there is to know of it, to the last bit, memories of frictions and sensors included. A state is put back by playing it again; of one that
-//! continues where the machine is, only the rest is played.
+//! A state is the values of all parameters and inputs and the state variables of the machine: see [`State`].
 
-use std::sync::Arc;
-
-use freeplay_arm::ArmFile;
+use freeplay_arm::{ArmFile, to_toml};
+use freeplay_laws::Archive;
 use freeplay_plant::SystemError;
 use thiserror::Error;
 
+use crate::description::token;
 use crate::machine::{Machine, PERIOD, Stimulus};
+use crate::state::State;
 use crate::variables::{Causality, Quantity, Value, Variables};
 
 /// Why a call is refused.
@@ -53,9 +52,17 @@ pub enum Fault {
         /// The machine's.
         now: f64,
     },
-    /// A serialised state that is none of this FMU.
-    #[error("the bytes are no state of this FMU")]
-    State,
+    /// No state where one was to be.
+    #[error("no state was given, or bytes that are no state of a Freeplay FMU")]
+    NoState,
+    /// A state of another FMU.
+    #[error(
+        "the state is that of another FMU or version; take it from an FMU of the same arm file that this version of freeplay wrote"
+    )]
+    Foreign,
+    /// A serialised state that is cut or changed.
+    #[error("the bytes of the state are cut or changed; serialise the state again")]
+    Damaged,
     /// The machine can't be built or stepped.
     #[error(transparent)]
     Machine(#[from] SystemError),
@@ -70,16 +77,6 @@ enum Mode {
     Terminated,
 }
 
-/// A state of an instance.
-#[derive(Clone, Debug, PartialEq)]
-pub struct State {
-    mode: u8,
-    start: f64,
-    values: Vec<Value>,
-    /// What was put into each step.
-    played: Arc<Vec<Stimulus>>,
-}
-
 /// An instance.
 #[derive(Debug)]
 pub struct Instance {
@@ -90,9 +87,14 @@ pub struct Instance {
     values: Vec<Value>,
     /// Time of the importer at the start, s.
     start: f64,
-    played: Arc<Vec<Stimulus>>,
+    /// Steps since then.
+    steps: u64,
+    /// The inputs among the values.
+    stimulus: Stimulus,
     /// Built when it is asked for; none after a parameter was set.
     machine: Option<Machine>,
+    /// The instantiation token of the FMU.
+    token: String,
 }
 
 impl Instance {
@@ -102,9 +104,13 @@ impl Instance {
     /// [`Fault::Machine`]: effects that can't be taken.
     pub fn new(file: ArmFile) -> Result<Instance, Fault> {
         let variables = Variables::of(&file).map_err(SystemError::Law)?;
-        let values = variables.0.iter().map(|variable| variable.start).collect();
-        let mode = Mode::Instantiated;
-        Ok(Instance { file, variables, mode, values, start: 0.0, played: Arc::default(), machine: None })
+        let token = token(&to_toml(&file));
+        let stimulus = Stimulus { torque: vec![0.0; file.arm.dof()], ..Stimulus::default() };
+        let (mode, values) = (Mode::Instantiated, Vec::new());
+        let mut instance =
+            Instance { file, variables, mode, values, start: 0.0, steps: 0, stimulus, machine: None, token };
+        instance.reset();
+        Ok(instance)
     }
 
     /// The variables, by value reference.
@@ -156,12 +162,13 @@ impl Instance {
     /// Everything as it was when the instance was made.
     pub fn reset(&mut self) {
         self.values = self.variables.0.iter().map(|variable| variable.start).collect();
-        (self.mode, self.start, self.played, self.machine) = (Mode::Instantiated, 0.0, Arc::default(), None);
+        (self.mode, self.start, self.steps, self.machine) = (Mode::Instantiated, 0.0, 0, None);
+        self.take_inputs(false);
     }
 
     /// The importer's time, s.
     pub fn time(&self) -> f64 {
-        self.start + self.played.len() as f64 * PERIOD
+        self.start + self.steps as f64 * PERIOD
     }
 
     /// The value of the variable `reference`.
@@ -221,6 +228,7 @@ impl Instance {
             self.machine = None;
         }
         self.values[index] = value;
+        self.stimulus.take(variable.quantity, value);
         Ok(())
     }
 
@@ -241,97 +249,123 @@ impl Instance {
         if !(ticks >= 1.0 && (step - ticks * PERIOD).abs() < ROUNDING * PERIOD) {
             return Err(Fault::Step(step));
         }
-        let stimulus = self.stimulus();
+        let machine = built(&mut self.machine, &self.file, &self.variables, &self.values)?;
         for _ in 0..ticks as u64 {
-            self.machine()?.step(&stimulus)?;
-            Arc::make_mut(&mut self.played).push(stimulus.clone());
+            machine.step(&self.stimulus)?;
+            self.steps += 1;
         }
         Ok(())
     }
 
-    /// The inputs as they stand.
-    fn stimulus(&self) -> Stimulus {
-        let mut stimulus = Stimulus { torque: vec![0.0; self.file.arm.dof()], brakes: false };
-        for (variable, value) in self.variables.0.iter().zip(&self.values) {
-            match (variable.quantity, value) {
-                (Quantity::Torque(joint), Value::Real(torque)) => stimulus.torque[joint] = *torque,
-                (Quantity::Brakes, Value::Truth(brakes)) => stimulus.brakes = *brakes,
-                _ => {}
-            }
+    /// Copies the inputs out of the values. Servos that were not commanded yet hold the start, whatever the values say.
+    fn take_inputs(&mut self, is_commanded: bool) {
+        let variables = self.variables.0.iter().zip(&self.values);
+        variables.for_each(|(variable, value)| self.stimulus.take(variable.quantity, *value));
+        if !is_commanded {
+            self.stimulus.command = None;
         }
-        stimulus
     }
 
-    /// The machine, built and played up to now if it is not there.
+    /// The machine, built if it is not there.
     fn machine(&mut self) -> Result<&mut Machine, Fault> {
-        let machine = match self.machine.take() {
-            Some(machine) => machine,
-            None => self.build()?,
-        };
-        Ok(self.machine.insert(machine))
-    }
-
-    fn build(&self) -> Result<Machine, Fault> {
-        let dof = self.file.arm.dof();
-        let (mut file, mut q, mut v, mut substeps) = (self.file.clone(), vec![0.0; dof], vec![0.0; dof], 1);
-        for (variable, value) in self.variables.0.iter().zip(&self.values) {
-            match (variable.quantity, *value) {
-                (Quantity::StartPosition(joint), Value::Real(value)) => q[joint] = value,
-                (Quantity::StartVelocity(joint), Value::Real(value)) => v[joint] = value,
-                (Quantity::Substeps, Value::Whole(value)) => substeps = value.unsigned_abs(),
-                (Quantity::Effect(effect, name, axis), Value::Real(value))
-                    if Value::Real(value) != variable.start =>
-                {
-                    put(&mut file.effects[effect].parameters, name, axis, value);
-                }
-                _ => {}
-            }
-        }
-        let mut machine = Machine::new(&file, [&q, &v], substeps)?;
-        for stimulus in self.played.iter() {
-            machine.step(stimulus)?;
-        }
-        Ok(machine)
+        built(&mut self.machine, &self.file, &self.variables, &self.values)
     }
 
     /// The state now.
-    pub fn state(&self) -> State {
+    pub fn state(&mut self) -> State {
+        let machine = self.machine.as_mut().map(|machine| {
+            let mut words = Vec::new();
+            machine.transfer(&mut Archive::save(&mut words));
+            words
+        });
         State {
+            token: self.token.clone(),
             mode: self.mode as u8,
             start: self.start,
+            steps: self.steps,
+            is_commanded: self.stimulus.command.is_some(),
             values: self.values.clone(),
-            played: Arc::clone(&self.played),
+            machine,
         }
+    }
+
+    /// The state of this FMU that has the `bytes` of [`State::to_bytes`].
+    ///
+    /// # Errors
+    /// [`Fault::NoState`], [`Fault::Foreign`] or [`Fault::Damaged`].
+    pub fn state_of(&self, bytes: &[u8]) -> Result<State, Fault> {
+        State::from_bytes(bytes, &self.token)
     }
 
     /// Puts `state` back.
     ///
     /// # Errors
-    /// [`Fault::State`] for one of another FMU, or a machine that can't be.
+    /// [`Fault::Foreign`] for one of another FMU, which changes nothing; [`Fault::Damaged`], or a machine that can't be, after which the instance is as new.
     pub fn restore(&mut self, state: &State) -> Result<(), Fault> {
+        if state.token != self.token {
+            return Err(Fault::Foreign);
+        }
+        let restored = self.put_back(state);
+        if restored.is_err() {
+            self.reset();
+        }
+        restored
+    }
+
+    fn put_back(&mut self, state: &State) -> Result<(), Fault> {
         let modes = [Mode::Instantiated, Mode::Initialization, Mode::Step, Mode::Terminated];
-        let mode = *modes.get(usize::from(state.mode)).ok_or(Fault::State)?;
+        let mode = *modes.get(usize::from(state.mode)).ok_or(Fault::Damaged)?;
         if state.values.len() != self.values.len() {
-            return Err(Fault::State);
+            return Err(Fault::Damaged);
         }
         let is_parameter = |index: &usize| self.variables.0[*index].causality == Causality::Parameter;
-        let same = (0..self.values.len())
+        let is_same_machine = (0..self.values.len())
             .filter(is_parameter)
             .all(|index| self.values[index] == state.values[index]);
-        let continues = same && state.played.starts_with(&self.played);
-        let before = self.played.len();
-        (self.mode, self.start) = (mode, state.start);
+        (self.mode, self.start, self.steps) = (mode, state.start, state.steps);
         self.values.clone_from(&state.values);
-        self.played = Arc::clone(&state.played);
-        if !continues {
+        self.take_inputs(state.is_commanded);
+        if !is_same_machine || state.machine.is_none() {
             self.machine = None;
-        } else if let Some(machine) = &mut self.machine {
-            for stimulus in &self.played[before..] {
-                machine.step(stimulus)?;
-            }
         }
-        Ok(())
+        let Some(words) = &state.machine else { return Ok(()) };
+        let mut archive = Archive::restore(words);
+        self.machine()?.transfer(&mut archive);
+        if archive.is_complete() { Ok(()) } else { Err(Fault::Damaged) }
     }
+}
+
+/// The machine in `machine`, built if it is not there.
+fn built<'a>(
+    machine: &'a mut Option<Machine>,
+    file: &ArmFile,
+    variables: &Variables,
+    values: &[Value],
+) -> Result<&'a mut Machine, Fault> {
+    Ok(match machine {
+        Some(machine) => machine,
+        machine => machine.insert(build(file, variables, values)?),
+    })
+}
+
+/// The machine of the arm of `file` under the parameters among `values`.
+fn build(file: &ArmFile, variables: &Variables, values: &[Value]) -> Result<Machine, Fault> {
+    let dof = file.arm.dof();
+    let (mut file, mut q, mut v, mut substeps) = (file.clone(), vec![0.0; dof], vec![0.0; dof], 1);
+    for (variable, value) in variables.0.iter().zip(values) {
+        match (variable.quantity, *value) {
+            (Quantity::StartPosition(joint), Value::Real(value)) => q[joint] = value,
+            (Quantity::StartVelocity(joint), Value::Real(value)) => v[joint] = value,
+            (Quantity::Substeps, Value::Whole(value)) => substeps = value.unsigned_abs(),
+            (Quantity::Effect(effect, name, axis), Value::Real(value))
+                if Value::Real(value) != variable.start =>
+            {
+                put(&mut file.effects[effect].parameters, name, axis, value);
+            }
+            _ => {}
+        }
+    }
+    Ok(Machine::new(&file, [&q, &v], substeps)?)
 }
 
 /// Puts a number into a table of parameters, or into a component of a vector of it.
@@ -343,64 +377,5 @@ fn put(table: &mut toml::Table, name: &str, axis: Option<usize>, value: f64) {
     let zero = || toml::Value::Array(vec![0.0.into(); 3]);
     if let Some(component) = table.entry(name).or_insert_with(zero).get_mut(axis) {
         *component = value.into();
-    }
-}
-
-/// First bytes of a serialised state.
-const MAGIC: &[u8; 8] = b"fpstate1";
-
-impl State {
-    /// The state as bytes, little-endian.
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let mut bytes = MAGIC.to_vec();
-        let mut put = |word: u64| bytes.extend_from_slice(&word.to_le_bytes());
-        let joints = self.played.first().map_or(0, |first| first.torque.len());
-        put(u64::from(self.mode));
-        put(self.start.to_bits());
-        [self.values.len(), self.played.len(), joints].into_iter().for_each(|count| put(count as u64));
-        for value in &self.values {
-            let (kind, word) = match value {
-                Value::Real(number) => (0, number.to_bits()),
-                Value::Whole(number) => (1, u64::from(number.cast_unsigned())),
-                Value::Truth(truth) => (2, u64::from(*truth)),
-            };
-            [kind, word].into_iter().for_each(&mut put);
-        }
-        for stimulus in self.played.iter() {
-            put(u64::from(stimulus.brakes));
-            stimulus.torque.iter().for_each(|torque| put(torque.to_bits()));
-        }
-        bytes
-    }
-
-    /// The state of [`State::to_bytes`].
-    ///
-    /// # Errors
-    /// [`Fault::State`] for other bytes.
-    pub fn from_bytes(bytes: &[u8]) -> Result<State, Fault> {
-        let rest = bytes.strip_prefix(MAGIC).ok_or(Fault::State)?;
-        let (chunks, left) = rest.as_chunks::<8>();
-        let mut words = chunks.iter().map(|chunk| u64::from_le_bytes(*chunk));
-        let mut next = || words.next().ok_or(Fault::State);
-        let (mode, start) = (u8::try_from(next()?).map_err(|_| Fault::State)?, f64::from_bits(next()?));
-        let [values, played, joints] = [next()?, next()?, next()?].map(|count| count as usize);
-        let expected = played.checked_mul(joints + 1).and_then(|all| all.checked_add(values.checked_mul(2)?));
-        if !left.is_empty() || expected != Some(chunks.len().saturating_sub(5)) {
-            return Err(Fault::State);
-        }
-        let value = |(kind, word): (u64, u64)| match kind {
-            0 => Ok(Value::Real(f64::from_bits(word))),
-            1 => u32::try_from(word).map(|word| Value::Whole(word.cast_signed())).map_err(|_| Fault::State),
-            2 => Ok(Value::Truth(word == 1)),
-            _ => Err(Fault::State),
-        };
-        let values = (0..values).map(|_| value((next()?, next()?))).collect::<Result<_, _>>()?;
-        let mut stimulus = || {
-            let brakes = next()? == 1;
-            let torque = (0..joints).map(|_| next().map(f64::from_bits)).collect::<Result<_, _>>()?;
-            Ok::<_, Fault>(Stimulus { torque, brakes })
-        };
-        let played = (0..played).map(|_| stimulus()).collect::<Result<Vec<_>, _>>()?;
-        Ok(State { mode, start, values, played: Arc::new(played) })
     }
 }

@@ -4,7 +4,7 @@
 //!
 //! - [`Variable`]: an input, output or parameter of the FMU, by its value reference; [`Variables`] are all that an arm file gives.
 //! - [`Machine`]: the plant of an arm file under given parameters, stepped tick by tick with torques from outside.
-//! - [`Instance`]: what an importer drives through its modes: values, steps, and states that it takes and puts back.
+//! - [`Instance`]: what an importer drives through its modes: values, steps, and each [`State`] that it takes and puts back.
 //! - [`description()`]: `modelDescription.xml`; [`write_fmu`]: the whole FMU as one file.
 //! - [`guest`]: FMUs of others as controllers.
 //! - `abi`: the C functions of FMI 3.0 over an [`Instance`], in the shared library that an FMU carries. With the module of a guest's library the only place with `unsafe`.
@@ -15,11 +15,13 @@ pub mod guest;
 mod instance;
 mod machine;
 mod package;
+mod state;
 mod units;
 mod variables;
 
 pub use description::description;
-pub use instance::{Fault, Instance, State};
+pub use instance::{Fault, Instance};
 pub use machine::{Contact, Machine, PERIOD, Readout, Stimulus};
 pub use package::{LIBRARY, PackageError, archive, write_fmu};
+pub use state::State;
 pub use variables::{Causality, Quantity, Value, Variable, Variables};

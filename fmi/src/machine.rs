@@ -1,8 +1,10 @@
 //! The plant of an arm file, stepped by torques from outside.
 
 use freeplay_arm::{Arm, ArmFile, Workspace, forward_kinematics};
-use freeplay_laws::{Effects, Readings, SensorLaw};
+use freeplay_laws::{Archive, Effects, Readings, SensorLaw};
 use freeplay_plant::{Input, Motion, System, SystemError};
+
+use crate::variables::{Quantity, Value, has_servos};
 
 /// Length of a step, s: the tick of a plant.
 pub const PERIOD: f64 = 1e-3;
@@ -10,10 +12,28 @@ pub const PERIOD: f64 = 1e-3;
 /// What an importer gives for a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stimulus {
-    /// Torques of the motors, N·m (N).
+    /// Torques of the motors, N·m (N); not read where servos are.
     pub torque: Vec<f64>,
+    /// Commanded positions of the servos, rad (m); without them each servo goes on to its last one, at first to the position at the start.
+    pub command: Option<Vec<f64>>,
     /// Whether the brakes hold all joints where they are.
     pub brakes: bool,
+}
+
+impl Stimulus {
+    /// Takes the value of an input; those of other variables leave it as it is.
+    pub(crate) fn take(&mut self, quantity: Quantity, value: Value) {
+        let joints = self.torque.len();
+        match (quantity, value) {
+            (Quantity::Torque(joint), Value::Real(torque)) => self.torque[joint] = torque,
+            (Quantity::Command(joint), Value::Real(position)) => {
+                let rest = || vec![0.0; joints];
+                self.command.get_or_insert_with(rest)[joint] = position;
+            }
+            (Quantity::Brakes, Value::Truth(brakes)) => self.brakes = brakes,
+            _ => {}
+        }
+    }
 }
 
 /// How a journal stands after a step.
@@ -77,7 +97,11 @@ impl Machine {
         let body = effects.changed(&file.arm)?;
         let mut injection = effects.injection();
         let laws = [&mut injection.tool, &mut injection.sensors].map(std::mem::take);
+        let has_servos = has_servos(&injection, file.arm.dof());
         let mut system = System::with_effects(&body, injection, &[start[0].to_vec()], PERIOD, substeps)?;
+        if has_servos {
+            system.close_servos(&body)?;
+        }
         system.start(start[0], start[1]);
         let dof = file.arm.dof();
         let blank = || vec![0.0; dof];
@@ -106,6 +130,9 @@ impl Machine {
             .then(|| Held((0..self.nominal.dof()).map(|joint| self.system.joint(joint)[0]).collect()));
         let held = held.unwrap_or(Held(Vec::new()));
         let driven = &self.driven[usize::from(stimulus.brakes)];
+        if let Some(command) = &stimulus.command {
+            self.system.command_servos(command);
+        }
         self.system.tick(&Input { torque: &stimulus.torque, driven, motion: &held })?;
         self.read();
         Ok(())
@@ -119,6 +146,20 @@ impl Machine {
     /// Simulated time, s.
     pub fn time(&self) -> f64 {
         self.system.time()
+    }
+
+    /// Transfers all state variables to or from `archive`: see [`System::transfer`].
+    pub fn transfer(&mut self, archive: &mut Archive) {
+        let Machine { nominal: _, workspace: _, system, laws, driven: _, readout, link: _ } = self;
+        system.transfer(archive);
+        laws.iter_mut().flatten().for_each(|law| law.transfer(archive));
+        let Readout { q, v, torque, tool, deviation, contacts, energy } = readout;
+        [q, v, torque].into_iter().for_each(|values| archive.reals(values));
+        archive.reals(tool.iter_mut().chain(deviation).chain([energy]));
+        for Contact { touches, force } in contacts {
+            archive.flag(touches);
+            archive.real(force);
+        }
     }
 
     fn read(&mut self) {

@@ -30,8 +30,9 @@ pub enum PackageError {
     Law(#[from] LawError),
     /// The shared library is not where the program is.
     #[error(
-        "the library lib{LIBRARY}.so, which an FMU carries, is not in {}; build it with `cargo build --release`, or name it in FREEPLAY_FMI_LIBRARY",
-        folder.display()
+        "the shared library that an FMU carries, lib{LIBRARY}.so, is neither in {} nor in {}; `cargo build --release -p freeplay-fmi` in the project's folder \
+         makes target/release/lib{LIBRARY}.so: copy it there, or name it in FREEPLAY_FMI_LIBRARY",
+        folder.display(), shared(folder).display()
     )]
     NoLibrary {
         /// The folder of the program.
@@ -48,7 +49,8 @@ pub enum PackageError {
     Storage(#[from] StorageError),
 }
 
-/// Writes the FMU of `file` to `out`, whole or not at all. The library is that which `FREEPLAY_FMI_LIBRARY` names, else the one beside `program`.
+/// Writes the FMU of `file` to `out`, whole or not at all. The library is that which `FREEPLAY_FMI_LIBRARY` names, else the one beside `program`, else that
+/// of its installation: `lib/freeplay` beside the program's own folder.
 ///
 /// # Errors
 /// [`PackageError`]
@@ -73,9 +75,16 @@ fn library(program: &Path) -> Result<PathBuf, PackageError> {
     }
     let folder = program.parent().unwrap_or(Path::new(".")).to_owned();
     let name = format!("lib{LIBRARY}.so");
-    // Cargo leaves the library of a dependency in `deps`.
-    let found = [folder.join(&name), folder.join("deps").join(&name)].into_iter().find(|path| path.is_file());
+    // Cargo leaves the library of a dependency in `deps`; one beside the program was asked for by itself and may be older. The wheel installs the program
+    // in `bin` and the library in `lib/freeplay` of one environment.
+    let folders = [folder.join("deps"), folder.clone(), shared(&folder)];
+    let found = folders.into_iter().map(|folder| folder.join(&name)).find(|path| path.is_file());
     found.ok_or(PackageError::NoLibrary { folder })
+}
+
+/// Where an installation with its programs in `folder` keeps the library.
+fn shared(folder: &Path) -> PathBuf {
+    folder.parent().unwrap_or(folder).join("lib").join("freeplay")
 }
 
 /// FMI's name of this platform.

@@ -1,7 +1,7 @@
 //! The variables of an FMU, which an arm file alone decides.
 
 use freeplay_arm::{ArmFile, Joint, JointKind};
-use freeplay_laws::{Absent, Effects, Kind, LawError, Range, kind};
+use freeplay_laws::{Absent, Effects, Injection, Kind, LawError, Range, kind};
 
 /// What an importer may do with a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,6 +42,8 @@ pub enum Quantity {
     Effect(usize, &'static str, Option<usize>),
     /// Torque of a joint's motor.
     Torque(usize),
+    /// Commanded position of a joint's servo.
+    Command(usize),
     /// Whether the brakes hold all joints.
     Brakes,
     /// Position of a joint, as its encoder reads it.
@@ -95,15 +97,17 @@ impl Variables {
         let mut variables = Variables(Vec::new());
         variables.add("time", "time", "s", Causality::Independent, Quantity::Time);
         variables.add_parameters(file);
+        let has_servos = has_servos(&effects.injection(), file.arm.dof());
         for (index, joint) in file.arm.joints().iter().enumerate() {
-            let words = format!("torque of the motor of {}", joint.name);
-            variables.add(
-                &format!("torque.{}", joint.name),
-                &words,
-                torque(joint),
-                Causality::Input,
-                Quantity::Torque(index),
-            );
+            let name = &joint.name;
+            let (name, words, unit, quantity) = if has_servos {
+                let words = format!("commanded position of the servo of {name}");
+                (format!("position.{name}"), words, units(joint)[0], Quantity::Command(index))
+            } else {
+                let words = format!("torque of the motor of {name}");
+                (format!("torque.{name}"), words, torque(joint), Quantity::Torque(index))
+            };
+            variables.add(&name, &words, unit, Causality::Input, quantity);
         }
         let words = "the brakes hold all joints where they are during the step";
         variables.add("brakes", words, "", Causality::Input, Quantity::Brakes);
@@ -265,6 +269,11 @@ impl Variables {
         }
         self.add("energy", "kinetic, potential and elastic energy", "J", output, Quantity::Energy);
     }
+}
+
+/// Whether each of `joints` joints has a position servo: then the machine gets positions, and torques otherwise.
+pub(crate) fn has_servos(injection: &Injection, joints: usize) -> bool {
+    (0..joints).all(|joint| injection.servos.iter().any(|(at, _)| *at == joint))
 }
 
 fn number(value: &toml::Value) -> Option<f64> {

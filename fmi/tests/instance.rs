@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use freeplay_arm::{ArmFile, paper_arm, parse_toml, to_toml};
-use freeplay_fmi::{Causality, Fault, Instance, Quantity, State, Value, description};
+use freeplay_fmi::{Causality, Fault, Instance, Quantity, Value, description};
 
 /// The paper's arm with play, friction with a memory, and a sensor with one.
 fn worn() -> ArmFile {
@@ -87,7 +87,8 @@ fn a_state_put_back_gives_the_same_bits_from_there_on() {
     assert_ne!(rows[59], rows[119], "it moves");
     let bytes = kept.to_bytes();
     let mut other = Instance::new(worn()).unwrap();
-    for (instance, state) in [(&mut one, kept), (&mut other, State::from_bytes(&bytes).unwrap())] {
+    let again = other.state_of(&bytes).unwrap();
+    for (instance, state) in [(&mut one, kept), (&mut other, again)] {
         instance.restore(&state).unwrap();
         assert_eq!(outputs(instance), rows[59]);
         for tick in 60..120 {
@@ -134,7 +135,7 @@ fn what_an_importer_gets_wrong_is_refused_in_words() {
         instance.set(torque, Value::Whole(3)).unwrap_err(),
         instance.set(99_999, Value::Real(0.0)).unwrap_err(),
         instance.enter_initialization(0.0).unwrap_err(),
-        State::from_bytes(b"fpstate1 and more").unwrap_err(),
+        instance.state_of(b"fpstate1 and more").unwrap_err(),
     ];
     let words = faults.map(|fault| fault.to_string());
     let expected = [

@@ -141,9 +141,9 @@ pub struct Scenario {
     /// Gravity in the base frame, m/s²; absent: the arm file's.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<[f64; 3]>,
-    /// Controllers to run one after the other: built-in names or paths of executables.
+    /// Controllers to run one after the other: built-in names, or paths of FMUs (FMI 2.0 or 3.0 Co-Simulation, `.fmu`) or of executables.
     pub controllers: Vec<String>,
-    /// Controllers that run beside each of those, warm: they answer the same states and take over where it fails.
+    /// Controllers that run beside each of those, warm, named in the same way: they answer the same states and take over where it fails.
     pub standby: Vec<String>,
     /// How many swaps take place at random ticks, drawn from the seed.
     pub random_swaps: u32,
@@ -293,7 +293,7 @@ impl Scenario {
 
     fn read(path: &Path) -> Result<(Self, toml::Table), ScenarioError> {
         let syntax = |source| ScenarioError::Syntax { path: path.to_owned(), source: Box::new(source) };
-        let text = freeplay_storage::read_text(path)?;
+        let text = freeplay_storage::read_config(path)?;
         if text.trim_start().starts_with('<') {
             return Err(ScenarioError::Arm { path: path.to_owned() });
         }

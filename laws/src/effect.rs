@@ -79,8 +79,10 @@ pub enum Expressed {
     Whole,
     /// All but what the words name.
     But(&'static str),
-    /// Nothing.
+    /// Nothing: other tools have no such law.
     Not,
+    /// Nothing, for the reason that the words give.
+    Never(&'static str),
 }
 
 /// Where a memory stands as a motion begins.

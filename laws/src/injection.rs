@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use nalgebra::Vector3;
 
-use crate::Clearance;
+use crate::{Archive, Clearance};
 
 /// All that the effects of an arm file put into a plant, beside their changes of the arm.
 #[derive(Debug, Default)]
@@ -57,6 +57,9 @@ pub trait DriveLaw: Debug + Send {
 
     /// Forgets: the plant starts anew.
     fn restart(&mut self) {}
+
+    /// Transfers the variables that outlive a call to or from `archive`; a law without such variables does nothing here.
+    fn transfer(&mut self, archive: &mut Archive);
 }
 
 /// The joints at a sub-step.
@@ -120,6 +123,9 @@ pub trait SensorLaw: Debug + Send {
 
     /// Forgets: the plant starts anew.
     fn restart(&mut self) {}
+
+    /// Transfers the variables that outlive a call to or from `archive`; a law without such variables does nothing here.
+    fn transfer(&mut self, archive: &mut Archive);
 }
 
 /// What is measured in one tick, before noise and rounding.

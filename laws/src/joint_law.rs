@@ -5,6 +5,7 @@ use std::fmt::Debug;
 use freeplay_arm::export::Element;
 
 use crate::DriveFriction;
+use crate::archive::Archive;
 use crate::columns::Columns;
 use crate::effect::{Effect, Expressed};
 use crate::injection::{DriveLaw, DriveState, Injection};
@@ -72,4 +73,6 @@ impl<L: JointLaw> DriveLaw for AtJoint<L> {
         let sign = now.sign[self.joint];
         torque[self.joint] -= self.law.resisting(&Instant { t: now.t, q, v, sign, load });
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }

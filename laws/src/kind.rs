@@ -213,9 +213,14 @@ impl Kind {
     /// Whether the number `name` of a shape has values between those that [`Kind::shapes`] lists.
     pub fn refines(&self, name: &str) -> bool {
         let is_choice = |range: &Range| matches!(range, Range::Number { role: Role::Choice, .. });
-        let is_state = name == START && self.takes_as_given(START);
+        let is_state = self.memory().is_some_and(|start| start.name == name);
         let is_chosen = self.parameter(name).is_some_and(|parameter| is_choice(&parameter.range));
         !(is_state || is_chosen || [ABOUT, NOMINAL].contains(&name))
+    }
+
+    /// The parameter that says where its memory stands at the beginning of a recording; `None` if it has none. A time at which something sets in is called the same.
+    pub fn memory(&self) -> Option<&Parameter> {
+        self.parameter(START).filter(|_| self.takes_as_given(START))
     }
 
     /// Whether `name` is a parameter that no recording tells: its value is a usual one.

@@ -21,9 +21,11 @@
 //! - [`Effect`]: the law with its values; [`Placed`] at a joint or on the whole arm; [`Effects`]: all of an arm file.
 //! - [`Trajectory`] and [`Scene`]: the motion that effects see; [`Prediction`]: what a recording of it would show; made by [`predict`],
 //!   or by a [`Baseline`], which also says what one more effect would [`Change`], in [`Columns`].
-//! - [`Injection`]: what effects put into a plant: [`DriveLaw`], [`Transmission`], [`ToolForce`], [`SensorLaw`].
+//! - [`Injection`]: what effects put into a plant: [`DriveLaw`], [`Transmission`], [`ToolForce`], [`SensorLaw`]; their state variables go
+//!   to and come from an [`Archive`].
 //! - [`mechanism`]: an arm file for the formats of other tools; [`Expressed`]: how much of an effect they can say.
 
+mod archive;
 mod basis;
 mod bearing;
 mod bearing_course;
@@ -58,6 +60,7 @@ mod scene;
 mod transmission;
 mod values;
 
+pub use archive::Archive;
 pub use basis::{Place, Term, Terms};
 pub use bearing::{Approach, BearingContact, Journal, bearing_contact};
 pub use bearing_load::BearingLoad;

@@ -4,7 +4,7 @@ use freeplay_arm::ArmFile;
 use freeplay_arm::export::{Mechanism, Named};
 
 use crate::effect::Expressed;
-use crate::{Effects, LawError, Placed};
+use crate::{Effects, Kind, LawError, Parameter, Placed, Range};
 
 /// The mechanism of `file`: the arm with the effects that change it, and the elements of the others.
 ///
@@ -19,11 +19,29 @@ pub fn mechanism(file: &ArmFile) -> Result<Mechanism, LawError> {
         match placed.effect.express(&mut elements) {
             Expressed::Whole => {}
             Expressed::But(part) => mechanism.unsaid.push(format!("{name}: {part}")),
-            Expressed::Not => mechanism.unsaid.push(format!("{name}: {}", placed.kind.equation)),
+            Expressed::Not => mechanism.unsaid.push(nothing(&name, placed.kind, reason(placed.kind))),
+            Expressed::Never(why) => mechanism.unsaid.push(nothing(&name, placed.kind, why)),
         }
         mechanism.elements.extend(elements.into_iter().map(|element| Named { name: name.clone(), element }));
     }
     Ok(mechanism)
+}
+
+/// The line for an effect of `kind` of which a file says nothing, and `why`.
+fn nothing(name: &str, kind: &Kind, why: &str) -> String {
+    format!("{name}: {} ({why})", kind.equation)
+}
+
+/// Why no format of other tools has words for the effects of `kind`.
+fn reason(kind: &Kind) -> &'static str {
+    let is_of_time = |parameter: &Parameter| {
+        matches!(parameter.range, Range::Number { unit: "s", .. })
+            && ["start", "time", "time_constant"].contains(&parameter.name)
+    };
+    match kind.parameters.iter().any(is_of_time) {
+        true => "it acts at times, and a file of a model has no clock",
+        false => "other tools have no such law",
+    }
 }
 
 /// `coulomb_friction at joint_3`.

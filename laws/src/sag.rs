@@ -2,11 +2,13 @@
 
 use std::fmt::Debug;
 
+use freeplay_arm::export::Element;
 use freeplay_arm::{Arm, Workspace, joint_reaction, rnea};
 use nalgebra::Vector3;
 
+use crate::archive::Archive;
 use crate::columns::Columns;
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::scene::Scene;
 
@@ -66,6 +68,10 @@ impl<L: SagLaw> Effect for Sagging<L> {
         let now = Instant::new(&self.arm);
         injection.tool.push(Box::new(Sunk { of: self.clone(), now, begun: false }));
     }
+
+    fn express(&self, _: &mut Vec<Element>) -> Expressed {
+        Expressed::Never("it follows the load at once, and what gives way in other tools swings")
+    }
 }
 
 /// The sag of the tool of a plant.
@@ -91,5 +97,10 @@ impl<L: SagLaw> SensorLaw for Sunk<L> {
 
     fn restart(&mut self) {
         self.begun = false;
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        archive.flag(&mut self.begun);
+        archive.reals(&mut self.now.v);
     }
 }

@@ -1,6 +1,6 @@
 //! The contact of one joint with play: whether the journal touches, since when, how hard, how often.
 
-use freeplay_laws::{Approach, BearingContact, Clearance, bearing_contact};
+use freeplay_laws::{Approach, Archive, BearingContact, Clearance, bearing_contact};
 use serde::Serialize;
 
 /// A contact shorter than this is an impact, a longer one continuous, s (`PHYSICS`: 2 ms; a Hertz impact lasts about 0.5 ms).
@@ -121,6 +121,27 @@ impl Bearing {
             self.tally = self.settled();
             (self.touching, self.episode) = (false, 0.0);
         }
+    }
+
+    /// Transfers what the contact remembers.
+    pub(crate) fn transfer(&mut self, archive: &mut Archive) {
+        let Bearing { clearance: _, touching, impact_speed, episode, recent_peak, tally } = self;
+        let ContactTally {
+            free,
+            impact,
+            continuous,
+            contacts,
+            impacts,
+            first_speed,
+            peak_speed,
+            peak_normal_force,
+            peak_penetration,
+        } = tally;
+        archive.flag(touching);
+        archive.reals([impact_speed, episode, recent_peak, free, impact, continuous]);
+        archive.count(contacts);
+        archive.count(impacts);
+        archive.reals([first_speed, peak_speed, peak_normal_force, peak_penetration]);
     }
 
     /// The tally with the contact that is going on counted to what it has been so far.

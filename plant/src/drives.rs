@@ -4,7 +4,7 @@
 //! transmission carries to the link. It is stepped like the arm: drift, kick, drift.
 
 use freeplay_arm::Joint;
-use freeplay_laws::{DriveFriction, DriveLaw, DriveState, Transmission};
+use freeplay_laws::{Archive, DriveFriction, DriveLaw, DriveState, Transmission};
 
 use crate::position_servo::PositionServo;
 
@@ -146,6 +146,31 @@ impl Drives {
         self.load.fill(0.0);
         self.sign.fill(0.0);
         self.a.fill(0.0);
+    }
+
+    /// Transfers all state variables of the drives.
+    pub fn transfer(&mut self, archive: &mut Archive) {
+        let Drives {
+            friction: _,
+            laws,
+            limit: _,
+            plain: _,
+            motors,
+            q: _,
+            v: _,
+            sign,
+            a,
+            loss: _,
+            servos,
+            load,
+        } = self;
+        laws.iter_mut().for_each(|law| law.transfer(archive));
+        for Motor { law: _, inertia: _, state, mean: _, carried: _, damped: _ } in motors.iter_mut().flatten()
+        {
+            archive.reals(state);
+        }
+        [sign, a, load].into_iter().for_each(|of_joints| archive.reals(of_joints));
+        servos.iter_mut().for_each(|servo| servo.transfer(archive));
     }
 
     /// Whether any motor is parted from its link.

@@ -5,6 +5,7 @@
 //! The dissipated parts are integrated as states beside the motion, so that conservation can be tested although
 //! contacts lose energy (Simbody's way). What is left, [`Ledger::residual`], is the integrator's error.
 
+use freeplay_laws::Archive;
 use serde::Serialize;
 
 /// Energies of one system, J.
@@ -33,6 +34,24 @@ pub struct Ledger {
 }
 
 impl Ledger {
+    /// Transfers all energies.
+    pub(crate) fn transfer(&mut self, archive: &mut Archive) {
+        let Ledger {
+            initial,
+            kinetic,
+            potential,
+            elastic,
+            drives,
+            damping,
+            contact_friction,
+            drive_friction,
+            transmission,
+            tool_force,
+        } = self;
+        archive.reals([initial, kinetic, potential, elastic, drives]);
+        archive.reals([damping, contact_friction, drive_friction, transmission, tool_force]);
+    }
+
     /// Kinetic + potential + elastic energy now.
     pub fn total(&self) -> f64 {
         self.kinetic + self.potential + self.elastic

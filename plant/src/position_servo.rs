@@ -7,7 +7,7 @@
 
 use std::collections::VecDeque;
 
-use freeplay_laws::ServoLaw;
+use freeplay_laws::{Archive, ServoLaw};
 
 /// The servo of one joint at work.
 #[derive(Clone, Debug)]
@@ -49,6 +49,19 @@ impl PositionServo {
         let step = self.law.resolution;
         let rounded = if step > 0.0 { (q / step).floor() * step } else { q };
         self.under_way.push_back((t + self.delay, rounded + self.law.offset));
+    }
+
+    /// Transfers the set-point and the commands under way.
+    pub fn transfer(&mut self, archive: &mut Archive) {
+        let PositionServo { law: _, delay: _, under_way, asked, set_point, torque } = self;
+        archive.reals([asked, set_point, torque]);
+        let mut commands = under_way.len() as u64;
+        archive.count(&mut commands);
+        // No more commands can be under way than there is room for; a list of words with more of them is left incomplete.
+        under_way.resize((commands as usize).min(under_way.capacity()), (0.0, 0.0));
+        for (due, command) in under_way {
+            archive.reals([due, command]);
+        }
     }
 
     /// Its torque, N·m (N), in a sub-step of `step` s around the time `t`, s, at the position `q` and velocity `v`.

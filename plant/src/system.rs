@@ -5,6 +5,8 @@
 //! dynamics a sub-step, second order where the forces are smooth (leapfrog; Hairer, Lubich & Wanner 2006, §I.1.4).
 //! Contacts need [`MAX_CONTACT_STEP`] or less: a Hertz impact of this arm lasts about 0.5 ms.
 
+mod state;
+
 use freeplay_arm::{
     Arm, Drive, Purpose, Shortfall, Workspace, bias, forward_kinematics, hybrid_aba, joint_reaction,
     kinetic_energy, potential_energy,

@@ -5,7 +5,9 @@
 
 MODEL.xml is what `freeplay export MODEL --to mjcf` writes. The motors follow the recorded positions exactly; gears and journals, which have no
 motor, move as MuJoCo's dynamics have it. The torques that this takes are the model's, as the machine would measure them, and the site
-`tool0` is the model's tool. Measured and model go through the same low-pass. Needs mujoco, numpy and scipy.
+`tool0` is the model's tool. Measured and model go through the same low-pass. Where the recording has commanded positions and no torques, the
+servos of the model follow the commands in MuJoCo's own dynamics, and the positions are compared; a model without servos is where it is commanded.
+Needs mujoco, numpy and scipy.
 """
 
 import argparse
@@ -24,6 +26,13 @@ def read(path):
         rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
     names, numbers = rows[0], np.array([[float(cell) for cell in row] for row in rows[1:]])
     return {name: numbers[:, index] for index, name in enumerate(names)}
+
+
+def evenly(recording):
+    """The recording at even times: a low-pass takes its samples to be so, and stamps jitter."""
+    t = recording["t"]
+    even = np.linspace(t[0], t[-1], len(t))
+    return even, {name: np.interp(even, t, column) for name, column in recording.items()}
 
 
 def low_pass(rate, cutoff):
@@ -46,6 +55,7 @@ class Machine:
         servo = model.actuator_biasprm[:, 1] != 0.0
         self.gain = np.where(servo, 1.0, model.actuator_gainprm[:, 0])
         self.bias = np.where(servo, 0.0, model.actuator_biasprm[:, 0])
+        self.has_servos = servo.all()
         self.limited, self.range = model.actuator_forcelimited.astype(bool), model.actuator_forcerange.copy()
         self.tool = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "tool0")
         names = [model.actuator(number).name for number in range(self.count)]
@@ -72,17 +82,31 @@ class Machine:
         """Moves the motors to `q`, `v`, `a`, and returns measured torques and tool position there."""
         model, data, moved = self.model, self.data, self.moved
         moved.qpos[self.place], moved.qvel[self.dof] = q, v
+        moved.qacc[self.dof] = a
         if len(self.passive):
+            # The motors miss `a` by a ten-thousandth of the force on them. Friction that holds a link feels even that, so that what they do counts.
             moved.qfrc_applied[self.dof] = self.weight * a
             mujoco.mj_forward(self.driven, moved)
         data.qpos[:], data.qvel[:], data.qacc[:] = moved.qpos, moved.qvel, moved.qacc
-        data.qacc[self.dof] = a
         mujoco.mj_inverse(model, data)
         force = data.qfrc_inverse[self.dof].copy()
         force[self.limited] = np.clip(force[self.limited], *self.range[self.limited].T)
         if len(self.passive):
             mujoco.mj_step(self.driven, moved)
         return (force - self.bias) / self.gain, data.site_xpos[self.tool].copy()
+
+    def follow(self, t, start, commands):
+        """Positions at the times `t` of servos that begin at rest at `start` and get `commands` as recorded, each held until the next."""
+        model, data = self.model, self.data
+        mujoco.mj_resetData(model, data)
+        data.qpos[self.place] = start
+        positions = np.empty((len(t), self.count))
+        for row, now in enumerate(t):
+            while data.time < now - t[0] - 0.5 * model.opt.timestep:
+                data.ctrl[:] = commands[max(row - 1, 0)]
+                mujoco.mj_step(model, data)
+            positions[row] = data.qpos[self.place]
+        return positions
 
     def settle(self, q):
         """Lets gears and journals come to rest with the motors held at `q`."""
@@ -97,7 +121,7 @@ class Machine:
 
     def replay(self, t, q):
         """Torques and tool positions at the times `t`, along the recorded positions `q`."""
-        step = self.model.opt.timestep if len(self.passive) else float(np.min(np.diff(t)))
+        step = self.model.opt.timestep if len(self.passive) else float(t[1] - t[0])
         motion = CubicSpline(t, q)
         # The machine's time: a position that is recorded at t was there earlier.
         times = np.arange(t[0] - self.late["q"], t[-1], step)
@@ -110,19 +134,30 @@ class Machine:
         return at(torque, self.late["tau"]), at(tool, self.late["tool"])
 
 
+def rms(column):
+    """Root mean square."""
+    return float(np.sqrt(np.mean(column**2)))
+
+
 def compare(path, recording, cutoff):
     """Root mean square of measured minus model, by channel."""
-    machine, t = Machine(path), recording["t"]
+    machine = Machine(path)
+    t, recording = evenly(recording)
     rate = (len(t) - 1) / (t[-1] - t[0])
     smooth = low_pass(rate, cutoff)
     joints = range(1, machine.count + 1)
-    torque, tool = machine.replay(t, smooth(np.stack([recording[f"q{joint}"] for joint in joints], axis=1)))
+    columns = lambda name: np.stack([recording[f"{name}{joint}"] for joint in joints], axis=1)
+    if "tau1" not in recording and "q_ref1" in recording:
+        commands = columns("q_ref")
+        model = machine.follow(t, columns("q")[0], commands) if machine.has_servos else commands
+        return {f"q{joint}": rms(model[:, joint - 1] - recording[f"q{joint}"]) for joint in joints}
+    torque, tool = machine.replay(t, smooth(columns("q")))
     model = {f"tau{joint}": torque[:, joint - 1] for joint in joints}
     model.update(zip("xyz", tool.T))
     # The low-pass needs some time at both ends.
     inner = slice(int(rate * 0.5), -int(rate * 0.5))
     left = {name: smooth(recording[name] - column)[inner] for name, column in model.items() if name in recording}
-    return {name: float(np.sqrt(np.mean(column**2))) for name, column in left.items()}
+    return {name: rms(column) for name, column in left.items()}
 
 
 def main():

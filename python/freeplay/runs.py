@@ -52,7 +52,7 @@ def run(
         A scenario file, or its keys: `{"duration": 2.0, "path": {"kind": "circle"}}`. Without it: the arm of Erkaya (2018) with 0.6 mm of play
         in joint 5.
     controllers : list, optional
-        Built-in names ("computed-torque", "quasi-static", "narx-qp"), paths of executables, and classes or objects of Python that are a
+        Built-in names ("computed-torque", "quasi-static", "narx-qp"), paths of executables or FMUs, and classes or objects of Python that are a
         `Controller`. Without it: the scenario's.
     standby : list
         Controllers that run beside each of them, warm, and take over where it fails.

@@ -201,7 +201,7 @@ impl Mapping {
     /// See [`MappingError`].
     pub fn load(path: &Path) -> Result<Self, MappingError> {
         let file = || path.to_path_buf();
-        let text = freeplay_storage::read_text(path)
+        let text = freeplay_storage::read_config(path)
             .map_err(|error| MappingError::Unreadable { file: file(), source: error.into() })?;
         Self::parse(&text, path)
     }

@@ -16,6 +16,10 @@ use crate::path::check_path;
 /// Parsers hold a document in memory several times over; the largest of the project, the receipt of a full blind set, has 3 MB.
 pub const DOCUMENT_LIMIT: u64 = 32 << 20;
 
+/// The most that is read of a file that people write: a model, a scenario, a mapping; bytes. The trees that parsers of TOML and XML build take
+/// about a hundred bytes for a byte of text, so that such a file takes at most 0.4 GiB. The largest public robots have 0.3 MiB.
+pub const CONFIG_LIMIT: u64 = 4 << 20;
+
 /// A regular file open for reading.
 ///
 /// Pipes, devices, sockets and folders are refused: recordings are read more than once, and a pipe that nobody writes to would be waited
@@ -131,7 +135,19 @@ pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, StorageError> {
 /// # Errors
 /// As [`read_bytes`]; [`ErrorKind::InvalidData`] if it is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, StorageError> {
-    String::from_utf8(read_bytes(path, DOCUMENT_LIMIT)?).map_err(|error| {
+    text(path, DOCUMENT_LIMIT)
+}
+
+/// The text of the file `path` that people write, at most [`CONFIG_LIMIT`] bytes.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn read_config(path: &Path) -> Result<String, StorageError> {
+    text(path, CONFIG_LIMIT)
+}
+
+fn text(path: &Path, limit: u64) -> Result<String, StorageError> {
+    String::from_utf8(read_bytes(path, limit)?).map_err(|error| {
         let source = io::Error::new(ErrorKind::InvalidData, error.utf8_error());
         StorageError::new(Operation::Read, path, source)
     })

@@ -35,7 +35,9 @@ pub use folder::{
     Entry, EntryKind, FileIdentity, check_target, list, make_folder, remove_file, remove_folder, same_file,
     set_times,
 };
-pub use input::{DOCUMENT_LIMIT, InputFile, open_without_links, read_bytes, read_text};
+pub use input::{
+    CONFIG_LIMIT, DOCUMENT_LIMIT, InputFile, open_without_links, read_bytes, read_config, read_text,
+};
 pub use live::LiveFile;
 pub use output_folder::{Claim, OutputFolder};
 pub use path::{PATH_LIMIT, check_path};

@@ -1,7 +1,7 @@
-"""Drives an FMU by FMPy: validates it, steps it with the torques on standard input, and prints every output after every step as hex.
+"""Drives an FMU by FMPy: validates it, steps it with what standard input gives, and prints every output after every step as hex.
 
-Input: {"fmu", "parameters": {name: value}, "brakes": [bool per step], "torque": [[per joint] per step], "names": [outputs], "torques": [inputs],
-"rewind": step or null}. With `rewind` the state at that step is taken, serialised, and put back into the instance at the end; what is played from
+Input: {"fmu", "parameters": {name: value}, "brakes": [bool per step], "given": [[per joint] or null per step], "names": [outputs],
+"inputs": [names], "rewind": step or null}. With `rewind` the state at that step is taken, serialised, and put back into the instance at the end; what is played from
 there again has to be the same.
 """
 
@@ -28,21 +28,22 @@ for name, value in order["parameters"].items():
 fmu.enterInitializationMode(startTime=0.0)
 fmu.exitInitializationMode()
 outputs = [reference[name] for name in order["names"]]
-inputs = [reference[name] for name in order["torques"]]
+inputs = [reference[name] for name in order["inputs"]]
 brakes = [reference["brakes"]]
 
 
 def play(first, last):
     rows = []
     for step in range(first, last):
-        fmu.setFloat64(inputs, order["torque"][step])
+        if order["given"][step] is not None:
+            fmu.setFloat64(inputs, order["given"][step])
         fmu.setBoolean(brakes, [order["brakes"][step]])
         fmu.doStep(currentCommunicationPoint=step * 1e-3, communicationStepSize=1e-3)
         rows.append(struct.pack(f"<{len(outputs)}d", *fmu.getFloat64(outputs)).hex())
     return rows
 
 
-steps, rewind = len(order["torque"]), order["rewind"]
+steps, rewind = len(order["given"]), order["rewind"]
 rows = play(0, rewind or steps)
 if rewind:
     state = fmu.getFMUState()

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use freeplay_arm::{paper_arm, to_toml};
@@ -18,10 +19,10 @@ fn steps() -> usize {
 /// The posture that the native controller holds, while the journal falls and bounces: bent, so that all joints carry weight.
 const POSTURE: [f64; 6] = [0.2, 0.3, 0.4, 0.1, 0.9, 0.3];
 
-/// A scenario in which a native controller drives the worn arm by torques.
-fn scenario(seconds: f64) -> String {
+/// A scenario in which a native controller drives the worn arm.
+fn scenario(mode: &str, seconds: f64) -> String {
     format!(
-        "model = \"worn.toml\"\ncontrollers = [\"computed-torque\"]\nmode = \"torque\"\nduration = {seconds}\n\
+        "model = \"worn.toml\"\ncontrollers = [\"computed-torque\"]\nmode = \"{mode}\"\nduration = {seconds}\n\
          [path]\nkind = \"file\"\nfile = \"rest.csv\"\n"
     )
 }
@@ -56,17 +57,36 @@ fn of_joints(prefix: &str) -> Vec<String> {
     (1..=6).map(|number| format!("{prefix}.joint_{number}")).collect()
 }
 
+const PLAY: &str = "\n[[effect]]\nkind = \"joint_clearance\"\njoint = \"joint_5\"\nclearance = 0.0006\n";
+
 #[test]
 fn an_fmu_gives_the_bits_of_a_native_run_and_goes_back_to_a_state() {
+    same_bits("torque", PLAY, steps());
+}
+
+/// Position servos at all joints, whose commands are late.
+#[test]
+fn an_fmu_of_an_arm_with_servos_gives_the_bits_of_a_native_run() {
+    let servo = |joint: u8| {
+        let [stiffness, damping] = if joint < 4 { [2e4, 400.0] } else { [40.0, 0.5] };
+        format!(
+            "\n[[effect]]\nkind = \"servo\"\njoint = \"joint_{joint}\"\nstiffness = {stiffness:?}\ndamping = {damping:?}\n\
+             [[effect]]\nkind = \"command_delay\"\njoint = \"joint_{joint}\"\ndelay = 0.0125\n"
+        )
+    };
+    same_bits("position", &(1..=6).map(servo).collect::<String>(), 2_000);
+}
+
+/// Compares `steps` steps of the arm with `effects`, whose inputs are of the sort `inputs`, with a native run.
+fn same_bits(inputs: &str, effects: &str, steps: usize) {
     if !has("fmpy, numpy") {
         return;
     }
-    let steps = steps();
     let folder = fresh_folder();
     let at = |name: &str| folder.path().join(name);
-    let play = "\n[[effect]]\nkind = \"joint_clearance\"\njoint = \"joint_5\"\nclearance = 0.0006\n";
-    std::fs::write(at("worn.toml"), to_toml(&paper_arm()) + play).expect("written");
-    std::fs::write(at("run.toml"), scenario(steps as f64 * 1e-3)).expect("written");
+    let mode = if inputs == "position" { "servo" } else { "torque" };
+    std::fs::write(at("worn.toml"), to_toml(&paper_arm()) + effects).expect("written");
+    std::fs::write(at("run.toml"), scenario(mode, steps as f64 * 1e-3)).expect("written");
     let row = POSTURE.map(|q| q.to_string()).join(",");
     let times = [0.0, 0.3, 0.6, 1.0].map(|share| share * (steps as f64 * 1e-3 + 1.0));
     let rows: String = times.iter().map(|t| format!("{t},{row}\n")).collect();
@@ -81,15 +101,15 @@ fn an_fmu_gives_the_bits_of_a_native_run_and_goes_back_to_a_state() {
     let natives = [numbered("q"), numbered("qd"), numbered("tau"), tool.clone()].concat();
     let tools: Vec<String> = tool.iter().map(|name| format!("tool.{name}")).collect();
     let names = [of_joints("q"), of_joints("qd"), of_joints("tau"), tools].concat();
-    let (native, torque) = (columns(&text, &natives), columns(&text, &numbered("applied_")));
+    let (native, applied) = (columns(&text, &natives), columns(&text, &numbered("applied_")));
     let count = native.len() - 1;
     let parameters: serde_json::Map<String, Value> =
         of_joints("start.q").into_iter().zip(POSTURE).map(|(name, q)| (name, q.into())).collect();
     let order = json!({
-        "fmu": ran.folder.path().join("worn.fmu"), "parameters": parameters, "names": names, "torques": of_joints("torque"),
+        "fmu": ran.folder.path().join("worn.fmu"), "parameters": parameters, "names": names, "inputs": of_joints(inputs),
         // No command can have come yet in the first tick: the native plant holds its joints on the path.
         "brakes": (0..count).map(|step| step == 0).collect::<Vec<_>>(),
-        "torque": &torque[..count], "rewind": count / 2,
+        "given": applied[..count].iter().enumerate().map(|(step, row)| (step > 0).then_some(row)).collect::<Vec<_>>(), "rewind": count / 2,
     });
     let mut child = Command::new(python())
         .arg(here("fmu.py"))
@@ -114,4 +134,36 @@ fn an_fmu_gives_the_bits_of_a_native_run_and_goes_back_to_a_state() {
 fn an_fmu_needs_a_name() {
     let ran = Call::new(fresh_folder(), &["export", "paper", "--to", "fmu"]).run().expect(2);
     assert!(ran.stderr().contains("--out FILE.fmu"), "{}", ran.stderr());
+}
+
+/// The program as it is installed: in `bin`, alone or with the library in `lib/freeplay`.
+#[test]
+fn an_installed_program_finds_the_library_of_its_installation_or_says_how_to_build_it() {
+    let folder = fresh_folder();
+    let program = Path::new(env!("CARGO_BIN_EXE_freeplay"));
+    let beside = program.parent().expect("a folder");
+    let name = "libfreeplay_fmi.so";
+    let built = [beside.join("deps").join(name), beside.join(name)].into_iter().find(|path| path.is_file());
+    let (bin, lib) = (folder.path().join("bin"), folder.path().join("lib/freeplay"));
+    for folder in [&bin, &lib] {
+        std::fs::create_dir_all(folder).expect("made");
+    }
+    std::fs::copy(program, bin.join("freeplay")).expect("copied");
+    let export = || {
+        let mut command = Command::new(bin.join("freeplay"));
+        command.args(["export", "paper", "--to", "fmu", "--out", "paper.fmu"]).current_dir(folder.path());
+        command.env_remove("FREEPLAY_FMI_LIBRARY").output().expect("it runs")
+    };
+    let refused = export();
+    let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(3), "{said}");
+    assert!(
+        said.contains("cargo build --release -p freeplay-fmi") && said.contains("lib/freeplay"),
+        "{said}"
+    );
+    assert!(!folder.path().join("paper.fmu").exists());
+    std::fs::copy(built.expect("the library is built with the program"), lib.join(name)).expect("copied");
+    let done = export();
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(folder.path().join("paper.fmu").exists());
 }

@@ -263,7 +263,7 @@ fn a_mapping_file_says_what_names_do_not() {
 /// The shared library of the Python that `FREEPLAY_PYTHON` names, if it has one and the package `package`.
 fn python_library(package: &str) -> Option<String> {
     let script = format!(
-        "import {package}, os, sysconfig; get = sysconfig.get_config_var; assert get('Py_ENABLE_SHARED'); print(os.path.join(get('LIBDIR'), get('INSTSONAME')))"
+        "import {package}, os, sysconfig; get = sysconfig.get_config_var; path = os.path.join(get('LIBDIR'), get('INSTSONAME')); assert get('Py_ENABLE_SHARED') and os.path.exists(path); print(path)"
     );
     let output = Command::new(python()).args(["-c", &script]).output().ok()?;
     if !output.status.success() {
@@ -306,22 +306,89 @@ class NAME(BASE):
         return True
 "#;
 
+/// An FMU in `folder` of the class in [`IN_PYTHON`] number `index`: its name, and the library that it needs; `None` where Python lacks either.
+fn python_fmu(folder: &Path, index: usize) -> Option<(String, String)> {
+    let (package, [name, base], head) = IN_PYTHON[index];
+    let library = python_library(package)?;
+    let script = format!("{head}{}", BODY.replace("NAME", name).replace("BASE", base));
+    std::fs::write(folder.join("follow.py"), script).expect("written");
+    let mut build = Command::new(python());
+    build.args(["-m", package, "build", "-f", "follow.py"]).current_dir(folder);
+    let built = build.output().expect("it starts");
+    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+    Some((format!("./{name}.fmu"), library))
+}
+
 #[test]
 fn fmus_in_python_answer_as_the_native_controller_does() {
-    for (package, [name, base], head) in IN_PYTHON {
-        let Some(library) = python_library(package) else { continue };
+    for index in 0..IN_PYTHON.len() {
         let folder = fresh_folder();
-        let script = format!("{head}{}", BODY.replace("NAME", name).replace("BASE", base));
-        std::fs::write(folder.path().join("follow.py"), script).expect("written");
-        let mut build = Command::new(python());
-        build.args(["-m", package, "build", "-f", "follow.py"]).current_dir(folder.path());
-        let built = build.output().expect("it starts");
-        assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
-        let fmu = format!("./{name}.fmu");
+        let Some((fmu, library)) = python_fmu(folder.path(), index) else { continue };
         let call = Call::new(folder, &run(&[&fmu, "computed-torque"])).env("FREEPLAY_FMU_PRELOAD", library);
         let ran = call.run().expect(0);
         let runs = summary(&ran.folder)["runs"].clone();
-        println!("{package}: {}", runs[0]["state_hash"]);
+        println!("{fmu}: {}", runs[0]["state_hash"]);
         assert_eq!(runs[0]["state_hash"], runs[1]["state_hash"]);
+    }
+}
+
+/// Whether each fault of the exam is borne, by its kind.
+fn verdicts(exam: &Value) -> Vec<(String, bool)> {
+    let lists = ["verdicts", "surroundings"].map(|list| exam[list].as_array().expect("a list").iter());
+    let word = |verdict: &Value| verdict["kind"].as_str().or(verdict["fault"].as_str()).map(str::to_owned);
+    let verdict = |verdict: &Value| (word(verdict).expect("a name"), verdict["holds"] == true);
+    lists.into_iter().flatten().map(verdict).collect()
+}
+
+/// 200 swaps with the native controller of the same law, and the whole exam beside its exam.
+fn swapped_and_examined(folder: TempDir, fmu: &str, library: Option<&str>) {
+    let set = ["--quiet", "--set", "mode=driven", "--pace", "lockstep"];
+    let swap =
+        ["swap", "--swaps", "200", "--controller", fmu, "--controller", "computed-torque", "--out", "swaps"];
+    let given = |call: Call| match library {
+        Some(library) => call.env("FREEPLAY_FMU_PRELOAD", library),
+        None => call,
+    };
+    let mut folder = given(Call::new(folder, &[swap.as_slice(), &set].concat())).run().expect(0).folder;
+    println!("{fmu}: 200 swaps hold");
+    let exams = [fmu, "computed-torque"].map(|controller| {
+        let faults = [
+            "faults",
+            controller,
+            "--format",
+            "json",
+            "--out",
+            if controller == fmu { "exam" } else { "native" },
+        ];
+        let kept = std::mem::replace(&mut folder, fresh_folder());
+        let ran = given(Call::new(kept, &[faults.as_slice(), &set].concat())).run().expect(0);
+        let exam: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
+        folder = ran.folder;
+        verdicts(&exam)
+    });
+    println!(
+        "{fmu}: {} of {} verdicts hold",
+        exams[0].iter().filter(|(_, holds)| *holds).count(),
+        exams[0].len()
+    );
+    assert_eq!(exams[0], exams[1]);
+}
+
+#[test]
+#[ignore = "minutes: cargo test --release -p freeplay --test export -- --ignored --nocapture"]
+fn an_fmu_in_c_passes_the_whole_exam_and_200_swaps() {
+    let folder = fresh_folder();
+    if fmu(folder.path(), "three.fmu", "3.0", &[]) {
+        swapped_and_examined(folder, "./three.fmu", None);
+    }
+}
+
+#[test]
+#[ignore = "minutes: cargo test --release -p freeplay --test export -- --ignored --nocapture"]
+fn fmus_in_python_pass_the_whole_exam_and_200_swaps() {
+    for index in 0..IN_PYTHON.len() {
+        let folder = fresh_folder();
+        let Some((fmu, library)) = python_fmu(folder.path(), index) else { continue };
+        swapped_and_examined(folder, &fmu, Some(&library));
     }
 }

@@ -8,6 +8,8 @@ mod common;
 mod effects;
 mod fmu;
 mod guest;
+mod joints;
+mod real;
 mod replay;
 mod tools;
 

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
+use freeplay_arm::{paper_arm, to_toml};
 use freeplay_concealed::{Case, Demand, Family, Machine, Noise, Severity, generate, write_sealed};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -12,7 +13,7 @@ use crate::common::{Call, fresh_folder};
 use crate::tools::{has, python};
 
 /// Root mean square errors by channel.
-type Errors = BTreeMap<String, f64>;
+pub type Errors = BTreeMap<String, f64>;
 
 /// Effects that MJCF has words for, the machine that has them, and where in it.
 const KINDS: [(&str, Machine, Option<usize>); 19] = [
@@ -34,7 +35,7 @@ const KINDS: [(&str, Machine, Option<usize>); 19] = [
     ("time_delay", Machine::SixBench, None),
     ("joint_elasticity", Machine::SixBench, None),
     ("backlash", Machine::SixBench, None),
-    // A bearing whose axis is level: its journal rests. About an upright axis it flies, and no two tools fly alike.
+    // A bearing whose axis is level: its journal rests. About an upright axis nothing but the arm's own motion presses it; see the last test.
     ("joint_clearance", Machine::Paper, Some(4)),
 ];
 
@@ -54,7 +55,7 @@ fn with_effects(model: &str, truth: &freeplay_concealed::Truth) -> String {
 }
 
 /// What `freeplay compare` says of `model` on the recording `held`.
-fn compared(folder: TempDir, model: &str, held: &str) -> (Errors, TempDir) {
+pub fn compared(folder: TempDir, model: &str, held: &str) -> (Errors, TempDir) {
     let asked = [
         "compare",
         "--model",
@@ -78,7 +79,7 @@ fn compared(folder: TempDir, model: &str, held: &str) -> (Errors, TempDir) {
 }
 
 /// What MuJoCo says of both models on it.
-fn replayed(folder: &Path, held: &str) -> [Errors; 2] {
+pub fn replayed(folder: &Path, held: &str) -> [Errors; 2] {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../python/examples/replay_in_mujoco.py");
     let mut command = Command::new(python());
     command.arg(script).args(["sheet.xml", "full.xml", held]).current_dir(folder);
@@ -141,58 +142,30 @@ fn mujoco_takes_away_what_the_model_itself_takes_away() {
     assert!(short.is_empty(), "{short:?}");
 }
 
-/// A real machine: what a diagnosis of one recording finds, on another one, as far as MJCF has words for it.
+/// Radial play about an upright axis: the journal is pressed aside by the arm's motion, and stays in its bearing in MuJoCo, too. Where a motion turns
+/// round fast the journal flies, and flights of two tools differ by where they begin.
 #[test]
-fn mujoco_takes_away_of_a_real_machine_what_the_model_itself_takes_away() {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
-    let set = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, std::path::PathBuf::from).join("emps");
+fn mujoco_keeps_a_journal_about_an_upright_axis_where_the_plant_has_it() {
     if !has("mujoco, numpy, scipy") {
         return;
     }
-    if !set.is_dir() {
-        println!("skipped: no recordings here; FREEPLAY_RECORDINGS names their folder");
-        return;
-    }
-    let file = |name: &str| set.join(name).display().to_string();
-    let [sheet, train, held] = ["emps.urdf", "train.csv", "test_pulses.csv"].map(file);
+    let play = "\n[[effect]]\nkind = \"joint_clearance\"\njoint = \"joint_1\"\nclearance = 0.0006\n";
     let mut folder = fresh_folder();
-    let asked = ["diagnose", "--seed", "1", "--model", &sheet, "--recording", &train, "--out", "found"];
-    folder = Call::new(folder, &asked).run().expect(0).folder;
-    for (model, to) in [(sheet.as_str(), "sheet.xml"), ("found/model.toml", "full.xml")] {
-        let ran = Call::new(folder, &["export", model, "--to", "mjcf", "--out", to, "--format", "json"])
-            .run()
-            .expect(0);
-        let json: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
-        if to == "full.xml" {
-            let unsaid = json["unsaid"].as_array().expect("a list").clone();
-            let text = std::fs::read_to_string(ran.folder.path().join(model)).expect("the model");
-            std::fs::write(ran.folder.path().join("said.toml"), without(&text, &unsaid)).expect("written");
-        }
-        folder = ran.folder;
+    std::fs::write(folder.path().join("model.toml"), to_toml(&paper_arm())).expect("written");
+    std::fs::write(folder.path().join("full.toml"), to_toml(&paper_arm()) + play).expect("written");
+    let run = ["run", "--controller", "computed-torque", "--recording", "csv", "--out", "native", "--quiet"];
+    let set = ["--set", "model=full.toml", "--set", "duration=3", "--pace", "lockstep"];
+    folder = Call::new(folder, &[run.as_slice(), &set].concat()).run().expect(0).folder;
+    for (model, file) in [("model.toml", "sheet.xml"), ("full.toml", "full.xml")] {
+        folder = Call::new(folder, &["export", model, "--to", "mjcf", "--out", file]).run().expect(0).folder;
     }
-    let (before, folder) = compared(folder, &sheet, &held);
-    let (after, folder) = compared(folder, "said.toml", &held);
-    let [there_before, there_after] = replayed(folder.path(), &held);
-    let (own, theirs) = (before["tau1"] - after["tau1"], there_before["tau1"] - there_after["tau1"]);
-    println!(
-        "{before:?} -> {after:?} here, {there_before:?} -> {there_after:?} in MuJoCo: {:.3}",
-        theirs / own
-    );
-    assert!(own > 0.2 * before["tau1"], "it tests something");
-    assert!(theirs > 0.9 * own);
-}
-
-/// The arm file `text` without the effects that the list `unsaid` begins with.
-fn without(text: &str, unsaid: &[Value]) -> String {
-    let mut table: toml::Table = toml::from_str(text).expect("TOML");
-    if let Some(effects) = table.get_mut("effect").and_then(toml::Value::as_array_mut) {
-        let is_said = |effect: &toml::Value| {
-            let kind = effect["kind"].as_str().unwrap_or_default();
-            !unsaid
-                .iter()
-                .any(|line| line.as_str().is_some_and(|line| line.starts_with(&format!("{kind} at"))))
-        };
-        effects.retain(is_said);
+    let held = "native/computed-torque.csv";
+    let (before, folder) = compared(folder, "model.toml", held);
+    let (after, folder) = compared(folder, "full.toml", held);
+    let [there_before, there_after] = replayed(folder.path(), held);
+    for axis in ["x", "y"] {
+        let (own, theirs) = (before[axis] - after[axis], there_before[axis] - there_after[axis]);
+        println!("{axis}: {:.3e} m here, {:.3e} m in MuJoCo taken away", own, theirs);
+        assert!(own > 0.5 * before[axis] && theirs > 0.9 * own, "{axis}");
     }
-    toml::to_string(&table).expect("TOML")
 }

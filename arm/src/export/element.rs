@@ -98,6 +98,15 @@ pub enum Element {
         /// N·m.
         limit: f64,
     },
+    /// A stop that the joint can't pass.
+    Stop {
+        /// The joint.
+        joint: usize,
+        /// Least position, rad; minus infinity where there is no stop.
+        lower: f64,
+        /// Greatest position, rad; infinity where there is no stop.
+        upper: f64,
+    },
     /// An encoder that reads this where the joint is at zero.
     EncoderZero {
         /// The joint.

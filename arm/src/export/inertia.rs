@@ -47,6 +47,16 @@ impl Principal {
             changed: changed.filter(|x| *x > LEAST),
         }
     }
+
+    /// Names the axes in another order. MuJoCo takes the mass matrix of a body whose principal axes and centre are those of its frame for diagonal, also where
+    /// two of its slides are parallel, as motor and gear are; any order but the frame's own keeps it from that.
+    pub fn turn(&mut self) {
+        let order =
+            Rotation3::from_matrix_unchecked(Matrix3::new(0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0));
+        self.axes *= UnitQuaternion::from_rotation_matrix(&order);
+        let [x, y, z] = self.moments.into();
+        self.moments = Vector3::new(y, z, x);
+    }
 }
 
 /// Axes of which the third is the cross product of the others.
@@ -89,6 +99,16 @@ mod tests {
         let back = axes.matrix() * Matrix3::from_diagonal(&principal.moments) * axes.matrix().transpose();
         assert!((back - tensor).amax() < 1e-15);
         assert!(principal.changed.is_none());
+    }
+
+    #[test]
+    fn a_turned_body_is_the_same_with_other_axes() {
+        let mut principal = Principal::of(&body(Matrix3::from_diagonal(&Vector3::new(0.1, 0.2, 0.25))));
+        principal.turn();
+        let axes = principal.axes.to_rotation_matrix();
+        let back = axes.matrix() * Matrix3::from_diagonal(&principal.moments) * axes.matrix().transpose();
+        assert!((back - Matrix3::from_diagonal(&Vector3::new(0.1, 0.2, 0.25))).amax() < 1e-15);
+        assert!(principal.axes.angle() > 1.0);
     }
 
     #[test]

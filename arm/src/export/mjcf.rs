@@ -24,7 +24,6 @@ use super::xml::{Xml, number, numbers};
 use super::{Channel, Element, Exported, Mechanism, mjcf_joint, mjcf_tendon};
 use crate::arm::Arm;
 use crate::dynamics::mass_matrix::crba;
-use crate::joint::Joint;
 use crate::workspace::Workspace;
 
 /// Longest step of the integrator, s: the tick of a plant.
@@ -32,6 +31,12 @@ const LONGEST_STEP: f64 = 1e-3;
 
 /// Angle by which a gear may swing in a step, rad: the plant's bound for its sub-steps.
 const GREATEST_SWING: f64 = 0.5;
+
+/// Impedance of friction and limits: the largest that MuJoCo takes.
+const IMPEDANCE: f64 = 0.9999;
+
+/// Speed at which friction has to have its level, rad/s (m/s): a hundredth of a slow motion.
+const GREATEST_CREEP: f64 = 1e-3;
 
 /// Inertia that stands in for a rotor that the model does not name, as a share of the least that the joint feels: what it adds to a torque
 /// is as much smaller.
@@ -49,6 +54,7 @@ pub fn to_mjcf(mechanism: &Mechanism) -> Exported {
     );
     unsaid.append(&mut parts.unsaid);
     let step = stand_in(&mut parts, &mechanism.arm, &mut unsaid);
+    carry_friction(&mut parts, &mechanism.arm, step, &mut unsaid);
     unsaid.extend(unsaid_of_bodies(&parts));
     let names = mechanism.arm.joints().iter().map(|joint| joint.name.as_str());
     let mut writer = Writer { xml: Xml::new(), names: Names::of(names), parts: &parts };
@@ -80,7 +86,7 @@ fn unsaid_of_bodies(parts: &Parts) -> Vec<String> {
         let negative = (parts.armature < 0.0).then(|| {
             format!("rotor inertia of {name} ({}): MJCF has none below zero", number(parts.armature))
         });
-        changed.into_iter().chain(negative).chain(unread)
+        changed.into_iter().chain(negative).chain(parts.below_zero()).chain(unread)
     };
     parts.joints.iter().flat_map(of).collect()
 }
@@ -115,6 +121,27 @@ fn stand_in(parts: &mut Parts, arm: &Arm, unsaid: &mut Vec<String>) -> f64 {
         }
     }
     LONGEST_STEP / (LONGEST_STEP * fastest / GREATEST_SWING).ceil()
+}
+
+/// Gives a joint that feels too little inertia for its friction as much as the friction needs in a step of `step` s.
+///
+/// MuJoCo softens friction by the inertia I that the joint feels: the level F is reached at the speed v = h F (1 − d)/(d I), d being the impedance.
+/// [`GREATEST_CREEP`] bounds that speed, at which an inertia that is added costs F h (1 − d)/(d v) of torque per acceleration: a ten-thousandth of F per rad/s².
+fn carry_friction(parts: &mut Parts, arm: &Arm, step: f64, unsaid: &mut Vec<String>) {
+    let felt = inertias(parts, arm, 0);
+    for (joint, felt) in parts.joints.iter_mut().zip(felt) {
+        let felt = if joint.gear.is_some() { joint.armature } else { felt };
+        let least = joint.friction * step * (1.0 - IMPEDANCE) / (IMPEDANCE * GREATEST_CREEP);
+        if least > felt {
+            joint.armature = joint.armature.max(0.0) + least - felt;
+            unsaid.push(format!(
+                "an inertia of {} kg*m^2 too much on {}: MuJoCo's friction of {} needs it, the links have too little",
+                number(least - felt),
+                joint.joint.name,
+                number(joint.friction)
+            ));
+        }
+    }
 }
 
 /// The inertia that each joint feels beyond its motor with all others free, 1/(M⁻¹)ⱼⱼ, in posture `number`, kg·m² (kg). In posture 0 all
@@ -176,7 +203,8 @@ impl Writer<'_> {
 
     /// Constraints that stop what they act on within one step.
     fn write_defaults(&mut self, step: f64) {
-        let (reference, impedance) = (numbers(&[2.0 * step, 1.0]), "0.9999 0.9999 0.001 0.5 2".to_owned());
+        let reference = numbers(&[2.0 * step, 1.0]);
+        let impedance = numbers(&[IMPEDANCE, IMPEDANCE, 1e-3, 0.5, 2.0]);
         self.xml.start("default", &[]);
         for tag in ["joint", "tendon"] {
             self.xml.empty(
@@ -208,7 +236,7 @@ impl Writer<'_> {
         let body = self.names.take(&format!("{}_link", joint.name));
         self.xml.start("body", &[("name", body), pos(&joint.placement), quat(&joint.placement)]);
         mjcf_joint::write(self, index, parts, marks);
-        self.write_inertial(joint);
+        self.write_inertial(parts);
         if parts.play.is_some() {
             let journal = self.names.take(&format!("{}_journal", joint.name));
             self.xml.empty("site", &[("name", journal.clone())]);
@@ -222,8 +250,12 @@ impl Writer<'_> {
         }
     }
 
-    fn write_inertial(&mut self, joint: &Joint) {
-        let principal = Principal::of(&joint.inertia);
+    fn write_inertial(&mut self, parts: &JointParts) {
+        let joint = &parts.joint;
+        let mut principal = Principal::of(&joint.inertia);
+        if parts.gear.is_some() {
+            principal.turn();
+        }
         self.xml.empty(
             "inertial",
             &[

@@ -61,7 +61,7 @@ fn motor(parts: &JointParts) -> Vec<(&'static str, String)> {
         attributes.push(("range", numbers(&[lower.max(-OPEN), upper.min(OPEN)])));
     }
     let [linear, quadratic] = parts.damping;
-    if quadratic != 0.0 {
+    if quadratic > 0.0 {
         attributes.push(("damping", numbers(&[linear.max(0.0), quadratic])));
     } else if linear > 0.0 {
         attributes.push(("damping", number(linear)));
@@ -71,7 +71,7 @@ fn motor(parts: &JointParts) -> Vec<(&'static str, String)> {
             attributes.push((name, number(value)));
         }
     }
-    if let Some(spring) = parts.spring {
+    if let Some(spring) = parts.spring.filter(|spring| spring.stiffness > 0.0) {
         attributes.extend([("stiffness", number(spring.stiffness)), ("springref", number(spring.rest))]);
     }
     attributes

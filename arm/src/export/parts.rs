@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
+use super::xml::number;
 use super::{Channel, Element, Mechanism};
 use crate::joint::{Joint, JointKind};
 
@@ -97,12 +98,16 @@ impl Parts {
                 element => parts.add(element),
             }
         }
-        for (name, own_shares_named, shaft) in shafts {
-            match own_shares_named && !parts.give_shares(&shaft) {
-                true => parts
-                    .unsaid
-                    .push(format!("{name}: the joints' own inertia or damping is less than the shaft's")),
-                false => parts.shafts.push(shaft),
+        for (name, own_shares_named, mut shaft) in shafts {
+            if own_shares_named {
+                for lost in parts.give_shares(&mut shaft) {
+                    parts.unsaid.push(format!(
+                        "{name}: its {lost} across the joints; a shaft loads each joint by its own motion, too, and the joints' own {lost} is less than that"
+                    ));
+                }
+            }
+            if [shaft.inertia, shaft.viscous, shaft.coulomb].iter().any(|part| *part != 0.0) {
+                parts.shafts.push(shaft);
             }
         }
         parts
@@ -129,6 +134,10 @@ impl Parts {
             }
             Element::TorqueOffset { joint, offset } => self.joints[joint].measured[1] += offset,
             Element::TorqueLimit { joint, limit } => self.joints[joint].limit(limit),
+            Element::Stop { joint, lower, upper } => {
+                let limits = &mut self.joints[joint].joint.limits;
+                (limits.lower, limits.upper) = (limits.lower.max(lower), limits.upper.min(upper));
+            }
             Element::EncoderZero { joint, offset } => self.joints[joint].turn_back(offset),
             Element::Servo { joint, stiffness, damping, offset, limit } => {
                 let parts = &mut self.joints[joint];
@@ -140,20 +149,34 @@ impl Parts {
         }
     }
 
-    /// Takes the shares of `shaft` out of the joints' own numbers; false where they hold less.
-    fn give_shares(&mut self, shaft: &Shaft) -> bool {
-        let shares = [1.0, shaft.ratio * shaft.ratio];
-        let left = [0, 1].map(|end| {
-            let JointParts { armature, damping, .. } = self.joints[shaft.joints[end]];
-            [armature - shares[end] * shaft.inertia, damping[0] - shares[end] * shaft.viscous]
-        });
-        if left.as_flattened().iter().any(|left| *left < 0.0) {
-            return false;
+    /// Takes the shares of `shaft` out of the joints' own numbers. A part of which they hold less goes from the shaft instead, and is returned in words.
+    fn give_shares(&mut self, shaft: &mut Shaft) -> Vec<&'static str> {
+        let square = shaft.ratio * shaft.ratio;
+        let left = |own: [f64; 2], part: f64| {
+            let left = [own[0] - part, own[1] - square * part];
+            (part == 0.0 || left.iter().all(|left| *left >= 0.0)).then_some(left)
+        };
+        let joints = shaft.joints;
+        let mut lost = Vec::new();
+        match left(joints.map(|joint| self.joints[joint].armature), shaft.inertia) {
+            Some(left) => {
+                joints.iter().zip(left).for_each(|(&joint, left)| self.joints[joint].armature = left)
+            }
+            None => {
+                shaft.inertia = 0.0;
+                lost.push("inertia");
+            }
         }
-        for ([armature, damping], joint) in left.into_iter().zip(shaft.joints) {
-            (self.joints[joint].armature, self.joints[joint].damping[0]) = (armature, damping);
+        match left(joints.map(|joint| self.joints[joint].damping[0]), shaft.viscous) {
+            Some(left) => {
+                joints.iter().zip(left).for_each(|(&joint, left)| self.joints[joint].damping[0] = left)
+            }
+            None => {
+                shaft.viscous = 0.0;
+                lost.push("viscous friction");
+            }
         }
-        true
+        lost
     }
 }
 
@@ -176,10 +199,25 @@ impl JointParts {
         }
     }
 
+    /// Damping and friction below zero, which no tool takes, in words.
+    pub fn below_zero(&self) -> Vec<String> {
+        let [linear, quadratic] = self.damping;
+        let parts = [
+            ("damping", linear),
+            ("quadratic damping", quadratic),
+            ("Coulomb friction", self.friction),
+            ("stiffness of the spring", self.spring.map_or(0.0, |spring| spring.stiffness)),
+        ];
+        let name = &self.joint.name;
+        let words =
+            |(words, value)| format!("{words} of {name} ({}): there is none below zero", number(value));
+        parts.into_iter().filter(|(_, value)| *value < 0.0).map(words).collect()
+    }
+
     fn add_spring(&mut self, stiffness: f64, rest: f64) {
         let before = self.spring.unwrap_or(Spring { stiffness: 0.0, rest: 0.0 });
         let sum = before.stiffness + stiffness;
-        if sum > 0.0 {
+        if sum != 0.0 {
             let rest = (before.stiffness * before.rest + stiffness * rest) / sum;
             self.spring = Some(Spring { stiffness: sum, rest });
         }

@@ -36,6 +36,7 @@ pub fn to_urdf(mechanism: &Mechanism) -> Exported {
     );
     unsaid.extend(unsaid_of_arm(mechanism));
     unsaid.extend(parts.unsaid.clone());
+    unsaid.extend(parts.joints.iter().flat_map(JointParts::below_zero));
     let mut xml = Xml::new();
     xml.comment(super::heading(&unsaid).iter().map(String::as_str));
     xml.start("robot", &[("name", mechanism.arm.name().to_owned())]);
@@ -61,6 +62,7 @@ fn is_said(element: &Element) -> bool {
             | Element::DryFriction { .. }
             | Element::TorqueLimit { .. }
             | Element::EncoderZero { .. }
+            | Element::Stop { .. }
     )
 }
 
@@ -73,7 +75,8 @@ fn missing(element: &Element) -> Option<&'static str> {
         Element::Damping { .. }
         | Element::DryFriction { .. }
         | Element::TorqueLimit { .. }
-        | Element::EncoderZero { .. } => None,
+        | Element::EncoderZero { .. }
+        | Element::Stop { .. } => None,
         Element::RotorInertia { .. } => Some("URDF has no inertia of rotors"),
         Element::ConstantTorque { .. } => {
             Some("URDF has no constant torque; friction is the mean of both directions")

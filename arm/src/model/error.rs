@@ -70,7 +70,7 @@ pub enum ModelError {
         offset: usize,
     },
     /// The file is longer than allowed.
-    #[error("{origin}: longer than the 32 MiB allowed for a model file; is it a mesh or a recording?")]
+    #[error("{origin}: longer than the {} MiB allowed for a model file; is it a mesh or a recording?", super::MAX_FILE_BYTES >> 20)]
     TooLarge {
         /// The file.
         origin: String,

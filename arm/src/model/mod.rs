@@ -29,7 +29,7 @@ pub use toml_write::to_toml;
 pub use urdf::{parse_urdf, parse_urdf_selected};
 
 /// Largest model file that is read, bytes.
-pub const MAX_FILE_BYTES: u64 = freeplay_storage::DOCUMENT_LIMIT;
+pub const MAX_FILE_BYTES: u64 = freeplay_storage::CONFIG_LIMIT;
 
 /// An `[[effect]]` of an arm file as read: physics beyond the rigid body, to be interpreted by whoever knows the kind.
 #[derive(Clone, Debug, PartialEq)]

@@ -6,6 +6,8 @@ use roxmltree::{Document, Error, ParsingOptions};
 
 /// Most XML nodes that are read; a robot with meshes by reference has some thousands.
 const MAX_NODES: u32 = 2_000_000;
+/// Most attributes of an element: the parser compares each with all before it. No element of URDF or MJCF has more than some dozens.
+pub(super) const MAX_ATTRIBUTES: usize = 1000;
 /// Most prefixes that are declared for a file. Each costs another reading of it.
 const MAX_PREFIXES: usize = 32;
 
@@ -46,6 +48,43 @@ impl<'a> Declared<'a> {
             declared.inserted = (at, namespaces.len());
         }
     }
+}
+
+/// Byte offset of the first element with more than [`MAX_ATTRIBUTES`] attributes.
+pub(super) fn crowded_tag(text: &str) -> Option<usize> {
+    let mut rest = 0;
+    loop {
+        let at = rest + text[rest..].find('<')?;
+        let tag = &text[at..];
+        let of = |start: &str, end: &str| tag.starts_with(start).then(|| tag.find(end).unwrap_or(tag.len()));
+        let length = of("<!--", "-->").or_else(|| of("<![CDATA[", "]]>")).or_else(|| of("<?", "?>"));
+        rest = at
+            + match length {
+                Some(length) => length,
+                None => {
+                    let (length, attributes) = extent(tag);
+                    if attributes > MAX_ATTRIBUTES {
+                        return Some(at);
+                    }
+                    length
+                }
+            };
+    }
+}
+
+/// Length of the tag at the start of `text`, and how many attributes it has.
+fn extent(text: &str) -> (usize, usize) {
+    let (mut quote, mut attributes) = (None, 0);
+    for (at, byte) in text.bytes().enumerate() {
+        match (byte, quote) {
+            (b'>', None) => return (at, attributes),
+            (b'"' | b'\'', None) => quote = Some(byte),
+            (b'=', None) => attributes += 1,
+            (_, Some(open)) if byte == open => quote = None,
+            _ => {}
+        }
+    }
+    (text.len(), attributes)
 }
 
 /// How documents are parsed.

@@ -7,7 +7,7 @@ use roxmltree::{Document, Node};
 
 use super::error::{ModelError, Place, shortened};
 use super::numbers::pose;
-use super::prefixes::{Declared, options};
+use super::prefixes::{Declared, MAX_ATTRIBUTES, crowded_tag, options};
 use super::urdf_inertial::Inertial;
 use super::urdf_joint::{Details, Motion};
 use super::urdf_xml::{Reader, Source, children};
@@ -68,6 +68,10 @@ pub fn parse_urdf(text: &str, origin: &str) -> Result<ArmFile, ModelError> {
 /// [`ModelError`] with line, column, value and remedy.
 pub fn parse_urdf_selected(text: &str, origin: &str, selection: &Selection) -> Result<ArmFile, ModelError> {
     check_extent(text, origin)?;
+    if let Some(at) = crowded_tag(text) {
+        let message = format!("an element with more than {MAX_ATTRIBUTES} attributes; is the file damaged?");
+        return Err(ModelError::Syntax { at: Place::in_text(origin, text, at), message });
+    }
     let declared = Declared::new(text).map_err(|error| syntax_error(origin, &error))?;
     let source = Source { origin, text, inserted: declared.inserted };
     let document = Document::parse_with_options(&declared.text, options())

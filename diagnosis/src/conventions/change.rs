@@ -107,7 +107,6 @@ impl Change {
         let first = |odds: f64| if is_further { FURTHER } else { odds };
         let odds: f64 = match self {
             Change::Beside(_) => COMMON,
-            Change::SameScale(..) => 0.5,
             // One of several that are as probable: the faces, the quarter and half turns, a joint with its torque or without.
             Change::Gravity(_) => RARE / FACES,
             Change::Zero { .. } => first(RARE) / QUARTERS,
@@ -121,7 +120,7 @@ impl Change {
     pub fn parameters(&self) -> usize {
         match self {
             Change::Zero { is_fitted, .. } => usize::from(*is_fitted),
-            Change::Scale(_) | Change::CommonScale | Change::Delay(..) => 1,
+            Change::Scale(_) | Change::SameScale(..) | Change::CommonScale | Change::Delay(..) => 1,
             Change::AnyGravity => 2,
             Change::Beside(Physics::Payload) => 4,
             Change::Beside(Physics::Coupling(..)) => 3,

@@ -6,10 +6,10 @@ use freeplay_recording::{Recording, unwrapped};
 use super::change::{Change, reading};
 use super::finding::{Certainty, Setup, SetupFinding};
 use super::kinds::{self, Told};
-use super::problem::{FLOOR, Outcome};
+use super::problem::{FLOOR, GEOMETRY, Outcome};
 use super::reading::Reading;
 use super::samples::Samples;
-use super::search::Search;
+use super::search::{MEMORY, Search};
 
 /// Changes with how sure each is.
 type Certain = Vec<(Change, Certainty)>;
@@ -24,8 +24,6 @@ const MOST: f64 = 2.0;
 pub(super) const SPOKEN: f64 = 0.1;
 /// Log odds within which another change explains as much: 20 to 1.
 pub(super) const RIVAL: f64 = 3.0;
-/// Rows beyond which residuals are taken to be independent, and the most rows that count as one: 1.8 s, longer than any settling of an arm.
-const MEMORY: usize = 12;
 
 /// Whether `recording` and `arm` speak of the same arm, in the same units, signs, order and on the same clock.
 pub fn examine(arm: &Arm, recording: &Recording) -> Setup {
@@ -85,10 +83,12 @@ impl Examination<'_> {
         if !has_torques && !has_tool {
             return;
         }
-        let search = Search::new(self.arm, self.samples);
+        let mut search = Search::new(self.arm, self.samples);
         let first = search.best();
-        let (best, certain, rivals) = self.settled(&search, first.clone());
-        let is_another = self.is_another(&search, &first, &best);
+        search.weigh(&first);
+        let first = search.again(&first);
+        let (best, certain, rivals) = self.settled(&search, first);
+        let is_another = self.is_another(&search, &best);
         // Torques without gravity are small, and mostly what the rigid arm does not say.
         let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);
         let other = kinds::another_arm::found(&best, self.arm.dof(), is_silent || !has_torques, has_tool);
@@ -121,18 +121,20 @@ impl Examination<'_> {
         setup.findings.extend(self.left_still(&best));
     }
 
-    /// Tells whether another arm explains the recording better than `settled`, in which every change is certain. Another arm explains as much as `first`,
-    /// the best set of all, with the same physics beside it; its price may be lower.
-    fn is_another(&self, search: &Search, first: &Outcome, settled: &Outcome) -> bool {
-        let price = kinds::another_arm::price(self.arm.dof(), search.whole.log_price(first.likelihood.len()));
-        let physics = search.whole.physics_price(first);
-        if price + physics > first.price() || first.likelihood.len() != settled.likelihood.len() {
+    /// Tells whether another arm explains the recording better than the reading of `settled`, in which every change is certain. Another arm leaves as
+    /// little of each channel, with the same physics beside it; where its price is lower, it is the simpler answer.
+    fn is_another(&self, search: &Search, settled: &Outcome) -> bool {
+        let is_large = |change: &Change| change.is_reading() && !kinds::is_small(self.arm, settled, change);
+        let speaks = |channel: &usize| settled.spoken[*channel] >= SPOKEN;
+        let spoken = (0..settled.left.len()).filter(speaks);
+        // Torques without gravity say little of an arm.
+        let is_silent = settled.changes.contains(&Change::Compensated);
+        if is_silent || !settled.changes.iter().any(is_large) {
             return false;
         }
-        let counts = rows_per_one(&search.whole.residuals(first));
-        let gains = first.likelihood.iter().zip(&settled.likelihood).zip(&counts);
-        let gain: f64 = gains.map(|((with, without), count)| (with - without) / count).sum();
-        gain + settled.price() - price - physics > OVERWHELMING
+        let links = spoken.filter(|channel| *channel < self.arm.dof()).count();
+        let price = kinds::another_arm::price(links, search.whole.log_price(settled));
+        settled.price() - search.whole.physics_price(settled) > price
     }
 
     /// The reading of the changes that are sure, with what was known of it before.
@@ -171,7 +173,7 @@ impl Examination<'_> {
         if best.likelihood.is_empty() {
             return (Vec::new(), Vec::new());
         }
-        let counts = rows_per_one(&search.whole.residuals(best));
+        let joints = if self.samples.has_torques() { self.arm.dof() } else { 0 };
         let (mut certain, mut rivals) = (Vec::new(), Vec::new());
         let asked = best
             .changes
@@ -180,7 +182,13 @@ impl Examination<'_> {
         for change in asked {
             let rest = without(&best.changes, change);
             let readings: Vec<Change> = rest.iter().copied().filter(Change::is_reading).collect();
-            let other = search.beside(&readings, &self.large(best, &readings), Some(change.sort()));
+            let mut other = search.beside(&readings, &self.large(best, &readings), Some(change.sort()));
+            if other.likelihood.len() != best.likelihood.len() {
+                // A scale of a torque with the wrong sign is below zero: what else is said of the joint goes with the change.
+                let others: Vec<Change> =
+                    readings.iter().copied().filter(|other| other.joint() != change.joint()).collect();
+                other = search.beside(&others, &self.large(best, &others), Some(change.sort()));
+            }
             // Without a fit there is nothing to compare with.
             if other.likelihood.len() != best.likelihood.len() {
                 continue;
@@ -188,7 +196,7 @@ impl Examination<'_> {
             // Physics that fits one reading may be impossible under another.
             let same = Some(search.whole.outcome(&rest)).filter(|same| !same.likelihood.is_empty());
             let same = same.unwrap_or_else(|| other.clone());
-            if !is_certain(change, best, &other, &same, &counts) {
+            if !is_certain(change, best, &other, &same, joints) {
                 continue;
             }
             certain.push((*change, Certainty::Sure));
@@ -230,44 +238,28 @@ fn without(changes: &[Change], change: &Change) -> Vec<Change> {
     changes.iter().filter(stays).copied().collect()
 }
 
-/// Whether `best` is right against `other`, the best set without `change`: by odds, rows of channel c counting 1/`counts[c]` each, and by what
+/// Whether `best` is right against `other`, the best set without `change`: by odds, rows counting as far as they are independent, and by what
 /// the change takes away of what is left of `same`, which is `best` without it, in a channel that `best` explains.
 ///
 /// A reading shows in channels where the rigid arm speaks, as it is read with the change: where friction is all, a gap or bristles look like a
 /// clock, and a torque that has little to do with the model like one in a unit that is far too large. Friction speaks of signs itself, since it
 /// never drives; torques without gravity alone may be silent.
-fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, counts: &[f64]) -> bool {
+fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, joints: usize) -> bool {
     let is_silent = matches!(change, Change::Compensated | Change::TorqueSign(_) | Change::Direction { .. });
     let mut odds = other.price() - best.price();
     let is_explained = |left: f64| left <= kinds::another_arm::UNEXPLAINED;
     let mut fall = 1.0_f64;
-    for (c, count) in counts.iter().enumerate() {
+    for c in 0..best.likelihood.len() {
         if !is_silent && best.spoken[c] < SPOKEN {
             continue;
         }
         // A reading without the change may leave a channel out.
         let Some(without) = other.likelihood.get(c) else { continue };
-        let gain = best.likelihood[c] - without;
-        odds += if gain > 0.0 { gain / count } else { gain };
+        odds += best.likelihood[c] - without;
         if let Some(left) = same.left.get(c).filter(|_| is_explained(best.left[c])) {
-            fall = fall.max((left + FLOOR.powi(2)) / (best.left[c] + FLOOR.powi(2)));
+            let floor = FLOOR.powi(2) * if c < joints { 1.0 } else { GEOMETRY.powi(2) };
+            fall = fall.max((left + floor) / (best.left[c] + floor));
         }
     }
     odds > OVERWHELMING && fall > MOST
-}
-
-/// How many rows of each channel count as one: 1 + 2 Σ ρ_k of what is left of it (Bartlett 1946).
-fn rows_per_one(residuals: &[Vec<f64>]) -> Vec<f64> {
-    let of = |residual: &Vec<f64>| {
-        let mean = residual.iter().sum::<f64>() / residual.len().max(1) as f64;
-        let x: Vec<f64> = residual.iter().map(|x| x - mean).collect();
-        let whole: f64 = x.iter().map(|x| x * x).sum();
-        if whole <= 0.0 {
-            return 1.0;
-        }
-        let at = |lag: usize| x.iter().zip(&x[lag.min(x.len())..]).map(|(a, b)| a * b).sum::<f64>() / whole;
-        let sum: f64 = (1..=MEMORY).map(at).take_while(|rho| *rho > 0.0).sum();
-        (1.0 + 2.0 * sum).min(MEMORY as f64)
-    };
-    residuals.iter().map(of).collect()
 }

@@ -26,7 +26,10 @@ use super::torques::Torques;
 pub(crate) const FLOOR: f64 = 0.05;
 
 /// That of a tracked tool, as a share of the torques': no friction blurs geometry, 1 % of a motion is more than play and elasticity make.
-const GEOMETRY: f64 = 0.2;
+pub(crate) const GEOMETRY: f64 = 0.2;
+
+/// Prior odds that a joint shares the torque unit of another one, or not.
+const EITHER: f64 = 0.5;
 
 /// An arm, the rows of a recording, and what was already worked out for them.
 pub(crate) struct Problem<'a> {
@@ -40,6 +43,8 @@ pub(crate) struct Problem<'a> {
     pub reach: f64,
     seen: RefCell<HashMap<Vec<u64>, Rc<Along>>>,
     measured: RefCell<HashMap<(usize, u64), Rc<Measured>>>,
+    /// How many rows of each channel count as one, in the order of [`Outcome::likelihood`]; one where none is known.
+    counts: Vec<f64>,
 }
 
 /// A measured torque.
@@ -81,7 +86,27 @@ impl<'a> Problem<'a> {
     pub fn new(arm: &'a Arm, samples: &'a Samples, stride: usize, floor: f64) -> Self {
         let joints = arm.joints().iter().skip(1).map(|joint| joint.placement.translation.vector.norm());
         let reach = joints.sum::<f64>() + arm.tool().translation.vector.norm();
-        Self { arm, samples, stride, floor, reach, seen: RefCell::default(), measured: RefCell::default() }
+        Self {
+            arm,
+            samples,
+            stride,
+            floor,
+            reach,
+            seen: RefCell::default(),
+            measured: RefCell::default(),
+            counts: Vec::new(),
+        }
+    }
+
+    /// Rows of channel c count 1/`counts[c]` each from now on.
+    pub fn count_rows(&mut self, counts: &[f64]) {
+        self.counts = counts.to_vec();
+    }
+
+    /// How many rows of `channel` are independent of each other.
+    fn independent(&self, channel: usize) -> f64 {
+        let count = self.counts.get(channel).copied().unwrap_or(1.0);
+        (self.samples.len() as f64 / count).min(self.rows() as f64)
     }
 
     fn rows(&self) -> usize {
@@ -134,7 +159,6 @@ impl<'a> Problem<'a> {
             gravity: self.gravity(&reading),
             scale: vec![1.0; self.arm.dof()],
         };
-        let mut count = 0;
         let torques = self.samples.has_torques().then(|| Torques::new(self, &reading, &along, changes));
         if let Some(torques) = torques.filter(|torques| !torques.joints.is_empty()) {
             let fitted = torques.fitted(&mut outcome.gravity, &mut outcome.scale);
@@ -147,48 +171,59 @@ impl<'a> Problem<'a> {
             outcome.spoken = vec![0.0; self.arm.dof()];
             for (channel, (&joint, left)) in torques.joints.iter().zip(&fitted.left).enumerate() {
                 let (variance, left) = (torques.variance(channel), left / self.rows() as f64);
-                outcome.likelihood[joint] = self.log_likelihood(left, variance);
+                outcome.likelihood[joint] = self.log_likelihood(joint, left, variance);
                 outcome.left[joint] = left / variance;
                 outcome.spoken[joint] =
                     torques.spoken(joint, &outcome.gravity, outcome.scale[joint]) / variance;
             }
-            count += torques.joints.len();
         }
         if self.samples.has_tool() {
             let (residuals, variance) = self.tool_residuals(&reading, &along);
             for residual in residuals {
                 let left = mean_square(&residual);
-                outcome.likelihood.push(self.log_likelihood(left, GEOMETRY.powi(2) * variance));
+                let channel = outcome.likelihood.len();
+                let size = GEOMETRY.powi(2) * variance;
+                outcome.likelihood.push(self.log_likelihood(channel, left, size));
                 outcome.left.push(left / variance);
                 outcome.spoken.push(1.0);
             }
-            count += 3;
         }
-        let parameters: usize = changes.iter().map(Change::parameters).sum();
-        let odds = self.log_odds(&outcome);
+        let (parameters, odds) = self.prior(&outcome);
         outcome.evidence =
-            outcome.likelihood.iter().sum::<f64>() + odds - parameters as f64 * self.log_price(count);
+            outcome.likelihood.iter().sum::<f64>() + odds - parameters as f64 * self.log_price(&outcome);
         outcome
     }
 
-    /// Prior log odds of the changes of `outcome`: a small one is an effect of the catalogue, as common as other physics.
-    fn log_odds(&self, outcome: &Outcome) -> f64 {
+    /// How many numbers the changes of `outcome` fit, and their prior log odds: a small one is an effect of the catalogue, as common as other
+    /// physics. A torque in the unit of another joint's has no number of its own.
+    fn prior(&self, outcome: &Outcome) -> (usize, f64) {
         let (small, large): (Vec<Change>, Vec<Change>) =
             outcome.changes.iter().partition(|change| kinds::is_small(self.arm, outcome, change));
-        let of_large = large.iter().enumerate().map(|(k, change)| change.log_odds(&large[..k]));
-        small.len() as f64 * COMMON.ln() + of_large.sum::<f64>()
+        let mut parameters: usize = small.iter().map(Change::parameters).sum();
+        let mut odds = small.len() as f64 * COMMON.ln();
+        for (k, change) in large.iter().enumerate() {
+            if kinds::torque_unit::is_shared(outcome, change, &large[..k]) {
+                odds += EITHER.ln();
+            } else {
+                parameters += change.parameters();
+                odds += change.log_odds(&large[..k]);
+            }
+        }
+        (parameters, odds)
     }
 
     /// Price of the physics beside the reading of `outcome`.
     pub fn physics_price(&self, outcome: &Outcome) -> f64 {
         let physics = outcome.changes.iter().filter(|change| !change.is_reading());
-        let each = self.log_price(outcome.likelihood.len());
+        let each = self.log_price(outcome);
         physics.map(|change| change.parameters() as f64 * each - COMMON.ln()).sum()
     }
 
-    /// What a fitted number costs where `channels` were recorded.
-    pub fn log_price(&self, channels: usize) -> f64 {
-        0.5 * ((self.rows() * channels.max(1)) as f64).ln()
+    /// What a fitted number costs where the channels of `outcome` were recorded.
+    pub fn log_price(&self, outcome: &Outcome) -> f64 {
+        let channels = outcome.left.iter().enumerate().filter(|(_, left)| left.is_finite());
+        let rows: f64 = channels.map(|(channel, _)| self.independent(channel)).sum();
+        0.5 * rows.max(self.rows() as f64).ln()
     }
 
     fn gravity(&self, reading: &Reading) -> Vector3<f64> {
@@ -198,8 +233,8 @@ impl<'a> Problem<'a> {
         reading.gravity.unwrap_or(*self.arm.gravity())
     }
 
-    fn log_likelihood(&self, left: f64, size: f64) -> f64 {
-        -0.5 * self.rows() as f64 * (left + self.floor.powi(2) * size).ln()
+    fn log_likelihood(&self, channel: usize, left: f64, size: f64) -> f64 {
+        -0.5 * self.independent(channel) * (left + self.floor.powi(2) * size).ln()
     }
 
     /// What is left of the tool's coordinates, and the mean of their variances.

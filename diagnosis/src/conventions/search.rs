@@ -40,6 +40,19 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Counts rows as far as what `outcome` leaves is independent from one to the next.
+    pub fn weigh(&mut self, outcome: &Outcome) {
+        let counts = rows_per_one(&self.whole.residuals(outcome));
+        for problem in [&mut self.whole, &mut self.few, &mut self.sharp] {
+            problem.count_rows(&counts);
+        }
+    }
+
+    /// The best set that steps from `first` lead to.
+    pub fn again(&self, first: &Outcome) -> Outcome {
+        self.settled(&climb(&self.few, &first.changes, Scope::All).changes, Scope::All)
+    }
+
     /// The best set of all starts: sought on few rows, settled on all of them.
     pub fn best(&self) -> Outcome {
         let plain = climb(&self.few, &[], Scope::All);
@@ -112,6 +125,24 @@ impl<'a> Search<'a> {
     }
 }
 
+/// Rows beyond which residuals are taken to be independent, and the most rows that count as one: 1.8 s, longer than any settling of an arm.
+pub(super) const MEMORY: usize = 12;
+
+/// How many rows of each channel count as one: 1 + 2 Σ ρ_k of what is left of it (Bartlett 1946).
+fn rows_per_one(residuals: &[Vec<f64>]) -> Vec<f64> {
+    let of = |residual: &Vec<f64>| {
+        let mean = residual.iter().sum::<f64>() / residual.len().max(1) as f64;
+        let x: Vec<f64> = residual.iter().map(|x| x - mean).collect();
+        let whole: f64 = x.iter().map(|x| x * x).sum();
+        if whole <= 0.0 {
+            return 1.0;
+        }
+        let at = |lag: usize| x.iter().zip(&x[lag.min(x.len())..]).map(|(a, b)| a * b).sum::<f64>() / whole;
+        let sum: f64 = (1..=MEMORY).map(at).take_while(|rho| *rho > 0.0).sum();
+        (1.0 + 2.0 * sum).min(MEMORY as f64)
+    };
+    residuals.iter().map(of).collect()
+}
 /// A search may change these things.
 #[derive(Clone, Copy)]
 enum Scope<'s> {

@@ -150,6 +150,11 @@ impl Candidate {
         self.same_effect(other) || both && self.joint == other.joint
     }
 
+    /// Whether both happen at a time, and at the same one in part.
+    pub fn happens_with(&self, other: &Self) -> bool {
+        self.kind.happens() && other.kind.happens() && meet(&self.form.shape, &other.form.shape)
+    }
+
     /// Whether both show in one channel at least: else neither can stand in the other's place.
     pub fn meets(&self, other: &Self) -> bool {
         self.channels.iter().any(|c| other.channels.contains(c))

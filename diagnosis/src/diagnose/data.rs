@@ -98,7 +98,7 @@ impl<'a> Data<'a> {
     }
 
     /// Takes the rows in which one of `happened` says anything out of the test part, and what is around them by the memory of the low-pass: what happens at a
-    /// time is seen in no others. Whether most of the test part is left; else nothing is taken.
+    /// time is seen in no others. Whether the test part is left for longer than that memory; else nothing is taken.
     pub fn give_moments(&mut self, happened: &[&Candidate]) -> bool {
         let before = self.parts.clone();
         for (channel, rows) in
@@ -115,8 +115,13 @@ impl<'a> Data<'a> {
                 .filter(|(part, said)| *said && **part != Part::Fit)
                 .for_each(|(part, _)| *part = Part::Choice);
         }
-        let tests = |parts: &[Vec<Part>]| parts.iter().flatten().filter(|part| **part == Part::Test).count();
-        let is_left = 2 * tests(&self.parts) >= tests(&before);
+        let rests = self.stages.iter().zip(&self.parts).map(|(stage, parts)| {
+            let motion = stage.motion();
+            let step = motion.stretches.first().map_or(0.0, |stretch| motion.step(stretch));
+            let tests = parts.iter().filter(|part| **part == Part::Test).count();
+            tests as f64 * step / stage.ground.treatment.filter().settling_time()
+        });
+        let is_left = rests.sum::<f64>() > 1.0;
         if !is_left {
             self.parts = before;
         }

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use super::candidate::{Candidate, candidates};
 use super::choice::choose;
-use super::conclude::{Conclusion, insufficient, is_told};
+use super::conclude::{Conclusion, insufficient};
 use super::confirm::{confirmed, searched_again};
 use super::data::{Data, add};
 use super::moments::{happenings, window};
@@ -131,19 +131,8 @@ pub(crate) fn diagnose(
     }
     data.heard = vec![Part::Fit, Part::Choice];
     let mut search = search(&data, &target, Some(&left), laid, settings).ok_or(DiagnoseError::Singular)?;
-    let mut members: Vec<usize> =
-        found.members.into_iter().filter_map(|candidate| search.system.take(candidate)).collect();
-    for candidate in happened {
-        // Where laws are off the same way for a while, white rows believe an event too readily.
-        let Some(index) = search.system.take(candidate) else { continue };
-        let with = [members.clone(), vec![index]].concat();
-        let values = [&members, &with].map(|members| search.system.fit(members).map(|fit| fit.value));
-        if let [Some(without), Some(value)] = values
-            && is_told(value - without)
-        {
-            members = with;
-        }
-    }
+    let known = found.members.into_iter().chain(happened);
+    let members: Vec<usize> = known.filter_map(|candidate| search.system.take(candidate)).collect();
     progress("confirming what was found");
     let mut answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
     let fit = search.system.held_fit(&answer.members).ok_or(DiagnoseError::Singular)?;

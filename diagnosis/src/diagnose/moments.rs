@@ -6,6 +6,7 @@ use toml::{Table, Value};
 use super::candidate::{Candidate, Form, at_place, places};
 use super::conclude::is_told;
 use super::data::{Data, less, sum_of};
+use super::nameless;
 use super::search::Search;
 use super::system::System;
 use super::weights::Weights;
@@ -34,7 +35,7 @@ pub(crate) fn window(shape: &Table) -> Option<[f64; 2]> {
     Some([time(BEGIN)?, time(END)?])
 }
 
-/// The shapes of a `kind` at `joint` that begins and ends in which it would act where, for so long, what is `left` of the torques of the recording number
+/// The shapes of a `kind` at `joint` that begins and ends in which it would act where what is `left` of the torques of the recording number
 /// `index` is off most from what is left before and after.
 pub(crate) fn struck(
     data: &Data,
@@ -53,22 +54,37 @@ pub(crate) fn struck(
     let most = (LONGEST * t.len() as f64) as usize;
     let lengths = std::iter::successors(Some(BRIEFEST), |length| Some(LONGER * length));
     let rows = lengths.map(|length| ((length / step) as usize).max(1)).take_while(|rows| *rows <= most);
-    let of_length = |long: usize| {
+    let mut matched: Vec<(f64, [usize; 2])> = Vec::new();
+    for long in rows {
         let mut said = vec![0.0; t.len().saturating_sub(long)];
         for torque in &torques {
-            let matched = torque.matched(&torque.wandering.push(long));
-            said.iter_mut().zip(matched).for_each(|(said, x)| *said += x * x);
+            let of_torque = torque.matched(&torque.wandering.push(long));
+            said.iter_mut().zip(of_torque).for_each(|(said, x)| *said += x * x);
         }
-        let (begin, _) = said.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))?;
-        Some([begin, begin + long])
-    };
+        matched.extend(said.into_iter().enumerate().map(|(begin, said)| (said, [begin, begin + long])));
+    }
     let briefest = ((BRIEFEST / step) as usize).max(1);
-    let windows = rows.filter_map(of_length).chain(between_edges(&torques, t.len(), briefest));
+    let windows = apart(matched).into_iter().chain(between_edges(&torques, t.len(), briefest));
     let shape = |[begin, end]: [usize; 2]| {
         let times = [(BEGIN, t[begin]), (END, t[end])];
         times.map(|(name, time)| (name.to_owned(), Value::from(time))).into_iter().collect()
     };
     windows.map(shape).collect()
+}
+
+/// The windows that explain most, none of which meets a better one.
+fn apart(mut windows: Vec<(f64, [usize; 2])>) -> Vec<[usize; 2]> {
+    windows.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut best: Vec<[usize; 2]> = Vec::new();
+    for (_, [begin, end]) in windows {
+        if best.len() == MOST {
+            break;
+        }
+        if best.iter().all(|[from, to]| end <= *from || *to <= begin) {
+            best.push([begin, end]);
+        }
+    }
+    best
 }
 
 /// The windows of any length, begun and ended by the edges at which the `torques` of so many `rows` step most, that explain most.
@@ -151,23 +167,24 @@ pub(crate) fn happenings(
     let weights = Weights::white(data, &whitening);
     let system = System::white(data, &left, weights, whitening)?;
     let mut search = Search::new(system, Vec::new());
-    let mut members = Vec::new();
+    let mut now = search.settled(Vec::new())?;
     let mut rest = left.clone();
-    while members.len() < MOST * data.stages.len() {
+    // One after the other: what is found says where the next one is.
+    while now.members.len() < MOST * data.stages.len() {
+        search.laid.clear();
         for kind in kinds().filter(|kind| kind.happens()) {
             for joint in places(kind, data.arm()) {
                 let Ok((found, _)) = at_place(data, kind, joint, &rest) else { continue };
-                let taken: Vec<usize> = found.into_iter().filter_map(|one| search.system.take(one)).collect();
+                let inside = found.into_iter().filter(|one| is_inside(data, one));
+                let taken: Vec<usize> = inside.filter_map(|one| search.system.take(one)).collect();
                 search.laid.extend(taken);
             }
         }
-        let better = search.improve(members.clone(), &mut |_| {})?;
-        if better.members.len() <= members.len() {
-            break;
-        }
-        members = better.members;
-        rest = less(&left, &said(&search, &members, &left)?);
+        let Some(better) = search.added(&now)? else { break };
+        now = better;
+        rest = less(&left, &said(&search, &now.members, &left)?);
     }
+    let members = search.improve(now.members, &mut |_| {})?.members;
     let all = search.system.fit(&members)?.value;
     let odds = |member: usize| {
         let others: Vec<usize> = members.iter().copied().filter(|other| *other != member).collect();
@@ -175,6 +192,7 @@ pub(crate) fn happenings(
     };
     let is_seen = |&member: &usize| is_told(odds(member)) && is_inside(data, search.system.candidate(member));
     let sure: Vec<usize> = members.iter().copied().filter(is_seen).collect();
+    let sure = beside_shapes(data, &search, sure, &left)?;
     let found = sure.iter().filter_map(|&member| {
         let candidate = search.system.candidate(member);
         let raw = candidate.reformed(data, candidate.form.clone())?;
@@ -182,6 +200,30 @@ pub(crate) fn happenings(
     });
     let found = found.collect();
     Some((found, less(&left, &said(&search, &sure, &left)?)))
+}
+
+/// Those of `members` that tell beside shapes of the motion without a name: what goes with the motion does not happen at a time, whether it has a name or not. `None` if the
+/// system is singular.
+fn beside_shapes(
+    data: &Data,
+    search: &Search,
+    mut members: Vec<usize>,
+    left: &[Vec<f64>],
+) -> Option<Vec<usize>> {
+    let evidence =
+        |members: &[usize]| Some(nameless::evidence(data, &less(left, &said(search, members, left)?)));
+    let mut all = evidence(&members)?;
+    while !members.is_empty() {
+        let without = |place: usize| {
+            let others = [&members[..place], &members[place + 1..]].concat();
+            Some((evidence(&others)?, others))
+        };
+        let of_others = (0..members.len()).map(without).collect::<Option<Vec<_>>>()?;
+        let best = of_others.into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((of_others, others)) = best.filter(|best| best.0 >= all) else { break };
+        (all, members) = (of_others, others);
+    }
+    Some(members)
 }
 
 /// Whether what happens in the form of `candidate` begins after its recording does, and ends before, if it ends at all: what is there from the first sample on may have been

@@ -1,7 +1,7 @@
 //! What has no name: shapes of the motion that explain what the findings leave, asked for last.
 
 use super::conclude::is_told;
-use super::data::sum_of;
+use super::data::{Data, sum_of};
 use super::parts::Part;
 use super::shapes::{Knots, Shapes};
 use super::system::{Fit, System};
@@ -35,6 +35,18 @@ pub(crate) fn is_unexplained(system: &System, fit: &Fit, weights: &Weights) -> b
     };
     let is_left = |&(c, _): &(usize, f64)| is_told(weights.rows[c].beyond(&left[c], UNUSUAL * USUAL_SHARE));
     !shakes && torques.iter().any(is_unusual) || poses.iter().any(|pose| is_left(pose) && !shows(pose.0))
+}
+
+/// Log of the probability of what is left of the torques, beside shapes without a name, in all rows that are heard.
+pub(crate) fn evidence(data: &Data, left: &[Vec<f64>]) -> f64 {
+    let knots = data.stages.first().map(Knots::of).unwrap_or_default();
+    let masks: Vec<Vec<f64>> = (0..data.channels()).map(|c| data.mask(c, &data.heard)).collect();
+    let torques = (0..data.per_stage()).filter(|&c| matches!(data.kind(c), Kind::Torque(_)));
+    let of = |c: usize| {
+        let same: Vec<usize> = (c..data.channels()).step_by(data.per_stage()).collect();
+        Shapes::evidence(data, &same, &masks, left, &knots)
+    };
+    torques.map(of).sum()
 }
 
 /// What shapes without a name, fitted to the fit and the choice part of `residual`, say of every row.

@@ -297,7 +297,7 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// `now` with the effect that makes it most probable.
-    fn added(&mut self, now: &Answer) -> Option<Option<Answer>> {
+    pub fn added(&mut self, now: &Answer) -> Option<Option<Answer>> {
         if now.members.len() >= MOST * self.system.data.arm().dof() {
             return Some(None);
         }
@@ -411,10 +411,10 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(first)
     }
 
-    /// Whether a machine has `one` or `other` and they are different laws.
+    /// Whether a machine has `one` or `other` and they are different laws, or both happen at the same time: one thing happens then sooner than two.
     fn is_rival(&self, one: usize, other: usize) -> bool {
         let (one, other) = (self.system.candidate(one), self.system.candidate(other));
-        one.excludes(other) && !one.same_effect(other)
+        (one.excludes(other) || one.happens_with(other)) && !one.same_effect(other)
     }
 
     /// `now` with one effect more and without all members that it makes needless: one law in the place of several that imitate it.

@@ -71,11 +71,46 @@ impl Shapes {
         residual: &[Vec<f64>],
         knots: &[Knots],
     ) -> Vec<(usize, Vec<f64>)> {
-        let of = |channel: usize, mask: &[f64]| {
-            let (stage, of_stage) = data.place(channel);
-            raw_columns(&data.stages[stage], &[], of_stage, mask, knots)
-        };
-        let fitted: Vec<Vec<Vec<f64>>> = channels.iter().map(|&c| of(c, &masks[c])).collect();
+        let (sizes, probable) = Self::fitted(data, channels, masks, residual, knots);
+        channels
+            .iter()
+            .map(|&c| {
+                let mut said = vec![0.0; data.counts[c].len()];
+                let columns = Self::of(data, c, &data.counts[c], knots);
+                for ((column, size), beta) in columns.iter().zip(&sizes).zip(probable.beta.iter()) {
+                    said.iter_mut().zip(column).for_each(|(said, x)| *said += beta / size * x);
+                }
+                (c, said)
+            })
+            .collect()
+    }
+
+    /// Log of the probability of the rows of `residual` in the `channels` where `masks` is one under such shapes, up to a number that is the same for any residual.
+    pub fn evidence(
+        data: &Data,
+        channels: &[usize],
+        masks: &[Vec<f64>],
+        residual: &[Vec<f64>],
+        knots: &[Knots],
+    ) -> f64 {
+        Self::fitted(data, channels, masks, residual, knots).1.evidence
+    }
+
+    fn of(data: &Data, channel: usize, mask: &[f64], knots: &[Knots]) -> Vec<Vec<f64>> {
+        let (stage, of_stage) = data.place(channel);
+        raw_columns(&data.stages[stage], &[], of_stage, mask, knots)
+    }
+
+    /// Sizes of the columns and the most probable coefficients.
+    fn fitted(
+        data: &Data,
+        channels: &[usize],
+        masks: &[Vec<f64>],
+        residual: &[Vec<f64>],
+        knots: &[Knots],
+    ) -> (Vec<f64>, Probable) {
+        let fitted: Vec<Vec<Vec<f64>>> =
+            channels.iter().map(|&c| Self::of(data, c, &masks[c], knots)).collect();
         let count = fitted.first().map_or(0, Vec::len);
         let mut own: Vec<Vec<f64>> =
             (0..count).map(|k| fitted.iter().flat_map(|columns| columns[k].clone()).collect()).collect();
@@ -84,17 +119,8 @@ impl Shapes {
             .iter()
             .flat_map(|&c| residual[c].iter().zip(&masks[c]).map(|(x, mask)| x * mask).collect::<Vec<_>>())
             .collect();
-        let beta = most_probable(&own, &target);
-        channels
-            .iter()
-            .map(|&c| {
-                let mut said = vec![0.0; data.counts[c].len()];
-                for ((column, size), beta) in of(c, &data.counts[c]).iter().zip(&sizes).zip(beta.iter()) {
-                    said.iter_mut().zip(column).for_each(|(said, x)| *said += beta / size * x);
-                }
-                (c, said)
-            })
-            .collect()
+        let rows = channels.iter().map(|&c| masks[c].iter().sum::<f64>()).sum();
+        (sizes, most_probable(&own, &target, rows))
     }
 
     /// What they leave of `residual`.
@@ -119,26 +145,33 @@ fn normalised(columns: &mut [Vec<f64>]) -> Vec<f64> {
     divided.collect()
 }
 
-/// The coefficients of `columns`, each of size one, for `target`, with the ridge under which the target is most probable (MacKay 1992, Neural Comput. 4:415),
-/// its noise integrated out.
-fn most_probable(columns: &[Vec<f64>], target: &[f64]) -> DVector<f64> {
+/// Coefficients and the log of the probability of what they were fitted to.
+struct Probable {
+    beta: DVector<f64>,
+    evidence: f64,
+}
+
+/// The coefficients of `columns`, each of size one, for `target` on so many `rows`, with the ridge under which the target is most probable (MacKay 1992, Neural
+/// Comput. 4:415), its noise integrated out.
+fn most_probable(columns: &[Vec<f64>], target: &[f64], rows: f64) -> Probable {
     /// Ridges that are tried: from shapes as large as they like to none.
     const RIDGES: [f64; 7] = [1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0];
-    let rows = target.iter().filter(|x| **x != 0.0).count() as f64;
     let right = DVector::from_iterator(columns.len(), columns.iter().map(|c| dot(c, target)));
     let square = dot(target, target);
-    let mut best: Option<(f64, DVector<f64>)> = None;
-    for ridge in RIDGES {
-        let Some(factor) = factor(columns, ridge) else { continue };
+    let with = |ridge: f64| {
+        let factor = factor(columns, ridge)?;
         let beta = factor.solve(&right);
         let left = (square - right.dot(&beta)).max(f64::MIN_POSITIVE);
         let volume: f64 = factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum();
         let evidence = 0.5 * columns.len() as f64 * ridge.ln() - volume - 0.5 * rows * left.ln();
-        if best.as_ref().is_none_or(|best| evidence > best.0) {
-            best = Some((evidence, beta));
-        }
-    }
-    best.map_or_else(|| DVector::zeros(columns.len()), |best| best.1)
+        Some(Probable { beta, evidence })
+    };
+    let none = Probable {
+        beta: DVector::zeros(columns.len()),
+        evidence: -0.5 * rows * square.max(f64::MIN_POSITIVE).ln(),
+    };
+    let best = RIDGES.into_iter().filter_map(with).max_by(|a, b| a.evidence.total_cmp(&b.evidence));
+    best.unwrap_or(none)
 }
 
 fn factor(columns: &[Vec<f64>], ridge: f64) -> Option<Cholesky<f64, Dyn>> {

@@ -213,7 +213,7 @@ impl<'a> Stage<'a> {
         nuisances: &[Nuisance],
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let middle = self.terms_as(kind, joint, shape)?;
-        let (Some(joint), Some(start)) = (joint, kind.parameter(START)) else { return Ok(middle) };
+        let (Some(joint), Some(start)) = (joint, kind.memory()) else { return Ok(middle) };
         let at = |start: Start| self.terms_begun(kind, joint, shape, start).map(Some);
         let is_open = shape.contains_key(START) && self.number_of(Kind::Torque(joint)).is_some();
         let better = match start.range {

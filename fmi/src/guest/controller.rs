@@ -10,7 +10,7 @@ use freeplay_controller_sdk::{Answer, Controller, ControllerError, PAPER_MODEL, 
 use freeplay_shm::State;
 
 use super::slave::Slave;
-use super::{Guest, GuestError, Mapping, Version, unpack};
+use super::{GuestError, Mapping, Opened};
 
 /// A controller that an FMU is.
 #[derive(Debug)]
@@ -34,16 +34,6 @@ struct Ready {
     failed: bool,
 }
 
-/// A folder that goes when it is no longer needed.
-struct Unpacked(PathBuf);
-
-impl Drop for Unpacked {
-    fn drop(&mut self) {
-        // What can't be removed stays in the system's folder for such things.
-        let _ = freeplay_storage::remove_folder(&self.0);
-    }
-}
-
 impl FmuController {
     /// The controller in the FMU `path`.
     pub fn new(path: &Path) -> FmuController {
@@ -57,42 +47,12 @@ impl FmuController {
     }
 
     fn prepare(&self, joints: &[String], period: f64) -> Result<Ready, GuestError> {
-        let folder = Unpacked(std::env::temp_dir().join(format!("freeplay-fmu-{}", std::process::id())));
-        freeplay_storage::make_folder(&folder.0)?;
-        unpack(&self.path, &folder.0)?;
-        let guest = Guest::parse(&freeplay_storage::read_text(&folder.0.join("modelDescription.xml"))?)?;
-        let mapping = Mapping::of(&guest, &self.path, joints)?;
-        let library = library(&folder.0, &guest)?;
-        // The library stays mapped and has read its resources: the folder can go.
-        let slave = Slave::start(&guest, &library, &folder.0.join("resources"))?;
+        let opened = Opened::new(&self.path)?;
+        let mapping = Mapping::of(&opened.guest, &self.path, joints)?;
+        let slave = opened.start()?;
         let (inputs, outputs) = (vec![0.0; mapping.signals.len()], vec![0.0; mapping.commands.len()]);
         Ok(Ready { slave, mapping, inputs, outputs, period, first: None, done: 0, failed: false })
     }
-}
-
-/// The library of the FMU in `folder` for this platform.
-fn library(folder: &Path, guest: &Guest) -> Result<PathBuf, GuestError> {
-    let arch = std::env::consts::ARCH;
-    let platform = match guest.version {
-        Version::Two if arch == "x86_64" => "linux64".to_owned(),
-        Version::Two => format!("linux-{arch}"),
-        Version::Three => format!("{arch}-linux"),
-    };
-    let wanted = Path::new("binaries").join(platform).join(format!("{}.so", guest.identifier));
-    let path = folder.join(&wanted);
-    if path.is_file() {
-        return Ok(path);
-    }
-    let found: Vec<String> = freeplay_storage::list(&folder.join("binaries"))
-        .map(|entries| {
-            entries
-                .iter()
-                .filter_map(|entry| Some(entry.path.file_name()?.to_string_lossy().into_owned()))
-                .collect()
-        })
-        .unwrap_or_default();
-    let found = if found.is_empty() { "none".to_owned() } else { found.join(", ") };
-    Err(GuestError::Platform { wanted, found })
 }
 
 impl Controller for FmuController {

@@ -3,19 +3,22 @@
 //! - [`unpack`]: the archive into a folder, which nothing in it leads out of.
 //! - [`Guest`]: the description: identifier, token, and the numbers that go in and out.
 //! - [`Mapping`]: which number of a run each variable is, by its name or by a table in TOML.
-//! - `Slave`: the shared library at work; the only other place with `unsafe`.
+//! - [`Opened`]: an FMU unpacked and described; [`Slave`]: its shared library at work, the only other place with `unsafe`.
 //! - [`FmuController`]: all of it behind the trait of a controller.
 
 mod archive;
 mod controller;
 mod describe;
 mod mapping;
+mod opened;
 mod slave;
 
 pub use archive::unpack;
 pub use controller::FmuController;
 pub use describe::{Guest, Version};
 pub use mapping::{Mapping, Signal};
+pub use opened::Opened;
+pub use slave::Slave;
 
 use std::path::PathBuf;
 

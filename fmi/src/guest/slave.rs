@@ -24,11 +24,120 @@ type Step3 =
 type Plain = unsafe extern "C" fn(Component) -> c_int;
 type Free = unsafe extern "C" fn(Component);
 
-/// Functions of one version for values and steps.
+type SetUp2 = unsafe extern "C" fn(Component, c_int, f64, f64, c_int, f64) -> c_int;
+type Enter3 = unsafe extern "C" fn(Component, bool, f64, f64, bool, f64) -> c_int;
+type Log3 = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
+type Instantiate2 = unsafe extern "C" fn(
+    *const c_char,
+    c_int,
+    *const c_char,
+    *const c_char,
+    *const Callbacks,
+    c_int,
+    c_int,
+) -> Component;
+type Instantiate3 = unsafe extern "C" fn(
+    *const c_char,
+    *const c_char,
+    *const c_char,
+    bool,
+    bool,
+    bool,
+    bool,
+    *const u32,
+    usize,
+    *mut c_void,
+    Log3,
+    *const c_void,
+) -> Component;
+
+/// The functions that differ between the versions; those that don't are in [`Slave`].
 #[derive(Debug)]
 enum Calls {
-    Two { get: Transfer2, set: Transfer2, step: Step2 },
-    Three { get: Transfer3, set: Transfer3, step: Step3 },
+    Two {
+        instantiate: Instantiate2,
+        set_up: SetUp2,
+        enter: Plain,
+        get: Transfer2,
+        set: Transfer2,
+        step: Step2,
+    },
+    Three {
+        instantiate: Instantiate3,
+        enter: Enter3,
+        get: Transfer3,
+        set: Transfer3,
+        step: Step3,
+    },
+}
+
+impl Calls {
+    fn of(library: &Library, version: Version) -> Result<Calls, GuestError> {
+        Ok(match version {
+            Version::Two => Calls::Two {
+                instantiate: function(library, "fmi2Instantiate")?,
+                set_up: function(library, "fmi2SetupExperiment")?,
+                enter: function(library, "fmi2EnterInitializationMode")?,
+                get: function(library, "fmi2GetReal")?,
+                set: function(library, "fmi2SetReal")?,
+                step: function(library, "fmi2DoStep")?,
+            },
+            Version::Three => Calls::Three {
+                instantiate: function(library, "fmi3InstantiateCoSimulation")?,
+                enter: function(library, "fmi3EnterInitializationMode")?,
+                get: function(library, "fmi3GetFloat64")?,
+                set: function(library, "fmi3SetFloat64")?,
+                step: function(library, "fmi3DoStep")?,
+            },
+        })
+    }
+
+    /// An instance for Co-Simulation, without events and intermediate variables; null where the FMU refuses. `given` are name, token and resources,
+    /// which it may look at as long as it lives, as at the `callbacks`.
+    fn instantiate(&self, given: &[CString; 3], callbacks: &Callbacks) -> Component {
+        /// `fmi2CoSimulation`.
+        const CO_SIMULATION: c_int = 1;
+        let [name, token, resources] = given.each_ref().map(|text| text.as_ptr());
+        let (nobody, nothing) = (std::ptr::null_mut(), std::ptr::null());
+        // SAFETY: FMI 2.0, fmi2Instantiate, and FMI 3.0, fmi3InstantiateCoSimulation; the caller keeps strings and callbacks as long as the instance.
+        unsafe {
+            match self {
+                Calls::Two { instantiate, .. } => {
+                    instantiate(name, CO_SIMULATION, token, resources, callbacks, 0, 0)
+                }
+                Calls::Three { instantiate, .. } => instantiate(
+                    name,
+                    token,
+                    resources,
+                    false,
+                    false,
+                    false,
+                    false,
+                    std::ptr::null(),
+                    0,
+                    nobody,
+                    log3,
+                    nothing,
+                ),
+            }
+        }
+    }
+
+    /// Begins the initialization at 0 s.
+    fn enter(&self, component: Component) -> Result<(), GuestError> {
+        // SAFETY: the component lives; the calls are in FMI's order.
+        unsafe {
+            match self {
+                Calls::Two { set_up, enter, .. } => {
+                    ok("to set up an experiment", set_up(component, 0, 0.0, 0.0, 0, 0.0))?;
+                    ok("to begin its initialization", enter(component))
+                }
+                Calls::Three { enter, .. } => {
+                    ok("to begin its initialization", enter(component, false, 0.0, 0.0, false, 0.0))
+                }
+            }
+        }
+    }
 }
 
 /// `fmi2CallbackFunctions`.
@@ -84,13 +193,13 @@ unsafe extern "C" fn log3(_: *mut c_void, _: c_int, _: *const c_char, message: *
 
 /// An FMU that steps.
 #[derive(Debug)]
-pub(super) struct Slave {
+pub struct Slave {
     component: Component,
     calls: Calls,
     terminate: Plain,
     free_instance: Free,
     /// What the FMU was given, which it may look at as long as it lives.
-    _given: (Vec<CString>, Box<Callbacks>),
+    _given: ([CString; 3], Box<Callbacks>),
     /// Last, so that the code outlives the instance.
     _library: Library,
 }
@@ -139,156 +248,44 @@ fn string(text: &str) -> CString {
 
 impl Slave {
     /// The FMU `guest`, whose library is `path` and whose resources are in `resources`, initialised and ready to step from 0 s.
-    pub fn start(guest: &Guest, path: &Path, resources: &Path) -> Result<Slave, GuestError> {
+    pub(super) fn start(guest: &Guest, path: &Path, resources: &Path) -> Result<Slave, GuestError> {
         preload()?;
         // SAFETY: the user asked for this library to be run; see the top of this file. Its symbols are resolved at once, so that one that is missing is
         // an error here and not the end of the process at the first call.
         let library = unsafe { Library::open(Some(path), RTLD_NOW) };
         let library = library.map_err(|error| unusable(&error))?;
-        match guest.version {
-            Version::Two => Slave::start2(guest, library, resources),
-            Version::Three => Slave::start3(guest, library, resources),
-        }
-    }
-
-    fn start2(guest: &Guest, library: Library, resources: &Path) -> Result<Slave, GuestError> {
-        type Instantiate = unsafe extern "C" fn(
-            *const c_char,
-            c_int,
-            *const c_char,
-            *const c_char,
-            *const Callbacks,
-            c_int,
-            c_int,
-        ) -> Component;
-        type SetUp = unsafe extern "C" fn(Component, c_int, f64, f64, c_int, f64) -> c_int;
-        let instantiate: Instantiate = function(&library, "fmi2Instantiate")?;
-        let set_up: SetUp = function(&library, "fmi2SetupExperiment")?;
-        let enter: Plain = function(&library, "fmi2EnterInitializationMode")?;
-        let exit: Plain = function(&library, "fmi2ExitInitializationMode")?;
-        let calls = Calls::Two {
-            get: function(&library, "fmi2GetReal")?,
-            set: function(&library, "fmi2SetReal")?,
-            step: function(&library, "fmi2DoStep")?,
+        let (prefix, resources) = match guest.version {
+            Version::Two => ("fmi2", format!("file://{}", resources.display())),
+            Version::Three => ("fmi3", format!("{}/", resources.display())),
         };
-        let callbacks = Box::new(Callbacks {
-            logger: log2,
-            allocate: calloc,
-            free,
-            step_finished: None,
-            environment: std::ptr::null_mut(),
-        });
-        let uri = format!("file://{}", resources.display());
-        let given = ["controller", guest.token.as_str(), uri.as_str()].map(string).to_vec();
-        /// `fmi2CoSimulation`.
-        const CO_SIMULATION: c_int = 1;
-        // SAFETY: FMI 2.0, fmi2Instantiate; strings and callbacks are kept as long as the instance.
-        let component = unsafe {
-            instantiate(
-                given[0].as_ptr(),
-                CO_SIMULATION,
-                given[1].as_ptr(),
-                given[2].as_ptr(),
-                &raw const *callbacks,
-                0,
-                0,
-            )
-        };
-        let slave = Slave::made(component, calls, given, callbacks, library, "fmi2")?;
-        // SAFETY: the component lives; the calls are in FMI's order.
-        unsafe {
-            ok("fmi2SetupExperiment", set_up(component, 0, 0.0, 0.0, 0, 0.0))?;
-            ok("fmi2EnterInitializationMode", enter(component))?;
-            ok("fmi2ExitInitializationMode", exit(component))?;
-        }
-        Ok(slave)
-    }
-
-    fn start3(guest: &Guest, library: Library, resources: &Path) -> Result<Slave, GuestError> {
-        type Log = unsafe extern "C" fn(*mut c_void, c_int, *const c_char, *const c_char);
-        type Instantiate = unsafe extern "C" fn(
-            *const c_char,
-            *const c_char,
-            *const c_char,
-            bool,
-            bool,
-            bool,
-            bool,
-            *const u32,
-            usize,
-            *mut c_void,
-            Log,
-            *const c_void,
-        ) -> Component;
-        type Enter = unsafe extern "C" fn(Component, bool, f64, f64, bool, f64) -> c_int;
-        let instantiate: Instantiate = function(&library, "fmi3InstantiateCoSimulation")?;
-        let enter: Enter = function(&library, "fmi3EnterInitializationMode")?;
-        let exit: Plain = function(&library, "fmi3ExitInitializationMode")?;
-        let calls = Calls::Three {
-            get: function(&library, "fmi3GetFloat64")?,
-            set: function(&library, "fmi3SetFloat64")?,
-            step: function(&library, "fmi3DoStep")?,
-        };
-        let callbacks = Box::new(Callbacks {
-            logger: log2,
-            allocate: calloc,
-            free,
-            step_finished: None,
-            environment: std::ptr::null_mut(),
-        });
-        let folder = format!("{}/", resources.display());
-        let given = ["controller", guest.token.as_str(), folder.as_str()].map(string).to_vec();
-        let none = std::ptr::null();
-        // SAFETY: FMI 3.0, fmi3InstantiateCoSimulation, without events and intermediate variables; the strings are kept as long as the instance.
-        let component = unsafe {
-            instantiate(
-                given[0].as_ptr(),
-                given[1].as_ptr(),
-                given[2].as_ptr(),
-                false,
-                false,
-                false,
-                false,
-                std::ptr::null(),
-                0,
-                std::ptr::null_mut(),
-                log3,
-                none,
-            )
-        };
-        let slave = Slave::made(component, calls, given, callbacks, library, "fmi3")?;
-        // SAFETY: the component lives; the calls are in FMI's order.
-        unsafe {
-            ok("fmi3EnterInitializationMode", enter(component, false, 0.0, 0.0, false, 0.0))?;
-            ok("fmi3ExitInitializationMode", exit(component))?;
-        }
-        Ok(slave)
-    }
-
-    fn made(
-        component: Component,
-        calls: Calls,
-        given: Vec<CString>,
-        callbacks: Box<Callbacks>,
-        library: Library,
-        prefix: &str,
-    ) -> Result<Slave, GuestError> {
-        let terminate = function(&library, &format!("{prefix}Terminate"))?;
+        let calls = Calls::of(&library, guest.version)?;
+        let plain = |name: &str| function::<Plain>(&library, &format!("{prefix}{name}"));
+        let (exit, terminate) = (plain("ExitInitializationMode")?, plain("Terminate")?);
         let free_instance = function(&library, &format!("{prefix}FreeInstance"))?;
+        let given = ["controller", guest.token.as_str(), resources.as_str()].map(string);
+        let callbacks = Box::new(Callbacks {
+            logger: log2,
+            allocate: calloc,
+            free,
+            step_finished: None,
+            environment: std::ptr::null_mut(),
+        });
+        let component = calls.instantiate(&given, &callbacks);
         if component.is_null() {
             return Err(GuestError::Refused { call: "its instantiation", status: 3, said: said() });
         }
-        Ok(Slave {
-            component,
-            calls,
-            terminate,
-            free_instance,
-            _given: (given, callbacks),
-            _library: library,
-        })
+        let _given = (given, callbacks);
+        let slave = Slave { component, calls, terminate, free_instance, _given, _library: library };
+        slave.calls.enter(component)?;
+        // SAFETY: the component lives, and was taken into its initialization.
+        ok("to end its initialization", unsafe { exit(component) })?;
+        Ok(slave)
     }
 
-    /// Sets inputs.
+    /// Sets the inputs `references` to `values`.
+    ///
+    /// # Errors
+    /// [`GuestError::Refused`]
     pub fn set(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), GuestError> {
         let (count, values) = (references.len().min(values.len()), values.as_mut_ptr());
         // SAFETY: both lists hold `count` elements.
@@ -301,7 +298,10 @@ impl Slave {
         ok("to take its inputs", status)
     }
 
-    /// Gets outputs.
+    /// Writes the outputs `references` to `values`.
+    ///
+    /// # Errors
+    /// [`GuestError::Refused`]
     pub fn get(&mut self, references: &[u32], values: &mut [f64]) -> Result<(), GuestError> {
         let (count, values) = (references.len().min(values.len()), values.as_mut_ptr());
         // SAFETY: both lists hold `count` elements.
@@ -315,6 +315,9 @@ impl Slave {
     }
 
     /// Steps from the time `from` by `step`, s.
+    ///
+    /// # Errors
+    /// [`GuestError::Refused`]
     pub fn step(&mut self, from: f64, step: f64) -> Result<(), GuestError> {
         let (mut event, mut end, mut early, mut last) = (false, false, false, 0.0);
         // SAFETY: the component lives, and the results have their places.

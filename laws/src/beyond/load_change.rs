@@ -8,6 +8,7 @@
 use freeplay_arm::{Arm, Workspace, rnea};
 use toml::{Table, Value};
 
+use crate::archive::Archive;
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
@@ -140,4 +141,6 @@ impl DriveLaw for Carried {
             *torque -= self.of.mass * (with - without);
         }
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }

@@ -22,6 +22,7 @@ use freeplay_arm::{Arm, Workspace, crba};
 use nalgebra::DMatrix;
 use toml::{Table, Value};
 
+use crate::archive::Archive;
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::{Change, Columns};
 use crate::effect::{Effect, Expressed, Start};
@@ -465,5 +466,9 @@ impl DriveLaw for FrictionBehind {
 
     fn restart(&mut self) {
         self.play.place = self.start;
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        archive.real(&mut self.play.place);
     }
 }

@@ -4,8 +4,11 @@
 //! Source: Mancini 1998; Hagiwara et al. 1992, IEEE Trans. Instrum. Meas. 41:40: one period in one turn of the disc.
 //! The terms are a cos φ and a sin φ, linear for small a.
 
+use freeplay_arm::export::Element;
+
+use crate::archive::Archive;
 use crate::columns::Columns;
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::harmonic::TERMS;
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, one_shape};
@@ -70,6 +73,10 @@ impl Effect for EncoderEccentricity {
     fn inject(&self, injection: &mut Injection) {
         injection.sensors.push(Box::new(*self));
     }
+
+    fn express(&self, _: &mut Vec<Element>) -> Expressed {
+        Expressed::Never("encoders of other tools read the true position")
+    }
 }
 
 impl SensorLaw for EncoderEccentricity {
@@ -78,4 +85,6 @@ impl SensorLaw for EncoderEccentricity {
         readings.v[self.joint] *= 1.0 + self.amplitude * (q + self.phase).cos();
         readings.q[self.joint] = q + self.amplitude * (q + self.phase).sin();
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }

@@ -5,6 +5,7 @@
 
 use freeplay_arm::export::Element;
 
+use crate::archive::Archive;
 use crate::basis::{Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::{Effect, Expressed};
@@ -86,4 +87,6 @@ impl SensorLaw for EncoderOffset {
     fn read(&mut self, readings: &mut Readings) {
         readings.q[self.joint] += self.offset;
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }

@@ -7,6 +7,7 @@
 use toml::Table;
 
 use crate::DriveFriction;
+use crate::archive::Archive;
 use crate::basis::{Place, Terms, with};
 use crate::columns::Columns;
 use crate::effect::Effect;
@@ -106,4 +107,6 @@ impl DriveLaw for FrictionDrift {
     fn act(&mut self, now: &DriveState, torque: &mut [f64]) {
         torque[self.joint] += self.excess(now.t) * self.friction.torque(now.v[self.joint]);
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }

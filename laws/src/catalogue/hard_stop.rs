@@ -3,7 +3,11 @@
 //! Law: lower ≤ q ≤ upper; at the stop the joint rests, whatever the servo wants. Without a bounce.
 //! Source: Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, §3.
 
-use super::commanded::{NO_TERMS, Unseen, no_shape};
+use freeplay_arm::export::Element;
+
+use super::commanded::{NO_TERMS, no_shape};
+use crate::effect::{Effect, Expressed};
+use crate::injection::Injection;
 use crate::kind::{Kind, Occurrence, Seen, Site};
 use crate::needs::Need;
 use crate::parameter::Parameter;
@@ -38,5 +42,26 @@ pub static KIND: Kind = Kind {
     needs: &[Need::Motion],
     terms: NO_TERMS,
     shapes: no_shape,
-    build: |_| Ok(Box::new(Unseen)),
+    build: |values| {
+        let lower = values.optional("lower")?.unwrap_or(f64::NEG_INFINITY);
+        let upper = values.optional("upper")?.unwrap_or(f64::INFINITY);
+        Ok(Box::new(HardStop { joint: values.joint()?, lower, upper }))
+    },
 };
+
+/// Torques and poses for a given motion know nothing of it.
+#[derive(Clone, Copy, Debug)]
+struct HardStop {
+    joint: usize,
+    lower: f64,
+    upper: f64,
+}
+
+impl Effect for HardStop {
+    fn inject(&self, _injection: &mut Injection) {}
+
+    fn express(&self, elements: &mut Vec<Element>) -> Expressed {
+        elements.push(Element::Stop { joint: self.joint, lower: self.lower, upper: self.upper });
+        Expressed::Whole
+    }
+}

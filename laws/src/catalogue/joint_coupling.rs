@@ -11,6 +11,7 @@ use freeplay_arm::export::Element;
 use toml::{Table, Value};
 
 use crate::DriveFriction;
+use crate::archive::Archive;
 use crate::basis::{Place, Terms, with};
 use crate::columns::Columns;
 use crate::effect::{Effect, Expressed};
@@ -162,4 +163,6 @@ impl DriveLaw for JointCoupling {
         torque[own] -= load(0, 1) + across * now.a[other];
         torque[other] -= self.sign * load(1, 0) + across * now.a[own];
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }

@@ -12,6 +12,7 @@ use nalgebra::Vector3;
 use toml::Table;
 
 use super::joint_clearance::follow;
+use crate::archive::Archive;
 use crate::basis::{Place, Term, Terms, with};
 use crate::bearing_load::BearingLoad;
 use crate::columns::Columns;
@@ -194,5 +195,14 @@ impl SensorLaw for Afloat {
 
     fn restart(&mut self) {
         self.place = None;
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        let (mut begun, mut place) = (self.place.is_some(), self.place.unwrap_or_default());
+        archive.flag(&mut begun);
+        archive.reals(&mut place);
+        self.place = begun.then_some(place);
+        let [_, velocity, _] = &mut self.bearing.motion;
+        archive.reals(velocity);
     }
 }

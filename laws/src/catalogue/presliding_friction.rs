@@ -11,6 +11,7 @@ use freeplay_arm::export::Element;
 use toml::Table;
 
 use crate::DriveFriction;
+use crate::archive::Archive;
 use crate::basis::{Place, Term, Terms, with};
 use crate::columns::Columns;
 use crate::effect::{Effect, Expressed, Start};
@@ -229,5 +230,9 @@ impl DriveLaw for Presliding {
 
     fn restart(&mut self) {
         self.bristles = self.first();
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        archive.real(&mut self.bristles.z);
     }
 }

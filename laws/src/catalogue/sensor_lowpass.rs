@@ -7,10 +7,12 @@
 
 use std::f64::consts::TAU;
 
+use freeplay_arm::export::Element;
 use toml::Table;
 
+use crate::archive::Archive;
 use crate::basis::{Term, Terms, with};
-use crate::effect::Effect;
+use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Readings, SensorLaw};
 use crate::kind::{Kind, Occurrence, Seen, Site, small_and_about};
 use crate::needs::Need;
@@ -113,6 +115,10 @@ impl Effect for SensorLowpass {
     fn inject(&self, injection: &mut Injection) {
         injection.sensors.push(Box::new(*self));
     }
+
+    fn express(&self, _: &mut Vec<Element>) -> Expressed {
+        Expressed::Never("sensors of other tools have no filter")
+    }
 }
 
 impl SensorLaw for SensorLowpass {
@@ -123,5 +129,13 @@ impl SensorLaw for SensorLowpass {
 
     fn restart(&mut self) {
         self.lag.last = None;
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        let (mut begun, (mut input, mut output)) =
+            (self.lag.last.is_some(), self.lag.last.unwrap_or_default());
+        archive.flag(&mut begun);
+        archive.reals([&mut input, &mut output]);
+        self.lag.last = begun.then_some((input, output));
     }
 }

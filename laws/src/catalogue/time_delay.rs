@@ -8,6 +8,7 @@
 use freeplay_arm::export::{Channel, Element};
 use toml::{Table, Value};
 
+use crate::archive::Archive;
 use crate::basis::{Term, Terms, with};
 use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Readings, SensorLaw};
@@ -124,7 +125,7 @@ impl Effect for TimeDelay {
             "torque" => Channel::Torque,
             "tool" => Channel::Tool,
             "position" => Channel::Motor,
-            _ => return Expressed::Not,
+            _ => return Expressed::Never("the file has no sensor on the links' side"),
         };
         elements.push(Element::Delay { channel, delay: self.delay });
         Expressed::Whole
@@ -205,5 +206,12 @@ impl SensorLaw for Late {
 
     fn restart(&mut self) {
         self.seen = 0;
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        let mut seen = self.seen as u64;
+        archive.count(&mut seen);
+        self.seen = seen as usize;
+        archive.reals(&mut self.memory);
     }
 }

@@ -6,6 +6,7 @@
 use freeplay_arm::export::Element;
 use toml::Table;
 
+use crate::archive::Archive;
 use crate::basis::{Term, Terms, with};
 use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Readings, SensorLaw};
@@ -82,4 +83,6 @@ impl SensorLaw for TorqueGain {
     fn read(&mut self, readings: &mut Readings) {
         readings.torque[self.joint] /= self.gain;
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }

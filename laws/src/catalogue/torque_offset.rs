@@ -5,6 +5,7 @@
 
 use freeplay_arm::export::Element;
 
+use crate::archive::Archive;
 use crate::basis::Terms;
 use crate::effect::{Effect, Expressed};
 use crate::injection::{Injection, Readings, SensorLaw};
@@ -71,4 +72,6 @@ impl SensorLaw for TorqueOffset {
     fn read(&mut self, readings: &mut Readings) {
         readings.torque[self.joint] += self.offset;
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }

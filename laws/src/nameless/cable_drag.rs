@@ -8,6 +8,7 @@
 use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian};
 use nalgebra::{DMatrix, Vector3};
 
+use crate::archive::Archive;
 use crate::basis::Terms;
 use crate::columns::Columns;
 use crate::effect::Effect;
@@ -126,6 +127,8 @@ impl DriveLaw for Pull {
         self.find(now.q);
         torque.iter_mut().zip(&self.torque).for_each(|(torque, pulled)| *torque += pulled);
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }
 
 #[cfg(test)]

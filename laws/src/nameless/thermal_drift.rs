@@ -6,6 +6,7 @@
 
 use nalgebra::Vector3;
 
+use crate::archive::Archive;
 use crate::basis::Terms;
 use crate::columns::Columns;
 use crate::effect::Effect;
@@ -83,6 +84,10 @@ impl SensorLaw for ThermalDrift {
 
     fn restart(&mut self) {
         self.ticks = 0;
+    }
+
+    fn transfer(&mut self, archive: &mut Archive) {
+        archive.count(&mut self.ticks);
     }
 }
 

@@ -6,6 +6,7 @@
 
 use nalgebra::Vector3;
 
+use crate::archive::Archive;
 use crate::basis::Terms;
 use crate::columns::Columns;
 use crate::effect::Effect;
@@ -76,6 +77,8 @@ impl SensorLaw for WarpedBase {
         let moved = self.moves(readings.q[0], tool);
         readings.tool.iter_mut().zip(moved.iter()).for_each(|(tool, moved)| *tool += moved);
     }
+
+    fn transfer(&mut self, _: &mut Archive) {}
 }
 
 #[cfg(test)]

@@ -31,10 +31,10 @@ pub(crate) fn found(best: &Outcome, joints: usize, is_silent: bool, has_tool: bo
     Some(finding(left.min(100.0) / 100.0, certainty))
 }
 
-/// What another arm costs that explains as much as any set of changes does: three numbers for each of `joints` links (length, mass, inertia) at
-/// `each`, and its prior odds.
-pub(crate) fn price(joints: usize, each: f64) -> f64 {
-    (3 * joints) as f64 * each - RARE.ln()
+/// What another arm costs that explains as much as any set of changes does: three numbers (length, mass, inertia) at `each` for each of the `links`
+/// whose torque speaks, and its prior odds.
+pub(crate) fn price(links: usize, each: f64) -> f64 {
+    (3 * links) as f64 * each - RARE.ln()
 }
 
 /// Where a set of changes costs more than another arm.

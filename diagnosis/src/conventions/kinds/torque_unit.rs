@@ -6,6 +6,7 @@
 use super::super::change::Change;
 use super::super::finding::Certainty;
 use super::super::finding::SetupFinding;
+use super::super::problem::Outcome;
 use super::{Ask, Told};
 use super::{brief, listed};
 
@@ -33,6 +34,14 @@ pub(crate) fn rounded(scale: f64) -> Vec<f64> {
     }
     near.retain(|round| (round / scale - 1.0).abs() < SAME);
     near
+}
+
+/// Whether `change` gives a joint the torque unit that one of `others` gives another joint.
+pub(crate) fn is_shared(outcome: &Outcome, change: &Change, others: &[Change]) -> bool {
+    let Change::SameScale(joint, _) = *change else { return false };
+    let is_scale = |other: &&Change| matches!(other, Change::Scale(_) | Change::SameScale(..));
+    let scales = others.iter().filter(is_scale).filter_map(Change::joint);
+    scales.into_iter().any(|other| (outcome.scale[other] / outcome.scale[joint] - 1.0).abs() < SAME)
 }
 
 /// What it asks.
@@ -171,5 +180,32 @@ fn guess(scale: f64, count: usize) -> String {
             brief(1.0 / scale),
             brief(1.0 / scale)
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+
+    use super::is_shared;
+    use crate::conventions::change::Change;
+    use crate::conventions::problem::Outcome;
+
+    /// A unit that no other joint has is a number of its own, however it was found.
+    #[test]
+    fn a_unit_is_shared_with_another_joint() {
+        let outcome = |scale: [f64; 2]| Outcome {
+            changes: Vec::new(),
+            evidence: 0.0,
+            likelihood: Vec::new(),
+            left: Vec::new(),
+            spoken: Vec::new(),
+            gravity: Vector3::zeros(),
+            scale: scale.to_vec(),
+        };
+        let other = [Change::Scale(0)];
+        assert!(is_shared(&outcome([3.0, 3.0]), &Change::SameScale(1, 3.0), &other));
+        assert!(!is_shared(&outcome([3.0, 7.0]), &Change::SameScale(1, 7.0), &other));
+        assert!(!is_shared(&outcome([3.0, 7.0]), &Change::SameScale(1, 7.0), &[]));
     }
 }

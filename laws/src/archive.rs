@@ -1,0 +1,101 @@
+//! The state variables of a simulation as a flat list of 64-bit words: a copy that can be put back to the last bit.
+//!
+//! A type transfers its variables by one function for both directions, so that saving and restoring can't disagree on their order.
+
+/// A list of words that state variables are saved to or restored from.
+#[derive(Debug)]
+pub struct Archive<'a>(Direction<'a>);
+
+#[derive(Debug)]
+enum Direction<'a> {
+    Save(&'a mut Vec<u64>),
+    /// The words that are left; none once the list was too short.
+    Restore(Option<&'a [u64]>),
+}
+
+impl<'a> Archive<'a> {
+    /// An archive that appends variables to `words`.
+    pub fn save(words: &'a mut Vec<u64>) -> Archive<'a> {
+        Archive(Direction::Save(words))
+    }
+
+    /// An archive that sets variables to `words`.
+    pub fn restore(words: &'a [u64]) -> Archive<'a> {
+        Archive(Direction::Restore(Some(words)))
+    }
+
+    /// Whether as many words were restored as the list holds; true of an archive that saves.
+    pub fn is_complete(&self) -> bool {
+        match &self.0 {
+            Direction::Save(_) => true,
+            Direction::Restore(left) => left.is_some_and(<[u64]>::is_empty),
+        }
+    }
+
+    /// Saves `value`, or returns the word to restore; `value` where the list is too short.
+    fn word(&mut self, value: u64) -> u64 {
+        match &mut self.0 {
+            Direction::Save(words) => {
+                words.push(value);
+                value
+            }
+            Direction::Restore(left) => match left.and_then(<[u64]>::split_first) {
+                Some((word, rest)) => {
+                    *left = Some(rest);
+                    *word
+                }
+                None => {
+                    *left = None;
+                    value
+                }
+            },
+        }
+    }
+
+    /// Transfers a real number.
+    pub fn real(&mut self, value: &mut f64) {
+        *value = f64::from_bits(self.word(value.to_bits()));
+    }
+
+    /// Transfers real numbers.
+    pub fn reals<'v>(&mut self, values: impl IntoIterator<Item = &'v mut f64>) {
+        values.into_iter().for_each(|value| self.real(value));
+    }
+
+    /// Transfers a count.
+    pub fn count(&mut self, value: &mut u64) {
+        *value = self.word(*value);
+    }
+
+    /// Transfers a flag.
+    pub fn flag(&mut self, value: &mut bool) {
+        *value = self.word(u64::from(*value)) != 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Archive;
+
+    fn transfer(archive: &mut Archive, real: &mut f64, count: &mut u64, flag: &mut bool) {
+        archive.real(real);
+        archive.count(count);
+        archive.flag(flag);
+    }
+
+    #[test]
+    fn variables_come_back_and_a_list_of_another_length_is_noticed() {
+        let mut words = Vec::new();
+        transfer(&mut Archive::save(&mut words), &mut -0.0, &mut 7, &mut true);
+        let (mut real, mut count, mut flag) = (1.0, 0, false);
+        let mut archive = Archive::restore(&words);
+        transfer(&mut archive, &mut real, &mut count, &mut flag);
+        assert!(archive.is_complete());
+        assert_eq!((real.to_bits(), count, flag), ((-0.0_f64).to_bits(), 7, true));
+        for other in [&words[..2], &[words.as_slice(), &[0]].concat()] {
+            let mut archive = Archive::restore(other);
+            transfer(&mut archive, &mut real, &mut count, &mut flag);
+            assert!(!archive.is_complete());
+        }
+    }
+}

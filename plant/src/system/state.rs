@@ -1,0 +1,49 @@
+//! The state of a system as a copy that can be put back to the last bit, in a time that does not depend on the time simulated.
+//!
+//! Each type on the way takes itself apart field by field, so that a field that is added later does not compile before it is named: as a state variable,
+//! or as one that is fixed or worked out anew in each sub-step.
+
+use freeplay_laws::{Archive, BearingContact};
+
+use super::{System, TickPeaks};
+
+impl System {
+    /// Transfers all state variables to or from `archive`, for a system of the same arm, effects, period and sub-steps.
+    pub fn transfer(&mut self, archive: &mut Archive) {
+        let System {
+            play: _,
+            workspace: _,
+            drives,
+            forces: _,
+            bearings,
+            contacts,
+            period: _,
+            substeps: _,
+            ticks,
+            q,
+            v,
+            a,
+            middle_q: _,
+            middle_v: _,
+            drive: _,
+            total: _,
+            motor,
+            braked: _,
+            prescribed: _,
+            peaks: TickPeaks { base_force },
+            ledger,
+            named_servos: _,
+        } = self;
+        archive.count(ticks);
+        archive.real(base_force);
+        [q, v, a, motor].into_iter().for_each(|values| archive.reals(values));
+        drives.transfer(archive);
+        bearings.iter_mut().for_each(|bearing| bearing.transfer(archive));
+        for contact in contacts {
+            let BearingContact { normal, tangential, force, moment } = contact;
+            archive.reals([normal, tangential, moment]);
+            archive.reals(force);
+        }
+        ledger.transfer(archive);
+    }
+}
