@@ -1,37 +1,84 @@
-//! The weights that ship with the project, on a short run that they have not seen.
+//! Play that the model leaves out is learned on three paths with a tracker, and taken out on a fourth without one, by the real binary.
 
 mod common;
 
-use common::freeplay;
+use std::path::Path;
+
+use common::{Call, fresh_folder};
 use serde_json::Value;
 
-const WEIGHTS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../controller/weights/erkaya2018.narx.json");
+/// A lockstep run of the paper's arm with play under a model without any, in `folder`.
+fn run(folder: &Path, controller: &str, out: &str, sets: &[&str]) -> common::Ran {
+    let mut arguments = vec!["run", "--quiet", "--controller", controller, "--out", out, "--format", "json"];
+    arguments.extend(["--set", "controller.model=nominal.toml", "--set", "path.period=3"]);
+    sets.iter().for_each(|set| arguments.extend(["--set", *set]));
+    let call = Call::new(fresh_folder(), &arguments);
+    let mut call = call;
+    call.command.current_dir(folder);
+    call.run()
+}
+
+fn rms(said: &Value) -> f64 {
+    said["runs"][0]["deviation_mm"]["rms_after_start"].as_f64().expect("a number")
+}
 
 #[test]
-fn the_shipped_weights_predict_a_sharp_path_they_have_not_seen() {
-    let ran = freeplay(&["train", "--evaluate", WEIGHTS, "--quick", "--format", "json"]).expect(0);
-    let rows: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
-    let rows = rows.as_array().expect("rows");
-    let around: Vec<&Value> = rows.iter().filter(|row| row["part"] == "detachment").collect();
-    assert!(!around.is_empty(), "a sharp path makes the journal leave its bearing");
-    for row in around {
-        let [network, product] = ["network", "product"].map(|name| row[name].as_f64().expect("a number"));
-        let baselines = row["baselines"].as_array().expect("baselines").iter();
-        let best = baselines.map(|one| one[1].as_f64().expect("a number")).fold(f64::INFINITY, f64::min);
-        let skill = 1.0 - (network / best).powi(2);
-        println!(
-            "{} {}: {:.2} µm, best baseline {:.2} µm, skill {skill:.3}",
-            row["run"],
-            row["axis"],
-            network * 1e6,
-            best * 1e6
-        );
-        assert!(best > 1e-6, "there is something to predict");
-        assert!(skill > 0.5, "the bar around detachments");
-        let twin = row["twin"].as_f64().expect("a number");
-        assert!(
-            product <= twin && product < 0.7 * best,
-            "narx-qp forecasts no worse than its twin: {product}"
-        );
+fn what_the_model_leaves_is_learned_proved_and_taken_out() {
+    let place = fresh_folder();
+    let folder = place.path();
+    let urdf = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/arm.urdf");
+    std::fs::write(folder.join("nominal.toml"), format!("urdf = \"{urdf}\"\n")).expect("written");
+    let paths: [&[&str]; 3] = [
+        &["path.kind=lissajous"],
+        &["path.kind=lissajous", "path.size=[0.2,0.15,0.1]"],
+        &["path.kind=square", "path.size=0.2"],
+    ];
+    for (number, path) in paths.iter().enumerate() {
+        run(folder, "computed-torque", &format!("run{number}"), path).expect(0);
     }
+    let mut train = Call::new(
+        fresh_folder(),
+        &[
+            "train",
+            "--quiet",
+            "--model",
+            "nominal.toml",
+            "--hidden",
+            "6",
+            "--format",
+            "json",
+            "--recording",
+            "run0",
+            "run1",
+            "run2",
+        ],
+    );
+    train.command.current_dir(folder);
+    let trained: Value = serde_json::from_str(&train.run().expect(0).stdout()).expect("JSON");
+    let receipt = &trained["receipt"];
+    println!("{receipt:#}");
+    assert_eq!(
+        (receipt["proved"].as_bool(), receipt["runs"].as_array().map(Vec::len)),
+        (Some(true), Some(3))
+    );
+    assert!(folder.join("nominal.weights.json").is_file(), "where runs with this model find it");
+
+    let fourth = ["path.kind=lissajous", "path.size=[0.12,0.18,0.06]", "sensors.track_tool=false"];
+    let played = |more: &[&str], out: &str| {
+        let ran = run(folder, "narx-qp", out, &[&fourth, more].concat()).expect(0);
+        serde_json::from_str::<Value>(&ran.stdout()).expect("JSON")
+    };
+    let (without, with) = (played(&["controller.weights=none"], "without"), played(&[], "with"));
+    println!("{:.4} -> {:.4} mm, {:#}", rms(&without), rms(&with), with["runs"][0]["learned"]);
+    assert!(without["runs"][0]["learned"].is_null());
+    assert!(with["runs"][0]["learned"]["inside"].as_f64().expect("a share") > 0.9);
+    assert!(rms(&without) > 0.5 && rms(&with) < 0.2 * rms(&without));
+    assert!(with["runs"][0]["answers"]["iterated"].is_u64());
+
+    let other = run(folder, "narx-qp", "other", &["controller.gains.natural_frequency=40"]).expect(3);
+    assert!(
+        other.stderr().contains("natural frequency 50") && other.stderr().contains("train for it"),
+        "{}",
+        other.dump()
+    );
 }

@@ -62,8 +62,8 @@ enum Command {
     Bound(freeplay_paper::bound_table::BoundArgs),
     /// The table of compensation: paths, times, clearances, wrong models and two joints with play, under every built-in controller.
     Cells(freeplay_paper::cells::CellsArgs),
-    /// Train the network of narx-qp on simulated runs, and show how much better it predicts than what needs no network.
-    Train(freeplay_paper::train::TrainArgs),
+    /// Learn from recordings what a model leaves of a tracked tool's deviation, and prove in simulated runs that taking it out helps.
+    Train(freeplay_training::TrainArgs),
     /// Completions for a shell, to standard output.
     Completions(crate::manual::CompletionsArgs),
     /// The manual page, to standard output; all pages with --out.
@@ -125,7 +125,7 @@ pub fn dispatch() -> Result<Exit, Failure> {
         Command::Reproduce(args) => freeplay_paper::reproduce::reproduce(&args),
         Command::Bound(args) => freeplay_paper::bound_table::bound(&args),
         Command::Cells(args) => freeplay_paper::cells::cells(&args),
-        Command::Train(args) => freeplay_paper::train::train(&args),
+        Command::Train(args) => freeplay_training::train_command(&args),
         Command::Completions(args) => crate::manual::completions(&args, Cli::command()),
         Command::Man(args) => crate::manual::man(&args, Cli::command()),
         Command::ExitCodes => crate::manual::exit_codes(),

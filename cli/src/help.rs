@@ -12,11 +12,11 @@ use freeplay_terminal::messages::width;
 const GROUPS: [(&str, &[&str]); 7] = [
     ("Main commands", &["run", "diagnose"]),
     ("Run", &["replay", "report"]),
-    ("Diagnose", &["compare", "excite", "demo"]),
+    ("Diagnose", &["compare", "excite", "train", "demo"]),
     ("Prove", &["blind", "campaign"]),
     ("Exam", &["swap", "faults", "bench", "doctor"]),
     ("Files", &["arm", "export", "record", "scenario", "completions", "man", "exit-codes"]),
-    ("Paper", &["reproduce", "reference-runs", "bound", "cells", "train"]),
+    ("Paper", &["reproduce", "reference-runs", "bound", "cells"]),
 ];
 
 /// `command` with the list of its commands in groups, as wide as the terminal.

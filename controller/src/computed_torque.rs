@@ -47,7 +47,7 @@ impl Controller for ComputedTorque {
         let options: Options = task.options(COMPUTED_TORQUE)?;
         let model = Model::load(task, run)?;
         let filter = options.command_filter.then(|| {
-            let path = JointPath::plan(&model.arm, &task.path, task.rate)?;
+            let path = JointPath::plan(&model.nominal, &task.path, task.rate)?;
             CommandFilter::along(&model, &path, task, COMPUTED_TORQUE)
         });
         let filter = filter.transpose()?;

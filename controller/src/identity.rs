@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use freeplay_arm::Arm;
+use freeplay_arm::{Arm, ArmFile};
 use sha2::{Digest, Sha256};
 
 /// Numbers that differ by less than this are the same to the hash: reading and writing a model file rounds. SI units.
@@ -22,6 +22,26 @@ pub fn identity(arm: &Arm) -> String {
         joint.inertia.com.iter().chain(joint.inertia.about_com.iter()).copied().for_each(&mut feed);
     }
     arm.tool().to_homogeneous().iter().copied().for_each(&mut feed);
+    digits(hash)
+}
+
+/// SHA-256 over the arm of `file` and its effects, whatever their order; 16 hexadecimal digits of it: which model it is.
+pub fn model_identity(file: &ArmFile) -> String {
+    let of_effect = |effect: &freeplay_arm::EffectTable| {
+        let mut parameters: Vec<String> =
+            effect.parameters.iter().map(|(name, value)| format!("{name}={value}")).collect();
+        parameters.sort_unstable();
+        format!("{} {:?} {}", effect.kind, effect.joint, parameters.join(" "))
+    };
+    let mut effects: Vec<String> = file.effects.iter().map(of_effect).collect();
+    effects.sort_unstable();
+    let mut hash = Sha256::new();
+    hash.update(identity(&file.arm));
+    effects.iter().for_each(|effect| hash.update(format!("\n{effect}")));
+    digits(hash)
+}
+
+fn digits(hash: Sha256) -> String {
     let mut text = String::with_capacity(16);
     for byte in &hash.finalize()[..8] {
         // Writing to a string cannot fail.

@@ -49,22 +49,34 @@ impl KnownEffects {
         path: &JointPath,
         period: f64,
     ) -> Result<Option<KnownEffects>, LawError> {
+        let step = period.max(path.duration() / MOST_ROWS);
+        Self::of_motion(arm, effects, &sampled(arm, path, step), step)
+    }
+
+    /// The same along a `motion` that is sampled in steps of `step` s.
+    ///
+    /// # Errors
+    /// See [`LawError`].
+    pub fn of_motion(
+        arm: &Arm,
+        effects: &Effects,
+        motion: &Trajectory,
+        step: f64,
+    ) -> Result<Option<KnownEffects>, LawError> {
         let (laws, sensors) = parted(effects);
         if laws.is_empty() && sensors.is_empty() {
             return Ok(None);
         }
-        let step = period.max(path.duration() / MOST_ROWS);
-        let motion = sampled(arm, path, step);
         let as_it_is = |column: &[f64]| column.to_vec();
-        let rigid = Baseline::new(arm, &[], &motion, &as_it_is)?;
-        let full = Baseline::new(arm, &laws, &motion, &as_it_is)?;
+        let rigid = Baseline::new(arm, &[], motion, &as_it_is)?;
+        let full = Baseline::new(arm, &laws, motion, &as_it_is)?;
         let columns = |columns: Vec<Vec<f64>>| by_row(&columns, motion.len());
         let less = |a: &[Vec<f64>], b: &[Vec<f64>]| -> Vec<Vec<f64>> {
             a.iter().zip(b).map(|(a, b)| a.iter().zip(b).map(|(a, b)| a - b).collect()).collect()
         };
         let torque = less(&full.prediction().torque, &rigid.prediction().torque);
         let mut shift = less(&motion.q, &full.prediction().link);
-        misread(&sensors, &motion, step, &mut shift);
+        misread(&sensors, motion, step, &mut shift);
         for column in &mut shift {
             column.iter_mut().zip(&motion.t).for_each(|(shift, t)| *shift *= begun(t / BLEND));
         }
@@ -99,6 +111,11 @@ impl KnownEffects {
     /// What the drives spend beyond the rigid arm and its nominal friction, N·m (N); `None` off the path.
     pub fn torque(&self) -> Option<&[f64]> {
         self.on_path.then(|| self.row(&self.torque))
+    }
+
+    /// How far the encoders are to be from the desired joints at the row `row`, rad (m).
+    pub fn shift_at(&self, row: usize) -> &[f64] {
+        &self.shift[0][row * self.joints..(row + 1) * self.joints]
     }
 
     fn row<'t>(&self, table: &'t [f64]) -> &'t [f64] {

@@ -14,6 +14,7 @@
 //! - [`LookAhead`]: the state of the joints when the answer takes effect.
 //! - [`Knocks`]: landings of journals, seen in the encoders; after one the feedback is softer.
 //! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`freeplay_laws::Rest`].
+//! - [`Geometry`]: what another geometry than the nominal one moves the tool by.
 //! - [`Outlook`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
 //! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`], where
 //!   the [`FreeMinimiser`] of its cost breaks a limit.
@@ -26,6 +27,7 @@
 //! - [`Correction`]: that correction over time, with its derivatives by [`Centred`] differences.
 //! - [`Tracking`]: a reference tracked while the deviation is taken out: what the compensating controllers share.
 //! - [`ToolResidual`]: what a tracked tool says that physics does not, learned online.
+//! - [`Remainder`]: what physics leaves of the deviation, as a network learned it while a tool was tracked; read from a [`WeightFile`].
 //! - [`ComputedTorque`], [`QuasiStaticControl`], [`NarxQp`]: the controllers that come with the project; [`built_in()`] finds them by name.
 
 pub mod acceleration_programme;
@@ -40,15 +42,13 @@ pub mod correction;
 pub mod course;
 pub mod deviation;
 pub mod dual_active_set;
-pub mod features;
 pub mod foresight;
 pub mod free_minimiser;
+pub mod geometry;
 pub mod horizon;
 pub mod identity;
-pub mod journal_twin;
 pub mod knocks;
 pub mod known_effects;
-pub mod learned;
 pub mod look_ahead;
 pub mod model;
 pub mod narx_qp;
@@ -63,7 +63,7 @@ pub mod pin_force;
 pub mod preview;
 pub mod qp;
 pub mod quasi_static;
-pub mod repeating;
+pub mod remainder;
 pub mod rollout;
 pub mod room;
 pub mod sparse_programme;
@@ -87,6 +87,7 @@ pub use deviation::QuasiStatic;
 pub use dual_active_set::DualActiveSet;
 pub use foresight::Foresight;
 pub use free_minimiser::FreeMinimiser;
+pub use geometry::Geometry;
 pub use horizon::{Horizon, HorizonError, HorizonReport, HorizonStatus};
 pub use knocks::Knocks;
 pub use look_ahead::{JointState, LookAhead};
@@ -100,6 +101,7 @@ pub use pin_force::PinForce;
 pub use preview::Preview;
 pub use qp::{Qp, QpError, QpReport, QpStatus};
 pub use quasi_static::QuasiStaticControl;
+pub use remainder::{Remainder, WeightFile};
 pub use rollout::{Driven, Rollout, Touch};
 pub use tool_residual::ToolResidual;
 pub use tracking::{Beyond, Plan, Tracking, TrackingOptions};

@@ -8,6 +8,7 @@ use freeplay_laws::{Clearance, Effects};
 use nalgebra::Vector3;
 
 use crate::controller::RunInfo;
+use crate::identity::{identity, model_identity};
 use crate::not_ready::NotReady;
 use crate::task::{LimitsFrom, PAPER_MODEL, Task};
 
@@ -16,10 +17,14 @@ use crate::task::{LimitsFrom, PAPER_MODEL, Task};
 pub struct Model {
     /// The arm with what its effects change of it, a payload or a tilt, with the gravity and the limits of the task.
     pub arm: Arm,
+    /// The arm without its effects, with the gravity of the task: deviations are counted from it.
+    pub nominal: Arm,
     /// All effects of the model file.
     pub effects: Arc<Effects>,
     /// Clearances by joint index of `arm`, in ascending order.
     pub clearances: Vec<(usize, Clearance)>,
+    /// Which arm it is, without its effects, and which model ([`identity`], [`model_identity`]).
+    pub hashes: [String; 2],
 }
 
 impl Model {
@@ -35,15 +40,17 @@ impl Model {
         };
         task.check(file.arm.dof(), run)?;
         let effects = Effects::of(&file)?;
+        let hashes = [identity(&file.arm), model_identity(&file)];
         let mut arm = file.arm;
         if let Some(gravity) = task.gravity {
             arm = arm.with_gravity(Vector3::from(gravity));
         }
+        let nominal = arm.clone();
         arm = effects.changed(&arm)?;
         if task.limits == LimitsFrom::None {
             arm = without_limits(&arm)?;
         }
-        Ok(Model { arm, clearances: effects.clearances.clone(), effects: Arc::new(effects) })
+        Ok(Model { arm, nominal, clearances: effects.clearances.clone(), effects: Arc::new(effects), hashes })
     }
 }
 

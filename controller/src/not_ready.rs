@@ -3,12 +3,12 @@
 use freeplay_arm::{ArmError, ModelError};
 use freeplay_laws::LawError;
 use freeplay_path::PathError;
-use freeplay_predictor::weight_file::{MismatchError, WeightFileError};
 use thiserror::Error;
 
 use crate::controller::ControllerError;
 use crate::horizon::HorizonError;
 use crate::qp::QpError;
+use crate::remainder::WeightError;
 
 /// A fault in the set-up of a built-in controller.
 #[derive(Debug, Error)]
@@ -31,16 +31,16 @@ pub enum NotReady {
     /// The compensation's horizon cannot be set up.
     #[error(transparent)]
     Horizon(#[from] HorizonError),
-    /// The file with a network's weights cannot be used.
+    /// The file of a learned remainder cannot be used.
     #[error(transparent)]
-    Weights(#[from] WeightFileError),
-    /// The weights were trained for another arm or joint.
+    Weights(#[from] WeightError),
+    /// The file of a learned remainder is for something else.
     #[error("{file}: {source}")]
     OtherWeights {
         /// The weight file.
         file: String,
         /// What they are for.
-        source: Box<MismatchError>,
+        source: Box<WeightError>,
     },
     /// Task and plant don't fit together.
     #[error(transparent)]

@@ -30,7 +30,7 @@ impl Controller for QuasiStaticControl {
         let options: TrackingOptions = task.options(QUASI_STATIC)?;
         options.check(QUASI_STATIC, task.period())?;
         let model = Model::load(task, run)?;
-        let path = JointPath::plan(&model.arm, &task.path, task.rate).map_err(NotReady::from)?;
+        let path = JointPath::plan(&model.nominal, &task.path, task.rate).map_err(NotReady::from)?;
         self.tracking = Some(Tracking::new(task, &model, path, run.ticks, &options)?);
         Ok(())
     }

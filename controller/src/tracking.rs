@@ -24,6 +24,7 @@ use crate::corners::CornerSearch;
 use crate::correction::Correction;
 use crate::deviation::QuasiStatic;
 use crate::foresight::Foresight;
+use crate::geometry::Geometry;
 use crate::horizon::{HorizonReport, HorizonStatus, MOST_TICKS};
 use crate::knocks::Knocks;
 use crate::known_effects::KnownEffects;
@@ -129,6 +130,8 @@ pub struct Tracking {
     /// Whether the predicted journals are smooth enough to be differentiated.
     smooth: bool,
     friction: Vec<DriveFriction>,
+    /// What the geometry of the model moves the tool by; none if it is the nominal one.
+    geometry: Option<Geometry>,
     /// What other effects of the model ask of the drives; none if there are none.
     known: Option<KnownEffects>,
     filter: Option<CommandFilter>,
@@ -147,6 +150,8 @@ pub struct Tracking {
     tick: Option<u64>,
     planned: JointMotion,
     target: JointMotion,
+    /// Where the links are meant to be at that instant: the target without what encoders and transmissions shift.
+    links: JointMotion,
     /// Moments of the contacts' friction on the joints with play during the tick of the answer, N·m.
     moments: Vec<f64>,
     /// What they, the known effects and the motion of the journals do to the joints during that tick, N·m (N).
@@ -160,7 +165,7 @@ pub struct Tracking {
     passages: Passages,
     /// Whether the last reference was that of the own path.
     own: bool,
-    /// What was said beyond physics of the instant before the newest, and of the newest, m.
+    /// What geometry and learning say beyond the journals of the instant before the newest, and of the newest, m.
     learned: [Vector3<f64>; 2],
 }
 
@@ -212,6 +217,7 @@ impl Tracking {
             period,
             smooth: half > 0,
             friction: drive_frictions(&model.arm),
+            geometry: Geometry::between(&model.nominal, &model.arm),
             known,
             filter,
             look_ahead: LookAhead::new(&model.arm, period),
@@ -225,6 +231,7 @@ impl Tracking {
             tick: None,
             planned: JointMotion::new(n),
             target: JointMotion::new(n),
+            links: JointMotion::new(n),
             moments: vec![0.0; model.clearances.len()],
             external: vec![0.0; n],
             acceleration: vec![0.0; n],
@@ -250,6 +257,7 @@ impl Tracking {
         let [learned, _] = self.learned;
         self.plan(state.tick, Some(&state.reference_next), beyond, answer);
         self.target.add(&state.reference_next, self.correction.motion());
+        self.links.copy(self.target.as_motion());
         if let Some(known) = &mut self.known {
             let instant = state.tick.saturating_add(self.mode.lead());
             known.turn_to(instant as f64 * self.period, &state.reference_next);
@@ -291,6 +299,11 @@ impl Tracking {
     /// The corrected motion at the instant of the last answer.
     pub fn target(&self) -> Motion<'_> {
         self.target.as_motion()
+    }
+
+    /// Where the links are meant to be at the instant of the last answer: the corrected motion without what encoders and transmissions shift.
+    pub fn links(&self) -> Motion<'_> {
+        self.links.as_motion()
     }
 
     /// Brings the correction to where it was to be at `state`: starts it, or makes up for missed ticks.
@@ -361,8 +374,10 @@ impl Tracking {
         }
         let planned = self.planned.as_motion();
         let physics = self.predictor.deviation_with(planned.q, self.journals.newest());
+        let geometry = self.geometry.as_mut().map_or_else(Vector3::zeros, |other| other.deviation(planned.q));
         let [_, before] = self.learned;
-        let learned = beyond(&Plan { tick: ahead, motion: planned, deviation: physics });
+        let deviation = physics + geometry;
+        let learned = geometry + beyond(&Plan { tick: ahead, motion: planned, deviation });
         self.learned = [before, learned];
         let foresight = self.foresight.as_mut().filter(|_| own);
         let horizon = foresight

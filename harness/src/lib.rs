@@ -11,8 +11,11 @@
 //! - `verdict`: whether a run was sound, and the words for what stopped an arm.
 //! - `live`: the view of a run in the terminal.
 //! - `screen`, `run_report`, `run_film`, [`report_command`]: the table and the reports.
+//! - [`weights`]: what a network learned beyond the model, and how far that reaches along the path.
+//! - [`closed_loop`]: the same loop in this process, without shared memory and gate.
 //! - [`replay`]: the recorded states of a run, given to a new controller process.
 
+pub mod closed_loop;
 pub mod columns;
 pub mod controller_command;
 mod gains;
@@ -34,3 +37,4 @@ pub mod setup;
 pub mod summary;
 pub mod swaps;
 mod verdict;
+pub mod weights;

@@ -34,7 +34,7 @@ use crate::scenario_place::located;
 use crate::setup::Setup;
 use crate::summary::{RunSummary, SCHEMA};
 
-use crate::{gains, run_report, screen, swaps};
+use crate::{gains, run_report, screen, swaps, weights};
 
 /// How much is shown of what the processes of a run that did not begin had to say, bytes: a screenful.
 const LAST_WORDS: usize = 2000;
@@ -188,6 +188,7 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     }
     let folder = claim(args.out.as_deref(), &RESULTS, args.force)?;
     let files = Files::write(&scenario, &setup, folder.path())?;
+    let learned = |contestant: &Contestant| weights::reach(&scenario, &setup, &contestant.asked);
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     stands_still(&setup).into_iter().for_each(messages::note);
@@ -220,7 +221,7 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
                 break;
             }
             Ok((ended, summary)) => {
-                runs.extend(summary);
+                runs.extend(summary.map(|summary| RunSummary { learned: learned(contestant), ..summary }));
                 exit = if exit == Exit::Done { ended } else { exit };
             }
         }
@@ -364,6 +365,7 @@ fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
     {
         *model = std::path::absolute(&*model).map_err(Failure::input)?.display().to_string();
     }
+    scenario.controller.weights = weights::of(&scenario)?;
     scenario.path.file = scenario.path.file.map(std::path::absolute).transpose().map_err(Failure::input)?;
     if let Some(sound) = scenario.compare.as_mut().and_then(|compare| compare.sound.as_mut()) {
         *sound = std::path::absolute(&*sound).map_err(Failure::input)?;

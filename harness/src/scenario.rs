@@ -54,6 +54,9 @@ pub enum RecordingKind {
     None,
 }
 
+/// What stands for no weights where those beside the model are not to be used.
+pub const NO_WEIGHTS: &str = "none";
+
 /// What the controllers are given to work with.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
@@ -61,6 +64,10 @@ pub struct ControllerTable {
     /// The model given to the controllers; absent: the plant's own arm with its clearances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
+    /// Weight file of what a network learned beyond the model, for `narx-qp`; absent: `MODEL.weights.json` beside the model, if it is there; "none":
+    /// none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weights: Option<String>,
     /// Feedback of the joint motion.
     pub gains: Gains,
     /// What the controller itself understands.
@@ -299,6 +306,8 @@ impl Scenario {
         let folder = path.parent().unwrap_or(Path::new("."));
         scenario.model = beside(folder, &scenario.model);
         scenario.controller.model = scenario.controller.model.map(|model| beside(folder, &model));
+        scenario.controller.weights =
+            scenario.controller.weights.map(|weights| beside_unless_none(folder, &weights));
         scenario.path.file = scenario.path.file.map(|file| folder.join(file));
         if let Some(sound) = scenario.compare.as_mut().and_then(|compare| compare.sound.as_mut()) {
             *sound = folder.join(&*sound);
@@ -405,6 +414,11 @@ fn beside(folder: &Path, name: &str) -> String {
     } else {
         folder.join(name).display().to_string()
     }
+}
+
+/// The same for weights, which may be [`NO_WEIGHTS`].
+fn beside_unless_none(folder: &Path, name: &str) -> String {
+    if name == NO_WEIGHTS { name.to_owned() } else { folder.join(name).display().to_string() }
 }
 
 /// A value as TOML understands it; what is no TOML value is text.

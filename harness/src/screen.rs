@@ -237,6 +237,14 @@ fn remarks(run: &RunSummary) -> Vec<String> {
             remarks.push(format!("answers whose quadratic programme {said}: {count}"));
         }
     }
+    let iterated = run.answers["iterated"].as_u64().unwrap_or(0);
+    if iterated > 0 {
+        remarks.push(format!(
+            "limits bound in {iterated} of {} ticks: Clarabel solved the programme there, elsewhere the minimiser of the cost kept all limits",
+            run.ticks
+        ));
+    }
+    remarks.extend(crate::weights::words(&run.learned));
     let implausible = run.answers["implausible_times"].as_u64().unwrap_or(0);
     if implausible > 0 {
         remarks.push(format!("answers whose times cannot be, left out of the latencies: {implausible}"));

@@ -192,6 +192,7 @@ impl Setup {
         path.file = path.file.map(std::path::absolute).transpose().map_err(Failure::input)?;
         let task = Task {
             model,
+            weights: crate::weights::of(scenario)?,
             gravity: Some((*self.truth.arm.gravity()).into()),
             mode: match scenario.mode {
                 Drive::Torque => TaskMode::Torque,

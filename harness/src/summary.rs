@@ -51,6 +51,9 @@ pub struct RunSummary {
     pub energy: Value,
     /// How the controllers in charge said that they arrived at their answers, counted.
     pub answers: Value,
+    /// How far the learned remainder reached along the path; null for a controller that uses none.
+    #[serde(default)]
+    pub learned: Value,
     /// Ticks without a command in time.
     pub deadlines: Value,
     /// What was not let through: of who was in charge by the gate, and commands for any slot that did not come from its seat.
@@ -234,6 +237,7 @@ impl RunSummary {
             base_force: json!({ "peak": plant.peak_base_force() }),
             joint_use: joint_use(plant, &facts.joints),
             answers: json!(plant.answers()),
+            learned: Value::Null,
             energy: json!({ "ledger": ledger, "residual": ledger.residual() }),
             deadlines: deadlines(plant),
             gate: json!({ "rejected": gate, "first": first, "torque_rate": torque_rate }),

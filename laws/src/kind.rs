@@ -8,6 +8,7 @@ use crate::basis::{Place, Term, Terms, with};
 use crate::beyond::BEYOND_CATALOGUE;
 use crate::catalogue::{CATALOGUE, COMMANDED};
 use crate::effect::Effect;
+use crate::nameless::NAMELESS;
 use crate::needs::Need;
 use crate::parameter::{Parameter, Range, Role};
 use crate::{LawError, Values};
@@ -146,9 +147,9 @@ pub fn kinds() -> impl Iterator<Item = &'static Kind> {
     CATALOGUE.iter().chain(BEYOND_CATALOGUE).copied()
 }
 
-/// The kind called `name`, in the catalogue, among those of commanded positions or beyond.
+/// The kind called `name`: in the catalogue, beyond it, among those of commanded positions or without a name for a diagnosis.
 pub fn kind(name: &str) -> Option<&'static Kind> {
-    kinds().chain(COMMANDED.iter().copied()).find(|kind| kind.name == name)
+    kinds().chain(COMMANDED.iter().chain(NAMELESS).copied()).find(|kind| kind.name == name)
 }
 
 /// The shapes of an effect that has one only.

@@ -48,6 +48,7 @@ mod kind;
 mod lubrication;
 mod manual;
 mod mechanism;
+mod nameless;
 mod needs;
 mod parameter;
 mod play;
@@ -81,6 +82,7 @@ pub use kind::{ABOUT, Kind, Occurrence, START, Seen, Site, Tolerance, kind, kind
 pub use lubrication::Film;
 pub use manual::manual;
 pub use mechanism::mechanism;
+pub use nameless::NAMELESS;
 pub use needs::{Need, Recorded};
 pub use parameter::{Absent, Parameter, Range, Role};
 pub use play::{ArmWithPlay, Play};

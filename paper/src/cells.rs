@@ -14,7 +14,7 @@ use freeplay_controller::computed_torque::COMPUTED_TORQUE;
 use freeplay_controller::narx_qp::NARX_QP;
 use freeplay_controller::quasi_static::QUASI_STATIC;
 use freeplay_path::{PathKind, PathSpec};
-use freeplay_plant::{DeviationStatistics, UsedByJoint};
+use freeplay_plant::{DeviationStatistics, SensorsSpec, UsedByJoint};
 use freeplay_terminal::arguments::{Format, above_zero};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::output::say;
@@ -22,7 +22,7 @@ use freeplay_terminal::parallel::on_all_cores;
 use freeplay_terminal::progress;
 use serde::Serialize;
 
-use crate::closed_loop::{ClosedLoop, Plays, task};
+use freeplay_harness::closed_loop::{ClosedLoop, Plays, of_plays, task};
 
 /// A difference that no tool tracker sees, mm.
 const HARMLESS: f64 = 1e-4;
@@ -166,8 +166,18 @@ impl Cell {
         let folder = tempfile::tempdir().map_err(Failure::internal)?;
         let task = task(&arm, &self.believed, &self.path, options, folder.path())?;
         let tracked = !matches!(self.part, Part::Untracked | Part::WrongUntracked);
-        let (plays, path, after) = (&self.plays, &self.path, self.after);
-        let closed = ClosedLoop { arm: &arm, plays, path, controller, task: &task, tracked, after };
+        let (effects, path, after) = (of_plays(&arm, &self.plays)?, &self.path, self.after);
+        let closed = ClosedLoop {
+            arm: &arm,
+            effects: &effects,
+            path,
+            controller,
+            task: &task,
+            tracked,
+            after,
+            sensors: (SensorsSpec::default(), 0),
+            beyond: &[],
+        };
         let outcome = closed.run(|_| {})?;
         let [norm, ..] = outcome.deviation.components();
         Ok(Reached {

@@ -16,13 +16,16 @@ pub struct AnswerCounts {
     pub no_answer: u64,
     /// A status that this version does not know; the gate refused the answer.
     pub unknown: u64,
+    /// Answers for which a quadratic programme was solved by iteration, since a limit bound; for the others the minimiser of the cost kept them all.
+    pub iterated: u64,
     /// Answers of any controller whose times cannot be: none of them is in the latencies.
     pub implausible_times: u64,
 }
 
 impl AnswerCounts {
-    /// Counts an answer whose message says `status`.
-    pub fn add(&mut self, status: u32) {
+    /// Counts an answer whose message says `status` and so many `iterations` of its quadratic programme.
+    pub fn add(&mut self, status: u32, iterations: u32) {
+        self.iterated += u64::from(iterations > 0);
         let count = match CommandStatus::from_code(status) {
             Some(CommandStatus::Ok) => &mut self.ok,
             Some(CommandStatus::QpFailed) => &mut self.qp_failed,
@@ -42,10 +45,17 @@ mod tests {
     fn every_status_has_a_count_of_its_own() {
         let mut counts = AnswerCounts::default();
         for (status, times) in [(0, 5), (1, 4), (2, 3), (3, 2), (77, 1)] {
-            (0..times).for_each(|_| counts.add(status));
+            (0..times).for_each(|time| counts.add(status, time));
         }
-        let expected =
-            AnswerCounts { ok: 5, qp_failed: 4, qp_limit: 3, no_answer: 2, unknown: 1, implausible_times: 0 };
+        let expected = AnswerCounts {
+            ok: 5,
+            qp_failed: 4,
+            qp_limit: 3,
+            no_answer: 2,
+            unknown: 1,
+            iterated: 4 + 3 + 2 + 1,
+            implausible_times: 0,
+        };
         assert_eq!(counts, expected);
     }
 }

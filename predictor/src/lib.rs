@@ -11,7 +11,7 @@
 //! 5. [`activation`], [`network`]: [`Network`]: the feed-forward function; [`Scratch`]: its working memory.
 //! 6. [`initialise`]: where training starts (Nguyen–Widrow, seeded).
 //! 7. [`normal_equations`], [`levenberg_marquardt`]: the minimiser, for any [`LeastSquares`] problem;
-//!    [`gauss_newton`]: a network's errors over a set of samples as such a problem.
+//!    [`evidence`]: the same with a weight decay that the data choose; [`gauss_newton`]: a network's errors over a set of samples as such a problem.
 //! 8. [`training`]: [`train`]: all of the above in a row, from [`Series`] and [`Split`] to a [`Narx`].
 //! 9. [`narx`]: [`Narx`]: the trained model: layout, scaling, network, and where it came from; one-step prediction and
 //!    free run. [`weight_file`]: a [`Narx`] as a versioned file.
@@ -23,6 +23,7 @@ pub mod activation;
 pub mod arx;
 pub mod baselines;
 mod columns;
+pub mod evidence;
 pub mod gauss_newton;
 pub mod initialise;
 mod layer_pairs;

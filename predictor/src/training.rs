@@ -4,6 +4,7 @@
 //! the same whatever its unit; the mean squared errors of the history are in these scaled units.
 
 use crate::activation::Activation;
+use crate::evidence::minimise_by_evidence;
 use crate::gauss_newton::{NetworkErrors, Samples};
 use crate::initialise::nguyen_widrow;
 use crate::levenberg_marquardt::{Epoch, MinimiseError, Outcome, Settings, minimise};
@@ -29,6 +30,8 @@ pub struct Recipe {
     pub seed: u64,
     /// Parameters of Levenberg–Marquardt.
     pub settings: Settings,
+    /// Whether the weights decay as the data choose ([`crate::evidence`]); the validation windows then train, too.
+    pub decay: bool,
 }
 
 /// A trained model and how training went.
@@ -100,9 +103,15 @@ pub fn train(
     let (input_scaling, output_scaling) = fit_scaling(series, &split.train, layout);
     let samples = |windows: &[Window]| scaled(series, windows, layout, &input_scaling, &output_scaling);
     let validation = (!split.validation.is_empty()).then(|| samples(&split.validation));
-    let mut errors = NetworkErrors::new(&sizes, recipe.activation, samples(&split.train), validation);
     let start = nguyen_widrow(&sizes, recipe.activation, recipe.seed);
-    let outcome = minimise(&mut errors, start, &recipe.settings, progress)?;
+    let outcome = if recipe.decay {
+        let all: Vec<Window> = split.train.iter().chain(&split.validation).copied().collect();
+        let mut errors = NetworkErrors::new(&sizes, recipe.activation, samples(&all), None);
+        minimise_by_evidence(&mut errors, start, &recipe.settings, progress)?
+    } else {
+        let mut errors = NetworkErrors::new(&sizes, recipe.activation, samples(&split.train), validation);
+        minimise(&mut errors, start, &recipe.settings, progress)?
+    };
     let narx = Narx {
         layout: layout.clone(),
         input_names: series.input_names().to_vec(),

@@ -2,6 +2,7 @@
 //!
 //! ```toml
 //! model = "paper"              # or the path of an arm file, relative to this file
+//! weights = "model.weights.json"  # optional: what a network learned beyond the model
 //! gravity = [0.0, 0.0, -9.81]  # optional; else the model's
 //! mode = "torque"              # or "driven"
 //! rate = 1000.0                # ticks per second
@@ -88,6 +89,9 @@ impl Default for Gains {
 pub struct Task {
     /// Path of an arm file, or [`PAPER_MODEL`].
     pub model: String,
+    /// Weight file of what a network learned beyond the model; absent: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub weights: Option<String>,
     /// Gravity in the base frame, m/s²; overrules the model's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity: Option<[f64; 3]>,
@@ -118,6 +122,7 @@ impl Default for Task {
     fn default() -> Task {
         Task {
             model: PAPER_MODEL.to_owned(),
+            weights: None,
             gravity: None,
             mode: TaskMode::default(),
             rate: Task::default_rate(),
@@ -199,6 +204,7 @@ impl Task {
         if task.model != PAPER_MODEL {
             task.model = folder.join(&task.model).display().to_string();
         }
+        task.weights = task.weights.map(|weights| folder.join(weights).display().to_string());
         task.path.file = task.path.file.map(|file| folder.join(file));
         Ok(task)
     }

@@ -136,6 +136,7 @@ pub fn study(setting: Setting, data: &Dataset, seeds: u64, epochs: usize) -> Res
             activation: Activation::Tanh,
             seed,
             settings: Settings { epochs, ..Settings::default() },
+            decay: false,
         };
         let trained =
             train(&data.series, &split, &recipe, Provenance::default(), |_| ControlFlow::Continue(()))

@@ -312,7 +312,7 @@ impl Plant {
         let before = now_ns();
         self.peak_base_force = self.peak_base_force.max(record.peak_base_force);
         if let Some(command) = &record.command {
-            self.answers.add(command.status);
+            self.answers.add(command.status, command.qp_iterations);
         }
         let mut pending = self.queue.push(record);
         self.stages.record(Stage::Record, now_ns() - before);

@@ -56,7 +56,8 @@ impl Case {
     }
 }
 
-fn with<const N: usize>(
+/// An `[[effect]]` table.
+pub fn with<const N: usize>(
     kind: &str,
     joint: Option<&str>,
     parameters: [(&str, Value); N],

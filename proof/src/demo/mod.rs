@@ -2,6 +2,7 @@
 //! alone; the controller is given the diagnosed model; the tool's deviation falls.
 
 mod cases;
+mod nameless;
 mod page;
 mod play;
 
@@ -19,6 +20,7 @@ use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{check_target, claim};
 use freeplay_terminal::output::say;
+use freeplay_terminal::parallel::on_cores;
 use freeplay_terminal::progress;
 use serde_json::Value;
 
@@ -35,9 +37,13 @@ const AT_ONCE: usize = 2;
 /// the diagnosed one. Sensors are noisy: 0.1 µrad, 0.05 N·m, 10 µm. Exit code 1 if a diagnosis is not right.
 #[derive(Args, Debug)]
 pub struct DemoArgs {
-    /// Only these machines: clearance, friction, backlash, payload, delay, nothing, notch.
+    /// Only these machines: clearance, friction, backlash, payload, delay, nothing, notch; or, with physics that has no name: play, play-detent,
+    /// play-cable, play-warped, play-drift, play-all, detent, cable, warped, cable-drift, friction-warped, nothing-nameless.
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
+    /// The twelve machines with physics that has no name: commissioned with a tracker, diagnosed, the rest learned, judged without a tracker.
+    #[arg(long, conflicts_with = "cases")]
+    nameless: bool,
     /// Time of one of the two laps of the path, s.
     #[arg(long, default_value_t = 6.0, value_name = "S")]
     period: f64,
@@ -65,6 +71,14 @@ pub struct DemoArgs {
 pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
     if !(args.period >= 1.0 && args.period <= 120.0) {
         return Err(Failure::usage(format!("--period {}: between 1 and 120 s", args.period)));
+    }
+    let machines = nameless::all();
+    let is_nameless = |name: &String| machines.iter().any(|machine| machine.name == name);
+    if args.nameless || (!args.cases.is_empty() && args.cases.iter().all(is_nameless)) {
+        let chosen = |machine: &nameless::Machine| {
+            args.cases.is_empty() || args.cases.iter().any(|name| name == machine.name)
+        };
+        return commissioned(args, machines.into_iter().filter(chosen).collect());
     }
     let cases = chosen(&args.cases)?;
     args.picture.as_deref().map_or(Ok(()), check_target)?;
@@ -94,11 +108,43 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
     Ok(if outcomes.iter().all(Outcome::is_right) { Exit::Done } else { Exit::Verdict })
 }
 
+/// Plays the machines with something nameless.
+fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exit, Failure> {
+    let names: Vec<&str> = machines.iter().map(|machine| machine.name).chain(["nameless.json"]).collect();
+    let folder = claim(args.out.as_deref(), &names, args.force)?;
+    let out = folder.path();
+    let stop = Arc::new(AtomicBool::new(false));
+    freeplay_terminal::process::stop_on_signals(&stop)?;
+    let bar = progress::bar(machines.len() as u64, "commissioning and learning {bar:30} {pos}/{len}  {msg}");
+    let outcomes = on_cores(AT_ONCE, machines.len(), |number| {
+        let machine = &machines[number];
+        let came = nameless::outcome(machine, args.seed, &out.join(machine.name));
+        bar.inc(1);
+        bar.set_message(machine.name);
+        came
+    });
+    bar.finish_and_clear();
+    if stop.load(Ordering::Relaxed) {
+        return Ok(Exit::Interrupted);
+    }
+    let outcomes = outcomes?;
+    let json = serde_json::json!({ "schema": "freeplay.demo-nameless/1", "ways": nameless::WAYS, "machines": outcomes });
+    freeplay_terminal::files::write(&out.join("nameless.json"), &format!("{json:#}\n"))?;
+    match args.format {
+        Format::Json => say(&format!("{json:#}\n"))?,
+        Format::Text => say(&nameless::text(&outcomes))?,
+    }
+    let holds = outcomes.iter().flat_map(|outcome| &outcome.cells).all(nameless::Cell::holds);
+    Ok(if holds { Exit::Done } else { Exit::Verdict })
+}
+
 /// The cases with these names; all without a name.
 fn chosen(names: &[String]) -> Result<Vec<Case>, Failure> {
     let all = cases::all();
     if let Some(unknown) = names.iter().find(|name| all.iter().all(|case| case.name != name.as_str())) {
-        let known: Vec<&str> = all.iter().map(|case| case.name).collect();
+        let machines = nameless::all();
+        let known = all.iter().map(|case| case.name).chain(machines.iter().map(|machine| machine.name));
+        let known: Vec<&str> = known.collect();
         return Err(Failure::usage(format!("--case {unknown}: choose among {}", known.join(", "))));
     }
     Ok(all

@@ -125,7 +125,7 @@ pub fn outcome(
 }
 
 /// Sensors as good ones are.
-fn sensors() -> SensorsSpec {
+pub fn sensors() -> SensorsSpec {
     let noisy = |noise: f64| Channel { noise, ..Channel::default() };
     let [position, velocity, torque, tool] = NOISE.map(noisy);
     SensorsSpec { position, velocity, torque, tool, ..SensorsSpec::default() }

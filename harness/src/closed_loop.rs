@@ -1,4 +1,4 @@
-//! A run in this process: the arm with play under a built-in controller, torque mode, ideal sensors.
+//! A run in this process: the arm with its effects under a built-in controller, torque mode.
 //!
 //! The states are those that a plant would publish in lockstep; there is no shared memory and no gate in between.
 
@@ -7,9 +7,9 @@ use std::sync::Arc;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable, Workspace, forward_kinematics, to_toml};
 use freeplay_controller::{Answer, RunInfo, Task, built_in};
-use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
+use freeplay_laws::{Clearance, Effects, Readings, SensorLaw};
 use freeplay_path::{JointPath, PathSpec};
-use freeplay_plant::{DeviationStatistics, Input, JointUse, System};
+use freeplay_plant::{DeviationStatistics, Input, JointUse, Sensors, SensorsSpec, System};
 use freeplay_shm::{CommandStatus, Mode, Pace, Reference, State};
 use freeplay_terminal::exit::Failure;
 use nalgebra::Vector3;
@@ -18,6 +18,11 @@ use nalgebra::Vector3;
 pub const RATE: f64 = 1000.0;
 /// Sub-steps of a tick.
 const SUBSTEPS: u32 = 50;
+/// Stretches of the path between the postures for which rotors are shared out.
+const POSTURES: u32 = 32;
+
+/// Laws that are asked once a tick.
+type Laws = Vec<Box<dyn SensorLaw>>;
 
 /// Joints with play, by index, and their radial clearances, m.
 pub type Plays = Vec<(usize, f64)>;
@@ -27,8 +32,8 @@ pub type Plays = Vec<(usize, f64)>;
 pub struct ClosedLoop<'a> {
     /// The nominal arm.
     pub arm: &'a Arm,
-    /// The play that it has.
-    pub plays: &'a [(usize, f64)],
+    /// The effects that it has.
+    pub effects: &'a Effects,
     /// The reference.
     pub path: &'a PathSpec,
     /// Name of the built-in controller.
@@ -39,6 +44,10 @@ pub struct ClosedLoop<'a> {
     pub tracked: bool,
     /// Time after which the deviation counts, s.
     pub after: f64,
+    /// The sensors, and the seed of their noise.
+    pub sensors: (SensorsSpec, u64),
+    /// How far the tool is off at each tick beyond what the effects do, base frame, m; nothing beyond its end.
+    pub beyond: &'a [Vector3<f64>],
 }
 
 /// One tick of a run, before the plant steps.
@@ -47,6 +56,8 @@ pub struct Tick<'a> {
     pub state: &'a State,
     /// The truth.
     pub system: &'a System,
+    /// What the controller said.
+    pub answer: &'a Answer,
 }
 
 /// What a run came to.
@@ -69,8 +80,8 @@ impl ClosedLoop<'_> {
     /// A path that the arm cannot follow, a controller that cannot start or has no answer, a motion that cannot be integrated.
     pub fn run(&self, mut keep: impl FnMut(&Tick<'_>)) -> Result<Outcome, Failure> {
         let path = Arc::new(JointPath::plan(self.arm, self.path, RATE).map_err(Failure::input)?);
-        let play = with_play(self.arm, self.plays)?;
-        let mut system = System::new(play, self.arm, 1.0 / RATE, SUBSTEPS).map_err(Failure::input)?;
+        let (mut system, [mut laws, mut readers]) = self.system(&path)?;
+        let mut sensors = Sensors::new(&self.sensors.0, self.arm.dof(), self.sensors.1);
         let n = self.arm.dof();
         let ticks = (path.duration() * RATE).round() as u64;
         let mut controller = built_in(self.controller)
@@ -90,14 +101,16 @@ impl ClosedLoop<'_> {
         let mut state = State::new(1, n);
         for tick in 0..ticks {
             observe(&mut system, &path, tick, &mut state);
+            self.displace(&mut laws, tick, &mut state);
             let desired = forward_kinematics(self.arm, &mut workspace, &state.reference.q[..n]);
             let tool = Vector3::new(state.tool[0], state.tool[1], state.tool[2]);
             outcome.deviation.add(tick as f64 / RATE, &(tool - desired.translation.vector));
             outcome.joint_use.add(&system);
+            sense(&mut readers, &mut sensors, &mut state);
             let mut answer = Answer::BLANK;
             let seen = if self.tracked { state } else { State { flags: 0, tool: [0.0; 7], ..state } };
             controller.answer(&seen, &mut answer);
-            keep(&Tick { state: &state, system: &system });
+            keep(&Tick { state: &state, system: &system, answer: &answer });
             match answer.status {
                 CommandStatus::NoAnswer => {
                     return Err(Failure::internal(format!("{}: no answer at tick {tick}", self.controller)));
@@ -115,14 +128,69 @@ impl ClosedLoop<'_> {
     }
 }
 
-/// The arm with play of `arm` with `plays`.
+impl ClosedLoop<'_> {
+    /// The plant, what it does to the tool beside the joints, and what its sensors make of the truth.
+    fn system(&self, path: &JointPath) -> Result<(System, [Laws; 2]), Failure> {
+        let body = self.effects.changed(self.arm).map_err(Failure::input)?;
+        let mut injection = self.effects.injection();
+        let laws = [&mut injection.tool, &mut injection.sensors].map(std::mem::take);
+        let posture = |number: u32| {
+            let instant = path.duration() * f64::from(number) / f64::from(POSTURES);
+            reference(path, instant, self.arm.dof()).q[..self.arm.dof()].to_vec()
+        };
+        let postures: Vec<Vec<f64>> = (0..=POSTURES).map(posture).collect();
+        let system = System::with_effects(&body, injection, &postures, 1.0 / RATE, SUBSTEPS);
+        Ok((system.map_err(Failure::input)?, laws))
+    }
+
+    /// Moves the tool of `state` by what the laws and the remainder of `tick` say.
+    fn displace(&self, laws: &mut [Box<dyn SensorLaw>], tick: u64, state: &mut State) {
+        read(laws, state);
+        if let Some(beyond) = usize::try_from(tick).ok().and_then(|tick| self.beyond.get(tick)) {
+            state.tool.iter_mut().zip(beyond.iter()).for_each(|(tool, beyond)| *tool += beyond);
+        }
+    }
+}
+
+/// Lets `laws` change the readings of `state`.
+fn read(laws: &mut [Box<dyn SensorLaw>], state: &mut State) {
+    let n = state.joints as usize;
+    let mut link = state.q;
+    let mut readings = Readings {
+        period: 1.0 / RATE,
+        q: &mut state.q[..n],
+        v: &mut state.qd[..n],
+        torque: &mut state.tau[..n],
+        link: &mut link[..n],
+        tool: &mut state.tool,
+    };
+    laws.iter_mut().for_each(|law| law.read(&mut readings));
+}
+
+/// What the sensors make of the truth in `state`.
+fn sense(laws: &mut [Box<dyn SensorLaw>], sensors: &mut Sensors, state: &mut State) {
+    read(laws, state);
+    let n = state.joints as usize;
+    sensors.read(&mut state.q[..n], &mut state.qd[..n], &mut state.tau[..n], &mut state.tool[..3]);
+}
+
+/// The effects of `arm` with `plays`.
 ///
 /// # Errors
 /// A clearance that cannot be.
-pub fn with_play(arm: &Arm, plays: &[(usize, f64)]) -> Result<ArmWithPlay, Failure> {
-    let laws = plays.iter().map(|&(joint, c)| Ok((joint, Clearance::new(&ClearanceTable::new(c))?)));
-    let laws: Vec<_> = laws.collect::<Result<_, freeplay_laws::LawError>>().map_err(Failure::input)?;
-    ArmWithPlay::new(arm, &laws).map_err(Failure::input)
+pub fn of_plays(arm: &Arm, plays: &[(usize, f64)]) -> Result<Effects, Failure> {
+    Effects::of(&with_tables(arm, plays)).map_err(Failure::input)
+}
+
+/// The arm file of `arm` with `plays`.
+fn with_tables(arm: &Arm, plays: &[(usize, f64)]) -> ArmFile {
+    let effect = |&(joint, clearance): &(usize, f64)| EffectTable {
+        kind: Clearance::KIND.to_owned(),
+        joint: Some(arm.joints()[joint].name.clone()),
+        parameters: toml::Table::from_iter([("clearance".to_owned(), toml::Value::from(clearance))]),
+        line: 0,
+    };
+    ArmFile { arm: arm.clone(), effects: plays.iter().map(effect).collect(), ignored: Vec::new() }
 }
 
 /// The task of a controller that believes `arm` to have `plays`, its model file in `folder`.
@@ -136,13 +204,7 @@ pub fn task(
     options: toml::Table,
     folder: &Path,
 ) -> Result<Task, Failure> {
-    let effect = |&(joint, clearance): &(usize, f64)| EffectTable {
-        kind: Clearance::KIND.to_owned(),
-        joint: Some(arm.joints()[joint].name.clone()),
-        parameters: toml::Table::from_iter([("clearance".to_owned(), toml::Value::from(clearance))]),
-        line: 0,
-    };
-    let file = ArmFile { arm: arm.clone(), effects: plays.iter().map(effect).collect(), ignored: Vec::new() };
+    let file = with_tables(arm, plays);
     let model = folder.join("model.toml");
     freeplay_terminal::files::write(&model, &to_toml(&file))?;
     Ok(Task {
@@ -166,9 +228,8 @@ fn observe(system: &mut System, path: &JointPath, tick: u64, state: &mut State) 
     let n = state.joints as usize;
     state.tick = tick;
     state.flags = State::FLAG_TOOL_TRACKED;
-    system.play().gather(system.q(), &mut state.q[..n]);
-    system.play().gather(system.v(), &mut state.qd[..n]);
-    state.tau[..n].copy_from_slice(system.motor_torque());
+    system.encoders(&mut state.q[..n], &mut state.qd[..n]);
+    system.drive_torque(&mut state.tau[..n]);
     state.reference = reference(path, tick as f64 / RATE, n);
     state.reference_next = reference(path, (tick + 1) as f64 / RATE, n);
     let pose = system.tool();

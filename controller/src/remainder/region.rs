@@ -1,0 +1,138 @@
+//! Where a learned remainder may be used: the distance of a motion from those that trained, and how much held-out motions at that
+//! distance confirmed.
+
+use serde::{Deserialize, Serialize};
+
+/// The trained region; see the module.
+///
+/// An input x is scaled channel by channel, s = x · gain. The distance of x is that from the nearest of the `centres` (Euclidean, scaled), a
+/// selection of the trained inputs. The trust at that distance is interpolated in `trust`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Region {
+    /// Gain of each channel: 2 over its trained range.
+    pub gain: Vec<f64>,
+    /// Trained inputs, scaled; one row each.
+    pub centres: Vec<Vec<f64>>,
+    /// Distances, rising, with the share of the network's answer that held-out paths confirmed there, falling, 0 to 1. Beyond the last: 0.
+    pub trust: Vec<[f64; 2]>,
+}
+
+impl Region {
+    /// The region around `rows`, the trained inputs, with at most `most` centres and no trust yet: the inputs that are farthest from those taken
+    /// before, one after the other (Gonzalez 1985: within twice the least radius that so many centres can have).
+    ///
+    /// A channel counts in units of half its trained range, but its range is at least `LEAST_RANGE` of the widest of its `groups` (lengths): one that
+    /// never moved in training would else be at an infinite distance for a rounding error.
+    pub fn around(rows: &[Vec<f64>], groups: &[usize], most: usize) -> Region {
+        let width = rows.first().map_or(0, Vec::len);
+        let range = |channel: usize| {
+            let values = rows.iter().map(|row| row[channel]);
+            let (low, high) =
+                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+            (high - low).max(0.0)
+        };
+        let ranges: Vec<f64> = (0..width).map(range).collect();
+        let mut gain = Vec::with_capacity(width);
+        for group in groups {
+            let of_group = &ranges[gain.len()..gain.len() + group];
+            let widest = of_group.iter().copied().fold(0.0, f64::max);
+            gain.extend(of_group.iter().map(|range| {
+                let range = range.max(LEAST_RANGE * widest);
+                if range > 0.0 { 2.0 / range } else { 1.0 }
+            }));
+        }
+        let scaled: Vec<Vec<f64>> =
+            rows.iter().map(|row| row.iter().zip(&gain).map(|(x, gain)| x * gain).collect()).collect();
+        Region { gain, centres: spread(&scaled, most), trust: Vec::new() }
+    }
+
+    /// The distance of `row` from the trained inputs; not finite for one that is not.
+    pub fn distance(&self, row: &[f64]) -> f64 {
+        let square = |centre: &Vec<f64>| -> f64 {
+            row.iter().zip(&self.gain).zip(centre).map(|((x, gain), c)| (x * gain - c).powi(2)).sum()
+        };
+        self.centres.iter().map(square).fold(f64::INFINITY, f64::min).sqrt()
+    }
+
+    /// How far the network is to be trusted at `row`, 0 to 1.
+    pub fn trust(&self, row: &[f64]) -> f64 {
+        self.trust_at(self.distance(row))
+    }
+
+    /// The same at the distance `distance`.
+    pub fn trust_at(&self, distance: f64) -> f64 {
+        let Some(after) = self.trust.iter().position(|[at, _]| *at >= distance) else { return 0.0 };
+        let [to, share] = self.trust[after];
+        let Some([from, before]) = after.checked_sub(1).map(|before| self.trust[before]) else {
+            return share;
+        };
+        let way = if to > from { (distance - from) / (to - from) } else { 1.0 };
+        before + (share - before) * way
+    }
+
+    /// Whether its numbers fit together, for `width` channels.
+    pub fn is_usable(&self, width: usize) -> bool {
+        let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
+        let rises = self.trust.windows(2).all(|pair| pair[0][0] <= pair[1][0] && pair[0][1] >= pair[1][1]);
+        let shares = self.trust.iter().all(|[at, share]| *at >= 0.0 && (0.0..=1.0).contains(share));
+        self.gain.len() == width
+            && finite(&self.gain)
+            && self.gain.iter().all(|gain| *gain > 0.0)
+            && self.centres.iter().all(|centre| centre.len() == width && finite(centre))
+            && rises
+            && shares
+    }
+}
+
+/// Least range of a channel, share of the widest of its group.
+const LEAST_RANGE: f64 = 0.05;
+
+/// Of `rows` those that are farthest from the ones taken before, the first first, at most `most`.
+fn spread(rows: &[Vec<f64>], most: usize) -> Vec<Vec<f64>> {
+    let square = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
+    let Some(first) = rows.first() else { return Vec::new() };
+    let mut taken = vec![first.clone()];
+    let mut nearest: Vec<f64> = rows.iter().map(|row| square(row, first)).collect();
+    while taken.len() < most {
+        let farthest = (0..rows.len()).max_by(|&a, &b| nearest[a].total_cmp(&nearest[b]));
+        let Some(farthest) = farthest.filter(|&row| nearest[row] > 0.0) else { break };
+        let row = rows[farthest].clone();
+        nearest.iter_mut().zip(rows).for_each(|(nearest, other)| *nearest = nearest.min(square(&row, other)));
+        taken.push(row);
+    }
+    taken
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Region;
+
+    fn line() -> Region {
+        let rows: Vec<Vec<f64>> = (0..=100).map(|k| vec![f64::from(k) * 0.02, 3.0]).collect();
+        Region { trust: vec![[0.1, 0.9], [0.5, 0.4], [1.0, 0.0]], ..Region::around(&rows, &[2], 64) }
+    }
+
+    /// One channel moved by 2, so that its unit is 1; the other never did, and counts in 5 % of that.
+    #[test]
+    fn distance_is_measured_in_trained_ranges_and_trust_falls_with_it() {
+        let region = line();
+        assert!(region.centres.len() == 64 && region.is_usable(2));
+        assert!(region.distance(&[1.0, 3.0]) < 0.021);
+        assert!((region.distance(&[2.5, 3.0]) - 0.5).abs() < 1e-9);
+        assert!((region.distance(&[0.0, 3.01]) - 0.2).abs() < 1e-9, "{}", region.distance(&[0.0, 3.01]));
+        let trust: Vec<f64> =
+            [2.0, 2.1, 2.3, 2.5, 2.75, 3.0, 3.01, 1e9].iter().map(|x| region.trust(&[*x, 3.0])).collect();
+        let expected = [0.9, 0.9, 0.65, 0.4, 0.2, 0.0, 0.0, 0.0];
+        assert!(trust.iter().zip(expected).all(|(t, e)| (t - e).abs() < 1e-9), "{trust:?}");
+        assert!(region.trust(&[f64::NAN, 3.0]) <= 0.0, "no number is nowhere");
+    }
+
+    #[test]
+    fn numbers_that_do_not_fit_are_seen() {
+        assert!(!line().is_usable(3));
+        assert!(!Region { trust: vec![[0.5, 0.4], [0.1, 0.2]], ..line() }.is_usable(2));
+        assert!(!Region { trust: vec![[0.1, 0.2], [0.5, 0.4]], ..line() }.is_usable(2));
+        assert!(!Region { gain: vec![1.0, f64::NAN], ..line() }.is_usable(2));
+    }
+}

@@ -1,0 +1,159 @@
+//! Weight decay whose size the data choose: for networks that have to be right between and beyond their samples.
+//!
+//! # Formula
+//! Minimise Σ e² + λ Σ w². Between rounds λ = α/β is taken where the evidence of the data is greatest: α = γ / Σ w², β = (n − γ) / Σ e², with
+//! n errors and γ = W − λ tr (JᵀJ + λI)⁻¹ the number of the W weights that the data determine (D. J. C. MacKay, "A practical Bayesian framework for
+//! backpropagation networks", Neural Computation 4, 1992; F. D. Foresee, M. T. Hagan, "Gauss–Newton approximation to Bayesian learning", ICNN
+//! 1997, MATLAB's `trainbr`). No samples are kept back to stop the training.
+
+use crate::levenberg_marquardt::{Epoch, LeastSquares, MinimiseError, Outcome, Settings, minimise};
+use crate::normal_equations::NormalEquations;
+use std::ops::ControlFlow;
+
+/// λ of the first round.
+const FIRST: f64 = 1e-2;
+/// Least λ: below it the decay is lost in rounding.
+const LEAST: f64 = 1e-9;
+/// Most rounds.
+const ROUNDS: usize = 8;
+/// Change of λ between rounds below which it has settled, as a factor.
+const SETTLED: f64 = 1.1;
+
+/// A problem with the decay λ.
+struct Decayed<'a, P> {
+    problem: &'a mut P,
+    decay: f64,
+}
+
+impl<P: LeastSquares> LeastSquares for Decayed<'_, P> {
+    fn weights(&self) -> usize {
+        self.problem.weights()
+    }
+
+    fn errors(&self) -> usize {
+        self.problem.errors()
+    }
+
+    fn cost(&mut self, weights: &[f64]) -> f64 {
+        self.problem.cost(weights) + self.decay * square(weights)
+    }
+
+    fn linearise(&mut self, weights: &[f64], equations: &mut NormalEquations) {
+        self.problem.linearise(weights, equations);
+        for (at, weight) in weights.iter().enumerate() {
+            equations.gradient[at] += self.decay * weight;
+            equations.matrix[(at, at)] += self.decay;
+        }
+    }
+}
+
+fn square(values: &[f64]) -> f64 {
+    values.iter().map(|value| value * value).sum()
+}
+
+/// Minimises `problem` from `start` in rounds of at most `settings.epochs` epochs, with the decay that the data choose. The last round's outcome.
+///
+/// # Errors
+/// As [`minimise`].
+pub fn minimise_by_evidence(
+    problem: &mut impl LeastSquares,
+    start: Vec<f64>,
+    settings: &Settings,
+    mut progress: impl FnMut(&Epoch) -> ControlFlow<()>,
+) -> Result<Outcome, MinimiseError> {
+    let mut decay = FIRST;
+    let mut weights = start;
+    let mut round = 0;
+    loop {
+        let outcome = minimise(&mut Decayed { problem, decay }, weights, settings, &mut progress)?;
+        round += 1;
+        let next = chosen(problem, &outcome.weights, decay);
+        let is_settled = next.is_none_or(|next| (next / decay).max(decay / next) < SETTLED);
+        if round == ROUNDS || is_settled {
+            return Ok(outcome);
+        }
+        decay = next.unwrap_or(decay);
+        weights = outcome.weights;
+    }
+}
+
+/// λ by the evidence at `weights`; none where the equations can't be inverted or nothing is left to explain.
+fn chosen(problem: &mut impl LeastSquares, weights: &[f64], decay: f64) -> Option<f64> {
+    let mut equations = NormalEquations::new(weights.len());
+    problem.linearise(weights, &mut equations);
+    let mut matrix = equations.matrix;
+    matrix.fill_upper_triangle_with_lower_triangle();
+    for at in 0..weights.len() {
+        matrix[(at, at)] += decay;
+    }
+    let determined = weights.len() as f64 - decay * matrix.cholesky()?.inverse().trace();
+    let (errors, left) = (problem.errors() as f64, problem.cost(weights));
+    let noise = left / (errors - determined).max(1.0);
+    let found = determined.max(1.0) / square(weights) * noise;
+    found.is_finite().then(|| found.max(LEAST))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    /// y = x₀ w₀ with noise, and columns that say nothing.
+    struct Linear {
+        rows: Vec<(Vec<f64>, f64)>,
+    }
+
+    impl LeastSquares for Linear {
+        fn weights(&self) -> usize {
+            self.rows[0].0.len()
+        }
+
+        fn errors(&self) -> usize {
+            self.rows.len()
+        }
+
+        fn cost(&mut self, weights: &[f64]) -> f64 {
+            self.rows.iter().map(|row| error(row, weights).powi(2)).sum()
+        }
+
+        fn linearise(&mut self, weights: &[f64], equations: &mut NormalEquations) {
+            self.rows.iter().for_each(|row| equations.add_row(error(row, weights), &row.0));
+        }
+    }
+
+    fn error((x, y): &(Vec<f64>, f64), weights: &[f64]) -> f64 {
+        x.iter().zip(weights).map(|(x, w)| x * w).sum::<f64>() - y
+    }
+
+    /// Few noisy rows of many columns: the weights come nearer to the truth than those of least squares, and λ is near the one that made them,
+    /// σ² / σ_w².
+    #[test]
+    fn the_decay_is_the_one_that_made_the_data() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        let (columns, count, noise) = (30, 60, 0.5_f64);
+        let mut uniform = |size: f64| rng.random_range(-size..size);
+        let truth: Vec<f64> = (0..columns).map(|_| uniform(0.3)).collect();
+        let rows = (0..count)
+            .map(|_| {
+                let x: Vec<f64> = (0..columns).map(|_| uniform(1.0)).collect();
+                let y = x.iter().zip(&truth).map(|(x, w)| x * w).sum::<f64>() + uniform(noise);
+                (x, y)
+            })
+            .collect();
+        let mut problem = Linear { rows };
+        let settings = Settings::default();
+        let off = |weights: &[f64]| -> f64 { weights.iter().zip(&truth).map(|(w, t)| (w - t).powi(2)).sum() };
+        let go = |_: &Epoch| ControlFlow::Continue(());
+        let plain = minimise(&mut problem, vec![0.0; columns], &settings, go).unwrap();
+        let found = minimise_by_evidence(&mut problem, vec![0.0; columns], &settings, go).unwrap();
+        let decay = chosen(&mut problem, &found.weights, 1.0).unwrap();
+        let expected = (noise * noise) / (0.3 * 0.3);
+        eprintln!(
+            "off {:.3} and {:.3}, decay {decay:.2} of {expected:.2}",
+            off(&plain.weights),
+            off(&found.weights)
+        );
+        assert!(off(&found.weights) < off(&plain.weights), "nearer to the truth than least squares");
+        assert!(decay > 0.3 * expected && decay < 3.0 * expected);
+    }
+}

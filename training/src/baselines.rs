@@ -1,0 +1,140 @@
+//! What needs no network, and the paper's network, on held-out paths.
+//!
+//! - *the model alone*: nothing is left;
+//! - *the last value seen*: what a tracker saw last, at the end of the other paths (persistence without a tracker);
+//! - *the nearest trained instant*: what was left where the inputs were closest;
+//! - *ridge ARX*: the best linear function of the same inputs;
+//! - *the paper's NARX*: torques and path (of the joints), at the last two samples, with the last two of its own answers (closed loop), four layers of ten logistic
+//!   units, Levenberg–Marquardt, half of the samples to train, a fifth to stop, at random.
+
+use freeplay_controller::remainder::InputGroup;
+use freeplay_predictor::split::{Fractions, at_random};
+use freeplay_predictor::{Activation, Arx, Layout, Series, Window};
+use freeplay_terminal::exit::Failure;
+use freeplay_terminal::parallel::on_all_cores;
+use nalgebra::Vector3;
+
+use crate::bounds::around;
+use crate::choice::{Answers, PAPER, Tried, scored};
+use crate::data::{Data, OUTPUTS};
+use crate::structure::{Fitting, Structure, said, split, with_split};
+
+/// What something says of the windows of a held-out fold, m.
+type Say<'a> = dyn Fn(usize, &[Window]) -> Result<Vec<Vector3<f64>>, Failure> + 'a;
+
+/// Most windows that train the paper's network: it has 700 weights.
+const MOST: usize = 1500;
+
+/// All of them on the inputs of `structure`.
+///
+/// # Errors
+/// Too few samples.
+pub fn all(data: &Data, structure: &Structure, fitting: Fitting) -> Result<Vec<Tried>, Failure> {
+    let inputs = &structure.inputs;
+    let series = data.series(inputs)?;
+    let by = |name: &str, say: &Say<'_>| {
+        let held = (0..data.fold_count()).map(|fold| {
+            let windows = data.windows(fitting.stride, 0, |run| data.folds[run] == fold);
+            Ok(Answers { fold, said: say(fold, &windows)?, windows })
+        });
+        let held: Vec<Answers> = held.collect::<Result<_, Failure>>()?;
+        Ok::<Tried, Failure>(scored(data, name.to_owned(), held.iter()))
+    };
+    let mut all = vec![
+        by("the model alone", &|_, windows| Ok(vec![Vector3::zeros(); windows.len()]))?,
+        by("the last value seen", &|fold, windows| Ok(vec![last_seen(data, fold); windows.len()]))?,
+        by("the nearest trained instant", &|fold, windows| {
+            Ok(nearest(data, inputs, fitting, fold, windows))
+        })?,
+        by("ridge ARX", &|fold, windows| linear(data, structure, fitting, fold, &series, windows))?,
+    ];
+    all.extend(paper(data, fitting)?);
+    Ok(all)
+}
+
+/// What was left at the end of the last run of another path.
+fn last_seen(data: &Data, fold: usize) -> Vector3<f64> {
+    let last = (0..data.runs.len()).rev().find(|run| data.folds[*run] != fold);
+    last.and_then(|run| data.runs[run].left.last().copied()).unwrap_or_default()
+}
+
+fn nearest(
+    data: &Data,
+    inputs: &[InputGroup],
+    fitting: Fitting,
+    fold: usize,
+    windows: &[Window],
+) -> Vec<Vector3<f64>> {
+    let trained = data.windows(fitting.stride, 0, |run| data.folds[run] != fold);
+    let gain = around(data, inputs, &trained).gain;
+    let row = |window: &Window| -> Vec<f64> {
+        let row = data.row(inputs, window.run, window.target);
+        row.iter().zip(&gain).map(|(x, gain)| x * gain).collect()
+    };
+    let rows: Vec<Vec<f64>> = trained.iter().map(row).collect();
+    let closest = |window: &Window| {
+        let here = row(window);
+        let square =
+            |there: &Vec<f64>| -> f64 { here.iter().zip(there).map(|(a, b)| (a - b) * (a - b)).sum() };
+        let best = (0..rows.len()).min_by(|&a, &b| square(&rows[a]).total_cmp(&square(&rows[b])));
+        best.map_or_else(Vector3::zeros, |best| data.left(trained[best].run, trained[best].target))
+    };
+    windows.iter().map(closest).collect()
+}
+
+fn linear(
+    data: &Data,
+    structure: &Structure,
+    fitting: Fitting,
+    fold: usize,
+    series: &Series,
+    windows: &[Window],
+) -> Result<Vec<Vector3<f64>>, Failure> {
+    let split = split(data, &structure.layout(), fitting, |run| data.folds[run] != fold);
+    let arx = Arx::fit(series, &split, &structure.layout()).map_err(Failure::input)?;
+    let rows = arx.predict(series, windows).map_err(Failure::internal)?;
+    Ok(rows.chunks_exact(3).map(|row| Vector3::new(row[0], row[1], row[2])).collect())
+}
+
+/// The paper's network on every held-out path; none for recordings without torques.
+fn paper(data: &Data, fitting: Fitting) -> Result<Option<Tried>, Failure> {
+    if data.runs.iter().any(|run| run.torque.is_empty()) {
+        return Ok(None);
+    }
+    let series = paper_series(data)?;
+    let structure = Structure {
+        inputs: Vec::new(),
+        hidden: PAPER.to_vec(),
+        activation: Activation::Logistic,
+        decay: false,
+        feedback: vec![1, 2],
+    };
+    let layout =
+        Layout { input_lags: vec![0, 1], output_lags: vec![0, 1], horizon: 1, input_at_target: false };
+    let held = on_all_cores(data.fold_count(), |fold| {
+        let all = data.windows(1, layout.memory(), |run| data.folds[run] != fold);
+        let stride = all.len().div_ceil(MOST).max(1);
+        let some: Vec<Window> = all.into_iter().step_by(stride).collect();
+        let split = at_random(&some, Fractions::PAPER, fitting.seed).map_err(Failure::internal)?;
+        let narx = with_split(&series, &structure, &layout, fitting, &split)?;
+        let windows = data.windows(fitting.stride, layout.memory(), |run| data.folds[run] == fold);
+        Ok(Answers { fold, said: said(&narx, &series, &windows)?, windows })
+    })?;
+    let name = "the paper's NARX (torques, path; 10-10-10-10), closed loop".to_owned();
+    Ok(Some(scored(data, name, held.iter())))
+}
+
+/// Torques and the path of the tool as inputs.
+fn paper_series(data: &Data) -> Result<Series, Failure> {
+    let torques: Vec<String> = (1..=data.joints()).map(|joint| format!("torque_{joint}")).collect();
+    let positions: Vec<String> = (1..=data.joints()).map(|joint| format!("path_{joint}")).collect();
+    let names: Vec<&str> = torques.iter().chain(&positions).map(String::as_str).collect();
+    let mut series = Series::new(&names, &OUTPUTS).map_err(Failure::internal)?;
+    for run in &data.runs {
+        let columns = || run.torque.iter().chain(&run.reference.q);
+        let inputs = (0..run.len()).flat_map(|point| columns().map(move |column| column[point])).collect();
+        let outputs = run.left.iter().flat_map(|left| [left.x, left.y, left.z]).collect();
+        series.push_run(&run.name, inputs, outputs).map_err(Failure::input)?;
+    }
+    Ok(series)
+}

@@ -1,0 +1,137 @@
+//! What held-out paths confirm of a network's answers: how much at which distance from what trained, and along which axis.
+//!
+//! Of an answer ŷ to a truth y the share that leaves least is Σ yŷ / Σ ŷ², the slope of the regression of the truth on the answer. It is taken
+//! for parts of the held-out samples by their distance ([`Region`]), falling with the distance, and then for each axis. An axis on which a held-out
+//! path would be worse off with the answer than without has no share.
+
+use freeplay_controller::remainder::{Axis, InputGroup, Region};
+use freeplay_predictor::Window;
+
+use crate::choice::{Answers, correlation, range, rms};
+use crate::data::Data;
+
+/// Centres of a region.
+pub const CENTRES: usize = 48;
+/// Parts of the held-out samples by distance.
+const PARTS: usize = 8;
+
+/// One held-out sample.
+struct Sample {
+    fold: usize,
+    distance: f64,
+    truth: [f64; 3],
+    said: [f64; 3],
+}
+
+/// The region around the inputs `groups` of `windows`, without trust.
+pub fn around(data: &Data, groups: &[InputGroup], windows: &[Window]) -> Region {
+    let rows: Vec<Vec<f64>> =
+        windows.iter().map(|window| data.row(groups, window.run, window.target)).collect();
+    let widths: Vec<usize> = groups.iter().map(|group| group.width(data.joints())).collect();
+    Region::around(&rows, &widths, CENTRES)
+}
+
+/// Trust by distance, and the axes, as the `held` paths confirm them; `stride` is that of their windows.
+pub fn confirmed(
+    data: &Data,
+    groups: &[InputGroup],
+    held: &[&Answers],
+    stride: usize,
+) -> (Vec<[f64; 2]>, [Axis; 3]) {
+    let mut samples = Vec::new();
+    for one in held {
+        let trained = data.windows(stride, 0, |run| data.folds[run] != one.fold);
+        let region = around(data, groups, &trained);
+        samples.extend(one.windows.iter().zip(&one.said).map(|(window, said)| Sample {
+            fold: one.fold,
+            distance: region.distance(&data.row(groups, window.run, window.target)),
+            truth: data.left(window.run, window.target).into(),
+            said: (*said).into(),
+        }));
+    }
+    samples.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+    let trust = trust(&samples);
+    let region = Region { gain: Vec::new(), centres: Vec::new(), trust: trust.clone() };
+    let all = data.windows(stride, 0, |_| true);
+    let (lowest, highest) = range(data, &all);
+    let axes = [0, 1, 2].map(|axis| {
+        let pairs: Vec<(usize, f64, f64)> = samples
+            .iter()
+            .map(|sample| {
+                (sample.fold, sample.truth[axis], sample.said[axis] * region.trust_at(sample.distance))
+            })
+            .collect();
+        let slope = slope(pairs.iter().map(|(_, truth, said)| (*truth, *said)));
+        let is_worse = |fold: usize| {
+            let of_fold = || pairs.iter().filter(move |(of, ..)| *of == fold);
+            let without = rms(of_fold().map(|(_, truth, _)| *truth));
+            rms(of_fold().map(|(_, truth, said)| truth - slope * said)) > without
+        };
+        let share = if (0..data.fold_count()).any(is_worse) { 0.0 } else { slope };
+        Axis {
+            lowest: lowest[axis],
+            highest: highest[axis],
+            share,
+            rms_um: 1e6 * rms(pairs.iter().map(|(_, truth, _)| *truth)),
+            left_um: 1e6 * rms(pairs.iter().map(|(_, truth, said)| truth - share * said)),
+            r: correlation(&pairs.iter().map(|(_, truth, said)| (*truth, *said)).collect::<Vec<_>>()),
+        }
+    });
+    (trust, axes)
+}
+
+/// Σ yŷ / Σ ŷ² of pairs (y, ŷ), within 0 and 1.
+fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let (product, square) =
+        pairs.fold((0.0, 0.0), |(product, square), (y, said)| (product + y * said, square + said * said));
+    if square > 0.0 { (product / square).clamp(0.0, 1.0) } else { 0.0 }
+}
+
+/// The trust of `samples`, which are sorted by their distance: in equal parts, never rising, and nothing beyond the farthest.
+fn trust(samples: &[Sample]) -> Vec<[f64; 2]> {
+    let size = samples.len().div_ceil(PARTS).max(1);
+    let mut table: Vec<[f64; 2]> = Vec::with_capacity(PARTS + 1);
+    for part in samples.chunks(size) {
+        let pairs = part.iter().flat_map(|sample| sample.truth.into_iter().zip(sample.said));
+        let before = table.last().map_or(1.0, |[_, share]| *share);
+        let middle = part[part.len() / 2].distance;
+        table.push([middle, slope(pairs).min(before)]);
+    }
+    if let (Some(last), Some(farthest)) = (table.last().copied(), samples.last()) {
+        // As far beyond the farthest as that is beyond the middle of its part.
+        table.push([farthest.distance + (farthest.distance - last[0]), 0.0]);
+    }
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Sample, slope, trust};
+
+    /// Answers that are right near by, half as much too large in the middle and of the wrong sign far off.
+    #[test]
+    fn trust_falls_to_what_the_truth_confirms_at_each_distance() {
+        let sample = |k: u32| {
+            let (distance, truth) = (0.01 * f64::from(k), [f64::from(k % 7) - 3.0, 0.0, 1.0]);
+            let factor = match k {
+                0..200 => 1.0,
+                200..400 => 2.0,
+                _ => -1.0,
+            };
+            Sample { fold: 0, distance, truth, said: truth.map(|truth| truth * factor) }
+        };
+        let table = trust(&(0..600).map(sample).collect::<Vec<_>>());
+        println!("{table:?}");
+        assert!(table.windows(2).all(|pair| pair[1][0] > pair[0][0] && pair[1][1] <= pair[0][1]));
+        assert!((table[0][1] - 1.0).abs() < 1e-12 && (table[4][1] - 0.5).abs() < 1e-12);
+        assert!(table[8][1] <= 0.0 && table[7][1] <= 0.0);
+    }
+
+    #[test]
+    fn a_share_is_never_more_than_all_or_less_than_nothing() {
+        let of = |pairs: &[(f64, f64)]| slope(pairs.iter().copied());
+        assert!((of(&[(1.0, 2.0), (2.0, 4.0)]) - 0.5).abs() < 1e-12);
+        assert!((of(&[(2.0, 1.0)]) - 1.0).abs() < 1e-12);
+        assert!(of(&[(-1.0, 1.0)]) <= 0.0 && of(&[]) <= 0.0);
+    }
+}

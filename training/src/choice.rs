@@ -1,0 +1,176 @@
+//! Which inputs and layers predict held-out paths best.
+//!
+//! Inputs are taken group by group, as long as the error on held-out paths falls: a remainder that depends on fewer numbers is known at more
+//! places after the same few paths. Then layers are compared on these inputs. Each path is held out in turn.
+
+use freeplay_controller::remainder::InputGroup;
+use freeplay_predictor::{Activation, Narx, Series, Window};
+use freeplay_terminal::exit::Failure;
+use freeplay_terminal::parallel::on_all_cores;
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use crate::data::Data;
+use crate::structure::{Fitting, Structure, fitted, said};
+
+/// Hidden layers with which inputs are chosen.
+const PROBE: [usize; 1] = [8];
+/// Layers that are compared on the chosen inputs.
+const LAYERS: [&[usize]; 3] = [&[8], &[16], &[10, 10]];
+/// The hidden layers of Erkaya (2018).
+pub const PAPER: [usize; 4] = [10; 4];
+
+/// What was said of one held-out path.
+pub struct Answers {
+    /// The path, by the number of its fold.
+    pub fold: usize,
+    /// Where it was asked.
+    pub windows: Vec<Window>,
+    /// What it said there, m.
+    pub said: Vec<Vector3<f64>>,
+}
+
+/// One held-out path with the network that was trained on the others.
+pub struct HeldOut {
+    /// The network of the others.
+    pub narx: Narx,
+    /// What it said.
+    pub answers: Answers,
+}
+
+/// How well something predicts held-out paths.
+#[derive(Clone, Debug, Serialize)]
+pub struct Tried {
+    /// What it is.
+    pub name: String,
+    /// RMS of what is left along x, y and z, m.
+    pub left: [f64; 3],
+    /// Correlation of answer and truth along them; none where one is constant.
+    pub r: [Option<f64>; 3],
+}
+
+impl Tried {
+    /// Mean square of what is left, all axes together, m².
+    pub fn square(&self) -> f64 {
+        self.left.iter().map(|left| left * left).sum()
+    }
+}
+
+/// Every path of `data` predicted by `structure` trained on the others.
+///
+/// # Errors
+/// Too few samples for the network.
+pub fn held_out(data: &Data, structure: &Structure, fitting: Fitting) -> Result<Vec<HeldOut>, Failure> {
+    let series = data.series(&structure.inputs)?;
+    on_all_cores(data.fold_count(), |fold| one(data, &series, structure, fitting, fold))
+}
+
+fn one(
+    data: &Data,
+    series: &Series,
+    structure: &Structure,
+    fitting: Fitting,
+    fold: usize,
+) -> Result<HeldOut, Failure> {
+    let narx = fitted(data, series, structure, fitting, |run| data.folds[run] != fold)?;
+    let windows = data.windows(fitting.stride, structure.layout().memory(), |run| data.folds[run] == fold);
+    let found = said(&narx, series, &windows)?;
+    // Nothing that was not seen in training is ever said.
+    let trained = data.windows(fitting.stride, 0, |run| data.folds[run] != fold);
+    let (lowest, highest) = range(data, &trained);
+    let said = found
+        .iter()
+        .map(|said| Vector3::from_fn(|axis, _| said[axis].max(lowest[axis]).min(highest[axis])))
+        .collect();
+    Ok(HeldOut { narx, answers: Answers { fold, windows, said } })
+}
+
+/// Least and greatest remainder at `windows`, no farther from zero than they are, m.
+pub fn range(data: &Data, windows: &[Window]) -> (Vector3<f64>, Vector3<f64>) {
+    let mut bounds = (Vector3::zeros(), Vector3::zeros());
+    for window in windows {
+        let left = data.left(window.run, window.target);
+        bounds = (bounds.0.inf(&left), bounds.1.sup(&left));
+    }
+    bounds
+}
+
+/// How well `all` predict, under the name `name`.
+pub fn scored<'a>(data: &Data, name: String, all: impl Iterator<Item = &'a Answers> + Clone) -> Tried {
+    let pairs = |axis: usize| {
+        all.clone().flat_map(move |held| {
+            held.windows
+                .iter()
+                .zip(&held.said)
+                .map(move |(window, said)| (data.left(window.run, window.target)[axis], said[axis]))
+        })
+    };
+    let left = [0, 1, 2].map(|axis| rms(pairs(axis).map(|(truth, said)| truth - said)));
+    let r = [0, 1, 2].map(|axis| correlation(&pairs(axis).collect::<Vec<_>>()));
+    Tried { name, left, r }
+}
+
+/// Root of the mean square.
+pub fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (count, sum) = values.fold((0.0_f64, 0.0), |(count, sum), value| (count + 1.0, sum + value * value));
+    (sum / count.max(1.0)).sqrt()
+}
+
+/// Pearson's correlation; none where one of the two is constant.
+pub fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
+    let count = pairs.len() as f64;
+    let (a, b) = pairs.iter().fold((0.0, 0.0), |(a, b), pair| (a + pair.0 / count, b + pair.1 / count));
+    let sums = pairs.iter().fold([0.0; 3], |[aa, bb, ab], (x, y)| {
+        let (x, y) = (x - a, y - b);
+        [aa + x * x, bb + y * y, ab + x * y]
+    });
+    let scale = (sums[0] * sums[1]).sqrt();
+    (scale > 0.0).then(|| sums[2] / scale)
+}
+
+/// The structure that predicts held-out paths best, its answers there, and all that was tried.
+///
+/// # Errors
+/// Too few samples for the networks.
+pub fn choose(data: &Data, fitting: Fitting) -> Result<(Structure, Vec<HeldOut>, Vec<Tried>), Failure> {
+    let coarse = Fitting { stride: 2 * fitting.stride, ..fitting };
+    let (mut inputs, mut least, mut tried) = (Vec::<InputGroup>::new(), f64::INFINITY, Vec::new());
+    loop {
+        let more = InputGroup::ALL.into_iter().filter(|group| !inputs.contains(group));
+        let mut best: Option<(InputGroup, f64)> = None;
+        for group in more {
+            let with: Vec<InputGroup> = inputs.iter().copied().chain([group]).collect();
+            let structure = Structure::plain(&with, &PROBE);
+            let found = held_out(data, &structure, coarse)?;
+            let found = scored(data, structure.words(), found.iter().map(|held| &held.answers));
+            let square = found.square();
+            tried.push(found);
+            if best.is_none_or(|(_, best)| square < best) {
+                best = Some((group, square));
+            }
+        }
+        match best.filter(|(_, square)| *square < least) {
+            Some((group, square)) => {
+                inputs.push(group);
+                least = square;
+            }
+            None => break,
+        }
+    }
+    inputs.sort_by_key(|group| InputGroup::ALL.iter().position(|other| other == group));
+    let paper =
+        Structure { activation: Activation::Logistic, decay: false, ..Structure::plain(&inputs, &PAPER) };
+    let layers = LAYERS.into_iter().map(|hidden| Structure::plain(&inputs, hidden)).chain([paper]);
+    let mut best: Option<(f64, Structure, Vec<HeldOut>)> = None;
+    for structure in layers {
+        let held = held_out(data, &structure, fitting)?;
+        let found = scored(data, structure.words(), held.iter().map(|held| &held.answers));
+        let square = found.square();
+        tried.push(found);
+        if best.as_ref().is_none_or(|(least, ..)| square < *least) {
+            best = Some((square, structure, held));
+        }
+    }
+    let (_, structure, held) = best.ok_or_else(|| Failure::internal("no structure was tried"))?;
+    Ok((structure, held, tried))
+}

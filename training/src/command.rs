@@ -1,0 +1,326 @@
+//! `freeplay train`: from recordings to a weight file that says where it may be used.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use comfy_table::{CellAlignment, Table, presets};
+use freeplay_arm::{Arm, ArmFile};
+use freeplay_controller::remainder::{Condition, Machine, Parts, Receipt, WeightFile};
+use freeplay_controller::{Model, RunInfo, Task, TaskMode};
+use freeplay_harness::setup::load_model;
+use freeplay_harness::weights::beside;
+use freeplay_recording::Recording;
+use freeplay_shm::{Mode, Pace};
+use freeplay_terminal::arguments::{Format, at_least_one};
+use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::files::{check_target, write};
+use freeplay_terminal::messages;
+use freeplay_terminal::output::say;
+use serde::Serialize;
+
+use crate::bounds::{around, confirmed};
+use crate::choice::{Answers, HeldOut, Tried, choose, held_out, scored};
+use crate::data::Data;
+use crate::recorded::{RecordedRun, files, name_of, task_of};
+use crate::rehearsal::rehearse;
+use crate::structure::{Fitting, Structure, fitted};
+
+/// Time from one window that trains to the next, s.
+const EVERY: f64 = 0.02;
+
+/// Learns what a model leaves of a tracked tool's deviation.
+///
+/// Exit code 1 if what was learned did not prove itself in simulated runs: no controller uses it then.
+#[derive(Args, Debug)]
+pub struct TrainArgs {
+    /// A recording with a tracked tool, or the folder of a run; of two paths or more, better of three.
+    #[arg(long = "recording", value_name = "RUN", required = true, num_args = 1..)]
+    recordings: Vec<PathBuf>,
+    /// The model whose remainder is learned: "paper", or an arm file such as the one of a diagnosis.
+    #[arg(long, default_value = freeplay_controller::task::PAPER_MODEL)]
+    model: String,
+    /// The arm that planned the reference, from which deviations are counted: a diagnosis moves its model within tolerances; without it: the model's.
+    #[arg(long, value_name = "MODEL")]
+    nominal: Option<String>,
+    /// Where the weights go; without it: beside the model, where runs with this model find them.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Units of each hidden layer; without it: those of several that predict held-out paths best.
+    #[arg(long, value_delimiter = ',', value_parser = at_least_one)]
+    hidden: Vec<usize>,
+    /// Most epochs.
+    #[arg(long, default_value_t = 60, value_parser = at_least_one)]
+    epochs: usize,
+    /// Seed of the start weights.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// How results are printed.
+    #[arg(long, default_value = "text")]
+    format: Format,
+}
+
+/// How a training goes about it.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Hidden layers; empty: chosen.
+    pub hidden: Vec<usize>,
+    /// Most epochs.
+    pub epochs: usize,
+    /// Seed of the start weights.
+    pub seed: u64,
+    /// The arm from which deviations are counted; none: the model's.
+    pub nominal: Option<Arm>,
+    /// The command, for the weight file.
+    pub command: String,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { hidden: Vec::new(), epochs: 60, seed: 1, nominal: None, command: "freeplay train".to_owned() }
+    }
+}
+
+/// What a training came to.
+#[derive(Debug, Serialize)]
+pub struct Trained {
+    /// The weights, with their receipt.
+    #[serde(skip)]
+    pub file: WeightFile,
+    /// What was chosen.
+    pub structure: Structure,
+    /// What was tried on held-out paths, the baselines first.
+    pub tried: Vec<Tried>,
+    /// Whether it may move anything.
+    pub receipt: Receipt,
+}
+
+/// The command.
+///
+/// # Errors
+/// Recordings or a model that can't be used, runs that fail, a file that can't be written.
+pub fn train_command(args: &TrainArgs) -> Result<Exit, Failure> {
+    let model = Path::new(&args.model);
+    let out = args.out.clone().unwrap_or_else(|| beside(model));
+    check_target(&out)?;
+    let mut recordings = Vec::new();
+    for given in &args.recordings {
+        recordings.extend(files(given)?);
+    }
+    let settings = Settings {
+        hidden: args.hidden.clone(),
+        epochs: args.epochs,
+        seed: args.seed,
+        nominal: args.nominal.as_deref().map(load_model).transpose()?.map(|file| file.arm),
+        command: std::env::args().collect::<Vec<_>>().join(" "),
+    };
+    let trained = train_on_files(&recordings, model, &settings)?;
+    write(&out, &trained.file.to_json().map_err(Failure::internal)?)?;
+    messages::note(format_args!("weights  {}", out.display()));
+    match args.format {
+        Format::Json => {
+            say(&format!("{}\n", serde_json::to_string_pretty(&trained).map_err(Failure::internal)?))?;
+        }
+        Format::Text => say(&words(&trained))?,
+    }
+    Ok(if trained.receipt.proved { Exit::Done } else { Exit::Verdict })
+}
+
+/// Learns from the recordings `files`.
+fn train_on_files(files: &[PathBuf], model: &Path, settings: &Settings) -> Result<Trained, Failure> {
+    let task = task_of_all(files)?.unwrap_or_default();
+    let read = |file: &PathBuf| {
+        let recording = freeplay_recording::read(file, None).map_err(Failure::input)?;
+        Ok((name_of(file), recording))
+    };
+    let recordings: Vec<(String, Recording)> = files.iter().map(read).collect::<Result<_, Failure>>()?;
+    train(&recordings, task, model, settings)
+}
+
+/// Learns from `recordings`, by name, what `model`, "paper" or an arm file, leaves; `task` is the one of their runs.
+///
+/// # Errors
+/// Recordings or a model that can't be used, or runs that fail.
+pub fn train(
+    recordings: &[(String, Recording)],
+    task: Task,
+    model: &Path,
+    settings: &Settings,
+) -> Result<Trained, Failure> {
+    let file = load_model(&model.display().to_string())?;
+    let task = Task { model: model.display().to_string(), weights: None, ..task };
+    let believed = believed(&task, &file)?;
+    let nominal = settings.nominal.as_ref().unwrap_or(&believed.nominal);
+    if nominal.dof() != believed.arm.dof() {
+        return Err(Failure::input(format!(
+            "--nominal: {} joints, but the model has {}: give the nominal arm of this machine",
+            nominal.dof(),
+            believed.arm.dof()
+        )));
+    }
+    let runs: Result<Vec<_>, Failure> = recordings
+        .iter()
+        .map(|(name, recording)| RecordedRun::of(recording, name.clone(), &believed, nominal))
+        .collect();
+    let data = Data::new(&believed.arm, runs?)?;
+    let period = data.runs[0].period;
+    if let Some(other) = data.runs.iter().find(|run| (run.period / period - 1.0).abs() > 1e-3) {
+        return Err(Failure::input(format!(
+            "{} has a sample every {} s, {} every {period} s: give recordings of one rate",
+            other.name, other.period, data.runs[0].name
+        )));
+    }
+    let task = Task { rate: (1.0 / period).round(), ..task };
+    let stride = ((EVERY / period).round() as usize).max(1);
+    let fitting = Fitting { stride, epochs: settings.epochs, seed: settings.seed };
+    let (structure, held, mut tried) = choose(&data, fitting)?;
+    let (structure, held) = if settings.hidden.is_empty() {
+        (structure, held)
+    } else {
+        let asked = Structure { hidden: settings.hidden.clone(), ..structure };
+        let held = held_out(&data, &asked, fitting)?;
+        tried.push(scored(&data, asked.words(), held.iter().map(|held| &held.answers)));
+        (asked, held)
+    };
+    tried.splice(0..0, crate::baselines::all(&data, &structure, fitting)?);
+    let trained =
+        Making { data: &data, structure: &structure, fitting, settings, task: &task, believed: &believed };
+    let (mut weights, of_folds) = trained.files(&held)?;
+    weights.receipt = if weights.axes.iter().all(|axis| axis.share <= 0.0) {
+        Receipt::default()
+    } else {
+        rehearse(&data, model, &believed, &file, &task, &of_folds)?
+    };
+    Ok(Trained { structure, tried, receipt: weights.receipt.clone(), file: weights })
+}
+
+/// The task of the runs that left `recordings`; none where none stands beside them.
+fn task_of_all(recordings: &[PathBuf]) -> Result<Option<Task>, Failure> {
+    let mut task: Option<Task> = None;
+    for recording in recordings {
+        let Some(found) = task_of(recording)? else { continue };
+        if let Some(first) = &task
+            && (first.gains, first.mode, first.rate) != (found.gains, found.mode, found.rate)
+        {
+            return Err(Failure::input(format!(
+                "{}: another mode, rate or feedback than in the recordings before: what is learned depends on them",
+                recording.display()
+            )));
+        }
+        task.get_or_insert(found);
+    }
+    Ok(task)
+}
+
+/// What a controller with `task` makes of the model.
+fn believed(task: &Task, file: &ArmFile) -> Result<Model, Failure> {
+    let mode = match task.mode {
+        TaskMode::Torque => Mode::Torque,
+        TaskMode::Driven => Mode::Driven,
+        TaskMode::Servo => Mode::Servo,
+    };
+    let period_ns = (1e9 / task.rate).round() as u64;
+    let run = RunInfo { joints: file.arm.dof(), mode, pace: Pace::Lockstep, period_ns, ticks: 1 };
+    Model::load(task, &run).map_err(Failure::input)
+}
+
+/// All that weight files are made of.
+struct Making<'a> {
+    data: &'a Data,
+    structure: &'a Structure,
+    fitting: Fitting,
+    settings: &'a Settings,
+    task: &'a Task,
+    believed: &'a Model,
+}
+
+impl Making<'_> {
+    /// The weights of all paths, and of each held-out path those of the others.
+    fn files(&self, held: &[HeldOut]) -> Result<(WeightFile, Vec<WeightFile>), Failure> {
+        let (data, stride, inputs) = (self.data, self.fitting.stride, &self.structure.inputs);
+        let answers: Vec<&Answers> = held.iter().map(|held| &held.answers).collect();
+        let (trust, axes) = confirmed(data, inputs, &answers, stride);
+        let parts = |fold: Option<usize>| {
+            let windows = data.windows(stride, 0, |run| Some(data.folds[run]) != fold);
+            let region = around(data, inputs, &windows);
+            Parts {
+                machine: self.machine(),
+                command: self.settings.command.clone(),
+                conditions: self.conditions(),
+                inputs: inputs.clone(),
+                axes: axes.clone(),
+                region: freeplay_controller::remainder::Region { trust: trust.clone(), ..region },
+            }
+        };
+        let series = data.series(inputs)?;
+        let narx = fitted(data, &series, self.structure, self.fitting, |_| true)?;
+        let whole = WeightFile::new(&narx, parts(None)).map_err(Failure::internal)?;
+        let of_fold = |held: &HeldOut| {
+            WeightFile::new(&held.narx, parts(Some(held.answers.fold))).map_err(Failure::internal)
+        };
+        Ok((whole, held.iter().map(of_fold).collect::<Result<_, _>>()?))
+    }
+
+    fn machine(&self) -> Machine {
+        let [arm, model] = self.believed.hashes.clone();
+        Machine::of(self.believed.arm.name(), arm, model, self.task)
+    }
+
+    fn conditions(&self) -> Vec<Condition> {
+        let of_run = |(index, run): (usize, &RecordedRun)| {
+            let windows = self.data.windows(self.fitting.stride, 0, |other| other == index);
+            let left = |axis: usize| {
+                1e6 * crate::choice::rms(windows.iter().map(|window| run.left[window.target][axis]))
+            };
+            let duration = run.len() as f64 * run.period;
+            Condition { name: run.name.clone(), duration, rms_um: [left(0), left(1), left(2)] }
+        };
+        self.data.runs.iter().enumerate().map(of_run).collect()
+    }
+}
+
+/// What a training came to, for people.
+fn words(trained: &Trained) -> String {
+    let mut table = Table::new();
+    table.load_style(presets::NOTHING);
+    table.set_header(["on held-out paths, without a tracker", "left x", "y", "z [µm]", "R x", "y", "z"]);
+    for tried in &trained.tried {
+        let mut row = vec![tried.name.clone()];
+        row.extend(tried.left.map(|left| format!("{:.1}", left * 1e6)));
+        row.extend(tried.r.map(|r| r.map_or_else(|| "–".to_owned(), |r| format!("{r:.3}"))));
+        table.add_row(row);
+    }
+    for column in 1..7 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    let mut text = format!("{table}\n\nchosen   {}\n", trained.structure.words());
+    for (name, axis) in ["x", "y", "z"].iter().zip(&trained.file.axes) {
+        let _ = writeln!(
+            text,
+            "axis {name}   {:.1} → {:.1} µm within the trained region, share {:.2}, answers from {:.1} to {:.1} µm",
+            axis.rms_um,
+            axis.left_um,
+            axis.share,
+            axis.lowest * 1e6,
+            axis.highest * 1e6
+        );
+    }
+    for run in &trained.receipt.runs {
+        let _ = writeln!(
+            text,
+            "run      along {}: {:.4} → {:.4} mm, with weights that it did not train",
+            run.name, run.without_mm, run.with_mm
+        );
+    }
+    let verdict = if trained.receipt.proved {
+        "proved: runs with this model use it"
+    } else if trained.receipt.runs.is_empty() {
+        "not used: held-out paths confirm nothing of what was learned"
+    } else {
+        "not used: the simulated runs were not better with it, or one was worse"
+    };
+    let _ = writeln!(text, "{verdict}");
+    text
+}

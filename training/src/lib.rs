@@ -1,0 +1,25 @@
+//! `freeplay train`: what a model leaves of a tracked tool's deviation, learned from recordings and proved before it moves anything.
+//!
+//! In the order in which data passes through it:
+//!
+//! 1. [`recorded`]: a [`RecordedRun`]: the reference, where the encoders were sent, and what the model leaves of the tool's deviation.
+//! 2. [`data`]: [`Data`]: runs with the inputs of the network at every instant; runs of one path are one fold, held out together.
+//! 3. [`structure`]: a [`Structure`]: inputs, layers, feedback of the own answer; how one is fitted and asked.
+//! 4. [`choice`]: which inputs and which layers predict held-out paths best; [`baselines`]: what needs no network, and the paper's, beside them.
+//! 5. [`bounds`]: what held-out paths confirm: a share for each axis, and the trust by the distance from what trained.
+//! 6. [`rehearsal`]: simulated runs of the model with the recorded remainder, which decide.
+//! 7. [`command`]: the command line; [`train`] is all of it in one call.
+
+pub mod baselines;
+pub mod bounds;
+pub mod choice;
+pub mod command;
+pub mod data;
+pub mod recorded;
+pub mod rehearsal;
+pub mod structure;
+
+pub use command::{Settings, TrainArgs, Trained, train, train_command};
+pub use data::Data;
+pub use recorded::RecordedRun;
+pub use structure::Structure;

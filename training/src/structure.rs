@@ -1,0 +1,162 @@
+//! What a network looks at and how it is built; how one is fitted, and asked along a run.
+
+use std::ops::ControlFlow;
+
+use freeplay_controller::remainder::InputGroup;
+use freeplay_predictor::levenberg_marquardt::Settings as Minimiser;
+use freeplay_predictor::training::{Recipe, train as fit};
+use freeplay_predictor::{Activation, Layout, Narx, Provenance, Series, Split, Window};
+use freeplay_terminal::exit::Failure;
+use nalgebra::Vector3;
+use serde::Serialize;
+
+use crate::data::Data;
+
+/// Length of the pieces of a run that train or stop the training, s: long against the time in which a remainder changes, so that a piece is no
+/// interpolation of its neighbours.
+const PIECE: f64 = 0.4;
+/// Of so many pieces one stops the training.
+const PIECES: usize = 5;
+
+/// Inputs and layers of a network.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Structure {
+    /// What it looks at.
+    pub inputs: Vec<InputGroup>,
+    /// Units of each hidden layer.
+    pub hidden: Vec<usize>,
+    /// Kind of hidden unit.
+    pub activation: Activation,
+    /// Whether its weights decay as the data choose; else a part of the samples stops the training.
+    pub decay: bool,
+    /// Samples ago of its own answers that it looks at: fed back, as a NARX in closed loop has them.
+    pub feedback: Vec<usize>,
+}
+
+impl Structure {
+    /// Without feedback, of tanh units.
+    pub fn plain(inputs: &[InputGroup], hidden: &[usize]) -> Self {
+        Self {
+            inputs: inputs.to_vec(),
+            hidden: hidden.to_vec(),
+            activation: Activation::Tanh,
+            decay: true,
+            feedback: Vec::new(),
+        }
+    }
+
+    /// Which samples it looks at: the inputs of the predicted instant, which are planned, and its own answers.
+    pub fn layout(&self) -> Layout {
+        Layout {
+            input_lags: Vec::new(),
+            output_lags: self.feedback.iter().map(|lag| lag - 1).collect(),
+            horizon: 1,
+            input_at_target: true,
+        }
+    }
+
+    /// Its inputs in words.
+    pub fn words_of_inputs(&self) -> String {
+        let inputs: Vec<String> =
+            self.inputs.iter().map(|group| format!("{group:?}").to_lowercase()).collect();
+        inputs.join(", ")
+    }
+
+    /// The structure in words.
+    pub fn words(&self) -> String {
+        let hidden: Vec<String> = self.hidden.iter().map(ToString::to_string).collect();
+        let feedback = if self.feedback.is_empty() { "" } else { ", own answers fed back" };
+        let units = if self.activation == Activation::Logistic { " logistic" } else { "" };
+        format!("{}{units} of {}{feedback}", hidden.join("-"), self.words_of_inputs())
+    }
+}
+
+/// How networks are fitted.
+#[derive(Clone, Copy, Debug)]
+pub struct Fitting {
+    /// Samples from one window to the next.
+    pub stride: usize,
+    /// Most epochs.
+    pub epochs: usize,
+    /// Seed of the start weights.
+    pub seed: u64,
+}
+
+/// The windows of the runs of `data` for which `is_in` holds; every fifth piece of them stops the training.
+pub fn split(data: &Data, layout: &Layout, fitting: Fitting, is_in: impl Fn(usize) -> bool) -> Split {
+    let windows = data.windows(fitting.stride, layout.memory(), is_in);
+    let stops = |window: &Window| {
+        let at = window.target as f64 * data.runs[window.run].period;
+        (at / PIECE) as usize % PIECES == PIECES - 1
+    };
+    let (validation, train) = windows.into_iter().partition(stops);
+    Split { train, validation, test: Vec::new() }
+}
+
+/// Fits `structure` on the runs of `data` for which `is_in` holds.
+///
+/// # Errors
+/// Too few samples for the network.
+pub fn fitted(
+    data: &Data,
+    series: &Series,
+    structure: &Structure,
+    fitting: Fitting,
+    is_in: impl Fn(usize) -> bool,
+) -> Result<Narx, Failure> {
+    let layout = structure.layout();
+    with_split(series, structure, &layout, fitting, &split(data, &layout, fitting, is_in))
+}
+
+/// The same with a `layout` and a `split` of its own.
+///
+/// # Errors
+/// Too few samples for the network.
+pub fn with_split(
+    series: &Series,
+    structure: &Structure,
+    layout: &Layout,
+    fitting: Fitting,
+    split: &Split,
+) -> Result<Narx, Failure> {
+    let recipe = Recipe {
+        layout: layout.clone(),
+        hidden: structure.hidden.clone(),
+        activation: structure.activation,
+        seed: fitting.seed,
+        settings: Minimiser { epochs: fitting.epochs, ..Minimiser::default() },
+        decay: structure.decay,
+    };
+    let trained = fit(series, split, &recipe, Provenance::default(), |_| ControlFlow::Continue(()));
+    trained.map(|trained| trained.narx).map_err(Failure::input)
+}
+
+/// What `narx` says at the targets of `windows` without ever seeing the tool, m.
+///
+/// # Errors
+/// A network whose own answers get out of hand.
+pub fn said(narx: &Narx, series: &Series, windows: &[Window]) -> Result<Vec<Vector3<f64>>, Failure> {
+    let vector = |row: &[f64]| Vector3::new(row[0], row[1], row[2]);
+    if narx.layout().output_lags.is_empty() {
+        let rows = narx.predict(series, windows).map_err(Failure::internal)?;
+        return Ok(rows.chunks_exact(3).map(vector).collect());
+    }
+    let mut all = Vec::with_capacity(windows.len());
+    for of_run in windows.chunk_by(|a, b| a.run == b.run) {
+        let (Some(first), Some(last)) = (of_run.first(), of_run.last()) else { continue };
+        let mut predictor = freeplay_predictor::Predictor::new(narx.clone());
+        let start = first.present.saturating_sub(narx.layout().memory() + 1);
+        let mut wanted = of_run.iter().peekable();
+        for present in start..=last.present {
+            let (now, ahead) = (series.input(first.run, present), series.input(first.run, present + 1));
+            let is_planned = narx.layout().input_at_target;
+            let found =
+                if is_planned { predictor.push_planned(now, ahead, None) } else { predictor.push(now, None) };
+            let found = found.ok().flatten().map_or_else(Vector3::zeros, vector);
+            if wanted.next_if(|window| window.present == present).is_some() {
+                all.push(found);
+            }
+        }
+    }
+    Ok(all)
+}
