@@ -176,7 +176,7 @@ fn files_that_cannot_be_used() {
                 "run --quiet --out out --model",
                 "compare --recording good.csv --out out --model",
                 "diagnose --recording good.csv --out out --model",
-                "train --out w.json --model",
+                "train --recording good.csv --out w.json --model",
                 "export --to urdf",
                 "export --to mjcf --out out.xml",
                 excite,
@@ -188,13 +188,14 @@ fn files_that_cannot_be_used() {
                 &format!("compare --model {ARM} --out out --recording"),
                 &format!("diagnose --model {ARM} --out out --recording"),
                 "replay --against computed-torque",
+                "train --out w.json --recording",
                 "record info",
                 "record export --format parquet --out out.parquet",
                 "record import --out out.mcap",
             ],
             &recordings,
         ),
-        (&["excite --out out", "blind --verify", "train --out w.json --evaluate"], &documents),
+        (&["excite --out out", "blind --verify"], &documents),
         (&["record import good.csv --out out.mcap --mapping"], &mappings),
         (&["report", "blind --analyse", "blind --out out --merge"], &folders),
     ];
@@ -232,7 +233,7 @@ fn places_that_cannot_be_written_to() {
             tried.refused(&format!("{command} {out}"), 3, &["cannot create the folder", out]);
         }
         for command in [
-            "train --out",
+            "train --recording good.csv --out",
             "export paper --to mjcf --out",
             "demo --case nothing --picture",
             "doctor --quick --html",
@@ -248,9 +249,11 @@ fn places_that_cannot_be_written_to() {
             &[&file, "cannot be created"],
         );
     }
-    for command in
-        ["train --out folder", "export paper --to urdf --out folder", "doctor --quick --html folder"]
-    {
+    for command in [
+        "train --recording good.csv --out folder",
+        "export paper --to urdf --out folder",
+        "doctor --quick --html folder",
+    ] {
         tried.refused(command, 3, &["cannot write folder", "a file in it"]);
     }
     tried.refused("record export good.csv --format csv --out good.csv", 2, &["is the file that is read"]);
@@ -285,7 +288,7 @@ fn names_that_nobody_has() {
         ),
         ("demo --case wobble", 2, "clearance, friction"),
         ("faults computed-torque --kind boom", 2, "stale-version"),
-        ("train --joint wrist", 3, "joint_5"),
+        ("train --recording good.csv --out w.json --nominal wobble.urdf", 3, "wobble.urdf"),
         ("reference-runs --only wobble", 2, "\"wobble\""),
         ("reproduce --skip wobble", 2, "network, compensation"),
         ("completions tcsh", 2, "fish"),
@@ -350,7 +353,6 @@ fn values_and_flags_that_cannot_be() {
         ("cells --after -1", 2, "below the shortest --period"),
         ("cells --after 99", 2, "below the shortest --period"),
         ("cells --option x", 2, "--option"),
-        ("train --horizon 0", 2, "1 to 16"),
         ("train --hidden 0", 2, "at least 1"),
         ("train --epochs 0", 2, "at least 1"),
         ("run --live --quiet", 2, "cannot be used with"),

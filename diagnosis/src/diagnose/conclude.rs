@@ -181,7 +181,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 let odds = if self.settings.tolerances.hold(candidate.kind, &parameters, step) {
                     f64::NEG_INFINITY
                 } else if can_exist || self.changes_arm(&fit, place) {
-                    candidate.seen.unwrap_or(fit.value - system.held_fit(&others)?.value)
+                    fit.value - system.held_fit(&others)?.value
                 } else {
                     f64::INFINITY
                 };

@@ -7,8 +7,8 @@ use thiserror::Error;
 
 use super::candidate::{Candidate, candidates};
 use super::choice::choose;
-use super::conclude::{Conclusion, insufficient};
-use super::confirm::{confirmed, searched_again};
+use super::conclude::{Conclusion, insufficient, is_told};
+use super::confirm::{confirmed, confirmed_without_events, searched_again};
 use super::data::{Data, add};
 use super::moments::{happenings, window};
 use super::nameless::is_unexplained;
@@ -108,7 +108,9 @@ pub(crate) fn diagnose(
     let target = data.target();
     let (candidates, untestable) = candidates(&data, &target, progress);
     let (laid, mut found) = {
-        let mut search = search(&data, &target, None, candidates, settings).ok_or(DiagnoseError::Singular)?;
+        // Pieces of any law look like pushes: what lasts is asked for first.
+        let lasting = candidates.into_iter().filter(|candidate| !candidate.kind.happens()).collect();
+        let mut search = search(&data, &target, None, lasting, settings).ok_or(DiagnoseError::Singular)?;
         searched(&mut search, progress).ok_or(DiagnoseError::Singular)?
     };
     progress("looking for what happens at a time");
@@ -131,10 +133,23 @@ pub(crate) fn diagnose(
     }
     data.heard = vec![Part::Fit, Part::Choice];
     let mut search = search(&data, &target, Some(&left), laid, settings).ok_or(DiagnoseError::Singular)?;
-    let known = found.members.into_iter().chain(happened);
-    let members: Vec<usize> = known.filter_map(|candidate| search.system.take(candidate)).collect();
+    let mut members: Vec<usize> =
+        found.members.into_iter().filter_map(|candidate| search.system.take(candidate)).collect();
+    for candidate in happened {
+        // Where laws are off the same way for a while, white rows believe an event too readily.
+        let Some(index) = search.system.take(candidate) else { continue };
+        let with = [members.clone(), vec![index]].concat();
+        let values = [&members, &with].map(|members| search.system.fit(members).map(|fit| fit.value));
+        if let [Some(without), Some(value)] = values
+            && is_told(value - without)
+        {
+            members = with;
+        }
+    }
     progress("confirming what was found");
-    let mut answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
+    let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
+    let mut answer =
+        confirmed_without_events(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
     let fit = search.system.held_fit(&answer.members).ok_or(DiagnoseError::Singular)?;
     if is_unexplained(&search.system, &fit, &search.system.weights) {
         // Something is left: with all that may be seen another answer may say it.

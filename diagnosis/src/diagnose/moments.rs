@@ -184,7 +184,14 @@ pub(crate) fn happenings(
         now = better;
         rest = less(&left, &said(&search, &now.members, &left)?);
     }
-    let members = search.improve(now.members, &mut |_| {})?.members;
+    let mut members = now.members;
+    for place in 0..members.len() {
+        // An edge that is a row off leaves what looks like another push.
+        let member = members.remove(place);
+        let better = search.refined(&members, member)?;
+        members.insert(place, better);
+    }
+    let members = search.improve(members, &mut |_| {})?.members;
     let all = search.system.fit(&members)?.value;
     let odds = |member: usize| {
         let others: Vec<usize> = members.iter().copied().filter(|other| *other != member).collect();
@@ -227,14 +234,16 @@ fn beside_shapes(
 }
 
 /// Whether what happens in the form of `candidate` begins after its recording does, and ends before, if it ends at all: what is there from the first sample on may have been
-/// there for ever.
+/// there for ever. What lasts for less than half a period of the low-pass's cutoff is the edge of something else (Shannon 1949).
 fn is_inside(data: &Data, candidate: &Candidate) -> bool {
-    let t = &data.stages[candidate.form.only.unwrap_or(0)].motion().t;
+    let stage = &data.stages[candidate.form.only.unwrap_or(0)];
+    let t = &stage.motion().t;
     let (Some([begin, end]), Some(first), Some(last)) = (window(&candidate.form.shape), t.first(), t.last())
     else {
         return true;
     };
-    begin > first + BRIEFEST && end < last - BRIEFEST
+    let edge = 0.5 / stage.ground.treatment.filter().cutoff_hz();
+    begin > first + BRIEFEST && end < last - BRIEFEST && end - begin > edge
 }
 
 /// What `members` say of every row, as it is.
