@@ -308,7 +308,7 @@ fn values_and_flags_that_cannot_be() {
         format!("compare --model {ARM} --recording good.csv"),
         format!("diagnose --model {ARM} --recording good.csv"),
     );
-    let cases: [(&str, i32, &str); 54] = [
+    let cases: [(&str, i32, &str); 53] = [
         ("swap --quiet --out out --swaps 0", 2, "and a swap"),
         ("swap --quiet --out out --swaps -1", 2, "-1"),
         ("swap --quiet --out out --per-run 0", 2, "and a swap"),
