@@ -167,7 +167,7 @@ impl Problem<'_> {
         Fitted { model: state.model, values, inverse, noise: state.noise, steps }
     }
 
-    /// Leaps from `fitted` with one of its numbers to one of [`LEAPS`], all else where it fits best then, and fits again, as long as that ends nearer to the data: sticking
+    /// Leaps from `fitted` with one of its numbers to nothing, a half, four fifths or five fourths of it, all else where it fits best then, and fits again, as long as that ends nearer to the data: sticking
     /// and slipping leave valleys that no derivative leads out of.
     pub fn leap(
         &self,

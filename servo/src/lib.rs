@@ -5,7 +5,7 @@
 //! - [`Commands`]: the commands of one joint, held between their stamps.
 //! - [`JointServo`]: the law of one joint: servo, friction, limits, delay; a piece of it is a [`Line`].
 //! - [`ServoArm`]: the rigid arm with the servo of each joint, as an arm file has them.
-//! - [`solve`]: one step with set-valued friction; [`Rollout`]: many of them from a [`State`] along the commands.
+//! - [`Sliding`]: one step with set-valued friction; [`Rollout`]: many of them from a [`State`] along the commands.
 //! - [`Track`]: a recording of commanded and measured positions; its windows begin anew from what was measured.
 //! - [`Sight`]: what a recording says of a joint before any rollout ([`sights`], [`lag`]); [`servos`], [`first_model`] to begin a fit from.
 //! - [`Unknown`]: a [`Quantity`] of a joint that a fit looks for, with what is believed of it before ([`unknowns`]).
