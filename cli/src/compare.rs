@@ -190,7 +190,7 @@ impl View<'_> {
         [("recording", measured), ("model", model), ("compared", treated)]
     }
 
-    /// Whether the comparison sets positions against those simulated from the commanded ones.
+    /// True if the comparison sets measured positions against those simulated from the commanded ones.
     fn is_of_commands(&self) -> bool {
         self.comparison.channels.iter().any(|channel| channel.lag_s.is_some())
     }

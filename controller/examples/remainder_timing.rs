@@ -1,4 +1,4 @@
-//! How long the learned remainder of a weight file takes in a tick: `cargo run --release -p freeplay-controller --example remainder_timing -- WEIGHTS`.
+//! Time that the learned remainder of a weight file takes in a tick: `cargo run --release -p freeplay-controller --example remainder_timing -- WEIGHTS`.
 //!
 //! Along the paper's path, after a warm-up: the whole answer (inputs, region, network), and the network alone; median and 99th percentile, ns.
 

@@ -125,7 +125,7 @@ impl Servo {
     }
 }
 
-/// Whether the drives spend torque on `placed`: they spend none on sensors, nor on springs and gaps behind the encoder.
+/// Tells whether the drives spend torque on `placed`: they spend none on sensors, nor on springs and gaps behind the encoder.
 fn costs_torque(placed: &Placed) -> bool {
     let mut injection = Injection::default();
     placed.effect.inject(&mut injection);

@@ -1,4 +1,4 @@
-//! What another geometry than the nominal one moves the tool by: a link that is longer, a base that leans.
+//! Tool deviation by another geometry than the nominal one: a link that is longer, a base that leans.
 //!
 //! The deviation of the tool is counted from the nominal arm on the desired joints. Effects that change the arm move the tool by
 //! the difference of the two forward kinematics, which needs no dynamics.
@@ -24,7 +24,7 @@ impl Geometry {
         })
     }
 
-    /// How far the tool is from where the nominal arm has it with the joints at `q`, base frame, m.
+    /// Tool position less that of the nominal arm with the joints at `q`, base frame, m.
     pub fn deviation(&mut self, q: &[f64]) -> Vector3<f64> {
         let [nominal, changed] = [0, 1]
             .map(|arm| forward_kinematics(&self.arms[arm], &mut self.workspaces[arm], q).translation.vector);

@@ -113,7 +113,7 @@ impl KnownEffects {
         self.on_path.then(|| self.row(&self.torque))
     }
 
-    /// How far the encoders are to be from the desired joints at the row `row`, rad (m).
+    /// Encoder positions less the desired joints at the row `row`, rad (m).
     pub fn shift_at(&self, row: usize) -> &[f64] {
         &self.shift[0][row * self.joints..(row + 1) * self.joints]
     }

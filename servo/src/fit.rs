@@ -19,9 +19,8 @@ const MOST_STEPS: usize = 40;
 const LEAST_GAIN: f64 = 5e-3;
 /// One window in so many makes the coarse fit that the whole one begins from: a tenth of the work for nearly all of the way.
 const COARSE: usize = 5;
-/// What the steps of finite differences shrink by where a fit gains no more, and the least that they shrink to.
+/// Share of their steps by which finite differences end, once a fit gains no more by the whole.
 const NEARER: f64 = 0.15;
-const NEAREST: f64 = 0.1;
 /// Damping of the first step, its change after a step that was good and one that was not (Marquardt 1963; Nielsen 1999).
 const DAMPING: [f64; 3] = [1e-3, 0.2, 5.0];
 /// Tries of a step before the fit ends where it is.
@@ -152,11 +151,11 @@ impl Problem<'_> {
             steps += 1;
             progress(steps, gain);
             if gain < LEAST_GAIN * unknowns.len() as f64 {
-                state.reach *= NEARER;
-                damping = DAMPING[0];
-                if state.reach < NEAREST {
+                if state.reach < 1.0 {
                     break;
                 }
+                state.reach = NEARER;
+                damping = DAMPING[0];
             }
         }
         // Rough derivatives would say that the data know more than they do.

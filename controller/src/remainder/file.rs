@@ -34,7 +34,7 @@ pub enum WeightError {
     Unreadable {
         /// The file.
         path: String,
-        /// What the system says.
+        /// Error of the operating system.
         source: std::io::Error,
     },
     /// It is not JSON, or a field is missing, unknown or of another type (line and column are given).
@@ -42,7 +42,7 @@ pub enum WeightError {
     Syntax {
         /// The file.
         path: String,
-        /// What the parser says.
+        /// Error of the parser, with line and column.
         source: serde_json::Error,
     },
     /// It is JSON, but something else, or of another version.
@@ -56,7 +56,7 @@ pub enum WeightError {
     /// Its numbers don't fit together.
     #[error("the weights don't fit together: {what}; train again or restore the file")]
     Inconsistent {
-        /// What is wrong.
+        /// The contradiction, in words.
         what: String,
     },
     /// The network in it cannot be used.
@@ -67,11 +67,11 @@ pub enum WeightError {
         "the weights are for {what} {trained}, this run has {wanted}: train for it; they were made by: {command}"
     )]
     Other {
-        /// What differs.
+        /// The property that differs: arm, model, mode, rate or feedback.
         what: &'static str,
-        /// What the weights are for.
+        /// Its value in the weight file.
         trained: String,
-        /// What is wanted.
+        /// Its value in this run.
         wanted: String,
         /// The command that made them.
         command: String,
