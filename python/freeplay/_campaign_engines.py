@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from . import _campaign_task
 from .errors import BadUsage, NotInstalled, PeerMissing
 
 
@@ -38,8 +39,8 @@ class Work:
     cluster: str | None
 
     def command(self, task: int) -> list[str]:
-        """The command line of a task."""
-        return [sys.executable, "-m", "freeplay._campaign_task", str(self.folder), str(task)]
+        """The command line of a task: its file alone, without the package and without what else is installed, starts in half the time."""
+        return [sys.executable, "-I", "-S", _campaign_task.__file__, str(self.folder), str(task)]
 
 
 def environment() -> dict[str, str]:
@@ -75,7 +76,7 @@ def hyperqueue(work: Work) -> None:
     with contextlib.ExitStack() as stack:
         if work.cluster is None:
             server = stack.enter_context(tempfile.TemporaryDirectory(prefix="freeplay-hq-"))
-            with _stdout_to_stderr():
+            with _without_stdout():
                 cluster = LocalCluster(server, WorkerConfig(cores=work.workers))
             stack.enter_context(cluster)
             client = cluster.client()
@@ -153,16 +154,17 @@ def _spans(numbers: Sequence[int]) -> list[str]:
 
 
 @contextlib.contextmanager
-def _stdout_to_stderr() -> Iterator[None]:
-    """What a library writes to standard output goes to standard error: the output is the campaign's result."""
+def _without_stdout() -> Iterator[None]:
+    """A library's standard output goes nowhere: the output is the campaign's result."""
     sys.stdout.flush()
-    kept = os.dup(1)
-    os.dup2(2, 1)
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
     try:
         yield
     finally:
         os.dup2(kept, 1)
         os.close(kept)
+        os.close(nowhere)
 
 
 ENGINES = {"local": local, "hyperqueue": hyperqueue, "dask": dask, "slurm": slurm}
