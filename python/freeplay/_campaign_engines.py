@@ -53,12 +53,23 @@ def environment() -> dict[str, str]:
 def local(work: Work) -> None:
     """Processes on this machine, `workers` at a time."""
     env = {**os.environ, **environment()}
+    at_work: set[subprocess.Popen[bytes]] = set()
 
     def one(task: int) -> None:
-        subprocess.call(work.command(task), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=env)
+        process = subprocess.Popen(work.command(task), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=env)
+        at_work.add(process)
+        process.wait()
+        at_work.discard(process)
 
     with ThreadPoolExecutor(work.workers) as pool:
-        list(pool.map(one, work.tasks))
+        try:
+            list(pool.map(one, work.tasks))
+        except BaseException:
+            # Ctrl-C: what waits is not begun, and what is at work ends with its task.
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in list(at_work):
+                process.terminate()
+            raise
 
 
 def hyperqueue(work: Work) -> None:
