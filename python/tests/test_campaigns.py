@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import socket
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -126,3 +129,29 @@ def test_a_sweep_cut_into_fewer_tasks_leaves_the_same_receipt_and_few_files(undi
     assert found.receipt.read_bytes() == undisturbed
     assert found.done == [0, 1, 2] and list(found.results["--seed"]) == list(range(8))
     assert sorted(path.name for path in found.folder_of(0).iterdir()) == ["log.txt", "printed.json", "task.json"]
+
+
+def test_a_worker_that_is_gone_for_good_leaves_its_tasks_to_the_others(undisturbed: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two workers of Dask, each a process; the one that gets the first task is killed with it and is not started again."""
+    pytest.importorskip("distributed")
+    gone = tmp_path / "freeplay"
+    end = f"if mkdir {tmp_path}/gone 2>/dev/null; then read -r _ _ _ worker _ < /proc/$PPID/stat; kill -9 $worker $PPID; exit 1; fi"
+    gone.write_text(f'#!/bin/sh\n[ "$1" = run ] || exec {_command.executable()} "$@"\n{end}\nexec {_command.executable()} "$@"\n')
+    gone.chmod(0o700)
+    monkeypatch.setenv("FREEPLAY_EXECUTABLE", str(gone))
+    started: list[subprocess.Popen[bytes]] = []
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    scheduler = ["dask_scheduler", "--port", address.rpartition(":")[2], "--no-dashboard"]
+    worker = ["dask_worker", address, "--no-nanny", "--no-dashboard", "--nthreads", "1"]
+    try:
+        for module, *words in (scheduler, worker, worker):
+            command = [sys.executable, "-m", f"distributed.cli.{module}", *words]
+            started.append(subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+        found = freeplay.campaign("run", **SWEEP, engine="dask", cluster=address, workers=2, out=tmp_path / "c")
+        assert (tmp_path / "gone").is_dir() and sum(each.poll() is not None for each in started) == 1, "one worker is gone"
+        assert found.receipt.read_bytes() == undisturbed
+    finally:
+        for each in started:
+            each.kill()
+            each.wait()
