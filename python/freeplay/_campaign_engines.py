@@ -7,6 +7,7 @@ campaign's folder.
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import shlex
 import shutil
@@ -108,6 +109,8 @@ def dask(work: Work) -> None:
         from distributed import Client, LocalCluster, wait
     except ImportError:
         raise NotInstalled("engine dask needs the package distributed: pip install distributed") from None
+    # A task that fails is tried again, and told by the campaign if it fails to the end.
+    logging.getLogger("distributed.worker").setLevel(logging.ERROR)
     env = environment()
     with contextlib.ExitStack() as stack:
         if work.cluster is None:
