@@ -129,11 +129,11 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
         .collect::<Result<_, _>>()?;
     let [first, ..] = measured.as_slice() else { return Err(Failure::usage("name a --recording")) };
     let file = first.model(&args.model, args.tip.as_deref())?;
-    let of_arm = |measured: Measured| measured.of_arm(&args.model, &file);
-    let recordings: Vec<Recording> = measured.into_iter().map(of_arm).collect::<Result<_, _>>()?;
+    let for_arm = |measured: Measured| measured.for_arm(&args.model, &file);
+    let recordings: Vec<Recording> = measured.into_iter().map(for_arm).collect::<Result<_, _>>()?;
     // Before what takes minutes.
     let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
-    let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::doing(what));
+    let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::announce(what));
     let mut diagnosis = found.map_err(|error| match error {
         DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
         other => Failure::input(other),

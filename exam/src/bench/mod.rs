@@ -17,7 +17,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
-use freeplay_harness::run::{Contestant, load};
+use freeplay_harness::run::{ControllerSelection, load};
 use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
 use freeplay_harness::summary::RunSummary;
 use freeplay_terminal::arguments::Format;
@@ -222,8 +222,8 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
         examination.require_rt()?;
     }
     let scenario = scenario(args)?;
-    let contestants: Vec<Contestant> =
-        scenario.controllers.iter().map(|asked| Contestant::of(asked)).collect::<Result<_, _>>()?;
+    let contestants: Vec<ControllerSelection> =
+        scenario.controllers.iter().map(|asked| ControllerSelection::of(asked)).collect::<Result<_, _>>()?;
     let folder = claim(args.out.as_deref(), &["bench.json", "cost.json"], args.force)?;
     let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
@@ -233,7 +233,7 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
         return cost::cost(&stand, args.pairs, args.format);
     }
     let steps = args.load.len() * contestants.len();
-    let bar = progress::bar((args.pairs + steps) as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar((args.pairs + steps) as u64, "blocks {wide_bar} {pos}/{len} {elapsed}");
     let played = play(args, &stand, &bar);
     bar.finish_and_clear();
     let Some(Played { blocks, cliff }) = played? else { return Ok(Exit::Interrupted) };

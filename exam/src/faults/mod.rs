@@ -4,25 +4,25 @@
 //! In the order of the exam: `kinds` (what goes wrong), `saboteur` and `spoil` (the process that makes it go wrong), `exam` (the
 //! runs), `findings` (what came of each fault), `surroundings` (faults that are not the controller's), `exam_report` (words, JSON, JUnit and HTML), `kills` (processes killed at random).
 
+mod active_fault;
+mod environment_faults;
 mod exam;
 mod exam_report;
+pub mod fault_injector;
 mod findings;
 mod kills;
 pub mod kinds;
-pub mod saboteur;
-mod spoil;
-mod surroundings;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
-use freeplay_harness::run::{Contestant, load};
+use freeplay_harness::run::{ControllerSelection, load};
 use freeplay_harness::scenario::{Pacing, RecordingKind};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::progress;
 
 use crate::faults::exam::Exam;
@@ -77,8 +77,8 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     let mut scenario = load(args.scenario.as_deref(), &args.set)?;
     scenario.pace = args.pace.unwrap_or(scenario.pace);
     scenario.recording = RecordingKind::Mcap;
-    let examined = Contestant::of(&args.controller)?;
-    Contestant::of(&args.standby)?;
+    let examined = ControllerSelection::of(&args.controller)?;
+    ControllerSelection::of(&args.standby)?;
     let folder = claim(args.out.as_deref(), &["faults.json", "kills.json"], args.force)?;
     let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
@@ -88,7 +88,7 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     }
     let kinds = if args.kind.is_empty() { Kind::ALL.to_vec() } else { args.kind.clone() };
     let bar =
-        progress::bar(u64::from(args.seeds) * kinds.len() as u64, "faults {bar:30} {pos}/{len} {elapsed}");
+        progress::bar(u64::from(args.seeds) * kinds.len() as u64, "faults {wide_bar} {pos}/{len} {elapsed}");
     let mut exam =
         Exam::new(scenario, examined, args.standby.clone(), args.seed, out.clone(), Arc::clone(&stop))?;
     let verdicts = exam.examine(&kinds, args.seeds, &bar);
@@ -98,7 +98,7 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
         return Ok(Exit::Interrupted);
     }
     let surroundings = match args.kind.is_empty() && !interrupted {
-        true => surroundings::examine(exam.scenario(), exam.examined(), &out)?,
+        true => environment_faults::examine(exam.scenario(), exam.examined(), &out)?,
         false => Vec::new(),
     };
     let report = exam_report::Report {
@@ -111,7 +111,7 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     report.write(&out)?;
     match args.format {
         Format::Json => say(&format!("{}\n", report.json()?))?,
-        Format::Text => say(&report.in_words(&out))?,
+        Format::Text => show(&report.in_words(&out))?,
     }
     Ok(match (interrupted, report.holds()) {
         (true, _) => Exit::Interrupted,
