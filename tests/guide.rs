@@ -247,6 +247,20 @@ fn documents_are_short_and_found() {
     }
 }
 
+/// The table of sealed sets is the one that its command writes.
+#[test]
+fn the_table_of_sealed_sets_is_drawn() {
+    let python = std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let output = Command::new(python).arg(root().join("docs/blind/table.py")).output();
+    let Ok(output) = output else { return skip(Need::Python, "no Python; FREEPLAY_PYTHON names one") };
+    let table = std::fs::read_to_string(root().join("docs/blind/sets.md")).expect("the table");
+    assert_eq!(
+        String::from_utf8_lossy(&output.stdout),
+        table,
+        "python docs/blind/table.py > docs/blind/sets.md"
+    );
+}
+
 #[test]
 fn every_page_is_in_the_index() {
     let index = std::fs::read_to_string(root().join("docs/guide/README.md")).expect("the index");

@@ -22,7 +22,7 @@ pub struct ArmArgs {
     /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }

@@ -38,10 +38,10 @@ pub struct CompareArgs {
     /// The recording, of any kind that `freeplay record` reads, from a machine or from `freeplay run`.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
-    /// What the columns of the recording mean, a mapping file such as the setup.toml of a diagnosis; for CSV.
+    /// Mapping file that gives the meaning of the columns, such as the setup.toml of a diagnosis; for CSV.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
     /// Folder for report.html, with measured against model for every joint, compare.json and residuals.parquet, the curves as columns; a

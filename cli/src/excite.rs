@@ -68,7 +68,7 @@ pub struct ExciteArgs {
     /// How long the motion takes, s.
     #[arg(long, default_value_t = 16.0, value_name = "S")]
     duration: f64,
-    /// Motions to weigh.
+    /// Number of candidate motions.
     #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     candidates: u32,
     /// Posture about which the arm moves, rad (m), one value a joint; without it: the middle of the recording, else of the joints' ranges.
@@ -80,7 +80,7 @@ pub struct ExciteArgs {
     /// Seed of the search.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }

@@ -32,7 +32,7 @@ pub struct ExportArgs {
     /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// How the list of what the file does not say is printed, with --out.
+    /// Output format of the list of effects that the file cannot express, with --out.
     #[arg(long, default_value = "text")]
     format: Format,
 }

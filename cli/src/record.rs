@@ -43,7 +43,7 @@ struct InfoArgs {
     /// The model of its arm, URDF or TOML: with it, whether both mean the same (units, signs, order, zeros, gravity, clocks).
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -69,7 +69,7 @@ struct ExportArgs {
     /// The file to write; without it: beside the recording, with the form's ending.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
 }
@@ -93,7 +93,7 @@ struct ImportArgs {
     /// The recording to write, .mcap, .csv or .parquet.
     #[arg(long)]
     out: PathBuf,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
 }

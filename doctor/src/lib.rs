@@ -31,13 +31,13 @@ const SCHEMA: &str = "freeplay.doctor/1";
 /// Looks at the machine.
 #[derive(Args, Debug)]
 pub struct DoctorArgs {
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
     /// End with code 4 unless the machine is fit for tails.
     #[arg(long)]
     require_rt: bool,
-    /// Only look, do not measure the wake-up (3 s).
+    /// Skip the wake-up measurement, which takes 3 s.
     #[arg(long)]
     quick: bool,
     /// Write a page as well.

@@ -61,13 +61,13 @@ pub struct SwapArgs {
     /// Seed of the ticks and of all noise; each run has the next.
     #[arg(long)]
     seed: Option<u64>,
-    /// Folder for what is left; without it: out/ and the time.
+    /// Folder for the results; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }

@@ -34,7 +34,7 @@ pub struct ReplayArgs {
     /// The controller: a built-in name, or the path of an executable or an FMU.
     #[arg(long)]
     against: String,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }

@@ -50,7 +50,7 @@ pub struct RunArgs {
     /// A controller: a built-in name, or the path of an executable or an FMU. Several run one after the other.
     #[arg(long)]
     controller: Vec<String>,
-    /// By the wall clock, or as fast as it goes and deterministic; without it: the scenario's, else lockstep.
+    /// The wall clock, or lockstep, which is deterministic and as fast as possible; without it: the scenario's, else lockstep.
     #[arg(long)]
     pace: Option<Pacing>,
     /// The plant's arm: "paper" or an arm file.
@@ -65,19 +65,19 @@ pub struct RunArgs {
     /// Change a key of the scenario, as in --set path.period=12.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// How the motion is recorded.
+    /// Format of the recording.
     #[arg(long)]
     recording: Option<RecordingKind>,
     /// Seed of all noise.
     #[arg(long)]
     seed: Option<u64>,
-    /// Folder for what the run leaves; without it: out/ and the time.
+    /// Folder for the results of the run; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
     /// Watch the run in the terminal, and swap, kill or hang controllers by key; in real time unless --pace says otherwise.

@@ -31,7 +31,7 @@ pub struct BoundArgs {
     /// Clearances, mm.
     #[arg(long, value_delimiter = ',', default_value = "0.2,0.4,0.6", value_parser = above_zero)]
     clearance: Vec<f64>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }

@@ -51,7 +51,7 @@ const PARTS: [Part; 5] = [Part::Tracked, Part::Untracked, Part::Wrong, Part::Wro
 /// Makes the table.
 #[derive(Args, Debug)]
 pub struct CellsArgs {
-    /// Parts of the table; all without.
+    /// Parts of the table; all of them without it.
     #[arg(long, value_delimiter = ',')]
     part: Vec<Part>,
     /// Paths.
@@ -75,7 +75,7 @@ pub struct CellsArgs {
     /// An option of quasi-static, as in --quasi-static-option horizon=0.02.
     #[arg(long, value_name = "KEY=VALUE")]
     quasi_static_option: Vec<String>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }

@@ -42,7 +42,7 @@ pub struct ReferenceArgs {
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }

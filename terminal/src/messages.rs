@@ -35,7 +35,7 @@ pub struct Common {
     /// Only results and errors: no progress, no notes.
     #[arg(short, long, global = true)]
     quiet: bool,
-    /// Tell on standard error what is being done.
+    /// Print each step on standard error.
     #[arg(short, long, global = true, conflicts_with = "quiet")]
     verbose: bool,
     /// Colour of what a person reads; auto: on a terminal, unless NO_COLOR is set.

@@ -37,16 +37,16 @@ pub struct FaultsArgs {
     /// The scenario, as for `freeplay run`; without it: the paper's arm.
     #[arg(long)]
     scenario: Option<PathBuf>,
-    /// Who stands by.
+    /// The standby controller.
     #[arg(long, default_value = "computed-torque")]
     standby: String,
-    /// What goes wrong; without it: everything, one after the other.
+    /// Kinds of fault to inject; without it: all of them, one after the other.
     #[arg(long, value_enum)]
     kind: Vec<Kind>,
     /// Faults of each kind.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     seeds: u32,
-    /// Kill so many runs at random moments, with SIGKILL, instead: the plant, the controller or the run itself.
+    /// Kill this many runs at random moments, with SIGKILL, instead: the plant, the controller or the run itself.
     #[arg(long, value_name = "COUNT", conflicts_with_all = ["kind", "seeds"], value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     kills: Option<u32>,
     /// By the wall clock or in lockstep.
@@ -58,13 +58,13 @@ pub struct FaultsArgs {
     /// Seed of the ticks, of what is random in a fault and of all noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder for what is left; without it: out/ and the time.
+    /// Folder for the results; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }

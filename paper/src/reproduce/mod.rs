@@ -74,7 +74,7 @@ pub struct ReproduceArgs {
     /// Leave a part out; may be given twice.
     #[arg(long, value_name = "PART")]
     skip: Vec<Part>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }

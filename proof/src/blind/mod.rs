@@ -77,7 +77,7 @@ pub struct BlindArgs {
     full: bool,
     #[command(flatten)]
     sweep: Sweep,
-    /// Who makes the recordings: mujoco (needs Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
+    /// Generator of the recordings: mujoco (needs Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
     /// file or folder that keeps the contract of proof/mujoco/README.md. Without it: this program, by the crate concealed.
     #[arg(long, value_name = "PROGRAM", conflicts_with_all = ["matrix", "merge", "analyse", "score", "verify"])]
     generator: Option<PathBuf>,
@@ -111,7 +111,7 @@ pub struct BlindArgs {
     /// A list to which a line is appended when the set is sealed, and one when it is scored.
     #[arg(long, value_name = "FILE")]
     history: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }

@@ -60,7 +60,7 @@ pub struct DemoArgs {
     /// Write the picture of the first finding as SVG, too.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
