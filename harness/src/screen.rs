@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use comfy_table::{CellAlignment, Table};
+use comfy_table::{CellAlignment, ColumnConstraint, Table};
 use serde_json::Value;
 
 use crate::plant_command::pace_name;
@@ -133,6 +133,10 @@ fn results(setup: &Setup, runs: &[RunSummary]) -> Table {
     ]);
     for run in runs {
         table.add_row(row(run, joint.as_deref()));
+    }
+    if let Some(names) = table.column_mut(0) {
+        // A name stays in one piece however narrow the terminal is.
+        names.set_constraint(ColumnConstraint::ContentWidth);
     }
     for column in [1, 2, 3, 5, 6, 7, 8] {
         if let Some(column) = table.column_mut(column) {

@@ -35,6 +35,8 @@ pub enum Need {
     Root,
     /// A `strace` that may trace.
     Strace,
+    /// The program `script`, which runs a command in a terminal.
+    Terminal,
 }
 
 impl Need {
@@ -54,6 +56,7 @@ impl Need {
             Self::Robots => "robots",
             Self::Root => "root",
             Self::Strace => "strace",
+            Self::Terminal => "terminal",
         }
     }
 }
