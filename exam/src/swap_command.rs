@@ -102,7 +102,8 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     let stage = Stage { scenario, out, stop, seed: args.seed.unwrap_or(1) };
-    let bar = progress::bar(args.swaps.into(), "swaps {wide_bar} {pos}/{len} {elapsed}");
+    let bar =
+        progress::bar(args.swaps.into(), "{msg} {wide_bar} {pos}/{len} {elapsed}").with_message("swaps");
     let ended = stage.play_all(args.swaps, args.per_run, &bar);
     bar.finish_and_clear();
     let played = ended?;

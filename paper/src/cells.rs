@@ -219,7 +219,7 @@ pub fn cells(args: &CellsArgs) -> Result<Exit, Failure> {
         let words = format!("--after {}: give 0 s to below the shortest --period, {shortest} s", args.after);
         return Err(Failure::usage(words));
     }
-    let bar = progress::bar(all.len() as u64, "cells {wide_bar} {pos}/{len} {elapsed}");
+    let bar = progress::bar(all.len() as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}").with_message("cells");
     let rows = on_all_cores(all.len(), |index| {
         let row = all[index].clone().row(options.clone());
         bar.inc(1);

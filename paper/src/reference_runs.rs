@@ -310,7 +310,8 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
     }
     let claimed = |out| claim(Some(out), &["report.html"], args.force);
     let folder = args.out.as_deref().map(claimed).transpose()?;
-    let bar = progress::bar(rows.len() as u64, "reference runs {wide_bar} {pos}/{len} {elapsed}");
+    let bar = progress::bar(rows.len() as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}")
+        .with_message("reference runs");
     let figures = on_all_cores(rows.len(), |index| {
         let figures = simulate(&rows[index], args.substeps, 0.0);
         bar.inc(1);

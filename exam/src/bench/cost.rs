@@ -130,7 +130,7 @@ impl Told {
 /// A run that fails; results that can't be written.
 pub fn cost(stand: &Stand, pairs: usize, format: Format) -> Result<Exit, Failure> {
     let contestant = stand.contestants.first().ok_or_else(|| Failure::usage("no controller"))?;
-    let bar = progress::bar(pairs as u64, "blocks {wide_bar} {pos}/{len} {elapsed}");
+    let bar = progress::bar(pairs as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}").with_message("blocks");
     let mut measured: [Measured; KINDS] = Default::default();
     for number in 0..pairs {
         let mut order = Looking::ALL;

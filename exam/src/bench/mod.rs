@@ -233,7 +233,8 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
         return cost::cost(&stand, args.pairs, args.format);
     }
     let steps = args.load.len() * contestants.len();
-    let bar = progress::bar((args.pairs + steps) as u64, "blocks {wide_bar} {pos}/{len} {elapsed}");
+    let bar = progress::bar((args.pairs + steps) as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}")
+        .with_message("blocks");
     let played = play(args, &stand, &bar);
     bar.finish_and_clear();
     let Some(Played { blocks, cliff }) = played? else { return Ok(Exit::Interrupted) };

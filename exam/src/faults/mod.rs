@@ -88,7 +88,8 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     }
     let kinds = if args.kind.is_empty() { Kind::ALL.to_vec() } else { args.kind.clone() };
     let bar =
-        progress::bar(u64::from(args.seeds) * kinds.len() as u64, "faults {wide_bar} {pos}/{len} {elapsed}");
+        progress::bar(u64::from(args.seeds) * kinds.len() as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}")
+            .with_message("faults");
     let mut exam =
         Exam::new(scenario, examined, args.standby.clone(), args.seed, out.clone(), Arc::clone(&stop))?;
     let verdicts = exam.examine(&kinds, args.seeds, &bar);
