@@ -188,5 +188,5 @@ fn forged_commands_of_the_same_user_are_not_applied() {
         assert_eq!(*count, json!(if reason == "foreign" { 14 } else { 0 }), "{reason} in {counts:#?}");
     }
     let notes = run["notes"].to_string();
-    assert!(notes.contains("14 commands for") && notes.contains("does not hold its seat"), "{notes}");
+    assert!(notes.contains("14 commands for") && notes.contains("which is not that controller"), "{notes}");
 }

@@ -321,7 +321,7 @@ fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
     }
     if (out.exists() || out.is_symlink()) && !force {
         return Err(Failure::usage(format!(
-            "{}: the file exists; name another with --out, or replace it with --force",
+            "{}: is there already; name another with --out, or replace it with --force",
             out.display()
         )));
     }

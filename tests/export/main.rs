@@ -109,7 +109,7 @@ fn the_file_or_the_list_goes_to_standard_output() {
     );
     let ran =
         Call::new(ran.folder, &["export", "paper", "--to", "urdf", "--out", "paper.urdf"]).run().expect(0);
-    assert!(ran.stdout().contains("the file says all of the model"), "{}", ran.stdout());
+    assert!(ran.stdout().contains("the file expresses the whole model"), "{}", ran.stdout());
 }
 
 #[test]

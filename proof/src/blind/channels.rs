@@ -63,15 +63,15 @@ pub fn all(lures: &Lures, inherited: &Inherited, parted: &Parted) -> BTreeMap<St
         ("environment", variables),
         ("memory", memory(parent)),
         ("processes", processes(parent)),
-        ("process numbers", numbers(parent)),
+        ("numbers of processes", numbers(parent)),
         ("signals", signals(parent)),
         ("network", network(lures.port)),
         ("abstract sockets", abstract_sockets(lures.socket.as_deref())),
-        ("socket files", (!parted.root).then(|| "the process shares its root with all others".to_owned())),
+        ("socket files", (!parted.root).then(|| "the root is that of all processes".to_owned())),
         ("shared memory files", shared_memory()),
         (
             "System V memory and queues",
-            (!parted.spaces).then(|| "the process shares them with all others".to_owned()),
+            (!parted.spaces).then(|| "they are those of all processes".to_owned()),
         ),
         // Nothing above parts these: whoever needs more separates analysts by machines.
         ("kernel keyring", Some("the session's keyring is inherited; no truth is in it".to_owned())),
