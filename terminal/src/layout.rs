@@ -85,7 +85,7 @@ mod tests {
         let text = "report      a/long/path/that/has/no/space\nnext        a few words more than fit\n  freeplay run --model arm.urdf --out here\n";
         assert_eq!(
             wrapped(text, 30),
-            "report      \n            a/long/path/that/has/no/space\nnext        a few words more\n            than fit\n  freeplay run --model arm.urdf --out here\n"
+            "report\n            a/long/path/that/has/no/space\nnext        a few words more\n            than fit\n  freeplay run --model arm.urdf --out here\n"
         );
     }
 
