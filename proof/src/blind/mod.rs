@@ -50,7 +50,7 @@ use clap::Args;
 use freeplay_terminal::arguments::{Format, at_least_one};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{check_target, claim, claim_or_new};
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use rustix::process::{DumpableBehavior, set_dumpable_behavior};
 use serde_json::json;
 
@@ -80,7 +80,7 @@ pub struct BlindArgs {
     full: bool,
     #[command(flatten)]
     sweep: Sweep,
-    /// Who makes the recordings: mujoco (needs Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
+    /// Generator of the recordings: mujoco (needs Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
     /// file or folder that keeps the contract of proof/mujoco/README.md. Without it: this program, by the crate concealed.
     #[arg(long, value_name = "PROGRAM", conflicts_with_all = ["matrix", "merge", "analyse", "score", "verify"])]
     generator: Option<PathBuf>,
@@ -114,7 +114,7 @@ pub struct BlindArgs {
     /// A list to which a line is appended when the set is sealed, and one when it is scored.
     #[arg(long, value_name = "FILE")]
     history: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -196,7 +196,7 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
     if let (Some(list), [part]) = (&args.history, receipt.parts.as_slice()) {
         history::scored(list, part.seal(), &receipt.sha256, &score)?;
     }
-    show(args, folder, &receipt.parts, &judged, &score)
+    present(args, folder, &receipt.parts, &judged, &score)
 }
 
 /// Merges, scores and publishes as [`publish`] does; the cases go from the receipts to the new one without being held in memory.
@@ -208,11 +208,11 @@ fn publish_merged(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
     if let (Some(list), [part]) = (&args.history, parts.as_slice()) {
         history::scored(list, part.seal(), &hash, &score)?;
     }
-    show(args, folder, &parts, &judged, &score)
+    present(args, folder, &parts, &judged, &score)
 }
 
 /// Writes the report into `folder`, beside the receipt, and prints the score.
-fn show(
+fn present(
     args: &BlindArgs,
     folder: &Path,
     parts: &[Part],
@@ -223,7 +223,7 @@ fn show(
     freeplay_terminal::files::write(&report, &document::document(parts, judged, score).to_html())?;
     match args.format {
         Format::Json => say(&format!("{:#}\n", json!(score)))?,
-        Format::Text => say(&screen::summary(parts, judged, score, &path, &report))?,
+        Format::Text => show(&screen::summary(parts, judged, score, &path, &report))?,
     }
     Ok(Exit::Done)
 }
@@ -238,7 +238,7 @@ fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
     receipt.write(&path)?;
     match args.format {
         Format::Json => say(&format!("{:#}\n", json!(receipt.cases)))?,
-        Format::Text => say(&screen::answers(&receipt, &path))?,
+        Format::Text => show(&screen::answers(&receipt, &path))?,
     }
     Ok(Exit::Done)
 }
