@@ -4,6 +4,17 @@
 use freeplay_arm::{Arm, Inertia, JointKind};
 use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
 
+/// Inertial parameters of a link: mass, three first moments, six numbers of inertia.
+pub(super) const PARAMETERS: usize = 10;
+
+/// An inertia of 1 kg·m² in place `number` of xx, yy, zz, xy, xz, yz.
+fn unit_inertia(number: usize) -> Matrix3<f64> {
+    let (i, k) = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][number];
+    let mut unit = Matrix3::zeros();
+    (unit[(i, k)], unit[(k, i)]) = (1.0, 1.0);
+    unit
+}
+
 /// A torque as what motion asks for, N·m (N), and what gravity adds per m/s² along each axis of the base.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Parts {
@@ -117,6 +128,18 @@ impl<'a> Bodies<'a> {
         self.torques(self.links.len() - 1, &needs, add);
     }
 
+    /// The same of inertial parameter `number` of link `body`: 1 kg at its origin, 1 kg·m of first moment along each of its axes, 1 kg·m² of inertia
+    /// about its origin (xx, yy, zz, xy, xz, yz).
+    pub fn parameter(&self, body: usize, number: usize, add: impl FnMut(usize, Parts)) {
+        let link = &self.links[body];
+        let needs = match number {
+            0 => Needs { force: link.linear, moment: Vector3::zeros(), mass: 1.0, first: Vector3::zeros() },
+            1..=3 => link.needs_of_moment(link.rotation.column(number - 1).into_owned()),
+            _ => link.needs_of_inertia(&unit_inertia(number - 4)),
+        };
+        self.torques(body, &needs, add);
+    }
+
     fn torques(&self, body: usize, needs: &Needs, mut add: impl FnMut(usize, Parts)) {
         let place = self.links[body].place;
         for (joint, link) in self.links[..=body].iter().enumerate() {
@@ -137,17 +160,22 @@ impl Link {
     fn needs(&self, inertia: &Inertia) -> Needs {
         let first = self.rotation * (inertia.com * inertia.mass);
         let of_moment = self.needs_of_moment(first);
-        let omega = self.rotation.tr_mul(&self.omega);
+        let spin = self.needs_of_inertia(&inertia.about_com).moment;
         let com = self.rotation * inertia.com;
-        let spin =
-            inertia.about_com * self.rotation.tr_mul(&self.alpha) + omega.cross(&(inertia.about_com * omega));
         Needs {
             force: of_moment.force + self.linear * inertia.mass,
             // Of the first moment's own acceleration, and of the turning about the centre of mass.
-            moment: of_moment.moment + com.cross(&of_moment.force) + self.rotation * spin,
+            moment: of_moment.moment + com.cross(&of_moment.force) + spin,
             mass: inertia.mass,
             first,
         }
+    }
+
+    /// Of an inertia without mass, in the link's axes.
+    fn needs_of_inertia(&self, inertia: &Matrix3<f64>) -> Needs {
+        let omega = self.rotation.tr_mul(&self.omega);
+        let spin = inertia * self.rotation.tr_mul(&self.alpha) + omega.cross(&(inertia * omega));
+        Needs { force: Vector3::zeros(), moment: self.rotation * spin, mass: 0.0, first: Vector3::zeros() }
     }
 
     /// Of a first moment `first` without mass.
