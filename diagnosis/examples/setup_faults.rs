@@ -178,10 +178,7 @@ fn print_table(rows: &BTreeMap<String, Row>) {
         all.hidden += hidden;
         all.wrong += wrong;
     }
-    println!(
-        "all: right {} missed {} (hidden {}) wrong {}",
-        all.right, all.missed, all.hidden, all.wrong
-    );
+    println!("all: right {} missed {} (hidden {}) wrong {}", all.right, all.missed, all.hidden, all.wrong);
 }
 
 /// The sets of faults that are tried on one recording.

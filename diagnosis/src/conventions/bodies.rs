@@ -193,7 +193,7 @@ impl Link {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use freeplay_arm::{Workspace, paper_arm, rnea};
-    use nalgebra::Vector3;
+    use nalgebra::{Matrix3, Vector3};
 
     use super::{Bodies, Parts};
 
@@ -234,6 +234,24 @@ mod tests {
         bodies.load(0, |joint, parts| sum[joint] += mass * whole(&parts));
         for (sum, expected) in sum.iter().zip(&expected) {
             assert!((sum - expected).abs() < 1e-12 * size);
+        }
+        // Ten parameters of each link, its inertia about its origin, are the link.
+        let mut by_parameter: Vec<f64> =
+            arm.joints().iter().zip(&a).map(|(joint, a)| joint.rotor_inertia * a).collect();
+        for (body, joint) in arm.joints().iter().enumerate() {
+            let inertia = &joint.inertia;
+            let (c, m) = (inertia.com, inertia.mass);
+            let about = inertia.about_com + (Matrix3::identity() * c.norm_squared() - c * c.transpose()) * m;
+            let first = c * m;
+            let six = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(|place| about[place]);
+            let values = [m, first.x, first.y, first.z].into_iter().chain(six);
+            for (number, value) in values.enumerate() {
+                bodies.parameter(body, number, |joint, parts| by_parameter[joint] += value * whole(&parts));
+            }
+        }
+        rnea(&arm, &mut ws, &q, &v, &a, &mut expected);
+        for (sum, expected) in by_parameter.iter().zip(&expected) {
+            assert!((sum - expected).abs() < 1e-11 * size, "{sum} is not {expected}");
         }
         // A first moment is linear: three along the axes are one along their sum, and gravity pulls at it as at a lever.
         let mut held = vec![0.0; n];

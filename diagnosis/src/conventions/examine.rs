@@ -134,7 +134,7 @@ impl Examination<'_> {
         let worth = |links| search.whole.with_links(settled, links);
         let others = [false, true].map(|own_zeros| worth(Links::Any { own_zeros }));
         let best = others.into_iter().flatten().reduce(f64::max);
-        best.zip(worth(Links::OfSheet)).is_some_and(|(another, sheet)| another > sheet)
+        best.zip(worth(Links::OfSheet)).is_some_and(|(another, sheet)| another > sheet + OVERWHELMING)
     }
 
     /// The reading of the changes that are sure, with what was known of it before.
