@@ -131,7 +131,7 @@ fn info_reads_a_file_by_its_mapping_and_asks_of_its_model() {
     let asked = ["record", "info", "log.csv", "--mapping", "r.mapping.toml", "--model", "arm.urdf"];
     let ran = freeplay_in(ran.folder, &[asked.as_slice(), &["--format", "json"]].concat()).expect(0);
     let value: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
-    assert_eq!((&value["joints"], &value["setup"]), (&2.into(), &serde_json::json!([])), "{value:#}");
+    assert!(value["joints"] == 2 && value["setup"].is_array(), "{value:#}");
     // A mapping that names columns which are not there is bad input.
     let mapping = ran.folder.path().join("r.mapping.toml");
     let text = std::fs::read_to_string(&mapping).expect("a mapping").replace("elbow_joint_pos", "wrist_pos");
