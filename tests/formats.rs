@@ -242,8 +242,9 @@ episode.to_parquet(root / "data/chunk-000/episode_000000.parquet")
 fn what_other_packages_write_is_compared_and_diagnosed() {
     let script = "import numpy, pandas, pyarrow, rosbags.rosbag2, scipy.io";
     if !python().args(["-c", script]).output().is_ok_and(|output| output.status.success()) {
-        println!(
-            "skipped: no Python with numpy, pandas, pyarrow, rosbags and scipy; FREEPLAY_PYTHON names one"
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            "no Python with numpy, pandas, pyarrow, rosbags and scipy; FREEPLAY_PYTHON names one",
         );
         return;
     }

@@ -49,7 +49,7 @@ impl Measured {
     ///
     /// # Errors
     /// A recording that cannot be compared with the model, as bad input.
-    pub fn of_arm(self, model: &str, file: &ArmFile) -> Result<Recording, Failure> {
+    pub fn for_arm(self, model: &str, file: &ArmFile) -> Result<Recording, Failure> {
         recorded::of_arm(self.0, model, file, self.1.as_ref()).map_err(Failure::input)
     }
 }

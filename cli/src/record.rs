@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::CellAlignment;
 use freeplay_diagnosis::examine;
 use freeplay_recording::{BagOptions, Group, ImportOptions, Mapping, Recording};
 use freeplay_report::one_line;
@@ -11,8 +11,9 @@ use freeplay_report::text::{Digits, NOTHING, number};
 use freeplay_storage::same_file;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::layout::text_table;
 use freeplay_terminal::messages;
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use serde_json::{Value, json};
 
 use crate::check;
@@ -45,7 +46,7 @@ struct InfoArgs {
     /// What the columns mean, a mapping file such as one that `record import` or a diagnosis wrote.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -71,7 +72,7 @@ struct ExportArgs {
     /// The file to write; without it: beside the recording, with the form's ending.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
 }
@@ -95,7 +96,7 @@ struct ImportArgs {
     /// The recording to write, .mcap, .csv or .parquet.
     #[arg(long)]
     out: PathBuf,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
 }
@@ -127,7 +128,7 @@ fn info(args: &InfoArgs) -> Result<Exit, Failure> {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&described).map_err(Failure::internal)?))?;
         }
-        Format::Text => say(&(in_words(&recording) + &check::block(&setup, None)))?,
+        Format::Text => show(&(in_words(&recording) + &check::block(&setup, None)))?,
     }
     Ok(Exit::Done)
 }
@@ -218,8 +219,8 @@ fn in_words(recording: &Recording) -> String {
             fixed(shortest * 1e3, 3),
             fixed(longest * 1e3, 3)
         ),
-        _ if recording.len() < 2 => "no duration and no rate: that takes two samples".to_owned(),
-        _ => "no duration and no rate: its times are beyond what a number holds".to_owned(),
+        _ if recording.len() < 2 => "too few samples for a duration and a rate".to_owned(),
+        _ => "times too large for a duration and a rate".to_owned(),
     };
     let mut text = format!(
         "{}: {} joints, {}, {pace}\n\n",
@@ -228,8 +229,8 @@ fn in_words(recording: &Recording) -> String {
         samples(recording),
     );
     text += &joints_in_words(recording);
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING).set_header(["column", "unit", "least", "greatest", ""]);
+    let mut table = text_table();
+    table.set_header(["column", "unit", "least", "greatest", ""]);
     let others = recording.others.len();
     let shown = recording.columns().len() - if others > MOST_OTHERS { others } else { 0 };
     for (name, values) in recording.named().take(shown) {
@@ -303,7 +304,7 @@ fn import(args: &ImportArgs) -> Result<Exit, Failure> {
     let done = write(&recording, &args.out)?;
     freeplay_terminal::files::write(&beside, &guessed)?;
     say(&format!(
-        "\n{guessed}\n{}: this mapping; correct what is wrong, and import again with --mapping {} --force\n",
+        "\n{guessed}\n{} holds this mapping; correct its errors, and import again with --mapping {} --force\n",
         beside.display(),
         beside.display()
     ))?;
@@ -320,7 +321,7 @@ fn is_named_as(recording: &Recording, asked: &[String]) -> bool {
 fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
     if same_file(out, source) {
         return Err(Failure::usage(format!(
-            "{}: is the file that is read; name another with --out",
+            "{}: the input cannot be the output as well; name another file with --out",
             out.display()
         )));
     }

@@ -9,7 +9,7 @@ pub use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{LimitsFrom, Task, TaskMode};
 use freeplay_laws::{Clearance, Effects, LawError, Placed};
 use freeplay_path::JointPath;
-use freeplay_plant::{LineUpSpec, PlantConfig, SystemError};
+use freeplay_plant::{ControllerSet, PlantConfig, SystemError};
 use freeplay_shm::{MAX_JOINTS, Mode, Pace, RtRequest};
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::write;
@@ -62,7 +62,7 @@ fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
     let joints = file.arm.dof();
     if joints > MAX_JOINTS {
         return Err(Failure::input(format!(
-            "{}: the arm has {joints} joints, a run carries at most {MAX_JOINTS}: choose a shorter chain of it with --tip LINK, or give joints that stand still type = \"fixed\"",
+            "{}: the arm has {joints} joints, and a run carries at most {MAX_JOINTS}: choose a shorter chain with --tip LINK, or give joints that do not move type = \"fixed\"",
             scenario.model
         )));
     }
@@ -158,7 +158,7 @@ impl Setup {
             patience: Duration::from_secs_f64(scenario.patience),
             answer_patience: scenario.answer_patience.map(Duration::from_secs_f64),
             evidence: scenario.realtime.evidence,
-            line_up: LineUpSpec::default(),
+            controller_set: ControllerSet::default(),
             reflex: scenario.reflex.clone(),
             natural_frequency: scenario.controller.gains.natural_frequency,
         };

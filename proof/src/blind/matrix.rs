@@ -26,11 +26,11 @@ pub fn confusion(score: &Score) -> Section {
         said.into_iter().partition(|said| said.starts_with('('));
     let columns: Vec<&String> = kinds.into_iter().chain(verdicts).collect();
     let mut drawn: [(Vec<f64>, Vec<f64>); 3] = Default::default();
-    let mut table = Table::new("What was said for what was concealed, one effect")
+    let mut table = Table::new("Answers by concealed effect, cases of one effect")
         .column(Column::text("concealed"))
         .column(Column::number("of", "").fixed(0))
         .column(Column::number("right", "%").fixed(0))
-        .column(Column::text("said instead; in brackets what names no other kind").wrapping());
+        .column(Column::text("answered instead; in brackets answers without another kind").wrapping());
     for (row, kind) in concealed.iter().enumerate() {
         let counts = &score.confusion[*kind];
         let all: usize = counts.values().sum();
@@ -58,7 +58,8 @@ pub fn confusion(score: &Score) -> Section {
         }
     }
     let mut chart =
-        Chart::plane("", Axis::new("said, by number", ""), Axis::new("concealed, by number", "")).height(560);
+        Chart::plane("", Axis::new("answered, by number", ""), Axis::new("concealed, by number", ""))
+            .height(560);
     for (name, (x, y)) in ["right", "another name", "no name"].into_iter().zip(&drawn) {
         if !x.is_empty() {
             chart = chart.series(Series::points(name, x, y));
@@ -78,12 +79,12 @@ pub fn confusion(score: &Score) -> Section {
 
 /// Every confusion with what is known of why.
 fn mistakes(mistakes: &[Mistake]) -> Table {
-    let mut table = Table::new("What was taken for what, and why")
+    let mut table = Table::new("Confusions and their causes")
         .column(Column::text("concealed"))
         .column(Column::text("said").wrapping())
         .column(Column::text("times"))
         .column(Column::number("signal", "floors").fixed(1))
-        .column(Column::text("where, and why").wrapping());
+        .column(Column::text("place and cause").wrapping());
     for mistake in mistakes {
         let mut places: Vec<String> =
             mistake.places.iter().take(PLACES).map(|(place, times)| format!("{times} {place}")).collect();
@@ -164,7 +165,7 @@ fn grids(section: Section, matrix: &Matrix, receipt: &Receipt, judged: &[Judged]
              stands under \"Protocol\" with its reason."
         ))
         .with(Block::List(vec![
-            "r right, x right and something more, o one of several with the truth among them, u unknown, m missed, w wrong, f no answer"
+            "r right, x right with an invented effect, o one of several with the truth among them, u unknown, m missed, w wrong, f no answer"
                 .to_owned(),
             format!("{NOT_MADE} could not be made, · not in these shards, blank: the kind has no place there"),
         ]));

@@ -48,7 +48,7 @@ use clap::Args;
 use freeplay_terminal::arguments::{Format, at_least_one};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{check_target, claim, claim_or_new};
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use rustix::process::{DumpableBehavior, set_dumpable_behavior};
 use serde_json::json;
 
@@ -77,7 +77,7 @@ pub struct BlindArgs {
     full: bool,
     #[command(flatten)]
     sweep: Sweep,
-    /// Who makes the recordings: mujoco (needs Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
+    /// Generator of the recordings: mujoco (needs Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
     /// file or folder that keeps the contract of proof/mujoco/README.md. Without it: this program, by the crate concealed.
     #[arg(long, value_name = "PROGRAM", conflicts_with_all = ["matrix", "merge", "analyse", "score", "verify"])]
     generator: Option<PathBuf>,
@@ -111,7 +111,7 @@ pub struct BlindArgs {
     /// A list to which a line is appended when the set is sealed, and one when it is scored.
     #[arg(long, value_name = "FILE")]
     history: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -196,7 +196,7 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
     }
     match args.format {
         Format::Json => say(&format!("{:#}\n", receipt.score))?,
-        Format::Text => say(&screen::summary(&receipt, &judged, &score, &path, &report))?,
+        Format::Text => show(&screen::summary(&receipt, &judged, &score, &path, &report))?,
     }
     Ok(Exit::Done)
 }
@@ -211,7 +211,7 @@ fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
     receipt.write(&path)?;
     match args.format {
         Format::Json => say(&format!("{:#}\n", json!(receipt.cases)))?,
-        Format::Text => say(&screen::answers(&receipt, &path))?,
+        Format::Text => show(&screen::answers(&receipt, &path))?,
     }
     Ok(Exit::Done)
 }

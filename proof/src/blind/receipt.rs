@@ -230,7 +230,7 @@ impl Form {
             Err(error) => return Err(Failure::input(format!("{shown}: {error}; {WANTED}"))),
         };
         if value.get("schema").is_none() && value.get("parts").is_none() {
-            return Err(Failure::input(format!("{shown}: it is no receipt; {WANTED}")));
+            return Err(Failure::input(format!("{shown}: this is not a receipt; {WANTED}")));
         }
         if value["schema"] == EARLIER {
             let program = value["parts"][0]["program"]["sha256"].as_str().unwrap_or("of its first part");
@@ -248,7 +248,9 @@ impl Form {
         };
         let known = serde_json::to_value(&receipt).map_err(Failure::internal)?;
         Ok(match difference(&value, &known) {
-            Some(pointer) => Form::Wrong(format!("{pointer} is no field of a receipt, or not of its type")),
+            Some(pointer) => {
+                Form::Wrong(format!("{pointer} is not a field of a receipt, or has the wrong type"))
+            }
             None => Form::Receipt(Box::new(receipt)),
         })
     }

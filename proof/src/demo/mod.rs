@@ -19,7 +19,8 @@ use freeplay_report::units::{people, written};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{check_target, claim};
-use freeplay_terminal::output::say;
+use freeplay_terminal::layout::text_table;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::parallel::on_cores;
 use freeplay_terminal::progress;
 use serde_json::Value;
@@ -59,7 +60,7 @@ pub struct DemoArgs {
     /// Write the picture of the first finding as SVG, too.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -95,14 +96,14 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
     freeplay_terminal::files::write(&page, &page::document(&outcomes, args.period)?.to_html())?;
     if let Some(picture) = &args.picture {
         let drawn = outcomes.iter().find_map(page::picture).and_then(|drawing| drawing.to_svg());
-        let drawn = drawn.ok_or_else(|| Failure::input("nothing was found that could be drawn"))?;
+        let drawn = drawn.ok_or_else(|| Failure::input("no finding can be drawn"))?;
         freeplay_terminal::files::write(picture, &drawn)?;
     }
     match args.format {
         Format::Json => say(&format!("{:#}\n", json(&outcomes)))?,
         Format::Text => {
-            say(&text(&outcomes))?;
-            say(&format!("\nreport  {}\n", page.display()))?;
+            show(&text(&outcomes))?;
+            show(&format!("\nreport  {}\n", page.display()))?;
         }
     }
     Ok(if outcomes.iter().all(Outcome::is_right) { Exit::Done } else { Exit::Verdict })
@@ -115,7 +116,8 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
     let out = folder.path();
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
-    let bar = progress::bar(machines.len() as u64, "commissioning and learning {bar:30} {pos}/{len}  {msg}");
+    let bar =
+        progress::bar(machines.len() as u64, "commissioning and learning {wide_bar} {pos}/{len}  {msg}");
     let outcomes = on_cores(AT_ONCE, machines.len(), |number| {
         let machine = &machines[number];
         let came = nameless::outcome(machine, args.seed, &out.join(machine.name));
@@ -132,7 +134,7 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
     freeplay_terminal::files::write(&out.join("nameless.json"), &format!("{json:#}\n"))?;
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
-        Format::Text => say(&nameless::text(&outcomes))?,
+        Format::Text => show(&nameless::text(&outcomes))?,
     }
     let holds = outcomes.iter().flat_map(|outcome| &outcome.cells).all(nameless::Cell::holds);
     Ok(if holds { Exit::Done } else { Exit::Verdict })
@@ -160,7 +162,7 @@ fn all(
     out: &std::path::Path,
     stop: &AtomicBool,
 ) -> Result<Vec<Outcome>, Failure> {
-    let bar = progress::bar(cases.len() as u64, "playing and diagnosing {bar:30} {pos}/{len}  {msg}");
+    let bar = progress::bar(cases.len() as u64, "playing and diagnosing {wide_bar} {pos}/{len}  {msg}");
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<(usize, Result<Outcome, Failure>)>> = Mutex::new(Vec::new());
     let work = || {
@@ -216,8 +218,7 @@ fn errors(outcome: &Outcome) -> Option<(String, String, f64, f64)> {
 }
 
 fn text(outcomes: &[Outcome]) -> String {
-    let mut table = comfy_table::Table::new();
-    table.load_style(comfy_table::presets::NOTHING);
+    let mut table = text_table();
     table.set_header(["hidden", "verdict", "found", "held-out error", "tool deviation, RMS [mm]", ""]);
     for outcome in outcomes {
         let error = errors(outcome).map_or_else(String::new, |(channel, unit, before, after)| {

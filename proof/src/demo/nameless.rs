@@ -17,6 +17,7 @@ use freeplay_plant::DeviationStatistics;
 use freeplay_recording::Recording;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::{make_folder, write};
+use freeplay_terminal::layout::text_table;
 use freeplay_training::{Settings, Trained, train};
 use serde::Serialize;
 
@@ -341,8 +342,7 @@ fn diagnosed(nominal: &ArmFile, recordings: &[(String, Recording)], seed: u64) -
 
 /// The table of `outcomes`.
 pub fn text(outcomes: &[Outcome]) -> String {
-    let mut table = comfy_table::Table::new();
-    table.load_style(comfy_table::presets::NOTHING);
+    let mut table = text_table();
     let header = ["machine", "path"].into_iter().chain(WAYS).chain(["taken", ""]);
     table.set_header(header.collect::<Vec<_>>());
     for outcome in outcomes {
