@@ -120,7 +120,7 @@ fn info(args: &InfoArgs) -> Result<Exit, Failure> {
     let mut setup = Vec::new();
     if let Some(model) = &args.model {
         let file = measured.model(model, None)?;
-        let matched = measured.of_arm(model, &file)?;
+        let matched = measured.for_arm(model, &file)?;
         setup = examine(&file.arm, &matched).findings;
         described["setup"] = serde_json::to_value(&setup).map_err(Failure::internal)?;
     }
