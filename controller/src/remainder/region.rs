@@ -85,6 +85,50 @@ impl Region {
     }
 }
 
+/// Centres whose distances are computed side by side.
+const LANES: usize = 8;
+
+/// The distance from the nearest centre of a region, for use inside the tick: numbers in the order in which they are used, nothing allocated.
+#[derive(Clone, Debug)]
+pub(crate) struct NearestCentre {
+    gain: Vec<f64>,
+    scaled: Vec<f64>,
+    /// Blocks of [`LANES`] centres, in each channel by channel; the last block is filled up with its first centre.
+    blocks: Vec<[f64; LANES]>,
+}
+
+impl NearestCentre {
+    /// Of the centres of `region`.
+    pub fn new(region: &Region) -> Self {
+        let width = region.gain.len();
+        let of_block = |centres: &[Vec<f64>]| -> Vec<[f64; LANES]> {
+            let lane = |lane: usize| centres.get(lane).unwrap_or(&centres[0]);
+            (0..width).map(|channel| std::array::from_fn(|number| lane(number)[channel])).collect()
+        };
+        let blocks = region.centres.chunks(LANES).flat_map(of_block).collect();
+        Self { gain: region.gain.clone(), scaled: vec![0.0; width], blocks }
+    }
+
+    /// As [`Region::distance`].
+    pub fn distance(&mut self, row: &[f64]) -> f64 {
+        self.scaled.iter_mut().zip(row).zip(&self.gain).for_each(|((scaled, x), gain)| *scaled = x * gain);
+        let mut least = [f64::INFINITY; LANES];
+        for block in self.blocks.chunks_exact(self.scaled.len().max(1)) {
+            let mut squares = [0.0; LANES];
+            for (x, centres) in self.scaled.iter().zip(block) {
+                for (square, centre) in squares.iter_mut().zip(centres) {
+                    *square += (x - centre) * (x - centre);
+                }
+            }
+            // A comparison with NaN is false: what is no number is at no distance.
+            for (least, square) in least.iter_mut().zip(squares) {
+                *least = if square < *least { square } else { *least };
+            }
+        }
+        least.iter().copied().fold(f64::INFINITY, f64::min).sqrt()
+    }
+}
+
 /// Least range of a channel, share of the widest of its group.
 const LEAST_RANGE: f64 = 0.05;
 
@@ -106,7 +150,25 @@ fn spread(rows: &[Vec<f64>], most: usize) -> Vec<Vec<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::Region;
+    use super::{NearestCentre, Region};
+
+    /// Any number of centres, also one that does not fill a block.
+    #[test]
+    fn the_distance_inside_the_tick_is_that_of_the_region() {
+        for count in [1, 7, 8, 48, 51] {
+            let row = |k: usize| (0..5).map(|c| ((k * 7 + c * 3) as f64 * 0.37).sin()).collect::<Vec<f64>>();
+            let rows: Vec<Vec<f64>> = (0..count).map(row).collect();
+            let region = Region::around(&rows, &[2, 3], count);
+            let mut nearest = NearestCentre::new(&region);
+            for k in 100..160 {
+                let (fast, plain) = (nearest.distance(&row(k)), region.distance(&row(k)));
+                assert!(plain > 0.0 && (fast - plain).abs() < 1e-12, "{fast} {plain}");
+            }
+            assert!(!nearest.distance(&[f64::NAN; 5]).is_finite());
+        }
+        let nowhere = Region { gain: vec![1.0], centres: Vec::new(), trust: Vec::new() };
+        assert!(!NearestCentre::new(&nowhere).distance(&[0.0]).is_finite());
+    }
 
     fn line() -> Region {
         let rows: Vec<Vec<f64>> = (0..=100).map(|k| vec![f64::from(k) * 0.02, 3.0]).collect();

@@ -59,6 +59,9 @@ pub struct DemoArgs {
     /// Write the picture of the first finding as SVG, too.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
+    /// With machines that have physics without a name: take those that an earlier call has finished in the folder, and go on with the others.
+    #[arg(long, conflicts_with = "force", requires = "out")]
+    resume: bool,
     /// How results are printed.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -110,15 +113,21 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
 
 /// Plays the machines with something nameless.
 fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exit, Failure> {
-    let names: Vec<&str> = machines.iter().map(|machine| machine.name).chain(["nameless.json"]).collect();
-    let folder = claim(args.out.as_deref(), &names, args.force)?;
+    let names: Vec<&str> = machines.iter().map(|machine| machine.name).chain(["nameless.json", "report.html"]).collect();
+    let folder = claim(args.out.as_deref(), &names, args.force || args.resume)?;
     let out = folder.path();
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     let bar = progress::bar(machines.len() as u64, "commissioning and learning {bar:30} {pos}/{len}  {msg}");
     let outcomes = on_cores(AT_ONCE, machines.len(), |number| {
         let machine = &machines[number];
-        let came = nameless::outcome(machine, args.seed, &out.join(machine.name));
+        let folder = out.join(machine.name);
+        let kept = args.resume.then(|| nameless::kept(machine, args.seed, &folder)).flatten();
+        let came = match kept {
+            Some(kept) => Ok(kept),
+            None if stop.load(Ordering::Relaxed) => Err(Failure::input("interrupted")),
+            None => nameless::outcome(machine, args.seed, &folder),
+        };
         bar.inc(1);
         bar.set_message(machine.name);
         came
@@ -128,13 +137,19 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
         return Ok(Exit::Interrupted);
     }
     let outcomes = outcomes?;
-    let json = serde_json::json!({ "schema": "freeplay.demo-nameless/1", "ways": nameless::WAYS, "machines": outcomes });
+    let json = serde_json::json!({ "schema": "freeplay.demo-nameless/1", "ways": nameless::WAYS, "machines": outcomes,
+        "checks": outcomes.iter().map(nameless::Outcome::checks).collect::<Vec<_>>() });
     freeplay_terminal::files::write(&out.join("nameless.json"), &format!("{json:#}\n"))?;
+    let page = out.join("report.html");
+    freeplay_terminal::files::write(&page, &nameless::document(&outcomes).to_html())?;
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
-        Format::Text => say(&nameless::text(&outcomes))?,
+        Format::Text => {
+            say(&nameless::text(&outcomes))?;
+            say(&format!("\nreport  {}\n", page.display()))?;
+        }
     }
-    let holds = outcomes.iter().flat_map(|outcome| &outcome.cells).all(nameless::Cell::holds);
+    let holds = outcomes.iter().flat_map(nameless::Outcome::checks).all(|check| check.holds);
     Ok(if holds { Exit::Done } else { Exit::Verdict })
 }
 
