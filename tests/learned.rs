@@ -32,7 +32,7 @@ fn weights(folder: &Path) -> Value {
             "conditions": [{ "name": "by hand", "duration": 1.0, "rms_um": [0.0, 0.0, 600.0] }],
             "inputs": ["position"],
             "axes": [axis(0.0), axis(0.0), axis(-0.7e-3)],
-            "region": { "gain": ones, "centres": [zeros], "trust": [[100.0, 1.0]] },
+            "region": { "inputs": ["position"], "gain": ones, "centres": [zeros], "trust": [[100.0, 1.0]] },
         },
         "network": {
             "format": "freeplay.narx", "version": 1,
@@ -97,13 +97,15 @@ fn weights_of_another_arm_model_or_layout_are_refused() {
         other
     };
     let other = json!("0123456789abcdef");
+    let mut velocities = change("/learned/inputs", json!(["velocity"]));
+    velocities["learned"]["region"]["inputs"] = json!(["velocity"]);
     let cases = [
         (change("/learned/machine/arm_hash", other.clone()), "the arm", "0123456789abcdef"),
         (change("/learned/machine/model_hash", other), "the model", "train for it"),
-        (change("/learned/inputs", json!(["velocity"])), "the inputs", "velocity_1"),
+        (velocities, "the inputs", "velocity_1"),
         (change("/network/layers", json!([6, 4, 3])), "weights", "train again"),
         (change("/network/layout/output_lags", json!([0])), "regressors", "the network takes 6"),
-        (change("/learned/region/gain", json!([1.0])), "the region", "train again"),
+        (change("/learned/region/inputs", json!(["elapsed"])), "the region", "train again"),
         (change("/version", json!(1)), "version 1", "train again"),
     ];
     for (number, (weights, what, remedy)) in cases.into_iter().enumerate() {

@@ -58,6 +58,7 @@ fn weights(centre: &[f64], share: f64) -> WeightFile {
         inputs: vec![InputGroup::Position],
         axes: [axis(), axis(), axis()],
         region: Region {
+            inputs: vec![InputGroup::Position],
             gain: vec![1.0; 6],
             centres: vec![centre.to_vec()],
             trust: vec![[0.5, 1.0], [1.0, 0.5], [2.0, 0.0]],
@@ -173,6 +174,7 @@ fn weights_for_something_else_are_refused_by_name() {
     arm.learned.machine.arm_hash = "0123456789abcdef".to_owned();
     model.learned.machine.model_hash = "0123456789abcdef".to_owned();
     inputs.learned.inputs = vec![InputGroup::Velocity];
+    inputs.learned.region.inputs = vec![InputGroup::Velocity];
     let cases = [
         (said(&arm, task()), ["the arm", "0123456789abcdef", "by hand"]),
         (said(&model, task()), ["the model", "0123456789abcdef", "train for it"]),

@@ -349,6 +349,6 @@ fn the_network_in_own_units_says_what_the_model_says() {
             greatest = expected.iter().fold(greatest, |greatest, value| greatest.max(value.abs()));
         }
         println!("{hidden:?}: off by {worst:.1e} of {greatest:.1e}");
-        assert!(greatest > 0.1 && worst < 1e-12 * greatest);
+        assert!(greatest > 0.01 && worst < 1e-12 * greatest);
     }
 }

@@ -23,35 +23,35 @@ struct Sample {
     said: [f64; 3],
 }
 
-/// The region around the inputs `groups` of `windows`, without trust.
-pub fn around(data: &Data, groups: &[InputGroup], windows: &[Window]) -> Region {
+/// The region around the `inputs` at `windows`, without trust.
+pub fn around(data: &Data, inputs: &[InputGroup], windows: &[Window]) -> Region {
     let rows: Vec<Vec<f64>> =
-        windows.iter().map(|window| data.row(groups, window.run, window.target)).collect();
-    let widths: Vec<usize> = groups.iter().map(|group| group.width(data.joints())).collect();
-    Region::around(&rows, &widths, CENTRES)
+        windows.iter().map(|window| data.row(inputs, window.run, window.target)).collect();
+    Region::around(&rows, inputs, data.joints(), CENTRES)
 }
 
-/// Trust by distance, and the axes, as the `held` paths confirm them; `stride` is that of their windows.
+/// Trust by distance, and the axes, as the `held` paths confirm them, for a region that looks at `inputs`; `stride` is that of their windows.
 pub fn confirmed(
     data: &Data,
-    groups: &[InputGroup],
+    inputs: &[InputGroup],
     held: &[&Answers],
     stride: usize,
 ) -> (Vec<[f64; 2]>, [Axis; 3]) {
     let mut samples = Vec::new();
     for one in held {
         let trained = data.windows(stride, 0, |run| data.folds[run] != one.fold);
-        let region = around(data, groups, &trained);
+        let region = around(data, inputs, &trained);
         samples.extend(one.windows.iter().zip(&one.said).map(|(window, said)| Sample {
             fold: one.fold,
-            distance: region.distance(&data.row(groups, window.run, window.target)),
+            distance: region.distance(&data.row(inputs, window.run, window.target)),
             truth: data.left(window.run, window.target).into(),
             said: (*said).into(),
         }));
     }
     samples.sort_by(|a, b| a.distance.total_cmp(&b.distance));
     let trust = trust(&samples);
-    let region = Region { gain: Vec::new(), centres: Vec::new(), trust: trust.clone() };
+    let region =
+        Region { inputs: Vec::new(), gain: Vec::new(), centres: Vec::new(), trust: trust.clone() };
     let all = data.windows(stride, 0, |_| true);
     let (lowest, highest) = range(data, &all);
     let axes = [0, 1, 2].map(|axis| {

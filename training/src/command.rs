@@ -213,7 +213,7 @@ pub fn train(
     let (mut weights, of_folds) = trained.files(&held)?;
     let answers: Vec<&Answers> = held.iter().map(|held| &held.answers).collect();
     let bounds = (weights.learned.region.trust.as_slice(), &weights.learned.axes);
-    let forecasts = forecasts(&data, &structure.inputs, &answers, bounds, stride);
+    let forecasts = forecasts(&data, &weights.learned.region.inputs, &answers, bounds, stride);
     let mut courses = Vec::new();
     if weights.learned.axes.iter().any(|axis| axis.share > 0.0) {
         let rehearsal = Rehearsal { data: &data, model, believed: &believed, file: &file, task: &task };
@@ -267,10 +267,11 @@ impl Making<'_> {
     fn files(&self, held: &[HeldOut]) -> Result<(WeightFile, Vec<WeightFile>), Failure> {
         let (data, stride, inputs) = (self.data, self.fitting.stride, &self.structure.inputs);
         let answers: Vec<&Answers> = held.iter().map(|held| &held.answers).collect();
-        let (trust, axes) = confirmed(data, inputs, &answers, stride);
+        let of_region = Region::inputs_for(inputs);
+        let (trust, axes) = confirmed(data, &of_region, &answers, stride);
         let parts = |fold: Option<usize>| {
             let windows = data.windows(stride, 0, |run| Some(data.folds[run]) != fold);
-            let region = around(data, inputs, &windows);
+            let region = around(data, &of_region, &windows);
             Learned {
                 machine: self.machine(),
                 command: self.settings.command.clone(),

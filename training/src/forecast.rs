@@ -21,10 +21,10 @@ pub struct Forecast {
     pub distance: Vec<f64>,
 }
 
-/// The forecasts of all runs of the `held` paths, with the bounds `trust` and `axes`; `stride` is that of their windows.
+/// The forecasts of all runs of the `held` paths, with the bounds `trust` and `axes` of a region that looks at `inputs`; `stride` is that of the windows.
 pub fn forecasts(
     data: &Data,
-    groups: &[InputGroup],
+    inputs: &[InputGroup],
     held: &[&Answers],
     (trust, axes): (&[[f64; 2]], &[Axis; 3]),
     stride: usize,
@@ -36,10 +36,10 @@ pub fn forecasts(
         .collect();
     for one in held {
         let trained = data.windows(stride, 0, |run| data.folds[run] != one.fold);
-        let region = Region { trust: trust.to_vec(), ..around(data, groups, &trained) };
+        let region = Region { trust: trust.to_vec(), ..around(data, inputs, &trained) };
         for (window, said) in one.windows.iter().zip(&one.said) {
             let forecast = &mut all[window.run];
-            let distance = region.distance(&data.row(groups, window.run, window.target));
+            let distance = region.distance(&data.row(inputs, window.run, window.target));
             let left = data.left(window.run, window.target);
             forecast.t.push(window.target as f64 * data.runs[window.run].period);
             forecast.distance.push(distance);

@@ -7,7 +7,7 @@
 //!     "machine": { "arm": …, "arm_hash": …, "model_hash": …, "mode": "torque", "rate": …, "gains": {…} },
 //!     "command": …, "conditions": [ { "name": …, "duration": …, "rms_um": […] } ],
 //!     "inputs": ["position", …], "axes": [ three: lowest, highest, share, rms_um, left_um, r ],
-//!     "region": { "gain": […], "centres": [[…]], "trust": [[distance, share]] } },
+//!     "region": { "inputs": […], "gain": […], "centres": [[…]], "trust": [[distance, share]] } },
 //!   "network": { a freeplay.narx file },
 //!   "receipt": { "proved": …, "chance": …, "runs": [ { "name": …, "without_mm": …, "with_mm": … } ] } }
 //! ```
@@ -282,10 +282,11 @@ impl WeightFile {
         if narx.output_names().len() != 3 {
             return inconsistent("the network has not three outputs");
         }
-        if !self.learned.region.is_usable(narx.input_names().len()) {
-            return inconsistent("the region has numbers that cannot be");
+        let (learned, region) = (&self.learned, &self.learned.region);
+        if !region.inputs.starts_with(&learned.inputs) || !region.is_usable() {
+            return inconsistent("the region has inputs or numbers that cannot be");
         }
-        if !self.learned.axes.iter().all(Axis::is_usable) {
+        if !learned.axes.iter().all(Axis::is_usable) {
             return inconsistent("the bounds of an axis cannot be");
         }
         Ok(narx)
@@ -321,6 +322,10 @@ impl WeightFile {
         let (found, names) = (self.narx()?, input_names(&self.learned.inputs, joints));
         if found.input_names() != names {
             return other("the inputs", found.input_names().join(", "), names.join(", "));
+        }
+        let (found, wanted) = (self.learned.region.gain.len(), input_names(&self.learned.region.inputs, joints).len());
+        if found != wanted {
+            return other("a region of", format!("{found} inputs"), format!("{wanted}"));
         }
         Ok(())
     }

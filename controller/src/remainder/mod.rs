@@ -63,7 +63,7 @@ impl Remainder {
         let network = file.narx()?.in_own_units().map_err(|source| WeightError::Inconsistent { what: source.to_string() })?;
         let learned = &file.learned;
         Ok(Remainder {
-            inputs: Inputs::new(arm, &learned.inputs, period),
+            inputs: Inputs::new(arm, &learned.region.inputs, period),
             scratch: network.scratch(),
             network,
             nearest: NearestCentre::new(&learned.region),
@@ -85,7 +85,8 @@ impl Remainder {
             self.usage.outside += 1;
             return Vector3::zeros();
         }
-        let said = self.network.forward(row, &mut self.scratch);
+        // What the network looks at stands first in what the region looks at.
+        let said = self.network.forward(&row[..self.network.inputs()], &mut self.scratch);
         let said = Vector3::new(said[0], said[1], said[2]);
         if !said.iter().all(|value| value.is_finite()) {
             self.usage.not_finite += 1;

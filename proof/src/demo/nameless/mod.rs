@@ -109,6 +109,7 @@ pub fn outcome(machine: &Machine, seed: u64, out: &Path) -> Result<Outcome, Fail
         machine: machine.name.to_owned(),
         hidden: machine.hidden.to_owned(),
         is_nameless: machine.is_nameless,
+        is_its_model: machine.effects.is_empty(),
         verdict: serde_json::to_value(diagnosis.verdict)
             .ok()
             .and_then(|verdict| verdict.as_str().map(str::to_owned))
