@@ -44,7 +44,7 @@ pub struct DemoArgs {
     /// The twelve machines with physics that has no name: commissioned with a tracker, diagnosed, the rest learned, judged without a tracker.
     #[arg(long, conflicts_with = "cases")]
     nameless: bool,
-    /// Time of one of the two laps of the path, s.
+    /// Time of one of the two laps of the path, s; with physics that has no name: that of the first path, to which the others are in proportion.
     #[arg(long, default_value_t = 6.0, value_name = "S")]
     period: f64,
     /// Seed of all noise.
@@ -119,14 +119,15 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     let bar = progress::bar(machines.len() as u64, "commissioning and learning {bar:30} {pos}/{len}  {msg}");
+    let settings = nameless::Settings { period: args.period, seed: args.seed };
     let outcomes = on_cores(AT_ONCE, machines.len(), |number| {
         let machine = &machines[number];
         let folder = out.join(machine.name);
-        let kept = args.resume.then(|| nameless::kept(machine, args.seed, &folder)).flatten();
+        let kept = args.resume.then(|| nameless::kept(machine, settings, &folder)).flatten();
         let came = match kept {
             Some(kept) => Ok(kept),
             None if stop.load(Ordering::Relaxed) => Err(Failure::input("interrupted")),
-            None => nameless::outcome(machine, args.seed, &folder),
+            None => nameless::outcome(machine, settings, &folder),
         };
         bar.inc(1);
         bar.set_message(machine.name);

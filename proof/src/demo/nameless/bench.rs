@@ -16,13 +16,14 @@ use freeplay_terminal::files::write;
 use freeplay_training::{Settings, Trained, train};
 
 use super::super::play::sensors;
-use super::machines::commissioning;
+use super::machines::Paths;
 use super::outcome::Reached;
 
 /// A machine in its folder.
 pub struct Bench {
     truth: ArmFile,
     effects: Effects,
+    paths: Paths,
     seed: u64,
 }
 
@@ -48,12 +49,12 @@ struct Ran {
 pub const DRAWN: u64 = 20;
 
 impl Bench {
-    /// The bench of the machine `truth`; `seed` is that of all noise.
+    /// The bench of the machine `truth` on `paths`; `seed` is that of all noise.
     ///
     /// # Errors
     /// Effects that can't be.
-    pub fn new(truth: ArmFile, seed: u64) -> Result<Bench, Failure> {
-        Ok(Bench { effects: Effects::of(&truth).map_err(Failure::internal)?, truth, seed })
+    pub fn new(truth: ArmFile, paths: Paths, seed: u64) -> Result<Bench, Failure> {
+        Ok(Bench { effects: Effects::of(&truth).map_err(Failure::internal)?, truth, paths, seed })
     }
 
     /// What a run along `path` without a tracker comes to, and the tool's deviation every [`DRAWN`] ticks, mm.
@@ -112,7 +113,7 @@ impl Bench {
     /// # Errors
     /// A run that does not end well.
     pub fn commission(&self, model: &Path) -> Result<Vec<(String, Recording)>, Failure> {
-        let paths = commissioning();
+        let paths = self.paths.commissioning();
         let way = Way { controller: "quasi-static", model, has_weights: false };
         let recorded = paths.iter().map(|(name, path)| {
             let recording = self.run(way, path, true)?.recording;

@@ -72,32 +72,44 @@ pub fn all() -> Vec<Machine> {
     ]
 }
 
-/// Paths on which the machine is commissioned, with a tracker.
-pub fn commissioning() -> [(&'static str, PathSpec); 3] {
-    [
-        ("one", path(PathKind::Lissajous, None, 6.0, [0.95, 0.0, 0.95])),
-        ("two", path(PathKind::Lissajous, Some(Size::Axes([0.2, 0.15, 0.1])), 5.0, [0.95, 0.0, 0.95])),
-        ("three", path(PathKind::Square, Some(Size::One(0.2)), 8.0, [0.95, 0.0, 0.95])),
-    ]
+/// The paths of a demonstration whose periods are in proportion to `period`, s; the comments say them for 6 s.
+#[derive(Clone, Copy, Debug)]
+pub struct Paths {
+    /// Time of a lap of the first path, s.
+    pub period: f64,
 }
 
-/// Paths on which it is judged, without one.
-pub fn judged() -> [(&'static str, PathSpec); 3] {
-    [
-        ("wide, 5 s", path(PathKind::Lissajous, Some(Size::Axes([0.1, 0.2, 0.08])), 5.0, [0.95, 0.0, 0.95])),
-        (
-            "small and aside, 7 s",
-            path(PathKind::Lissajous, Some(Size::Axes([0.12, 0.12, 0.03])), 7.0, [0.93, 0.05, 0.97]),
-        ),
-        ("square, 9 s", path(PathKind::Square, Some(Size::One(0.12)), 9.0, [0.95, 0.0, 0.95])),
-    ]
+impl Paths {
+    /// Paths on which the machine is commissioned, with a tracker: in 6, 5 and 8 s.
+    pub fn commissioning(self) -> [(&'static str, PathSpec); 3] {
+        let axes = |axes| Some(Size::Axes(axes));
+        [
+            ("one", self.path(PathKind::Lissajous, None, 6.0, CENTRE)),
+            ("two", self.path(PathKind::Lissajous, axes([0.2, 0.15, 0.1]), 5.0, CENTRE)),
+            ("three", self.path(PathKind::Square, Some(Size::One(0.2)), 8.0, CENTRE)),
+        ]
+    }
+
+    /// Paths on which it is judged, without one: in 5, 7 and 9 s.
+    pub fn judged(self) -> [(&'static str, PathSpec); 3] {
+        let (wide, small) = (Size::Axes([0.1, 0.2, 0.08]), Size::Axes([0.12, 0.12, 0.03]));
+        [
+            ("wide, fast", self.path(PathKind::Lissajous, Some(wide), 5.0, CENTRE)),
+            ("small and aside", self.path(PathKind::Lissajous, Some(small), 7.0, [0.93, 0.05, 0.97])),
+            ("square, slow", self.path(PathKind::Square, Some(Size::One(0.12)), 9.0, CENTRE)),
+        ]
+    }
+
+    /// A path with the first joint far beyond all on which the machine was commissioned: in 6 s.
+    pub fn far_outside(self) -> PathSpec {
+        self.path(PathKind::Lissajous, Some(Size::Axes([0.1, 0.1, 0.05])), 6.0, [0.65, 0.55, 0.75])
+    }
+
+    /// A path in `seconds` s where the first one takes 6 s.
+    fn path(self, kind: PathKind, size: Option<Size>, seconds: f64, centre: [f64; 3]) -> PathSpec {
+        PathSpec { kind, size, period: seconds * self.period / 6.0, centre, ..PathSpec::default() }
+    }
 }
 
-/// A path with the first joint far beyond all on which the machine was commissioned.
-pub fn far_outside() -> PathSpec {
-    path(PathKind::Lissajous, Some(Size::Axes([0.1, 0.1, 0.05])), 6.0, [0.65, 0.55, 0.75])
-}
-
-fn path(kind: PathKind, size: Option<Size>, period: f64, centre: [f64; 3]) -> PathSpec {
-    PathSpec { kind, size, period, centre, ..PathSpec::default() }
-}
+/// Middle of most paths, base frame, m.
+const CENTRE: [f64; 3] = [0.95, 0.0, 0.95];

@@ -22,7 +22,7 @@ use freeplay_terminal::files::{make_folder, read_json, write};
 use serde::{Deserialize, Serialize};
 
 use bench::{Bench, Way};
-use machines::{far_outside, judged};
+use machines::Paths;
 use outcome::Cell;
 
 pub use machines::{Machine, all};
@@ -38,16 +38,26 @@ const OUTCOME: &str = "outcome.json";
 struct Kept {
     version: String,
     seed: u64,
+    period: f64,
     truth: String,
     outcome: Outcome,
 }
 
-/// The outcome of `machine` that an earlier call with the same seed, program and concealed effects left in `out`; none if there is none.
-pub fn kept(machine: &Machine, seed: u64, out: &Path) -> Option<Outcome> {
+/// What all machines of a demonstration share.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Time of a lap of the first path, s; the others are in proportion.
+    pub period: f64,
+    /// Seed of all noise.
+    pub seed: u64,
+}
+
+/// The outcome of `machine` that an earlier call with the same settings, program and concealed effects left in `out`; none if there is none.
+pub fn kept(machine: &Machine, settings: Settings, out: &Path) -> Option<Outcome> {
     let file = out.join(OUTCOME);
     let kept: Kept = file.is_file().then(|| read_json(&file, "an outcome").ok()).flatten()?;
     let is_same = kept.version == env!("CARGO_PKG_VERSION")
-        && kept.seed == seed
+        && (kept.seed, kept.period.to_bits()) == (settings.seed, settings.period.to_bits())
         && kept.truth == to_toml(&truth(machine));
     is_same.then_some(kept.outcome)
 }
@@ -60,13 +70,15 @@ fn truth(machine: &Machine) -> ArmFile {
 ///
 /// # Errors
 /// A run of the commissioning that fails, or a file that can't be written.
-pub fn outcome(machine: &Machine, seed: u64, out: &Path) -> Result<Outcome, Failure> {
+pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outcome, Failure> {
+    let Settings { period, seed } = settings;
+    let paths = Paths { period };
     make_folder(out)?;
     let nominal = paper_arm();
     let truth = truth(machine);
     let concealed = to_toml(&truth);
     write(&out.join("truth.toml"), &concealed)?;
-    let bench = Bench::new(truth, seed)?;
+    let bench = Bench::new(truth, paths, seed)?;
     let (given, found) = (out.join("nominal.toml"), out.join("model.toml"));
     write(&given, &to_toml(&nominal))?;
     let first = bench.commission(&given)?;
@@ -94,7 +106,7 @@ pub fn outcome(machine: &Machine, seed: u64, out: &Path) -> Result<Outcome, Fail
         way("narx-qp", &found),
     ];
     let (mut cells, mut courses) = (Vec::new(), Vec::new());
-    for (name, path) in judged() {
+    for (name, path) in paths.judged() {
         let ran = ways.iter().map(|way| bench.reached(*way, &path).ok());
         let (reached, drawn): (Vec<_>, Vec<_>) =
             ran.map(|ran| ran.map_or((None, Vec::new()), |(reached, course)| (Some(reached), course))).unzip();
@@ -103,7 +115,7 @@ pub fn outcome(machine: &Machine, seed: u64, out: &Path) -> Result<Outcome, Fail
     }
     let far = [false, true].map(|has_weights| {
         let way = Way { controller: "narx-qp", model: &found, has_weights };
-        bench.reached(way, &far_outside()).ok().map(|(reached, _)| reached)
+        bench.reached(way, &paths.far_outside()).ok().map(|(reached, _)| reached)
     });
     let outcome = Outcome {
         machine: machine.name.to_owned(),
@@ -120,7 +132,7 @@ pub fn outcome(machine: &Machine, seed: u64, out: &Path) -> Result<Outcome, Fail
         far,
     };
     write(&out.join("report.html"), &page::of_machine(&outcome, both, &courses).to_html())?;
-    let kept = Kept { version: env!("CARGO_PKG_VERSION").to_owned(), seed, truth: concealed, outcome };
+    let kept = Kept { version: env!("CARGO_PKG_VERSION").to_owned(), seed, period, truth: concealed, outcome };
     write(&out.join(OUTCOME), &serde_json::to_string_pretty(&kept).map_err(Failure::internal)?)?;
     Ok(kept.outcome)
 }
