@@ -32,7 +32,8 @@ fn what_is_found_helps_the_controller() {
 fn what_has_no_name_is_learned_and_taken_out() {
     let place = fresh_folder();
     let demo = |more: &[&str]| {
-        let mut arguments = vec!["demo", "--case", "warped", "--period", "2", "--out", "out", "--format", "json"];
+        let mut arguments =
+            vec!["demo", "--case", "warped", "--period", "2", "--out", "out", "--format", "json"];
         arguments.extend(more);
         let mut call = Call::new(fresh_folder(), &arguments);
         call.command.current_dir(place.path());
@@ -49,7 +50,8 @@ fn what_has_no_name_is_learned_and_taken_out() {
     }
     let checks = said["checks"][0].as_array().expect("checks");
     assert!(checks.len() == 3 && checks.iter().all(|check| check["holds"] == true), "{checks:#?}");
-    for (file, words) in [("report.html", "warped"), ("warped/report.html", "Where the network may be used")] {
+    for (file, words) in [("report.html", "warped"), ("warped/report.html", "Where the network may be used")]
+    {
         let page = std::fs::read_to_string(place.path().join("out").join(file)).expect("a page");
         assert!(page.contains(words), "{file}");
     }

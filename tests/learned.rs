@@ -17,9 +17,7 @@ const WEIGHTS: &str = "nominal.weights.json";
 fn weights(folder: &Path) -> Value {
     let file = freeplay_arm::load(&folder.join(NOMINAL)).expect("an arm");
     let names: Vec<String> = (1..=6).map(|joint| format!("position_{joint}")).collect();
-    let axis = |lowest: f64| {
-        json!({ "lowest": lowest, "highest": 0.0, "share": 1.0, "rms_um": 600.0, "left_um": 10.0, "r": null })
-    };
+    let axis = |lowest: f64| json!({ "lowest": lowest, "highest": 0.0, "share": 1.0, "rms_um": 600.0, "left_um": 10.0, "r": null });
     let (zeros, ones) = ([0.0; 6], [1.0; 6]);
     let mut of_outputs = vec![0.0; 21];
     of_outputs[14] = -0.6e-3;
@@ -71,7 +69,14 @@ fn freeplay(folder: &Path, arguments: &[&str]) -> Ran {
 /// A run of `narx-qp` with the model of `folder` and the keys `sets`.
 fn run(folder: &Path, out: &str, sets: &[&str]) -> Ran {
     let mut arguments = vec!["run", "--controller", "narx-qp", "--out", out, "--format", "json"];
-    arguments.extend(["--set", "controller.model=nominal.toml", "--set", "duration=1", "--set", "path.period=3"]);
+    arguments.extend([
+        "--set",
+        "controller.model=nominal.toml",
+        "--set",
+        "duration=1",
+        "--set",
+        "path.period=3",
+    ]);
     sets.iter().for_each(|set| arguments.extend(["--set", *set]));
     freeplay(folder, &arguments)
 }
@@ -140,7 +145,15 @@ fn verdicts(folder: &Path, command: &[&str], more: &[&str]) -> Value {
     let out = if more.is_empty() { "with" } else { "without" };
     let mut arguments = command.to_vec();
     let out = format!("{}-{out}", command[0]);
-    arguments.extend(["--quiet", "--out", &out, "--format", "json", "--set", "controller.model=nominal.toml"]);
+    arguments.extend([
+        "--quiet",
+        "--out",
+        &out,
+        "--format",
+        "json",
+        "--set",
+        "controller.model=nominal.toml",
+    ]);
     arguments.extend(more);
     let ran = freeplay(folder, &arguments).expect(0);
     serde_json::from_str(&ran.stdout()).expect("JSON")
@@ -159,7 +172,8 @@ fn an_exam_has_the_same_verdicts_with_and_without_weights() {
         let said = verdicts(place.path(), &command, more);
         let verdicts = said["verdicts"].as_array().expect("verdicts");
         let judged = |verdict: &Value| {
-            ["kind", "holds", "detected", "bad_applied", "most_held", "slowest"].map(|key| verdict[key].clone())
+            ["kind", "holds", "detected", "bad_applied", "most_held", "slowest"]
+                .map(|key| verdict[key].clone())
         };
         verdicts.iter().map(judged).collect::<Vec<_>>()
     };
@@ -172,7 +186,8 @@ fn an_exam_has_the_same_verdicts_with_and_without_weights() {
 #[test]
 fn swaps_hold_with_and_without_weights() {
     let place = place();
-    let command = ["swap", "--controller", "narx-qp", "--controller", "quasi-static", "--swaps", "6", "--per-run", "6"];
+    let command =
+        ["swap", "--controller", "narx-qp", "--controller", "quasi-static", "--swaps", "6", "--per-run", "6"];
     for more in [&[][..], &NONE] {
         let said = verdicts(place.path(), &command, more);
         println!("{:#}", said["verdicts"]);

@@ -23,7 +23,15 @@ fn layout(input_lags: &[usize], output_lags: &[usize], horizon: usize) -> Layout
 
 fn recipe(layout: Layout, hidden: &[usize]) -> Recipe {
     let settings = Settings { epochs: 100, ..Settings::default() };
-    Recipe { layout, hidden: hidden.to_vec(), activation: Activation::Tanh, seed: 1, settings, decay: false }
+    Recipe {
+        layout,
+        groups: Vec::new(),
+        hidden: hidden.to_vec(),
+        activation: Activation::Tanh,
+        seed: 1,
+        settings,
+        decay: false,
+    }
 }
 
 fn fit(series: &Series, split: &Split, recipe: &Recipe) -> Result<Trained, TrainError> {

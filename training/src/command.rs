@@ -22,8 +22,8 @@ use serde::Serialize;
 use crate::bounds::{around, confirmed};
 use crate::choice::{Answers, HeldOut, Tried, choose, held_out, scored};
 use crate::data::Data;
-use crate::recorded::{RecordedRun, files, name_of, task_of};
 use crate::forecast::{Forecast, forecasts};
+use crate::recorded::{RecordedRun, files, name_of, task_of};
 use crate::rehearsal::{Course, Rehearsal, can_decide};
 use crate::structure::{Fitting, Structure, fitted};
 
@@ -197,7 +197,7 @@ pub fn train(
     can_decide(&task, period)?;
     let task = Task { rate: (1.0 / period).round(), ..task };
     let stride = ((EVERY / period).round() as usize).max(1);
-    let fitting = Fitting { stride, epochs: settings.epochs, seed: settings.seed };
+    let fitting = Fitting { stride, epochs: settings.epochs, seed: settings.seed, joints: data.joints() };
     let (structure, held, mut tried) = choose(&data, fitting)?;
     let (structure, held) = if settings.hidden.is_empty() {
         (structure, held)
@@ -344,7 +344,8 @@ fn words(trained: &Trained) -> String {
         );
     }
     if !trained.receipt.runs.is_empty() {
-        let _ = writeln!(text, "chance   {:.3} % of runs as good without any use", 1e2 * trained.receipt.chance);
+        let _ =
+            writeln!(text, "chance   {:.3} % of runs as good without any use", 1e2 * trained.receipt.chance);
     }
     let _ = writeln!(text, "{}", trained.verdict_in_words());
     text

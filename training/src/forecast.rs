@@ -29,11 +29,8 @@ pub fn forecasts(
     (trust, axes): (&[[f64; 2]], &[Axis; 3]),
     stride: usize,
 ) -> Vec<Forecast> {
-    let mut all: Vec<Forecast> = data
-        .runs
-        .iter()
-        .map(|run| Forecast { name: run.name.clone(), ..Forecast::default() })
-        .collect();
+    let mut all: Vec<Forecast> =
+        data.runs.iter().map(|run| Forecast { name: run.name.clone(), ..Forecast::default() }).collect();
     for one in held {
         let trained = data.windows(stride, 0, |run| data.folds[run] != one.fold);
         let region = Region { trust: trust.to_vec(), ..around(data, inputs, &trained) };

@@ -1,7 +1,9 @@
 //! What was learned as a page: key numbers, the forecasts of held-out paths, the tool's deviation before and after, and where it may be used.
 
 use freeplay_controller::remainder::WeightFile;
-use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Drawing, Figure, Mark, Section, Series, Table, Verdict};
+use freeplay_report::{
+    Axis, Block, Cell, Chart, Column, Document, Drawing, Figure, Mark, Section, Series, Table, Verdict,
+};
 
 use crate::choice::{Tried, rms};
 use crate::command::Trained;
@@ -27,12 +29,13 @@ pub fn document(trained: &Trained) -> Document {
 /// Key numbers: what is left of the remainder, and how sure that is.
 fn figures(trained: &Trained) -> Vec<Figure> {
     let axes = &trained.file.learned.axes;
-    let total = |of: fn(&freeplay_controller::remainder::Axis) -> f64| axes.iter().map(|axis| of(axis).powi(2)).sum::<f64>().sqrt();
+    let total = |of: fn(&freeplay_controller::remainder::Axis) -> f64| {
+        axes.iter().map(|axis| of(axis).powi(2)).sum::<f64>().sqrt()
+    };
     let (before, after) = (total(|axis| axis.rms_um), total(|axis| axis.left_um));
     let receipt = &trained.receipt;
-    let mean = |of: fn(&freeplay_controller::remainder::Rehearsed) -> f64| {
-        1e3 * rms(receipt.runs.iter().map(of))
-    };
+    let mean =
+        |of: fn(&freeplay_controller::remainder::Rehearsed) -> f64| 1e3 * rms(receipt.runs.iter().map(of));
     let mut figures = vec![
         Figure::new("remainder on held-out paths, RMS", format!("{before:.1} → {after:.1}"), "µm")
             .note("what the tracker saw beyond the model, less the forecast"),
@@ -93,8 +96,13 @@ fn along(forecast: &Forecast) -> Drawing {
             .in_view(0.0)
             .height(180)
     };
-    let drawing = Drawing::new(format!("The path of {} as the network of the other paths forecasts it", forecast.name))
-        .caption("What the tracker saw of the tool beyond the model, and the forecast within its bounds, base frame.");
+    let drawing = Drawing::new(format!(
+        "The path of {} as the network of the other paths forecasts it",
+        forecast.name
+    ))
+    .caption(
+        "What the tracker saw of the tool beyond the model, and the forecast within its bounds, base frame.",
+    );
     (0..AXES.len()).fold(drawing, |drawing, axis| drawing.panel(panel(axis)))
 }
 

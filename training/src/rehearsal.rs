@@ -199,7 +199,8 @@ mod tests {
     use freeplay_controller::remainder::Rehearsed;
 
     fn proved(pairs: &[(f64, f64)], folds: &[usize]) -> bool {
-        let run = |&(without_mm, with_mm): &(f64, f64)| Rehearsed { name: String::new(), without_mm, with_mm };
+        let run =
+            |&(without_mm, with_mm): &(f64, f64)| Rehearsed { name: String::new(), without_mm, with_mm };
         let receipt = verdict(pairs.iter().map(run).collect(), folds);
         println!("{pairs:?}: chance {:.4}", receipt.chance);
         receipt.proved
@@ -210,7 +211,10 @@ mod tests {
         assert!(proved(&[(0.6, 0.06), (0.5, 0.1), (0.7, 0.05)], &[0, 1, 2]));
         assert!(!proved(&[(0.6, 0.06), (0.5, 0.499), (0.7, 0.71)], &[0, 1, 2]), "one path is no proof");
         assert!(!proved(&[(0.6, 0.06), (0.5, 0.1), (0.1, 0.11)], &[0, 1, 2]), "one path is worse");
-        assert!(!proved(&[(0.6, 0.3), (0.6, 0.3), (0.5, 0.49)], &[0, 0, 1]), "two runs of one path are one draw");
+        assert!(
+            !proved(&[(0.6, 0.3), (0.6, 0.3), (0.5, 0.49)], &[0, 0, 1]),
+            "two runs of one path are one draw"
+        );
         assert!(!proved(&[(2e-5, 1e-6), (2e-5, 3e-6), (2e-5, 4e-5)], &[0, 1, 2]), "less than what counts");
     }
 }

@@ -323,7 +323,8 @@ impl WeightFile {
         if found.input_names() != names {
             return other("the inputs", found.input_names().join(", "), names.join(", "));
         }
-        let (found, wanted) = (self.learned.region.gain.len(), input_names(&self.learned.region.inputs, joints).len());
+        let (found, wanted) =
+            (self.learned.region.gain.len(), input_names(&self.learned.region.inputs, joints).len());
         if found != wanted {
             return other("a region of", format!("{found} inputs"), format!("{wanted}"));
         }

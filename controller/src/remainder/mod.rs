@@ -60,7 +60,10 @@ impl Remainder {
     /// # Errors
     /// Numbers that don't fit together.
     pub fn new(file: &WeightFile, arm: &Arm, period: f64) -> Result<Remainder, WeightError> {
-        let network = file.narx()?.in_own_units().map_err(|source| WeightError::Inconsistent { what: source.to_string() })?;
+        let network = file
+            .narx()?
+            .in_own_units()
+            .map_err(|source| WeightError::Inconsistent { what: source.to_string() })?;
         let learned = &file.learned;
         Ok(Remainder {
             inputs: Inputs::new(arm, &learned.region.inputs, period),

@@ -1,6 +1,7 @@
 //! Where a learned remainder may be used: the distance of a motion from those that trained, and how much held-out motions at that
 //! distance confirmed.
 
+use freeplay_predictor::scaling::LEAST_RANGE;
 use serde::{Deserialize, Serialize};
 
 use crate::remainder::InputGroup;
@@ -26,14 +27,15 @@ pub struct Region {
 impl Region {
     /// What the region of a network looks at that looks at `network`: that, position and velocity.
     pub fn inputs_for(network: &[InputGroup]) -> Vec<InputGroup> {
-        let more = [InputGroup::Position, InputGroup::Velocity].into_iter().filter(|group| !network.contains(group));
+        let more =
+            [InputGroup::Position, InputGroup::Velocity].into_iter().filter(|group| !network.contains(group));
         network.iter().copied().chain(more).collect()
     }
 
     /// The region around `rows`, the trained `inputs` of an arm with `joints` joints, with at most `most` centres and no trust yet: the inputs that are farthest from those taken
     /// before, one after the other (Gonzalez 1985: within twice the least radius that so many centres can have).
     ///
-    /// A channel counts in units of half its trained range, but its range is at least `LEAST_RANGE` of the widest of its group: one that
+    /// A channel counts in units of half its trained range, but its range is at least [`LEAST_RANGE`] of the widest of its group: one that
     /// never moved in training would else be at an infinite distance for a rounding error.
     pub fn around(rows: &[Vec<f64>], inputs: &[InputGroup], joints: usize, most: usize) -> Region {
         let width = rows.first().map_or(0, Vec::len);
@@ -140,9 +142,6 @@ impl NearestCentre {
     }
 }
 
-/// Least range of a channel, share of the widest of its group.
-const LEAST_RANGE: f64 = 0.05;
-
 /// Of `rows` those that are farthest from the ones taken before, the first first, at most `most`.
 fn spread(rows: &[Vec<f64>], most: usize) -> Vec<Vec<f64>> {
     let square = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum() };
@@ -190,7 +189,10 @@ mod tests {
 
     fn line() -> Region {
         let rows: Vec<Vec<f64>> = (0..=100).map(|k| vec![f64::from(k) * 0.02, 3.0]).collect();
-        Region { trust: vec![[0.1, 0.9], [0.5, 0.4], [1.0, 0.0]], ..Region::around(&rows, &[InputGroup::Position], 2, 64) }
+        Region {
+            trust: vec![[0.1, 0.9], [0.5, 0.4], [1.0, 0.0]],
+            ..Region::around(&rows, &[InputGroup::Position], 2, 64)
+        }
     }
 
     /// One channel moved by 2, so that its unit is 1; the other never did, and counts in 5 % of that.

@@ -145,7 +145,11 @@ pub fn claim(improved: &[Improved]) -> Claim {
             _ => ("path", "the path has no sharp corners"),
         };
         Row {
-            situation: format!("{}, {}, T = {period} s, c = {clearance} mm", path_name(path), drive_name(Drive::Torque)),
+            situation: format!(
+                "{}, {}, T = {period} s, c = {clearance} mm",
+                path_name(path),
+                drive_name(Drive::Torque)
+            ),
             tags: vec![tag],
             values: vec![one.without, one.with, 1e2 * one.taken()],
             reference: vec![None; 3],
@@ -186,7 +190,8 @@ mod tests {
 
     #[test]
     fn the_verdict_follows_the_runs() {
-        let run = |path, with| Improved { task: Task { path, period: 6.0, clearance: 0.6 }, without: 0.6, with };
+        let run =
+            |path, with| Improved { task: Task { path, period: 6.0, clearance: 0.6 }, without: 0.6, with };
         let (smooth, sharp) = (PathKind::Lissajous, PathKind::SquareSharp);
         let all = claim(&[run(smooth, 0.02), run(sharp, 0.2)]);
         assert_eq!(all.ruling, Ruling::Holds);

@@ -145,7 +145,8 @@ fn find(args: &ReproduceArgs) -> Result<Reproduction, Failure> {
         let mut clearances: Vec<f64> = tasks.iter().map(|task| task.clearance).collect();
         clearances.sort_by(f64::total_cmp);
         clearances.dedup();
-        let found = over("improving", clearances.len(), |index| improvement::improved(clearances[index], &tasks))?;
+        let found =
+            over("improving", clearances.len(), |index| improvement::improved(clearances[index], &tasks))?;
         improved = found.into_iter().flatten().collect();
     }
     let mut claims = Evidence { runs: &runs, independent: &independent, scope: &scope }.claims();
@@ -155,7 +156,17 @@ fn find(args: &ReproduceArgs) -> Result<Reproduction, Failure> {
     if !improved.is_empty() {
         claims.push(improvement::claim(&improved));
     }
-    Ok(Reproduction { command: command(args), scope, runs, orbits, studies, played, improved, claims, independent })
+    Ok(Reproduction {
+        command: command(args),
+        scope,
+        runs,
+        orbits,
+        studies,
+        played,
+        improved,
+        claims,
+        independent,
+    })
 }
 
 /// What was typed, as far as it decides on the numbers.

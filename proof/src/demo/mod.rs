@@ -113,7 +113,8 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
 
 /// Plays the machines with something nameless.
 fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exit, Failure> {
-    let names: Vec<&str> = machines.iter().map(|machine| machine.name).chain(["nameless.json", "report.html"]).collect();
+    let names: Vec<&str> =
+        machines.iter().map(|machine| machine.name).chain(["nameless.json", "report.html"]).collect();
     let folder = claim(args.out.as_deref(), &names, args.force || args.resume)?;
     let out = folder.path();
     let stop = Arc::new(AtomicBool::new(false));

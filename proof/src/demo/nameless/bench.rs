@@ -98,7 +98,12 @@ impl Bench {
                 recorder.keep(tick);
             } else if tick.state.tick % DRAWN == 0 {
                 let desired = forward_kinematics(arm, &mut workspace, &tick.state.reference.q[..arm.dof()]);
-                let off = desired.translation.vector.iter().zip(&tick.state.tool).map(|(desired, tool)| tool - desired);
+                let off = desired
+                    .translation
+                    .vector
+                    .iter()
+                    .zip(&tick.state.tool)
+                    .map(|(desired, tool)| tool - desired);
                 course.push(1e3 * off.map(|off| off * off).sum::<f64>().sqrt());
             }
         })?;

@@ -40,8 +40,7 @@ pub fn all() -> Vec<Machine> {
     let rub = || with("coulomb_friction", Some("joint_3"), [("coulomb", 20.0.into())]);
     let machine = |name, hidden, effects: Vec<Option<EffectTable>>| {
         let effects: Vec<EffectTable> = effects.into_iter().flatten().collect();
-        let is_nameless =
-            effects.iter().any(|effect| NAMELESS.iter().any(|kind| kind.name == effect.kind));
+        let is_nameless = effects.iter().any(|effect| NAMELESS.iter().any(|kind| kind.name == effect.kind));
         Machine { name, hidden, effects, is_nameless }
     };
     vec![

@@ -14,6 +14,7 @@ mod text;
 use std::path::Path;
 
 use freeplay_arm::{ArmFile, paper_arm, to_toml};
+use freeplay_controller::remainder::Receipt;
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
 use freeplay_harness::weights::beside;
 use freeplay_recording::Recording;
@@ -96,25 +97,31 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
     } else {
         Some(bench.learn(&bench.commission(&found)?, &found)?)
     };
-    let both = second.as_ref().unwrap_or(&alone);
+    // What was named without being there may be harder to learn around than nothing: the simulated runs tell.
+    let (both, chosen) = match &second {
+        Some(second) if left(&second.receipt) <= left(&alone.receipt) => (second, &found),
+        Some(_) => (&alone, &given),
+        None => (&alone, &found),
+    };
     let way = |controller, model| Way { controller, model, has_weights: true };
     let ways = [
         way("computed-torque", &given),
         way("quasi-static", &given),
         way("quasi-static", &found),
         way("narx-qp", &given),
-        way("narx-qp", &found),
+        way("narx-qp", chosen),
     ];
     let (mut cells, mut courses) = (Vec::new(), Vec::new());
     for (name, path) in paths.judged() {
         let ran = ways.iter().map(|way| bench.reached(*way, &path).ok());
-        let (reached, drawn): (Vec<_>, Vec<_>) =
-            ran.map(|ran| ran.map_or((None, Vec::new()), |(reached, course)| (Some(reached), course))).unzip();
+        let (reached, drawn): (Vec<_>, Vec<_>) = ran
+            .map(|ran| ran.map_or((None, Vec::new()), |(reached, course)| (Some(reached), course)))
+            .unzip();
         cells.push(Cell { path: name.to_owned(), reached });
         courses.push((name, drawn));
     }
     let far = [false, true].map(|has_weights| {
-        let way = Way { controller: "narx-qp", model: &found, has_weights };
+        let way = Way { controller: "narx-qp", model: chosen, has_weights };
         bench.reached(way, &paths.far_outside()).ok().map(|(reached, _)| reached)
     });
     let outcome = Outcome {
@@ -127,14 +134,24 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
             .and_then(|verdict| verdict.as_str().map(str::to_owned))
             .unwrap_or_default(),
         named,
-        proved: [alone.receipt.proved, both.receipt.proved],
+        proved: [alone.receipt.proved, second.as_ref().unwrap_or(&alone).receipt.proved],
+        is_nominal: chosen == &given,
         cells,
         far,
     };
     write(&out.join("report.html"), &page::of_machine(&outcome, both, &courses).to_html())?;
-    let kept = Kept { version: env!("CARGO_PKG_VERSION").to_owned(), seed, period, truth: concealed, outcome };
+    let kept =
+        Kept { version: env!("CARGO_PKG_VERSION").to_owned(), seed, period, truth: concealed, outcome };
     write(&out.join(OUTCOME), &serde_json::to_string_pretty(&kept).map_err(Failure::internal)?)?;
     Ok(kept.outcome)
+}
+
+/// What the simulated runs of `receipt` leave, as the mean logarithm of it; infinite for weights that are not proved.
+fn left(receipt: &Receipt) -> f64 {
+    if !receipt.proved {
+        return f64::INFINITY;
+    }
+    receipt.runs.iter().map(|run| run.with_mm.ln()).sum::<f64>() / receipt.runs.len() as f64
 }
 
 fn diagnosed(nominal: &ArmFile, recordings: &[(String, Recording)], seed: u64) -> Result<Diagnosis, Failure> {

@@ -46,9 +46,11 @@ pub struct Outcome {
     pub named: Vec<String>,
     /// Whether the weights on the nominal and on the diagnosed model proved themselves.
     pub proved: [bool; 2],
+    /// Whether the last way has the nominal model: with its network the simulated runs left less than with the diagnosed one's.
+    pub is_nominal: bool,
     /// The paths.
     pub cells: Vec<Cell>,
-    /// On a path far outside of all that trained: `narx-qp` on the diagnosed model without and with the network.
+    /// On a path far outside of all that trained: `narx-qp` on the model of the last way without and with the network.
     pub far: [Option<Reached>; 2],
 }
 
@@ -95,7 +97,8 @@ impl Cell {
 
     /// By how much the network changes what the diagnosed model leaves, mm.
     fn change(&self) -> f64 {
-        let rms = |way: usize| self.reached.get(way).copied().flatten().map_or(f64::NAN, |reached| reached.rms);
+        let rms =
+            |way: usize| self.reached.get(way).copied().flatten().map_or(f64::NAN, |reached| reached.rms);
         (rms(4) - rms(2)).abs()
     }
 }
@@ -143,6 +146,7 @@ mod tests {
             verdict: String::new(),
             named: Vec::new(),
             proved: [true; 2],
+            is_nominal: false,
             cells: vec![cell],
             far: far.map(reached),
         }
@@ -167,6 +171,10 @@ mod tests {
         is(outcome([0.6, 0.5, 0.01, 0.02, 0.009], [0.1, 0.1], false), "nothing is missing");
         let mut cut = outcome([0.6, 0.5, 0.1, 0.02, 0.01], [0.1, 0.1], true);
         cut.cells[0].reached[4] = None;
-        assert_eq!(failing(&cut).len(), 2, "a run that did not end well is neither best nor takes anything away");
+        assert_eq!(
+            failing(&cut).len(),
+            2,
+            "a run that did not end well is neither best nor takes anything away"
+        );
     }
 }

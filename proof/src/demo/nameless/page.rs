@@ -67,15 +67,19 @@ fn section(outcome: &Outcome) -> Section {
         proved(outcome.proved[1]),
         outcome.machine
     );
-    checked(outcome, Section::new(outcome.machine.clone()).with(words))
+    let mut section = Section::new(outcome.machine.clone()).with(words);
+    if outcome.is_nominal {
+        section =
+            section.with("The simulated runs left less on the nominal model, so that the last way has it.");
+    }
+    checked(outcome, section)
 }
 
 /// The checks of `outcome`, and what it reached far outside the training, below `section`.
 fn checked(outcome: &Outcome, section: Section) -> Section {
     let checks = outcome.checks().into_iter();
-    let mut section = checks.fold(section, |section, check| {
-        section.with((Verdict::passed(check.holds), check.what.to_owned()))
-    });
+    let mut section = checks
+        .fold(section, |section, check| section.with((Verdict::passed(check.holds), check.what.to_owned())));
     if let [Some(without), Some(with)] = outcome.far {
         section = section.with(format!(
             "On a path far outside the training `narx-qp` leaves {:.4} mm RMS without the network and {:.4} mm with it.",

@@ -35,6 +35,11 @@ pub fn text(outcomes: &[Outcome]) -> String {
             proved(outcome.proved[0]),
             proved(outcome.proved[1])
         );
+        if outcome.is_nominal {
+            text.push_str(
+                "    the simulated runs left less on the nominal model: it is the model of the last way\n",
+            );
+        }
         if let [Some(without), Some(with)] = outcome.far {
             let _ = writeln!(
                 text,
