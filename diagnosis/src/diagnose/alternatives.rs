@@ -2,6 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use freeplay_arm::Arm;
+
+use super::candidate::Candidate;
 use super::conclude::{called, is_told};
 use super::report::{Alternative, EvidenceRow};
 use super::search::Search;
@@ -9,7 +12,7 @@ use super::system::Fit;
 use super::words;
 
 /// Most alternatives of one finding that are listed.
-const LISTED: usize = 3;
+pub(crate) const LISTED: usize = 3;
 
 /// Another effect in the place of a finding.
 #[derive(Clone, Copy, Debug)]
@@ -73,8 +76,11 @@ fn nearest(search: &Search, without: &Fit, member: usize) -> Vec<usize> {
 
 fn alternative(search: &Search, &Tried { member, index, against }: &Tried) -> Alternative {
     let system = &search.system;
-    let (named, other) = (system.candidate(member), system.candidate(index));
-    let arm = system.data.arm();
+    instead(system.data.arm(), system.candidate(member), system.candidate(index), against)
+}
+
+/// That `other` in the place of what is `named` makes the log of the evidence fall by `against`.
+pub(crate) fn instead(arm: &Arm, named: &Candidate, other: &Candidate, against: f64) -> Alternative {
     let separates = named.kind.confounders.iter().find(|(kind, _)| *kind == other.kind.name);
     let back = other.kind.confounders.iter().find(|(kind, _)| *kind == named.kind.name);
     let words = separates.or(back).map_or("a motion in which the two differ", |(_, words)| *words);

@@ -10,7 +10,7 @@ use toml::{Table, Value};
 
 use super::columns::dot;
 use super::data::{Column, Data, REMEMBERED};
-use super::moments::{in_one_recording, struck, window};
+use super::moments::{Moments, in_one_recording, window};
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
 use crate::residual::Kind;
@@ -59,8 +59,6 @@ pub(crate) struct Candidate {
     shown: Vec<usize>,
     /// Number of all terms of the law.
     all: usize,
-    /// The log odds for it where a search of its own has seen it: nothing takes it away again.
-    pub seen: Option<f64>,
 }
 
 impl Candidate {
@@ -111,19 +109,18 @@ impl Candidate {
             parts,
             shown,
             all,
-            seen: None,
         }))
     }
 
     /// The same effect in another `form`; `None` if the motion shows nothing of it, or other terms.
     pub fn reformed(&self, data: &Data, form: Form) -> Option<Self> {
         let other = Self::new(data, self.kind, self.joint, form).ok()??;
-        (other.shown == self.shown).then_some(Self { forms: self.forms, seen: self.seen, ..other })
+        (other.shown == self.shown).then_some(Self { forms: self.forms, ..other })
     }
 
-    /// The same, seen with these log `odds` by a search of its own.
-    pub fn seen_with(self, odds: f64) -> Self {
-        Self { seen: Some(odds), ..self }
+    /// The same as one of so many forms that were laid out.
+    pub fn one_of(self, forms: usize) -> Self {
+        Self { forms, ..self }
     }
 
     /// Number of coefficients.
@@ -244,18 +241,14 @@ pub(crate) fn places(kind: &EffectKind, arm: &Arm) -> Vec<Option<usize>> {
     }
 }
 
-/// Every effect that the recordings can show, in every form, and those that they can't, where the model leaves `left` of every row.
-pub(crate) fn candidates(
-    data: &Data,
-    left: &[Vec<f64>],
-    progress: &mut dyn FnMut(&str),
-) -> (Vec<Candidate>, Vec<Untestable>) {
+/// Every effect that the recordings can show, in every form, and those that they can't.
+pub(crate) fn candidates(data: &Data, progress: &mut dyn FnMut(&str)) -> (Vec<Candidate>, Vec<Untestable>) {
     let (mut all, mut untestable) = (Vec::new(), Vec::new());
     let count = kinds().count();
     for (number, kind) in kinds().enumerate() {
         progress(&format!("laying out what might be missing: {} of {count} laws", number + 1));
         for joint in places(kind, data.arm()) {
-            match at_place(data, kind, joint, left) {
+            match at_place(data, kind, joint, None) {
                 Ok((found, lacks)) => {
                     all.extend(found);
                     untestable.extend(lacks.map(|because| untestable_at(data, kind, joint, because)));
@@ -282,7 +275,7 @@ pub(crate) fn at_place(
     data: &Data,
     kind: &'static EffectKind,
     joint: Option<usize>,
-    left: &[Vec<f64>],
+    moments: Option<&Moments>,
 ) -> Result<(Vec<Candidate>, Option<String>), String> {
     let lacks = |of: &dyn Fn(&Place, &Stage) -> Option<String>| {
         let stages = data.stages.iter();
@@ -294,7 +287,7 @@ pub(crate) fn at_place(
         return Err(because);
     }
     let (mut found, mut refused) = (Vec::new(), None);
-    for form in forms(data, kind, joint, left) {
+    for form in forms(data, kind, joint, moments) {
         match Candidate::new(data, kind, joint, form) {
             Ok(candidate) => found.extend(candidate),
             Err(error) => refused = Some(error.to_string()),
@@ -336,7 +329,7 @@ fn meet(one: &Table, other: &Table) -> bool {
 }
 
 /// The forms of `kind` at `joint` that are laid out.
-fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, left: &[Vec<f64>]) -> Vec<Form> {
+fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, moments: Option<&Moments>) -> Vec<Form> {
     let shapes_of = |stage: &Stage| (kind.shapes)(&Place { scene: stage.baseline(kind).scene(), joint });
     if !kind.happens() {
         return shapes_of(fastest(data, joint)).into_iter().map(Form::of).collect();
@@ -344,7 +337,8 @@ fn forms(data: &Data, kind: &EffectKind, joint: Option<usize>, left: &[Vec<f64>]
     // Each recording has a clock of its own, and what happens at a time happens in that recording alone.
     let mut forms = Vec::new();
     for (index, stage) in data.stages.iter().enumerate() {
-        let shapes = shapes_of(stage).into_iter().chain(struck(data, kind, joint, index, left));
+        let at_times = moments.map(|moments| moments.shapes(data, kind, joint, index));
+        let shapes = shapes_of(stage).into_iter().chain(at_times.into_iter().flatten());
         forms.extend(shapes.map(|shape| in_one_recording(data, shape, index)));
     }
     forms

@@ -10,6 +10,7 @@ use super::alternatives::{alternatives, rows_of_evidence};
 use super::candidate::Candidate;
 use super::data::{Data, less, sum_of};
 use super::engine::DiagnoseSettings;
+use super::event::{Event, said_by};
 use super::excite::ChannelNoise;
 use super::gain::{Compared, Gain};
 use super::interval::parameters;
@@ -82,13 +83,20 @@ pub(crate) struct Conclusion<'c, 'd, 'a> {
     pub settings: &'c DiagnoseSettings,
     pub search: &'c mut Search<'d, 'a>,
     pub answer: &'c Answer,
+    /// What happened at a time, which the search does not see.
+    pub events: &'c [Event],
+    /// Measured minus the model as given.
+    pub target: &'c [Vec<f64>],
 }
 
 /// A finding on its way to a report: what it is and what shows that, kept together.
 struct Finding {
-    member: usize,
+    /// Its block; `None` of what happened.
+    member: Option<usize>,
     table: EffectTable,
     effect: Effect,
+    /// What it says of every row.
+    said: Vec<Vec<f64>>,
 }
 
 impl<'d, 'a> Conclusion<'_, 'd, 'a> {
@@ -112,25 +120,32 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let system = &self.search.system;
         let Some(fit) = system.held_fit(&self.answer.members) else { return Ok(None) };
         let Some(fit) = self.sure(fit) else { return Ok(None) };
-        let Some(findings) = self.findings(&fit) else { return Ok(None) };
-        let members: Vec<usize> = findings.iter().map(|finding| finding.member).collect();
+        let Some(mut findings) = self.findings(&fit) else { return Ok(None) };
+        let members: Vec<usize> = findings.iter().filter_map(|finding| finding.member).collect();
         let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
         let Some(remains) = self.remains(&fit)? else { return Ok(None) };
         let Some(bare) = self.search.system.held_fit(&[]) else { return Ok(None) };
-        let alternatives = alternatives(self.search, &fit);
-        let maps = self.maps(&self.search.system.left(&bare));
+        let mut alternatives = alternatives(self.search, &fit);
+        alternatives.extend(self.events.iter().flat_map(|event| event.alternatives.iter().cloned()));
+        let data = self.data();
+        let happened = said_by(self.events, self.target);
+        let mut left = self.search.system.left(&bare);
+        left.iter_mut()
+            .zip(&happened)
+            .for_each(|(left, said)| left.iter_mut().zip(said).for_each(|(x, said)| *x += said));
+        let maps = self.maps(&left);
         let errors = self.errors(&remains, &fit);
         let location = self.location(&remains, &maps);
         let verdict = self.verdict(&fit, &alternatives);
-        let data = self.data();
-        let laws = members.iter().enumerate().map(|(place, &member)| {
-            let beta = self.search.system.coefficients(&fit, place);
-            sum_of(
-                self.search.system.candidate(member).columns.iter().zip(beta.iter().copied()),
-                &remains.before,
-            )
-        });
-        let columns = Columns { remains: &remains, laws: laws.collect() };
+        for finding in &mut findings {
+            if let Some(place) = fit.members.iter().position(|member| Some(*member) == finding.member) {
+                let beta = self.search.system.coefficients(&fit, place);
+                let candidate = self.search.system.candidate(fit.members[place]);
+                finding.said = sum_of(candidate.columns.iter().zip(beta.iter().copied()), self.target);
+            }
+        }
+        let laws = findings.iter_mut().map(|finding| std::mem::take(&mut finding.said)).collect();
+        let columns = Columns { remains: &remains, laws };
         let passages = passages(data, &columns);
         let (tables, effects): (Vec<EffectTable>, Vec<Effect>) =
             findings.into_iter().map(|finding| (finding.table, finding.effect)).unzip();
@@ -239,7 +254,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 candidate.columns.iter().any(shows)
             };
             let shown: Vec<usize> = (0..system.data.channels()).filter(|&c| is_shown(&on_test, c)).collect();
-            let held_out = !shown.is_empty() && !candidate.kind.happens();
+            let held_out = !shown.is_empty();
             let (weights, channels) =
                 if held_out { (&on_test, shown) } else { (&on_fit, candidate.channels.clone()) };
             let compared = Compared { before: &without, after: &with, weights };
@@ -248,7 +263,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             if held_out && gain.value <= 0.0 || holds_nothing(candidate, &parameters) {
                 continue;
             }
-            let log_odds = candidate.seen.unwrap_or(fit.value - without_fit.value);
+            let log_odds = fit.value - without_fit.value;
             let mut table = candidate.table(self.arm(), system.coefficients(fit, place));
             let phrase = words::phrase(candidate.kind, &parameters);
             let mut statement = words::statement(&phrase, table.joint.as_deref());
@@ -275,7 +290,11 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 },
                 phrase,
             };
-            found.push(Finding { member, table, effect });
+            found.push(Finding { member: Some(member), table, effect, said: Vec::new() });
+        }
+        for event in self.events {
+            let (table, effect) = event.finding(self.arm());
+            found.push(Finding { member: None, table, effect, said: event.said(self.target) });
         }
         let all: f64 = found.iter().map(|finding| finding.effect.evidence.share.max(0.0)).sum();
         for finding in &mut found {
@@ -291,7 +310,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let joint = candidate.joint.map(|joint| &self.arm().joints()[joint].name);
         let is_same =
             |table: &&EffectTable| table.kind == candidate.kind.name && table.joint.as_ref() == joint;
-        self.file.effects.iter().filter(|_| !candidate.kind.happens()).find(is_same)
+        self.file.effects.iter().find(is_same)
     }
 
     /// What remains of every row; `None` if a fit is singular.
@@ -299,22 +318,17 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let system = &self.search.system;
         let Some(bare) = system.held_fit(&[]) else { return Ok(None) };
         let placed = self.search.system.placed(fit, self.arm(), |_| true);
-        // What happens at a time of one recording does not happen in the others.
-        let as_given = if fit.members.iter().any(|&member| system.candidate(member).form.only.is_some()) {
-            let said = sum_of(system.columns(&fit.members).zip(fit.beta.iter().copied()), &system.target);
-            less(&system.target, &said)
-        } else {
-            system.data.left_with(&placed.iter().collect::<Vec<_>>())?
-        };
+        let with_laws = system.data.left_with(&placed.iter().collect::<Vec<_>>())?;
+        let as_given = less(&with_laws, &said_by(self.events, self.target));
         let tuned = |rows: &[Vec<f64>], fit: &Fit| {
             let mut rows = rows.to_vec();
             system.without_tolerances(&mut rows, &system.tolerances_beside(fit));
             (0..rows.len()).for_each(|channel| system.data.count(channel, &mut rows[channel]));
             rows
         };
-        let retuned = tuned(&system.target, &bare);
+        let retuned = tuned(self.target, &bare);
         Ok(Some(Remains {
-            before: system.target.clone(),
+            before: self.target.to_vec(),
             nameless: less(&retuned, &super::nameless::said(system, &retuned)),
             retuned,
             after: tuned(&as_given, fit),
@@ -338,6 +352,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             names().zip(&system.weights.noise).map(|(c, noise)| (c.name.clone(), Rmse { rmse: *noise }));
         let weights: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
         let members = fit.members.iter().map(|&member| system.candidate(member));
+        let members = members.chain(self.events.iter().map(|event| &event.candidate));
         let mut shown: Vec<usize> = members
             .flat_map(|candidate| candidate.channels.iter().map(|c| c % data.per_stage()))
             .flat_map(|c| (c..data.channels()).step_by(data.per_stage()))
@@ -506,7 +521,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         if !fit.members.iter().all(is_catalogued) || is_left {
             return Verdict::Unknown;
         }
-        if fit.members.is_empty() {
+        if fit.members.is_empty() && self.events.is_empty() {
             return Verdict::NothingMissing;
         }
         if alternatives.iter().any(|alternative| alternative.indistinguishable) {
@@ -518,7 +533,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
 }
 
 /// Whether the interval of every number of `candidate` holds the value at which it changes nothing.
-fn holds_nothing(candidate: &Candidate, parameters: &BTreeMap<String, Parameter>) -> bool {
+pub(crate) fn holds_nothing(candidate: &Candidate, parameters: &BTreeMap<String, Parameter>) -> bool {
     let nothing = candidate.parameters(&vec![0.0; candidate.size()]);
     let told = parameters.iter().filter_map(|(name, parameter)| {
         let is_linear =
@@ -532,7 +547,7 @@ fn holds_nothing(candidate: &Candidate, parameters: &BTreeMap<String, Parameter>
 }
 
 /// Squares that are gone over `channels`, and the names of these, most first.
-fn removed(data: &Data, compared: &Compared, channels: &[usize]) -> (f64, Vec<String>) {
+pub(crate) fn removed(data: &Data, compared: &Compared, channels: &[usize]) -> (f64, Vec<String>) {
     let mut by_channel: BTreeMap<usize, f64> = BTreeMap::new();
     for &c in channels {
         let square = |errors: &[Vec<f64>]| -> f64 {

@@ -27,24 +27,7 @@ pub(crate) fn confirmed(
     None
 }
 
-/// The better one of `answer` and what is confirmed from those of its members alone that do not happen at a time, by its evidence: a law that is found late says what
-/// seemed to happen; `None` if the system is singular.
-pub(crate) fn confirmed_without_events(
-    search: &mut Search,
-    answer: Answer,
-    progress: &mut dyn FnMut(&str),
-) -> Option<Answer> {
-    let lasts = |&member: &usize| !search.system.candidate(member).kind.happens();
-    let lasting: Vec<usize> = answer.members.iter().copied().filter(lasts).collect();
-    if lasting.len() == answer.members.len() {
-        return Some(answer);
-    }
-    search.system.trust_all()?;
-    let other = confirmed(search, lasting, progress)?;
-    better(search, &answer, other)
-}
-
-/// The better one of `answer` and what the search finds from what happens at a time alone with the fit and the choice part together, by its evidence; `None` if the system is singular.
+/// The better one of `answer` and what the search finds with the fit and the choice part together, by its evidence; `None` if the system is singular.
 pub(crate) fn searched_again(
     search: &mut Search,
     answer: &Answer,
@@ -52,17 +35,11 @@ pub(crate) fn searched_again(
 ) -> Option<Answer> {
     search.system.trust_all()?;
     search.met.clear();
-    let seen: Vec<usize> = answer.members.iter().copied().filter(|&member| search.is_seen(member)).collect();
-    let again = search.run(&seen, progress)?;
+    let again = search.run(&[], progress)?;
     let again = confirmed(search, again.members, progress)?;
-    better(search, answer, again)
-}
-
-/// The better one of `answer` and `other` by their evidence when every row is believed alike; `None` if the system is singular.
-fn better(search: &mut Search, answer: &Answer, other: Answer) -> Option<Answer> {
     search.system.trust_all()?;
     let known = search.settled(answer.members.clone())?;
-    let there = search.settled(other.members.clone())?;
-    let best = if there.evidence > known.evidence + WORTH { other } else { known };
+    let there = search.settled(again.members.clone())?;
+    let best = if there.evidence > known.evidence + WORTH { again } else { known };
     search.agreed(&best)
 }

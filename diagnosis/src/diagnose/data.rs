@@ -6,6 +6,7 @@ use freeplay_arm::Arm;
 use freeplay_laws::{LawError, Placed};
 
 use super::candidate::Candidate;
+use super::moments::window;
 use super::parts::{Part, parts_of};
 use super::rows::rows_that_count;
 use super::stage::{Answer, Stage};
@@ -101,9 +102,8 @@ impl<'a> Data<'a> {
     /// time is seen in no others. Whether the test part is left for longer than that memory; else nothing is taken.
     pub fn give_moments(&mut self, happened: &[&Candidate]) -> bool {
         let before = self.parts.clone();
-        for (channel, rows) in
-            happened.iter().flat_map(|one| one.columns.iter()).flat_map(|c| c.iter().enumerate())
-        {
+        let ends = happened.iter().filter(|one| window(&one.form.shape).is_some());
+        for (channel, rows) in ends.flat_map(|one| one.columns.iter()).flat_map(|c| c.iter().enumerate()) {
             let (stage, _) = self.place(channel);
             let Some(rows) = rows else { continue };
             let least = REMEMBERED * rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));

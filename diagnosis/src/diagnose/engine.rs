@@ -7,15 +7,16 @@ use thiserror::Error;
 
 use super::candidate::{Candidate, candidates};
 use super::choice::choose;
-use super::conclude::{Conclusion, insufficient, is_told};
-use super::confirm::{confirmed, confirmed_without_events, searched_again};
-use super::data::{Data, add};
-use super::moments::{happenings, window};
+use super::conclude::{Conclusion, insufficient};
+use super::confirm::{confirmed, searched_again};
+use super::data::{Data, less};
+use super::event::{Event, said_by};
+use super::moments::happenings;
 use super::nameless::is_unexplained;
 use super::parts::Part;
 use super::quality;
-use super::report::Diagnosis;
-use super::search::Search;
+use super::report::{Diagnosis, Untestable};
+use super::search::{Answer, Found, Search};
 use super::stage::{Ground, Stage};
 use super::system::System;
 use super::thinning;
@@ -100,64 +101,159 @@ pub(crate) fn diagnose(
     notes.extend(grounds.iter().flat_map(|ground| ground.treatment.notes().to_vec()));
     let stages: Vec<Stage> =
         grounds.iter().map(|ground| Stage::new(&file.arm, &known, ground)).collect::<Result<_, _>>()?;
-    let mut data = Data::new(stages, &settings.tolerances);
+    let data = Data::new(stages, &settings.tolerances);
     if let Some(lack) = quality::lack(&data) {
         return Ok(insufficient(file, settings, notes, lack));
     }
     notes.extend(quality::notes(&data));
     let target = data.target();
-    let (candidates, untestable) = candidates(&data, &target, progress);
-    let (laid, mut found) = {
+    let (candidates, untestable) = candidates(&data, progress);
+    let (laid, found) = {
         // Pieces of any law look like pushes: what lasts is asked for first.
         let lasting = candidates.into_iter().filter(|candidate| !candidate.kind.happens()).collect();
         let mut search = search(&data, &target, None, lasting, settings).ok_or(DiagnoseError::Singular)?;
         searched(&mut search, progress).ok_or(DiagnoseError::Singular)?
     };
-    progress("looking for what happens at a time");
-    data.heard = vec![Part::Fit, Part::Choice, Part::Test];
-    // Nothing tells a push from the knocks of parts that come apart and meet again.
-    let (mut happened, mut left) = if found.members.iter().any(|candidate| candidate.kind.shakes) {
-        (Vec::new(), found.left)
-    } else {
-        found.members.retain(|candidate| !candidate.kind.happens());
-        let sizes = Weights::new(&data, &target, Some(&found.left_by_what_lasts), settings.seed);
-        // Where the rows are exact nothing wanders, and nothing happens that the laws don't say.
-        happenings(&data, found.left_by_what_lasts.clone(), &sizes)
-            .unwrap_or_else(|| (Vec::new(), found.left_by_what_lasts.clone()))
-    };
-    let ends = |candidate: &&Candidate| window(&candidate.form.shape).is_some();
-    let moments: Vec<&Candidate> = found.members.iter().chain(&happened).filter(ends).collect();
-    if !data.give_moments(&moments) {
-        // What happens nearly always does not happen at a time: a law without a name says it.
-        (happened, left) = (Vec::new(), found.left_by_what_lasts);
-    }
-    data.heard = vec![Part::Fit, Part::Choice];
-    let mut search = search(&data, &target, Some(&left), laid, settings).ok_or(DiagnoseError::Singular)?;
-    let mut members: Vec<usize> =
-        found.members.into_iter().filter_map(|candidate| search.system.take(candidate)).collect();
-    for candidate in happened {
-        // Where laws are off the same way for a while, white rows believe an event too readily.
-        let Some(index) = search.system.take(candidate) else { continue };
-        let with = [members.clone(), vec![index]].concat();
-        let values = [&members, &with].map(|members| search.system.fit(members).map(|fit| fit.value));
-        if let [Some(without), Some(value)] = values
-            && is_told(value - without)
-        {
-            members = with;
+    let study = Study { file, settings, target: &target, laid, notes, untestable };
+    study.concluded(data, found, progress)
+}
+
+/// What a diagnosis rests on once laws that last were searched for.
+struct Study<'s> {
+    file: &'s ArmFile,
+    settings: &'s DiagnoseSettings,
+    /// The model as given leaves this of every row.
+    target: &'s [Vec<f64>],
+    /// All laws that last, as they are beside what was found.
+    laid: Vec<Candidate>,
+    notes: Vec<String>,
+    untestable: Vec<Untestable>,
+}
+
+impl Study<'_> {
+    /// The diagnosis from what the search `found` in `data`, and from what happened beside it.
+    fn concluded(
+        self,
+        mut data: Data,
+        found: Found,
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Diagnosis, DiagnoseError> {
+        progress("looking for what happens at a time");
+        let parts = data.parts.clone();
+        let mut events = self.happened_beside(&mut data, &found, &[]);
+        if !data.give_moments(&all_of(&[&events])) {
+            // What happens nearly always does not happen at a time: a law without a name says it.
+            events.clear();
         }
+        data.heard = vec![Part::Fit, Part::Choice];
+        progress("confirming what was found");
+        let left = less(&found.left, &said_by(&events, self.target));
+        let with = {
+            let (mut search, members) = self.search(&data, &events, &left, &found.members)?;
+            let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
+            if events.is_empty() {
+                return self.conclusion(&mut search, answer, &events, progress);
+            }
+            search.found(&answer).ok_or(DiagnoseError::Singular)?
+        };
+        // A law that is found late says what seemed to happen.
+        let without = {
+            let (mut search, members) = self.search(&data, &[], &found.left, &with.members)?;
+            let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
+            let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
+            search.found(&answer).ok_or(DiagnoseError::Singular)?
+        };
+        progress("looking for what happens at a time");
+        let mut members = with.members.clone();
+        events = self.happened_beside(&mut data, &with, &events);
+        let others = self.happened_beside(&mut data, &without, &[]);
+        data.parts.clone_from(&parts);
+        data.give_moments(&all_of(&[&events, &others]));
+        let of_with = self.evidence(&data, &events, &left, &members)?;
+        let of_without = self.evidence(&data, &others, &left, &without.members)?;
+        if of_without > of_with {
+            (members, events) = (without.members, others);
+        }
+        let (mut search, members) = self.search(&data, &events, &left, &members)?;
+        let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
+        self.conclusion(&mut search, answer, &events, progress)
     }
-    progress("confirming what was found");
-    let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
-    let mut answer =
-        confirmed_without_events(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
-    let fit = search.system.held_fit(&answer.members).ok_or(DiagnoseError::Singular)?;
+
+    /// What happens at a time beside what was `found`, in all parts. Nothing tells a push from the knocks of parts that come apart and meet again.
+    fn happened_beside(&self, data: &mut Data, found: &Found, events: &[Event]) -> Vec<Event> {
+        if found.members.iter().any(|candidate| candidate.kind.shakes) {
+            return Vec::new();
+        }
+        // What the search did not see is left, too.
+        let mut left = found.left.clone();
+        for (left, said) in left.iter_mut().zip(said_by(events, self.target)) {
+            left.iter_mut().zip(said).for_each(|(left, said)| *left += said);
+        }
+        let heard = std::mem::replace(&mut data.heard, vec![Part::Fit, Part::Choice, Part::Test]);
+        let sizes = Weights::new(data, self.target, Some(&left), self.settings.seed);
+        // Where the rows are exact nothing wanders, and nothing happens that the laws don't say.
+        let happened = happenings(data, &left, &sizes, self.settings.seed).unwrap_or_default();
+        data.heard = heard;
+        happened
+    }
+
+    /// The search by the rows of `data` that are heard, less what the `events` say, where so much is `left` with all that is known; and the numbers of its `members`.
+    fn search<'d, 'a>(
+        &self,
+        data: &'d Data<'a>,
+        events: &[Event],
+        left: &[Vec<f64>],
+        members: &[Candidate],
+    ) -> Result<(Search<'d, 'a>, Vec<usize>), DiagnoseError> {
+        let target = less(self.target, &said_by(events, self.target));
+        let mut search = search(data, &target, Some(left), self.laid.clone(), self.settings)
+            .ok_or(DiagnoseError::Singular)?;
+        let members = members.iter().filter_map(|one| search.system.take(one.clone())).collect();
+        Ok((search, members))
+    }
+
+    /// The log of the evidence of `members` and `events` together.
+    fn evidence(
+        &self,
+        data: &Data,
+        events: &[Event],
+        left: &[Vec<f64>],
+        members: &[Candidate],
+    ) -> Result<f64, DiagnoseError> {
+        let (mut search, members) = self.search(data, events, left, members)?;
+        let answer = search.settled(members).ok_or(DiagnoseError::Singular)?;
+        Ok(answer.evidence + events.iter().map(|event| event.log_prior).sum::<f64>())
+    }
+
+    /// The diagnosis of `answer`, or of what the search finds with all that may be seen, where `answer` leaves something.
+    fn conclusion(
+        self,
+        search: &mut Search,
+        answer: Answer,
+        events: &[Event],
+        progress: &mut dyn FnMut(&str),
+    ) -> Result<Diagnosis, DiagnoseError> {
+        let answer = explained(search, answer, progress).ok_or(DiagnoseError::Singular)?;
+        progress("testing");
+        let Self { file, settings, target, notes, untestable, .. } = self;
+        let conclusion = Conclusion { file, settings, search, answer: &answer, events, target };
+        conclusion.diagnosis(notes, untestable)?.ok_or(DiagnoseError::Singular)
+    }
+}
+
+/// `answer`, or, where it leaves something, what the search finds with all that may be seen; `None` if the system is singular.
+fn explained(search: &mut Search, answer: Answer, progress: &mut dyn FnMut(&str)) -> Option<Answer> {
+    let fit = search.system.held_fit(&answer.members)?;
     if is_unexplained(&search.system, &fit, &search.system.weights) {
-        // Something is left: with all that may be seen another answer may say it.
-        answer = searched_again(&mut search, &answer, progress).ok_or(DiagnoseError::Singular)?;
+        searched_again(search, &answer, progress)
+    } else {
+        Some(answer)
     }
-    progress("testing");
-    let conclusion = Conclusion { file, settings, search: &mut search, answer: &answer };
-    conclusion.diagnosis(notes, untestable)?.ok_or(DiagnoseError::Singular)
+}
+
+/// What all `events` are.
+fn all_of<'e>(events: &[&'e [Event]]) -> Vec<&'e Candidate> {
+    events.iter().flat_map(|events| events.iter().map(|event| &event.candidate)).collect()
 }
 
 /// A search among `candidates` by the rows of `data` that are heard, of which `target` is what the model as given leaves, and `left` what is left with all that is
@@ -174,16 +270,6 @@ fn search<'d, 'a>(
     Some(Search::new(system, candidates))
 }
 
-/// What a search found, for the next one.
-struct Found {
-    /// The effects.
-    members: Vec<Candidate>,
-    /// What they leave of every row.
-    left: Vec<Vec<f64>>,
-    /// What those of them leave that do not happen at a time.
-    left_by_what_lasts: Vec<Vec<f64>>,
-}
-
 /// The most probable answer of `search` by the fit and the choice part, and all candidates as they are beside it; `None` if the system is singular.
 fn searched(search: &mut Search, progress: &mut dyn FnMut(&str)) -> Option<(Vec<Candidate>, Found)> {
     progress("searching");
@@ -191,22 +277,7 @@ fn searched(search: &mut Search, progress: &mut dyn FnMut(&str)) -> Option<(Vec<
     progress("choosing between the best answers");
     let answer = choose(search)?;
     let answer = search.agreed(&answer)?;
-    let fit = search.system.held_fit(&answer.members)?;
-    let candidates = |indices: &[usize]| -> Vec<Candidate> {
-        indices.iter().map(|&index| search.system.candidate(index).clone()).collect()
-    };
-    let left = search.system.left(&fit);
-    let columns = search.system.columns(&fit.members).zip(fit.beta.iter().copied());
-    let happens = fit.members.iter().flat_map(|&member| {
-        let candidate = search.system.candidate(member);
-        std::iter::repeat_n(candidate.kind.happens(), candidate.size())
-    });
-    let mut left_by_what_lasts = left.clone();
-    for ((column, x), _) in columns.zip(happens).filter(|(_, happens)| *happens) {
-        add(&mut left_by_what_lasts, column, x);
-    }
-    let found = Found { members: candidates(&answer.members), left, left_by_what_lasts };
-    Some((candidates(&search.laid), found))
+    Some((search.candidates(&search.laid), search.found(&answer)?))
 }
 
 /// There are recordings, of this arm, with the same columns.

@@ -4,7 +4,8 @@
 //! - `tolerance`: how far a machine may be from its model without that being a finding.
 //! - `rows`, `parts` and `data`: which rows count, which of the three parts of the data they belong to, all of them stacked.
 //! - `noise`, `instruments`, `shapes` and `weights`: how much each row says.
-//! - `candidate` and `moments`: every effect at every place in every form, as columns.
+//! - `candidate`: every effect at every place in every form, as columns.
+//! - `event`, `moments`, `whitening`, `windows` and `tails`: what happens at a time.
 //! - `system` and `bvls`: the linear model and its evidence.
 //! - `search` and `choice`: the most probable set of effects.
 //! - `nameless`, `alternatives`, `interval`, `joined`, `gain`, `locate`, `words`, `passage` and `conclude`: what is said, tested on data that no step before has seen.
@@ -21,6 +22,7 @@ mod conclude;
 mod confirm;
 mod data;
 mod engine;
+mod event;
 mod excite;
 mod gain;
 mod instruments;
@@ -40,11 +42,13 @@ mod set_up;
 mod shapes;
 mod stage;
 mod system;
+mod tails;
 mod thinning;
 mod tolerance;
 mod variables;
 mod weights;
 mod whitening;
+mod windows;
 mod words;
 
 pub(crate) use conclude::insufficient;

@@ -3,21 +3,26 @@
 use freeplay_laws::{Kind as EffectKind, kinds};
 use toml::{Table, Value};
 
+use super::alternatives::{LISTED, instead};
 use super::candidate::{Candidate, Form, at_place, places};
-use super::conclude::is_told;
-use super::data::{Data, less, sum_of};
+use super::conclude::{holds_nothing, is_told, removed};
+use super::data::{Data, REMEMBERED, add, less, sum_of};
+use super::event::Event;
+use super::gain::Compared;
+use super::interval::parameters;
 use super::nameless;
+use super::report::Alternative;
 use super::search::Search;
+use super::stage::Stage;
 use super::system::System;
+use super::tails;
 use super::weights::Weights;
-use super::whitening::{Wandering, Whitening};
+use super::whitening::Whitening;
+use super::windows::{Step, Torque, windows};
 use crate::residual::Kind;
 
-/// The shortest push that is looked for, s, and the factor from one length to the next.
+/// The shortest push that is looked for, s.
 const BRIEFEST: f64 = 0.05;
-const LONGER: f64 = 2.0;
-/// The longest is this share of a recording: laws list those of a half.
-const LONGEST: f64 = 0.25;
 /// Most happenings of a recording that are looked for once all else is found.
 const MOST: usize = 8;
 /// Names of the numbers of a law that begins and ends.
@@ -35,146 +40,174 @@ pub(crate) fn window(shape: &Table) -> Option<[f64; 2]> {
     Some([time(BEGIN)?, time(END)?])
 }
 
-/// The shapes of a `kind` at `joint` that begins and ends in which it would act where what is `left` of the torques of the recording number
-/// `index` is off most from what is left before and after.
-pub(crate) fn struck(
-    data: &Data,
-    kind: &EffectKind,
-    joint: Option<usize>,
-    index: usize,
-    left: &[Vec<f64>],
-) -> Vec<Table> {
-    if kind.parameter(END).is_none() {
-        return Vec::new();
-    }
-    let motion = data.stages[index].motion();
-    let (Some(stretch), t) = (motion.stretches.first(), &motion.t) else { return Vec::new() };
-    let step = motion.step(stretch);
-    let torques = torques(data, index, joint, left);
-    let most = (LONGEST * t.len() as f64) as usize;
-    let lengths = std::iter::successors(Some(BRIEFEST), |length| Some(LONGER * length));
-    let rows = lengths.map(|length| ((length / step) as usize).max(1)).take_while(|rows| *rows <= most);
-    let mut matched: Vec<(f64, [usize; 2])> = Vec::new();
-    for long in rows {
-        let mut said = vec![0.0; t.len().saturating_sub(long)];
-        for torque in &torques {
-            let of_torque = torque.matched(&torque.wandering.push(long));
-            said.iter_mut().zip(of_torque).for_each(|(said, x)| *said += x * x);
-        }
-        matched.extend(said.into_iter().enumerate().map(|(begin, said)| (said, [begin, begin + long])));
-    }
-    let briefest = ((BRIEFEST / step) as usize).max(1);
-    let windows = apart(matched).into_iter().chain(between_edges(&torques, t.len(), briefest));
-    let shape = |[begin, end]: [usize; 2]| {
-        let times = [(BEGIN, t[begin]), (END, t[end])];
-        times.map(|(name, time)| (name.to_owned(), Value::from(time))).into_iter().collect()
-    };
-    windows.map(shape).collect()
+/// The torques of all recordings, white, in which what begins and ends is looked for.
+pub(crate) struct Moments {
+    /// By channel; `None` of what is no torque.
+    torques: Vec<Option<Torque>>,
+    per_stage: usize,
 }
 
-/// The windows that explain most, none of which meets a better one.
-fn apart(mut windows: Vec<(f64, [usize; 2])>) -> Vec<[usize; 2]> {
-    windows.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut best: Vec<[usize; 2]> = Vec::new();
-    for (_, [begin, end]) in windows {
-        if best.len() == MOST {
-            break;
-        }
-        if best.iter().all(|[from, to]| end <= *from || *to <= begin) {
-            best.push([begin, end]);
-        }
-    }
-    best
-}
-
-/// The windows of any length, begun and ended by the edges at which the `torques` of so many `rows` step most, that explain most.
-fn between_edges(torques: &[Torque], rows: usize, briefest: usize) -> Vec<[usize; 2]> {
-    /// Edges that are paired: both of each of the happenings that are looked for.
-    const EDGES: usize = 2 * MOST;
-    /// Windows that are laid out.
-    const BEST: usize = 4;
-    let steps: Vec<Vec<f64>> =
-        torques.iter().map(|torque| torque.matched(&torque.wandering.step())).collect();
-    let size = |row: usize| steps.iter().map(|of_torque| of_torque[row].powi(2)).sum::<f64>();
-    let mut order: Vec<usize> = (0..rows).filter(|&row| size(row) > 0.0).collect();
-    order.sort_by(|a, b| size(*b).total_cmp(&size(*a)));
-    let mut edges: Vec<usize> = Vec::new();
-    for row in order {
-        if edges.len() < EDGES && edges.iter().all(|edge| edge.abs_diff(row) >= briefest) {
-            edges.push(row);
-        }
-    }
-    edges.sort_unstable();
-    let mut windows: Vec<(f64, [usize; 2])> = Vec::new();
-    for (k, &begin) in edges.iter().enumerate() {
-        for &end in &edges[k + 1..] {
-            // What sets in and ends by the same amount.
-            let said = steps.iter().map(|of_torque| 0.5 * (of_torque[begin] - of_torque[end]).powi(2)).sum();
-            windows.push((said, [begin, end]));
-        }
-    }
-    windows.sort_by(|a, b| b.0.total_cmp(&a.0));
-    windows.into_iter().take(BEST).map(|(_, window)| window).collect()
-}
-
-/// What is left of one torque, white.
-struct Torque {
-    wandering: Wandering,
-    says: Vec<f64>,
-    left: Vec<f64>,
-}
-
-impl Torque {
-    /// By row, by how many deviations of the torque what is left of it goes with a `signal` that begins there: the matched filter (Turin 1960, IRE Trans. Inf. Theory
-    /// 6:311), whose square is what such a signal explains.
-    fn matched(&self, signal: &[f64]) -> Vec<f64> {
-        let deviation = self.wandering.deviation();
-        let of_row = |begin: usize| {
-            let rows = self.left[begin..].iter().zip(&self.says[begin..]);
-            let (product, square) = signal.iter().zip(rows).fold((0.0, 0.0), |sum, (x, (left, says))| {
-                (sum.0 + says * x * left, sum.1 + says * x.powi(2))
-            });
-            if square > 0.0 { product / square.sqrt() / deviation } else { 0.0 }
+impl Moments {
+    /// Those of `data` that wander as `whitening` says, of which `left` remains.
+    fn new(data: &Data, whitening: &Whitening, left: &[Vec<f64>]) -> Self {
+        let torque = |c: usize| {
+            let stage = &data.stages[data.place(c).0];
+            matches!(data.kind(c), Kind::Torque(_))
+                .then(|| Torque::new(whitening.channel(c), &left[c], &step_of(stage), &edges_of(stage)))
         };
-        if deviation > 0.0 { (0..self.left.len()).map(of_row).collect() } else { vec![0.0; self.left.len()] }
+        Self { torques: (0..data.channels()).map(torque).collect(), per_stage: data.per_stage() }
+    }
+
+    /// Sets what is `left` of them.
+    fn set(&mut self, left: &[Vec<f64>]) {
+        let torques = self.torques.iter_mut().zip(left);
+        torques.for_each(|(torque, left)| torque.iter_mut().for_each(|torque| torque.set(left)));
+    }
+
+    /// The shapes of a `kind` at `joint` that begins and ends, in the windows of the recording number `index` in which it would explain most.
+    pub fn shapes(&self, data: &Data, kind: &EffectKind, joint: Option<usize>, index: usize) -> Vec<Table> {
+        if kind.parameter(END).is_none() {
+            return Vec::new();
+        }
+        let is_asked = |c: &usize| joint.is_none_or(|joint| data.kind(*c) == Kind::Torque(joint));
+        let channels = (0..self.per_stage).map(|c| index * self.per_stage + c).filter(is_asked);
+        let torques: Vec<&Torque> = channels.filter_map(|c| self.torques[c].as_ref()).collect();
+        let t = &data.stages[index].motion().t;
+        windows(&torques, MOST).into_iter().map(|[begin, end]| between(t[begin], t[end])).collect()
     }
 }
 
-/// What is `left` of the torques of the recording number `index`, or of that of `joint`.
-fn torques(data: &Data, index: usize, joint: Option<usize>, left: &[Vec<f64>]) -> Vec<Torque> {
-    let channels = (0..data.per_stage()).map(|c| index * data.per_stage() + c);
-    let is_asked = |&c: &usize| match data.kind(c) {
-        Kind::Torque(own) => joint.is_none_or(|joint| joint == own),
-        Kind::Tool(_) | Kind::Link(_) | Kind::Position(_) => false,
-    };
-    let of_channel = |c: usize| {
-        let sizes = vec![1.0; left[c].len()];
-        let wandering = Wandering::of(data, c, &left[c], &sizes);
-        Torque { left: wandering.rows(&left[c]), says: wandering.says().collect(), wandering }
-    };
-    channels.filter(is_asked).map(of_channel).collect()
+/// What a step looks like in the torques of `stage`.
+fn step_of(stage: &Stage) -> Step {
+    let treatment = &stage.ground.treatment;
+    let t = &stage.motion().t;
+    let Some(&at) = t.get(t.len() / 2) else { return Step::new(vec![1.0]) };
+    let whole: Vec<f64> = stage.whole().t.iter().map(|t| if *t >= at { 1.0 } else { 0.0 }).collect();
+    let seen = treatment.keep(&treatment.low_pass(&whole));
+    let (middle, least) = (t.len() / 2, REMEMBERED.sqrt());
+    let reach = (0..middle).rev().take_while(|row| seen[*row].abs() > least).count() + 1;
+    Step::new(seen[middle.saturating_sub(reach)..(middle + reach).min(seen.len())].to_vec())
 }
 
-/// What happens in the rows that are heard and is not yet in what is `left` of them, as long as each is more probable than none, and what these leave. Rows are
+/// The rows of `stage` at which something may set in or end: four in a period of its low-pass's cutoff.
+fn edges_of(stage: &Stage) -> Vec<usize> {
+    let motion = stage.motion();
+    let step = motion.stretches.first().map_or(1.0, |stretch| motion.step(stretch));
+    let every = (0.25 / stage.ground.treatment.filter().cutoff_hz() / step) as usize;
+    (0..motion.len()).step_by(every.max(1)).collect()
+}
+
+/// The shape of what begins and ends at these times.
+fn between(begin: f64, end: f64) -> Table {
+    [(BEGIN, begin), (END, end)]
+        .map(|(name, time)| (name.to_owned(), Value::from(time)))
+        .into_iter()
+        .collect()
+}
+
+/// What happens in the rows that are heard and is not yet in what is `left` of them, as long as each is more probable than none. Rows are
 /// taken as they differ from their past, so that a push is not counted as if it were as slow as what else is left. The evidence is that of the diagnosis. `None` if the system is
 /// singular.
-pub(crate) fn happenings(
-    data: &Data,
-    left: Vec<Vec<f64>>,
-    sizes: &Weights,
-) -> Option<(Vec<Candidate>, Vec<Vec<f64>>)> {
-    let whitening = Whitening::of(data, &left, sizes);
-    let weights = Weights::white(data, &whitening);
-    let system = System::white(data, &left, weights, whitening)?;
+pub(crate) fn happenings(data: &Data, left: &[Vec<f64>], sizes: &Weights, seed: u64) -> Option<Vec<Event>> {
+    // What was found wanders no more: the second time rows are as white as what it leaves.
+    let first = found_among(data, left, &Whitening::of(data, left, sizes), Vec::new())?;
+    let known = first.search.candidates(&first.members);
+    let known = known.into_iter().filter_map(|one| one.reformed(data, one.form.clone())).collect();
+    let rest = less(left, &said(&first.search, &first.members, left)?);
+    let second = found_among(data, left, &Whitening::of(data, &rest, sizes), known)?;
+    let Among { mut search, members, log_odds, alternatives } = second;
+    let rest = less(left, &said(&search, &members, left)?);
+    let fit = search.system.fit(&members)?;
+    let parameters = parameters(&mut search.system, &fit, seed);
+    let weights: Vec<Vec<f64>> = sizes.rows.iter().map(super::weights::Rows::weights).collect();
+    let log_prior = |place: usize| {
+        let others = [&members[..place], &members[place + 1..]].concat();
+        Some(fit.log_prior - search.system.fit(&others)?.log_prior)
+    };
+    let log_priors = (0..members.len()).map(log_prior).collect::<Option<Vec<f64>>>()?;
+    let mut events = Vec::new();
+    for (place, parameters) in parameters.into_iter().enumerate() {
+        let candidate = search.system.candidate(members[place]);
+        let candidate = candidate.reformed(data, candidate.form.clone())?;
+        let beta = search.system.coefficients(&fit, place).to_vec();
+        let mut before = rest.clone();
+        candidate.columns.iter().zip(&beta).for_each(|(column, beta)| add(&mut before, column, *beta));
+        let compared = Compared { before: &before, after: &rest, weights: &weights };
+        events.push(Event {
+            gain: compared.gain(data, &candidate.channels, seed)?,
+            removed: removed(data, &compared, &candidate.channels),
+            log_odds: log_odds[place],
+            log_prior: log_priors[place],
+            alternatives: alternatives[place].clone(),
+            candidate,
+            beta,
+            parameters,
+        });
+    }
+    events.retain(|event| !holds_nothing(&event.candidate, &event.parameters));
+    Some(events)
+}
+
+/// What a search among white rows found.
+struct Among<'d, 'a> {
+    search: Search<'d, 'a>,
+    /// What happened.
+    members: Vec<usize>,
+    /// The log odds for each.
+    log_odds: Vec<f64>,
+    /// What else each may be.
+    alternatives: Vec<Vec<Alternative>>,
+}
+
+/// What happens beside what is `known`, with that, in rows that `whitening` makes independent, of which so much is `left`. `None` if the system is singular.
+fn found_among<'d, 'a>(
+    data: &'d Data<'a>,
+    left: &[Vec<f64>],
+    whitening: &Whitening,
+    known: Vec<Candidate>,
+) -> Option<Among<'d, 'a>> {
+    let mut moments = Moments::new(data, whitening, left);
+    let least: Vec<f64> = (0..data.channels()).map(|c| whitening.channel(c).least()).collect();
+    let system = System::white(data, left, Weights::white(data, whitening), whitening.clone())?;
     let mut search = Search::new(system, Vec::new());
-    let mut now = search.settled(Vec::new())?;
-    let mut rest = left.clone();
-    // One after the other: what is found says where the next one is.
+    let known = known.into_iter().filter_map(|one| search.system.take(one)).collect();
+    let members = one_by_one(data, &mut search, known, left, &mut moments)?;
+    let members = told(data, &search, members, &least)?;
+    let members = beside_shapes(data, &search, members, left)?;
+    let all = probability(data, &search, &members, &least)?;
+    let (mut log_odds, mut alternatives) = (Vec::new(), Vec::new());
+    for place in 0..members.len() {
+        let others = [&members[..place], &members[place + 1..]].concat();
+        log_odds.push(all - probability(data, &search, &others, &least)?);
+        let mut instead_of_it = Vec::new();
+        for other in at_the_same_time(data, &mut search, members[place]) {
+            let with = [&others[..], &[other]].concat();
+            let against = all - probability(data, &search, &with, &least)?;
+            let [named, other] = [members[place], other].map(|index| search.system.candidate(index));
+            instead_of_it.push(instead(data.arm(), named, other, against));
+        }
+        instead_of_it.sort_by(|a, b| a.log_odds_against.total_cmp(&b.log_odds_against));
+        instead_of_it.truncate(LISTED);
+        alternatives.push(instead_of_it);
+    }
+    Some(Among { search, members, log_odds, alternatives })
+}
+
+/// `members` and what else happens, as long as it makes what is `left` of the rows more probable. What is found says where the next one is.
+fn one_by_one(
+    data: &Data,
+    search: &mut Search,
+    members: Vec<usize>,
+    left: &[Vec<f64>],
+    moments: &mut Moments,
+) -> Option<Vec<usize>> {
+    let mut now = search.settled(members)?;
     while now.members.len() < MOST * data.stages.len() {
+        moments.set(&less(left, &said(search, &now.members, left)?));
         search.laid.clear();
         for kind in kinds().filter(|kind| kind.happens()) {
             for joint in places(kind, data.arm()) {
-                let Ok((found, _)) = at_place(data, kind, joint, &rest) else { continue };
+                let Ok((found, _)) = at_place(data, kind, joint, Some(moments)) else { continue };
                 let inside = found.into_iter().filter(|one| is_inside(data, one));
                 let taken: Vec<usize> = inside.filter_map(|one| search.system.take(one)).collect();
                 search.laid.extend(taken);
@@ -182,31 +215,73 @@ pub(crate) fn happenings(
         }
         let Some(better) = search.added(&now)? else { break };
         now = better;
-        rest = less(&left, &said(&search, &now.members, &left)?);
     }
     let mut members = now.members;
     for place in 0..members.len() {
         // An edge that is a row off leaves what looks like another push.
         let member = members.remove(place);
         let better = search.refined(&members, member)?;
-        members.insert(place, better);
+        let fit = search.system.fit(&members)?;
+        let value = |search: &Search, index: usize| {
+            let gain = search.system.gains(&fit, &[index]).pop().flatten().filter(|gain| gain.is_inside);
+            gain.map_or(f64::NEG_INFINITY, |gain| gain.value)
+        };
+        let all = at_the_same_time(data, search, better).into_iter().chain([better]);
+        let best = all.max_by(|a, b| value(search, *a).total_cmp(&value(search, *b)))?;
+        let best = if best == better { best } else { search.refined(&members, best)? };
+        members.insert(place, best);
     }
-    let members = search.improve(members, &mut |_| {})?.members;
-    let all = search.system.fit(&members)?.value;
-    let odds = |member: usize| {
-        let others: Vec<usize> = members.iter().copied().filter(|other| *other != member).collect();
-        search.system.fit(&others).map_or(0.0, |without| all - without.value)
+    Some(search.improve(members, &mut |_| {})?.members)
+}
+
+/// What else may happen from the same beginning to the same end as `member`.
+fn at_the_same_time(data: &Data, search: &mut Search, member: usize) -> Vec<usize> {
+    let own = search.system.candidate(member).clone();
+    if window(&own.form.shape).is_none() {
+        return Vec::new();
+    }
+    let mut all = Vec::new();
+    for kind in kinds().filter(|kind| kind.happens() && kind.parameter(END).is_some()) {
+        for joint in places(kind, data.arm()) {
+            let other = Candidate::new(data, kind, joint, own.form.clone()).ok().flatten();
+            let other =
+                other.filter(|other| !other.same_effect(&own)).map(|other| other.one_of(own.forms));
+            all.extend(other.and_then(|other| search.system.take(other)));
+        }
+    }
+    all
+}
+
+/// Those of `members` that are sure: without any of them the rows are less probable even if they have heavier tails. A law that is off in some places is off in
+/// more of them than something happens.
+fn told(data: &Data, search: &Search, mut members: Vec<usize>, least: &[f64]) -> Option<Vec<usize>> {
+    loop {
+        let all = probability(data, search, &members, least)?;
+        let mut odds = Vec::new();
+        for place in 0..members.len() {
+            let others = [&members[..place], &members[place + 1..]].concat();
+            let is_inside = is_inside(data, search.system.candidate(members[place]));
+            let of_one =
+                if is_inside { all - probability(data, search, &others, least)? } else { f64::NEG_INFINITY };
+            odds.push((members[place], of_one));
+        }
+        let unsure = odds.iter().min_by(|a, b| a.1.total_cmp(&b.1)).filter(|unsure| !is_told(unsure.1));
+        let Some(&(unsure, _)) = unsure else { return Some(members) };
+        members.retain(|member| *member != unsure);
+    }
+}
+
+/// Log of the probability of white rows beside `members`, their tails as heavy as makes them most probable, where the instruments leave `least` of each channel.
+fn probability(data: &Data, search: &Search, members: &[usize], least: &[f64]) -> Option<f64> {
+    let fit = search.system.fit(members)?;
+    let left = search.system.left(&fit);
+    let of_channel = |c: usize| {
+        let weights = search.system.weights.rows[c].weights();
+        let heard = left[c].iter().zip(weights).filter(|(_, weight)| *weight > 0.0);
+        let heard: Vec<f64> = heard.map(|(x, _)| *x).collect();
+        tails::log_likelihood(&heard, least[c])
     };
-    let is_seen = |&member: &usize| is_told(odds(member)) && is_inside(data, search.system.candidate(member));
-    let sure: Vec<usize> = members.iter().copied().filter(is_seen).collect();
-    let sure = beside_shapes(data, &search, sure, &left)?;
-    let found = sure.iter().filter_map(|&member| {
-        let candidate = search.system.candidate(member);
-        let raw = candidate.reformed(data, candidate.form.clone())?;
-        Some(raw.seen_with(odds(member)))
-    });
-    let found = found.collect();
-    Some((found, less(&left, &said(&search, &sure, &left)?)))
+    Some((0..data.channels()).map(of_channel).sum::<f64>() + fit.log_prior)
 }
 
 /// Those of `members` that tell beside shapes of the motion without a name: what goes with the motion does not happen at a time, whether it has a name or not. `None` if the
@@ -220,6 +295,10 @@ fn beside_shapes(
     let evidence =
         |members: &[usize]| Some(nameless::evidence(data, &less(left, &said(search, members, left)?)));
     let mut all = evidence(&members)?;
+    // Pieces of one shape go together.
+    if evidence(&[])? >= all {
+        return Some(Vec::new());
+    }
     while !members.is_empty() {
         let without = |place: usize| {
             let others = [&members[..place], &members[place + 1..]].concat();

@@ -38,6 +38,14 @@ pub(crate) struct Search<'d, 'a> {
     pub met: Vec<Answer>,
 }
 
+/// What a search found, for the next one.
+pub(crate) struct Found {
+    /// The effects.
+    pub members: Vec<Candidate>,
+    /// What they leave of every row.
+    pub left: Vec<Vec<f64>>,
+}
+
 impl<'d, 'a> Search<'d, 'a> {
     /// A search among `candidates`.
     pub fn new(mut system: System<'d, 'a>, candidates: Vec<Candidate>) -> Self {
@@ -78,7 +86,7 @@ impl<'d, 'a> Search<'d, 'a> {
     }
 
     /// Whether `one` and `other` are the same effects in whatever form.
-    fn same_effects(&self, one: &[usize], other: &[usize]) -> bool {
+    pub fn same_effects(&self, one: &[usize], other: &[usize]) -> bool {
         let has = |all: &[usize], index: usize| {
             all.iter().any(|&known| self.system.candidate(known).same_effect(self.system.candidate(index)))
         };
@@ -237,9 +245,6 @@ impl<'d, 'a> Search<'d, 'a> {
             // Where an earlier form had a tolerance at an edge, a better one need not.
             self.system.unpin()?;
             for place in 0..members.len() {
-                if self.is_seen(members[place]) {
-                    continue;
-                }
                 let member = members.remove(place);
                 let better = self.refined(&members, member)?;
                 members.insert(place, better);
@@ -259,18 +264,22 @@ impl<'d, 'a> Search<'d, 'a> {
         placed.len() == members.len() && changed(arm, &placed).is_ok()
     }
 
-    /// Whether a search of its own has seen `member`: this one can't tell better.
-    pub fn is_seen(&self, member: usize) -> bool {
-        self.system.candidate(member).seen.is_some()
+    /// The effects of `answer`, and what they leave.
+    pub fn found(&self, answer: &Answer) -> Option<Found> {
+        let fit = self.system.held_fit(&answer.members)?;
+        Some(Found { members: self.candidates(&answer.members), left: self.system.left(&fit) })
     }
 
-    /// The candidates that may join `members`. Nothing tells a push from the knocks of parts that come apart and meet again.
+    /// The candidates of these numbers.
+    pub fn candidates(&self, indices: &[usize]) -> Vec<Candidate> {
+        indices.iter().map(|&index| self.system.candidate(index).clone()).collect()
+    }
+
+    /// The candidates that may join `members`.
     fn open(&self, members: &[usize]) -> Vec<usize> {
-        let shakes = members.iter().any(|&member| self.system.candidate(member).kind.shakes);
         let is_taken = |index: &usize| {
             let candidate = self.system.candidate(*index);
-            shakes && candidate.kind.happens()
-                || members.iter().any(|&member| self.system.candidate(member).excludes(candidate))
+            members.iter().any(|&member| self.system.candidate(member).excludes(candidate))
         };
         self.laid.iter().copied().filter(|index| !is_taken(index)).collect()
     }
@@ -316,7 +325,6 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `now` without the member whose absence makes it most probable.
     fn dropped(&mut self, now: &Answer) -> Option<Option<Answer>> {
         let mut without: Vec<(f64, Vec<usize>)> = (0..now.members.len())
-            .filter(|&place| !self.is_seen(now.members[place]))
             .filter_map(|place| {
                 let mut members = now.members.clone();
                 members.remove(place);
@@ -338,7 +346,7 @@ impl<'d, 'a> Search<'d, 'a> {
     /// `now` with another effect in the place of one of its members.
     fn swapped(&mut self, now: &Answer) -> Option<Option<Answer>> {
         let mut best: Option<(f64, Vec<usize>, usize)> = None;
-        for &member in now.members.iter().filter(|&&member| !self.is_seen(member)) {
+        for &member in &now.members {
             let others: Vec<usize> = now.members.iter().copied().filter(|other| *other != member).collect();
             let fit = self.system.fit(&others)?;
             let meets = |index: &usize| {
@@ -440,7 +448,7 @@ impl<'d, 'a> Search<'d, 'a> {
         let before = all.len();
         loop {
             let mut best: Option<(f64, usize)> = None;
-            for place in (0..all.len() - 1).filter(|&place| !self.is_seen(all[place])) {
+            for place in 0..all.len() - 1 {
                 let mut rest = all.clone();
                 rest.remove(place);
                 let there = self.system.fit(&rest)?.value;

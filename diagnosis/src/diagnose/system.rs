@@ -76,7 +76,7 @@ pub(crate) struct Fit {
     /// The log of the evidence but for what the same weights make the same.
     pub value: f64,
     /// What of it is not the sum of squares: volumes and prior odds.
-    log_prior: f64,
+    pub log_prior: f64,
     /// The normal matrix of the coefficients: the inverse of their covariance.
     pub normal: DMatrix<f64>,
     /// The coefficients of the tolerances, where these are held inside them.

@@ -7,17 +7,17 @@
 
 use super::data::{Column, Data};
 use super::weights::Weights;
+use crate::statistics::Moments;
 
 /// Times in which a wandering forgets that are tried, in periods of the low-pass's cutoff: from the next row to the whole of a motion.
 const FORGETS: [f64; 6] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0];
 /// Ratios of the deviation of the wandering to that of the noise that are tried.
 const RATIOS: [f64; 8] = [0.0, 0.3, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
-/// Share of a push below which what becomes of it is over.
-const OVER: f64 = 0.02;
 /// The normal's median amount over its deviation.
 const MEDIAN: f64 = 0.674_489_750_196_082;
 
 /// The wanderings of all channels.
+#[derive(Clone)]
 pub(crate) struct Whitening {
     channels: Vec<Wandering>,
 }
@@ -25,7 +25,13 @@ pub(crate) struct Whitening {
 impl Whitening {
     /// Of what is `left` of the rows that are heard, whose sizes by row are those of `weights`.
     pub fn of(data: &Data, left: &[Vec<f64>], weights: &Weights) -> Self {
-        let of_channel = |c: usize| Wandering::of(data, c, &left[c], &weights.rows[c].sizes());
+        let of_channel = |c: usize| {
+            let sizes = weights.rows[c].sizes();
+            // What the instruments leave of rows that count alike.
+            let noise = weights.noise[c % data.per_stage()];
+            let shares: Vec<f64> = sizes.iter().map(|size| noise / size).collect();
+            Wandering::of(data, c, &left[c], &sizes, Moments::of(&shares).rms)
+        };
         Self { channels: (0..data.channels()).map(of_channel).collect() }
     }
 
@@ -57,11 +63,14 @@ pub(crate) struct Wandering {
     ratio: f64,
     /// Deviation of a white row.
     deviation: f64,
+    /// The least that it may be: what the instruments leave.
+    least: f64,
 }
 
 impl Wandering {
-    /// That under which what is `left` of the rows of the channel number `channel` that are heard, of these `sizes`, is most probable.
-    pub fn of(data: &Data, channel: usize, left: &[f64], sizes: &[f64]) -> Self {
+    /// That under which what is `left` of the rows of the channel number `channel` that are heard, of these `sizes`, is most probable; the deviation of a white row is `least`
+    /// at least.
+    pub fn of(data: &Data, channel: usize, left: &[f64], sizes: &[f64], least: f64) -> Self {
         let mut heard: Vec<bool> = data.heard(channel).iter().map(|heard| *heard > 0.0).collect();
         let period = 1.0 / data.stages[data.place(channel).0].ground.treatment.filter().cutoff_hz();
         // Behind a low-pass neighbouring rows say the same; rows half a period of its cutoff apart are independent where the noise is (Shannon 1949).
@@ -80,13 +89,25 @@ impl Wandering {
                 sizes: sizes.to_vec(),
                 ratio: ratio * ratio,
                 deviation: 0.0,
+                least,
             }
         };
         let tried = FORGETS.iter().flat_map(|forgets| RATIOS.map(|ratio| with(*forgets, ratio)));
-        let best = tried.map(|one| (one.lost(left), one)).min_by(|a, b| a.0.total_cmp(&b.0));
+        let best = tried.map(|one| (one.lost(left, least), one)).min_by(|a, b| a.0.total_cmp(&b.0));
         let mut best = best.map_or_else(|| with(FORGETS[0], 0.0), |(_, one)| one);
-        best.deviation = size(&best.counted(&best.rows(left)));
+        best.deviation = size(&best.counted(&best.rows(left))).max(least);
         best
+    }
+
+    /// One with these numbers, as its fields have them.
+    #[cfg(test)]
+    pub fn with(remembers: Vec<f64>, sizes: Vec<f64>, heard: Vec<bool>, ratio: f64, deviation: f64) -> Self {
+        Self { remembers, heard, sizes, ratio, deviation, least: 0.0 }
+    }
+
+    /// The deviation that the instruments leave of a white row.
+    pub fn least(&self) -> f64 {
+        self.least
     }
 
     /// Deviation of a white row.
@@ -101,49 +122,105 @@ impl Wandering {
 
     /// `rows`, white; zero where they are not heard.
     pub fn rows(&self, rows: &[f64]) -> Vec<f64> {
-        let (mut place, mut spread) = (0.0, self.ratio);
-        let white = |(((x, size), remembers), heard): (((&f64, &f64), &f64), &bool)| {
-            (place, spread) = (remembers * place, remembers * remembers * (spread - self.ratio) + self.ratio);
-            if !heard {
+        let mut place = 0.0;
+        let steps = self.steps().into_iter().zip(&self.remembers).zip(&self.sizes);
+        let mut white = |(((gain, unsure), remembers), size): (((f64, f64), &f64), &f64), x: &f64| {
+            place *= remembers;
+            if unsure == 0.0 {
                 return 0.0;
             }
-            let unsure = spread + 1.0;
             let off = x / size - place;
-            place += spread / unsure * off;
-            spread /= unsure;
-            off / unsure.sqrt()
+            place += gain * off;
+            off / unsure
         };
-        rows.iter().zip(&self.sizes).zip(&self.remembers).zip(&self.heard).map(white).collect()
+        steps.zip(rows).map(|(step, x)| white(step, x)).collect()
     }
 
-    /// What becomes of a push of `long` rows of size one amid many others, from its first row on.
-    pub fn push(&self, long: usize) -> Vec<f64> {
-        self.filtered(
-            |row| if row < long { 1.0 } else { 0.0 },
-            |row, place| row >= long && place.abs() < OVER,
-        )
+    /// The transpose of [`Wandering::rows`]: the rows r with r·x = `white`·(white x) for all x.
+    pub fn back(&self, white: &[f64]) -> Vec<f64> {
+        let steps = self.steps();
+        let mut back = vec![0.0; white.len()];
+        let mut pull = 0.0;
+        for row in (0..white.len()).rev() {
+            let (gain, unsure) = steps[row];
+            if unsure > 0.0 {
+                let off = white[row] / unsure + gain * pull;
+                back[row] = off / self.sizes[row];
+                pull -= off;
+            }
+            pull *= self.remembers[row];
+        }
+        back
     }
 
-    /// What becomes of a step of size one amid many rows.
-    pub fn step(&self) -> Vec<f64> {
-        let longest = self.remembers.len() / 8;
-        self.filtered(|_| 1.0, |row, place| row >= longest || (1.0 - place).abs() < OVER)
+    /// Its rows that are heard, by number, and the wandering of these alone.
+    pub fn condensed(&self) -> (Vec<usize>, Self) {
+        let rows: Vec<usize> = (0..self.heard.len()).filter(|&row| self.heard[row]).collect();
+        let mut from = 0;
+        let remembers = rows.iter().map(|&row| {
+            let remembered = self.remembers[from..=row].iter().product();
+            from = row + 1;
+            remembered
+        });
+        let condensed = Self {
+            remembers: remembers.collect(),
+            heard: vec![true; rows.len()],
+            sizes: rows.iter().map(|&row| self.sizes[row]).collect(),
+            ..*self
+        };
+        (rows, condensed)
     }
 
-    /// What becomes of a signal `of` each row amid many others, until it `is_over`, told how far the wandering has followed.
-    fn filtered(&self, of: impl Fn(usize) -> f64, is_over: impl Fn(usize, f64) -> bool) -> Vec<f64> {
-        let remembers = self.remembers.iter().copied().fold(0.0, f64::max);
+    /// WᵀW of a `step` that is zero before the row `first` and one from the row `last` on, all rows being heard: what is less than `over` of it is left out. The first row of it, and
+    /// its sums from each row on to the end.
+    pub fn of_step(
+        &self,
+        steps: &[(f64, f64)],
+        [first, last]: [usize; 2],
+        step: impl Fn(usize) -> f64,
+        over: f64,
+    ) -> (usize, Vec<f64>) {
+        let (mut place, mut white) = (0.0, Vec::new());
+        for (row, &(gain, unsure)) in steps.iter().enumerate().skip(first) {
+            place *= self.remembers[row];
+            let off = step(row) / self.sizes[row] - place;
+            place += gain * off;
+            white.push(off / unsure);
+            if row > last && off.abs() * self.sizes[row] < over {
+                break;
+            }
+        }
+        let (mut pull, mut sum, mut sums) = (0.0, 0.0, Vec::new());
+        for row in (0..first + white.len()).rev() {
+            let (gain, unsure) = steps[row];
+            let own = row.checked_sub(first).map_or(0.0, |at| white[at] / unsure);
+            let off = own + gain * pull;
+            sum += off / self.sizes[row];
+            pull = (pull - off) * self.remembers[row];
+            sums.push(sum);
+            if row <= first && pull.abs() < over * sum.abs() * self.sizes[row] {
+                break;
+            }
+        }
+        let begin = first + white.len() - sums.len();
+        sums.reverse();
+        (begin, sums)
+    }
+
+    /// By row, the share of what is new that the wandering follows, and the deviation of what is new in units of the noise: zero where the row is not heard.
+    pub fn steps(&self) -> Vec<(f64, f64)> {
         let mut spread = self.ratio;
-        for _ in 0..self.remembers.len() {
-            spread = remembers * remembers * (spread / (spread + 1.0) - self.ratio) + self.ratio;
-        }
-        let (unsure, mut place, mut signal) = (spread + 1.0, 0.0, Vec::new());
-        while signal.is_empty() || signal.len() < self.remembers.len() && !is_over(signal.len(), place) {
-            let off = of(signal.len()) - place;
-            place = remembers * (place + spread / unsure * off);
-            signal.push(off / unsure.sqrt());
-        }
-        signal
+        let step = |(remembers, heard): (&f64, &bool)| {
+            spread = remembers * remembers * (spread - self.ratio) + self.ratio;
+            if !heard {
+                return (0.0, 0.0);
+            }
+            let unsure = spread + 1.0;
+            let gain = spread / unsure;
+            spread /= unsure;
+            (gain, unsure.sqrt())
+        };
+        self.remembers.iter().zip(&self.heard).map(step).collect()
     }
 
     fn counted(&self, rows: &[f64]) -> Vec<f64> {
@@ -151,18 +228,15 @@ impl Wandering {
     }
 
     /// Minus the log-likelihood of what is `left`, the deviation that of its median: pushes do not count.
-    fn lost(&self, left: &[f64]) -> f64 {
-        let (mut spread, mut volume, mut count) = (self.ratio, 0.0, 0.0);
-        for (remembers, heard) in self.remembers.iter().zip(&self.heard) {
-            spread = remembers * remembers * (spread - self.ratio) + self.ratio;
-            if *heard {
-                volume += 0.5 * (spread + 1.0).ln();
-                spread /= spread + 1.0;
-                count += 1.0;
-            }
+    fn lost(&self, left: &[f64], least: f64) -> f64 {
+        let (mut volume, mut count) = (0.0, 0.0);
+        for (_, unsure) in self.steps().into_iter().filter(|(_, unsure)| *unsure > 0.0) {
+            volume += unsure.ln();
+            count += 1.0;
         }
-        let deviation = size(&self.counted(&self.rows(left)));
-        volume + count * deviation.max(f64::MIN_POSITIVE).ln()
+        let seen = size(&self.counted(&self.rows(left)));
+        let deviation = seen.max(least).max(f64::MIN_POSITIVE);
+        volume + count * (deviation.ln() + 0.5 * (seen / deviation).powi(2))
     }
 }
 
@@ -202,6 +276,7 @@ mod tests {
             heard,
             ratio: ratio * ratio,
             deviation: 0.3,
+            least: 0.0,
         };
         let white = one.counted(&one.rows(&rows));
         let square: f64 = white.iter().map(|x| x * x).sum();
@@ -210,20 +285,22 @@ mod tests {
         assert!((size(&white) - 0.3).abs() < 0.01 && alike.abs() < 0.02);
     }
 
-    /// The filtered push is what the filter makes of one.
+    /// Back and forth are transposes of each other.
     #[test]
-    fn a_push_is_filtered_as_any_row() {
+    fn back_is_the_transpose() {
+        let mut rng = ChaCha8Rng::seed_from_u64(4);
         let one = Wandering {
-            remembers: vec![0.95; 400],
-            sizes: vec![1.0; 400],
-            heard: vec![true; 400],
+            remembers: (0..300).map(|k| if k == 150 { 0.0 } else { 0.95 }).collect(),
+            sizes: (0..300).map(|k| 1.0 + 0.01 * f64::from(k)).collect(),
+            heard: (0..300).map(|k| k % 7 > 1).collect(),
             ratio: 16.0,
             deviation: 1.0,
+            least: 0.0,
         };
-        let rows: Vec<f64> = (0..400).map(|k| if (300..308).contains(&k) { 1.0 } else { 0.0 }).collect();
-        let filtered = one.rows(&rows);
-        for (k, x) in one.push(8).iter().enumerate() {
-            assert!((x - filtered[300 + k]).abs() < 1e-9, "{k}: {x} {}", filtered[300 + k]);
-        }
+        let [x, white] = [0, 1].map(|_| (0..300).map(|_| normal(&mut rng)).collect::<Vec<f64>>());
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let [there, back] = [dot(&white, &one.rows(&x)), dot(&one.back(&white), &x)];
+        println!("{there} {back}");
+        assert!((there - back).abs() < 1e-9 * there.abs());
     }
 }
