@@ -24,7 +24,7 @@ use crate::choice::{Answers, HeldOut, Tried, choose, held_out, scored};
 use crate::data::Data;
 use crate::forecast::{Forecast, forecasts};
 use crate::recorded::{RecordedRun, files, name_of, task_of};
-use crate::rehearsal::{Course, Rehearsal, can_decide};
+use crate::rehearsal::{Course, Rehearsal, check_mode, check_rate};
 use crate::structure::{Fitting, Structure, fitted};
 
 /// Time from one window that trains to the next, s.
@@ -173,6 +173,7 @@ pub fn train(
 ) -> Result<Trained, Failure> {
     let file = load_model(&model.display().to_string())?;
     let task = Task { model: model.display().to_string(), weights: None, ..task };
+    check_mode(&task)?;
     let believed = believed(&task, &file)?;
     let nominal = settings.nominal.as_ref().unwrap_or(&believed.nominal);
     if nominal.dof() != believed.arm.dof() {
@@ -194,7 +195,7 @@ pub fn train(
             other.name, other.period, data.runs[0].name
         )));
     }
-    can_decide(&task, period)?;
+    check_rate(period)?;
     let task = Task { rate: (1.0 / period).round(), ..task };
     let stride = ((EVERY / period).round() as usize).max(1);
     let fitting = Fitting { stride, epochs: settings.epochs, seed: settings.seed, joints: data.joints() };

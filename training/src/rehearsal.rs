@@ -63,19 +63,32 @@ pub struct Rehearsal<'a> {
     pub task: &'a Task,
 }
 
-/// Whether simulated runs can decide on recordings of `task` with a sample every `period` s.
+/// Whether simulated runs can decide on recordings in the mode of `task`.
 ///
 /// # Errors
-/// Another mode than torque, or another rate.
-pub fn can_decide(task: &Task, period: f64) -> Result<(), Failure> {
-    if (period * RATE - 1.0).abs() > 1e-6 || task.mode != TaskMode::Torque {
-        return Err(Failure::input(format!(
-            "recordings of {:.6} Hz in mode {:?}: runs that prove weights are of mode torque at {RATE} Hz; record such ones",
-            1.0 / period,
-            task.mode
-        )));
+/// Another mode than torque.
+pub fn check_mode(task: &Task) -> Result<(), Failure> {
+    if task.mode == TaskMode::Torque {
+        return Ok(());
     }
-    Ok(())
+    Err(Failure::input(format!(
+        "recordings in mode {:?}: runs that prove weights are of mode torque; record such ones",
+        task.mode
+    )))
+}
+
+/// Whether simulated runs can decide on recordings with a sample every `period` s.
+///
+/// # Errors
+/// Another rate.
+pub fn check_rate(period: f64) -> Result<(), Failure> {
+    if (period * RATE - 1.0).abs() <= 1e-6 {
+        return Ok(());
+    }
+    Err(Failure::input(format!(
+        "recordings of {:.6} Hz: runs that prove weights have {RATE} Hz; record such ones",
+        1.0 / period
+    )))
 }
 
 /// What the runs `runs`, one for each recording, prove. `folds` says which recordings are of one path.
