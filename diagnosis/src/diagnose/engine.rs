@@ -166,13 +166,17 @@ impl Study<'_> {
         progress("looking for what happens at a time");
         let mut members = with.members.clone();
         events = self.happened_beside(&mut data, &with, &events);
-        let others = self.happened_beside(&mut data, &without, &[]);
         data.parts.clone_from(&parts);
-        data.give_moments(&all_of(&[&events, &others]));
-        let of_with = self.evidence(&data, &events, &left, &members)?;
-        let of_without = self.evidence(&data, &others, &left, &without.members)?;
-        if of_without > of_with {
-            (members, events) = (without.members, others);
+        if are_the_same(&with.members, &without.members) {
+            data.give_moments(&all_of(&[&events]));
+        } else {
+            let others = self.happened_beside(&mut data, &without, &[]);
+            data.give_moments(&all_of(&[&events, &others]));
+            let of_with = self.evidence(&data, &events, &left, &members)?;
+            let of_without = self.evidence(&data, &others, &left, &without.members)?;
+            if of_without > of_with {
+                (members, events) = (without.members, others);
+            }
         }
         let (mut search, members) = self.search(&data, &events, &left, &members)?;
         let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
@@ -254,6 +258,11 @@ fn explained(search: &mut Search, answer: Answer, progress: &mut dyn FnMut(&str)
 /// What all `events` are.
 fn all_of<'e>(events: &[&'e [Event]]) -> Vec<&'e Candidate> {
     events.iter().flat_map(|events| events.iter().map(|event| &event.candidate)).collect()
+}
+
+/// Whether `one` and `other` are the same effects in whatever form.
+fn are_the_same(one: &[Candidate], other: &[Candidate]) -> bool {
+    one.len() == other.len() && one.iter().all(|one| other.iter().any(|other| one.same_effect(other)))
 }
 
 /// A search among `candidates` by the rows of `data` that are heard, of which `target` is what the model as given leaves, and `left` what is left with all that is

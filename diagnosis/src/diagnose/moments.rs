@@ -244,8 +244,7 @@ fn at_the_same_time(data: &Data, search: &mut Search, member: usize) -> Vec<usiz
     for kind in kinds().filter(|kind| kind.happens() && kind.parameter(END).is_some()) {
         for joint in places(kind, data.arm()) {
             let other = Candidate::new(data, kind, joint, own.form.clone()).ok().flatten();
-            let other =
-                other.filter(|other| !other.same_effect(&own)).map(|other| other.one_of(own.forms));
+            let other = other.filter(|other| !other.same_effect(&own)).map(|other| other.one_of(own.forms));
             all.extend(other.and_then(|other| search.system.take(other)));
         }
     }
