@@ -26,14 +26,14 @@ fn what_is_found_helps_the_controller() {
     }
 }
 
-/// In a third of the time: a warped base is nothing that the diagnosis can name; what is learned of it takes it away on other paths without a tracker, a second
+/// In half of the time: a warped base is nothing that the diagnosis can name; what is learned of it takes it away on other paths without a tracker, a second
 /// call takes the outcome of the first, and the pages are there.
 #[test]
 fn what_has_no_name_is_learned_and_taken_out() {
     let place = fresh_folder();
     let demo = |more: &[&str]| {
         let mut arguments =
-            vec!["demo", "--case", "warped", "--period", "2", "--out", "out", "--format", "json"];
+            vec!["demo", "--case", "warped", "--period", "3", "--out", "out", "--format", "json"];
         arguments.extend(more);
         let mut call = Call::new(fresh_folder(), &arguments);
         call.command.current_dir(place.path());
