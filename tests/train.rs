@@ -61,7 +61,13 @@ fn what_the_model_leaves_is_learned_proved_and_taken_out() {
         (receipt["proved"].as_bool(), receipt["runs"].as_array().map(Vec::len)),
         (Some(true), Some(3))
     );
+    assert!(receipt["chance"].as_f64().is_some_and(|chance| chance < 0.05), "{receipt:#}");
     assert!(folder.join("nominal.weights.json").is_file(), "where runs with this model find it");
+    let page = std::fs::read_to_string(folder.join("nominal.weights.html")).expect("a page");
+    assert!(
+        page.contains("Where the network may be used") && page.contains("forecast"),
+        "what was learned is drawn"
+    );
 
     let fourth = ["path.kind=lissajous", "path.size=[0.12,0.18,0.06]", "sensors.track_tool=false"];
     let played = |more: &[&str], out: &str| {

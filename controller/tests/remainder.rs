@@ -8,7 +8,7 @@ use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
 use freeplay_controller::compensation::Motion;
 use freeplay_controller::identity::{identity, model_identity};
 use freeplay_controller::remainder::{
-    Axis, Condition, InputGroup, Machine, Parts, Region, Remainder, WeightFile,
+    Axis, Condition, InputGroup, Learned, Machine, Region, Remainder, WeightFile,
 };
 use freeplay_controller::{Answer, Controller, NarxQp, RunInfo, Task, TaskMode};
 use freeplay_path::JointPath;
@@ -51,19 +51,20 @@ fn network() -> Narx {
 fn weights(centre: &[f64], share: f64) -> WeightFile {
     let axis = || Axis { lowest: -0.25e-3, highest: 0.25e-3, share, rms_um: 1.0, left_um: 0.1, r: Some(0.9) };
     let condition = Condition { name: "by hand".to_owned(), duration: 1.0, rms_um: [1.0; 3] };
-    let parts = Parts {
+    let learned = Learned {
         machine: machine(),
         command: "by hand".to_owned(),
         conditions: vec![condition],
         inputs: vec![InputGroup::Position],
         axes: [axis(), axis(), axis()],
         region: Region {
+            inputs: vec![InputGroup::Position],
             gain: vec![1.0; 6],
             centres: vec![centre.to_vec()],
             trust: vec![[0.5, 1.0], [1.0, 0.5], [2.0, 0.0]],
         },
     };
-    let mut file = WeightFile::new(&network(), parts).unwrap();
+    let mut file = WeightFile::new(&network(), learned).unwrap();
     file.receipt.proved = true;
     file
 }
@@ -170,9 +171,10 @@ fn weights_for_something_else_are_refused_by_name() {
     let mut gains = task();
     gains.gains.natural_frequency = 30.0;
     let (mut arm, mut model, mut inputs) = (good.clone(), good.clone(), good.clone());
-    arm.machine.arm_hash = "0123456789abcdef".to_owned();
-    model.machine.model_hash = "0123456789abcdef".to_owned();
-    inputs.inputs = vec![InputGroup::Velocity];
+    arm.learned.machine.arm_hash = "0123456789abcdef".to_owned();
+    model.learned.machine.model_hash = "0123456789abcdef".to_owned();
+    inputs.learned.inputs = vec![InputGroup::Velocity];
+    inputs.learned.region.inputs = vec![InputGroup::Velocity];
     let cases = [
         (said(&arm, task()), ["the arm", "0123456789abcdef", "by hand"]),
         (said(&model, task()), ["the model", "0123456789abcdef", "train for it"]),
@@ -197,7 +199,7 @@ fn a_broken_file_is_refused_with_its_place() {
     };
     assert!(WeightFile::parse(&text, "w.json").is_ok());
     refused("freeplay.remainder", "freeplay.other", "freeplay.other");
-    refused("\"version\": 1", "\"version\": 9", "version 9");
+    refused("\"version\": 2", "\"version\": 9", "version 9");
     refused("\"share\": 1.0", "\"share\": 2.0", "bounds of an axis");
     refused("\"centres\"", "\"centers\"", "line");
     refused("\"highest\": 0.00025", "\"highest\": -1.0", "bounds of an axis");

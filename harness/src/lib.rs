@@ -12,7 +12,7 @@
 //! - `live`: the view of a run in the terminal.
 //! - `screen`, `run_report`, `run_film`, [`report_command`]: the table and the reports.
 //! - [`weights`]: what a network learned beyond the model, and how far that reaches along the path.
-//! - [`closed_loop`]: the same loop in this process, without shared memory and gate.
+//! - [`closed_loop`]: the same loop in this process, without shared memory and gate; [`loop_recorder`]: its recording.
 //! - [`replay`]: the recorded states of a run, given to a new controller process.
 
 pub mod closed_loop;
@@ -22,6 +22,7 @@ mod gains;
 pub mod histogram_files;
 mod live;
 mod load;
+pub mod loop_recorder;
 pub mod plant_command;
 pub mod processes;
 mod recorder;

@@ -191,7 +191,7 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     let learned = |contestant: &ControllerSelection| weights::reach(&scenario, &setup, &contestant.asked);
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
-    stands_still(&setup).into_iter().for_each(messages::note);
+    stands_still(&setup).into_iter().chain(weights::left_alone(&scenario)).for_each(messages::note);
     let (mut runs, mut exit, mut failure) = (Vec::new(), Exit::Done, None);
     for contestant in &contestants {
         let progress = progress(args.live, contestant, &setup, scenario.pace);

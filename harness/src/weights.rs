@@ -9,7 +9,7 @@ use freeplay_controller::{Remainder, WeightFile};
 use freeplay_terminal::exit::Failure;
 use serde_json::{Value, json};
 
-use crate::scenario::{NO_WEIGHTS, Scenario};
+use crate::scenario::{Drive, NO_WEIGHTS, Scenario};
 use crate::setup::{PAPER_MODEL, Setup};
 
 /// Where the weights of the model `model` stand if nobody says where: `found/model.toml` has `found/model.weights.json`.
@@ -17,7 +17,10 @@ pub fn beside(model: &Path) -> PathBuf {
     model.with_extension("weights.json")
 }
 
-/// The weight file of `scenario`: the one that it names, else the one beside the controllers' model. None if there is none.
+/// The weight file of `scenario`: the one that it names, else, in mode torque, the one beside the controllers' model. None if there is none.
+///
+/// What a torque without a name does to the tool depends on who moves the joints, and it is learned and proved in mode torque: elsewhere weights
+/// beside the model are left alone ([`left_alone`]), and weights that a scenario names are refused by the controller.
 ///
 /// # Errors
 /// A path that has no absolute one.
@@ -29,12 +32,33 @@ pub fn of(scenario: &Scenario) -> Result<Option<String>, Failure> {
     match (&scenario.controller.weights, &scenario.controller.model) {
         (Some(named), _) if named == NO_WEIGHTS => Ok(None),
         (Some(named), _) => absolute(Path::new(named)),
-        (None, Some(model)) if model != PAPER_MODEL => {
-            let found = beside(Path::new(model));
-            if found.is_file() { absolute(&found) } else { Ok(None) }
-        }
-        (None, _) => Ok(None),
+        (None, _) if scenario.mode != Drive::Torque => Ok(None),
+        (None, _) => beside_model(scenario).map_or(Ok(None), |found| absolute(&found)),
     }
+}
+
+/// The weight file beside the controllers' model, if there is one.
+fn beside_model(scenario: &Scenario) -> Option<PathBuf> {
+    let model = scenario.controller.model.as_ref().filter(|model| *model != PAPER_MODEL)?;
+    Some(beside(Path::new(model))).filter(|found| found.is_file())
+}
+
+/// What to say of weights beside the model that `scenario` does not use, because it is not of mode torque.
+pub fn left_alone(scenario: &Scenario) -> Option<String> {
+    let mode = match scenario.mode {
+        Drive::Torque => return None,
+        Drive::Driven => "driven",
+        Drive::Servo => "servo",
+    };
+    let mut controllers = scenario.controllers.iter().chain(&scenario.standby);
+    if scenario.controller.weights.is_some() || !controllers.any(|controller| controller == NARX_QP) {
+        return None;
+    }
+    let found = beside_model(scenario)?;
+    Some(format!(
+        "{} is not used: it was learned in mode torque, and this run is of mode {mode}; physics alone compensates",
+        found.display()
+    ))
 }
 
 /// What the weights of `scenario` come to along its path for the controller `controller`: how much of it is inside the trained region, and how far

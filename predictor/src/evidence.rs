@@ -5,8 +5,10 @@
 //! n errors and γ = W − λ tr (JᵀJ + λI)⁻¹ the number of the W weights that the data determine (D. J. C. MacKay, "A practical Bayesian framework for
 //! backpropagation networks", Neural Computation 4, 1992; F. D. Foresee, M. T. Hagan, "Gauss–Newton approximation to Bayesian learning", ICNN
 //! 1997, MATLAB's `trainbr`). No samples are kept back to stop the training.
+//!
+//! A round need not reach its minimum before λ changes: it ends after a share of the epochs, and every round as soon as its cost hardly falls.
 
-use crate::levenberg_marquardt::{Epoch, LeastSquares, MinimiseError, Outcome, Settings, minimise};
+use crate::levenberg_marquardt::{Epoch, LeastSquares, MinimiseError, Outcome, Settings, Stop, minimise};
 use crate::normal_equations::NormalEquations;
 use std::ops::ControlFlow;
 
@@ -14,8 +16,12 @@ use std::ops::ControlFlow;
 const FIRST: f64 = 1e-2;
 /// Least λ: below it the decay is lost in rounding.
 const LEAST: f64 = 1e-9;
-/// Most rounds.
+/// Most rounds before the last.
 const ROUNDS: usize = 8;
+/// The rounds before the last have one of so many epochs each.
+const SHARE: usize = 5;
+/// A round ends where so many epochs take less than this share of the cost away.
+const HARDLY: (usize, f64) = (5, 1e-3);
 /// Change of λ between rounds below which it has settled, as a factor.
 const SETTLED: f64 = 1.1;
 
@@ -51,7 +57,7 @@ fn square(values: &[f64]) -> f64 {
     values.iter().map(|value| value * value).sum()
 }
 
-/// Minimises `problem` from `start` in rounds of at most `settings.epochs` epochs, with the decay that the data choose. The last round's outcome.
+/// Minimises `problem` from `start` in rounds with the decay that the data choose; the last has at most `settings.epochs` epochs, and its outcome is returned.
 ///
 /// # Errors
 /// As [`minimise`].
@@ -61,20 +67,40 @@ pub fn minimise_by_evidence(
     settings: &Settings,
     mut progress: impl FnMut(&Epoch) -> ControlFlow<()>,
 ) -> Result<Outcome, MinimiseError> {
-    let mut decay = FIRST;
-    let mut weights = start;
-    let mut round = 0;
-    loop {
-        let outcome = minimise(&mut Decayed { problem, decay }, weights, settings, &mut progress)?;
-        round += 1;
-        let next = chosen(problem, &outcome.weights, decay);
-        let is_settled = next.is_none_or(|next| (next / decay).max(decay / next) < SETTLED);
-        if round == ROUNDS || is_settled {
-            return Ok(outcome);
+    let few = Settings { epochs: (settings.epochs / SHARE).max(1), ..*settings };
+    let (mut decay, mut weights) = (FIRST, start);
+    for _ in 0..ROUNDS {
+        weights = until_settled(&mut Decayed { problem, decay }, weights, &few, &mut progress)?.weights;
+        let Some(next) = chosen(problem, &weights, decay) else { break };
+        let is_settled = (next / decay).max(decay / next) < SETTLED;
+        decay = next;
+        if is_settled {
+            break;
         }
-        decay = next.unwrap_or(decay);
-        weights = outcome.weights;
     }
+    until_settled(&mut Decayed { problem, decay }, weights, settings, &mut progress)
+}
+
+/// As [`minimise`], but ends as soon as the cost hardly falls ([`HARDLY`]), with [`Stop::Settled`].
+fn until_settled(
+    problem: &mut impl LeastSquares,
+    start: Vec<f64>,
+    settings: &Settings,
+    progress: &mut impl FnMut(&Epoch) -> ControlFlow<()>,
+) -> Result<Outcome, MinimiseError> {
+    let (epochs, share) = HARDLY;
+    let (mut costs, mut is_interrupted) = (Vec::new(), false);
+    let mut outcome = minimise(problem, start, settings, |epoch| {
+        costs.push(epoch.mse);
+        is_interrupted = progress(epoch).is_break();
+        let before = costs.len().checked_sub(1 + epochs).map(|before| costs[before]);
+        let hardly = before.is_some_and(|before| epoch.mse > before * (1.0 - share));
+        if is_interrupted || hardly { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })?;
+    if outcome.stop == Stop::Interrupted && !is_interrupted {
+        outcome.stop = Stop::Settled;
+    }
+    Ok(outcome)
 }
 
 /// λ by the evidence at `weights`; none where the equations can't be inverted or nothing is left to explain.

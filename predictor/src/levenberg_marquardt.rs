@@ -88,6 +88,8 @@ pub enum Stop {
     MuMax,
     /// The validation error has been rising.
     Validation,
+    /// The error hardly falls any more ([`crate::evidence`]).
+    Settled,
     /// The caller asked to stop.
     Interrupted,
 }

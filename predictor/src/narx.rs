@@ -5,7 +5,7 @@
 //! Parthasarathy, "Identification and control of dynamical systems using neural networks", IEEE Trans. Neural Networks 1(1),
 //! 1990.)
 
-use crate::network::Network;
+use crate::network::{Network, NetworkError};
 use crate::predictor::{Predictor, PushError};
 use crate::scaling::Scaling;
 use crate::series::{Series, SeriesError};
@@ -127,6 +127,42 @@ impl Narx {
     #[must_use]
     pub fn network(&self) -> &Network {
         &self.network
+    }
+
+    /// The network between regressors and outputs in their own units: the scalings are taken into its first and last layers, so that nothing is
+    /// scaled sample by sample.
+    ///
+    /// # Errors
+    /// A weight that is not finite in these units.
+    pub fn in_own_units(&self) -> Result<Network, NetworkError> {
+        let sizes = self.network.sizes();
+        let mut weights = self.network.weights().to_vec();
+        // The scaling of every regressor as s = v · gain + shift, and of every output as v = s · gain + shift.
+        let map = |row: &mut dyn FnMut(&mut [f64]), count: usize| -> Vec<[f64; 2]> {
+            let (mut at_zero, mut at_one) = (vec![0.0; count], vec![1.0; count]);
+            row(&mut at_zero);
+            row(&mut at_one);
+            at_zero.iter().zip(&at_one).map(|(shift, one)| [one - shift, *shift]).collect()
+        };
+        let entering = map(
+            &mut |row| scale_regressors(&self.layout, &self.input_scaling, &self.output_scaling, row),
+            sizes[0],
+        );
+        for unit in weights[..(sizes[0] + 1) * sizes[1]].chunks_exact_mut(sizes[0] + 1) {
+            let (bias, of_inputs) = unit.split_at_mut(1);
+            for (weight, [gain, shift]) in of_inputs.iter_mut().zip(&entering) {
+                bias[0] += *weight * shift;
+                *weight *= gain;
+            }
+        }
+        let (fan_in, outputs) = (sizes[sizes.len() - 2], self.output_names.len());
+        let leaving = map(&mut |row| self.output_scaling.reverse(row), outputs);
+        let last = weights.len() - (fan_in + 1) * outputs;
+        for (unit, [gain, shift]) in weights[last..].chunks_exact_mut(fan_in + 1).zip(&leaving) {
+            unit.iter_mut().for_each(|weight| *weight *= gain);
+            unit[0] += shift;
+        }
+        Network::new(sizes, self.network.activation(), weights)
     }
 
     /// Where it comes from.

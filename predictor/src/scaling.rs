@@ -7,6 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 
+/// Least range of a channel, share of the widest of its group.
+pub const LEAST_RANGE: f64 = 0.05;
+
 /// The map of each channel; made from the training data alone.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -32,6 +35,24 @@ impl Scaling {
         };
         let minimum = |&(low, _): &(f64, f64)| if low.is_finite() { low } else { 0.0 };
         Self { gain: range.iter().map(gain).collect(), minimum: range.iter().map(minimum).collect() }
+    }
+
+    /// This scaling with channels of one unit scaled together: `groups` says how many follow each other in each group. A channel counts as if it
+    /// moved by at least [`LEAST_RANGE`] of the widest of its group. One that only moves by rounding errors would else fill the whole of \[-1, 1\] with
+    /// them.
+    #[must_use]
+    pub fn in_groups(mut self, groups: &[usize]) -> Self {
+        let mut rest = self.gain.as_mut_slice();
+        for group in groups {
+            let (of_group, others) = rest.split_at_mut((*group).min(rest.len()));
+            // Constant channels have the gain 1, which says nothing of the range of the others.
+            let widest = of_group.iter().copied().filter(|gain| *gain != 1.0).fold(f64::INFINITY, f64::min);
+            if widest.is_finite() {
+                of_group.iter_mut().for_each(|gain| *gain = gain.min(widest / LEAST_RANGE));
+            }
+            rest = others;
+        }
+        self
     }
 
     /// Number of channels.
@@ -66,6 +87,25 @@ impl Scaling {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// The second channel moves by a rounding error, the third by a tenth of the first, the fourth not at all; the fifth has a unit of its own.
+    #[test]
+    fn what_hardly_moves_is_not_blown_up() {
+        let rows: [&[f64]; 2] = [&[0.0, 1.0, 0.0, 3.0, 0.0], &[2.0, 1.0 + 4e-16, 0.2, 3.0, 1e-6]];
+        let plain = Scaling::fit(5, rows);
+        let grouped = plain.clone().in_groups(&[4, 1]);
+        let moved = |scaling: &Scaling, channel: usize| {
+            let [mut low, mut high] = rows.map(<[f64]>::to_vec);
+            scaling.apply(&mut low);
+            scaling.apply(&mut high);
+            high[channel] - low[channel]
+        };
+        assert!((moved(&plain, 1) - 2.0).abs() < 1e-12 && moved(&grouped, 1) < 1e-13);
+        for channel in [0, 2, 4] {
+            assert!((moved(&grouped, channel) - 2.0).abs() < 1e-12, "{channel}");
+        }
+        assert!(moved(&grouped, 3).abs() < 1e-15 && grouped.is_usable());
+    }
 
     #[test]
     fn the_training_range_becomes_minus_one_to_one_and_comes_back() {

@@ -22,6 +22,8 @@ use std::ops::ControlFlow;
 pub struct Recipe {
     /// Samples to look at, and horizon.
     pub layout: Layout,
+    /// Numbers of input channels that follow each other and have one unit; they are scaled together ([`Scaling::in_groups`]). Empty: each for itself.
+    pub groups: Vec<usize>,
     /// Units of each hidden layer; none makes a linear model.
     pub hidden: Vec<usize>,
     /// Kind of hidden unit.
@@ -101,6 +103,7 @@ pub fn train(
     let layout = &recipe.layout;
     let sizes = check(series, split, recipe)?;
     let (input_scaling, output_scaling) = fit_scaling(series, &split.train, layout);
+    let input_scaling = input_scaling.in_groups(&recipe.groups);
     let samples = |windows: &[Window]| scaled(series, windows, layout, &input_scaling, &output_scaling);
     let validation = (!split.validation.is_empty()).then(|| samples(&split.validation));
     let start = nguyen_widrow(&sizes, recipe.activation, recipe.seed);

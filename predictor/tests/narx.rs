@@ -23,7 +23,15 @@ fn layout(input_lags: &[usize], output_lags: &[usize], horizon: usize) -> Layout
 
 fn recipe(layout: Layout, hidden: &[usize]) -> Recipe {
     let settings = Settings { epochs: 100, ..Settings::default() };
-    Recipe { layout, hidden: hidden.to_vec(), activation: Activation::Tanh, seed: 1, settings, decay: false }
+    Recipe {
+        layout,
+        groups: Vec::new(),
+        hidden: hidden.to_vec(),
+        activation: Activation::Tanh,
+        seed: 1,
+        settings,
+        decay: false,
+    }
 }
 
 fn fit(series: &Series, split: &Split, recipe: &Recipe) -> Result<Trained, TrainError> {
@@ -328,4 +336,27 @@ fn training_can_be_watched_and_interrupted() {
     });
     assert_eq!(epochs, [0, 1, 2]);
     assert_eq!(trained.unwrap().outcome.stop, Stop::Interrupted);
+}
+
+/// With one hidden layer, with several, and with none, where the first layer is the last.
+#[test]
+fn the_network_in_own_units_says_what_the_model_says() {
+    let series = narendra_series(200);
+    let layout = Layout { input_lags: vec![], output_lags: vec![], horizon: 1, input_at_target: true };
+    let all = windows(&series, layout.memory(), layout.horizon).unwrap();
+    for hidden in [&[5][..], &[4, 3], &[]] {
+        let split = by_block(&all, Fractions::PAPER, layout.memory() + layout.horizon).unwrap();
+        let recipe = Recipe { layout: layout.clone(), ..recipe(layout.clone(), hidden) };
+        let narx = fit(&series, &split, &recipe).unwrap().narx;
+        let network = narx.in_own_units().unwrap();
+        let mut scratch = network.scratch();
+        let (mut worst, mut greatest) = (0.0_f64, 0.0_f64);
+        for (window, expected) in all.iter().zip(narx.predict(&series, &all).unwrap().chunks_exact(2)) {
+            let said = network.forward(series.input(window.run, window.target), &mut scratch);
+            worst = said.iter().zip(expected).fold(worst, |worst, (a, b)| worst.max((a - b).abs()));
+            greatest = expected.iter().fold(greatest, |greatest, value| greatest.max(value.abs()));
+        }
+        println!("{hidden:?}: off by {worst:.1e} of {greatest:.1e}");
+        assert!(greatest > 0.01 && worst < 1e-12 * greatest);
+    }
 }

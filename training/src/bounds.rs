@@ -1,8 +1,8 @@
 //! What held-out paths confirm of a network's answers: how much at which distance from what trained, and along which axis.
 //!
 //! Of an answer ŷ to a truth y the share that leaves least is Σ yŷ / Σ ŷ², the slope of the regression of the truth on the answer. It is taken
-//! for parts of the held-out samples by their distance ([`Region`]), falling with the distance, and then for each axis. An axis on which a held-out
-//! path would be worse off with the answer than without has no share.
+//! for parts of the held-out samples by their distance ([`Region`]), falling with the distance, and then for each axis. No held-out path may be worse off
+//! with the answer than without: Σ (y − s ŷ)² ≤ Σ y² holds up to s = 2 Σ yŷ / Σ ŷ² of that path, and an axis has no greater share.
 
 use freeplay_controller::remainder::{Axis, InputGroup, Region};
 use freeplay_predictor::Window;
@@ -23,35 +23,34 @@ struct Sample {
     said: [f64; 3],
 }
 
-/// The region around the inputs `groups` of `windows`, without trust.
-pub fn around(data: &Data, groups: &[InputGroup], windows: &[Window]) -> Region {
+/// The region around the `inputs` at `windows`, without trust.
+pub fn around(data: &Data, inputs: &[InputGroup], windows: &[Window]) -> Region {
     let rows: Vec<Vec<f64>> =
-        windows.iter().map(|window| data.row(groups, window.run, window.target)).collect();
-    let widths: Vec<usize> = groups.iter().map(|group| group.width(data.joints())).collect();
-    Region::around(&rows, &widths, CENTRES)
+        windows.iter().map(|window| data.row(inputs, window.run, window.target)).collect();
+    Region::around(&rows, inputs, data.joints(), CENTRES)
 }
 
-/// Trust by distance, and the axes, as the `held` paths confirm them; `stride` is that of their windows.
+/// Trust by distance, and the axes, as the `held` paths confirm them, for a region that looks at `inputs`; `stride` is that of their windows.
 pub fn confirmed(
     data: &Data,
-    groups: &[InputGroup],
+    inputs: &[InputGroup],
     held: &[&Answers],
     stride: usize,
 ) -> (Vec<[f64; 2]>, [Axis; 3]) {
     let mut samples = Vec::new();
     for one in held {
         let trained = data.windows(stride, 0, |run| data.folds[run] != one.fold);
-        let region = around(data, groups, &trained);
+        let region = around(data, inputs, &trained);
         samples.extend(one.windows.iter().zip(&one.said).map(|(window, said)| Sample {
             fold: one.fold,
-            distance: region.distance(&data.row(groups, window.run, window.target)),
+            distance: region.distance(&data.row(inputs, window.run, window.target)),
             truth: data.left(window.run, window.target).into(),
             said: (*said).into(),
         }));
     }
     samples.sort_by(|a, b| a.distance.total_cmp(&b.distance));
     let trust = trust(&samples);
-    let region = Region { gain: Vec::new(), centres: Vec::new(), trust: trust.clone() };
+    let region = Region { inputs: Vec::new(), gain: Vec::new(), centres: Vec::new(), trust: trust.clone() };
     let all = data.windows(stride, 0, |_| true);
     let (lowest, highest) = range(data, &all);
     let axes = [0, 1, 2].map(|axis| {
@@ -61,13 +60,13 @@ pub fn confirmed(
                 (sample.fold, sample.truth[axis], sample.said[axis] * region.trust_at(sample.distance))
             })
             .collect();
-        let slope = slope(pairs.iter().map(|(_, truth, said)| (*truth, *said)));
-        let is_worse = |fold: usize| {
-            let of_fold = || pairs.iter().filter(move |(of, ..)| *of == fold);
-            let without = rms(of_fold().map(|(_, truth, _)| *truth));
-            rms(of_fold().map(|(_, truth, said)| truth - slope * said)) > without
+        let of_fold = |fold: usize| {
+            let pairs = pairs.iter().filter(move |(of, ..)| *of == fold);
+            slope(pairs.map(|(_, truth, said)| (*truth, *said)))
         };
-        let share = if (0..data.fold_count()).any(is_worse) { 0.0 } else { slope };
+        let all = slope(pairs.iter().map(|(_, truth, said)| (*truth, *said)));
+        let share =
+            (0..data.fold_count()).map(|fold| 2.0 * of_fold(fold)).fold(all, f64::min).clamp(0.0, 1.0);
         Axis {
             lowest: lowest[axis],
             highest: highest[axis],
@@ -80,11 +79,11 @@ pub fn confirmed(
     (trust, axes)
 }
 
-/// Σ yŷ / Σ ŷ² of pairs (y, ŷ), within 0 and 1.
+/// Σ yŷ / Σ ŷ² of pairs (y, ŷ); 0 for answers that are all 0.
 fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     let (product, square) =
         pairs.fold((0.0, 0.0), |(product, square), (y, said)| (product + y * said, square + said * said));
-    if square > 0.0 { (product / square).clamp(0.0, 1.0) } else { 0.0 }
+    if square > 0.0 { product / square } else { 0.0 }
 }
 
 /// The trust of `samples`, which are sorted by their distance: in equal parts, never rising, and nothing beyond the farthest.
@@ -95,7 +94,7 @@ fn trust(samples: &[Sample]) -> Vec<[f64; 2]> {
         let pairs = part.iter().flat_map(|sample| sample.truth.into_iter().zip(sample.said));
         let before = table.last().map_or(1.0, |[_, share]| *share);
         let middle = part[part.len() / 2].distance;
-        table.push([middle, slope(pairs).min(before)]);
+        table.push([middle, slope(pairs).clamp(0.0, before)]);
     }
     if let (Some(last), Some(farthest)) = (table.last().copied(), samples.last()) {
         // As far beyond the farthest as that is beyond the middle of its part.
@@ -128,10 +127,10 @@ mod tests {
     }
 
     #[test]
-    fn a_share_is_never_more_than_all_or_less_than_nothing() {
+    fn the_slope_is_what_leaves_least() {
         let of = |pairs: &[(f64, f64)]| slope(pairs.iter().copied());
         assert!((of(&[(1.0, 2.0), (2.0, 4.0)]) - 0.5).abs() < 1e-12);
-        assert!((of(&[(2.0, 1.0)]) - 1.0).abs() < 1e-12);
-        assert!(of(&[(-1.0, 1.0)]) <= 0.0 && of(&[]) <= 0.0);
+        assert!((of(&[(2.0, 1.0)]) - 2.0).abs() < 1e-12);
+        assert!((of(&[(-1.0, 1.0)]) + 1.0).abs() < 1e-12 && of(&[]).abs() < 1e-12);
     }
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets};
 use freeplay_arm::{Arm, ArmFile};
-use freeplay_controller::remainder::{Condition, Machine, Parts, Receipt, WeightFile};
+use freeplay_controller::remainder::{Condition, Learned, Machine, Receipt, Region, WeightFile};
 use freeplay_controller::{Model, RunInfo, Task, TaskMode};
 use freeplay_harness::setup::load_model;
 use freeplay_harness::weights::beside;
@@ -22,8 +22,9 @@ use serde::Serialize;
 use crate::bounds::{around, confirmed};
 use crate::choice::{Answers, HeldOut, Tried, choose, held_out, scored};
 use crate::data::Data;
+use crate::forecast::{Forecast, forecasts};
 use crate::recorded::{RecordedRun, files, name_of, task_of};
-use crate::rehearsal::rehearse;
+use crate::rehearsal::{Course, Rehearsal, check_mode, check_rate};
 use crate::structure::{Fitting, Structure, fitted};
 
 /// Time from one window that trains to the next, s.
@@ -93,6 +94,25 @@ pub struct Trained {
     pub tried: Vec<Tried>,
     /// Whether it may move anything.
     pub receipt: Receipt,
+    /// Forecasts of held-out paths.
+    #[serde(skip)]
+    pub forecasts: Vec<Forecast>,
+    /// The simulated runs that decided.
+    #[serde(skip)]
+    pub courses: Vec<Course>,
+}
+
+impl Trained {
+    /// Whether it is used, and why.
+    pub fn verdict_in_words(&self) -> &'static str {
+        if self.receipt.proved {
+            "proved: runs with this model use it"
+        } else if self.receipt.runs.is_empty() {
+            "not used: held-out paths confirm nothing of what was learned"
+        } else {
+            "not used: one of the simulated runs was worse with it, or chance alone could have made them better"
+        }
+    }
 }
 
 /// The command.
@@ -103,6 +123,7 @@ pub fn train_command(args: &TrainArgs) -> Result<Exit, Failure> {
     let model = Path::new(&args.model);
     let out = args.out.clone().unwrap_or_else(|| beside(model));
     check_target(&out)?;
+    check_target(&out.with_extension("html"))?;
     let mut recordings = Vec::new();
     for given in &args.recordings {
         recordings.extend(files(given)?);
@@ -117,6 +138,9 @@ pub fn train_command(args: &TrainArgs) -> Result<Exit, Failure> {
     let trained = train_on_files(&recordings, model, &settings)?;
     write(&out, &trained.file.to_json().map_err(Failure::internal)?)?;
     messages::note(format_args!("weights  {}", out.display()));
+    let page = out.with_extension("html");
+    write(&page, &crate::page::document(&trained).to_html())?;
+    messages::note(format_args!("report   {}", page.display()));
     match args.format {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&trained).map_err(Failure::internal)?))?;
@@ -149,6 +173,7 @@ pub fn train(
 ) -> Result<Trained, Failure> {
     let file = load_model(&model.display().to_string())?;
     let task = Task { model: model.display().to_string(), weights: None, ..task };
+    check_mode(&task)?;
     let believed = believed(&task, &file)?;
     let nominal = settings.nominal.as_ref().unwrap_or(&believed.nominal);
     if nominal.dof() != believed.arm.dof() {
@@ -170,9 +195,10 @@ pub fn train(
             other.name, other.period, data.runs[0].name
         )));
     }
+    check_rate(period)?;
     let task = Task { rate: (1.0 / period).round(), ..task };
     let stride = ((EVERY / period).round() as usize).max(1);
-    let fitting = Fitting { stride, epochs: settings.epochs, seed: settings.seed };
+    let fitting = Fitting { stride, epochs: settings.epochs, seed: settings.seed, joints: data.joints() };
     let (structure, held, mut tried) = choose(&data, fitting)?;
     let (structure, held) = if settings.hidden.is_empty() {
         (structure, held)
@@ -186,12 +212,15 @@ pub fn train(
     let trained =
         Making { data: &data, structure: &structure, fitting, settings, task: &task, believed: &believed };
     let (mut weights, of_folds) = trained.files(&held)?;
-    weights.receipt = if weights.axes.iter().all(|axis| axis.share <= 0.0) {
-        Receipt::default()
-    } else {
-        rehearse(&data, model, &believed, &file, &task, &of_folds)?
-    };
-    Ok(Trained { structure, tried, receipt: weights.receipt.clone(), file: weights })
+    let answers: Vec<&Answers> = held.iter().map(|held| &held.answers).collect();
+    let bounds = (weights.learned.region.trust.as_slice(), &weights.learned.axes);
+    let forecasts = forecasts(&data, &weights.learned.region.inputs, &answers, bounds, stride);
+    let mut courses = Vec::new();
+    if weights.learned.axes.iter().any(|axis| axis.share > 0.0) {
+        let rehearsal = Rehearsal { data: &data, model, believed: &believed, file: &file, task: &task };
+        (weights.receipt, courses) = rehearsal.decide(&of_folds)?;
+    }
+    Ok(Trained { structure, tried, receipt: weights.receipt.clone(), file: weights, forecasts, courses })
 }
 
 /// The task of the runs that left `recordings`; none where none stands beside them.
@@ -239,17 +268,18 @@ impl Making<'_> {
     fn files(&self, held: &[HeldOut]) -> Result<(WeightFile, Vec<WeightFile>), Failure> {
         let (data, stride, inputs) = (self.data, self.fitting.stride, &self.structure.inputs);
         let answers: Vec<&Answers> = held.iter().map(|held| &held.answers).collect();
-        let (trust, axes) = confirmed(data, inputs, &answers, stride);
+        let of_region = Region::inputs_for(inputs);
+        let (trust, axes) = confirmed(data, &of_region, &answers, stride);
         let parts = |fold: Option<usize>| {
             let windows = data.windows(stride, 0, |run| Some(data.folds[run]) != fold);
-            let region = around(data, inputs, &windows);
-            Parts {
+            let region = around(data, &of_region, &windows);
+            Learned {
                 machine: self.machine(),
                 command: self.settings.command.clone(),
                 conditions: self.conditions(),
                 inputs: inputs.clone(),
                 axes: axes.clone(),
-                region: freeplay_controller::remainder::Region { trust: trust.clone(), ..region },
+                region: Region { trust: trust.clone(), ..region },
             }
         };
         let series = data.series(inputs)?;
@@ -296,7 +326,7 @@ fn words(trained: &Trained) -> String {
         }
     }
     let mut text = format!("{table}\n\nchosen   {}\n", trained.structure.words());
-    for (name, axis) in ["x", "y", "z"].iter().zip(&trained.file.axes) {
+    for (name, axis) in ["x", "y", "z"].iter().zip(&trained.file.learned.axes) {
         let _ = writeln!(
             text,
             "axis {name}   {:.1} → {:.1} µm within the trained region, share {:.2}, answers from {:.1} to {:.1} µm",
@@ -314,13 +344,10 @@ fn words(trained: &Trained) -> String {
             run.name, run.without_mm, run.with_mm
         );
     }
-    let verdict = if trained.receipt.proved {
-        "proved: runs with this model use it"
-    } else if trained.receipt.runs.is_empty() {
-        "not used: held-out paths confirm nothing of what was learned"
-    } else {
-        "not used: the simulated runs were not better with it, or one was worse"
-    };
-    let _ = writeln!(text, "{verdict}");
+    if !trained.receipt.runs.is_empty() {
+        let _ =
+            writeln!(text, "chance   {:.3} % of runs as good without any use", 1e2 * trained.receipt.chance);
+    }
+    let _ = writeln!(text, "{}", trained.verdict_in_words());
     text
 }

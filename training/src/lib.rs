@@ -7,16 +7,20 @@
 //! 3. [`structure`]: a [`Structure`]: inputs, layers, feedback of the own answer; how one is fitted and asked.
 //! 4. [`choice`]: which inputs and which layers predict held-out paths best; [`baselines`]: what needs no network, and the paper's, beside them.
 //! 5. [`bounds`]: what held-out paths confirm: a share for each axis, and the trust by the distance from what trained.
-//! 6. [`rehearsal`]: simulated runs of the model with the recorded remainder, which decide.
-//! 7. [`command`]: the command line; [`train`] is all of it in one call.
+//! 6. [`rehearsal`]: simulated runs of the model with the recorded remainder, which decide; [`significance`]: whether they are better, and not by chance.
+//! 7. [`forecast`]: forecasts of held-out paths; [`page`]: all of it as a page.
+//! 8. [`command`]: the command line; [`train`] is all of it in one call.
 
 pub mod baselines;
 pub mod bounds;
 pub mod choice;
 pub mod command;
 pub mod data;
+pub mod forecast;
+pub mod page;
 pub mod recorded;
 pub mod rehearsal;
+pub mod significance;
 pub mod structure;
 
 pub use command::{Settings, TrainArgs, Trained, train, train_command};

@@ -2,12 +2,12 @@
 //!
 //! For each held-out path the arm of the model runs along that path while its tool is off by the recorded remainder, tick by tick. `narx-qp` runs on it
 //! without weights and with the network of the other paths. The remainder is the measurement, not what a network says of it: a
-//! network can't prove itself.
+//! network can't prove itself. Whether the runs are better, and not by chance, says [`crate::significance`].
 
 use std::fmt::Write as _;
 use std::path::Path;
 
-use freeplay_arm::ArmFile;
+use freeplay_arm::{ArmFile, Workspace, forward_kinematics};
 use freeplay_controller::narx_qp::NARX_QP;
 use freeplay_controller::remainder::{Receipt, Rehearsed, WeightFile};
 use freeplay_controller::{Model, Task, TaskMode};
@@ -21,93 +21,160 @@ use nalgebra::Vector3;
 
 use crate::data::{Data, START};
 use crate::recorded::RecordedRun;
+use crate::significance::chance;
 
 /// How much worse a run may be with the weights.
 const WORSE: f64 = 1.02;
 /// What no controller has to be better than, mm: a tenth of a micrometre.
 const NEGLIGIBLE: f64 = 1e-4;
+/// Probability with which weights of no use may pass.
+const LEVEL: f64 = 0.05;
 /// Samples from one row of a path to the next.
 const EVERY: usize = 10;
 /// Most of a recording that is played, s.
 const LONGEST: f64 = 8.0;
+/// Ticks from one point of a course to the next.
+const DRAWN: u64 = 10;
 
-/// What the runs of the weights `files`, one for each held-out path of `data`, came to. `model` is the file of the model, `arm` what it holds.
-///
-/// # Errors
-/// A run that fails.
-pub fn rehearse(
-    data: &Data,
-    model: &Path,
-    believed: &Model,
-    file: &ArmFile,
-    task: &Task,
-    files: &[WeightFile],
-) -> Result<Receipt, Failure> {
-    if (1.0 / data.runs[0].period - RATE).abs() > 1e-6 * RATE || task.mode != TaskMode::Torque {
-        return Err(Failure::input(format!(
-            "recordings of {} Hz in mode {:?}: runs that prove weights are of mode torque at {RATE} Hz; record such ones",
-            1.0 / data.runs[0].period,
-            task.mode
-        )));
-    }
-    let runs = on_all_cores(files.len(), |fold| {
-        let run = data.folds.iter().position(|of| *of == fold);
-        let run = run.ok_or_else(|| Failure::internal("a fold without a run"))?;
-        one(&data.runs[run], model, believed, file, task, &files[fold])
-    })?;
-    let is_worse = |run: &Rehearsed| run.with_mm > (run.without_mm * WORSE).max(run.without_mm + NEGLIGIBLE);
-    let sum = |of: fn(&Rehearsed) -> f64| runs.iter().map(of).sum::<f64>();
-    let is_better = sum(|run| run.with_mm) < sum(|run| run.without_mm);
-    Ok(Receipt { proved: is_better && !runs.iter().any(is_worse), runs })
+/// The tool's deviation along one run, for people.
+#[derive(Clone, Debug, Default)]
+pub struct Course {
+    /// Name of the run.
+    pub name: String,
+    /// Instants, s.
+    pub t: Vec<f64>,
+    /// Distance of the tool from where it should be without the network, mm.
+    pub without_mm: Vec<f64>,
+    /// With it.
+    pub with_mm: Vec<f64>,
 }
 
-fn one(
-    run: &RecordedRun,
-    model: &Path,
-    believed: &Model,
-    file: &ArmFile,
-    task: &Task,
-    weights: &WeightFile,
-) -> Result<Rehearsed, Failure> {
-    let folder = tempfile::tempdir().map_err(Failure::internal)?;
-    let path = written_path(run, folder.path())?;
-    let believable = folder.path().join("weights.json");
-    let mut proved = weights.clone();
-    proved.receipt.proved = true;
-    write(&believable, &proved.to_json().map_err(Failure::internal)?)?;
-    let beyond = course(run);
-    let arm = task.gravity.map_or_else(|| file.arm.clone(), |g| file.arm.with_gravity(Vector3::from(g)));
-    let rms = |weights: Option<String>| {
+/// What is run: recorded paths on the arm of a model.
+pub struct Rehearsal<'a> {
+    /// The recordings.
+    pub data: &'a Data,
+    /// The file of the model.
+    pub model: &'a Path,
+    /// What a controller makes of it.
+    pub believed: &'a Model,
+    /// What it holds.
+    pub file: &'a ArmFile,
+    /// The task of the recordings.
+    pub task: &'a Task,
+}
+
+/// Whether simulated runs can decide on recordings in the mode of `task`.
+///
+/// # Errors
+/// Another mode than torque.
+pub fn check_mode(task: &Task) -> Result<(), Failure> {
+    if task.mode == TaskMode::Torque {
+        return Ok(());
+    }
+    Err(Failure::input(format!(
+        "recordings in mode {:?}: runs that prove weights are of mode torque; record such ones",
+        task.mode
+    )))
+}
+
+/// Whether simulated runs can decide on recordings with a sample every `period` s.
+///
+/// # Errors
+/// Another rate.
+pub fn check_rate(period: f64) -> Result<(), Failure> {
+    if (period * RATE - 1.0).abs() <= 1e-6 {
+        return Ok(());
+    }
+    Err(Failure::input(format!(
+        "recordings of {:.6} Hz: runs that prove weights have {RATE} Hz; record such ones",
+        1.0 / period
+    )))
+}
+
+/// What the runs `runs`, one for each recording, prove. `folds` says which recordings are of one path.
+fn verdict(runs: Vec<Rehearsed>, folds: &[usize]) -> Receipt {
+    let is_worse = |run: &Rehearsed| run.with_mm > (run.without_mm * WORSE).max(run.without_mm + NEGLIGIBLE);
+    let ratio = |run: &Rehearsed| ((run.with_mm + NEGLIGIBLE) / (run.without_mm + NEGLIGIBLE)).ln();
+    let of_path = |fold: usize| {
+        let runs = || runs.iter().zip(folds).filter(move |(_, of)| **of == fold).map(|(run, _)| ratio(run));
+        runs().sum::<f64>() / runs().count().max(1) as f64
+    };
+    let paths = folds.iter().max().map_or(0, |last| last + 1);
+    let chance = chance(&(0..paths).map(of_path).collect::<Vec<_>>());
+    Receipt { proved: chance < LEVEL && !runs.iter().any(is_worse), chance, runs }
+}
+
+impl Rehearsal<'_> {
+    /// What the runs of the weights `files`, one for each held-out path, came to.
+    ///
+    /// # Errors
+    /// A run that fails.
+    pub fn decide(&self, files: &[WeightFile]) -> Result<(Receipt, Vec<Course>), Failure> {
+        let Data { runs, folds, .. } = self.data;
+        let came = on_all_cores(runs.len(), |number| self.one(&runs[number], &files[folds[number]]))?;
+        let (runs, courses) = came.into_iter().unzip();
+        Ok((verdict(runs, folds), courses))
+    }
+
+    fn one(&self, run: &RecordedRun, weights: &WeightFile) -> Result<(Rehearsed, Course), Failure> {
+        let folder = tempfile::tempdir().map_err(Failure::internal)?;
+        let path = written_path(run, folder.path())?;
+        let believable = folder.path().join("weights.json");
+        let mut proved = weights.clone();
+        proved.receipt.proved = true;
+        write(&believable, &proved.to_json().map_err(Failure::internal)?)?;
+        let beyond = course(run);
+        let without = self.played(run, None, &path, &beyond)?;
+        let with = self.played(run, Some(believable.display().to_string()), &path, &beyond)?;
+        let rehearsed = Rehearsed { name: run.name.clone(), without_mm: without.0, with_mm: with.0 };
+        let t = (0..without.1.len()).map(|k| (k as u64 * DRAWN) as f64 / RATE).collect();
+        Ok((rehearsed, Course { name: run.name.clone(), t, without_mm: without.1, with_mm: with.1 }))
+    }
+
+    /// The tool's deviation along `path` with the `weights`: RMS after the start, and its course, mm.
+    fn played(
+        &self,
+        run: &RecordedRun,
+        weights: Option<String>,
+        path: &PathSpec,
+        beyond: &[Vector3<f64>],
+    ) -> Result<(f64, Vec<f64>), Failure> {
+        let arm = &self.file.arm;
+        let arm = self.task.gravity.map_or_else(|| arm.clone(), |g| arm.with_gravity(Vector3::from(g)));
         let task = Task {
-            model: model.display().to_string(),
+            model: self.model.display().to_string(),
             weights,
             path: path.clone(),
             options: toml::Table::new(),
-            ..task.clone()
+            ..self.task.clone()
         };
         let closed = ClosedLoop {
             arm: &arm,
-            effects: &believed.effects,
-            path: &path,
+            effects: &self.believed.effects,
+            path,
             controller: NARX_QP,
             task: &task,
             tracked: false,
             after: START,
             sensors: (SensorsSpec::default(), 0),
-            beyond: &beyond,
+            beyond,
         };
-        let outcome = closed.run(|_| {}).map_err(|failure| {
+        let mut course = Vec::new();
+        let mut workspace = Workspace::new(&arm);
+        let outcome = closed.run(|tick| {
+            if tick.state.tick % DRAWN == 0 {
+                let desired = forward_kinematics(&arm, &mut workspace, &tick.state.reference.q[..arm.dof()]);
+                let tool = Vector3::from_column_slice(&tick.state.tool[..3]);
+                course.push(1e3 * (tool - desired.translation.vector).norm());
+            }
+        });
+        let outcome = outcome.map_err(|failure| {
             let message = format!("a simulated run along {}: {}", run.name, failure.message);
             Failure { message, ..failure }
         })?;
         let [norm, ..] = outcome.deviation.components();
-        Ok::<f64, Failure>(norm.rms_after_start)
-    };
-    Ok(Rehearsed {
-        name: run.name.clone(),
-        without_mm: rms(None)?,
-        with_mm: rms(Some(believable.display().to_string()))?,
-    })
+        Ok((norm.rms_after_start, course))
+    }
 }
 
 /// The recorded remainder tick by tick, set in smoothly over the start.
@@ -137,4 +204,30 @@ fn written_path(run: &RecordedRun, folder: &Path) -> Result<PathSpec, Failure> {
     let file = folder.join("path.csv");
     write(&file, &text)?;
     Ok(PathSpec { kind: PathKind::File, file: Some(file), ..PathSpec::default() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::verdict;
+    use freeplay_controller::remainder::Rehearsed;
+
+    fn proved(pairs: &[(f64, f64)], folds: &[usize]) -> bool {
+        let run =
+            |&(without_mm, with_mm): &(f64, f64)| Rehearsed { name: String::new(), without_mm, with_mm };
+        let receipt = verdict(pairs.iter().map(run).collect(), folds);
+        println!("{pairs:?}: chance {:.4}", receipt.chance);
+        receipt.proved
+    }
+
+    #[test]
+    fn paths_decide_and_neither_one_path_nor_a_sum() {
+        assert!(proved(&[(0.6, 0.06), (0.5, 0.1), (0.7, 0.05)], &[0, 1, 2]));
+        assert!(!proved(&[(0.6, 0.06), (0.5, 0.499), (0.7, 0.71)], &[0, 1, 2]), "one path is no proof");
+        assert!(!proved(&[(0.6, 0.06), (0.5, 0.1), (0.1, 0.11)], &[0, 1, 2]), "one path is worse");
+        assert!(
+            !proved(&[(0.6, 0.3), (0.6, 0.3), (0.5, 0.49)], &[0, 0, 1]),
+            "two runs of one path are one draw"
+        );
+        assert!(!proved(&[(2e-5, 1e-6), (2e-5, 3e-6), (2e-5, 4e-5)], &[0, 1, 2]), "less than what counts");
+    }
 }

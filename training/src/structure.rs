@@ -80,6 +80,8 @@ pub struct Fitting {
     pub epochs: usize,
     /// Seed of the start weights.
     pub seed: u64,
+    /// Joints of the arm.
+    pub joints: usize,
 }
 
 /// The windows of the runs of `data` for which `is_in` holds; every fifth piece of them stops the training.
@@ -121,6 +123,7 @@ pub fn with_split(
 ) -> Result<Narx, Failure> {
     let recipe = Recipe {
         layout: layout.clone(),
+        groups: structure.inputs.iter().map(|group| group.width(fitting.joints)).collect(),
         hidden: structure.hidden.clone(),
         activation: structure.activation,
         seed: fitting.seed,

@@ -2,13 +2,14 @@
 //! may be used.
 //!
 //! ```text
-//! { "format": "freeplay.remainder", "version": 1,
-//!   "machine": { "arm": …, "arm_hash": …, "model_hash": …, "mode": "torque", "rate": …, "gains": {…} },
-//!   "command": …, "conditions": [ { "name": …, "duration": …, "rms_um": […] } ],
-//!   "inputs": ["position", …], "axes": [ three: lowest, highest, share, rms_um, left_um, r ],
-//!   "region": { "gain": […], "centres": [[…]], "trust": [[distance, share]] },
+//! { "format": "freeplay.remainder", "version": 2,
+//!   "learned": {
+//!     "machine": { "arm": …, "arm_hash": …, "model_hash": …, "mode": "torque", "rate": …, "gains": {…} },
+//!     "command": …, "conditions": [ { "name": …, "duration": …, "rms_um": […] } ],
+//!     "inputs": ["position", …], "axes": [ three: lowest, highest, share, rms_um, left_um, r ],
+//!     "region": { "inputs": […], "gain": […], "centres": [[…]], "trust": [[distance, share]] } },
 //!   "network": { a freeplay.narx file },
-//!   "receipt": { "proved": …, "runs": [ { "name": …, "without_mm": …, "with_mm": … } ] } }
+//!   "receipt": { "proved": …, "chance": …, "runs": [ { "name": …, "without_mm": …, "with_mm": … } ] } }
 //! ```
 
 use std::path::Path;
@@ -24,7 +25,7 @@ use crate::task::{Gains, Task, TaskMode};
 /// Name of the format.
 pub const FORMAT: &str = "freeplay.remainder";
 /// Version written, and the only one read.
-pub const VERSION: u64 = 1;
+pub const VERSION: u64 = 2;
 
 /// Why a weight file cannot be used.
 #[derive(Debug, Error)]
@@ -155,21 +156,28 @@ pub struct Rehearsed {
 }
 
 /// Whether it may move anything.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Receipt {
-    /// Whether the runs were better with the network and none was worse.
+    /// Whether the runs were better with the network, not by chance, and none was worse.
     pub proved: bool,
+    /// Probability of runs this much better or more if the network were of no use, 0 to 1.
+    pub chance: f64,
     /// The runs.
     pub runs: Vec<Rehearsed>,
 }
 
-/// The file; see the module.
+impl Default for Receipt {
+    /// No runs, nothing proved.
+    fn default() -> Self {
+        Receipt { proved: false, chance: 1.0, runs: Vec::new() }
+    }
+}
+
+/// What was learned, on what, and where it may be used: all of a weight file but the network and its receipt.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct WeightFile {
-    format: String,
-    version: u64,
+pub struct Learned {
     /// What it belongs to.
     pub machine: Machine,
     /// The command that made it.
@@ -182,44 +190,32 @@ pub struct WeightFile {
     pub axes: [Axis; 3],
     /// Where it may be used.
     pub region: Region,
+}
+
+/// The file; see the module.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WeightFile {
+    format: String,
+    version: u64,
+    /// What was learned.
+    pub learned: Learned,
     network: serde_json::Value,
     /// Whether it may move anything.
     pub receipt: Receipt,
 }
 
-/// What goes into a [`WeightFile`] beside the network.
-pub struct Parts {
-    /// What it belongs to.
-    pub machine: Machine,
-    /// The command that made it.
-    pub command: String,
-    /// What trained it.
-    pub conditions: Vec<Condition>,
-    /// What the network looks at.
-    pub inputs: Vec<InputGroup>,
-    /// Axes x, y and z.
-    pub axes: [Axis; 3],
-    /// Where it may be used.
-    pub region: Region,
-}
-
 impl WeightFile {
-    /// A file of `network` and `parts` that was not proved yet.
+    /// A file of `network` and what it `learned`, not proved yet.
     ///
     /// # Errors
     /// [`WeightError::Inconsistent`] for parts that don't fit together.
-    pub fn new(network: &Narx, parts: Parts) -> Result<WeightFile, WeightError> {
+    pub fn new(network: &Narx, learned: Learned) -> Result<WeightFile, WeightError> {
         let inconsistent = |error: serde_json::Error| WeightError::Inconsistent { what: error.to_string() };
-        let Parts { machine, command, conditions, inputs, axes, region } = parts;
         let file = WeightFile {
             format: FORMAT.to_owned(),
             version: VERSION,
-            machine,
-            command,
-            conditions,
-            inputs,
-            axes,
-            region,
+            learned,
             network: serde_json::from_str(&network.to_json()).map_err(inconsistent)?,
             receipt: Receipt::default(),
         };
@@ -279,16 +275,18 @@ impl WeightFile {
         let inconsistent = |what: &str| Err(WeightError::Inconsistent { what: what.to_owned() });
         let narx = Narx::from_json(&self.network.to_string(), "the network of the weights")?;
         let layout = narx.layout();
-        if !(layout.input_lags.is_empty() && layout.horizon == 1 && layout.input_at_target) {
+        let is_plain = layout.input_lags.is_empty() && layout.output_lags.is_empty();
+        if !(is_plain && layout.horizon == 1 && layout.input_at_target) {
             return inconsistent("the network looks at other instants than the predicted one");
         }
         if narx.output_names().len() != 3 {
             return inconsistent("the network has not three outputs");
         }
-        if !self.region.is_usable(narx.input_names().len()) {
-            return inconsistent("the region has numbers that cannot be");
+        let (learned, region) = (&self.learned, &self.learned.region);
+        if !region.inputs.starts_with(&learned.inputs) || !region.is_usable() {
+            return inconsistent("the region has inputs or numbers that cannot be");
         }
-        if !self.axes.iter().all(Axis::is_usable) {
+        if !learned.axes.iter().all(Axis::is_usable) {
             return inconsistent("the bounds of an axis cannot be");
         }
         Ok(narx)
@@ -299,7 +297,7 @@ impl WeightFile {
     /// # Errors
     /// [`WeightError::Other`] names the first that differs.
     pub fn check(&self, machine: &Machine, joints: usize) -> Result<(), WeightError> {
-        let (own, wanted) = (&self.machine, machine);
+        let (own, wanted) = (&self.learned.machine, machine);
         let arm = |machine: &Machine| format!("`{}` ({})", machine.arm, machine.arm_hash);
         let way = |machine: &Machine| {
             let Gains { natural_frequency, damping_ratio } = machine.gains;
@@ -309,7 +307,7 @@ impl WeightFile {
             )
         };
         let other = |what, trained: String, wanted: String| {
-            let command = self.command.clone();
+            let command = self.learned.command.clone();
             Err(WeightError::Other { what, trained, wanted, command })
         };
         if own.arm_hash != wanted.arm_hash {
@@ -321,9 +319,14 @@ impl WeightFile {
         if (own.mode, own.rate, own.gains) != (wanted.mode, wanted.rate, wanted.gains) {
             return other("a run in", way(own), way(wanted));
         }
-        let (found, names) = (self.narx()?, input_names(&self.inputs, joints));
+        let (found, names) = (self.narx()?, input_names(&self.learned.inputs, joints));
         if found.input_names() != names {
             return other("the inputs", found.input_names().join(", "), names.join(", "));
+        }
+        let (found, wanted) =
+            (self.learned.region.gain.len(), input_names(&self.learned.region.inputs, joints).len());
+        if found != wanted {
+            return other("a region of", format!("{found} inputs"), format!("{wanted}"));
         }
         Ok(())
     }

@@ -13,13 +13,14 @@ mod region;
 mod target;
 
 use freeplay_arm::Arm;
-use freeplay_predictor::Predictor;
+use freeplay_predictor::{Network, Scratch};
 use nalgebra::Vector3;
 
 use crate::compensation::Motion;
+use region::NearestCentre;
 
 pub use file::{
-    Axis, Condition, FORMAT, Machine, Parts, Receipt, Rehearsed, VERSION, WeightError, WeightFile,
+    Axis, Condition, FORMAT, Learned, Machine, Receipt, Rehearsed, VERSION, WeightError, WeightFile,
 };
 pub use inputs::{InputGroup, Inputs};
 pub use region::Region;
@@ -28,11 +29,11 @@ pub use target::{Observed, remainder};
 /// The remainder along one motion, instant by instant; nothing is allocated after [`Remainder::new`].
 pub struct Remainder {
     inputs: Inputs,
-    predictor: Predictor,
+    network: Network,
+    scratch: Scratch,
     region: Region,
+    nearest: NearestCentre,
     axes: [Axis; 3],
-    /// The network's inputs as the region has them.
-    row: Vec<f64>,
     usage: Usage,
 }
 
@@ -59,14 +60,18 @@ impl Remainder {
     /// # Errors
     /// Numbers that don't fit together.
     pub fn new(file: &WeightFile, arm: &Arm, period: f64) -> Result<Remainder, WeightError> {
-        let narx = file.narx()?;
-        let inputs = Inputs::new(arm, &file.inputs, period);
+        let network = file
+            .narx()?
+            .in_own_units()
+            .map_err(|source| WeightError::Inconsistent { what: source.to_string() })?;
+        let learned = &file.learned;
         Ok(Remainder {
-            row: vec![0.0; inputs.len()],
-            inputs,
-            predictor: Predictor::new(narx),
-            region: file.region.clone(),
-            axes: file.axes.clone(),
+            inputs: Inputs::new(arm, &learned.region.inputs, period),
+            scratch: network.scratch(),
+            network,
+            nearest: NearestCentre::new(&learned.region),
+            region: learned.region.clone(),
+            axes: learned.axes.clone(),
             usage: Usage::default(),
         })
     }
@@ -74,9 +79,8 @@ impl Remainder {
     /// What is expected beyond the model's deviation at the instant of `tick`, where the arm moves along `motion`: base frame, m. To be
     /// called for instants in their order; after a gap the memory of the motion starts anew.
     pub fn at(&mut self, tick: u64, motion: Motion<'_>) -> Vector3<f64> {
-        let inputs = self.inputs.at(tick, motion);
-        self.row.copy_from_slice(inputs);
-        let trust = self.region.trust(&self.row);
+        let row = self.inputs.at(tick, motion);
+        let trust = self.region.trust_at(self.nearest.distance(row));
         self.usage.instants += 1;
         self.usage.trust += trust;
         self.usage.inside += u64::from(trust >= 0.5);
@@ -84,14 +88,13 @@ impl Remainder {
             self.usage.outside += 1;
             return Vector3::zeros();
         }
-        let said = match self.predictor.push_planned(&self.row, &self.row, None) {
-            Ok(Some(said)) => Vector3::new(said[0], said[1], said[2]),
-            Ok(None) | Err(_) => {
-                self.predictor.reset();
-                self.usage.not_finite += 1;
-                return Vector3::zeros();
-            }
-        };
+        // What the network looks at stands first in what the region looks at.
+        let said = self.network.forward(&row[..self.network.inputs()], &mut self.scratch);
+        let said = Vector3::new(said[0], said[1], said[2]);
+        if !said.iter().all(|value| value.is_finite()) {
+            self.usage.not_finite += 1;
+            return Vector3::zeros();
+        }
         let bounded = Vector3::from_fn(|axis, _| self.axes[axis].bounded(said[axis]) * trust);
         self.usage.greatest = self.usage.greatest.max(bounded.norm());
         bounded

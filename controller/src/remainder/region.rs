@@ -1,15 +1,21 @@
 //! Where a learned remainder may be used: the distance of a motion from those that trained, and how much held-out motions at that
 //! distance confirmed.
 
+use freeplay_predictor::scaling::LEAST_RANGE;
 use serde::{Deserialize, Serialize};
+
+use crate::remainder::InputGroup;
 
 /// The trained region; see the module.
 ///
+/// It looks at position and velocity even where the network does not: a path that is elsewhere is elsewhere, whatever the network looks at.
 /// An input x is scaled channel by channel, s = x · gain. The distance of x is that from the nearest of the `centres` (Euclidean, scaled), a
 /// selection of the trained inputs. The trust at that distance is interpolated in `trust`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Region {
+    /// What it looks at: first what the network looks at, then what else counts ([`Region::inputs_for`]).
+    pub inputs: Vec<InputGroup>,
     /// Gain of each channel: 2 over its trained range.
     pub gain: Vec<f64>,
     /// Trained inputs, scaled; one row each.
@@ -19,12 +25,19 @@ pub struct Region {
 }
 
 impl Region {
-    /// The region around `rows`, the trained inputs, with at most `most` centres and no trust yet: the inputs that are farthest from those taken
+    /// What the region of a network looks at that looks at `network`: that, position and velocity.
+    pub fn inputs_for(network: &[InputGroup]) -> Vec<InputGroup> {
+        let more =
+            [InputGroup::Position, InputGroup::Velocity].into_iter().filter(|group| !network.contains(group));
+        network.iter().copied().chain(more).collect()
+    }
+
+    /// The region around `rows`, the trained `inputs` of an arm with `joints` joints, with at most `most` centres and no trust yet: the inputs that are farthest from those taken
     /// before, one after the other (Gonzalez 1985: within twice the least radius that so many centres can have).
     ///
-    /// A channel counts in units of half its trained range, but its range is at least `LEAST_RANGE` of the widest of its `groups` (lengths): one that
+    /// A channel counts in units of half its trained range, but its range is at least [`LEAST_RANGE`] of the widest of its group: one that
     /// never moved in training would else be at an infinite distance for a rounding error.
-    pub fn around(rows: &[Vec<f64>], groups: &[usize], most: usize) -> Region {
+    pub fn around(rows: &[Vec<f64>], inputs: &[InputGroup], joints: usize, most: usize) -> Region {
         let width = rows.first().map_or(0, Vec::len);
         let range = |channel: usize| {
             let values = rows.iter().map(|row| row[channel]);
@@ -34,8 +47,8 @@ impl Region {
         };
         let ranges: Vec<f64> = (0..width).map(range).collect();
         let mut gain = Vec::with_capacity(width);
-        for group in groups {
-            let of_group = &ranges[gain.len()..gain.len() + group];
+        for group in inputs {
+            let of_group = &ranges[gain.len()..gain.len() + group.width(joints)];
             let widest = of_group.iter().copied().fold(0.0, f64::max);
             gain.extend(of_group.iter().map(|range| {
                 let range = range.max(LEAST_RANGE * widest);
@@ -44,7 +57,7 @@ impl Region {
         }
         let scaled: Vec<Vec<f64>> =
             rows.iter().map(|row| row.iter().zip(&gain).map(|(x, gain)| x * gain).collect()).collect();
-        Region { gain, centres: spread(&scaled, most), trust: Vec::new() }
+        Region { inputs: inputs.to_vec(), gain, centres: spread(&scaled, most), trust: Vec::new() }
     }
 
     /// The distance of `row` from the trained inputs; not finite for one that is not.
@@ -71,13 +84,13 @@ impl Region {
         before + (share - before) * way
     }
 
-    /// Whether its numbers fit together, for `width` channels.
-    pub fn is_usable(&self, width: usize) -> bool {
+    /// Whether its numbers fit together.
+    pub fn is_usable(&self) -> bool {
+        let width = self.gain.len();
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
         let rises = self.trust.windows(2).all(|pair| pair[0][0] <= pair[1][0] && pair[0][1] >= pair[1][1]);
         let shares = self.trust.iter().all(|[at, share]| *at >= 0.0 && (0.0..=1.0).contains(share));
-        self.gain.len() == width
-            && finite(&self.gain)
+        finite(&self.gain)
             && self.gain.iter().all(|gain| *gain > 0.0)
             && self.centres.iter().all(|centre| centre.len() == width && finite(centre))
             && rises
@@ -85,8 +98,49 @@ impl Region {
     }
 }
 
-/// Least range of a channel, share of the widest of its group.
-const LEAST_RANGE: f64 = 0.05;
+/// Centres whose distances are computed side by side.
+const LANES: usize = 8;
+
+/// The distance from the nearest centre of a region, for use inside the tick: numbers in the order in which they are used, nothing allocated.
+#[derive(Clone, Debug)]
+pub(crate) struct NearestCentre {
+    gain: Vec<f64>,
+    scaled: Vec<f64>,
+    /// Blocks of [`LANES`] centres, in each channel by channel; the last block is filled up with its first centre.
+    blocks: Vec<[f64; LANES]>,
+}
+
+impl NearestCentre {
+    /// Of the centres of `region`.
+    pub fn new(region: &Region) -> Self {
+        let width = region.gain.len();
+        let of_block = |centres: &[Vec<f64>]| -> Vec<[f64; LANES]> {
+            let lane = |lane: usize| centres.get(lane).unwrap_or(&centres[0]);
+            (0..width).map(|channel| std::array::from_fn(|number| lane(number)[channel])).collect()
+        };
+        let blocks = region.centres.chunks(LANES).flat_map(of_block).collect();
+        Self { gain: region.gain.clone(), scaled: vec![0.0; width], blocks }
+    }
+
+    /// As [`Region::distance`].
+    pub fn distance(&mut self, row: &[f64]) -> f64 {
+        self.scaled.iter_mut().zip(row).zip(&self.gain).for_each(|((scaled, x), gain)| *scaled = x * gain);
+        let mut least = [f64::INFINITY; LANES];
+        for block in self.blocks.chunks_exact(self.scaled.len().max(1)) {
+            let mut squares = [0.0; LANES];
+            for (x, centres) in self.scaled.iter().zip(block) {
+                for (square, centre) in squares.iter_mut().zip(centres) {
+                    *square += (x - centre) * (x - centre);
+                }
+            }
+            // A comparison with NaN is false: what is no number is at no distance.
+            for (least, square) in least.iter_mut().zip(squares) {
+                *least = if square < *least { square } else { *least };
+            }
+        }
+        least.iter().copied().fold(f64::INFINITY, f64::min).sqrt()
+    }
+}
 
 /// Of `rows` those that are farthest from the ones taken before, the first first, at most `most`.
 fn spread(rows: &[Vec<f64>], most: usize) -> Vec<Vec<f64>> {
@@ -106,18 +160,46 @@ fn spread(rows: &[Vec<f64>], most: usize) -> Vec<Vec<f64>> {
 
 #[cfg(test)]
 mod tests {
-    use super::Region;
+    use super::{NearestCentre, Region};
+    use crate::remainder::InputGroup;
+
+    /// Any number of centres, also one that does not fill a block.
+    #[test]
+    fn the_distance_inside_the_tick_is_that_of_the_region() {
+        for count in [1, 7, 8, 48, 51] {
+            let row = |k: usize| (0..5).map(|c| ((k * 7 + c * 3) as f64 * 0.37).sin()).collect::<Vec<f64>>();
+            let rows: Vec<Vec<f64>> = (0..count).map(row).collect();
+            let inputs = [InputGroup::Position, InputGroup::Velocity, InputGroup::Elapsed];
+            let region = Region::around(&rows, &inputs, 2, count);
+            let mut nearest = NearestCentre::new(&region);
+            for k in 100..160 {
+                let (fast, plain) = (nearest.distance(&row(k)), region.distance(&row(k)));
+                assert!(plain > 0.0 && (fast - plain).abs() < 1e-12, "{fast} {plain}");
+            }
+            assert!(!nearest.distance(&[f64::NAN; 5]).is_finite());
+        }
+        let nowhere = Region {
+            inputs: vec![InputGroup::Elapsed],
+            gain: vec![1.0],
+            centres: Vec::new(),
+            trust: Vec::new(),
+        };
+        assert!(!NearestCentre::new(&nowhere).distance(&[0.0]).is_finite());
+    }
 
     fn line() -> Region {
         let rows: Vec<Vec<f64>> = (0..=100).map(|k| vec![f64::from(k) * 0.02, 3.0]).collect();
-        Region { trust: vec![[0.1, 0.9], [0.5, 0.4], [1.0, 0.0]], ..Region::around(&rows, &[2], 64) }
+        Region {
+            trust: vec![[0.1, 0.9], [0.5, 0.4], [1.0, 0.0]],
+            ..Region::around(&rows, &[InputGroup::Position], 2, 64)
+        }
     }
 
     /// One channel moved by 2, so that its unit is 1; the other never did, and counts in 5 % of that.
     #[test]
     fn distance_is_measured_in_trained_ranges_and_trust_falls_with_it() {
         let region = line();
-        assert!(region.centres.len() == 64 && region.is_usable(2));
+        assert!(region.centres.len() == 64 && region.is_usable());
         assert!(region.distance(&[1.0, 3.0]) < 0.021);
         assert!((region.distance(&[2.5, 3.0]) - 0.5).abs() < 1e-9);
         assert!((region.distance(&[0.0, 3.01]) - 0.2).abs() < 1e-9, "{}", region.distance(&[0.0, 3.01]));
@@ -129,10 +211,18 @@ mod tests {
     }
 
     #[test]
+    fn a_region_looks_at_position_and_velocity_whatever_the_network_looks_at() {
+        let [position, velocity] = [InputGroup::Position, InputGroup::Velocity];
+        assert_eq!(Region::inputs_for(&[InputGroup::Load]), [InputGroup::Load, position, velocity]);
+        assert_eq!(Region::inputs_for(&[velocity]), [velocity, position]);
+        assert_eq!(Region::inputs_for(&[position, velocity]), [position, velocity]);
+    }
+
+    #[test]
     fn numbers_that_do_not_fit_are_seen() {
-        assert!(!line().is_usable(3));
-        assert!(!Region { trust: vec![[0.5, 0.4], [0.1, 0.2]], ..line() }.is_usable(2));
-        assert!(!Region { trust: vec![[0.1, 0.2], [0.5, 0.4]], ..line() }.is_usable(2));
-        assert!(!Region { gain: vec![1.0, f64::NAN], ..line() }.is_usable(2));
+        assert!(!Region { centres: vec![vec![0.0; 3]], ..line() }.is_usable());
+        assert!(!Region { trust: vec![[0.5, 0.4], [0.1, 0.2]], ..line() }.is_usable());
+        assert!(!Region { trust: vec![[0.1, 0.2], [0.5, 0.4]], ..line() }.is_usable());
+        assert!(!Region { gain: vec![1.0, f64::NAN], ..line() }.is_usable());
     }
 }

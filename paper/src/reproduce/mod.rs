@@ -1,7 +1,7 @@
 //! `freeplay reproduce`: the paper (S. Erkaya, 2018) reproduced, judged and drawn.
 //!
 //! Modules in the order in which numbers pass through them: `case` (what is simulated), `trace` and `peaks` (what a run leaves),
-//! `orbit` (the journal in its bearing), `dataset`, `network` and `free_run` (learning), `compensation`; `reference` (what
+//! `orbit` (the journal in its bearing), `dataset`, `network` and `free_run` (learning), `compensation`, `improvement`; `reference` (what
 //! others found), `claim`, `motion_claims` and `network_claims` (verdicts); `parameters`, `figures`, `tables`, `document` and
 //! `screen` (what a person sees).
 
@@ -12,6 +12,7 @@ mod dataset;
 mod document;
 mod figures;
 mod free_run;
+mod improvement;
 mod motion_claims;
 mod network;
 mod network_claims;
@@ -41,6 +42,7 @@ use claim::Claim;
 use compensation::Played;
 use dataset::{Dataset, Pool};
 use freeplay_terminal::files::claim;
+use improvement::Improved;
 use motion_claims::Evidence;
 use network::{Cut, Setting, Study, study};
 use orbit::Orbit;
@@ -55,7 +57,7 @@ const SCHEMA: &str = "freeplay.reproduce/1";
 enum Part {
     /// The trainings, and the claims about the network.
     Network,
-    /// The runs of the built-in controllers.
+    /// The runs of the built-in controllers, and the claim that a network can improve the motion.
     Compensation,
 }
 
@@ -95,6 +97,7 @@ pub struct Reproduction {
     orbits: Vec<(&'static str, &'static str, Orbit)>,
     studies: Vec<Study>,
     played: Vec<Played>,
+    improved: Vec<Improved>,
     claims: Vec<Claim>,
     independent: Independent,
 }
@@ -135,17 +138,35 @@ fn find(args: &ReproduceArgs) -> Result<Reproduction, Failure> {
         let studies = over("training", settings.len(), |index| train(&settings[index], &runs, &effort))?;
         studies.into_iter().flatten().collect()
     };
-    let played = if args.skip.contains(&Part::Compensation) {
-        Vec::new()
-    } else {
+    let (mut played, mut improved) = (Vec::new(), Vec::new());
+    if !args.skip.contains(&Part::Compensation) {
         let tasks = compensation::tasks(args.quick);
-        over("compensating", tasks.len(), |index| compensation::play(&tasks[index]))?
-    };
+        played = over("compensating", tasks.len(), |index| compensation::play(&tasks[index]))?;
+        let mut clearances: Vec<f64> = tasks.iter().map(|task| task.clearance).collect();
+        clearances.sort_by(f64::total_cmp);
+        clearances.dedup();
+        let found =
+            over("improving", clearances.len(), |index| improvement::improved(clearances[index], &tasks))?;
+        improved = found.into_iter().flatten().collect();
+    }
     let mut claims = Evidence { runs: &runs, independent: &independent, scope: &scope }.claims();
     if !studies.is_empty() {
         claims.extend(network_claims::claims(&studies));
     }
-    Ok(Reproduction { command: command(args), scope, runs, orbits, studies, played, claims, independent })
+    if !improved.is_empty() {
+        claims.push(improvement::claim(&improved));
+    }
+    Ok(Reproduction {
+        command: command(args),
+        scope,
+        runs,
+        orbits,
+        studies,
+        played,
+        improved,
+        claims,
+        independent,
+    })
 }
 
 /// What was typed, as far as it decides on the numbers.
@@ -217,7 +238,7 @@ fn numbers(done: &Reproduction) -> serde_json::Value {
         done.runs.0.iter().map(|run| Run { case: &run.case, figures: &run.figures }).collect();
     json!({
         "schema": SCHEMA, "version": env!("CARGO_PKG_VERSION"), "command": done.command,
-        "claims": done.claims, "runs": runs, "networks": done.studies, "compensation": done.played,
+        "claims": done.claims, "runs": runs, "networks": done.studies, "compensation": done.played, "improvement": done.improved,
     })
 }
 

@@ -131,6 +131,7 @@ pub fn study(setting: Setting, data: &Dataset, seeds: u64, epochs: usize) -> Res
         };
         let split = split.map_err(Failure::internal)?;
         let recipe = Recipe {
+            groups: Vec::new(),
             layout: layout(),
             hidden: HIDDEN.to_vec(),
             activation: Activation::Tanh,

@@ -45,7 +45,7 @@ pub struct DemoArgs {
     /// The twelve machines with physics that has no name: commissioned with a tracker, diagnosed, the rest learned, judged without a tracker.
     #[arg(long, conflicts_with = "cases")]
     nameless: bool,
-    /// Time of one of the two laps of the path, s.
+    /// Time of one of the two laps of the path, s; with physics that has no name: that of the first path, to which the others are in proportion.
     #[arg(long, default_value_t = 6.0, value_name = "S")]
     period: f64,
     /// Seed of all noise.
@@ -60,6 +60,9 @@ pub struct DemoArgs {
     /// Write the picture of the first finding as SVG, too.
     #[arg(long, value_name = "FILE")]
     picture: Option<PathBuf>,
+    /// With machines that have physics without a name: take those that an earlier call has finished in the folder, and go on with the others.
+    #[arg(long, conflicts_with = "force", requires = "out")]
+    resume: bool,
     /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -111,16 +114,24 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
 
 /// Plays the machines with something nameless.
 fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exit, Failure> {
-    let names: Vec<&str> = machines.iter().map(|machine| machine.name).chain(["nameless.json"]).collect();
-    let folder = claim(args.out.as_deref(), &names, args.force)?;
+    let names: Vec<&str> =
+        machines.iter().map(|machine| machine.name).chain(["nameless.json", "report.html"]).collect();
+    let folder = claim(args.out.as_deref(), &names, args.force || args.resume)?;
     let out = folder.path();
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     let bar =
         progress::bar(machines.len() as u64, "commissioning and learning {wide_bar} {pos}/{len}  {msg}");
+    let settings = nameless::Settings { period: args.period, seed: args.seed };
     let outcomes = on_cores(AT_ONCE, machines.len(), |number| {
         let machine = &machines[number];
-        let came = nameless::outcome(machine, args.seed, &out.join(machine.name));
+        let folder = out.join(machine.name);
+        let kept = args.resume.then(|| nameless::kept(machine, settings, &folder)).flatten();
+        let came = match kept {
+            Some(kept) => Ok(kept),
+            None if stop.load(Ordering::Relaxed) => Err(Failure::input("interrupted")),
+            None => nameless::outcome(machine, settings, &folder),
+        };
         bar.inc(1);
         bar.set_message(machine.name);
         came
@@ -130,13 +141,19 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
         return Ok(Exit::Interrupted);
     }
     let outcomes = outcomes?;
-    let json = serde_json::json!({ "schema": "freeplay.demo-nameless/1", "ways": nameless::WAYS, "machines": outcomes });
+    let json = serde_json::json!({ "schema": "freeplay.demo-nameless/1", "ways": nameless::WAYS, "machines": outcomes,
+        "checks": outcomes.iter().map(nameless::Outcome::checks).collect::<Vec<_>>() });
     freeplay_terminal::files::write(&out.join("nameless.json"), &format!("{json:#}\n"))?;
+    let page = out.join("report.html");
+    freeplay_terminal::files::write(&page, &nameless::document(&outcomes).to_html())?;
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
-        Format::Text => show(&nameless::text(&outcomes))?,
+        Format::Text => {
+            show(&nameless::text(&outcomes))?;
+            say(&format!("\nreport  {}\n", page.display()))?;
+        }
     }
-    let holds = outcomes.iter().flat_map(|outcome| &outcome.cells).all(nameless::Cell::holds);
+    let holds = outcomes.iter().flat_map(nameless::Outcome::checks).all(|check| check.holds);
     Ok(if holds { Exit::Done } else { Exit::Verdict })
 }
 

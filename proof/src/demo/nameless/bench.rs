@@ -1,0 +1,143 @@
+//! A machine that is commissioned, learned from and run, in its folder.
+
+use std::path::Path;
+
+use freeplay_arm::{ArmFile, Workspace, forward_kinematics, paper_arm};
+use freeplay_controller::Task;
+use freeplay_harness::closed_loop::ClosedLoop;
+use freeplay_harness::loop_recorder::LoopRecorder;
+use freeplay_harness::weights::beside;
+use freeplay_laws::Effects;
+use freeplay_path::PathSpec;
+use freeplay_plant::DeviationStatistics;
+use freeplay_recording::Recording;
+use freeplay_terminal::exit::Failure;
+use freeplay_terminal::files::write;
+use freeplay_training::{Settings, Trained, train};
+
+use super::super::play::sensors;
+use super::machines::Paths;
+use super::outcome::Reached;
+
+/// A machine in its folder.
+pub struct Bench {
+    truth: ArmFile,
+    effects: Effects,
+    paths: Paths,
+    seed: u64,
+}
+
+/// Who controls a run.
+#[derive(Clone, Copy)]
+pub struct Way<'a> {
+    /// The built-in controller.
+    pub controller: &'static str,
+    /// The model that it is given.
+    pub model: &'a Path,
+    /// Whether it is given the weights beside the model, if there are any.
+    pub has_weights: bool,
+}
+
+/// A run that has ended.
+struct Ran {
+    recording: Option<Recording>,
+    reached: Reached,
+    course: Vec<f64>,
+}
+
+/// Ticks from one point of a course to the next.
+pub const DRAWN: u64 = 20;
+
+impl Bench {
+    /// The bench of the machine `truth` on `paths`; `seed` is that of all noise.
+    ///
+    /// # Errors
+    /// Effects that can't be.
+    pub fn new(truth: ArmFile, paths: Paths, seed: u64) -> Result<Bench, Failure> {
+        Ok(Bench { effects: Effects::of(&truth).map_err(Failure::internal)?, truth, paths, seed })
+    }
+
+    /// What a run along `path` without a tracker comes to, and the tool's deviation every [`DRAWN`] ticks, mm.
+    ///
+    /// # Errors
+    /// A run that does not end well.
+    pub fn reached(&self, way: Way<'_>, path: &PathSpec) -> Result<(Reached, Vec<f64>), Failure> {
+        self.run(way, path, false).map(|ran| (ran.reached, ran.course))
+    }
+
+    /// A run along `path`, in this process.
+    fn run(
+        &self,
+        Way { controller, model, has_weights }: Way<'_>,
+        path: &PathSpec,
+        is_tracked: bool,
+    ) -> Result<Ran, Failure> {
+        let weights = Some(beside(model)).filter(|file| has_weights && file.is_file());
+        let task = Task {
+            model: model.display().to_string(),
+            weights: weights.map(|file| file.display().to_string()),
+            path: path.clone(),
+            ..Task::default()
+        };
+        let closed = ClosedLoop {
+            arm: &self.truth.arm,
+            effects: &self.effects,
+            path,
+            controller,
+            task: &task,
+            tracked: is_tracked,
+            after: DeviationStatistics::START,
+            sensors: (sensors(), self.seed),
+            beyond: &[],
+        };
+        let arm = &self.truth.arm;
+        let (mut recorder, mut course) = (LoopRecorder::new(arm.dof()), Vec::new());
+        let mut workspace = Workspace::new(arm);
+        let outcome = closed.run(|tick| {
+            if is_tracked {
+                recorder.keep(tick);
+            } else if tick.state.tick % DRAWN == 0 {
+                let desired = forward_kinematics(arm, &mut workspace, &tick.state.reference.q[..arm.dof()]);
+                let off = desired
+                    .translation
+                    .vector
+                    .iter()
+                    .zip(&tick.state.tool)
+                    .map(|(desired, tool)| tool - desired);
+                course.push(1e3 * off.map(|off| off * off).sum::<f64>().sqrt());
+            }
+        })?;
+        let [norm, ..] = outcome.deviation.components();
+        let reached = Reached { rms: norm.rms_after_start, max: norm.max_after_start };
+        let recording = is_tracked.then(|| recorder.finish(controller)).transpose()?;
+        Ok(Ran { recording, reached, course })
+    }
+
+    /// The recordings of the commissioning under `quasi-static` with `model`, by name.
+    ///
+    /// # Errors
+    /// A run that does not end well.
+    pub fn commission(&self, model: &Path) -> Result<Vec<(String, Recording)>, Failure> {
+        let paths = self.paths.commissioning();
+        let way = Way { controller: "quasi-static", model, has_weights: false };
+        let recorded = paths.iter().map(|(name, path)| {
+            let recording = self.run(way, path, true)?.recording;
+            let recording = recording.ok_or_else(|| Failure::internal("a run was not recorded"))?;
+            Ok(((*name).to_owned(), recording))
+        });
+        recorded.collect()
+    }
+
+    /// What `model` leaves in `recordings`, learned, its weights beside the model.
+    ///
+    /// # Errors
+    /// Recordings from which nothing can be learned, or a file that can't be written.
+    pub fn learn(&self, recordings: &[(String, Recording)], model: &Path) -> Result<Trained, Failure> {
+        let command = format!("freeplay demo, seed {}", self.seed);
+        let nominal = Some(paper_arm().arm);
+        let settings = Settings { seed: self.seed, command, nominal, ..Settings::default() };
+        let trained = train(recordings, Task::default(), model, &settings)?;
+        write(&beside(model), &trained.file.to_json().map_err(Failure::internal)?)?;
+        Ok(trained)
+    }
+}

@@ -1,0 +1,50 @@
+//! Forecasts of held-out paths as a controller would have them, beside what the tracker saw: for people.
+
+use freeplay_controller::remainder::{Axis, InputGroup, Region};
+
+use crate::bounds::around;
+use crate::choice::Answers;
+use crate::data::Data;
+
+/// The forecast of one held-out run.
+#[derive(Clone, Debug, Default)]
+pub struct Forecast {
+    /// Name of the run.
+    pub name: String,
+    /// Instants, s.
+    pub t: Vec<f64>,
+    /// What the model leaves of the tool's deviation along x, y and z, as the tracker saw it, m.
+    pub tracked: [Vec<f64>; 3],
+    /// What the network of the other paths says of it, within its bounds, m.
+    pub said: [Vec<f64>; 3],
+    /// Distance from what trained, in half ranges of the inputs.
+    pub distance: Vec<f64>,
+}
+
+/// The forecasts of all runs of the `held` paths, with the bounds `trust` and `axes` of a region that looks at `inputs`; `stride` is that of the windows.
+pub fn forecasts(
+    data: &Data,
+    inputs: &[InputGroup],
+    held: &[&Answers],
+    (trust, axes): (&[[f64; 2]], &[Axis; 3]),
+    stride: usize,
+) -> Vec<Forecast> {
+    let mut all: Vec<Forecast> =
+        data.runs.iter().map(|run| Forecast { name: run.name.clone(), ..Forecast::default() }).collect();
+    for one in held {
+        let trained = data.windows(stride, 0, |run| data.folds[run] != one.fold);
+        let region = Region { trust: trust.to_vec(), ..around(data, inputs, &trained) };
+        for (window, said) in one.windows.iter().zip(&one.said) {
+            let forecast = &mut all[window.run];
+            let distance = region.distance(&data.row(inputs, window.run, window.target));
+            let left = data.left(window.run, window.target);
+            forecast.t.push(window.target as f64 * data.runs[window.run].period);
+            forecast.distance.push(distance);
+            for axis in 0..3 {
+                forecast.tracked[axis].push(left[axis]);
+                forecast.said[axis].push(axes[axis].bounded(said[axis]) * region.trust_at(distance));
+            }
+        }
+    }
+    all
+}
