@@ -31,6 +31,11 @@ impl Measured {
         Ok(Self(recording, mapping))
     }
 
+    /// The recording as its file has it.
+    pub fn recording(&self) -> &Recording {
+        &self.0
+    }
+
     /// The model `model` with the chain to the link `tip`, or else the one whose joints the recording names.
     ///
     /// # Errors

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Subcommand, ValueEnum};
 use comfy_table::CellAlignment;
 use freeplay_diagnosis::examine;
-use freeplay_harness::setup::load_model;
 use freeplay_recording::{BagOptions, Group, ImportOptions, Mapping, Recording};
 use freeplay_report::one_line;
 use freeplay_report::text::{Digits, NOTHING, number};
@@ -18,6 +17,7 @@ use freeplay_terminal::output::{say, show};
 use serde_json::{Value, json};
 
 use crate::check;
+use crate::inputs::Measured;
 
 /// Looks into recordings and turns them into other forms.
 #[derive(Args, Debug)]
@@ -43,6 +43,9 @@ struct InfoArgs {
     /// The model of its arm, URDF or TOML: with it, whether both mean the same (units, signs, order, zeros, gravity, clocks).
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
+    /// What the columns mean, a mapping file such as one that `record import` or a diagnosis wrote.
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
     /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
@@ -111,11 +114,14 @@ pub fn record(args: &RecordArgs) -> Result<Exit, Failure> {
 }
 
 fn info(args: &InfoArgs) -> Result<Exit, Failure> {
-    let recording = freeplay_recording::read(&args.recording, None).map_err(Failure::input)?;
-    let model = args.model.as_deref().map(load_model).transpose()?;
-    let setup = model.map(|file| examine(&file.arm, &recording).findings).unwrap_or_default();
+    let measured = Measured::read(&args.recording, args.mapping.as_deref())?;
+    let recording = measured.recording().clone();
     let mut described = describe(&recording);
-    if args.model.is_some() {
+    let mut setup = Vec::new();
+    if let Some(model) = &args.model {
+        let file = measured.model(model, None)?;
+        let matched = measured.for_arm(model, &file)?;
+        setup = examine(&file.arm, &matched).findings;
         described["setup"] = serde_json::to_value(&setup).map_err(Failure::internal)?;
     }
     match args.format {

@@ -133,29 +133,35 @@ fn pushed(arm: &Arm, recording: &Recording, pushes: &[Push]) -> Recording {
     recording
 }
 
-/// Whether `effect` is `push`: its place, its times to 0.05 s, its impulse to a quarter, that of a force by the torques that it needs: the arm feels nothing else of it.
+/// Whether `effect` is `push`: its place, its times to 0.05 s, its impulse to a quarter, by the torques that it needs: the arm feels nothing else of it. An arm of one
+/// joint feels a force on its tool as a torque.
 fn is_same(effect: &Effect, push: &Push, arm: &Arm, recording: &Recording, floors: &[f64]) -> bool {
     let number = |name: &str| effect.parameters.get(name).and_then(|p| p.value.as_float());
     let joint = effect.joint.as_ref().and_then(|name| arm.joint_index(name));
-    let (kind, size) = match push.joint {
-        Some(_) => ("external_torque", number("torque").map(|torque| Vector3::x() * torque)),
-        None => {
+    let size = match effect.kind {
+        "external_torque" => number("torque").map(|torque| Vector3::x() * torque),
+        "external_force" => {
             let force = effect.parameters.get("force").and_then(|p| p.value.as_array());
             let axis = |k: usize| force.and_then(|f| f[k].as_float()).unwrap_or_default();
-            ("external_force", Some(Vector3::from_fn(|k, _| axis(k))))
+            Some(Vector3::from_fn(|k, _| axis(k)))
         }
+        _ => None,
     };
     let (Some(start), Some(end), Some(size)) = (number("start"), number("end"), size) else { return false };
     let row = recording.t.partition_point(|t| *t < 0.5 * (push.start + push.end));
-    let torques = |size: &Vector3<f64>| match push.joint {
-        Some(_) => vec![size.x / floors[0]],
-        None => felt(arm, recording, row, size).iter().zip(floors).map(|(x, floor)| x / floor).collect(),
+    let impulses = |joint: Option<usize>, size: &Vector3<f64>, lasts: f64| -> Vec<f64> {
+        let torques = match joint {
+            Some(joint) => (0..arm.dof()).map(|j| if j == joint { size.x } else { 0.0 }).collect(),
+            None => felt(arm, recording, row, size),
+        };
+        torques.iter().zip(floors).map(|(torque, floor)| lasts * torque / floor).collect()
     };
-    let norm = |of: Vec<f64>| of.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let off = norm(torques(&(size * (end - start) - push.size * (push.end - push.start))));
-    effect.kind == kind
-        && joint == push.joint
+    let (found, put) =
+        (impulses(joint, &size, end - start), impulses(push.joint, &push.size, push.end - push.start));
+    let norm = |of: &[f64]| of.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let off: Vec<f64> = found.iter().zip(&put).map(|(found, put)| found - put).collect();
+    (joint == push.joint || arm.dof() == 1)
         && (start - push.start).abs() < 0.05
         && (end - push.end).abs() < 0.05
-        && off < 0.25 * norm(torques(&push.size)) * (push.end - push.start)
+        && norm(&off) < 0.25 * norm(&put)
 }

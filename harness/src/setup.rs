@@ -234,9 +234,21 @@ fn check_step(model: &str, plant: &PlantConfig, path: &JointPath) -> Result<(), 
     plant.system(path).map(|_| ()).map_err(|error| match error {
         SystemError::Law(error) => Failure::input(error),
         SystemError::Unfit(error) => Failure::input(error),
-        error @ SystemError::DampingTooStiff { .. } => Failure::input(format!("{model}: {error}")),
+        SystemError::DampingTooStiff { ref joint, .. } => {
+            let line = line_of(model, joint).map_or_else(String::new, |line| format!(":{line}"));
+            Failure::input(format!("{model}{line}: {error}"))
+        }
         error => Failure::input(format!("scenario: substeps = {}: {error}", plant.substeps)),
     })
+}
+
+/// The line of the file `model` on which the joint stands: the first one that has its name in quotes and is one of a joint, in URDF
+/// `<joint name="elbow"`; in TOML its name alone.
+fn line_of(model: &str, joint: &str) -> Option<usize> {
+    let text = freeplay_storage::read_text(Path::new(model)).ok()?;
+    let names = |line: &str| ['"', '\''].iter().any(|quote| line.contains(&format!("{quote}{joint}{quote}")));
+    let of_joint = text.lines().position(|line| line.contains("<joint") && names(line));
+    of_joint.or_else(|| text.lines().position(names)).map(|line| line + 1)
 }
 
 /// What the scenario asks of the operating system for the plant, or for the controller.

@@ -27,3 +27,29 @@ pub(crate) fn log_likelihood(rows: &[f64], least: f64) -> f64 {
     };
     FREEDOMS.into_iter().map(of).fold(f64::NEG_INFINITY, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::log_likelihood;
+    use crate::diagnose::noise::normals;
+
+    /// Of normal rows the log-likelihood is that of a normal, but for what the choice of the tails gains; a row far out costs less than its square.
+    #[test]
+    fn normal_rows_are_as_probable_as_under_a_normal() {
+        let mut rng = ChaCha8Rng::seed_from_u64(8);
+        let mut rows = normals(&mut rng, 1000, 0.2);
+        let square: f64 = rows.iter().map(|x| x * x).sum::<f64>() / 1000.0;
+        let exact = -500.0 * ((2.0 * std::f64::consts::PI * square).ln() + 1.0);
+        let said = log_likelihood(&rows, 0.0);
+        println!("{said:.2}, a normal {exact:.2}");
+        assert!((said - exact).abs() < 3.0);
+        rows[500] = 4.0;
+        let far = log_likelihood(&rows, 0.0);
+        println!("one row of 20 deviations costs {:.1}, a normal 200", said - far);
+        assert!((3.0..40.0).contains(&(said - far)));
+        assert!(log_likelihood(&[0.0; 10], 0.1) > log_likelihood(&[0.0; 10], 0.2));
+    }
+}

@@ -6,7 +6,7 @@ use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Figure, Sectio
 use super::interval::Share;
 use super::leak::Leak;
 use super::matrix;
-use super::receipt::Receipt;
+use super::receipt::Part;
 use super::score::Outcome;
 use super::screen::{is_failure, said};
 use super::tally::{Bin, Goal, Judged, Score, of_sort};
@@ -15,31 +15,32 @@ use super::verify::start;
 
 /// Hypotheses that are shown of a failure.
 const LEADING: usize = 4;
+/// Cases that a list of the report shows one by one. A page with ten times as many takes a browser half a minute to open.
+const SHOWN: usize = 2000;
 
 /// The whole report.
-pub fn document(receipt: &Receipt, judged: &[Judged], score: &Score) -> Document {
-    let parts = &receipt.parts;
-    let cases = receipt.cases.len();
+pub fn document(parts: &[Part], judged: &[Judged], score: &Score) -> Document {
+    let cases = judged.len();
     let mut document = Document::new("Blind proof of the diagnosis")
         .subtitle(format!("{cases} sealed cases, each analysed once before its truth was revealed"))
         .overview(figures(score))
         .overview(goals(&score.goals))
         .section(outcomes(score))
         .section(matrix::confusion(score))
-        .section(matrix::places(receipt, judged, score))
+        .section(matrix::places(parts, judged, score))
         .section(success(score))
         .section(calibration(score))
         .section(controls(score))
         .section(improvement(judged))
         .section(failures(judged))
-        .section(protocol(receipt, judged));
+        .section(protocol(parts, judged));
     for part in parts {
         document = document.footer(format!("program {} · chain {}", part.program.sha256, last(part)));
     }
     document
 }
 
-fn last(part: &super::receipt::Part) -> &str {
+fn last(part: &Part) -> &str {
     part.stages.last().map_or("", |stage| stage.chain.as_str())
 }
 
@@ -210,7 +211,8 @@ fn improvement(judged: &[Judged]) -> Section {
         .column(Column::number("name and tuning", "%").fixed(1))
         .column(Column::number("tuning alone", "%").fixed(1))
         .column(Column::number("unnamed", "%").fixed(1));
-    for case in judged.iter().filter(|case| !case.answer.effects.is_empty()) {
+    let named = || judged.iter().filter(|case| !case.answer.effects.is_empty());
+    for case in named().take(SHOWN) {
         let of = |error: fn(&super::answer::Errors) -> f64| {
             Cell::from(case.closed(error).map_or(f64::NAN, |closed| 100.0 * closed))
         };
@@ -224,10 +226,18 @@ fn improvement(judged: &[Judged]) -> Section {
             of(|e| e.black_box),
         ]);
     }
-    let blocks = vec![table.into()];
+    let blocks = vec![rest(table, named().count()).into()];
     Section::new("Improvement, case by case")
         .with("(before − after) / (before − floor) on data that took no part in the fit, mean over the channels in which the named effects show.")
         .with(Block::Details { summary: "All cases in which an effect was named".to_owned(), blocks })
+}
+
+/// `table` with a note of the cases, of `all`, that it does not show.
+fn rest(table: Table, all: usize) -> Table {
+    match all.checked_sub(SHOWN) {
+        None | Some(0) => table,
+        Some(more) => table.note(format!("and {more} more: receipt.json holds them all.")),
+    }
 }
 
 fn failures(judged: &[Judged]) -> Section {
@@ -238,8 +248,11 @@ fn failures(judged: &[Judged]) -> Section {
             continue;
         }
         section = section.with(Block::Heading(format!("{}: {}", sort.name(), some.len())));
-        for case in some {
+        for case in some.iter().take(SHOWN) {
             section = section.with(failure(case));
+        }
+        if some.len() > SHOWN {
+            section = section.with(format!("and {} more: receipt.json holds them all.", some.len() - SHOWN));
         }
     }
     section
@@ -287,9 +300,9 @@ fn rank(case: &Judged, kind: &str, joint: Option<&str>) -> String {
     }
 }
 
-fn protocol(receipt: &Receipt, judged: &[Judged]) -> Section {
+fn protocol(parts: &[Part], judged: &[Judged]) -> Section {
     let mut section = Section::new("Protocol");
-    for part in &receipt.parts {
+    for part in parts {
         let mut table = Table::new("Stages")
             .column(Column::text("stage"))
             .column(Column::text("completed"))

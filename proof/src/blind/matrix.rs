@@ -9,7 +9,7 @@ use super::confusion::Mistake;
 use super::document::count;
 use super::generator::place;
 use super::interval::Share;
-use super::receipt::Receipt;
+use super::receipt::Part;
 use super::score::Outcome;
 use super::tally::{Bin, Judged, Score, WHOLE, of_sort};
 use super::truth::Sort;
@@ -110,7 +110,7 @@ fn mistakes(mistakes: &[Mistake]) -> Table {
 }
 
 /// Success by machine and joint, and each place of a matrix.
-pub fn places(receipt: &Receipt, judged: &[Judged], score: &Score) -> Section {
+pub fn places(parts: &[Part], judged: &[Judged], score: &Score) -> Section {
     let mut table = Table::new("Success by machine and joint, one effect")
         .column(Column::text("machine"))
         .column(Column::text("joint"))
@@ -127,10 +127,10 @@ pub fn places(receipt: &Receipt, judged: &[Judged], score: &Score) -> Section {
     }
     let mut section = Section::new("Places").with(table);
     let mut shown = BTreeSet::new();
-    for matrix in receipt.parts.iter().filter_map(|part| part.draw.as_ref()?.matrix.as_ref()) {
+    for matrix in parts.iter().filter_map(|part| part.draw.as_ref()?.matrix.as_ref()) {
         // Shards sweep the same matrix.
         if shown.insert(format!("{matrix:?}")) {
-            section = grids(section, matrix, receipt, judged);
+            section = grids(section, matrix, parts, judged);
         }
     }
     section
@@ -153,8 +153,8 @@ fn place_row(machine: &str, joint: &str, bin: &Bin) -> [Cell; 8] {
 }
 
 /// One table a machine: kinds downwards, joints across, three letters a place.
-fn grids(section: Section, matrix: &Matrix, receipt: &Receipt, judged: &[Judged]) -> Section {
-    let letters = letters(receipt, judged);
+fn grids(section: Section, matrix: &Matrix, parts: &[Part], judged: &[Judged]) -> Section {
+    let letters = letters(parts, judged);
     let missing = letters.values().filter(|letter| **letter == NOT_MADE).count();
     let all = matrix.quota().map_or(0, |quota| quota.single);
     let mut section = section
@@ -197,14 +197,14 @@ fn grids(section: Section, matrix: &Matrix, receipt: &Receipt, judged: &[Judged]
 const NOT_MADE: char = '–';
 
 /// How each place of a matrix came out.
-fn letters(receipt: &Receipt, judged: &[Judged]) -> BTreeMap<String, char> {
+fn letters(parts: &[Part], judged: &[Judged]) -> BTreeMap<String, char> {
     let mut letters = BTreeMap::new();
     for case in of_sort(judged, Sort::Single) {
         let effect = &case.truth.effects[0];
         let place = place(&effect.kind, effect.joint.as_deref(), &case.truth.machine, &effect.severity);
         letters.insert(place, letter(case));
     }
-    for part in receipt.parts.iter().filter(|part| part.draw.as_ref().is_some_and(|d| d.matrix.is_some())) {
+    for part in parts.iter().filter(|part| part.draw.as_ref().is_some_and(|d| d.matrix.is_some())) {
         let asked = part.not_made.iter().filter_map(|what| what.split_once(": "));
         // A control that could not be made names no place.
         let places = asked.map(|(place, _)| place).filter(|place| place.contains(" on "));

@@ -7,7 +7,7 @@ use freeplay_report::text::{Digits, number};
 
 use super::confusion::Mistake;
 use super::leak::Leak;
-use super::receipt::Receipt;
+use super::receipt::{Part, Receipt};
 use super::score::Outcome;
 use super::tally::{Bin, Goal, Judged, Score};
 use super::truth::{Sort, at};
@@ -19,7 +19,7 @@ const FAILURES: usize = 12;
 const CONFUSIONS: usize = 8;
 
 /// The score.
-pub fn summary(receipt: &Receipt, judged: &[Judged], score: &Score, path: &Path, report: &Path) -> String {
+pub fn summary(parts: &[Part], judged: &[Judged], score: &Score, path: &Path, report: &Path) -> String {
     let mut text = format!("\n{:24}", "");
     for outcome in Outcome::ALL {
         let _ = write!(text, "{:>9}", outcome.name());
@@ -47,7 +47,7 @@ pub fn summary(receipt: &Receipt, judged: &[Judged], score: &Score, path: &Path,
         100.0 * controls.permuted_kind,
         100.0 * controls.oracle.value(),
     );
-    for part in &receipt.parts {
+    for part in parts {
         if let Some(leak) = Leak::of(part, judged) {
             let _ = writeln!(
                 text,
