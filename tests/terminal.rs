@@ -183,11 +183,11 @@ fn the_help_has_the_main_commands_first_and_fits_its_width() {
     assert!(order.map(at).is_sorted(), "{help}");
 }
 
-/// In a terminal of 60 columns the progress line is rewritten in place, and the text is wrapped.
+/// In a terminal of 80 columns the progress line is rewritten in place, and the text is wrapped.
 #[test]
 fn a_narrow_terminal_gets_narrow_lines() {
     let shell = format!(
-        "stty cols 60 rows 40; exec {FREEPLAY} run --pace lockstep --controller computed-torque --set duration=0.2 --out out"
+        "stty cols 80 rows 40; exec {FREEPLAY} run --pace lockstep --controller computed-torque --set duration=0.2 --out out"
     );
     let mut command = Command::new("script");
     command.args(["-qec", &shell, "typescript"]).env("TERM", "xterm");
@@ -201,7 +201,7 @@ fn a_narrow_terminal_gets_narrow_lines() {
     let (_, result) = text.split_once("Freeplay 0").expect("the result");
     for line in result.lines().skip(1).filter(|line| !line.contains("freeplay ")) {
         let plain = line.trim_end();
-        assert!(plain.chars().count() <= 60, "{plain:?} in {result}");
+        assert!(plain.chars().count() <= 80, "{plain:?} in {result}");
     }
 }
 
