@@ -140,6 +140,35 @@ fn the_products_do_not_know_each_other() {
     }
 }
 
+/// Whether the documentation in `text` has an example in Rust, which `cargo test` runs as a test of its own.
+fn has_examples(text: &str) -> bool {
+    let fences = text.lines().filter_map(|line| {
+        let line = line.trim_start();
+        line.strip_prefix("///").or_else(|| line.strip_prefix("//!"))?.trim_start().strip_prefix("```")
+    });
+    // Fences come in pairs; the first of each says the language.
+    fences.step_by(2).any(|kind| matches!(kind.trim(), "" | "rust" | "no_run" | "should_panic"))
+}
+
+fn is_library(target: &Value) -> bool {
+    ["lib", "rlib"].iter().any(|kind| target["kind"][0] == *kind)
+}
+
+/// Looking for examples in a crate without any takes seconds of a build.
+#[test]
+fn examples_in_documentation_are_tests_where_there_are_some() {
+    for (name, package) in &packages() {
+        let targets = package["targets"].as_array().expect("targets");
+        let Some(library) = targets.iter().find(|target| is_library(target)) else { continue };
+        let folder = Path::new(package["manifest_path"].as_str().expect("a path")).with_file_name("src");
+        assert_eq!(
+            library["doctest"],
+            Value::from(has_examples(&sources(&folder))),
+            "{name}: `doctest` in its manifest has to say whether its documentation has examples"
+        );
+    }
+}
+
 /// Source files that touch the file system themselves, and why.
 const NOT_THROUGH_STORAGE: [(&str, &str); 12] = [
     ("storage/src/", "it is the one place"),

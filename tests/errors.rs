@@ -256,7 +256,11 @@ fn places_that_cannot_be_written_to() {
     ] {
         tried.refused(command, 3, &["cannot write folder", "a file in it"]);
     }
-    tried.refused("record export good.csv --format csv --out good.csv", 2, &["is the file that is read"]);
+    tried.refused(
+        "record export good.csv --format csv --out good.csv",
+        2,
+        &["the input cannot be the output as well"],
+    );
     tried.judge();
 }
 
@@ -309,9 +313,9 @@ fn values_and_flags_that_cannot_be() {
         format!("diagnose --model {ARM} --recording good.csv"),
     );
     let cases: [(&str, i32, &str); 53] = [
-        ("swap --quiet --out out --swaps 0", 2, "and a swap"),
+        ("swap --quiet --out out --swaps 0", 2, "at least one swap"),
         ("swap --quiet --out out --swaps -1", 2, "-1"),
-        ("swap --quiet --out out --per-run 0", 2, "and a swap"),
+        ("swap --quiet --out out --per-run 0", 2, "at least one swap"),
         ("swap --quiet --out out --controller computed-torque", 2, "two controllers"),
         ("faults computed-torque --quiet --out out --seeds 0", 2, "1..=1000000"),
         ("faults computed-torque --quiet --out out --kills 0", 2, "1..=1000000"),
@@ -359,7 +363,7 @@ fn values_and_flags_that_cannot_be() {
         ("run --seed -1", 2, "-1"),
         ("run --quiet --out out --set rate=1e9", 3, "100000"),
         ("run --quiet --out out --set random_swaps=3", 3, "needs a standby"),
-        (&format!("run --quiet --out out {ARM}"), 3, "is an arm, not a scenario"),
+        (&format!("run --quiet --out out {ARM}"), 3, "is an arm file, not a scenario"),
         ("run --quiet --out out --set clearance.joint_5=0.0004", 2, "clearance.JOINT.clearance"),
         ("fly", 2, "'fly'"),
     ];

@@ -510,7 +510,7 @@ fn the_exam_of_a_controller_has_a_verdict_on_wrong_messages() {
     assert_eq!(slowest, [json!(1), json!(1), Value::Null, json!(2)]);
     let read = |name: &str| std::fs::read_to_string(ran.out().join(name)).expect("written");
     assert!(read("faults.xml").contains("tests=\"4\" failures=\"0\""), "{}", read("faults.xml"));
-    assert!(read("faults.html").contains("every kind of fault was met as it should be"));
+    assert!(read("faults.html").contains("every kind of fault was handled as expected"));
 }
 
 /// At a corner sound controllers differ by a fifth of a joint's range: what is held against the whole motion tells nothing of a gain.

@@ -125,6 +125,22 @@ fn joints_are_paired_by_name_from_any_form_to_any_other() {
 }
 
 #[test]
+fn info_reads_a_file_by_its_mapping_and_asks_of_its_model() {
+    let folder = with_log(NAMED, elbow_first);
+    let ran = freeplay_in(folder, &["record", "import", "log.csv", "--out", "r.csv"]).expect(0);
+    let asked = ["record", "info", "log.csv", "--mapping", "r.mapping.toml", "--model", "arm.urdf"];
+    let ran = freeplay_in(ran.folder, &[asked.as_slice(), &["--format", "json"]].concat()).expect(0);
+    let value: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
+    assert!(value["joints"] == 2 && value["setup"].is_array(), "{value:#}");
+    // A mapping that names columns which are not there is bad input.
+    let mapping = ran.folder.path().join("r.mapping.toml");
+    let text = std::fs::read_to_string(&mapping).expect("a mapping").replace("elbow_joint_pos", "wrist_pos");
+    std::fs::write(mapping, text).expect("written");
+    let ran = freeplay_in(ran.folder, &asked).expect(3);
+    assert!(ran.stderr().contains("wrist_pos"), "{}", ran.dump());
+}
+
+#[test]
 fn joints_without_names_are_paired_by_number_and_that_is_said() {
     let folder = with_log("t,q1,q2,tau1,tau2", |row| row.map(|x| format!("{x}")).join(","));
     let (errors, value, ran) = compared(folder, "log.csv");
@@ -197,26 +213,52 @@ for plugin in [StoragePlugin.SQLITE3, StoragePlugin.MCAP]:
             none = numpy.full(2, numpy.nan)
             message = types["sensor_msgs/msg/JointState"](header, names, q[k].copy(), none, tau[k].copy())
             writer.write(topic, ns, store.serialize_cdr(message, message.__msgtype__))
+from rosbags.rosbag1 import Writer as Writer1
+store = get_typestore(Stores.ROS1_NOETIC)
+types = store.types
+with Writer1("ros1.bag") as writer:
+    topic = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=store)
+    for k in range(len(t)):
+        ns = 1_700_000_000_000_000_000 + round(t[k] * 1e9)
+        stamp = types["builtin_interfaces/msg/Time"](ns // 10**9, ns % 10**9)
+        header = types["std_msgs/msg/Header"](k, stamp, "base")
+        message = types["sensor_msgs/msg/JointState"](header, names, q[k].copy(), numpy.empty(0), tau[k].copy())
+        writer.write(topic, ns, store.serialize_ros1(message, message.__msgtype__))
+import json, pathlib
+root = pathlib.Path("lerobot")
+(root / "meta").mkdir(parents=True)
+(root / "data/chunk-000").mkdir(parents=True)
+features = {
+    "observation.state": {"dtype": "float32", "shape": [2], "names": {"motors": [f"{name}.pos" for name in names]}},
+    "observation.effort": {"dtype": "float32", "shape": [2], "names": {"motors": [f"{name}.effort" for name in names]}},
+    "timestamp": {"dtype": "float32", "shape": [1], "names": None},
+}
+(root / "meta/info.json").write_text(json.dumps({"codebase_version": "v2.1", "fps": 200, "total_episodes": 1, "features": features}))
+episode = pandas.DataFrame({"observation.state": list(q), "observation.effort": list(tau), "timestamp": t, "episode_index": 0, "frame_index": range(len(t))})
+episode.to_parquet(root / "data/chunk-000/episode_000000.parquet")
 "#;
 
 #[test]
 fn what_other_packages_write_is_compared_and_diagnosed() {
     let script = "import numpy, pandas, pyarrow, rosbags.rosbag2, scipy.io";
     if !python().args(["-c", script]).output().is_ok_and(|output| output.status.success()) {
-        println!(
-            "skipped: no Python with numpy, pandas, pyarrow, rosbags and scipy; FREEPLAY_PYTHON names one"
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            "no Python with numpy, pandas, pyarrow, rosbags and scipy; FREEPLAY_PYTHON names one",
         );
         return;
     }
     let mut folder = with_log(NAMED, elbow_first);
     let written = python().args(["-c", WRITER]).current_dir(folder.path()).output().expect("it starts");
     assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));
-    for recording in ["r.npz", "r.mat", "dated.csv", "dated.parquet", "bag_sqlite3", "bag_mcap"] {
+    let all =
+        ["r.npz", "r.mat", "dated.csv", "dated.parquet", "bag_sqlite3", "bag_mcap", "ros1.bag", "lerobot"];
+    for recording in all {
         let (errors, _, ran) = compared(folder, recording);
         assert!(is_right(errors), "{recording}: {errors:?}");
         folder = ran.folder;
     }
-    for recording in ["dated.parquet", "bag_sqlite3"] {
+    for recording in ["dated.parquet", "bag_sqlite3", "ros1.bag", "lerobot"] {
         let arguments = ["diagnose", "--model", "arm.urdf", "--recording", recording, "--format", "json"];
         let ran = freeplay_in(folder, &arguments).expect(0);
         let value: Value = serde_json::from_str(&ran.stdout()).expect("JSON");

@@ -1,5 +1,8 @@
 //! The guide does what it says: every console block of its pages is run, in the order of the page, with the files that the page shows.
 //!
+//! The README is played in the same way. Blocks ` ```console slow ` take minutes, so that ignored tests play them with the README; commands in
+//! ` ```sh ` blocks name files of the reader, so that a test only checks that they are understood.
+//!
 //! A block ` ```console ` holds commands behind `$ `; ` ```console python ` takes a Python with iceoryx2 and is left out, with a word, where
 //! there is none, ` ```console mujoco ` one with mujoco, numpy and scipy, ` ```console fmpy ` one with FMPy, ` ```console pythonfmu ` one with pythonfmu3 and a shared library; a block with `file=NAME` is a file that the reader writes.
 
@@ -10,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use common::{Call, FREEPLAY, fresh_folder};
+use freeplay_skip::{Need, skip};
 
 fn root() -> PathBuf {
     std::path::absolute(Path::new(env!("CARGO_MANIFEST_DIR")).join("..")).expect("a path")
@@ -67,9 +71,19 @@ fn python() -> Option<String> {
     python_with("python")
 }
 
-/// Plays the page called `name`; the number of commands run.
+/// Plays the page called `name` of the guide without its slow commands; the number of commands run.
 fn play(name: &str) -> usize {
-    let page = std::fs::read_to_string(root().join("docs/guide").join(name)).expect("the page");
+    play_file(&format!("docs/guide/{name}"), false)
+}
+
+/// A command of the README as it runs without cargo.
+fn without_cargo(line: &str) -> String {
+    line.replace("cargo run --release --", "freeplay")
+}
+
+/// Plays the page `name`, with its slow commands or without; the number of commands run.
+fn play_file(name: &str, with_slow: bool) -> usize {
+    let page = std::fs::read_to_string(root().join(name)).expect("the page");
     let binaries = Path::new(FREEPLAY).parent().expect("a folder").to_owned();
     let mut folder = fresh_folder();
     // The project's folder as the reader has it, but for what the page writes into it.
@@ -90,17 +104,24 @@ fn play(name: &str) -> usize {
         if let Some(file) = block.kind.split(' ').find_map(|part| part.strip_prefix("file=")) {
             std::fs::write(folder.path().join(file), &block.text).expect("written");
         }
-        if !block.kind.starts_with("console") {
+        if !block.kind.starts_with("console") || (block.kind == "console slow" && !with_slow) {
             continue;
         }
         let need = NEEDS.into_iter().find(|(word, _)| block.kind.ends_with(word));
-        if let Some((_, packages)) = need.filter(|(word, _)| python_with(word).is_none()) {
-            println!("skipped: no Python for `{packages}`; FREEPLAY_PYTHON names one\n{}", block.text);
+        if let Some((word, packages)) = need.filter(|(word, _)| python_with(word).is_none()) {
+            let need = match word {
+                "pythonfmu" => Need::PythonLibrary,
+                _ => Need::Python,
+            };
+            skip(need, format_args!("no Python for `{packages}`; FREEPLAY_PYTHON names one\n{}", block.text));
             continue;
         }
         for line in block.text.lines().filter_map(|line| line.strip_prefix("$ ")) {
+            if line == "cargo test" {
+                continue;
+            }
             let mut command = Command::new("sh");
-            command.args(["-c", line]).env("PATH", &path).env_remove("CARGO_MANIFEST_DIR");
+            command.args(["-c", &without_cargo(line)]).env("PATH", &path).env_remove("CARGO_MANIFEST_DIR");
             // As if the wheel were installed.
             command.env("PYTHONPATH", root().join("python"));
             let ran = Call::of(folder, command).run();
@@ -174,6 +195,70 @@ fn bringing_a_controller_as_an_fmu() {
 #[test]
 fn reading_results() {
     assert_eq!(play("results.md"), 3);
+}
+
+#[test]
+#[ignore = "minutes without optimisation: .ci/thorough"]
+fn slow_commands_of_the_guide() {
+    assert_eq!(play_file("docs/guide/own-recording.md", true), 7);
+    assert_eq!(play_file("docs/guide/paper.md", true), 3);
+}
+
+#[test]
+#[ignore = "minutes without optimisation: .ci/thorough"]
+fn the_readme() {
+    assert_eq!(play_file("README.md", true), 4);
+}
+
+/// Commands with files of the reader: the command line is understood, the file is missing.
+#[test]
+fn commands_with_files_of_the_reader_are_understood() {
+    let guide = std::fs::read_dir(root().join("docs/guide")).expect("a folder").flatten();
+    let pages = guide.map(|page| page.path()).chain([root().join("README.md")]);
+    let mut count = 0;
+    for page in pages {
+        let text = std::fs::read_to_string(&page).expect("the page");
+        for block in blocks(&text).iter().filter(|block| block.kind == "sh") {
+            for line in block.text.lines().filter_map(|line| line.strip_prefix("freeplay ")) {
+                let words: Vec<&str> = line.split_whitespace().collect();
+                let ran = Call::new(fresh_folder(), &words).run();
+                assert_eq!(ran.code(), 3, "{}: {line}\n{}", page.display(), ran.dump());
+                count += 1;
+            }
+        }
+    }
+    assert!(count >= 6, "{count} commands");
+}
+
+/// A stranger reads these: short pages, each found from an index.
+#[test]
+fn documents_are_short_and_found() {
+    let text = |name: &str| std::fs::read_to_string(root().join(name)).expect("the page");
+    assert!(text("README.md").lines().count() <= 100, "README.md");
+    let architecture = text("ARCHITECTURE.md");
+    let (_, rows) = architecture.split_once("## Where to change what").expect("the table");
+    let rows = rows.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| ---")).count() - 1;
+    assert!(rows <= 30, "ARCHITECTURE.md has {rows} rows");
+    let index = text("decisions/README.md");
+    for page in std::fs::read_dir(root().join("decisions")).expect("a folder").flatten() {
+        let name = page.file_name().to_string_lossy().into_owned();
+        assert!(text(&format!("decisions/{name}")).lines().count() <= 60, "{name}");
+        assert!(name == "README.md" || index.contains(&format!("({name})")), "{name} is in no index");
+    }
+}
+
+/// The table of sealed sets is the one that its command writes.
+#[test]
+fn the_table_of_sealed_sets_is_drawn() {
+    let python = std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let output = Command::new(python).arg(root().join("docs/blind/table.py")).output();
+    let Ok(output) = output else { return skip(Need::Python, "no Python; FREEPLAY_PYTHON names one") };
+    let table = std::fs::read_to_string(root().join("docs/blind/sets.md")).expect("the table");
+    assert_eq!(
+        String::from_utf8_lossy(&output.stdout),
+        table,
+        "python docs/blind/table.py > docs/blind/sets.md"
+    );
 }
 
 #[test]

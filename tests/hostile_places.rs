@@ -75,7 +75,7 @@ fn start_intruder(told: &Path) -> Option<Child> {
     let program = told.join("intruder");
     fs::copy(std::env::current_exe().expect("this test has a path"), &program).expect("copied");
     if chown(told, Some(OTHER), Some(OTHER)).is_err() {
-        println!("skipped: another user's process takes root");
+        freeplay_skip::skip(freeplay_skip::Need::Root, "another user's process takes root");
         return None;
     }
     let mut command = Command::new("setpriv");
@@ -84,7 +84,7 @@ fn start_intruder(told: &Path) -> Option<Child> {
     let child =
         command.current_dir(told).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
     let Ok(mut child) = child else {
-        println!("skipped: another user's process takes setpriv");
+        freeplay_skip::skip(freeplay_skip::Need::Root, "another user's process takes setpriv");
         return None;
     };
     let is_ready =
@@ -134,7 +134,7 @@ fn shared_memory_that_is_full_ends_a_run_in_order() {
         return;
     }
     if std::env::var_os(OWN_SHM_ENV).is_none() {
-        println!("skipped: the shared memory of all stays as it is");
+        freeplay_skip::skip(freeplay_skip::Need::Namespace, "the shared memory of all stays as it is");
         return;
     }
     let good = Call::new(fresh_folder(), &RUN).run().expect(0);
@@ -146,7 +146,7 @@ fn shared_memory_that_is_full_ends_a_run_in_order() {
         let remounted =
             Command::new("mount").args(["-o", &format!("remount,size={}k", kib.max(4)), SHM]).output();
         if !remounted.is_ok_and(|output| output.status.success()) {
-            println!("skipped: a small shared memory takes root");
+            freeplay_skip::skip(freeplay_skip::Need::Root, "a small shared memory takes root");
             return;
         }
         let ballast = shm("ballast");
@@ -182,7 +182,7 @@ fn results_in_a_folder_that_others_can_change_are_told_of() {
         fs::create_dir(&out).expect("a folder");
         fs::set_permissions(&out, Permissions::from_mode(mode)).expect("a mode");
         if chown(&out, owner, None).is_err() {
-            println!("skipped: a folder of another user takes root");
+            freeplay_skip::skip(freeplay_skip::Need::Root, "a folder of another user takes root");
             return None;
         }
         let arguments: Vec<&str> = RUN.into_iter().filter(|word| *word != "--quiet").collect();

@@ -517,7 +517,10 @@ fn a_full_disk_ends_the_recording_and_not_the_run() {
     let mount = "mkdir out kept && mount -t tmpfs -o size=400k none out";
     let may = Command::new("unshare").args(["-rm", "true"]).status().is_ok_and(|status| status.success());
     if !may {
-        println!("skipped: this machine allows no namespace to mount a small disk in");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Namespace,
+            "this machine allows no namespace to mount a small disk in",
+        );
         return;
     }
     for kind in ["csv", "mcap"] {

@@ -195,7 +195,7 @@ fn a_kill_at_each_step_with_shared_memory_is_survived() {
     const NAME: &str = "a_kill_at_each_step_with_shared_memory_is_survived";
     let can = Command::new("strace").args(["-o", "/dev/null", "true"]).output();
     if !can.is_ok_and(|output| output.status.success()) {
-        println!("skipped: there is no strace here, or it may not trace");
+        freeplay_skip::skip(freeplay_skip::Need::Strace, "there is no strace here, or it may not trace");
         return;
     }
     if !in_own_shared_memory(NAME) {

@@ -132,7 +132,7 @@ fn plant_hostile_files(victim: &Path) -> Vec<PathBuf> {
                 rustix::fs::makedev(1, minor),
             );
             if made.is_err() && minor == 3 {
-                println!("skipped: device nodes take root");
+                freeplay_skip::skip(freeplay_skip::Need::Device, "device nodes take root");
                 break;
             }
         }
@@ -171,7 +171,7 @@ fn hostile_files_neither_mislead_nor_stop_a_run_nor_are_they_removed() {
     let planted = plant_hostile_files(victim.path());
     for is_given_away in [false, true] {
         if is_given_away && !planted.iter().all(|path| give_away(path)) {
-            println!("skipped: files of another user take root");
+            freeplay_skip::skip(freeplay_skip::Need::Root, "files of another user take root");
             break;
         }
         let before = kinds_of(&planted);
@@ -390,7 +390,7 @@ fn a_planted_folder_of_runs_is_refused_with_a_remedy_and_not_followed() {
     if give_away(&path) {
         refused("a folder of somebody else");
     } else {
-        println!("skipped: a folder of another user takes root");
+        freeplay_skip::skip(freeplay_skip::Need::Root, "a folder of another user takes root");
     }
 }
 
@@ -427,7 +427,7 @@ fn another_user_s_runs_and_ours_take_no_notice_of_each_other() {
     let planted = plant_hostile_files(&theirs);
     let output = command.output();
     if !owned || !output.as_ref().is_ok_and(|output| output.status.code() != Some(127)) {
-        println!("skipped: a run of another user takes root and setpriv");
+        freeplay_skip::skip(freeplay_skip::Need::Root, "a run of another user takes root and setpriv");
         remove(&planted);
         return;
     }

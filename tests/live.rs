@@ -28,7 +28,7 @@ fn a_watched_run_without_a_terminal_tells_lines_and_moves_as_one_that_nobody_wat
     let told = watched.stderr();
     let line =
         told.lines().find(|line| line.contains("deviation")).unwrap_or_else(|| panic!("no line in {told:?}"));
-    for part in [" s  deviation ", " mm (rms ", "joint_5 in ", "computed-torque in charge"] {
+    for part in [" s  deviation ", " mm (rms ", "joint_5 in ", "computed-torque active"] {
         assert!(line.contains(part), "{part:?} is not in {line:?}");
     }
     assert!(!told.contains('\u{1b}'), "no codes of a terminal where there is none: {told:?}");
@@ -40,15 +40,15 @@ fn quiet_and_live_exclude_each_other() {
     assert!(told.contains("--quiet"), "{told}");
 }
 
-/// The plant's process by itself, with wishes waiting on its standard input before the controllers come.
+/// The plant's process by itself, with requests waiting on its standard input before the controllers come.
 #[test]
-fn wishes_are_heard_and_glances_told() {
+fn operator_requests_are_heard_and_snapshots_sent() {
     let scenario = lockstep(0.3, &["--controller", "computed-torque", "--standby", "quasi-static"]).expect(0);
     let root = RunRoot::create().expect("shared memory");
     let address = root.address().to_string();
     let folder = fresh_folder();
-    let wishes = folder.path().join("wishes");
-    std::fs::write(&wishes, "{\"swap\":{\"to\":1}}\n\"mark\"\nnonsense\n\"mark\"\n").expect("written");
+    let requests = folder.path().join("requests");
+    std::fs::write(&requests, "{\"swap\":{\"to\":1}}\n\"mark\"\nnonsense\n\"mark\"\n").expect("written");
     let files = scenario.out();
     let mut plant = Command::new(FREEPLAY);
     plant.args([
@@ -64,10 +64,10 @@ fn wishes_are_heard_and_glances_told() {
     plant.arg("--scenario").arg(files.join("scenario.toml")).arg("--task").arg(files.join("task.toml"));
     plant.arg("--out").arg(folder.path());
     let mut call = Call::of(folder, plant);
-    call.command.stdin(File::open(&wishes).expect("wishes"));
+    call.command.stdin(File::open(&requests).expect("requests"));
     let plant = call.start();
-    // Until the wishes were read: the queue is heard at tick 0, which waits for the controllers.
-    plant.until("a wish that is none", || {
+    // Until the requests were read: the queue is heard at tick 0, which waits for the controllers.
+    plant.until("a request that is none", || {
         std::fs::read_to_string(plant.folder.path().join("stderr"))
             .ok()
             .filter(|told| told.contains("nonsense"))
@@ -94,11 +94,12 @@ fn wishes_are_heard_and_glances_told() {
     let recording = freeplay_recording::read(&folder.join("watched.mcap"), None).expect("a recording");
     let marks = recording.column("marks").expect("marks");
     assert_eq!(marks.last(), Some(&2.0), "both marks, in spite of the line between them");
-    let glances: Vec<Value> =
+    let snapshots: Vec<Value> =
         ran.stdout().lines().map(|line| serde_json::from_str(line).expect("a glance")).collect();
-    let last = glances.last().expect("a glance");
-    assert_eq!(last["tick"], Value::from(299), "the last glance is of the last tick");
+    let last = snapshots.last().expect("a glance");
+    assert_eq!(last["tick"], Value::from(299), "the last snapshot is of the last tick");
     assert_eq!(last["in_charge"], Value::from(1));
-    let traced: usize = glances.iter().map(|glance| glance["trace"].as_array().map_or(0, Vec::len)).sum();
+    let traced: usize =
+        snapshots.iter().map(|snapshot| snapshot["trace"].as_array().map_or(0, Vec::len)).sum();
     assert_eq!(traced, 30, "a point every ten ticks, each told once");
 }

@@ -20,7 +20,10 @@ fn has(packages: &str) -> bool {
     let found =
         Command::new(python()).args(["-c", &script]).output().is_ok_and(|output| output.status.success());
     if !found {
-        println!("skipped: {} lacks {packages}; FREEPLAY_PYTHON names another interpreter", python());
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            format_args!("{} lacks {packages}; FREEPLAY_PYTHON names another interpreter", python()),
+        );
     }
     found
 }
@@ -87,7 +90,7 @@ fn a_generator_that_is_missing_or_garbled_is_said_in_one_error() {
     let folder = fresh_folder();
     let garbled = script(folder.path(), "cat > /dev/null\necho hello");
     let ran = Call::new(folder, &[&ASKED[..], &["--generator", &garbled]].concat()).run().expect(3);
-    assert!(ran.stderr().contains("none of the contract of a generator"), "{}", ran.stderr());
+    assert!(ran.stderr().contains("breaks the contract of a generator"), "{}", ran.stderr());
 
     let call = Call::new(fresh_folder(), &[&ASKED[..], &["--generator", "mujoco"]].concat());
     let ran = call.env("FREEPLAY_PYTHON", "/nowhere/python").run().expect(5);

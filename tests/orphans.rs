@@ -168,7 +168,7 @@ fn traced(options: &[&str]) -> Call {
 fn a_signal_at_the_moment_its_handler_is_set_ends_the_run() {
     let can = std::process::Command::new("strace").args(["-o", "/dev/null", "true"]).output();
     if !can.is_ok_and(|output| output.status.success()) {
-        println!("skipped: there is no strace here, or it may not trace");
+        freeplay_skip::skip(freeplay_skip::Need::Strace, "there is no strace here, or it may not trace");
         return;
     }
     let ran = traced(&[]).run().expect(0);

@@ -40,8 +40,9 @@ fn tells(said: &str, path: &Path) -> bool {
 #[test]
 fn robots_of_others_load_and_run_or_say_what_prevents_it() {
     let Some(folder) = folder().filter(|folder| folder.is_dir()) else {
-        println!(
-            "skipped: FREEPLAY_URDFS names a folder of URDFs, or FREEPLAY_PYTHON an interpreter with example-robot-data"
+        freeplay_skip::skip(
+            freeplay_skip::Need::Robots,
+            "FREEPLAY_URDFS names a folder of URDFs, or FREEPLAY_PYTHON an interpreter with example-robot-data",
         );
         return;
     };

@@ -27,9 +27,12 @@ fn available() -> bool {
     let found =
         Command::new(python()).args(["-c", script]).output().is_ok_and(|output| output.status.success());
     if !found {
-        println!(
-            "skipped: {} lacks Python 3.11 or iceoryx2 0.10.0; FREEPLAY_PYTHON names another interpreter",
-            python()
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            format_args!(
+                "{} lacks Python 3.11 or iceoryx2 0.10.0; FREEPLAY_PYTHON names another interpreter",
+                python()
+            ),
         );
     }
     found
@@ -201,15 +204,18 @@ fn the_package_passes_its_tests() {
     let needed = "import cloudpickle, matplotlib, nbclient, pandas, pyarrow, pytest, iceoryx2";
     let found = Command::new(python()).args(["-c", needed]).output();
     if !found.is_ok_and(|output| output.status.success()) {
-        println!(
-            "skipped: {} lacks one of the packages that python/tests need: {needed}; FREEPLAY_PYTHON names another interpreter",
-            python()
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            format_args!(
+                "{} lacks one of the packages that python/tests need: {needed}; FREEPLAY_PYTHON names another interpreter",
+                python()
+            ),
         );
         return;
     }
     let folder = root().join("python");
     let output = Command::new(python())
-        .args(["-m", "pytest", "-p", "no:cacheprovider", "--durations=10"])
+        .args(["-m", "pytest", "-p", "no:cacheprovider", "--durations=10", "-rs"])
         .current_dir(&folder)
         .env("PYTHONPATH", std::path::absolute(&folder).expect("a path"))
         .env("PYTHONDONTWRITEBYTECODE", "1")
@@ -220,4 +226,7 @@ fn the_package_passes_its_tests() {
     let text = String::from_utf8_lossy(&output.stdout);
     println!("{text}");
     assert!(output.status.success(), "{text}\n{}", String::from_utf8_lossy(&output.stderr));
+    if let Some(count) = text.lines().rfind(|line| line.contains(" passed") && line.contains(" skipped")) {
+        freeplay_skip::skip(freeplay_skip::Need::Python, count);
+    }
 }

@@ -23,7 +23,7 @@ fn runs_are_compared_and_what_was_set_differently_is_listed() {
         "wide: computed-torque: finished",
         "narrow: computed-torque: finished",
         "clearance.joint_5.clearance",
-        "The same to the byte, every State and Command: wide: computed-torque, again: computed-torque.",
+        "Runs with identical States and Commands, to the byte: wide: computed-torque, again: computed-torque.",
         "Deviation along z",
         "Controller compute",
     ] {

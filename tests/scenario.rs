@@ -38,7 +38,7 @@ fn the_shipped_scenarios_are_good() {
     let mut arguments = vec!["scenario", "check"];
     arguments.extend(files.iter().map(String::as_str));
     let ran = freeplay(&arguments).expect(0);
-    assert_eq!(ran.stdout().matches(": good: ").count(), files.len());
+    assert_eq!(ran.stdout().matches(": valid: ").count(), files.len());
 }
 
 #[test]

@@ -87,7 +87,7 @@ fn as_nobody(program: &str) -> Option<Command> {
     let mut probe = Command::new("setpriv");
     probe.args(["--reuid=65534", "--regid=65534", "--clear-groups", "true"]);
     if !probe.output().is_ok_and(|output| output.status.success()) {
-        println!("skipped: becoming another user takes root and setpriv");
+        freeplay_skip::skip(freeplay_skip::Need::Root, "becoming another user takes root and setpriv");
         return None;
     }
     let mut command = Command::new("setpriv");
@@ -160,7 +160,10 @@ fn forged_commands_of_the_same_user_are_not_applied() {
     let python = std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let available = Command::new(&python).args(["-c", "import iceoryx2"]).output();
     if !available.is_ok_and(|output| output.status.success()) {
-        println!("skipped: {python} has no iceoryx2 0.10.0; FREEPLAY_PYTHON names another interpreter");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            format_args!("{python} has no iceoryx2 0.10.0; FREEPLAY_PYTHON names another interpreter"),
+        );
         return;
     }
     let paused = Paused::start();
@@ -185,5 +188,5 @@ fn forged_commands_of_the_same_user_are_not_applied() {
         assert_eq!(*count, json!(if reason == "foreign" { 14 } else { 0 }), "{reason} in {counts:#?}");
     }
     let notes = run["notes"].to_string();
-    assert!(notes.contains("14 commands for") && notes.contains("does not hold its seat"), "{notes}");
+    assert!(notes.contains("14 commands for") && notes.contains("which is not that controller"), "{notes}");
 }

@@ -4,8 +4,10 @@ mod common;
 
 use std::fmt::Write as _;
 use std::path::Path;
+use std::process::Command;
 
-use common::{Ran, freeplay, freeplay_in, fresh_folder};
+use common::{Call, FREEPLAY, Ran, freeplay, freeplay_in, fresh_folder};
+use freeplay_skip::{Need, skip};
 use serde_json::Value;
 
 /// The arm that comes with the project.
@@ -151,7 +153,7 @@ fn a_recording_of_one_sample_or_two_says_so() {
         freeplay_in(folder, &["record", "info", "r.csv", "--format", format])
     };
     let one = of(1, "text").expect(0).stdout();
-    assert!(one.contains("1 sample, no duration and no rate: that takes two samples"), "{one}");
+    assert!(one.contains("1 sample, too few samples for a duration and a rate"), "{one}");
     assert!(!one.contains("inf") && !one.to_lowercase().contains("nan"), "{one}");
     let two = of(2, "text").expect(0).stdout();
     assert!(two.contains("2 samples, 0.010 s at 100.0 Hz (steps 10.000 to 10.000 ms)"), "{two}");
@@ -179,6 +181,28 @@ fn the_help_has_the_main_commands_first_and_fits_its_width() {
         "Common options:",
     ];
     assert!(order.map(at).is_sorted(), "{help}");
+}
+
+/// In a terminal of 60 columns the progress line is rewritten in place, and the text is wrapped.
+#[test]
+fn a_narrow_terminal_gets_narrow_lines() {
+    let shell = format!(
+        "stty cols 60 rows 40; exec {FREEPLAY} run --pace lockstep --controller computed-torque --set duration=0.2 --out out"
+    );
+    let mut command = Command::new("script");
+    command.args(["-qec", &shell, "typescript"]).env("TERM", "xterm");
+    if !Command::new("script").arg("--version").output().is_ok_and(|output| output.status.success()) {
+        return skip(Need::Terminal, "no program script here");
+    }
+    let ran = Call::of(fresh_folder(), command).run().expect(0);
+    let text = ran.stdout();
+    assert!(text.contains("motion, lockstep"), "no progress in {text:?}");
+    assert!(!text.contains("\u{1b}[1A"), "the progress line takes more than one line: {text:?}");
+    let (_, result) = text.split_once("Freeplay 0").expect("the result");
+    for line in result.lines().skip(1).filter(|line| !line.contains("freeplay ")) {
+        let plain = line.trim_end();
+        assert!(plain.chars().count() <= 60, "{plain:?} in {result}");
+    }
 }
 
 #[test]

@@ -56,7 +56,10 @@ fn recordings() -> Option<PathBuf> {
     if folder.is_dir() {
         return Some(folder);
     }
-    println!("skipped: no recordings at {} (set FREEPLAY_RECORDINGS)", folder.display());
+    freeplay_skip::skip(
+        freeplay_skip::Need::Recordings,
+        format_args!("no recordings at {} (set FREEPLAY_RECORDINGS)", folder.display()),
+    );
     None
 }
 

@@ -1,4 +1,4 @@
-//! What was typed.
+//! The command line as it was typed.
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use freeplay_report::one_line;
@@ -20,55 +20,55 @@ pub struct Cli {
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    /// Run a scenario: an arm with play in one process, a controller in another, side by side for each controller.
+    /// Run a scenario: one process simulates an arm with play, another one is the controller; several controllers run in turn.
     Run(freeplay_harness::run::RunArgs),
-    /// How far a model is from a recording, channel by channel.
+    /// Measure how far a model is from a recording, channel by channel.
     Compare(crate::compare::CompareArgs),
-    /// Swap controllers at random ticks, all pairs of them, and measure gap, jump and deviation of each swap.
+    /// Swap controllers at random ticks, every pair of them, and measure the gap, jump and deviation of each swap.
     Swap(freeplay_exam::swap_command::SwapArgs),
-    /// The exam of a controller: faults injected on purpose, and what comes of each.
+    /// Examine a controller: inject faults and judge how each of them is handled.
     Faults(freeplay_exam::faults::FaultsArgs),
-    /// Time every stage of the loop beside a bare clock loop and bare iceoryx2, alternately, with a cause for every missed deadline.
+    /// Measure every stage of the loop, alternating with a bare clock loop and bare iceoryx2, and name the cause of every missed deadline.
     Bench(freeplay_exam::bench::BenchArgs),
-    /// Compare runs in one HTML file: verdicts, deviations, contact and latencies over each other, and what was set differently.
+    /// Compare runs in one HTML file: verdicts, deviations, contact, latencies, and the settings that differ.
     Report(freeplay_harness::report_command::ReportArgs),
-    /// Is this machine fit for runs, for medians and for tails of latencies, and what to change.
+    /// Check whether this machine is fit for runs, for median latencies and for their tails, and say what to change.
     Doctor(freeplay_doctor::DoctorArgs),
-    /// Where a model and recordings differ, what is missing from the model, and how much better it gets with it.
+    /// Find where a model and recordings differ, name the missing physics, and write a better model.
     Diagnose(crate::diagnose::DiagnoseArgs),
-    /// The loop closed: machines with concealed physics played, diagnosed, and controlled with what was found.
+    /// Close the loop: simulate machines with concealed physics, diagnose them, and control them with the model found.
     Demo(freeplay_proof::demo::DemoArgs),
-    /// The next motion where two causes are possible: safe, and telling them apart.
+    /// Design the next motion where two causes are possible: a safe motion that tells them apart.
     Excite(crate::excite::ExciteArgs),
-    /// The proof on concealed effects: seal, diagnose once, open, score.
+    /// Prove the diagnosis on concealed effects: seal recordings, diagnose each once, reveal the truth, score.
     Blind(Box<freeplay_proof::blind::BlindArgs>),
-    /// The recorded states of a run to a new controller process, its commands beside the recorded ones.
+    /// Send the recorded states of a run to a new controller process and compare its commands with the recorded ones.
     Replay(freeplay_harness::replay::ReplayArgs),
-    /// What is in a recording; to CSV and Parquet; from ROS 2 bags, other CSVs and libfranka logs.
+    /// Show what a recording holds, export it to CSV or Parquet, or import ROS bags, other CSV files and libfranka logs.
     Record(crate::record::RecordArgs),
-    /// Whether a scenario can be run, what it comes to and where each value is from, its schema for editors.
+    /// Check a scenario, show each of its values with its origin, or print the schema for editors.
     Scenario(crate::scenario_command::ScenarioArgs),
-    /// What a model file holds: which chain is the arm, its joints, limits and effects.
+    /// Show what a model file holds: the chain that is the arm, its joints, limits and effects.
     Arm(crate::arm_command::ArmArgs),
-    /// A model in the format of another tool, such as the model of a diagnosis, and a list of what that format has no words for.
+    /// Write a model in the format of another tool (URDF, MJCF, FMU), and list what that format cannot express.
     Export(crate::export_command::ExportArgs),
-    /// Many shards of a command or of a sweep, spread over cores and machines; needs the Python package.
+    /// Spread a command or a parameter sweep over cores and machines; needs the Python package.
     Campaign(crate::campaign_command::CampaignArgs),
     /// Simulate the 40 reference runs of the paper's arm and show them beside an independent reference.
     ReferenceRuns(freeplay_paper::reference_runs::ReferenceArgs),
-    /// The paper (Erkaya 2018) reproduced: its scenarios, figures and claims, each with a verdict.
+    /// Reproduce the paper (Erkaya 2018): its scenarios, figures and claims, each with a verdict.
     Reproduce(freeplay_paper::reproduce::ReproduceArgs),
-    /// How far the deviation at sharp corners can be taken down at all: an offline optimum with all knowledge of the arm.
+    /// Compute the least deviation that is possible at sharp corners: an offline optimum with full knowledge of the arm.
     Bound(freeplay_paper::bound_table::BoundArgs),
-    /// The table of compensation: paths, times, clearances, wrong models and two joints with play, under every built-in controller.
+    /// Print the table of compensation: paths, periods, clearances, wrong models and two joints with play, under every built-in controller.
     Cells(freeplay_paper::cells::CellsArgs),
-    /// Learn from recordings what a model leaves of a tracked tool's deviation, and prove in simulated runs that taking it out helps.
+    /// Learn the tool deviation that a model leaves unexplained, from recordings, and prove in simulated runs that compensating it helps.
     Train(freeplay_training::TrainArgs),
-    /// Completions for a shell, to standard output.
+    /// Print completions for a shell.
     Completions(crate::manual::CompletionsArgs),
-    /// The manual page, to standard output; all pages with --out.
+    /// Print the manual page, or write all pages with --out.
     Man(crate::manual::ManArgs),
-    /// What the exit codes mean.
+    /// Explain the exit codes.
     #[command(after_help = EXIT_CODES)]
     ExitCodes,
     /// The process that makes sealed recordings; `freeplay blind` starts it.
@@ -91,10 +91,10 @@ enum Command {
     Yardstick(freeplay_exam::bench::YardstickArgs),
 }
 
-/// Understands the command line and does what it says.
+/// Parses the command line and runs the command.
 ///
 /// # Errors
-/// What the command could not do, with the exit code.
+/// The failure of the command, with its exit code.
 pub fn dispatch() -> Result<Exit, Failure> {
     freeplay_terminal::process::end_on_signals()?;
     let parsed = understood().try_get_matches().and_then(|matches| Cli::from_arg_matches(&matches));
@@ -135,23 +135,23 @@ pub fn dispatch() -> Result<Exit, Failure> {
     }
 }
 
-/// The command line that is understood.
+/// The parser of the command line.
 fn understood() -> clap::Command {
     with_negative_numbers(grouped(Cli::command())).color(color_among(std::env::args_os()))
 }
 
-/// Shows help, the version or what is wrong with the command line, and ends the program.
+/// Prints help, the version or the fault in the command line, and ends the program.
 fn quit(error: clap::Error) -> ! {
     let words: Vec<String> =
         std::env::args_os().map(|word| one_line(&word.to_string_lossy()).into_owned()).collect();
-    // An argument that speaks to the terminal is as wrong when it is escaped, and then it can be shown.
+    // An argument with control characters is still wrong when it is escaped, and then it can be printed.
     let shown = understood().try_get_matches_from(words).err().unwrap_or(error);
-    // Where neither output can be written there is nobody to tell.
+    // Where neither output can be written, nobody can read the message.
     let _ = shown.print();
     std::process::exit(shown.exit_code())
 }
 
-/// Lets `-1` be a value of every option, so that what is said of it is its range and not that there is no option `-1`.
+/// Accepts `-1` as the value of every option, so that the error names the range and not an unknown option `-1`.
 fn with_negative_numbers(command: clap::Command) -> clap::Command {
     command
         .mut_args(|arg| match arg.get_action().takes_values() {

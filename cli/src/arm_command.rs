@@ -3,14 +3,15 @@
 use std::fmt::Write as _;
 
 use clap::Args;
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::CellAlignment;
 use freeplay_arm::{ArmFile, Joint, JointKind, Selection};
 use freeplay_harness::setup::load_selected;
 use freeplay_report::one_line;
 use freeplay_report::text::{Digits, NOTHING, number};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::output::say;
+use freeplay_terminal::layout::text_table;
+use freeplay_terminal::output::{say, show};
 use serde_json::{Value, json};
 
 /// Shows what a model file holds.
@@ -21,7 +22,7 @@ pub struct ArmArgs {
     /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -34,7 +35,7 @@ pub fn arm(args: &ArmArgs) -> Result<Exit, Failure> {
     let file = load_selected(&args.model, &Selection { tip: args.tip.clone(), joints: Vec::new() })?;
     match args.format {
         Format::Json => say(&format!("{:#}\n", described(&args.model, &file)))?,
-        Format::Text => say(&in_words(&args.model, &file))?,
+        Format::Text => show(&in_words(&args.model, &file))?,
     }
     Ok(Exit::Done)
 }
@@ -73,10 +74,8 @@ fn described(model: &str, file: &ArmFile) -> Value {
 
 fn in_words(model: &str, file: &ArmFile) -> String {
     let mut text = format!("{model}: {}, {} joints\n\n", one_line(file.arm.name()), file.arm.dof());
-    let mut table = Table::new();
-    table
-        .load_style(presets::NOTHING)
-        .set_header(["joint", "kind", "lower", "upper", "velocity", "effort", "viscous", "coulomb", "mass"]);
+    let mut table = text_table();
+    table.set_header(["joint", "kind", "lower", "upper", "velocity", "effort", "viscous", "coulomb", "mass"]);
     let brief = |value: f64| match value.is_finite() {
         true => number(value, Digits::Significant(4)),
         false => NOTHING.to_owned(),

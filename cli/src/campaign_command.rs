@@ -11,17 +11,17 @@ use freeplay_terminal::messages;
 
 /// What the package's own command understands, for `--help`, which needs no Python.
 const OPTIONS: &str = "\
-Behind the command, with its own arguments:
+Give these options after the command and its own arguments:
   --out DIR         Folder for the results, which every worker sees under this path
-  --shards N        Into how many tasks blind is cut; four a worker without it
+  --shards N        Number of tasks that blind is divided into; four for each worker without it
   --sweep KEY=V,V   Values of a key of the scenario, or of an option (--sweep=--seed=1,2,3)
-  --engine NAME     What carries out the tasks: local, hyperqueue, dask, slurm
-  --workers N       Tasks at a time; one a core without it
-  --cluster ADDRESS A cluster that is there: HyperQueue's server folder, Dask's scheduler, Slurm's partition
-  --attempts N      How often a task is tried; 4 without it
+  --engine NAME     Engine that runs the tasks: local, hyperqueue, dask, slurm
+  --workers N       Tasks at a time; one for each core without it
+  --cluster ADDRESS A running cluster: HyperQueue's server folder, Dask's scheduler, Slurm's partition
+  --attempts N      Attempts for each task; 4 without it
   --keep            Keep the sealed recordings of blind
 
-Called again it goes on where it was:
+A campaign that is started again continues where it stopped:
   freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proof
   freeplay campaign run s.toml --sweep path.period=6,12 --sweep=--seed=1,2,3 --out swept";
 
@@ -45,8 +45,7 @@ pub fn campaign(args: &CampaignArgs) -> Result<Exit, Failure> {
     let this = std::env::current_exe().map_err(Failure::internal)?;
     let python = interpreters(&this).find(has_package).ok_or_else(|| {
         Failure::peer(
-            "freeplay campaign is part of the Python package, and no Python here has it: pip install the wheel of this version, or name \
-             an interpreter that has it with FREEPLAY_PYTHON",
+            "freeplay campaign needs the Python package, and no Python here has it: install the wheel of this version with pip, or name an interpreter that has it with FREEPLAY_PYTHON",
         )
     })?;
     let mut command = Command::new(&python);

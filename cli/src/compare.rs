@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use comfy_table::{CellAlignment, presets};
+use comfy_table::CellAlignment;
 use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_diagnosis::{Channel, ChannelError, Comparison, Kind, Residuals, Settings};
 use freeplay_laws::Effects;
@@ -14,8 +14,9 @@ use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Section, Serie
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
+use freeplay_terminal::layout::text_table;
 use freeplay_terminal::messages;
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use serde_json::{Value, json};
 
 use crate::{curves, inputs};
@@ -37,10 +38,10 @@ pub struct CompareArgs {
     /// The recording, of any kind that `freeplay record` reads, from a machine or from `freeplay run`.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
-    /// What the columns of the recording mean, a mapping file such as the setup.toml of a diagnosis; for CSV.
+    /// Mapping file that gives the meaning of the columns, such as the setup.toml of a diagnosis; for CSV.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
     /// Folder for report.html, with measured against model for every joint, compare.json and residuals.parquet, the curves as columns; a
@@ -66,9 +67,9 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     let measured = inputs::Measured::read(&args.recording, args.mapping.as_deref())?;
     let file = measured.model(&args.model, args.tip.as_deref())?;
     let effects = Effects::of(&file).map_err(|error| Failure::input(format!("{}: {error}", args.model)))?;
-    let recording = measured.of_arm(&args.model, &file)?;
+    let recording = measured.for_arm(&args.model, &file)?;
     let settings = Settings { lowpass_hz: args.lowpass, trim_s: args.trim };
-    messages::doing(format_args!("comparing {} samples", recording.len()));
+    messages::announce(format_args!("comparing {} samples", recording.len()));
     let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
     let compared = if freeplay_diagnosis::commands_alone(&recording) {
         freeplay_diagnosis::compare_commands(&file, &recording)
@@ -82,7 +83,7 @@ pub fn compare(args: &CompareArgs) -> Result<Exit, Failure> {
     drop(folder);
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
-        Format::Text => say(&view.text(report.as_deref()))?,
+        Format::Text => show(&view.text(report.as_deref()))?,
     }
     Ok(Exit::Done)
 }
@@ -181,7 +182,7 @@ impl View<'_> {
             comparison.samples
         );
         let treated = format!(
-            "{} points at {} Hz; low-pass at {} Hz without phase on both sides, ends left out",
+            "{} points at {} Hz; zero-phase low-pass at {} Hz on both sides; the ends are left out",
             comparison.samples,
             brief(comparison.compared_hz),
             brief(comparison.lowpass_hz)
@@ -205,10 +206,10 @@ impl View<'_> {
         };
         let share = worst.nrmse_std.unwrap_or(f64::NAN);
         let meaning = match share {
-            share if share < 0.05 => "the model says nearly all of it",
-            share if share < 0.3 => "the model says most of it",
+            share if share < 0.05 => "the model explains nearly all of it",
+            share if share < 0.3 => "the model explains most of it",
             share if share < 1.0 => "the model misses much of it",
-            _ => "a model that says the mean would do better",
+            _ => "a model that predicts the mean would do better",
         };
         let (scale, unit) = shown_in(worst.unit);
         format!(
@@ -236,8 +237,7 @@ impl View<'_> {
     }
 
     fn terminal_table(&self) -> String {
-        let mut table = comfy_table::Table::new();
-        table.load_style(presets::NOTHING);
+        let mut table = text_table();
         let mut header = vec![
             "\nchannel",
             "\njoint",
@@ -332,7 +332,7 @@ impl View<'_> {
             let numbers = numbers(channel, scale).map(Cell::from);
             table = table.row(words.into_iter().chain(numbers).take(columns).chain(lag));
         }
-        table.note("spread: standard deviation of the measured signal, which is what a model that says the mean is off by")
+        table.note("spread: standard deviation of the measured signal, which is the error of a model that predicts the mean")
     }
 }
 
@@ -441,7 +441,7 @@ fn contents(recording: &Recording) -> String {
         let names: Vec<&str> = recording.others.iter().take(4).map(|(name, _)| name.as_str()).collect();
         let more = if recording.others.len() > names.len() { ", …" } else { "" };
         words.push(format!(
-            "{} other columns ({}{more}), not used",
+            "{} other columns are not used ({}{more})",
             recording.others.len(),
             names.join(", ")
         ));

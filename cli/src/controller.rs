@@ -1,6 +1,6 @@
 //! `freeplay controller`: the process of a controller, which an exam may make faulty.
 
-use freeplay_exam::faults::saboteur::relay;
+use freeplay_exam::faults::fault_injector::relay;
 use freeplay_harness::controller_command::{ControllerArgs, controller as serve};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::process::{die_with_parent, leave_signals_alone};

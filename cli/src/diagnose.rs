@@ -45,13 +45,13 @@ pub struct DiagnoseArgs {
     /// The link of the model at the end of the arm; without it: the chain whose joints the recording names, else the longest one.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// Recordings of one machine with the same columns: CSV or MCAP. The last 30 % of each are held out.
+    /// Recordings of one machine with the same columns, of any kind that `freeplay record` reads. A part of each is held out.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     recording: Vec<PathBuf>,
-    /// What the columns of the recordings mean, a mapping file such as the setup.toml of a diagnosis; for CSV.
+    /// Mapping file that gives the meaning of the columns, such as the setup.toml of a diagnosis; for CSV.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
     /// Folder for diagnosis.json, report.html and model.toml, the model with what was missing, tuned inside its tolerances; a name that
@@ -129,11 +129,11 @@ pub fn diagnose(args: &DiagnoseArgs) -> Result<Exit, Failure> {
         .collect::<Result<_, _>>()?;
     let [first, ..] = measured.as_slice() else { return Err(Failure::usage("name a --recording")) };
     let file = first.model(&args.model, args.tip.as_deref())?;
-    let of_arm = |measured: Measured| measured.of_arm(&args.model, &file);
-    let recordings: Vec<Recording> = measured.into_iter().map(of_arm).collect::<Result<_, _>>()?;
+    let for_arm = |measured: Measured| measured.for_arm(&args.model, &file);
+    let recordings: Vec<Recording> = measured.into_iter().map(for_arm).collect::<Result<_, _>>()?;
     // Before what takes minutes.
     let folder = args.out.as_deref().map(|out| claim_out(out, &ENDINGS, &RESULTS, args.force)).transpose()?;
-    let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::doing(what));
+    let found = diagnosed(&file, &recordings, &settings, &mut |what| messages::announce(what));
     let mut diagnosis = found.map_err(|error| match error {
         DiagnoseError::Law(error) => Failure::input(format!("{}: {error}", args.model)),
         other => Failure::input(other),

@@ -10,7 +10,7 @@ use freeplay_diagnosis::{Diagnosis, Fit, TO_TELL, Verdict};
 use freeplay_recording::Recording;
 use freeplay_report::text::{Digits, number};
 use freeplay_report::units::{people, written};
-use freeplay_terminal::messages::{GOOD, OPEN, painted, width};
+use freeplay_terminal::messages::{GOOD, OPEN, styled, width};
 
 use crate::diagnose::{View, file_name};
 use freeplay_report::paste::pasted;
@@ -107,7 +107,7 @@ fn painted_verdict(verdict: Verdict) -> String {
         Verdict::InsufficientData => (OPEN, "insufficient data"),
         Verdict::Setup => (OPEN, "set-up"),
     };
-    painted(style, words)
+    styled(style, words)
 }
 
 /// What can't be told, reasons shared by several kinds said once.
@@ -137,7 +137,11 @@ fn whereabouts(diagnosis: &Diagnosis) -> String {
             format!("{} ({p})", place.when),
         ]);
     }
-    under("WHERE", "share of what the tuned model leaves unexplained, and in which part of the motion", table)
+    under(
+        "WHERE",
+        "share of the error that the tuned model leaves, and the part of the motion where it occurs",
+        table,
+    )
 }
 
 /// What is missing, joint by joint in the order of the arm, and the law of each kind once.
@@ -158,13 +162,14 @@ fn findings(diagnosis: &Diagnosis) -> String {
         let law = format!("{} ({})", effect.equation, effect.source);
         laws.insert(kind_title(effect.kind), law);
     }
-    let what = "missing from the model, ± at 95 %, and how much of the error of the test part in which channels it takes away beside the rest";
+    let what =
+        "missing from the model, ± at 95 %, and the share of the test error that it removes, by channel";
     let mut text = under("WHAT", what, table);
     if diagnosis.effects.iter().any(|effect| !effect.evidence.held_out) {
         text.push_str(&wrapped(
             "",
             MARGIN,
-            "* of the data that it was fitted to: it does not act in the test part",
+            "* share of the error in the fitted data: it does not act in the test part",
         ));
     }
     for (index, (kind, law)) in laws.into_iter().enumerate() {
@@ -186,7 +191,7 @@ fn alternatives(diagnosis: &Diagnosis) -> String {
             other.why_not.clone(),
         ]);
     }
-    under("OR ELSE", "what could stand in the place of what was found", table)
+    under("OR ELSE", "other explanations of the same data", table)
 }
 
 /// The held-out errors for the channels in which something was found.
@@ -200,7 +205,7 @@ fn errors(fit: &Fit, diagnosis: &Diagnosis) -> String {
     if let Some(gain) = fit.gain {
         let [low, high] = gain.ci95.map(|share| 100.0 * share);
         let words = format!(
-            "{} (95 %: {low:.0} to {high:.0} %) of what the re-tuned model leaves is gone",
+            "{} (95 %: {low:.0} to {high:.0} %) of the error that the re-tuned model leaves is removed",
             percent(gain.value)
         );
         text.push_str(&wrapped("", MARGIN, &words));
@@ -215,7 +220,7 @@ fn bars(fit: &Fit, channels: &[&str]) -> String {
         let rows = [
             ("model as given", OPEN, &fit.before),
             ("parameters re-tuned", Style::new(), &fit.retuned),
-            ("with what was found", GOOD, &fit.after),
+            ("with the effects found", GOOD, &fit.after),
             ("black box (splines)", Style::new(), &fit.black_box),
         ];
         let longest = rows.iter().map(|(_, _, table)| table[channel].rmse).fold(f64::MIN_POSITIVE, f64::max);
@@ -224,7 +229,7 @@ fn bars(fit: &Fit, channels: &[&str]) -> String {
         let _ = writeln!(text, "{:MARGIN$}{channel}, {unit}, noise floor {floor}", "");
         for (name, style, table) in rows {
             let rmse = table[channel].rmse;
-            let bar = painted(style, "█".repeat((BAR * rmse / longest).round() as usize));
+            let bar = styled(style, "█".repeat((BAR * rmse / longest).round() as usize));
             let _ = writeln!(text, "{:MARGIN$}  {name:20}{:>9}  {bar}", "", written(rmse * scale));
         }
     }

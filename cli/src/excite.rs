@@ -19,7 +19,7 @@ use freeplay_report::units::power_of_ten;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{read_json, write};
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::target::{asked_file, claim_out, folder_of};
 use freeplay_terminal::{messages, progress};
 use serde_json::Value;
@@ -68,7 +68,7 @@ pub struct ExciteArgs {
     /// How long the motion takes, s.
     #[arg(long, default_value_t = 16.0, value_name = "S")]
     duration: f64,
-    /// Motions to weigh.
+    /// Number of candidate motions.
     #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     candidates: u32,
     /// Posture about which the arm moves, rad (m), one value a joint; without it: the middle of the recording, else of the joints' ranges.
@@ -80,7 +80,7 @@ pub struct ExciteArgs {
     /// Seed of the search.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -121,7 +121,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
         Some(measured) => measured.model(&model, tip.as_deref())?,
         None => load_selected(&model, &Selection { tip, joints: Vec::new() })?,
     };
-    let seen = measured.map(|measured| measured.of_arm(&model, &file)).transpose()?;
+    let seen = measured.map(|measured| measured.for_arm(&model, &file)).transpose()?;
     let rivals = match &found {
         _ if !args.kinds.is_empty() => named(args, &file)?,
         Some(found) => found.rivals(&file)?,
@@ -149,7 +149,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
     drop(folder);
     match args.format {
         Format::Json => say(&format!("{:#}\n", json(&found, &file, &path)))?,
-        Format::Text => say(&text(&found, &file, &path))?,
+        Format::Text => show(&text(&found, &file, &path))?,
     }
     Ok(Exit::Done)
 }
@@ -160,7 +160,7 @@ pub fn excite(args: &ExciteArgs) -> Result<Exit, Failure> {
 /// Bad input, or no safe motion.
 pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation, Failure> {
     messages::detail(format_args!("weighing {} motions", settings.candidates));
-    let bar = progress::bar(settings.candidates as u64, "weighing motions {bar:30} {pos}/{len}  {msg}");
+    let bar = progress::bar(settings.candidates as u64, "weighing motions {wide_bar} {pos}/{len}  {msg}");
     let found = sought(question.file, &question.rivals, question.seen, settings, &mut |number, _, best| {
         bar.set_position(number as u64);
         bar.set_message(format!("best {} : 1", power_of_ten(best)));
@@ -168,7 +168,7 @@ pub fn seek(question: &Question, settings: &ExciteSettings) -> Result<Excitation
     bar.finish_and_clear();
     found.map_err(|error| match error {
         ExciteError::TooFew => Failure::input(
-            "the diagnosis leaves no two causes possible: there is nothing to separate; name two --kinds with their --joint",
+            "the diagnosis leaves only one cause, so that no motion has to separate two; name two --kinds with their --joint",
         ),
         other => Failure::input(other),
     })
@@ -215,7 +215,7 @@ fn rival(
         let joints: Vec<&str> = file.arm.joints().iter().map(|joint| joint.name.as_str()).collect();
         let place = joint.map_or("without a joint".to_owned(), |joint| format!("at {}", joints[joint]));
         return Err(Failure::usage(format!(
-            "{kind} can't sit {place}: name with --joint one that it fits; the arm has {}",
+            "{kind} does not apply {place}: name another joint with --joint; the arm has {}",
             joints.join(", ")
         )));
     }
@@ -269,13 +269,13 @@ impl Found {
         let open: Vec<Value> =
             list("alternatives").into_iter().filter(|other| other["indistinguishable"] == true).collect();
         let Some(first) = open.first() else {
-            return Err(wrong("no two causes are left possible; name two --kinds with their --joint"));
+            return Err(wrong("only one cause is left; name two --kinds with their --joint"));
         };
         let instead_of = first["instead_of"].as_str().unwrap_or_default();
         let effect = list("effects")
             .into_iter()
             .find(|effect| stands_for(instead_of, effect["kind"].as_str(), effect["joint"].as_str()))
-            .ok_or_else(|| wrong("the effect that has a rival is not among its effects"))?;
+            .ok_or_else(|| wrong("the effect with an alternative is not among its effects"))?;
         let mut parameters = toml::Table::new();
         for (name, one) in effect["parameters"].as_object().into_iter().flatten() {
             let value = toml::Value::try_from(&one["value"]).map_err(|error| wrong(&error.to_string()))?;
@@ -411,7 +411,7 @@ fn text(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     let used = &found.used;
     let _ = writeln!(
         text,
-        "uses {} of the room, {} of the speed, {} of the acceleration and {} of the torque that are allowed (80 % of the arm file's limits)",
+        "uses {} of the range, {} of the speed, {} of the acceleration and {} of the torque that are allowed (80 % of the arm file's limits)",
         percent(used.position),
         percent(used.speed),
         percent(used.acceleration),
@@ -420,7 +420,7 @@ fn text(found: &Excitation, file: &ArmFile, path: &Path) -> String {
     for note in &found.notes {
         let _ = writeln!(text, "note: {note}");
     }
-    text.push_str("This path knows nothing of what stands around the arm: look at it before you run it.\n");
+    text.push_str("Freeplay does not know the surroundings of the arm: check the path before you run it.\n");
     let _ = writeln!(
         text,
         "path    {}   {:.0} s, from rest to rest\nnext    freeplay run {}",

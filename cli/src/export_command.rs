@@ -12,7 +12,7 @@ use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{check_target, write};
 use freeplay_terminal::messages;
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use serde_json::json;
 
 /// Writes a model, such as the model.toml of a diagnosis, in the format of another tool.
@@ -32,7 +32,7 @@ pub struct ExportArgs {
     /// The link of the model at the end of the arm; without it: tool0, else the longest chain without its fingers.
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
-    /// How the list of what the file does not say is printed, with --out.
+    /// Output format of the list of effects that the file cannot express, with --out.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -74,13 +74,13 @@ pub fn export(args: &ExportArgs) -> Result<Exit, Failure> {
     };
     let Some(out) = &args.out else {
         say(&exported.text)?;
-        exported.unsaid.iter().for_each(|line| messages::note(format_args!("not said: {line}")));
+        exported.unsaid.iter().for_each(|line| messages::note(format_args!("not expressed: {line}")));
         return Ok(Exit::Done);
     };
     write(out, &exported.text)?;
     match args.format {
         Format::Json => say(&format!("{:#}\n", described(args, out, &exported)))?,
-        Format::Text => say(&in_words(args, out, &file, &exported))?,
+        Format::Text => show(&in_words(args, out, &file, &exported))?,
     }
     Ok(Exit::Done)
 }
@@ -96,7 +96,7 @@ fn fmu(args: &ExportArgs, file: &ArmFile) -> Result<Exit, Failure> {
     let all = Exported { text: String::new(), unsaid: Vec::new() };
     match args.format {
         Format::Json => say(&format!("{:#}\n", described(args, out, &all)))?,
-        Format::Text => say(&in_words(args, out, file, &all))?,
+        Format::Text => show(&in_words(args, out, file, &all))?,
     }
     Ok(Exit::Done)
 }
@@ -117,9 +117,9 @@ fn in_words(args: &ExportArgs, out: &Path, file: &ArmFile, exported: &Exported) 
     };
     let mut text = format!("{}: {name}, {joints} joints{effects} as {}\n", out.display(), args.to.name());
     if exported.unsaid.is_empty() {
-        text.push_str("the file says all of the model\n");
+        text.push_str("the file expresses the whole model\n");
     } else {
-        text.push_str("the file does not say:\n");
+        text.push_str("the file cannot express:\n");
     }
     for line in &exported.unsaid {
         let _ = writeln!(text, "- {}", one_line(line));

@@ -31,6 +31,11 @@ impl Measured {
         Ok(Self(recording, mapping))
     }
 
+    /// The recording as its file has it.
+    pub fn recording(&self) -> &Recording {
+        &self.0
+    }
+
     /// The model `model` with the chain to the link `tip`, or else the one whose joints the recording names.
     ///
     /// # Errors
@@ -44,7 +49,7 @@ impl Measured {
     ///
     /// # Errors
     /// A recording that cannot be compared with the model, as bad input.
-    pub fn of_arm(self, model: &str, file: &ArmFile) -> Result<Recording, Failure> {
+    pub fn for_arm(self, model: &str, file: &ArmFile) -> Result<Recording, Failure> {
         recorded::of_arm(self.0, model, file, self.1.as_ref()).map_err(Failure::input)
     }
 }

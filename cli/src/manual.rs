@@ -13,11 +13,11 @@ use freeplay_terminal::output::{raw, say};
 pub const EXIT_CODES: &str = "\
 Exit codes:
     0  done
-    1  a verdict failed: what was asked was done, and it does not hold
+    1  a verdict failed: the command ran to its end and its result is not good enough
     2  usage: the command line is not understood
     3  bad input or configuration: a file, a scenario, a recording
     4  the machine is not fit (--require-rt)
-    5  the other process is missing: a controller that does not come, a plant that is gone
+    5  the other process is missing: the controller did not start, or the plant has ended
    70  an internal fault, of this program or of the machine, such as too little memory
   130  interrupted; recordings are closed properly";
 

@@ -3,20 +3,21 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand, ValueEnum};
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::CellAlignment;
 use freeplay_diagnosis::examine;
-use freeplay_harness::setup::load_model;
 use freeplay_recording::{BagOptions, Group, ImportOptions, Mapping, Recording};
 use freeplay_report::one_line;
 use freeplay_report::text::{Digits, NOTHING, number};
 use freeplay_storage::same_file;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
+use freeplay_terminal::layout::text_table;
 use freeplay_terminal::messages;
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use serde_json::{Value, json};
 
 use crate::check;
+use crate::inputs::Measured;
 
 /// Looks into recordings and turns them into other forms.
 #[derive(Args, Debug)]
@@ -42,7 +43,10 @@ struct InfoArgs {
     /// The model of its arm, URDF or TOML: with it, whether both mean the same (units, signs, order, zeros, gravity, clocks).
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
-    /// How results are printed.
+    /// What the columns mean, a mapping file such as one that `record import` or a diagnosis wrote.
+    #[arg(long, value_name = "FILE")]
+    mapping: Option<PathBuf>,
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -68,7 +72,7 @@ struct ExportArgs {
     /// The file to write; without it: beside the recording, with the form's ending.
     #[arg(long)]
     out: Option<PathBuf>,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
 }
@@ -92,7 +96,7 @@ struct ImportArgs {
     /// The recording to write, .mcap, .csv or .parquet.
     #[arg(long)]
     out: PathBuf,
-    /// Replace a file that is there.
+    /// Replace an existing file.
     #[arg(long)]
     force: bool,
 }
@@ -110,18 +114,21 @@ pub fn record(args: &RecordArgs) -> Result<Exit, Failure> {
 }
 
 fn info(args: &InfoArgs) -> Result<Exit, Failure> {
-    let recording = freeplay_recording::read(&args.recording, None).map_err(Failure::input)?;
-    let model = args.model.as_deref().map(load_model).transpose()?;
-    let setup = model.map(|file| examine(&file.arm, &recording).findings).unwrap_or_default();
+    let measured = Measured::read(&args.recording, args.mapping.as_deref())?;
+    let recording = measured.recording().clone();
     let mut described = describe(&recording);
-    if args.model.is_some() {
+    let mut setup = Vec::new();
+    if let Some(model) = &args.model {
+        let file = measured.model(model, None)?;
+        let matched = measured.for_arm(model, &file)?;
+        setup = examine(&file.arm, &matched).findings;
         described["setup"] = serde_json::to_value(&setup).map_err(Failure::internal)?;
     }
     match args.format {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&described).map_err(Failure::internal)?))?;
         }
-        Format::Text => say(&(in_words(&recording) + &check::block(&setup, None)))?,
+        Format::Text => show(&(in_words(&recording) + &check::block(&setup, None)))?,
     }
     Ok(Exit::Done)
 }
@@ -212,8 +219,8 @@ fn in_words(recording: &Recording) -> String {
             fixed(shortest * 1e3, 3),
             fixed(longest * 1e3, 3)
         ),
-        _ if recording.len() < 2 => "no duration and no rate: that takes two samples".to_owned(),
-        _ => "no duration and no rate: its times are beyond what a number holds".to_owned(),
+        _ if recording.len() < 2 => "too few samples for a duration and a rate".to_owned(),
+        _ => "times too large for a duration and a rate".to_owned(),
     };
     let mut text = format!(
         "{}: {} joints, {}, {pace}\n\n",
@@ -222,8 +229,8 @@ fn in_words(recording: &Recording) -> String {
         samples(recording),
     );
     text += &joints_in_words(recording);
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING).set_header(["column", "unit", "least", "greatest", ""]);
+    let mut table = text_table();
+    table.set_header(["column", "unit", "least", "greatest", ""]);
     let others = recording.others.len();
     let shown = recording.columns().len() - if others > MOST_OTHERS { others } else { 0 };
     for (name, values) in recording.named().take(shown) {
@@ -297,7 +304,7 @@ fn import(args: &ImportArgs) -> Result<Exit, Failure> {
     let done = write(&recording, &args.out)?;
     freeplay_terminal::files::write(&beside, &guessed)?;
     say(&format!(
-        "\n{guessed}\n{}: this mapping; correct what is wrong, and import again with --mapping {} --force\n",
+        "\n{guessed}\n{} holds this mapping; correct its errors, and import again with --mapping {} --force\n",
         beside.display(),
         beside.display()
     ))?;
@@ -314,7 +321,7 @@ fn is_named_as(recording: &Recording, asked: &[String]) -> bool {
 fn may_write(out: &Path, source: &Path, force: bool) -> Result<(), Failure> {
     if same_file(out, source) {
         return Err(Failure::usage(format!(
-            "{}: is the file that is read; name another with --out",
+            "{}: the input cannot be the output as well; name another file with --out",
             out.display()
         )));
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, Subcommand};
-use freeplay_harness::run::{Contestant, load};
+use freeplay_harness::run::{ControllerSelection, load};
 use freeplay_harness::scenario::Scenario;
 use freeplay_harness::scenario_place::{located, place_of};
 use freeplay_harness::setup::Setup;
@@ -66,12 +66,12 @@ fn check(file: &Path) -> Result<(), Failure> {
     let setup = Setup::new(&scenario).map_err(at)?;
     let period = setup.plant.period_ns as f64 * 1e-9;
     for asked in &scenario.controllers {
-        Contestant::of(asked)?;
-        swaps::line_up(&scenario, &swaps::names(asked, &scenario.standby), setup.plant.ticks, period)
+        ControllerSelection::of(asked)?;
+        swaps::controller_set(&scenario, &swaps::names(asked, &scenario.standby), setup.plant.ticks, period)
             .map_err(at)?;
     }
     for asked in &scenario.standby {
-        Contestant::of(asked)?;
+        ControllerSelection::of(asked)?;
     }
     let plays: Vec<&str> = scenario.clearance.keys().map(String::as_str).collect();
     let plays = if plays.is_empty() { String::new() } else { format!(", play in {}", plays.join(", ")) };
@@ -82,7 +82,7 @@ fn check(file: &Path) -> Result<(), Failure> {
         several => format!(", {several} effects of the arm file"),
     };
     say(&format!(
-        "{}: good: {} of {} joints{plays}{effects}, {} ticks of {:.3} ms, under {}\n",
+        "{}: valid: {} with {} joints{plays}{effects}, {} ticks of {:.3} ms, controlled by {}\n",
         file.display(),
         setup.arm().name(),
         setup.arm().dof(),

@@ -10,7 +10,7 @@ use std::error::Error;
 
 use freeplay_arm::{Arm, Workspace, forward_kinematics, jacobian, paper_arm};
 use freeplay_controller::acceleration_programme::Wanted;
-use freeplay_controller::outlook::Outlook;
+use freeplay_controller::displacement_preview::DisplacementPreview;
 use freeplay_controller::{
     AccelerationProgramme, ContactGuard, CornerSearch, Correction, Driven, Motion, PassageOptions, Passages,
     QuasiStatic, Rollout, Weights,
@@ -99,8 +99,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 impl Scene {
-    fn outlook(&self) -> Outlook {
-        Outlook::new(self.path.clone(), &self.play, PERIOD, 10)
+    fn outlook(&self) -> DisplacementPreview {
+        DisplacementPreview::new(self.path.clone(), &self.play, PERIOD, 10)
     }
 
     fn first(&self) -> u64 {

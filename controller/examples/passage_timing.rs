@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use freeplay_arm::{Arm, Workspace, jacobian, paper_arm};
 use freeplay_controller::acceleration_programme::Wanted;
-use freeplay_controller::outlook::Outlook;
+use freeplay_controller::displacement_preview::DisplacementPreview;
 use freeplay_controller::{
     AccelerationProgramme, CompensationStatus, ContactGuard, CornerSearch, Correction, Motion, Passage,
     PassageOptions, Weights,
@@ -36,7 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut planned: Option<Passage> = None;
     let mut plans = Vec::with_capacity(PLANS);
     for _ in 0..PLANS {
-        let mut outlook = Outlook::new(path.clone(), &play, PERIOD, 10);
+        let mut outlook = DisplacementPreview::new(path.clone(), &play, PERIOD, 10);
         let begun = Instant::now();
         let passages = search.passages(&mut outlook, 1300, 1700);
         plans.push(begun.elapsed());

@@ -12,10 +12,10 @@ use freeplay_path::JointPath;
 use freeplay_shm::Reference;
 
 use crate::controller::Answer;
+use crate::displacement_preview::SAME_PATH;
 use crate::known_effects::{BLEND, HALF_SPAN, MOST_ROWS, averaged, begun, by_row, rate_of, sampled};
 use crate::model::Model;
 use crate::not_ready::NotReady;
-use crate::outlook::SAME_PATH;
 use crate::task::{Task, TaskError, TaskMode};
 
 /// Share of a joint's speed limit that commands use: the rest is for what else is added to them.

@@ -22,9 +22,9 @@ use freeplay_arm::{Arm, Limits};
 use nalgebra::{DMatrix, Vector6};
 use serde::{Deserialize, Serialize};
 
+use crate::correction_bounds::CorrectionBounds;
 use crate::free_minimiser::FreeMinimiser;
 use crate::qp::{Qp, QpError, QpStatus};
-use crate::room::Room;
 
 /// Largest correction of a joint, rad or m: more is not a correction.
 pub const LARGEST_CORRECTION: f64 = 0.1;
@@ -228,7 +228,7 @@ impl Compensator {
     fn fill_bounds(&mut self, desired: Motion<'_>) -> Option<usize> {
         let n = self.limits.len();
         for joint in 0..n {
-            let room = Room::of(
+            let room = CorrectionBounds::of(
                 &self.limits[joint],
                 [desired.q, desired.v, desired.a].map(|all| all[joint]),
                 self.period,

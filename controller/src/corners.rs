@@ -1,6 +1,6 @@
 //! Finds the corners of a path: where the journals cannot follow the quasi-static prediction.
 //!
-//! The prediction, smoothed, is that of an [`Outlook`]. Where moving the journals as it says takes a noticeable share of the force
+//! The prediction, smoothed, is that of an [`DisplacementPreview`]. Where moving the journals as it says takes a noticeable share of the force
 //! that holds them in their bearings, they will not move so, and a [`Passage`](crate::passage) is planned from some time before
 //! to some time after.
 
@@ -8,10 +8,10 @@ use freeplay_arm::Arm;
 use freeplay_laws::ArmWithPlay;
 
 use crate::compensation::Weights;
-use crate::course::Instant;
-use crate::outlook::Outlook;
+use crate::displacement_preview::DisplacementPreview;
 use crate::passage::{Passage, PassageFault, PassageOptions, Passages, Unplanned};
 use crate::passage_planner::PassagePlanner;
+use crate::passage_trajectory::Instant;
 use crate::pin_force::PinForce;
 
 /// Share of a bearing's force that moving the journal takes, from which on there is a corner.
@@ -39,7 +39,7 @@ pub struct CornerSearch<'a> {
 
 impl CornerSearch<'_> {
     /// The passages between the ticks `from` and `to`.
-    pub fn passages(&self, outlook: &mut Outlook, from: u64, to: u64) -> Passages {
+    pub fn passages(&self, outlook: &mut DisplacementPreview, from: u64, to: u64) -> Passages {
         let margin = (self.options.margin / self.period).ceil().max(4.0) as u64;
         let to = to.min(from + MOST_SEARCHED);
         let corners = self.corners(outlook, from + margin, to, margin);
@@ -69,7 +69,7 @@ impl CornerSearch<'_> {
     }
 
     /// First and last tick of every corner, margins included; corners that would touch are one.
-    fn corners(&self, outlook: &mut Outlook, from: u64, to: u64, margin: u64) -> Vec<(u64, u64)> {
+    fn corners(&self, outlook: &mut DisplacementPreview, from: u64, to: u64, margin: u64) -> Vec<(u64, u64)> {
         let mut pin = PinForce::new(self.with_play);
         let mut corners: Vec<(u64, u64)> = Vec::new();
         let mut journals = [from, from + 1].map(|tick| outlook.at(tick).to_vec());
@@ -89,7 +89,13 @@ impl CornerSearch<'_> {
     }
 
     /// Whether moving the journals as `moving` says at `tick` takes a noticeable share of the force that holds one of them.
-    fn is_corner(&self, pin: &mut PinForce, outlook: &mut Outlook, tick: u64, moving: &Instant) -> bool {
+    fn is_corner(
+        &self,
+        pin: &mut PinForce,
+        outlook: &mut DisplacementPreview,
+        tick: u64,
+        moving: &Instant,
+    ) -> bool {
         let forces = pin.forces(outlook.on_path(tick), moving.as_motion()).to_vec();
         pin.weigh();
         let mass = pin.mass();
@@ -118,7 +124,7 @@ struct Piece {
 }
 
 impl Piece {
-    fn of(outlook: &mut Outlook, first: u64, last: u64) -> Piece {
+    fn of(outlook: &mut DisplacementPreview, first: u64, last: u64) -> Piece {
         Piece {
             reference: (first..=last).map(|tick| outlook.on_path(tick).q.to_vec()).collect(),
             journals: (first..=last).map(|tick| outlook.at(tick).to_vec()).collect(),

@@ -64,7 +64,7 @@ pub struct Active {
     pub multiplier: f64,
 }
 
-/// Room for the method.
+/// The workspace of the method.
 pub struct DualActiveSet {
     variables: usize,
     most_rows: usize,

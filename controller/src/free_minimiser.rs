@@ -6,7 +6,7 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 /// Largest entry of P x + q, relative to 1 + ‖q‖, at which x counts as a minimiser of the cost: Clarabel's own tolerance is 1e-8.
 const STATIONARY: f64 = 1e-9;
 
-/// Room for the minimiser of ½ xᵀP x + qᵀx and for the factor of P.
+/// The workspace of the minimiser of ½ xᵀP x + qᵀx and for the factor of P.
 pub struct FreeMinimiser {
     factor: DMatrix<f64>,
     at: DVector<f64>,

@@ -2,7 +2,7 @@
 //! for the ticks to come, without wild accelerations.
 //!
 //! `min Σₖ ½‖Jₖ Δqₖ + rₖ‖²_W + ρ/2 ‖Δqₖ − Δqₖ₋₁‖² + α/2 ‖(Δqₖ − 2Δqₖ₋₁ + Δqₖ₋₂)/T²‖²` subject, for every joint and every k, to the
-//! limits of [`Room`]: position, speed and acceleration. Only Δq₁ is used; the rest is the plan that shows where it leads.
+//! limits of [`CorrectionBounds`]: position, speed and acceleration. Only Δq₁ is used; the rest is the plan that shows where it leads.
 //! With N = 1 and α = 0 it is the programme of one tick ([`crate::compensation`]).
 //!
 //! Without limits, and for a Jacobian that does not change, Δq is −J⁺r through the filter 1/(1 + α′ω⁴) that shifts no phase
@@ -21,8 +21,8 @@ use nalgebra::{DMatrix, Vector6};
 use thiserror::Error;
 
 use crate::compensation::{MILLI, Motion, Weights, weigh};
+use crate::correction_bounds::CorrectionBounds;
 use crate::dual_active_set::{Active, ActiveSetFault, DualActiveSet, Row};
-use crate::room::Room;
 
 /// Most ticks of a horizon.
 pub const MOST_TICKS: usize = 60;
@@ -96,7 +96,7 @@ struct Instant {
     /// As predicted, and r, what is to be taken out of it; m and rad.
     deviation: Vector6<f64>,
     target: Vector6<f64>,
-    rooms: Vec<Room>,
+    rooms: Vec<CorrectionBounds>,
 }
 
 impl Instant {
@@ -107,7 +107,7 @@ impl Instant {
             cost: DMatrix::zeros(n, n),
             deviation: Vector6::zeros(),
             target: Vector6::zeros(),
-            rooms: vec![Room::NONE; n],
+            rooms: vec![CorrectionBounds::NONE; n],
         }
     }
 }
@@ -196,7 +196,11 @@ impl Horizon {
         (instant.deviation, instant.target) = (*deviation, *deviation);
         weigh(&self.row_weights, jacobian, &mut instant.weighted, &mut instant.cost);
         for (joint, (room, limits)) in instant.rooms.iter_mut().zip(&self.limits).enumerate() {
-            *room = Room::of(limits, [desired.q, desired.v, desired.a].map(|all| all[joint]), self.period);
+            *room = CorrectionBounds::of(
+                limits,
+                [desired.q, desired.v, desired.a].map(|all| all[joint]),
+                self.period,
+            );
         }
         self.newest = Some(tick);
     }

@@ -12,7 +12,7 @@ use freeplay_laws::{Baseline, Effects, Injection, LawError, Placed, Readings, Tr
 use freeplay_path::JointPath;
 use freeplay_shm::Reference;
 
-use crate::outlook::SAME_PATH;
+use crate::displacement_preview::SAME_PATH;
 
 /// Most rows of the table; a longer path is tabled more coarsely.
 pub(crate) const MOST_ROWS: f64 = 100_000.0;

@@ -12,14 +12,14 @@
 //! - [`serve()`]: the process of a controller: finds the run, shakes hands, answers, ends with an exit code; [`serve_with`] for those who
 //!   bring their own [`ServeOptions`].
 //! - [`LookAhead`]: the state of the joints when the answer takes effect.
-//! - [`Knocks`]: landings of journals, seen in the encoders; after one the feedback is softer.
+//! - [`ImpactDetector`]: landings of journals, seen in the encoders; after one the feedback is softer.
 //! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`freeplay_laws::Rest`].
 //! - [`Geometry`]: what another geometry than the nominal one moves the tool by.
-//! - [`Outlook`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
+//! - [`DisplacementPreview`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
 //! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`], where
 //!   the [`FreeMinimiser`] of its cost breaks a limit.
 //! - [`Horizon`]: the same programme over several ticks at once, which sees corners coming; of the path ahead it is told by a
-//!   [`Foresight`], and where limits bind it is solved by a [`DualActiveSet`].
+//!   [`HorizonPreview`], and where limits bind it is solved by a [`DualActiveSet`].
 //! - [`CornerSearch`]: finds where the path turns too sharply for the journals, and has a [`PassagePlanner`] plan a [`Passage`] through
 //!   each corner before the run; together they are the [`Passages`].
 //! - [`Rollout`]: a small simulation of the model that says where the journals go.
@@ -39,33 +39,33 @@ pub mod compensation;
 pub mod computed_torque;
 pub mod corners;
 pub mod correction;
-pub mod course;
+pub mod correction_bounds;
 pub mod deviation;
+pub mod displacement_preview;
 pub mod dual_active_set;
-pub mod foresight;
 pub mod free_minimiser;
 pub mod geometry;
 pub mod horizon;
+pub mod horizon_preview;
 pub mod identity;
-pub mod knocks;
+pub mod impact_detector;
 pub mod known_effects;
 pub mod look_ahead;
 pub mod model;
 pub mod narx_qp;
 pub mod not_ready;
-pub mod outlook;
 pub mod passage;
 pub mod passage_layout;
 pub mod passage_limits;
 pub mod passage_planner;
 pub mod passage_programme;
+pub mod passage_trajectory;
 pub mod pin_force;
 pub mod preview;
 pub mod qp;
 pub mod quasi_static;
 pub mod remainder;
 pub mod rollout;
-pub mod room;
 pub mod sparse_programme;
 pub mod tool_residual;
 pub mod tracking;
@@ -84,17 +84,17 @@ pub use computed_torque::ComputedTorque;
 pub use corners::CornerSearch;
 pub use correction::Correction;
 pub use deviation::QuasiStatic;
+pub use displacement_preview::{DisplacementPreview, JointMotion};
 pub use dual_active_set::DualActiveSet;
-pub use foresight::Foresight;
 pub use free_minimiser::FreeMinimiser;
 pub use geometry::Geometry;
 pub use horizon::{Horizon, HorizonError, HorizonReport, HorizonStatus};
-pub use knocks::Knocks;
+pub use horizon_preview::HorizonPreview;
+pub use impact_detector::ImpactDetector;
 pub use look_ahead::{JointState, LookAhead};
 pub use model::Model;
 pub use narx_qp::{NarxQp, NarxQpOptions};
 pub use not_ready::NotReady;
-pub use outlook::{JointMotion, Outlook};
 pub use passage::{Passage, PassageFault, PassageOptions, Passages, Step};
 pub use passage_planner::PassagePlanner;
 pub use pin_force::PinForce;

@@ -1,6 +1,6 @@
 //! Where the variables of a passage's programme are, and how the accelerations of a course depend on them.
 
-use crate::course::Course;
+use crate::passage_trajectory::PassageTrajectory;
 
 /// From SI to mm and mrad.
 pub const MILLI: f64 = 1e3;
@@ -56,7 +56,12 @@ pub fn stencil(period: f64, k: usize) -> [(usize, f64); 3] {
 }
 
 /// How the acceleration of joint `i` at tick `k` changes with the corrections, rad/s² per mrad.
-pub fn second_difference(course: &Course, layout: &Layout, k: usize, i: usize) -> Vec<(usize, f64)> {
+pub fn second_difference(
+    course: &PassageTrajectory,
+    layout: &Layout,
+    k: usize,
+    i: usize,
+) -> Vec<(usize, f64)> {
     let free = stencil(course.period, k).into_iter().filter(|&(tick, _)| layout.is_free(tick));
     free.map(|(tick, share)| (layout.joint(tick, i), share / MILLI)).collect()
 }

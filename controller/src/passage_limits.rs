@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use crate::course::Course;
 use crate::passage_layout::{Layout, MILLI, second_difference};
 use crate::passage_programme::Corner;
+use crate::passage_trajectory::PassageTrajectory;
 use crate::sparse_programme::{Row, SparseProgramme};
 
 /// Share of a limit from which on it is watched.
@@ -27,7 +27,7 @@ impl Corner<'_> {
     /// The rows of the limits at tick `k`, where `forces` act; limits that the course comes near to are added to `watched`.
     pub(crate) fn add_limits(
         &self,
-        course: &Course,
+        course: &PassageTrajectory,
         layout: &Layout,
         k: usize,
         forces: &[f64],

@@ -15,9 +15,9 @@ use freeplay_laws::ArmWithPlay;
 use nalgebra::{DMatrix, DVector};
 
 use crate::compensation::Weights;
-use crate::course::{Course, Instant};
 use crate::passage::{Passage, PassageFault, PassageOptions};
 use crate::passage_programme::{Change, Corner, Frame};
+use crate::passage_trajectory::{Instant, PassageTrajectory};
 use crate::pin_force::PinForce;
 use crate::trial::Attempt;
 
@@ -106,7 +106,7 @@ impl PassagePlanner {
     fn plan_from(
         &mut self,
         first: u64,
-        course: &Course,
+        course: &PassageTrajectory,
         detour: f64,
         journals: &[Vec<f64>],
         frames: &[Frame],
@@ -185,7 +185,12 @@ impl PassagePlanner {
     }
 
     /// The course that takes out the displacements `journals`, with their angles and, from the first to the last, their radii.
-    fn quasi_static(&self, reference: Vec<Vec<f64>>, journals: &[Vec<f64>], frames: &[Frame]) -> Course {
+    fn quasi_static(
+        &self,
+        reference: Vec<Vec<f64>>,
+        journals: &[Vec<f64>],
+        frames: &[Frame],
+    ) -> PassageTrajectory {
         let ticks = reference.len();
         let radius = |row: &[f64], play: usize| row[2 * play].hypot(row[2 * play + 1]);
         let plays = self.pin.arm().plays().len();
@@ -204,7 +209,7 @@ impl PassagePlanner {
             let share = k as f64 / (ticks - 1) as f64;
             radius(begin, play) * (1.0 - share) + radius(end, play) * share
         };
-        Course {
+        PassageTrajectory {
             period: self.period,
             corrections: frames.iter().zip(journals).map(|(frame, row)| self.take_out(frame, row)).collect(),
             radii: (0..ticks).map(|k| (0..plays).map(|play| between(k, play)).collect()).collect(),
@@ -228,7 +233,7 @@ impl PassagePlanner {
     }
 
     /// The moments of the contacts' friction on the joints with play, N·m, tick by tick; at either end that of the tick beside it.
-    fn moments(&mut self, course: &Course) -> Vec<Vec<f64>> {
+    fn moments(&mut self, course: &PassageTrajectory) -> Vec<Vec<f64>> {
         let plays = self.pin.arm().plays().to_vec();
         let last = course.ticks() - 1;
         let rows = (0..=last).map(|k| {
@@ -242,7 +247,7 @@ impl PassagePlanner {
     }
 
     /// What the bearings push with before the corner, N.
-    fn resting_forces(&mut self, course: &Course) -> Result<Vec<f64>, PassageFault> {
+    fn resting_forces(&mut self, course: &PassageTrajectory) -> Result<Vec<f64>, PassageFault> {
         let forces = course.forces(1, &mut self.pin);
         let plays = self.pin.arm().plays().iter();
         plays
@@ -260,9 +265,9 @@ fn improve(
     corner: &Corner<'_>,
     pin: &mut PinForce,
     weight: f64,
-    course: &Course,
+    course: &PassageTrajectory,
     change: &Change,
-) -> Option<Course> {
+) -> Option<PassageTrajectory> {
     let before = corner.cost(course, pin, weight);
     let longest = (LONGEST_TURN / change.largest_turn().max(f64::MIN_POSITIVE)).min(1.0);
     (0..=HALVINGS).map(|halving| course.moved(change, longest * 0.5_f64.powi(halving))).find(|moved| {

@@ -19,10 +19,10 @@ use freeplay_arm::Limits;
 use freeplay_laws::ArmWithPlay;
 use nalgebra::{DMatrix, DVector};
 
-use crate::course::{Course, Meeting};
 use crate::passage::PassageOptions;
 use crate::passage_layout::{Layout, MILLI, second_difference, stencil};
 use crate::passage_limits::Watch;
+use crate::passage_trajectory::{JournalContact, PassageTrajectory};
 use crate::pin_force::PinForce;
 use crate::sparse_programme::{Row, SparseProgramme};
 
@@ -71,12 +71,12 @@ impl Change {
 }
 
 impl Corner<'_> {
-    fn layout(&self, course: &Course) -> Layout {
+    fn layout(&self, course: &PassageTrajectory) -> Layout {
         Layout { joints: self.limits.len(), plays: self.arm.plays().len(), ticks: course.ticks() }
     }
 
     /// Lets large deviations of `course` count more than small ones, as far as the options say.
-    pub fn emphasise(&mut self, course: &Course) {
+    pub fn emphasise(&mut self, course: &PassageTrajectory) {
         if self.options.emphasis > 0.0 {
             let left = |k: usize| self.deviation(course, k).rows(0, 3).norm();
             let all: Vec<f64> = (0..course.ticks()).map(left).collect();
@@ -87,22 +87,22 @@ impl Corner<'_> {
     }
 
     /// What is left of the deviation of the tool at tick `k`, mm and mrad.
-    pub fn deviation(&self, course: &Course, k: usize) -> DVector<f64> {
+    pub fn deviation(&self, course: &PassageTrajectory, k: usize) -> DVector<f64> {
         let moved = [course.corrections[k].as_slice(), &course.journals(k)].concat();
         &self.frames[k].tool * DVector::from_vec(moved) * MILLI
     }
 
     /// The displacement, mm, that the unexplained force of `meeting` would cause.
-    fn side(&self, course: &Course, k: usize, play: usize, meeting: &Meeting) -> f64 {
+    fn side(&self, course: &PassageTrajectory, k: usize, play: usize, meeting: &JournalContact) -> f64 {
         self.per_newton(course, k, play) * meeting.residual()
     }
 
-    fn per_newton(&self, course: &Course, k: usize, play: usize) -> f64 {
+    fn per_newton(&self, course: &PassageTrajectory, k: usize, play: usize) -> f64 {
         MILLI * course.radii[k][play] / self.rest[play]
     }
 
     /// The largest displacement that the forces of `course` leave unexplained, mm; infinite where a bearing would have to pull.
-    pub fn unexplained(&self, course: &Course, pin: &mut PinForce) -> f64 {
+    pub fn unexplained(&self, course: &PassageTrajectory, pin: &mut PinForce) -> f64 {
         let mut most: f64 = 0.0;
         for k in 1..course.ticks() - 1 {
             let forces = course.forces(k, pin);
@@ -120,7 +120,7 @@ impl Corner<'_> {
     }
 
     /// The cost of a course, with w = `weight`.
-    pub fn cost(&self, course: &Course, pin: &mut PinForce, weight: f64) -> f64 {
+    pub fn cost(&self, course: &PassageTrajectory, pin: &mut PinForce, weight: f64) -> f64 {
         let mut cost = 0.0;
         for k in 1..course.ticks() - 1 {
             let left = self.deviation(course, k);
@@ -143,7 +143,7 @@ impl Corner<'_> {
     /// The programme around `course`, with w = `weight`; limits that the course comes near to are added to `watched`.
     pub fn programme(
         &self,
-        course: &Course,
+        course: &PassageTrajectory,
         pin: &mut PinForce,
         weight: f64,
         watched: &mut BTreeSet<Watch>,
@@ -165,7 +165,7 @@ impl Corner<'_> {
     }
 
     /// The change that `solution` of the programme around `course` says.
-    pub fn change(&self, course: &Course, solution: &[f64]) -> Change {
+    pub fn change(&self, course: &PassageTrajectory, solution: &[f64]) -> Change {
         let layout = self.layout(course);
         let ticks = 0..layout.ticks;
         let row = |k: usize, width: usize, scale: f64, place: &dyn Fn(usize, usize) -> usize| {
@@ -180,7 +180,13 @@ impl Corner<'_> {
         }
     }
 
-    fn add_tool(&self, course: &Course, layout: &Layout, k: usize, programme: &mut SparseProgramme) {
+    fn add_tool(
+        &self,
+        course: &PassageTrajectory,
+        layout: &Layout,
+        k: usize,
+        programme: &mut SparseProgramme,
+    ) {
         // A variable that no term touches would make the programme's minimum not unique.
         for i in 0..layout.width() {
             programme.add_square(1e-9, 0.0, &[(layout.joint(k, i), 1.0)]);
@@ -208,7 +214,13 @@ impl Corner<'_> {
         }
     }
 
-    fn add_acceleration(&self, course: &Course, layout: &Layout, k: usize, programme: &mut SparseProgramme) {
+    fn add_acceleration(
+        &self,
+        course: &PassageTrajectory,
+        layout: &Layout,
+        k: usize,
+        programme: &mut SparseProgramme,
+    ) {
         let (joints, reference) = (course.joints_at(k), course.reference_at(k));
         for i in 0..layout.joints {
             let entries = second_difference(course, layout, k, i);
@@ -219,7 +231,7 @@ impl Corner<'_> {
     /// How the force along `direction` (coordinate of the arm with play, share) at tick `k` changes with the accelerations.
     pub(crate) fn force_row(
         &self,
-        course: &Course,
+        course: &PassageTrajectory,
         layout: &Layout,
         k: usize,
         direction: &[(usize, f64)],
@@ -249,7 +261,7 @@ impl Corner<'_> {
 
     fn add_contact(
         &self,
-        course: &Course,
+        course: &PassageTrajectory,
         layout: &Layout,
         (k, index): (usize, usize),
         weight: f64,

@@ -23,15 +23,15 @@ use crate::controller::Answer;
 use crate::corners::CornerSearch;
 use crate::correction::Correction;
 use crate::deviation::QuasiStatic;
-use crate::foresight::Foresight;
+use crate::displacement_preview::{DisplacementPreview, JointMotion};
 use crate::geometry::Geometry;
 use crate::horizon::{HorizonReport, HorizonStatus, MOST_TICKS};
-use crate::knocks::Knocks;
+use crate::horizon_preview::HorizonPreview;
+use crate::impact_detector::ImpactDetector;
 use crate::known_effects::KnownEffects;
 use crate::look_ahead::{LookAhead, drive_frictions};
 use crate::model::Model;
 use crate::not_ready::NotReady;
-use crate::outlook::{JointMotion, Outlook};
 use crate::passage::{PassageOptions, Passages, Unplanned};
 use crate::qp::QpStatus;
 use crate::task::{Gains, Task, TaskError, TaskMode};
@@ -137,10 +137,10 @@ pub struct Tracking {
     filter: Option<CommandFilter>,
     look_ahead: LookAhead,
     /// Landings, where the feedback is softer after one.
-    knocks: Option<Knocks>,
-    outlook: Outlook,
+    knocks: Option<ImpactDetector>,
+    outlook: DisplacementPreview,
     /// What the horizon sees, if there is one.
-    foresight: Option<Foresight>,
+    foresight: Option<HorizonPreview>,
     /// Predicts for the instant of the answer and feeds forward.
     predictor: QuasiStatic,
     correction: Correction,
@@ -189,10 +189,10 @@ impl Tracking {
         let half = ((options.average / period - 1.0) / 2.0).round().max(0.0) as usize;
         let ticks_ahead = options.ticks_ahead(period);
         let foresight = (ticks_ahead > 0).then(|| {
-            Foresight::new(path.clone(), &model.arm, &with_play, period, &options.weights, ticks_ahead)
+            HorizonPreview::new(path.clone(), &model.arm, &with_play, period, &options.weights, ticks_ahead)
         });
         let mut foresight = foresight.transpose()?;
-        let mut outlook = Outlook::new(path, &with_play, period, half);
+        let mut outlook = DisplacementPreview::new(path, &with_play, period, half);
         let search = CornerSearch {
             arm: &model.arm,
             with_play: &with_play,
@@ -222,7 +222,7 @@ impl Tracking {
             filter,
             look_ahead: LookAhead::new(&model.arm, period),
             knocks: (options.soft_landing && !model.clearances.is_empty())
-                .then(|| Knocks::new(period, model.clearances.len())),
+                .then(|| ImpactDetector::new(period, model.clearances.len())),
             outlook,
             foresight,
             predictor,

@@ -6,8 +6,8 @@
 
 use freeplay_laws::ArmWithPlay;
 
-use crate::course::Instant;
 use crate::passage_programme::Frame;
+use crate::passage_trajectory::Instant;
 use crate::rollout::{Driven, Rollout};
 
 /// A motion to try, tick by tick: joints without correction, their corrections, and the journals meant, all in SI.

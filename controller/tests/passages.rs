@@ -5,7 +5,7 @@
 mod simulation;
 
 use freeplay_arm::{Workspace, paper_arm, rnea};
-use freeplay_controller::outlook::Outlook;
+use freeplay_controller::displacement_preview::DisplacementPreview;
 use freeplay_controller::{CornerSearch, Passage, PassageOptions, Passages, Step, Task, Weights, built_in};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::{JointPath, PathKind};
@@ -32,7 +32,7 @@ fn passages(kind: PathKind, period: f64, plays: &[(usize, f64)], from: u64, to: 
 
 fn passages_on(path: JointPath, plays: &[(usize, f64)], from: u64, to: u64) -> Passages {
     let (arm, play) = (paper_arm().arm, with_play(plays));
-    let mut outlook = Outlook::new(path, &play, PERIOD, 10);
+    let mut outlook = DisplacementPreview::new(path, &play, PERIOD, 10);
     let search = CornerSearch {
         arm: &arm,
         with_play: &play,
@@ -150,7 +150,7 @@ fn a_corner_that_cannot_be_planned_from_the_first_start_is_planned_from_another(
 fn without_weight_there_is_no_side_and_the_fault_is_named() {
     let arm = paper_arm().arm.with_gravity(nalgebra::Vector3::zeros());
     let play = ArmWithPlay::new(&arm, &[(4, Clearance::new(&ClearanceTable::new(6e-4)).unwrap())]).unwrap();
-    let mut outlook = Outlook::new(path(PathKind::SquareSharp, 6.0), &play, PERIOD, 10);
+    let mut outlook = DisplacementPreview::new(path(PathKind::SquareSharp, 6.0), &play, PERIOD, 10);
     let search = CornerSearch {
         arm: &arm,
         with_play: &play,

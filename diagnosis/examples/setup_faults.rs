@@ -2,7 +2,8 @@
 //! `cargo run --release -p freeplay-diagnosis --example setup_faults -- single|two|clean|real ROUNDS SEED [KIND]`.
 //! `real` reads the folder that `FREEPLAY_RECORDINGS` names.
 //!
-//! Prints each case that is not answered right, and a table at the end: right kind and joint, missed, wrong, time.
+//! Prints each case that is not answered right, and a table at the end: right kind and joint, missed, wrong, time. Of the missed ones of real
+//! machines, `hidden` counts those that add less to the error of every channel than the model has there anyway: no reader could tell.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -13,7 +14,7 @@ use freeplay_concealed::{
     CATALOGUE, Case, Demand, Kept, Machine, Made, Noise, SETUP, Samples, SetupFault, Severity, generate,
     with_setup_faults,
 };
-use freeplay_diagnosis::{Certainty, examine};
+use freeplay_diagnosis::{Certainty, Settings, compare, examine};
 use freeplay_recording::Recording;
 
 /// What is missing from the model beside the fault.
@@ -23,6 +24,7 @@ const BESIDE: [&str; 4] = ["", "coulomb_friction", "payload", "joint_coupling"];
 struct Row {
     right: usize,
     missed: usize,
+    hidden: usize,
     wrong: usize,
     seconds: f64,
 }
@@ -118,19 +120,39 @@ fn real(
         made.model = freeplay_arm::to_toml(&arm);
         made.recording = samples(&read);
         made.second = made.recording.clone();
-        score(rows.entry("clean".to_owned()).or_default(), &format!("{set}/{file}"), &made, &[])?;
+        let label = format!("{set}/{file}");
+        score(rows.entry("clean".to_owned()).or_default(), &label, &made, &[])?;
+        let plain = errors(&made)?;
         for round in 0..rounds {
             for (number, kinds) in sets("single", k, only).into_iter().enumerate() {
                 let kept = Kept { torque: true, tool: false, friction: true };
                 let draw = (seed * 7919 + round) * 997 + (number * 31 + k) as u64;
                 if let Some((made, truth)) = with_setup_faults(&made, &kinds, kept, draw)? {
                     let row = rows.entry(kinds.join(" + ")).or_default();
-                    score(row, &format!("{set}/{file}"), &made, &truth)?;
+                    let missed = row.missed;
+                    score(row, &label, &made, &truth)?;
+                    if row.missed > missed && is_hidden(&plain, &errors(&made)?) {
+                        row.hidden += 1;
+                        println!("    hidden by what the model is off anyway");
+                    }
                 }
             }
         }
     }
     Ok(())
+}
+
+/// Variance of each torque's error over that of the torque, as recorded.
+fn errors(made: &Made) -> Result<Vec<f64>, Box<dyn Error>> {
+    let arm = freeplay_arm::parse_toml(&made.model, Path::new("model.toml"))?.arm;
+    let (comparison, _) = compare(&arm, &[], &recording(&made.recording)?, &Settings::default())?;
+    let share = |std: f64, of: f64| if of > 0.0 { (std / of).powi(2) } else { 1.0 };
+    Ok(comparison.channels.iter().map(|channel| share(channel.std_error, channel.std_measured)).collect())
+}
+
+/// Whether a fault adds less to the errors of all channels than there is without it.
+fn is_hidden(plain: &[f64], faulty: &[f64]) -> bool {
+    plain.len() == faulty.len() && plain.iter().zip(faulty).all(|(plain, faulty)| *faulty < 2.0 * plain)
 }
 
 /// A recording in the generator's form.
@@ -146,16 +168,17 @@ fn samples(recording: &Recording) -> Samples {
 fn print_table(rows: &BTreeMap<String, Row>) {
     let mut all = Row::default();
     for (name, row) in rows {
-        let Row { right, missed, wrong, seconds } = row;
+        let Row { right, missed, hidden, wrong, seconds } = row;
         println!(
-            "{name:40} right {right:3} missed {missed:3} wrong {wrong:3} {:.2} s each",
+            "{name:40} right {right:3} missed {missed:3} (hidden {hidden:3}) wrong {wrong:3} {:.2} s each",
             seconds / (right + missed + wrong) as f64
         );
         all.right += right;
         all.missed += missed;
+        all.hidden += hidden;
         all.wrong += wrong;
     }
-    println!("all: right {} missed {} wrong {}", all.right, all.missed, all.wrong);
+    println!("all: right {} missed {} (hidden {}) wrong {}", all.right, all.missed, all.hidden, all.wrong);
 }
 
 /// The sets of faults that are tried on one recording.

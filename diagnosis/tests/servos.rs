@@ -197,7 +197,10 @@ fn folder() -> Option<PathBuf> {
 #[test]
 fn a_real_arm_is_simulated_better_than_others_do() {
     let Some(folder) = folder() else {
-        println!("skipped: no real recordings here");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Recordings,
+            "no recordings of servos here; FREEPLAY_RECORDINGS names their folder",
+        );
         return;
     };
     let file = freeplay_arm::load(&folder.join("so101.urdf")).unwrap();

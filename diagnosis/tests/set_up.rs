@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use freeplay_arm::{Arm, Inertia, Workspace, forward_kinematics, gravity_torque, paper_arm, rnea};
-use freeplay_diagnosis::{Certainty, Setup, examine};
+use freeplay_diagnosis::{Certainty, Setup, SetupFinding, examine};
 use freeplay_recording::Recording;
+use nalgebra::Rotation3;
 
 const SECONDS: f64 = 14.0;
 const RATE: f64 = 100.0;
@@ -242,7 +243,10 @@ fn folder() -> Option<PathBuf> {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
     let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, PathBuf::from);
     if !folder.is_dir() {
-        eprintln!("skipped: no recordings here; FREEPLAY_RECORDINGS names their folder");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Recordings,
+            "no recordings here; FREEPLAY_RECORDINGS names their folder",
+        );
         return None;
     }
     Some(folder)
@@ -288,4 +292,28 @@ fn real_machines_have_no_fault_until_one_is_put_in() {
     }
     println!("{found} of {all} faults in recordings of real machines are found");
     assert!(found >= FOUND, "{found} of {all}");
+}
+
+/// The paper's arm with other links: heavier by different factors, their centres turned about their axes.
+fn similar(arm: &Arm) -> Arm {
+    let mut joints = arm.joints().to_vec();
+    for (k, joint) in joints.iter_mut().enumerate() {
+        let (by, turned) = [(5.0, 0.0), (9.0, 1.2), (4.0, -1.0), (3.0, 0.4), (3.0, 0.0), (3.0, 0.0)][k % 6];
+        joint.inertia.mass *= by;
+        joint.inertia.about_com *= by;
+        joint.inertia.com = Rotation3::from_axis_angle(&joint.axis, turned) * joint.inertia.com;
+    }
+    Arm::new("similar", joints, *arm.tool(), *arm.gravity()).expect("an arm")
+}
+
+#[test]
+fn a_recording_of_a_similar_arm_is_not_mended_into_one_of_this() {
+    let arm = paper_arm().arm;
+    let setup = examine(&arm, &made(&similar(&arm)));
+    setup
+        .findings
+        .iter()
+        .for_each(|finding| println!("{} {:?} {}", finding.kind, finding.joint, finding.value));
+    let is_other = |finding: &SetupFinding| finding.kind == "another_arm";
+    assert!(setup.findings.iter().all(is_other) && setup.findings.iter().any(is_other));
 }

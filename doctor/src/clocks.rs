@@ -2,7 +2,7 @@
 
 use crate::facts::Facts;
 use crate::findings::{Finding, Use, fail, ok, warn};
-use crate::probe::{Around, Probe};
+use crate::probe::{Probe, SystemState};
 
 /// A share of stolen time from which tails are the host's: a millisecond in a second.
 const STOLEN_FAIL: f64 = 1e-3;
@@ -16,7 +16,7 @@ const SLOW_WAKE_UP: u64 = 20_000;
 const HIDDEN: u64 = 200_000;
 
 /// How fine the timer is.
-pub fn timer(around: &Around) -> Finding {
+pub fn timer(around: &SystemState) -> Finding {
     let found = format!("{} ns", around.resolution);
     if around.resolution <= COARSEST {
         return ok("timer resolution", found);
@@ -33,15 +33,15 @@ pub fn clock_source(facts: &Facts) -> Finding {
         Some(slow @ ("hpet" | "acpi_pm" | "jiffies" | "refined-jiffies" | "pit")) => fail(
             Use::Medians,
             item,
-            format!("{slow}: reading the time costs a microsecond or more"),
-            "boot with tsc=reliable, if the processor's clock is; see dmesg for why it was left",
+            format!("{slow}: reading the time takes a microsecond or more"),
+            "boot with tsc=reliable if the processor's clock is reliable; dmesg says why the kernel rejected it",
         ),
         Some(name) => ok(item, name),
     }
 }
 
 /// What an idle core costs to wake.
-pub fn idle(facts: &Facts, around: &Around, probe: Option<&Probe>) -> Finding {
+pub fn idle(facts: &Facts, around: &SystemState, probe: Option<&Probe>) -> Finding {
     let item = "idle states";
     let deepest =
         facts.deepest_idle.map_or(String::new(), |us| format!("; the deepest takes {us} µs to leave"));
@@ -59,11 +59,10 @@ pub fn idle(facts: &Facts, around: &Around, probe: Option<&Probe>) -> Finding {
     let held = match probe.asleep_held {
         Some(held) => format!("; with /dev/cpu_dma_latency held at 0: {:.0} µs", us(held.p50)),
         None if around.may_hold => String::new(),
-        None => {
-            "; what holding /dev/cpu_dma_latency at 0 brings cannot be tried: it cannot be opened".to_owned()
-        }
+        None => "; the effect of /dev/cpu_dma_latency held at 0 is unknown, because this user cannot open it"
+            .to_owned(),
     };
-    let found = format!("waking an idle core costs {plain:.0} µs (p50){held}{deepest}");
+    let found = format!("waking an idle core takes {plain:.0} µs (p50){held}{deepest}");
     let helps = probe.asleep_held.is_none_or(|held| 2 * held.p50 < probe.asleep.p50);
     if probe.asleep.p50 > SLOW_WAKE_UP && helps { warn(item, found, keep) } else { ok(item, found) }
 }
@@ -75,7 +74,7 @@ pub fn stolen(facts: &Facts, probe: Option<&Probe>) -> Finding {
     let since_start = time.stolen as f64 / time.total.max(1) as f64;
     let (now, share) = match probe {
         Some(probe) => (
-            format!("{} clock ticks in the {:.1} s of this look, ", probe.stolen, probe.seconds),
+            format!("{} clock ticks during the {:.1} s of this check, ", probe.stolen, probe.seconds),
             since_start.max(probe.stolen as f64 / probe.clock_ticks.max(1) as f64),
         ),
         None => (String::new(), since_start),
@@ -83,7 +82,12 @@ pub fn stolen(facts: &Facts, probe: Option<&Probe>) -> Finding {
     let found = format!("{now}{:.4} % since the machine was started", since_start * 100.0);
     let remedy = "ask for dedicated cores, or measure on a machine of your own";
     if share >= STOLEN_FAIL {
-        fail(Use::Tails, item, format!("{found}: tails above a millisecond will not be yours"), remedy)
+        fail(
+            Use::Tails,
+            item,
+            format!("{found}: latencies above a millisecond may come from the hypervisor"),
+            remedy,
+        )
     } else if share >= STOLEN_WARN {
         warn(item, found, remedy)
     } else {
@@ -104,7 +108,7 @@ pub fn wake_up(probe: &Probe) -> Finding {
         us(probe.asleep.max),
         probe.clock_cost,
     );
-    let remedy = "look at the lines above: load, priority, isolation, time stolen";
+    let remedy = "see the lines above: load, priority, isolation, stolen time";
     if probe.spun.p99 > HIDDEN {
         fail(Use::Tails, "wake-up", found, remedy)
     } else if probe.asleep.p99 > HIDDEN {

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::clocks::{clock_source, idle, stolen, timer, wake_up};
 use crate::facts::Facts;
-use crate::probe::{Around, Probe};
+use crate::probe::{Probe, SystemState};
 use crate::system::{
     budget, cores, governor, isolation, kernel, load, memory, preemption, priority, shared_memory,
 };
@@ -118,7 +118,7 @@ pub fn fail(spoils: Use, item: &'static str, found: impl Into<String>, remedy: i
 }
 
 /// All findings on a machine with these `facts` for runs at real-time priority `wanted`; `probe` where its clock was tried out.
-pub fn judge(facts: &Facts, around: &Around, probe: Option<&Probe>, wanted: u8) -> Vec<Finding> {
+pub fn judge(facts: &Facts, around: &SystemState, probe: Option<&Probe>, wanted: u8) -> Vec<Finding> {
     let mut found = vec![
         kernel(facts),
         preemption(facts),
@@ -143,9 +143,9 @@ pub fn judge(facts: &Facts, around: &Around, probe: Option<&Probe>, wanted: u8) 
 mod tests {
     use super::{Level, Use, Verdict, judge};
     use crate::facts::{CpuTime, Facts};
-    use crate::probe::{Around, Lateness, Probe};
+    use crate::probe::{Lateness, Probe, SystemState};
 
-    fn good() -> (Facts, Around) {
+    fn good() -> (Facts, SystemState) {
         let facts = Facts {
             kernel: Some("6.12".to_owned()),
             build: Some("#1 SMP PREEMPT_RT".to_owned()),
@@ -160,7 +160,7 @@ mod tests {
             cpu_time: Some(CpuTime { stolen: 0, total: 1000 }),
             ..Facts::default()
         };
-        let around = Around {
+        let around = SystemState {
             shared_memory: "/dev/shm".into(),
             is_tmpfs: true,
             free: Some(1 << 30),
@@ -170,7 +170,7 @@ mod tests {
         (facts, around)
     }
 
-    type Spoil = fn(&mut Facts, &mut Around);
+    type Spoil = fn(&mut Facts, &mut SystemState);
 
     #[test]
     fn each_fault_is_one_line_that_says_what_to_change_and_what_it_spoils() {

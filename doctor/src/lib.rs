@@ -14,12 +14,12 @@ use freeplay_report::{Block, Document, Section, Verdict as Mark};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
-use freeplay_terminal::messages::{self, painted};
+use freeplay_terminal::messages::{self, styled};
 use freeplay_terminal::output::{say, show};
 use serde_json::{Value, json};
 
 use crate::facts::Facts;
-use crate::probe::{Around, Probe};
+use crate::probe::{Probe, SystemState};
 
 pub use findings::{Finding, Level, Verdict};
 
@@ -31,13 +31,13 @@ const SCHEMA: &str = "freeplay.doctor/1";
 /// Looks at the machine.
 #[derive(Args, Debug)]
 pub struct DoctorArgs {
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
     /// End with code 4 unless the machine is fit for tails.
     #[arg(long)]
     require_rt: bool,
-    /// Only look, do not measure the wake-up (3 s).
+    /// Skip the wake-up measurement, which takes 3 s.
     #[arg(long)]
     quick: bool,
     /// Write a page as well.
@@ -62,7 +62,8 @@ impl Examination {
     }
 
     fn of(root: &Path, probe: Option<Probe>) -> Self {
-        let findings = findings::judge(&Facts::read(root), &Around::read(), probe.as_ref(), DEFAULT_PRIORITY);
+        let findings =
+            findings::judge(&Facts::read(root), &SystemState::read(), probe.as_ref(), DEFAULT_PRIORITY);
         Self { verdict: Verdict::of(&findings), findings, probe }
     }
 
@@ -102,7 +103,7 @@ impl Examination {
         let width = self.findings.iter().map(|finding| finding.item.len()).max().unwrap_or(0);
         let mut text = String::new();
         for finding in &self.findings {
-            let level = painted(finding.level.style(), format_args!("{:<4}", finding.level.word()));
+            let level = styled(finding.level.style(), format_args!("{:<4}", finding.level.word()));
             let _ = writeln!(text, " {level}  {:<width$}  {}", finding.item, finding.found);
             if let Some(remedy) = &finding.remedy {
                 let _ = writeln!(text, "       {:<width$}  → {remedy}", "");
@@ -152,7 +153,7 @@ impl Examination {
 pub fn doctor(args: &DoctorArgs) -> Result<Exit, Failure> {
     let probe = match (args.quick, &args.root) {
         (false, None) => {
-            messages::detail("measuring the wake-up of this machine");
+            messages::detail("measuring how late this machine wakes a sleeping thread");
             Some(Probe::run(DEFAULT_PRIORITY)?)
         }
         _ => None,

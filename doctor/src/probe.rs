@@ -27,7 +27,7 @@ const SPIN: u64 = 200_000;
 
 /// What system calls say of the machine.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Around {
+pub struct SystemState {
     /// Where runs have their shared memory.
     pub shared_memory: PathBuf,
     /// Whether that is on a tmpfs.
@@ -40,7 +40,7 @@ pub struct Around {
     pub may_hold: bool,
 }
 
-impl Around {
+impl SystemState {
     /// Asks the system.
     pub fn read() -> Self {
         let shared_memory =
@@ -99,9 +99,7 @@ impl Probe {
         // A thread of its own: the priority ends with it.
         let thread = std::thread::Builder::new().name("probe".to_owned()).spawn(move || measure(priority));
         let joined = thread.map_err(Failure::no_thread)?.join();
-        joined
-            .map_err(|_| Failure::internal("the measurement of the wake-up failed"))?
-            .map_err(Failure::internal)
+        joined.map_err(|_| Failure::internal("the wake-up measurement failed"))?.map_err(Failure::internal)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::facts::Facts;
 use crate::findings::{Finding, Use, fail, ok, warn};
-use crate::probe::Around;
+use crate::probe::SystemState;
 
 /// Room in shared memory that a run needs with all of its slots, and with a wide margin, bytes.
 const ROOM: [u64; 2] = [8 << 20, 64 << 20];
@@ -26,7 +26,7 @@ pub fn preemption(facts: &Facts) -> Finding {
     } else if has("PREEMPT") {
         warn(item, "PREEMPT: not a real-time kernel", remedy)
     } else {
-        warn(item, "none or voluntary: a system call of anybody can delay a tick by milliseconds", remedy)
+        warn(item, "none or voluntary: a system call of any process can delay a tick by milliseconds", remedy)
     }
 }
 
@@ -35,13 +35,13 @@ pub fn priority(facts: &Facts, wanted: u8) -> Finding {
     let item = "real-time priority";
     match facts.priority {
         Some(most) if most >= u64::from(wanted) => {
-            ok(item, format!("allowed up to {most}, {wanted} is asked for"))
+            ok(item, format!("the limit is {most}, Freeplay asks for {wanted}"))
         }
         found => {
             let found = match found {
                 None => "unknown".to_owned(),
                 Some(0) => "refused".to_owned(),
-                Some(most) => format!("allowed up to {most}, {wanted} is asked for"),
+                Some(most) => format!("the limit is {most}, Freeplay asks for {wanted}"),
             };
             let remedy =
                 "add \"@realtime - rtprio 95\" to /etc/security/limits.conf, or run with CAP_SYS_NICE";
@@ -58,7 +58,7 @@ pub fn memory(facts: &Facts) -> Finding {
     }
     let remedy =
         "add \"@realtime - memlock unlimited\" to /etc/security/limits.conf, or run with CAP_IPC_LOCK";
-    warn(item, "refused: a page that is not there costs a tick its time", remedy)
+    warn(item, "refused: a page fault can delay a tick", remedy)
 }
 
 /// What real-time threads leave to the others.
@@ -89,14 +89,14 @@ pub fn cores(facts: &Facts) -> Finding {
             Use::Tails,
             item,
             format!(
-                "{cores}, but its control group allows {quota:.2} cores' worth of time and then stops it"
+                "{cores}, but the control group stops the process after {quota:.2} cores of processor time"
             ),
             "lift the CPU quota of the container (no --cpus; cpu.max = max)",
         ),
         None if cores < 2 => fail(
             Use::Medians,
             item,
-            "1: plant and controller take turns on it",
+            "1: plant and controller share it",
             "give this process two cores or more",
         ),
         None if cores < 4 => warn(
@@ -115,10 +115,10 @@ pub fn load(facts: &Facts) -> Finding {
         (Some(load), Some(cores)) if load > 0.5 * cores as f64 => fail(
             Use::Medians,
             item,
-            format!("{load:.1} processes want to run on {cores} cores"),
-            "wait until nothing else runs; figures taken now are the others'",
+            format!("{load:.1} processes are ready to run on {cores} cores"),
+            "wait until nothing else runs; other processes distort figures taken now",
         ),
-        (Some(load), _) => ok(item, format!("{load:.1} processes want to run")),
+        (Some(load), _) => ok(item, format!("{load:.1} processes are ready to run")),
         _ => ok(item, "unknown"),
     }
 }
@@ -129,7 +129,7 @@ pub fn governor(facts: &Facts) -> Finding {
     let others: Vec<&str> =
         facts.governors.iter().map(String::as_str).filter(|name| *name != "performance").collect();
     if facts.governors.is_empty() {
-        ok(item, "none to see: the firmware or the host sets the frequency")
+        ok(item, "not visible: the firmware or the host sets the frequency")
     } else if others.is_empty() {
         ok(item, "performance")
     } else {
@@ -149,14 +149,14 @@ pub fn isolation(facts: &Facts) -> Finding {
         ),
         (None, _) => warn(
             item,
-            "none: others run on the loop's cores",
-            "with cores to spare: boot with isolcpus=2,3 nohz_full=2,3 and set realtime.plant_cpu, realtime.controller_cpu",
+            "none: other processes run on the cores of the loop",
+            "on a machine with spare cores, boot with isolcpus=2,3 nohz_full=2,3 and set realtime.plant_cpu, realtime.controller_cpu",
         ),
     }
 }
 
 /// Room on tmpfs.
-pub fn shared_memory(around: &Around) -> Finding {
+pub fn shared_memory(around: &SystemState) -> Finding {
     let item = "shared memory";
     let path = around.shared_memory.display();
     let Some(free) = around.free else {

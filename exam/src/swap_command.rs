@@ -6,10 +6,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::CellAlignment;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
-use freeplay_harness::run::{Contestant, Files, load, play};
+use freeplay_harness::run::{ControllerSelection, Files, load, play};
 use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
@@ -18,6 +18,7 @@ use freeplay_recording::Recording;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{claim, write};
+use freeplay_terminal::layout::text_table;
 use freeplay_terminal::output::{say, show};
 use freeplay_terminal::{messages, progress};
 use indicatif::ProgressBar;
@@ -60,13 +61,13 @@ pub struct SwapArgs {
     /// Seed of the ticks and of all noise; each run has the next.
     #[arg(long)]
     seed: Option<u64>,
-    /// Folder for what is left; without it: out/ and the time.
+    /// Folder for the results; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -90,18 +91,19 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
     };
     if scenario.controllers.len() < 2 || args.swaps == 0 || args.per_run == 0 {
         return Err(Failure::usage(
-            "swapping needs two controllers or more (--controller twice; without it all built-in ones) and a swap",
+            "a swap exam needs at least two controllers (--controller twice; all built-in ones without it) and at least one swap",
         ));
     }
     for asked in scenario.controllers.iter().chain(&scenario.standby) {
-        Contestant::of(asked)?;
+        ControllerSelection::of(asked)?;
     }
     let folder = claim(args.out.as_deref(), &["swap.json"], args.force)?;
     let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     let stage = Stage { scenario, out, stop, seed: args.seed.unwrap_or(1) };
-    let bar = progress::bar(args.swaps.into(), "swaps {bar:30} {pos}/{len} {elapsed}");
+    let bar =
+        progress::bar(args.swaps.into(), "{msg} {wide_bar} {pos}/{len} {elapsed}").with_message("swaps");
     let ended = stage.play_all(args.swaps, args.per_run, &bar);
     bar.finish_and_clear();
     let played = ended?;
@@ -216,11 +218,11 @@ impl Stage {
     ) -> Result<Option<(RunSummary, Recording)>, Failure> {
         let setup = Setup::new(scenario)?;
         let files = Files::write(scenario, &setup, folder)?;
-        let (exit, summary) = play(scenario, &Contestant::of(asked)?, &files, 0.0, &self.stop)?;
+        let (exit, summary) = play(scenario, &ControllerSelection::of(asked)?, &files, 0.0, &self.stop)?;
         if self.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
-        let no_end = || Failure { exit, message: format!("{asked}: a run ended before it was played") };
+        let no_end = || Failure { exit, message: format!("{asked}: a run ended early") };
         let summary = summary.ok_or_else(no_end)?;
         let name = summary.recording.clone().ok_or_else(no_end)?;
         let recording = freeplay_recording::read(&files.out.join(name), None).map_err(Failure::input)?;
@@ -312,7 +314,7 @@ impl Verdicts {
         [
             (
                 self.met > 0 && self.greatest_gap_ticks == 0,
-                format!("gap: {} ticks at most in {} swaps", self.greatest_gap_ticks, self.met),
+                format!("gap: at most {} ticks in {} swaps", self.greatest_gap_ticks, self.met),
             ),
             (
                 is_undisturbed && held_share <= self.held_share_alone,
@@ -328,12 +330,15 @@ impl Verdicts {
             ),
             (
                 is_undisturbed && self.greatest_jump <= MOST_JUMP,
-                format!("jump: {:.3} of the greatest steady change, limit {MOST_JUMP}", self.greatest_jump),
+                format!(
+                    "jump: {:.3} times the greatest steady change, limit {MOST_JUMP}",
+                    self.greatest_jump
+                ),
             ),
             (
                 is_undisturbed && self.above_deviation_limit == 0,
                 format!(
-                    "deviation: {:.3} of that without swap at most, limit {MOST_DEVIATION}; above it: {}; peaks below {} µm are not judged",
+                    "deviation: at most {:.3} times that without swap, limit {MOST_DEVIATION}; above it: {}; peaks below {} µm are not judged",
                     self.greatest_deviation_ratio,
                     self.above_deviation_limit,
                     LEAST_DEVIATION_MM * 1e3
@@ -352,8 +357,7 @@ fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
     for swap in played.swaps.iter().filter(|swap| swap.is_planned() && swap.stalls == 0) {
         pairs.entry((&swap.from, &swap.to)).or_default().push(swap);
     }
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING);
+    let mut table = text_table();
     table.set_header([
         "from",
         "to",
@@ -385,7 +389,7 @@ fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
         }
     }
     let mut text = format!(
-        "{} swaps in {} runs, {} of them with a contact event until they had settled; greatest values of each pair\n\n{table}\n\n",
+        "{} swaps in {} runs, {} of them with a contact event before they settled; greatest values of each pair\n\n{table}\n\n",
         verdicts.swaps, played.runs, verdicts.with_contact_event
     );
     for (holds, words) in verdicts.lines() {
@@ -393,7 +397,7 @@ fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
     }
     if verdicts.undisturbed < verdicts.swaps {
         text += &format!(
-            "{} of {} swaps fell on a stall of the machine, another {} had one before they had settled; what is said above is of the others\n",
+            "{} of {} swaps fell on a stall of the machine, and {} more had one before they settled; the figures above leave them out\n",
             verdicts.swaps - verdicts.met,
             verdicts.swaps,
             verdicts.met - verdicts.undisturbed
@@ -401,7 +405,7 @@ fn in_words(played: &Played, verdicts: &Verdicts, out: &Path) -> String {
     }
     if verdicts.fail_overs > 0 {
         text += &format!(
-            "{} changes that nobody asked for, as an answer lacked or did not pass: {} ticks until somebody was in charge at most\n",
+            "{} unplanned hand-overs after a missing or rejected answer: at most {} ticks until a controller was active\n",
             verdicts.fail_overs, verdicts.greatest_gap_of_fail_overs
         );
     }

@@ -228,7 +228,7 @@ impl Instance {
             self.machine = None;
         }
         self.values[index] = value;
-        self.stimulus.take(variable.quantity, value);
+        self.stimulus.set_input(variable.quantity, value);
         Ok(())
     }
 
@@ -260,7 +260,7 @@ impl Instance {
     /// Copies the inputs out of the values. Servos that were not commanded yet hold the start, whatever the values say.
     fn take_inputs(&mut self, is_commanded: bool) {
         let variables = self.variables.0.iter().zip(&self.values);
-        variables.for_each(|(variable, value)| self.stimulus.take(variable.quantity, *value));
+        variables.for_each(|(variable, value)| self.stimulus.set_input(variable.quantity, *value));
         if !is_commanded {
             self.stimulus.command = None;
         }

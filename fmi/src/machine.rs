@@ -22,7 +22,7 @@ pub struct Stimulus {
 
 impl Stimulus {
     /// Takes the value of an input; those of other variables leave it as it is.
-    pub(crate) fn take(&mut self, quantity: Quantity, value: Value) {
+    pub(crate) fn set_input(&mut self, quantity: Quantity, value: Value) {
         let joints = self.torque.len();
         match (quantity, value) {
             (Quantity::Torque(joint), Value::Real(torque)) => self.torque[joint] = torque,

@@ -3,7 +3,7 @@
 //! The contract's columns come first; after them everything that is needed to replay a controller bit for bit, and
 //! the truth that the controller did not see.
 
-use freeplay_plant::{Applied, TickRecord, Usual};
+use freeplay_plant::{Applied, ReferenceDivergence, TickRecord};
 use freeplay_recording::{ColumnError, Group, Layout, Recording};
 use freeplay_shm::{Joints, MAX_JOINTS, MAX_SLOTS, Mode, State};
 
@@ -166,7 +166,7 @@ pub fn path_columns(recording: &Recording) -> Option<Vec<&[f64]>> {
 }
 
 /// What the controllers of a recorded run differed by; `None` if it had no standby.
-pub fn usual(recording: &Recording) -> Option<Usual> {
+pub fn usual(recording: &Recording) -> Option<ReferenceDivergence> {
     let of_slot = |slot: usize| {
         let columns: Option<Vec<&[f64]>> =
             (1..=recording.joints()).map(|joint| recording.column(&difference_column(slot, joint))).collect();
@@ -175,7 +175,7 @@ pub fn usual(recording: &Recording) -> Option<Usual> {
         Some((0..recording.len()).map(at).collect::<Vec<Joints>>())
     };
     let courses: Vec<Vec<Joints>> = (1..MAX_SLOTS).map_while(of_slot).collect();
-    (!courses.is_empty()).then(|| Usual::new(courses))
+    (!courses.is_empty()).then(|| ReferenceDivergence::new(courses))
 }
 
 /// The State of row `index` of a recorded run, as it was published but for its wall-clock times; `None` if columns

@@ -49,14 +49,13 @@ pub fn settle(scenario: &mut Scenario) -> Result<Option<String>, Failure> {
         if flying(scenario, &setup, gains, folder.path())?.is_ok() {
             scenario.controller.gains = gains;
             return Ok(Some(format!(
-                "feedback: controller.gains.natural_frequency = {} rad/s, found by trial: with the usual {} rad/s {why}",
+                "feedback: a trial chose controller.gains.natural_frequency = {} rad/s; with the default {} rad/s {why}",
                 gains.natural_frequency, usual.natural_frequency
             )));
         }
     }
     Ok(Some(format!(
-        "feedback: with controller.gains.natural_frequency = {} rad/s {why}, and in a trial no softer one down to {} rad/s helps: \
-         try a smaller clearance, another posture (path.start) or more substeps",
+        "feedback: with controller.gains.natural_frequency = {} rad/s {why}, and no softer feedback down to {} rad/s helped in a trial: try a smaller clearance, another posture (path.start) or more substeps",
         usual.natural_frequency,
         halved(HALVINGS).natural_frequency
     )))
@@ -120,7 +119,7 @@ impl Trial<'_> {
             let limits = self.plant.arm.joints().iter().map(|joint| joint.limits.effort);
             let too_much = answer.value[..n].iter().zip(limits).any(|(torque, limit)| torque.abs() > limit);
             if answer.status == CommandStatus::NoAnswer || too_much {
-                return Err(format!("the torques go beyond their limits at tick {tick}"));
+                return Err(format!("the torques exceed their limits at tick {tick}"));
             }
             let driven = vec![tick == 0; n];
             let input = Input { torque: &state.applied[..n], driven: &driven, motion: self.path };

@@ -50,7 +50,7 @@ pub struct PlantArgs {
     /// End when this process, the parent, ends.
     #[arg(long, value_name = "PID")]
     with_parent: Option<u32>,
-    /// Tell of the run on standard output, and hear wishes on standard input.
+    /// Tell of the run on standard output, and hear requests on standard input.
     #[arg(long)]
     live: bool,
 }
@@ -65,7 +65,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     let mut setup = Setup::new(&scenario)?;
     let names = swaps::names(args.controller.as_deref().unwrap_or(&args.name), &scenario.standby);
     let period = setup.plant.period_ns as f64 * 1e-9;
-    setup.plant.line_up = swaps::line_up(&scenario, &names, setup.plant.ticks, period)?;
+    setup.plant.controller_set = swaps::controller_set(&scenario, &names, setup.plant.ticks, period)?;
     let address = Address::parse(&args.run).map_err(Failure::usage)?;
     let offer = Offer {
         joints: setup.plant.arm.dof(),
@@ -93,9 +93,10 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
         .with_commands(setup.plant.mode == Mode::Servo)
         .with_standbys(names.len() - 1);
     let (console, observer) = if args.live {
-        let (console, glances) = Console::start(plant.wishes())?;
+        let (console, snapshots) = Console::start(plant.requests())?;
         let is_realtime = scenario.pace == Pacing::Realtime;
-        let observer = Observer::new(glances, plays.len(), period, is_realtime).map_err(Failure::internal)?;
+        let observer =
+            Observer::new(snapshots, plays.len(), period, is_realtime).map_err(Failure::internal)?;
         (Some(console), Some(observer))
     } else {
         (None, None)
@@ -122,7 +123,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
         let foreign = plant.foreign(slot);
         let process = foreign.process?;
         Some(format!(
-            "{} commands for {name} came from process {process}, which does not hold its seat, and were not used",
+            "{} commands for {name} came from process {process}, which is not that controller; they were ignored",
             foreign.commands
         ))
     }));
@@ -147,7 +148,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
     write(&args.out.join(format!("{}.json", args.name)), &text)?;
     write_hlog(&args.out.join(format!("{}.hlog", args.name)), plant.stages(), began, clock.elapsed())?;
     write_hgrm(&args.out, &args.name, plant.stages())?;
-    if args.with_parent.is_some_and(|parent| !freeplay_terminal::process::lives(parent)) {
+    if args.with_parent.is_some_and(|parent| !freeplay_terminal::process::is_parent_alive(parent)) {
         // The system kills the controllers of a killed run. Who is last in a run removes it.
         await_free_seats(&plant);
     }
@@ -161,7 +162,7 @@ pub fn plant(args: &PlantArgs) -> Result<Exit, Failure> {
 /// Waits until no controller of `plant` lives, but not for long.
 fn await_free_seats(plant: &Plant) {
     let begun = Instant::now();
-    let slots = 0..plant.line_up().len();
+    let slots = 0..plant.manager().len();
     while slots.clone().any(|slot| plant.is_held(slot)) && begun.elapsed() < LAST_SEAT {
         std::thread::sleep(Duration::from_millis(1));
     }

@@ -15,7 +15,7 @@ use freeplay_terminal::process::Running;
 use rustix::process::{Pid, Signal, kill_process};
 
 use crate::live::Watch;
-use crate::run::{Contestant, Files};
+use crate::run::{ControllerSelection, Files};
 use crate::scenario::{Pacing, Scenario};
 use freeplay_terminal::messages;
 
@@ -37,7 +37,11 @@ pub fn new_run() -> Result<RunRoot, Failure> {
 ///
 /// # Errors
 /// A process that can't be started.
-pub fn start_plant(contestant: &Contestant, files: &Files, address: &Address) -> Result<Child, Failure> {
+pub fn start_plant(
+    contestant: &ControllerSelection,
+    files: &Files,
+    address: &Address,
+) -> Result<Child, Failure> {
     spawn_plant(&mut plant_command(contestant, files, address)?)
 }
 
@@ -46,7 +50,7 @@ pub fn start_plant(contestant: &Contestant, files: &Files, address: &Address) ->
 /// # Errors
 /// A process that can't be started.
 pub fn start_watched_plant(
-    contestant: &Contestant,
+    contestant: &ControllerSelection,
     files: &Files,
     address: &Address,
     watch: &mut Watch,
@@ -62,7 +66,11 @@ fn spawn_plant(command: &mut Command) -> Result<Child, Failure> {
     command.spawn().map_err(|error| Failure::internal(format!("cannot start the plant: {error}")))
 }
 
-fn plant_command(contestant: &Contestant, files: &Files, address: &Address) -> Result<Command, Failure> {
+fn plant_command(
+    contestant: &ControllerSelection,
+    files: &Files,
+    address: &Address,
+) -> Result<Command, Failure> {
     let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
     command
         .arg("plant")
@@ -86,7 +94,7 @@ fn plant_command(contestant: &Contestant, files: &Files, address: &Address) -> R
 /// A process that can't be started.
 pub fn start_controller(
     scenario: &Scenario,
-    contestant: &Contestant,
+    contestant: &ControllerSelection,
     address: &Address,
 ) -> Result<Running, Failure> {
     start_in_slot(scenario, contestant, 0, address, Stdio::inherit())
@@ -98,7 +106,7 @@ pub fn start_controller(
 /// A process that can't be started.
 pub fn start_in_slot(
     scenario: &Scenario,
-    contestant: &Contestant,
+    contestant: &ControllerSelection,
     slot: usize,
     address: &Address,
     stderr: Stdio,
@@ -123,7 +131,11 @@ pub fn start_in_slot(
 }
 
 /// This program, which an executable takes over: so it ends with this process, too.
-fn controller_command(scenario: &Scenario, contestant: &Contestant, slot: usize) -> Result<Command, Failure> {
+fn controller_command(
+    scenario: &Scenario,
+    contestant: &ControllerSelection,
+    slot: usize,
+) -> Result<Command, Failure> {
     let mut command = Command::new(std::env::current_exe().map_err(Failure::internal)?);
     let built_in = Path::new(contestant.asked());
     command.arg("controller").arg(contestant.executable.as_deref().unwrap_or(built_in));
@@ -204,7 +216,7 @@ pub fn supervise(
                 controllers.iter_mut().for_each(|controller| drop(controller.0.kill()));
             }
             if since.elapsed() > GRACE {
-                return Err(Failure::internal("the plant did not end when it was asked to"));
+                return Err(Failure::internal("the plant did not end after the request to end"));
             }
         }
         std::thread::sleep(LOOK);
@@ -222,7 +234,7 @@ fn terminate(child: &Child) {
 ///
 /// # Errors
 /// A plant that failed.
-pub fn exit(ended: &Ended, members: &[Contestant], has_begun: bool) -> Result<Exit, Failure> {
+pub fn exit(ended: &Ended, members: &[ControllerSelection], has_begun: bool) -> Result<Exit, Failure> {
     let said = |status: ExitStatus| match status.code() {
         Some(code) => format!("exit code {code}"),
         None => format!("{status}"),
@@ -249,7 +261,7 @@ pub fn exit(ended: &Ended, members: &[Contestant], has_begun: bool) -> Result<Ex
                     }
                     _ => "did not answer in time".to_owned(),
                 };
-                let asked = members.first().map_or("", Contestant::asked);
+                let asked = members.first().map_or("", ControllerSelection::asked);
                 messages::fault(format_args!("the controller {asked} {how}"));
             }
             // By the contract of exit codes it had said what is wrong with its input.
@@ -259,9 +271,9 @@ pub fn exit(ended: &Ended, members: &[Contestant], has_begun: bool) -> Result<Ex
         Some(130) => Ok(Exit::Interrupted),
         // It was asked to end before it could listen.
         None if ended.plant.signal() == Some(Signal::TERM.as_raw()) => Ok(Exit::Interrupted),
-        Some(70) => Err(Failure::internal(
-            "the plant failed; its message is above, or there is none where shared memory was taken away",
-        )),
+        Some(70) => {
+            Err(Failure::internal("the plant failed; its message is above unless it lost its shared memory"))
+        }
         _ => Err(Failure::internal(format!("the plant failed: {}", said(ended.plant)))),
     }
 }

@@ -11,12 +11,12 @@ use freeplay_recording::Recording;
 use freeplay_shm::{Backoff, Command, Greeting, Offer, Pace, PlantLink, now_ns};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use serde::Serialize;
 
 use crate::columns::state_at;
 use crate::processes::{new_run, start_controller};
-use crate::run::Contestant;
+use crate::run::ControllerSelection;
 use crate::scenario::{Pacing, Scenario};
 use crate::setup::Setup;
 
@@ -34,7 +34,7 @@ pub struct ReplayArgs {
     /// The controller: a built-in name, or the path of an executable or an FMU.
     #[arg(long)]
     against: String,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -87,7 +87,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
     scenario.pace = Pacing::Lockstep;
     let setup = Setup::new(&scenario)?;
     let task = setup.write_task(&scenario, folder.path())?;
-    let contestant = Contestant::of(&args.against)?;
+    let contestant = ControllerSelection::of(&args.against)?;
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     let root = new_run()?;
@@ -108,7 +108,7 @@ pub fn replay(args: &ReplayArgs) -> Result<Exit, Failure> {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&difference).map_err(Failure::internal)?))?
         }
-        Format::Text => say(&in_words(&difference))?,
+        Format::Text => show(&in_words(&difference))?,
     }
     Ok(Exit::Done)
 }
@@ -121,7 +121,7 @@ fn recorded_scenario(
 ) -> Result<Scenario, Failure> {
     let Some((_, text)) = recording.metadata.iter().find(|(key, _)| key == "scenario") else {
         return Err(Failure::input(format!(
-            "{}: it carries no scenario; replay needs an MCAP recording of `freeplay run`",
+            "{}: the recording carries no scenario; replay needs an MCAP recording of `freeplay run`",
             origin.display()
         )));
     };
@@ -170,7 +170,7 @@ fn feed(
 fn see_alive(controller: &mut Child) -> Result<(), Failure> {
     match controller.try_wait() {
         Ok(Some(status)) => {
-            Err(Failure::peer(format!("the controller ended ({status}); what it said of that is above")))
+            Err(Failure::peer(format!("the controller ended ({status}); its message is above")))
         }
         _ => Ok(()),
     }

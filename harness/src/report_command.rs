@@ -134,19 +134,22 @@ fn identical(played: &[Played]) -> Vec<Block> {
     let groups = same.into_values().filter(|names| names.len() > 1);
     groups
         .map(|names| {
-            Block::from(format!("The same to the byte, every State and Command: {}.", names.join(", ")))
+            Block::from(format!(
+                "Runs with identical States and Commands, to the byte: {}.",
+                names.join(", ")
+            ))
         })
         .collect()
 }
 
 fn deadlines(played: &[Played]) -> Table {
-    let mut table = Table::new("Deadlines, and what the gate refused")
+    let mut table = Table::new("Deadlines, and rejections by the gate")
         .column(Column::text("run"))
         .column(Column::text("pace"))
         .column(Column::number("ticks", ""))
         .column(Column::number("missed", "").lowest())
         .column(Column::number("plant late", "").lowest())
-        .column(Column::number("changes of charge", ""))
+        .column(Column::number("hand-overs", ""))
         .column(Column::text("refused"));
     for run in played {
         let summary = run.summary();
@@ -170,7 +173,7 @@ fn deadlines(played: &[Played]) -> Table {
     table
 }
 
-/// What was set differently, and what the machine was.
+/// Settings that differ, and what the machine was.
 fn differences(left: &[Left]) -> Section {
     let section = Section::new("Configuration");
     let of = |part: fn(&Summary) -> &Value, title: &str, same: &str| -> Block {
@@ -195,8 +198,8 @@ fn differences(left: &[Left]) -> Section {
         if differs { Block::from(table) } else { Block::from(same) }
     };
     section
-        .with(of(|summary| &summary.scenario, "What was set differently", "The scenarios are the same."))
-        .with(of(|summary| &summary.machine, "Where the machines differ", "The machines are the same."))
+        .with(of(|summary| &summary.scenario, "Settings that differ", "The scenarios are the same."))
+        .with(of(|summary| &summary.machine, "Machines that differ", "The machines are the same."))
 }
 
 /// The leaves of `value` by their path, as in `path.period`.

@@ -16,7 +16,7 @@ use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{claim, write};
 use freeplay_terminal::hex::hex;
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::process::Running;
 use freeplay_terminal::{messages, progress};
 use indicatif::ProgressBar;
@@ -50,7 +50,7 @@ pub struct RunArgs {
     /// A controller: a built-in name, or the path of an executable or an FMU. Several run one after the other.
     #[arg(long)]
     controller: Vec<String>,
-    /// By the wall clock, or as fast as it goes and deterministic; without it: the scenario's, else lockstep.
+    /// The wall clock, or lockstep, which is deterministic and as fast as possible; without it: the scenario's, else lockstep.
     #[arg(long)]
     pace: Option<Pacing>,
     /// The plant's arm: "paper" or an arm file.
@@ -65,19 +65,19 @@ pub struct RunArgs {
     /// Change a key of the scenario, as in --set path.period=12.
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// How the motion is recorded.
+    /// Format of the recording.
     #[arg(long)]
     recording: Option<RecordingKind>,
     /// Seed of all noise.
     #[arg(long)]
     seed: Option<u64>,
-    /// Folder for what the run leaves; without it: out/ and the time.
+    /// Folder for the results of the run; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
     /// Watch the run in the terminal, and swap, kill or hang controllers by key; in real time unless --pace says otherwise.
@@ -96,7 +96,7 @@ pub struct RunArgs {
 
 /// One controller to run.
 #[derive(Clone, Debug)]
-pub struct Contestant {
+pub struct ControllerSelection {
     /// As it was asked for.
     asked: String,
     /// Name of its files.
@@ -107,7 +107,7 @@ pub struct Contestant {
     pub faults: Option<PathBuf>,
 }
 
-impl Contestant {
+impl ControllerSelection {
     /// As it was asked for.
     pub fn asked(&self) -> &str {
         &self.asked
@@ -132,10 +132,10 @@ impl Contestant {
         let path = Path::new(asked);
         if !built_in && !path.is_file() {
             return Err(if path.is_dir() && asked.contains('/') {
-                Failure::input(format!("controller {asked}: is a folder; name the executable in it"))
+                Failure::input(format!("controller {asked} is a folder; name the executable in it"))
             } else if asked.contains('/') {
                 Failure::input(format!(
-                    "controller {asked}: there is no such executable; build it, and check the path"
+                    "controller {asked}: the executable does not exist; build it, and check the path"
                 ))
             } else {
                 crate::controller_command::unknown(asked)
@@ -181,14 +181,14 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
     for contestant in &contestants {
         let names = swaps::names(&contestant.asked, &scenario.standby);
         let period = setup.plant.period_ns as f64 * 1e-9;
-        swaps::line_up(&scenario, &names, setup.plant.ticks, period).map_err(at)?;
+        swaps::controller_set(&scenario, &names, setup.plant.ticks, period).map_err(at)?;
     }
     for standby in &scenario.standby {
-        Contestant::of(standby)?;
+        ControllerSelection::of(standby)?;
     }
     let folder = claim(args.out.as_deref(), &RESULTS, args.force)?;
     let files = Files::write(&scenario, &setup, folder.path())?;
-    let learned = |contestant: &Contestant| weights::reach(&scenario, &setup, &contestant.asked);
+    let learned = |contestant: &ControllerSelection| weights::reach(&scenario, &setup, &contestant.asked);
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
     stands_still(&setup).into_iter().chain(weights::left_alone(&scenario)).for_each(messages::note);
@@ -245,20 +245,20 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
 
 /// What is to be known of a run that lasts longer than its path.
 fn stands_still(setup: &Setup) -> Option<String> {
-    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9;
+    let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
     let path = setup.path.duration();
-    (seconds > path + setup.plant.period_ns as f64 * 1e-9).then(|| {
+    (seconds > path + setup.plant.period_ns as f64 / 1e9).then(|| {
         let laps = (seconds / path).ceil();
         format!(
-            "the path ends after {path} s: from then on the arm stands still until the run ends at {seconds} s \
-             (path.laps = {laps} would repeat it)"
+            "the path ends after {path} s: from then on the arm stands still until the run ends at {seconds} s; \
+             --set path.laps={laps} repeats the path"
         )
     })
 }
 
 /// A watch for the run of `contestant`.
 fn watch(
-    contestant: &Contestant,
+    contestant: &ControllerSelection,
     scenario: &Scenario,
     setup: &Setup,
     files: &Files,
@@ -272,7 +272,7 @@ fn watch(
 /// As [`play`].
 pub fn play_unseen(
     scenario: &Scenario,
-    contestant: &Contestant,
+    contestant: &ControllerSelection,
     setup: &Setup,
     files: &Files,
     stop: &AtomicBool,
@@ -282,11 +282,11 @@ pub fn play_unseen(
 }
 
 /// Where the processes of a watched run say what they have to say.
-fn said(contestant: &Contestant, files: &Files) -> PathBuf {
+fn said(contestant: &ControllerSelection, files: &Files) -> PathBuf {
     files.out.join(format!("{}.stderr", contestant.name))
 }
 
-fn title(contestant: &Contestant, scenario: &Scenario, setup: &Setup) -> Title {
+fn title(contestant: &ControllerSelection, scenario: &Scenario, setup: &Setup) -> Title {
     Title {
         words: screen::heading(scenario, setup),
         seconds: setup.plant.ticks as f64 * setup.plant.period_ns as f64 * 1e-9,
@@ -374,10 +374,10 @@ fn absolute(scenario: &Scenario) -> Result<Scenario, Failure> {
 }
 
 /// The controllers of `scenario`, each with a name of its own.
-fn contestants(scenario: &Scenario) -> Result<Vec<Contestant>, Failure> {
-    let mut found: Vec<Contestant> = Vec::new();
+fn contestants(scenario: &Scenario) -> Result<Vec<ControllerSelection>, Failure> {
+    let mut found: Vec<ControllerSelection> = Vec::new();
     for asked in &scenario.controllers {
-        let mut contestant = Contestant::of(asked)?;
+        let mut contestant = ControllerSelection::of(asked)?;
         let same =
             found.iter().filter(|other| other.name.split('#').next() == Some(&contestant.name)).count();
         if same > 0 {
@@ -394,7 +394,7 @@ fn contestants(scenario: &Scenario) -> Result<Vec<Contestant>, Failure> {
 /// A process that can't be started or that fails.
 pub fn play(
     scenario: &Scenario,
-    contestant: &Contestant,
+    contestant: &ControllerSelection,
     files: &Files,
     delay: f64,
     stop: &AtomicBool,
@@ -405,7 +405,7 @@ pub fn play(
 /// The same; `watch` looks on and is closed at the end of the run.
 fn play_watched(
     scenario: &Scenario,
-    contestant: &Contestant,
+    contestant: &ControllerSelection,
     files: &Files,
     delay: f64,
     stop: &AtomicBool,
@@ -415,8 +415,8 @@ fn play_watched(
     // One of an earlier run stays until this run has one of its own.
     let earlier = FileIdentity::of(&left);
     let has_left = || FileIdentity::of(&left).is_some_and(|now| Some(&now) != earlier.as_ref());
-    let members: Vec<Contestant> = std::iter::once(Ok(contestant.clone()))
-        .chain(scenario.standby.iter().map(|asked| Contestant::of(asked)))
+    let members: Vec<ControllerSelection> = std::iter::once(Ok(contestant.clone()))
+        .chain(scenario.standby.iter().map(|asked| ControllerSelection::of(asked)))
         .collect::<Result<_, _>>()?;
     let root = new_run()?;
     let ended = processes(scenario, &members, files, &root, delay, stop, watch)?;
@@ -442,7 +442,7 @@ fn play_watched(
         }
         _ if exit == Exit::Input => Err(Failure::input("the plant ended; its message is above")),
         _ if exit != Exit::Done => Ok((exit, None)),
-        Ok(_) => Err(Failure::internal(format!("{}: the plant has not written it", left.display()))),
+        Ok(_) => Err(Failure::internal(format!("{}: the plant did not write this file", left.display()))),
         Err(error) => Err(error.into()),
     }
 }
@@ -457,7 +457,7 @@ fn last_lines(said: &Path) -> Vec<String> {
 /// Starts the processes of a run, the first of `members` in charge, and waits until it has ended.
 fn processes(
     scenario: &Scenario,
-    members: &[Contestant],
+    members: &[ControllerSelection],
     files: &Files,
     root: &RunRoot,
     delay: f64,
@@ -494,7 +494,7 @@ fn processes(
 }
 
 /// A line on standard error while a run goes on; none where it is watched.
-fn progress(is_watched: bool, contestant: &Contestant, setup: &Setup, pace: Pacing) -> ProgressBar {
+fn progress(is_watched: bool, contestant: &ControllerSelection, setup: &Setup, pace: Pacing) -> ProgressBar {
     let seconds = setup.plant.ticks as f64 * setup.plant.period_ns as f64 / 1e9;
     let words = format!("{}: {seconds} s of motion, {}", contestant.asked, pace_name(pace));
     messages::detail(&words);
@@ -503,7 +503,7 @@ fn progress(is_watched: bool, contestant: &Contestant, setup: &Setup, pace: Paci
     }
     match pace {
         Pacing::Lockstep => {
-            progress::bar(setup.plant.ticks, "{msg} {bar:30} {percent} % {elapsed}").with_message(words)
+            progress::bar(setup.plant.ticks, "{msg} {wide_bar} {percent} % {elapsed}").with_message(words)
         }
         Pacing::Realtime => progress::clock(words, seconds),
     }
@@ -531,7 +531,7 @@ fn finish(
     match args.format {
         Format::Json => say(&format!("{text}\n"))?,
         Format::Text => {
-            say(&screen::table(scenario, setup, runs, out, report.as_deref().unwrap_or(out)))?;
+            show(&screen::table(scenario, setup, runs, out, report.as_deref().unwrap_or(out)))?;
         }
     }
     report.map(|_| ())

@@ -42,7 +42,7 @@ pub fn film(arm: &Arm, runs: &[Seen], play: &str, joint: usize, clearance: f64) 
     // The fall of the centred journal is where most is to be seen.
     film.first = frames.len().min(TRAIL).saturating_sub(1);
     film.caption = format!(
-        "Pale: the arm as desired. Coloured: the same with all from {play} on shifted by {magnified} times the tool's deviation. The journal's \
+        "Pale: the desired arm. Coloured: the same arm, shifted from {play} on by {magnified} times the tool's deviation. The journal's \
          centre moves within the dashed circle, the clearance; there the two surfaces touch. Each tick is a frame while a journal flies or \
          strikes, one every {:.0} ms while it rests.",
         CALM * 1e3

@@ -133,7 +133,7 @@ pub fn overview(played: &[Played]) -> Vec<Block> {
             let [rms, max] =
                 ["rms_after_start", "max_after_start"].map(|key| length(mm(&summary.deviation_mm[key])));
             format!(
-                "{}: finished; tool deviation {rms} mm RMS, {max} mm at most after the first 0.5 s",
+                "{}: finished; tool deviation {rms} mm RMS, {max} mm maximum after the first 0.5 s",
                 run.name(),
             )
         } else {
@@ -188,9 +188,8 @@ pub fn deviation(played: &[Played]) -> Section {
             axis("z"),
         ]);
     }
-    let table = table.note(
-        "The drop of a centred journal in the first half second cannot be compensated by position commands.",
-    );
+    let table = table
+        .note("No position command can compensate the drop of a centred journal in the first half second.");
     let mut section = Section::new("Tool deviation").with(table);
     for axis in ["x", "y", "z"] {
         let title = format!("Deviation along {axis}");
@@ -291,7 +290,7 @@ fn torques(played: &[Played], setup: &Setup) -> Section {
 
 /// The greatest speeds, accelerations and torques, and the shares of their limits.
 fn joint_use(played: &[Played], setup: &Setup) -> Table {
-    let mut table = Table::new("What was asked of the motors: greatest values, and shares of the limits")
+    let mut table = Table::new("Load on the motors: greatest values, and shares of the limits")
         .column(Column::text("controller"))
         .column(Column::text("joint"))
         .column(Column::number("speed", "rad/s, m/s").significant(3).group("speed"))
@@ -311,7 +310,7 @@ fn joint_use(played: &[Played], setup: &Setup) -> Table {
             table = table.row(row);
         }
     }
-    table.note("After the first half second: before, the bounces of the journal throw the light joints about, whatever the controller does.")
+    table.note("The first half second is left out, because the bouncing journal moves the light joints whatever the controller does.")
 }
 
 /// Quantiles at which a percentile curve is drawn.

@@ -225,7 +225,7 @@ pub enum ScenarioError {
     #[error("cannot read the scenario {}: {}; {}", .0.path.display(), .0.source, .0.remedy())]
     Unreadable(#[from] freeplay_storage::StorageError),
     /// An arm where a scenario was expected.
-    #[error("{0} is an arm, not a scenario: give it as one, as in freeplay run --model {command}", path.display(), command = pasted(path))]
+    #[error("{0} is an arm file, not a scenario: run it with freeplay run --model {command}", path.display(), command = pasted(path))]
     Arm {
         /// The file.
         path: PathBuf,
@@ -350,7 +350,7 @@ impl Scenario {
             let range = "above 0 and at most `rate`, commands per second";
             within("command_rate", rate, rate > 0.0 && rate <= self.rate, range)?;
             if self.mode != Drive::Servo {
-                let text = "command_rate is for mode = \"servo\"; say so, or leave it out";
+                let text = "command_rate needs mode = \"servo\"; set that mode, or remove command_rate";
                 return Err(ScenarioError::Contradiction(text.to_owned()));
             }
         }

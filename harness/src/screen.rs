@@ -3,15 +3,16 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::{CellAlignment, ColumnConstraint, Table};
 use serde_json::Value;
 
 use crate::plant_command::pace_name;
-use crate::scenario::Scenario;
+use crate::scenario::{Pacing, Scenario};
 use crate::setup::Setup;
 use crate::summary::RunSummary;
 use crate::verdict::{failure_words, limit_words};
 use freeplay_report::paste::pasted;
+use freeplay_terminal::layout::text_table;
 
 /// Fail-overs that are told one by one.
 const MOST_FAIL_OVERS: usize = 10;
@@ -28,9 +29,12 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
     let _ = writeln!(text, "\n{}", results(setup, runs));
     let _ = writeln!(
         text,
-        "deviation: true tool minus the perfect arm on the desired joints; rms, max and z after the first 0.5 s"
+        "deviation: true tool minus the tool of a perfect arm at the desired joints; rms, max and z after the first 0.5 s"
     );
-    let _ = writeln!(text, "(the drop of the centred journal can't be compensated)\n");
+    if !setup.plant.effects.clearances.is_empty() {
+        let _ = writeln!(text, "(no controller can compensate the drop of a centred journal)");
+    }
+    text.push('\n');
     for run in runs {
         let _ = writeln!(text, "{}", drives(run));
     }
@@ -47,11 +51,27 @@ pub fn table(scenario: &Scenario, setup: &Setup, runs: &[RunSummary], out: &Path
         }
         let _ = writeln!(text, "latencies   {}/*.hlog, *.hgrm", pasted(out));
     }
-    let _ = writeln!(
-        text,
-        "next        freeplay run --pace realtime   ·   freeplay run --controller ./mine   ·   freeplay faults ./mine   ·   freeplay doctor"
-    );
-    text
+    text + &next(scenario, runs, out)
+}
+
+/// Commands that go on from here, with the same arm, path and settings.
+fn next(scenario: &Scenario, runs: &[RunSummary], out: &Path) -> String {
+    let file = pasted(&out.join("scenario.toml"));
+    let pace = match scenario.pace {
+        Pacing::Lockstep => "realtime",
+        Pacing::Realtime => "lockstep",
+    };
+    let mut lines = vec![format!("freeplay run {file} --pace {pace}")];
+    if let Some(run) = runs.last() {
+        let controller = pasted(Path::new(&run.controller));
+        lines.push(format!("freeplay faults {controller} --scenario {file}"));
+    }
+    lines.push("freeplay doctor".to_owned());
+    let label = |(number, line): (usize, &String)| {
+        let label = if number == 0 { "next" } else { "" };
+        format!("{label:12}{line}\n")
+    };
+    lines.iter().enumerate().map(label).collect()
 }
 
 /// Arm, play, path and pace in one line.
@@ -96,8 +116,7 @@ fn machine_lines(runs: &[RunSummary]) -> Vec<String> {
 }
 
 fn results(setup: &Setup, runs: &[RunSummary]) -> Table {
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING);
+    let mut table = text_table();
     let joint =
         setup.plant.effects.clearances.first().map(|(joint, _)| setup.arm().joints()[*joint].name.clone());
     let contact = joint.as_ref().map_or_else(|| "contact".to_owned(), |joint| format!("contact in {joint}"));
@@ -114,6 +133,10 @@ fn results(setup: &Setup, runs: &[RunSummary]) -> Table {
     ]);
     for run in runs {
         table.add_row(row(run, joint.as_deref()));
+    }
+    if let Some(names) = table.column_mut(0) {
+        // A name stays in one piece however narrow the terminal is.
+        names.set_constraint(ColumnConstraint::ContentWidth);
     }
     for column in [1, 2, 3, 5, 6, 7, 8] {
         if let Some(column) = table.column_mut(column) {
@@ -170,7 +193,7 @@ fn bounces(scenario: &Scenario, run: &RunSummary) -> Vec<String> {
         .map(|(name, share)| {
             let share = 100.0 * share;
             format!(
-                "the journal of {name} flies for {share:.0} % of the run: the feedback may keep throwing it; try another \
+                "the journal of {name} is in free flight for {share:.0} % of the run: the feedback may keep it bouncing; try another \
                  controller.gains.natural_frequency (now {hard}), or another posture (path.start)"
             )
         })
@@ -184,13 +207,13 @@ fn drives(run: &RunSummary) -> String {
         let shares = joints.filter_map(|(name, used)| Some((used[quantity]["share"].as_f64()?, name)));
         let most = shares.max_by(|one, two| one.0.total_cmp(&two.0));
         most.map_or_else(
-            || "no limits".to_owned(),
+            || "unlimited".to_owned(),
             |(share, name)| format!("{:.0} % ({name})", 100.0 * share),
         )
     };
     let [speed, acceleration, torque] = ["speed", "acceleration", "torque"].map(greatest);
     format!(
-        "{}: of the limits after 0.5 s, speed {speed}, acceleration {acceleration}, torque {torque}",
+        "{}: share of the limits used after 0.5 s: speed {speed}, acceleration {acceleration}, torque {torque}",
         run.controller
     )
 }
@@ -226,7 +249,7 @@ fn remarks(run: &RunSummary) -> Vec<String> {
             .map(|(reason, count)| format!("{} {count}", reason.replace('_', " ")))
             .collect();
         if !counted.is_empty() {
-            remarks.push(format!("commands that did not pass the gate: {}", counted.join(", ")));
+            remarks.push(format!("commands rejected by the gate: {}", counted.join(", ")));
         }
     }
     remarks.extend(first_refusal(&run.gate["first"]));
@@ -240,14 +263,14 @@ fn remarks(run: &RunSummary) -> Vec<String> {
     let iterated = run.answers["iterated"].as_u64().unwrap_or(0);
     if iterated > 0 {
         remarks.push(format!(
-            "limits bound in {iterated} of {} ticks: Clarabel solved the programme there, elsewhere the minimiser of the cost kept all limits",
+            "limits were active in {iterated} of {} ticks: Clarabel solved those programmes; elsewhere the unconstrained minimum kept all limits",
             run.ticks
         ));
     }
     remarks.extend(crate::weights::words(&run.learned));
     let implausible = run.answers["implausible_times"].as_u64().unwrap_or(0);
     if implausible > 0 {
-        remarks.push(format!("answers whose times cannot be, left out of the latencies: {implausible}"));
+        remarks.push(format!("answers with impossible times, left out of the latencies: {implausible}"));
     }
     remarks.extend(swap_remarks(run));
     if run.deadlines["unrecorded"].as_u64().unwrap_or(0) > 0 {
@@ -295,7 +318,7 @@ fn swap_remarks(run: &RunSummary) -> Vec<String> {
     if !planned.is_empty() {
         let held = |key: &str| planned.iter().filter_map(|swap| swap[key].as_u64()).max().unwrap_or(0);
         remarks.push(format!(
-            "{} planned swaps; greatest gap {} ticks, most held {} ticks",
+            "{} planned swaps; the greatest gap is {} ticks, the longest hold {} ticks",
             planned.len(),
             held("gap_ticks"),
             held("held_ticks")

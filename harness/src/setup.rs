@@ -9,7 +9,7 @@ pub use freeplay_controller::task::PAPER_MODEL;
 use freeplay_controller::{LimitsFrom, Task, TaskMode};
 use freeplay_laws::{Clearance, Effects, LawError, Placed};
 use freeplay_path::JointPath;
-use freeplay_plant::{LineUpSpec, PlantConfig, SystemError};
+use freeplay_plant::{ControllerSet, PlantConfig, SystemError};
 use freeplay_shm::{MAX_JOINTS, Mode, Pace, RtRequest};
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::write;
@@ -62,7 +62,7 @@ fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
     let joints = file.arm.dof();
     if joints > MAX_JOINTS {
         return Err(Failure::input(format!(
-            "{}: the arm has {joints} joints, a run carries at most {MAX_JOINTS}: choose a shorter chain of it with --tip LINK, or give joints that stand still type = \"fixed\"",
+            "{}: the arm has {joints} joints, and a run carries at most {MAX_JOINTS}: choose a shorter chain with --tip LINK, or give joints that do not move type = \"fixed\"",
             scenario.model
         )));
     }
@@ -158,7 +158,7 @@ impl Setup {
             patience: Duration::from_secs_f64(scenario.patience),
             answer_patience: scenario.answer_patience.map(Duration::from_secs_f64),
             evidence: scenario.realtime.evidence,
-            line_up: LineUpSpec::default(),
+            controller_set: ControllerSet::default(),
             reflex: scenario.reflex.clone(),
             natural_frequency: scenario.controller.gains.natural_frequency,
         };
@@ -234,9 +234,21 @@ fn check_step(model: &str, plant: &PlantConfig, path: &JointPath) -> Result<(), 
     plant.system(path).map(|_| ()).map_err(|error| match error {
         SystemError::Law(error) => Failure::input(error),
         SystemError::Unfit(error) => Failure::input(error),
-        error @ SystemError::DampingTooStiff { .. } => Failure::input(format!("{model}: {error}")),
+        SystemError::DampingTooStiff { ref joint, .. } => {
+            let line = line_of(model, joint).map_or_else(String::new, |line| format!(":{line}"));
+            Failure::input(format!("{model}{line}: {error}"))
+        }
         error => Failure::input(format!("scenario: substeps = {}: {error}", plant.substeps)),
     })
+}
+
+/// The line of the file `model` on which the joint stands: the first one that has its name in quotes and is one of a joint, in URDF
+/// `<joint name="elbow"`; in TOML its name alone.
+fn line_of(model: &str, joint: &str) -> Option<usize> {
+    let text = freeplay_storage::read_text(Path::new(model)).ok()?;
+    let names = |line: &str| ['"', '\''].iter().any(|quote| line.contains(&format!("{quote}{joint}{quote}")));
+    let of_joint = text.lines().position(|line| line.contains("<joint") && names(line));
+    of_joint.or_else(|| text.lines().position(names)).map(|line| line + 1)
 }
 
 /// What the scenario asks of the operating system for the plant, or for the controller.

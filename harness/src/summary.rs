@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_plant::{Deadlines, Deviation, Ending, LineUp, Plant, Rejection, Stage, Stages};
+use freeplay_plant::{ControllerManager, Deadlines, Deviation, Ending, Plant, Rejection, Stage, Stages};
 use freeplay_shm::realtime::RtReport;
 use hdrhistogram::Histogram;
 use serde::{Deserialize, Serialize};
@@ -62,7 +62,7 @@ pub struct RunSummary {
     pub line_up: Value,
     /// Latencies of each stage, µs.
     pub latency_us: BTreeMap<String, Value>,
-    /// What became of the wishes to the operating system.
+    /// What became of the requests to the operating system.
     pub realtime: Value,
     /// File name of the recording, if there is one.
     pub recording: Option<String>,
@@ -110,7 +110,7 @@ fn joint_use(plant: &Plant, joints: &[String]) -> Value {
 }
 
 fn deadlines(plant: &Plant) -> Value {
-    let (counts, line_up): (Deadlines, &LineUp) = (plant.deadlines(), plant.line_up());
+    let (counts, line_up): (Deadlines, &ControllerManager) = (plant.deadlines(), plant.manager());
     let silent = counts.missed.saturating_sub(counts.late);
     let by_cause = json!({
         "late_answer": counts.late, "no_answer": silent, "plant_late": counts.plant_late,
@@ -130,7 +130,7 @@ fn deadlines(plant: &Plant) -> Value {
 
 /// The controllers by slot, and the swaps; joint values without the unused entries.
 fn line_up(plant: &Plant, names: &[String]) -> Value {
-    let (line_up, joints) = (plant.line_up(), plant.joints());
+    let (line_up, joints) = (plant.manager(), plant.joints());
     let controllers: Vec<Value> = names
         .iter()
         .enumerate()
@@ -199,7 +199,7 @@ pub struct RunFacts {
     pub joints: Vec<String>,
     /// Joints with play.
     pub plays: Vec<String>,
-    /// What became of the wishes to the operating system.
+    /// What became of the requests to the operating system.
     pub realtime: RtReport,
     /// File name of the recording.
     pub recording: Option<String>,
@@ -212,14 +212,14 @@ impl RunSummary {
     pub fn new(plant: &Plant, facts: RunFacts) -> Self {
         let mut gate: serde_json::Map<String, Value> = Rejection::ALL
             .iter()
-            .map(|&reason| (reason.name().to_owned(), json!(plant.line_up().rejected(reason))))
+            .map(|&reason| (reason.name().to_owned(), json!(plant.manager().rejected(reason))))
             .collect();
-        let foreign: u64 = (0..plant.line_up().len()).map(|slot| plant.foreign(slot).commands).sum();
+        let foreign: u64 = (0..plant.manager().len()).map(|slot| plant.foreign(slot).commands).sum();
         gate.insert("foreign".to_owned(), json!(foreign));
         let ledger = plant.system().ledger();
         let joints = plant.arm().joints();
         let first =
-            plant.line_up().first_refusal().map(|first| verdict::refused(first, joints, &facts.controllers));
+            plant.manager().first_refusal().map(|first| verdict::refused(first, joints, &facts.controllers));
         let torque_rate = &plant.reflex_limits().torque_rate[..joints.len()];
         let (verdict, failures) = verdict::verdict(plant, facts.ending);
         Self {

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use freeplay_plant::{Comparison, LineUpSpec, PlannedSwap, Usual};
+use freeplay_plant::{Comparison, ControllerSet, PlannedSwap, ReferenceDivergence};
 use freeplay_shm::MAX_JOINTS;
 use freeplay_terminal::exit::Failure;
 use rand::{RngExt, SeedableRng};
@@ -56,18 +56,17 @@ impl CompareTable {
         }
         let mut tolerance = [f64::INFINITY; MAX_JOINTS];
         tolerance.iter_mut().zip(&self.tolerance).for_each(|(to, from)| *to = *from);
-        let usual = self.sound.as_deref().map(|file| usual_of(file, controllers)).transpose()?;
-        Ok(Comparison { tolerance, ticks: self.ticks, usual: usual.map(Arc::new) })
+        let divergence = self.sound.as_deref().map(|file| usual_of(file, controllers)).transpose()?;
+        Ok(Comparison { tolerance, ticks: self.ticks, divergence: divergence.map(Arc::new) })
     }
 }
 
 /// What the `controllers` controllers of the sound run recorded in `file` differed by.
-fn usual_of(file: &Path, controllers: usize) -> Result<Usual, Failure> {
+fn usual_of(file: &Path, controllers: usize) -> Result<ReferenceDivergence, Failure> {
     let recording = freeplay_recording::read(file, None).map_err(Failure::input)?;
     columns::usual(&recording).filter(|usual| usual.slots() == controllers).ok_or_else(|| {
         Failure::input(format!(
-            "scenario: compare.sound = {}: it is no recording of a run of {controllers} controllers; give one that `freeplay run` made with \
-             the same controllers and standbys, in the same order",
+            "scenario: compare.sound = {} is not a recording of a run with {controllers} controllers; give one that `freeplay run` made with the same controllers and standbys, in the same order",
             file.display()
         ))
     })
@@ -90,16 +89,16 @@ pub fn names(first: &str, standby: &[String]) -> Vec<String> {
 ///
 /// # Errors
 /// A swap to nobody, after the end or to where there is no standby; more controllers than a run has slots.
-pub fn line_up(
+pub fn controller_set(
     scenario: &Scenario,
     names: &[String],
     ticks: u64,
     period: f64,
-) -> Result<LineUpSpec, Failure> {
+) -> Result<ControllerSet, Failure> {
     let bad = |message: String| Err(Failure::input(format!("scenario: {message}")));
     if names.len() > freeplay_shm::MAX_SLOTS {
         return bad(format!(
-            "{} controllers at once; a run has room for {}",
+            "{} controllers at once; a run takes at most {}",
             names.len(),
             freeplay_shm::MAX_SLOTS
         ));
@@ -142,7 +141,7 @@ pub fn line_up(
         most.iter_mut().zip(given).for_each(|(to, from)| *to = *from);
         most
     });
-    Ok(LineUpSpec { controllers: names.len(), swaps, blend, hand_over_change, comparison })
+    Ok(ControllerSet { controllers: names.len(), swaps, blend, hand_over_change, comparison })
 }
 
 /// `count` swaps at random ticks at least `apart` apart, each to another than the one before.
@@ -162,7 +161,7 @@ fn random(seed: u64, count: u32, slots: usize, ticks: u64, apart: u64) -> Vec<Pl
 
 #[cfg(test)]
 mod tests {
-    use super::{line_up, names};
+    use super::{controller_set, names};
     use crate::scenario::Scenario;
 
     #[test]
@@ -176,7 +175,7 @@ mod tests {
         let names = ["a", "b", "c"].map(str::to_owned);
         let of = |seed| {
             let scenario = Scenario { seed, random_swaps: 500, swap_blend: 0.01, ..Scenario::default() };
-            line_up(&scenario, &names, 6000, 1e-3).unwrap().swaps
+            controller_set(&scenario, &names, 6000, 1e-3).unwrap().swaps
         };
         let swaps = of(7);
         assert_eq!((swaps.len(), &swaps), (500, &of(7)));
@@ -189,9 +188,13 @@ mod tests {
     fn a_swap_to_nobody_is_told() {
         let mut scenario = Scenario { random_swaps: 1, ..Scenario::default() };
         let alone = ["a".to_owned()];
-        assert!(line_up(&scenario, &alone, 6000, 1e-3).unwrap_err().message.contains("needs a standby"));
+        assert!(
+            controller_set(&scenario, &alone, 6000, 1e-3).unwrap_err().message.contains("needs a standby")
+        );
         scenario.random_swaps = 0;
         scenario.swap = vec![super::SwapTable { tick: 3, to: "b".into() }];
-        assert!(line_up(&scenario, &alone, 6000, 1e-3).unwrap_err().message.contains("this run has a"));
+        assert!(
+            controller_set(&scenario, &alone, 6000, 1e-3).unwrap_err().message.contains("this run has a")
+        );
     }
 }

@@ -6,7 +6,7 @@
 //! its deviation is not judged.
 
 use freeplay_arm::Joint;
-use freeplay_plant::{Ending, Excess, Plant, Refusal, SPEED_MARGIN, Stop};
+use freeplay_plant::{Ending, LimitViolation, Plant, Refusal, SPEED_MARGIN, Stop};
 use serde_json::{Value, json};
 
 /// Ticks in a row for which a joint may be beyond its speed limit: a few more than an impact in a bearing takes.
@@ -45,7 +45,7 @@ pub fn verdict(plant: &Plant, ending: Ending) -> (&'static str, Vec<Value>) {
 }
 
 /// `excess` as `quantity`, `joint`, `value`, `limit` and `unit`; all null where there is none.
-fn limit(excess: Option<Excess>, joints: &[Joint]) -> Value {
+fn limit(excess: Option<LimitViolation>, joints: &[Joint]) -> Value {
     let of = excess.and_then(|excess| Some((excess, joints.get(excess.joint)?)));
     json!({
         "quantity": of.map(|(excess, _)| excess.quantity.name()),
@@ -116,13 +116,13 @@ pub fn failure_words(failure: &Value) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::{failure_words, limit_words, stopped};
-    use freeplay_plant::{Excess, Quantity, Stop, StopReason};
+    use freeplay_plant::{LimitViolation, Quantity, Stop, StopReason};
     use serde_json::json;
 
     #[test]
     fn a_stop_is_told_with_joint_value_limit_and_tick() {
         let arm = freeplay_arm::paper_arm().arm;
-        let excess = Excess { quantity: Quantity::Speed, joint: 5, value: 11.312_34, limit: 11.235 };
+        let excess = LimitViolation { quantity: Quantity::Speed, joint: 5, value: 11.312_34, limit: 11.235 };
         let stop = Stop { tick: 123, reason: StopReason::Reflex(Quantity::Speed), excess: Some(excess) };
         let value = stopped(&stop, arm.joints());
         let expected = json!({

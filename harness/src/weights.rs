@@ -106,8 +106,7 @@ pub fn words(learned: &Value) -> Option<String> {
         return None;
     }
     Some(format!(
-        "the network moves the tool by up to {:.3} mm; {:.0} % of the path are inside the region that it was trained in, {:.0} % so far outside \
-         that it says nothing there",
+        "the network moves the tool by up to {:.3} mm; {:.0} % of the path lie inside its trained region, {:.0} % so far outside that it does not act there",
         number("greatest_mm")?,
         1e2 * inside,
         1e2 * outside

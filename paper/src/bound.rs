@@ -12,7 +12,7 @@
 //! As a check, the optimal motion is given to the true plant as prescribed joints; what the plant then measures is printed beside it.
 
 use freeplay_arm::{Workspace, forward_kinematics, paper_arm};
-use freeplay_controller::outlook::Outlook;
+use freeplay_controller::displacement_preview::DisplacementPreview;
 use freeplay_controller::{CornerSearch, Passage, PassageOptions, Step, Weights};
 use freeplay_laws::{ArmWithPlay, Clearance, ClearanceTable};
 use freeplay_path::{JointPath, PathKind, PathSpec};
@@ -95,7 +95,7 @@ impl Cell {
     fn passages(&self, weights: Weights, options: PassageOptions) -> Vec<Passage> {
         let arm = paper_arm().arm;
         let search = CornerSearch { arm: &arm, with_play: &self.play, period: PERIOD, weights, options };
-        let mut outlook = Outlook::new(self.path.clone(), &self.play, PERIOD, HALF);
+        let mut outlook = DisplacementPreview::new(self.path.clone(), &self.play, PERIOD, HALF);
         let begin = (DeviationStatistics::START / PERIOD) as u64;
         let found = search.passages(&mut outlook, begin, self.ticks);
         for corner in found.unplanned() {

@@ -8,13 +8,14 @@
 use std::fmt::Write as _;
 
 use clap::Args;
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::CellAlignment;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::DeviationStatistics;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::arguments::above_zero;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::output::say;
+use freeplay_terminal::layout::text_table;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::parallel::on_all_cores;
 use serde::Serialize;
 
@@ -30,7 +31,7 @@ pub struct BoundArgs {
     /// Clearances, mm.
     #[arg(long, value_delimiter = ',', default_value = "0.2,0.4,0.6", value_parser = above_zero)]
     clearance: Vec<f64>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -71,14 +72,13 @@ pub fn bound(args: &BoundArgs) -> Result<Exit, Failure> {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&compared).map_err(Failure::internal)?))?;
         }
-        Format::Text => say(&in_words(&compared))?,
+        Format::Text => show(&in_words(&compared))?,
     }
     Ok(Exit::Done)
 }
 
 fn in_words(all: &[Compared]) -> String {
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING);
+    let mut table = text_table();
     table.set_header([
         "\nT [s]",
         "\nc [mm]",
@@ -122,12 +122,12 @@ fn in_words(all: &[Compared]) -> String {
     }
     let least = all.iter().map(|one| one.closed[0]).fold(f64::INFINITY, f64::min);
     let mut text = format!(
-        "Sharp square, joint 5, after {} s: what the controllers reach, and the least that was found with all knowledge of the arm\n{table}\n",
+        "Sharp square, joint 5, after {} s: deviation under the controllers, and the least deviation found with full knowledge of the arm\n{table}\n",
         DeviationStatistics::START
     );
     let _ = writeln!(
         text,
-        "\nThe optimum is found by a local search from several starts, not proved, and counts nothing outside the corners; \"on the plant\" is \
+        "\nA local search from several starts finds the optimum without a proof, and only corners count; \"on the plant\" is \
          what prescribed joints on it measure there.\nnarx-qp goes at least {:.0} % of the way from quasi-static to it in RMS.",
         100.0 * least
     );

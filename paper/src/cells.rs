@@ -8,7 +8,7 @@
 use std::fmt::Write as _;
 
 use clap::{Args, ValueEnum};
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::CellAlignment;
 use freeplay_arm::paper_arm;
 use freeplay_controller::computed_torque::COMPUTED_TORQUE;
 use freeplay_controller::narx_qp::NARX_QP;
@@ -17,7 +17,8 @@ use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::{DeviationStatistics, SensorsSpec, UsedByJoint};
 use freeplay_terminal::arguments::{Format, above_zero};
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::output::say;
+use freeplay_terminal::layout::text_table;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::parallel::on_all_cores;
 use freeplay_terminal::progress;
 use serde::Serialize;
@@ -50,7 +51,7 @@ const PARTS: [Part; 5] = [Part::Tracked, Part::Untracked, Part::Wrong, Part::Wro
 /// Makes the table.
 #[derive(Args, Debug)]
 pub struct CellsArgs {
-    /// Parts of the table; all without.
+    /// Parts of the table; all of them without it.
     #[arg(long, value_delimiter = ',')]
     part: Vec<Part>,
     /// Paths.
@@ -74,7 +75,7 @@ pub struct CellsArgs {
     /// An option of quasi-static, as in --quasi-static-option horizon=0.02.
     #[arg(long, value_name = "KEY=VALUE")]
     quasi_static_option: Vec<String>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -218,7 +219,7 @@ pub fn cells(args: &CellsArgs) -> Result<Exit, Failure> {
         let words = format!("--after {}: give 0 s to below the shortest --period, {shortest} s", args.after);
         return Err(Failure::usage(words));
     }
-    let bar = progress::bar(all.len() as u64, "cells {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(all.len() as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}").with_message("cells");
     let rows = on_all_cores(all.len(), |index| {
         let row = all[index].clone().row(options.clone());
         bar.inc(1);
@@ -229,7 +230,7 @@ pub fn cells(args: &CellsArgs) -> Result<Exit, Failure> {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&rows).map_err(Failure::internal)?))?;
         }
-        Format::Text => say(&in_words(&rows))?,
+        Format::Text => show(&in_words(&rows))?,
     }
     Ok(if rows.iter().all(Row::holds) { Exit::Done } else { Exit::Verdict })
 }
@@ -270,7 +271,8 @@ fn pair(text: &str) -> Result<(usize, usize), String> {
     let joint = |text: &str| text.parse().ok().and_then(|joint: usize| joint.checked_sub(1));
     let pair = text.split_once('+').and_then(|(first, second)| joint(first).zip(joint(second)));
     let known = |&(first, second): &(usize, usize)| first < second && second < paper_arm().arm.dof();
-    pair.filter(known).ok_or_else(|| "give two joints of the arm, as in 3+5, the lower one first".to_owned())
+    pair.filter(known)
+        .ok_or_else(|| "give two joints of the arm, the lower one first, such as 3+5".to_owned())
 }
 
 /// Lines of TOML, one for each KEY=VALUE of `flag`, as a table.
@@ -287,8 +289,7 @@ fn kind(name: &str) -> Result<PathKind, Failure> {
 }
 
 fn in_words(rows: &[Row]) -> String {
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING);
+    let mut table = text_table();
     table.set_header([
         "\npart",
         "\npath",

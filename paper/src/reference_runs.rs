@@ -8,14 +8,15 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::CellAlignment;
 use freeplay_harness::scenario::Drive;
 use freeplay_laws::ClearanceTable;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::DeviationStatistics;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::output::say;
+use freeplay_terminal::layout::text_table;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::parallel::on_all_cores;
 use freeplay_terminal::{messages, progress};
 use serde::{Deserialize, Serialize};
@@ -41,7 +42,7 @@ pub struct ReferenceArgs {
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -183,12 +184,12 @@ fn simulate(row: &Reference, substeps: u32, nudge: f64) -> Result<Figures, Failu
 
 /// Relative changes of the clearance whose runs show how far a chaotic run is determined at all: none of them is more
 /// than 0.01 µm, but the bounces at a sharp corner multiply it.
-const NUDGES: [f64; 8] = [-2e-5, -1.5e-5, -1e-5, -5e-6, 5e-6, 1e-5, 1.5e-5, 2e-5];
+const PERTURBATIONS: [f64; 8] = [-2e-5, -1.5e-5, -1e-5, -5e-6, 5e-6, 1e-5, 1.5e-5, 2e-5];
 
 /// The least and greatest of each figure over nudged runs, `ours` included.
 fn spread(row: &Reference, substeps: u32, ours: Figures) -> Result<[Figures; 2], Failure> {
     let mut ends = [ours, ours];
-    for nudge in NUDGES {
+    for nudge in PERTURBATIONS {
         let other = simulate(row, substeps, nudge)?;
         for (end, choose) in ends.iter_mut().zip([f64::min as fn(f64, f64) -> f64, f64::max]) {
             end.merge(&other, choose);
@@ -309,7 +310,8 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
     }
     let claimed = |out| claim(Some(out), &["report.html"], args.force);
     let folder = args.out.as_deref().map(claimed).transpose()?;
-    let bar = progress::bar(rows.len() as u64, "reference runs {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(rows.len() as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}")
+        .with_message("reference runs");
     let figures = on_all_cores(rows.len(), |index| {
         let figures = simulate(&rows[index], args.substeps, 0.0);
         bar.inc(1);
@@ -325,7 +327,7 @@ pub fn reference_runs(args: &ReferenceArgs) -> Result<Exit, Failure> {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&pairs).map_err(Failure::internal)?))?
         }
-        Format::Text => say(&in_words(&pairs, args.substeps))?,
+        Format::Text => show(&in_words(&pairs, args.substeps))?,
     }
     if let Some(folder) = &folder {
         let report = crate::reference_report::write(&pairs, args.substeps, folder.path())?;
@@ -343,8 +345,7 @@ pub fn beside(theirs: Option<f64>, ours: Option<f64>, scale: f64, digits: usize)
 }
 
 fn in_words(pairs: &[Pair], substeps: u32) -> String {
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING);
+    let mut table = text_table();
     table.set_header([
         "run",
         "free %",

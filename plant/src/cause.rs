@@ -88,7 +88,7 @@ impl Cause {
 
 /// What a thread went through in a tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Hardship {
+pub struct ThreadDelays {
     /// On a core, ns; brought up to date as it leaves it, and every few milliseconds.
     pub ran_ns: u64,
     /// How often it got a core.
@@ -103,10 +103,10 @@ pub struct Hardship {
     pub minor_faults: u64,
 }
 
-impl Hardship {
+impl ThreadDelays {
     /// What came on top of `earlier`; all are counts since the thread began.
-    pub(crate) fn since(&self, earlier: &Hardship) -> Hardship {
-        Hardship {
+    pub(crate) fn since(&self, earlier: &ThreadDelays) -> ThreadDelays {
+        ThreadDelays {
             ran_ns: self.ran_ns.saturating_sub(earlier.ran_ns),
             turns: self.turns.saturating_sub(earlier.turns),
             is_stopped: self.is_stopped,
@@ -158,9 +158,9 @@ pub struct Evidence {
     /// The usual links.
     pub usual: Links,
     /// Of the plant's thread, since the tick before.
-    pub plant: Hardship,
+    pub plant: ThreadDelays,
     /// Of the controller's thread, from the tick before to its next answer.
-    pub controller: Hardship,
+    pub controller: ThreadDelays,
     /// Taken from this machine by the hypervisor, ns; in steps of 10 ms.
     pub stolen_ns: u64,
     /// Whether an answer came, late as it may be: without one, the time of the controller is not known.
@@ -228,7 +228,7 @@ pub fn cause(evidence: &Evidence) -> Cause {
 
 #[cfg(test)]
 mod tests {
-    use super::{Cause, Evidence, Hardship, Links, cause};
+    use super::{Cause, Evidence, Links, ThreadDelays, cause};
 
     /// A cause and what provokes it.
     type Case = (Cause, fn(&mut Evidence));
@@ -244,7 +244,7 @@ mod tests {
             qp_iterations: 8,
             command_ns: 1_000,
         };
-        let none = Hardship::default();
+        let none = ThreadDelays::default();
         Evidence {
             period_ns: 1_000_000,
             links,

@@ -8,7 +8,7 @@ use freeplay_arm::Arm;
 use freeplay_shm::{Command, CommandKind, CommandStatus, Joints, MAX_JOINTS, Mode};
 use serde::{Deserialize, Serialize};
 
-use crate::excess::{Excess, Quantity};
+use crate::limit_violation::{LimitViolation, Quantity};
 
 /// Why a command did not pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize)]
@@ -133,12 +133,12 @@ impl GateLimits {
     /// The mean speed of the step has to be within the speed limit. Between two velocities, a joint with the acceleration limit a can move
     /// by at most a T²/4 more or less than at their mean. While joints were held at their velocity, a reference may have accelerated: there T is the
     /// time from the last command that was followed.
-    pub fn step_excess(&self, command: &Command, measured: &[[f64; 3]], held: u32) -> Option<Excess> {
+    pub fn step_excess(&self, command: &Command, measured: &[[f64; 3]], held: u32) -> Option<LimitViolation> {
         let span = self.period * f64::from(held + 1);
         measured.iter().enumerate().take(command.joints as usize).find_map(|(joint, &[q, v, _])| {
             let (step, end) = (command.value[joint] - q, command.velocity[joint]);
             let excess = |quantity, value: f64, limit: f64| {
-                (value > limit * (1.0 + ROUNDING)).then_some(Excess { quantity, joint, value, limit })
+                (value > limit * (1.0 + ROUNDING)).then_some(LimitViolation { quantity, joint, value, limit })
             };
             let unmeant = (step - 0.5 * (v + end) * self.period).abs();
             let acceleration = ((end - v).abs() / span).max(4.0 * unmeant / (span * span));
@@ -173,7 +173,7 @@ pub struct Gate {
     streak: u32,
     braking: bool,
     rejected: [u64; Rejection::ALL.len()],
-    excess: Option<Excess>,
+    excess: Option<LimitViolation>,
 }
 
 impl Gate {
@@ -226,7 +226,7 @@ impl Gate {
     }
 
     /// Counts a command as refused for `rejection`, be it one that [`Gate::watch`] let pass; `excess` is the limit that it does not keep.
-    pub fn refuse(&mut self, rejection: Rejection, excess: Option<Excess>) {
+    pub fn refuse(&mut self, rejection: Rejection, excess: Option<LimitViolation>) {
         self.rejected[rejection as usize] += 1;
         self.excess = excess;
         self.missed = self.missed.saturating_add(1);
@@ -258,7 +258,7 @@ impl Gate {
     }
 
     /// The limit that the last refused command did not keep, where it was refused for one.
-    pub fn excess(&self) -> Option<Excess> {
+    pub fn excess(&self) -> Option<LimitViolation> {
         self.excess
     }
 
@@ -311,7 +311,7 @@ impl Gate {
 
     fn judge_joint(&self, command: &Command, joint: usize) -> Result<(), Refused> {
         let refused = |rejection, quantity, value, limit| {
-            Err((rejection, Some(Excess { quantity, joint, value, limit })))
+            Err((rejection, Some(LimitViolation { quantity, joint, value, limit })))
         };
         let (limits, value) = (&self.limits, command.value[joint]);
         let (whole, rate) = match limits.mode {
@@ -344,12 +344,12 @@ impl Gate {
 }
 
 /// Why a command is refused, and the limit that it does not keep.
-type Refused = (Rejection, Option<Excess>);
+type Refused = (Rejection, Option<LimitViolation>);
 
 #[cfg(test)]
 mod tests {
     use super::{Applied, Gate, GateLimits, Rejection};
-    use crate::excess::{Excess, Quantity};
+    use crate::limit_violation::{LimitViolation, Quantity};
     use freeplay_shm::{Command, CommandStatus, MAX_JOINTS, Mode, State};
 
     const RUN: u64 = 7;
@@ -430,10 +430,10 @@ mod tests {
         let mut gate = gate();
         assert_eq!(gate.pass(Some(&command(4, 5.0)), 4).1, None);
         assert_eq!(gate.pass(Some(&command(5, 25.0)), 5).1, Some(Rejection::TooFast));
-        let expected = Excess { quantity: Quantity::TorqueRate, joint: 0, value: 2e4, limit: 1e4 };
+        let expected = LimitViolation { quantity: Quantity::TorqueRate, joint: 0, value: 2e4, limit: 1e4 };
         assert_eq!(gate.excess(), Some(expected));
         assert_eq!(gate.pass(Some(&command(6, -101.0)), 6).1, Some(Rejection::OutOfRange));
-        let expected = Excess { quantity: Quantity::Torque, joint: 0, value: -101.0, limit: -100.0 };
+        let expected = LimitViolation { quantity: Quantity::Torque, joint: 0, value: -101.0, limit: -100.0 };
         assert_eq!(gate.excess(), Some(expected));
         assert_eq!(gate.pass(None, 7).1, Some(Rejection::Missing));
         assert_eq!(gate.excess(), None);

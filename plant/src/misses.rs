@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::cause::{Cause, Evidence, Hardship, LEAST, Links, cause};
+use crate::cause::{Cause, Evidence, LEAST, Links, ThreadDelays, cause};
 use crate::thread_watch::{StealWatch, ThreadWatch};
 use crate::{Stage, Stages};
 
@@ -62,9 +62,9 @@ struct Watched {
     /// `None` where the system shows nothing of it.
     watch: Option<ThreadWatch>,
     /// Its counters at the last look.
-    seen: Hardship,
+    seen: ThreadDelays,
     /// The same when the plant was last in time.
-    in_time: Hardship,
+    in_time: ThreadDelays,
 }
 
 impl Watched {
@@ -81,7 +81,7 @@ impl Watched {
     }
 
     /// What it went through since the plant was last in time.
-    fn hardship(&self) -> Hardship {
+    fn hardship(&self) -> ThreadDelays {
         self.seen.since(&self.in_time)
     }
 }
@@ -107,7 +107,7 @@ struct Open {
     /// Whether it was in charge; else a swap waited for it, and no deadline was missed.
     was_in_charge: bool,
     /// Its counters when the plant was last in time before.
-    in_time: Hardship,
+    in_time: ThreadDelays,
     heard: Heard,
     miss: Miss,
 }
@@ -302,7 +302,7 @@ impl Misses {
         if let (true, Some(watched)) = (heard != Heard::Nothing, self.controllers.get(slot)) {
             evidence.controller = watched.seen.since(&in_time);
         }
-        let Hardship { ran_ns, turns, .. } = evidence.controller;
+        let ThreadDelays { ran_ns, turns, .. } = evidence.controller;
         // One that goes to sleep by itself takes more turns than there are states, one that is busy runs.
         let is_kept = |states: u64, lasted_ns: u64| {
             !is_stopped && (1..=states).contains(&turns) && ran_ns < lasted_ns / 2

@@ -28,7 +28,7 @@ use nalgebra::DMatrix;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::excess::{Excess, Quantity};
+use crate::limit_violation::{LimitViolation, Quantity};
 
 /// Deceleration of a braking joint whose file names neither acceleration nor effort limit, and the least of one whose file names an effort
 /// limit alone (of zero, as some do), rad/s² (m/s²).
@@ -181,9 +181,9 @@ impl ReflexLimits {
 
     /// What is wrong with `joint` at `[q, v, a]`, looked at again after `step` s.
     #[inline]
-    pub(crate) fn excess(&self, joint: usize, [q, v, a]: [f64; 3], step: f64) -> Option<Excess> {
+    pub(crate) fn excess(&self, joint: usize, [q, v, a]: [f64; 3], step: f64) -> Option<LimitViolation> {
         let next = v + a * step;
-        let excess = |quantity, value, limit| Some(Excess { quantity, joint, value, limit });
+        let excess = |quantity, value, limit| Some(LimitViolation { quantity, joint, value, limit });
         if next.abs() > self.speed[joint] {
             return excess(Quantity::Speed, next.abs(), self.speed[joint]);
         }
@@ -259,7 +259,7 @@ impl Reflexes {
     }
 
     /// Looks at the `joints`, each as `[q, v, a]`, whose reference is at `reference`; the first that is beyond a limit.
-    pub fn watch(&mut self, joints: &[[f64; 3]], reference: &[f64]) -> Option<Excess> {
+    pub fn watch(&mut self, joints: &[[f64; 3]], reference: &[f64]) -> Option<LimitViolation> {
         let limits = &self.limits;
         let slow = self.slow.get_or_insert_with(|| {
             let mut slow = [0.0; MAX_JOINTS];
@@ -273,7 +273,7 @@ impl Reflexes {
             slow[joint] += (v - slow[joint]) * (self.period / limits.rise[joint]).min(1.0);
             let error = reference.get(joint).map_or(0.0, |reference| (q - reference).abs());
             let beyond = |quantity, value: f64, limit: f64| {
-                (value > limit).then_some(Excess { quantity, joint, value, limit })
+                (value > limit).then_some(LimitViolation { quantity, joint, value, limit })
             };
             found = found
                 .or_else(|| limits.excess(joint, [q, v, a], 0.0))

@@ -19,7 +19,7 @@ use crate::drives::{Drives, Motor};
 use crate::position_servo::PositionServo;
 use crate::rotor::{check_step, share_out, with_rotors};
 use crate::tool_forces::ToolForces;
-use crate::{Bearing, Braking, ContactTally, Excess, Ledger, Motion, ReflexLimits};
+use crate::{Bearing, Braking, ContactTally, Ledger, LimitViolation, Motion, ReflexLimits};
 
 /// The longest sub-step that is allowed where a contact can happen, s.
 pub const MAX_CONTACT_STEP: f64 = 1e-4;
@@ -337,7 +337,7 @@ impl System {
         input: &Input,
         limits: &ReflexLimits,
         brakes: &mut Braking,
-    ) -> Result<Option<Excess>, SystemError> {
+    ) -> Result<Option<LimitViolation>, SystemError> {
         let step = self.period / f64::from(self.substeps);
         for substep in 0..self.substeps {
             self.numbered_substep(substep, input);

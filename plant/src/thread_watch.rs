@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 
-use crate::cause::Hardship;
+use crate::cause::ThreadDelays;
 
 /// Longest line that is read, bytes.
 const LONGEST: usize = 1024;
@@ -35,7 +35,7 @@ impl ThreadWatch {
     }
 
     /// The counters now; zero where the thread is gone. Two system calls, some microseconds; allocates nothing.
-    pub fn read(&self) -> Hardship {
+    pub fn read(&self) -> ThreadDelays {
         let mut buffer = [0; LONGEST];
         let mut times = numbers(read(&self.schedstat, &mut buffer));
         let [ran_ns, waited_ns, turns] = std::array::from_fn(|_| times.next().unwrap_or(0));
@@ -47,7 +47,7 @@ impl ThreadWatch {
         let is_stopped = fields.next().is_some_and(|state| matches!(state, b"T" | b"t"));
         let minor_faults = fields.nth(10 - 4).map_or(0, number);
         let major_faults = fields.nth(1).map_or(0, number);
-        Hardship { ran_ns, turns, is_stopped, waited_ns, major_faults, minor_faults }
+        ThreadDelays { ran_ns, turns, is_stopped, waited_ns, major_faults, minor_faults }
     }
 }
 

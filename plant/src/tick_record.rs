@@ -43,9 +43,9 @@ pub struct TickRecord {
     pub peak_base_force: f64,
     /// The bearings, in the order of the arm's plays.
     pub plays: [PlayRecord; MAX_PLAYS],
-    /// What each slot from 1 on said less what slot 0 said, see [`crate::LineUp::differences`].
+    /// What each slot from 1 on said less what slot 0 said, see [`crate::ControllerManager::differences`].
     pub differences: [Joints; MAX_SLOTS - 1],
-    /// Marks that were set so far, see [`crate::Wish::Mark`].
+    /// Marks that were set so far, see [`crate::OperatorRequest::Mark`].
     pub marks: u32,
 }
 

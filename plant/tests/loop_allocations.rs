@@ -9,7 +9,7 @@ use crossbeam::queue::ArrayQueue;
 use freeplay_arm::{ArmFile, EffectTable, paper_arm};
 use freeplay_laws::Effects;
 use freeplay_path::{JointPath, PathSpec};
-use freeplay_plant::{Ending, LineUpSpec, PlannedSwap, Plant, PlantConfig, ReflexSpec, SensorsSpec};
+use freeplay_plant::{ControllerSet, Ending, PlannedSwap, Plant, PlantConfig, ReflexSpec, SensorsSpec};
 use freeplay_shm::{Backoff, Command, ControllerLink, Hello, Mode, Offer, Pace, PlantLink, RunRoot, State};
 
 /// Effects that are asked in the sub-steps and in the sensors.
@@ -64,7 +64,7 @@ fn play(ticks: u64, controllers: usize) -> (u64, usize) {
         answer_patience: None,
         command_every: 1,
         evidence: false,
-        line_up: LineUpSpec { controllers, swaps, blend: 7, ..LineUpSpec::default() },
+        controller_set: ControllerSet { controllers, swaps, blend: 7, ..ControllerSet::default() },
         reflex: ReflexSpec::default(),
         natural_frequency: 50.0,
     };
@@ -99,9 +99,9 @@ fn play(ticks: u64, controllers: usize) -> (u64, usize) {
     let counted = allocation_counter::measure(|| ending = Some(plant.run(&stop).expect("a run").ending));
     threads.into_iter().for_each(|thread| thread.join().expect("a controller"));
     assert!(
-        controllers == 1 || plant.line_up().swaps().len() as u64 == (ticks - 1) / 10,
+        controllers == 1 || plant.manager().swaps().len() as u64 == (ticks - 1) / 10,
         "{}",
-        plant.line_up().swaps().len()
+        plant.manager().swaps().len()
     );
     assert_eq!(ending, Some(Ending::Finished));
     assert_eq!(plant.deadlines().missed, 0);

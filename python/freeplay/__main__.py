@@ -13,7 +13,7 @@ def main(arguments: list[str]) -> int:
     """Does what `arguments` say; the exit code."""
     try:
         if arguments[:1] == ["campaign"]:
-            from .campaigns import main as campaign
+            from ._campaign_command import main as campaign
 
             return int(campaign(arguments[1:]))
         command = _command.executable()

@@ -7,6 +7,7 @@ campaign's folder.
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import shlex
 import shutil
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from . import _campaign_task
 from .errors import BadUsage, NotInstalled, PeerMissing
 
 
@@ -38,8 +40,8 @@ class Work:
     cluster: str | None
 
     def command(self, task: int) -> list[str]:
-        """The command line of a task."""
-        return [sys.executable, "-m", "freeplay._campaign_task", str(self.folder), str(task)]
+        """The command line of a task: its file alone, without the package and without what else is installed, starts in half the time."""
+        return [sys.executable, "-I", "-S", _campaign_task.__file__, str(self.folder), str(task)]
 
 
 def environment() -> dict[str, str]:
@@ -52,12 +54,23 @@ def environment() -> dict[str, str]:
 def local(work: Work) -> None:
     """Processes on this machine, `workers` at a time."""
     env = {**os.environ, **environment()}
+    at_work: set[subprocess.Popen[bytes]] = set()
 
     def one(task: int) -> None:
-        subprocess.call(work.command(task), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=env)
+        process = subprocess.Popen(work.command(task), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=env)
+        at_work.add(process)
+        process.wait()
+        at_work.discard(process)
 
     with ThreadPoolExecutor(work.workers) as pool:
-        list(pool.map(one, work.tasks))
+        try:
+            list(pool.map(one, work.tasks))
+        except BaseException:
+            # Ctrl-C: what waits is not begun, and what is at work ends with its task.
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in list(at_work):
+                process.terminate()
+            raise
 
 
 def hyperqueue(work: Work) -> None:
@@ -75,7 +88,7 @@ def hyperqueue(work: Work) -> None:
     with contextlib.ExitStack() as stack:
         if work.cluster is None:
             server = stack.enter_context(tempfile.TemporaryDirectory(prefix="freeplay-hq-"))
-            with _stdout_to_stderr():
+            with _without_stdout():
                 cluster = LocalCluster(server, WorkerConfig(cores=work.workers))
             stack.enter_context(cluster)
             client = cluster.client()
@@ -96,6 +109,8 @@ def dask(work: Work) -> None:
         from distributed import Client, LocalCluster, wait
     except ImportError:
         raise NotInstalled("engine dask needs the package distributed: pip install distributed") from None
+    # A task that fails is tried again, and told by the campaign if it fails to the end.
+    logging.getLogger("distributed.worker").setLevel(logging.ERROR)
     env = environment()
     with contextlib.ExitStack() as stack:
         if work.cluster is None:
@@ -153,16 +168,17 @@ def _spans(numbers: Sequence[int]) -> list[str]:
 
 
 @contextlib.contextmanager
-def _stdout_to_stderr() -> Iterator[None]:
-    """What a library writes to standard output goes to standard error: the output is the campaign's result."""
+def _without_stdout() -> Iterator[None]:
+    """A library's standard output goes nowhere: the output is the campaign's result."""
     sys.stdout.flush()
-    kept = os.dup(1)
-    os.dup2(2, 1)
+    kept, nowhere = os.dup(1), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
     try:
         yield
     finally:
         os.dup2(kept, 1)
         os.close(kept)
+        os.close(nowhere)
 
 
 ENGINES = {"local": local, "hyperqueue": hyperqueue, "dask": dask, "slurm": slurm}

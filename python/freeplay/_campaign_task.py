@@ -1,6 +1,6 @@
 """One task of a campaign: a command, and its results moved to their place as a whole. Engines start it as a process.
 
-    python -m freeplay._campaign_task FOLDER NUMBER
+    python -I -S _campaign_task.py FOLDER NUMBER
 
 It may be killed at any moment and started again, also while another one is at work on the same task: whoever is done first leaves the
 results. Only the standard library is imported, for it is started once a task.
@@ -9,6 +9,7 @@ results. Only the standard library is imported, for it is started once a task.
 from __future__ import annotations
 
 import ctypes
+import itertools
 import json
 import os
 import shutil
@@ -18,9 +19,10 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
-#: The plan of a campaign, in its folder.
-PLAN = "campaign.json"
+#: The plan of a campaign, in its folder, and what each task does, a line a task.
+PLAN, LINES = "campaign.json", "tasks.jsonl"
 #: The folder of the finished tasks, and those of one task.
 TASKS, RESULT, PRINTED, LOG, TASK, FAILED = "tasks", "result", "printed.json", "log.txt", "task.json", "failed"
 # prctl: the signal that a process gets when its parent dies.
@@ -32,27 +34,37 @@ def name_of(number: int) -> str:
     return f"{number:06d}"
 
 
+def points_of(folder: Path, number: int) -> list[dict[str, Any]]:
+    """What task `number` does, one after the other."""
+    with open(folder / LINES, encoding="utf-8") as lines:
+        return list(json.loads(next(itertools.islice(lines, number, None))))
+
+
 def perform(folder: Path, number: int) -> int:
     """Does task `number` of the campaign in `folder`; the exit code, 0 if its results are there."""
-    plan = json.loads((folder / PLAN).read_text(encoding="utf-8"))
     name = name_of(number)
     final = folder / TASKS / name
     if final.is_dir():
         return 0
+    plan = json.loads((folder / PLAN).read_text(encoding="utf-8"))
     part = folder / TASKS / f".{name}-{socket.gethostname()}-{os.getpid()}"
     # Left by a task that was killed and had the same number of its process.
     shutil.rmtree(part, ignore_errors=True)
     part.mkdir(parents=True)
-    begun = time.monotonic()
-    command = [plan["executable"], *(word.replace("{result}", str(part / RESULT)) for word in plan["tasks"][number]["arguments"])]
+    at, begun, seconds, codes = time.time(), time.monotonic(), [], []
     with open(part / PRINTED, "wb") as printed, open(part / LOG, "wb") as log:
-        code = subprocess.call(command, stdin=subprocess.DEVNULL, stdout=printed, stderr=log, preexec_fn=_end_with_parent)
-    if code not in (0, 1):
-        _fail(folder, part, name, code)
-        return code if 0 < code < 128 else 70
-    for surplus in plan["surplus"]:
-        shutil.rmtree(part / RESULT / surplus, ignore_errors=True)
-    told = {"exit_code": code, "seconds": time.monotonic() - begun, "host": socket.gethostname()}
+        for point in points_of(folder, number):
+            started = time.monotonic()
+            command = [plan["executable"], *(word.replace("{result}", str(part / RESULT)) for word in point["arguments"])]
+            code = subprocess.call(command, stdin=subprocess.DEVNULL, stdout=printed, stderr=log, preexec_fn=_end_with_parent)
+            if code not in (0, 1):
+                _fail(folder, part, name, code)
+                return code if 0 < code < 128 else 70
+            for surplus in plan["surplus"]:
+                shutil.rmtree(part / RESULT / surplus, ignore_errors=True)
+            seconds.append(time.monotonic() - started)
+            codes.append(code)
+    told = {"exit_codes": codes, "begun": at, "seconds": time.monotonic() - begun, "each": seconds, "host": socket.gethostname()}
     (part / TASK).write_text(json.dumps(told) + "\n", encoding="utf-8")
     try:
         os.rename(part, final)

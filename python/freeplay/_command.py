@@ -143,8 +143,20 @@ def call(
 def teller(progress: Progress) -> Callable[[str], object] | None:
     """The function that gets the lines of progress, if anybody does."""
     if progress is True:
-        return lambda line: print(line, file=sys.stderr, flush=True)
+        return _in_notebook() or (lambda line: print(line, file=sys.stderr, flush=True))
     return progress or None
+
+
+def _in_notebook() -> Callable[[str], object] | None:
+    """In a notebook: one line under the cell that is written anew, where a terminal gets one below the other."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    if shell is None or not hasattr(shell, "kernel"):
+        return None
+    from IPython.display import display
+
+    handle = display({"text/plain": "…"}, raw=True, display_id=True)
+    return lambda line: handle.update({"text/plain": line}, raw=True)
 
 
 def _pass_on(stream: Any, lines: list[str], tell: Callable[[str], object] | None) -> None:

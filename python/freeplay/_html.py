@@ -36,6 +36,8 @@ def table(frame: pd.DataFrame, limit: int = 20) -> str:
     shown = frame.head(limit)
     if not isinstance(shown.index, pd.RangeIndex):
         shown = shown.reset_index()
+    if "unit" in shown.columns:
+        shown = shown.assign(unit=shown["unit"].astype(str).str.replace("*", "·"))
     numeric = [pd.api.types.is_numeric_dtype(shown[column]) for column in shown.columns]
     kinds = [' class="n"' if number else "" for number in numeric]
     head = "".join(f"<th{kind}>{escape(str(column))}</th>" for column, kind in zip(shown.columns, kinds))

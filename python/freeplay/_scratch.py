@@ -5,11 +5,13 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 
 class Scratch:
-    """A folder under the system's temporary one; removed with this object, or at the end of the process."""
+    """A folder under the system's temporary one; removed with this object, or at the end of the process. Pickled, it takes its files along."""
 
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="freeplay-"))
@@ -17,3 +19,44 @@ class Scratch:
 
     def __truediv__(self, name: str) -> Path:
         return self.path / name
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Scratch:
+        # What lies in it is not changed any more: copies share it.
+        return self
+
+    def __getstate__(self) -> dict[str, bytes]:
+        files = (file for file in self.path.rglob("*") if file.is_file())
+        return {str(file.relative_to(self.path)): file.read_bytes() for file in files}
+
+    def __setstate__(self, files: dict[str, bytes]) -> None:
+        Scratch.__init__(self)
+        for name, held in files.items():
+            (self.path / name).parent.mkdir(parents=True, exist_ok=True)
+            (self.path / name).write_bytes(held)
+
+
+@dataclass(frozen=True)
+class _Inside:
+    """A path in a scratch folder, wherever that is."""
+
+    path: Path
+
+
+class Portable:
+    """What can be copied and pickled with its files: paths in its scratch folder go along with this."""
+
+    _scratch: Scratch | None
+
+    def __getstate__(self) -> dict[str, Any]:
+        state = dict(self.__dict__)
+        if self._scratch is not None:
+            root = self._scratch.path
+            inside = {name: held for name, held in state.items() if isinstance(held, Path) and held.is_relative_to(root)}
+            state.update({name: _Inside(held.relative_to(root)) for name, held in inside.items()})
+        return state
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if self._scratch is not None:
+            root = self._scratch.path
+            self.__dict__.update({name: root / held.path for name, held in state.items() if isinstance(held, _Inside)})

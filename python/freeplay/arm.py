@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 from typing import Any, Union
@@ -10,10 +11,10 @@ import pandas as pd
 
 from . import _html
 from ._command import PathLike, call, options
-from ._scratch import Scratch
+from ._scratch import Portable, Scratch
 
 
-class Arm:
+class Arm(Portable):
     """A model of an arm: a chain of joints, and the effects that a rigid chain leaves out.
 
     Make one with `Arm.read`; `Diagnosis.model` is one, too.
@@ -130,4 +131,6 @@ def model_options(arm: ArmLike) -> list[str]:
     """`--model` and `--tip` for `arm`."""
     if isinstance(arm, Arm):
         return options(model=arm.path, tip=arm.tip)
+    if not isinstance(arm, (str, os.PathLike)):
+        raise TypeError(f"a model is an Arm or the path of its file, not {type(arm).__name__}; the model comes before the recording")
     return options(model=arm)

@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-import argparse
-import hashlib
 import itertools
 import json
 import os
+import re
 import secrets
 import shutil
-import sys
-import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from . import _campaign_engines, _command, _toml
-from ._campaign_task import FAILED, PLAN, PRINTED, RESULT, TASK, TASKS, name_of
+from . import _campaign_engines, _campaign_receipt, _command, _toml
+from ._campaign_progress import Watcher
+from ._campaign_receipt import canonical, own_name, steady
+from ._campaign_task import FAILED, LINES, PLAN, PRINTED, RESULT, TASK, TASKS, name_of
 from ._command import PathLike, Progress, call, options, teller
 from .errors import BadInput, BadUsage, FreeplayError, InternalFault
 
 if TYPE_CHECKING:
     import pandas as pd
 
-SCHEMA, PLAN_SCHEMA = "freeplay.campaign/1", "freeplay.campaign-plan/1"
+PLAN_SCHEMA = "freeplay.campaign-plan/2"
 # Commands that take no --out.
 PRINT_ONLY = {"cells"}
-# What differs from run to run of the same case: times, machines, salts, and names that are drawn.
-VOLATILE = {
-    "latency_us", "deadlines", "machine", "salt", "cpu_seconds", "seconds", "isolation", "files", "config_hash", "freeplay", "scenario",
-}  # fmt: skip
-# Between two looks at the folder, s.
-LOOK = 0.5
 
 
 def campaign(
@@ -63,7 +56,8 @@ def campaign(
     out : path
         Folder for the results, which every worker sees under this path. Results appear in `tasks` as they come.
     shards : int, optional
-        Into how many tasks "blind" is cut; four a worker without it. The receipt does not depend on it.
+        Into how many tasks the cases are cut. Without it "blind" is cut into four a worker, and a sweep has a task for each combination. The
+        receipt does not depend on it. Tasks of several combinations leave what each printed, and no folder for each.
     sweep : dict, optional
         Keys of the scenario, and options with their dashes, with the values of each; a task for every combination:
         `{"path.period": [6, 12], "--seed": range(10)}`.
@@ -108,38 +102,47 @@ def campaign(
     if command == "blind" and _value(words, "--seed") is None:
         # All shards draw from one seed: that of the plan, so that a campaign that goes on goes on with it.
         words += ["--seed", str((known or {}).get("seed") or secrets.randbits(63))]
-    count = shards or (known or {}).get("shards") or 4 * workers
-    plan = _plan(words, sweep or {}, int(count), keep)
-    _lay_out(folder, plan, known)
-    work = _campaign_engines.Work(folder, range(len(plan["tasks"])), workers, attempts, cluster)
+    if shards is None and known:
+        shards = known.get("shards")
+    plan, tasks = _plan(words, sweep or {}, shards, 4 * workers, keep)
+    _lay_out(folder, plan, tasks, known)
+    work = _campaign_engines.Work(folder, range(len(tasks)), workers, attempts, cluster)
     _carry_out(folder, plan, engine, work, progress)
     found = Campaign(folder)
     found.merge()
     return found
 
 
-def _plan(words: list[str], sweep: Mapping[str, Iterable[object]], shards: int, keep: bool) -> dict[str, Any]:
-    """What is to be done, task by task."""
+#: What a task does, one after the other: `at`, what is swept, and the `arguments` of the command.
+Points = list[dict[str, Any]]
+
+
+def _plan(words: list[str], sweep: Mapping[str, Iterable[object]], shards: int | None, many: int, keep: bool) -> tuple[dict[str, Any], list[Points]]:
+    """What is to be done, and the points of each task; `many`: shards of "blind" where `shards` names no number."""
     command, is_proof = words[0], words[0] == "blind" and not sweep
     cut: list[tuple[dict[str, object], list[str]]]
     if is_proof:
         # Shards are spread, not what is in one; and a shard without a case would be refused.
         words = words if _value(words, "--jobs") else [*words, "--jobs", "1"]
-        cases = 40 if not {"--full", "--matrix"} & set(words) else shards
-        shards = min(shards, int(_value(words, "--cases") or cases))
-        cut = [({"shard": shard + 1}, ["--shard", f"{shard + 1}/{shards}"]) for shard in range(shards)]
+        count = shards or many
+        cases = 40 if not {"--full", "--matrix"} & set(words) else count
+        count = min(count, int(_value(words, "--cases") or cases))
+        cut = [({"shard": shard + 1}, ["--shard", f"{shard + 1}/{count}"]) for shard in range(count)]
     elif sweep:
         cut = list(_combinations(sweep))
+        count = min(shards or len(cut), len(cut))
     else:
         raise BadUsage(f"{command} is not cut into shards: give a sweep, such as sweep={{'--seed': range(10)}}")
     folder = [] if command in PRINT_ONLY else ["--out", "{result}"]
-    tasks = [{"at": at, "arguments": [*words, *more, *folder, "--format", "json"]} for at, more in cut]
+    points = [{"at": at, "arguments": [*words, *more, *folder, "--format", "json"]} for at, more in cut]
     seed = _value(words, "--seed")
-    return {
+    surplus = [] if keep else ["sealed"] if is_proof else [""] if count < len(points) else []
+    plan = {
         "schema": PLAN_SCHEMA, "command": command, "version": _command.version(), "executable": str(_command.executable()),
-        "seed": None if seed is None else int(seed), "shards": shards if is_proof else None, "surplus": ["sealed"] if is_proof and not keep else [],
-        "tasks": tasks,
+        "seed": None if seed is None else int(seed), "shards": count, "surplus": surplus, "tasks": count,
     }  # fmt: skip
+    bounds = [task * len(points) // count for task in range(count + 1)]
+    return plan, [points[first:last] for first, last in itertools.pairwise(bounds)]
 
 
 def _value(words: Sequence[str], flag: str) -> str | None:
@@ -174,24 +177,27 @@ def _plan_in(folder: Path) -> dict[str, Any] | None:
     return plan if isinstance(plan, dict) else {}
 
 
-def _lay_out(folder: Path, plan: dict[str, Any], known: dict[str, Any] | None) -> None:
+def _lay_out(folder: Path, plan: dict[str, Any], tasks: list[Points], known: dict[str, Any] | None) -> None:
     """Writes the plan into `folder`, or makes sure that the one there is the same."""
-    asked = json.loads(json.dumps(plan, default=str))
+    lines = "".join(json.dumps(points, default=str, ensure_ascii=False) + "\n" for points in tasks)
     if known is not None:
-        if {**known, "executable": None} != {**asked, "executable": None}:
+        there = (folder / LINES).read_text(encoding="utf-8") if (folder / LINES).exists() else None
+        if {**known, "executable": None} != {**plan, "executable": None} or there != lines:
             raise BadUsage(f"{folder} holds another campaign: choose another folder, or go on with the same arguments")
     elif folder.is_dir() and any(folder.iterdir()):
         raise BadUsage(f"{folder} is not empty: choose another folder")
     (folder / TASKS).mkdir(parents=True, exist_ok=True)
-    whole = folder / f".{PLAN}-{os.getpid()}"
-    whole.write_text(json.dumps(asked, indent=1) + "\n", encoding="utf-8")
-    os.replace(whole, folder / PLAN)
+    # The plan comes last: a folder that has it has all of it.
+    for name, text in ((LINES, lines), (PLAN, json.dumps(plan, indent=1) + "\n")):
+        whole = own_name(folder, name)
+        whole.write_text(text, encoding="utf-8")
+        os.replace(whole, folder / name)
 
 
 def _carry_out(folder: Path, plan: dict[str, Any], engine: str, work: _campaign_engines.Work, progress: Progress) -> None:
     """Has the engine do what is not done; tasks that were killed or failed are handed over again."""
-    count = len(plan["tasks"])
-    with _Watcher(folder, count, teller(progress)):
+    count = plan["tasks"]
+    with Watcher(folder / TASKS, count, teller(progress)):
         for attempt in range(work.attempts):
             missing = [task for task in range(count) if not (folder / TASKS / name_of(task)).is_dir()]
             if not missing:
@@ -237,44 +243,6 @@ def _failure(folder: Path, missing: list[int], count: int) -> FreeplayError:
     return kind(f"{words} The first of them: {' '.join(lines[-1:])} ({code})")
 
 
-class _Watcher:
-    """Tells how many tasks are done, whatever engine does them."""
-
-    def __init__(self, folder: Path, count: int, tell: Any) -> None:
-        self.folder, self.count, self.tell = folder, count, tell
-        self.stop, self.begun = threading.Event(), time.monotonic()
-        self.before = self.done()
-        self.thread = threading.Thread(target=self._watch, daemon=True)
-
-    def done(self) -> int:
-        return sum(1 for entry in os.scandir(self.folder / TASKS) if not entry.name.startswith("."))
-
-    def __enter__(self) -> _Watcher:
-        if self.tell:
-            self.thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.stop.set()
-        if self.tell:
-            self.thread.join()
-            self._say(self.done())
-
-    def _watch(self) -> None:
-        told = -1
-        while not self.stop.wait(LOOK):
-            done = self.done()
-            if done != told:
-                self._say(done)
-                told = done
-
-    def _say(self, done: int) -> None:
-        seconds = time.monotonic() - self.begun
-        new = done - self.before
-        rest = f", about {(self.count - done) * seconds / new:.0f} s to go" if 0 < new and done < self.count else ""
-        self.tell(f"campaign  {done} of {self.count} tasks, {seconds:.0f} s{rest}")
-
-
 class Campaign:
     """A campaign's results.
 
@@ -297,7 +265,7 @@ class Campaign:
     @property
     def done(self) -> list[int]:
         """Numbers of the tasks whose results are there."""
-        return [task for task in range(len(self._plan["tasks"])) if self.folder_of(task).is_dir()]
+        return [task for task in range(self._plan["tasks"]) if self.folder_of(task).is_dir()]
 
     def folder_of(self, task: int) -> Path:
         """The folder of a task: `result`, what the command left; `printed.json`, what it printed; `log.txt`; `task.json`."""
@@ -326,10 +294,8 @@ class Campaign:
             frames = [Proof(self.folder_of(task) / RESULT).cases for task in self.done]
             return pd.concat(frames).sort_index() if frames else pd.DataFrame()
         rows = []
-        for task in self.done:
-            seconds = self._json(task, TASK)["seconds"]
-            for entry in _entries(self._json(task, PRINTED)):
-                rows.append({"task": task, **self._plan["tasks"][task]["at"], **_flat(entry), "seconds": seconds})
+        for task, at, printed, seconds in self._printed():
+            rows += [{"task": task, **at, **_flat(entry), "seconds": seconds} for entry in _entries(printed)]
         return pd.DataFrame(rows)
 
     @property
@@ -340,32 +306,38 @@ class Campaign:
         return Proof(self.folder / "merged")
 
     def merge(self) -> Path:
-        """Merges the tasks that are done into one receipt, in time linear in the cases. Two merges at once leave the same.
+        """Merges the tasks that are done into one receipt, in time linear in the cases and in memory that does not hold them. Two merges at once
+        leave the same.
 
         Returns
         -------
         Path
             The receipt.
         """
-        document: dict[str, Any] = {"schema": SCHEMA, "command": self.command, "version": self._plan["version"]}
-        if self.command == "blind":
-            document |= self._merged_proof()
-        else:
-            tasks = self._plan["tasks"]
-            document["cases"] = [{"at": tasks[task]["at"], "found": _steady(self._json(task, PRINTED))} for task in self.done]
-        document["sha256"] = hashlib.sha256(_canonical(document).encode()).hexdigest()
-        part = self.folder / f".receipt-{os.getpid()}-{threading.get_ident()}"
-        part.write_text(json.dumps(document, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        os.replace(part, self.receipt)
+        head: dict[str, Any] = {"schema": _campaign_receipt.SCHEMA, "command": self.command, "version": self._plan["version"]}
+        if self.command != "blind":
+            printed = (canonical({"at": at, "found": steady(found)}) for _, at, found, _ in self._printed())
+            _campaign_receipt.write(self.receipt, head, printed)
+            return self.receipt
+        head |= self._merged_proof()
+        with _campaign_receipt.Sorted(own_name(self.folder, "cases")) as cases:
+            not_made: list[str] = []
+            for task in self.done:
+                shard = json.loads((self.folder_of(task) / RESULT / "receipt.json").read_text(encoding="utf-8"))
+                head["program"], draw = shard["parts"][0]["program"], shard["parts"][0]["draw"]
+                head["seed"], head["quota"] = draw["seed"], draw["quota"]
+                not_made += (words for part in shard["parts"] for words in part["not_made"])
+                for each in shard["cases"].values():
+                    cases.add(canonical(steady({name: each[name] for name in ("truth", "answer", "outcome")})))
+            head["not_made"] = sorted(not_made)
+            _campaign_receipt.write(self.receipt, head, cases)
         return self.receipt
 
     def _merged_proof(self) -> dict[str, Any]:
-        """The receipts of the shards as one, and of that what the cases came to."""
-        part = self.folder / f".merged-{os.getpid()}-{threading.get_ident()}"
-        call(["blind", "--merge", *(self.folder_of(task) / RESULT for task in self.done), *options(out=part, format="json")])
-        whole = json.loads((part / "receipt.json").read_text(encoding="utf-8"))
+        """Merges the receipts of the shards into one proof; of its score what does not differ from run to run."""
+        part, merged, old = (own_name(self.folder, what) for what in ("merged", "merged", "replaced"))
         merged = self.folder / "merged"
-        old = self.folder / f".replaced-{os.getpid()}-{threading.get_ident()}"
+        told = call(["blind", "--merge", *(self.folder_of(task) / RESULT for task in self.done), *options(out=part, format="json")])
         try:
             if merged.is_dir():
                 os.rename(merged, old)
@@ -374,32 +346,30 @@ class Campaign:
             # Another merge was faster; it had the same shards or more.
             shutil.rmtree(part, ignore_errors=True)
         shutil.rmtree(old, ignore_errors=True)
-        goals = [goal for goal in whole["score"]["goals"] if goal.get("unit") != "s"]
-        cases = [_steady({name: each[name] for name in ("truth", "answer", "outcome")}) for each in whole["cases"].values()]
-        not_made = sorted(words for part in whole["parts"] for words in part["not_made"])
-        seed, quota = (whole["parts"][0]["draw"][name] for name in ("seed", "quota"))
-        return {
-            "program": whole["parts"][0]["program"], "seed": seed, "quota": quota, "not_made": not_made,
-            "outcomes": whole["score"]["outcomes"], "goals": goals,
-            "cases": sorted(cases, key=_canonical),
-        }  # fmt: skip
+        score = told.json()
+        return {"outcomes": score["outcomes"], "goals": [goal for goal in score["goals"] if goal.get("unit") != "s"]}
 
-    def _json(self, task: int, name: str) -> Any:
-        return json.loads((self.folder_of(task) / name).read_text(encoding="utf-8"))
+    def _printed(self) -> Iterator[tuple[int, dict[str, Any], Any, float]]:
+        """Of each case that is done: the number of its task, what was swept, what the command printed, and how long it took, s."""
+        with open(self.folder / LINES, encoding="utf-8") as lines:
+            for task, line in enumerate(lines):
+                folder = self.folder_of(task)
+                if folder.is_dir():
+                    seconds = json.loads((folder / TASK).read_text(encoding="utf-8"))["each"]
+                    documents = _documents((folder / PRINTED).read_text(encoding="utf-8"))
+                    for point, printed, took in zip(json.loads(line), documents, seconds, strict=True):
+                        yield task, point["at"], printed, took
 
     def __repr__(self) -> str:
-        return f"<Campaign {self.command}: {len(self.done)} of {len(self._plan['tasks'])} tasks in {self.folder}>"
+        return f"<Campaign {self.command}: {len(self.done)} of {self._plan['tasks']} tasks in {self.folder}>"
 
 
-def _canonical(value: Any) -> str:
-    return json.dumps(value, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
-
-
-def _steady(value: Any) -> Any:
-    """`value` without what differs from run to run."""
-    if isinstance(value, dict):
-        return {name: _steady(held) for name, held in value.items() if name not in VOLATILE}
-    return [_steady(held) for held in value] if isinstance(value, list) else value
+def _documents(text: str) -> Iterator[Any]:
+    """The JSON documents that stand one after the other in `text`."""
+    decoder, space, at = json.JSONDecoder(), re.compile(r"\s*"), 0
+    while (match := space.match(text, at)) and (at := match.end()) < len(text):
+        document, at = decoder.raw_decode(text, at)
+        yield document
 
 
 def _entries(printed: Any) -> list[dict[str, Any]]:
@@ -417,55 +387,10 @@ def _flat(entry: Mapping[str, Any], above: str = "") -> dict[str, Any]:
     """The numbers and words of `entry`, those of its parts with dotted names."""
     flat: dict[str, Any] = {}
     for name, held in entry.items():
-        if name in VOLATILE:
+        if name in _campaign_receipt.VOLATILE:
             continue
         if isinstance(held, Mapping):
             flat.update(_flat(held, f"{above}{name}."))
         elif not isinstance(held, list):
             flat[above + name] = held
     return flat
-
-
-def main(words: Sequence[str]) -> int:
-    """`freeplay campaign`: the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="freeplay campaign",
-        description="Spreads a command over cores and machines, and merges what it leaves into one receipt. Called again it goes on where it was.",
-        epilog="freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proof\n"
-        "freeplay campaign run s.toml --sweep path.period=6,12 --sweep=--seed=1,2,3 --out swept",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    parser.add_argument("command", help="blind, or run, faults, swap, cells, reference-runs, … with --sweep; then its own arguments")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the results, which every worker sees under this path")
-    parser.add_argument("--shards", type=int, metavar="N", help="into how many tasks blind is cut; four a worker without it")
-    parser.add_argument("--sweep", action="append", default=[], metavar="KEY=V,…", help="values of a key of the scenario, or of an option")
-    parser.add_argument("--engine", default="local", choices=list(_campaign_engines.ENGINES), help="what carries out the tasks")
-    parser.add_argument("--workers", type=int, metavar="N", help="tasks at a time; one a core without it")
-    parser.add_argument("--cluster", metavar="ADDRESS", help="a cluster that is there: HyperQueue's server folder, Dask's scheduler, Slurm's partition")
-    parser.add_argument("--attempts", type=int, default=4, metavar="N", help="how often a task is tried; 4 without it")
-    parser.add_argument("--keep", action="store_true", help="keep the sealed recordings of blind")
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress")
-    given, rest = parser.parse_known_args(words)
-    found = campaign(
-        given.command, *rest, out=given.out, shards=given.shards, sweep=dict(_swept(each) for each in given.sweep), engine=given.engine,
-        workers=given.workers, cluster=given.cluster, attempts=given.attempts, keep=given.keep, progress=not given.quiet,
-    )  # fmt: skip
-    print(f"{found!r}\nreceipt  {found.receipt}")
-    return 0
-
-
-def _swept(word: str) -> tuple[str, list[object]]:
-    """A key and its values, from KEY=V,V."""
-    name, equals, values = word.rpartition("=") if word.startswith("--") else word.partition("=")
-    if not equals or not name or not values:
-        raise BadUsage(f"--sweep {word}: give a key and its values, such as path.period=6,12")
-    return name, [_parsed(value) for value in values.split(",")]
-
-
-def _parsed(word: str) -> object:
-    """`word` as a number or a truth value where it is one."""
-    try:
-        return json.loads(word)
-    except ValueError:
-        return word

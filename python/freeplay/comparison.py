@@ -10,7 +10,7 @@ import pandas as pd
 
 from . import _html
 from ._command import PathLike, Progress, call, options
-from ._scratch import Scratch
+from ._scratch import Portable, Scratch
 from .arm import ArmLike, model_options
 from .recording import RecordingLike, recording_of, setup_frame
 
@@ -50,14 +50,15 @@ def compare(
     BadInput
         A file can't be read, the joints do not fit, or there is nothing to compare.
     """
+    model = model_options(arm)
     scratch = Scratch()
     recording = recording_of(recording)
     chosen = options(recording=recording.path, mapping=mapping, lowpass=lowpass, trim=trim, format="json", out=scratch.path / "compared")
-    done = call(["compare", *model_options(arm), *chosen], progress=progress)
+    done = call(["compare", *model, *chosen], progress=progress)
     return Comparison(done.stdout, scratch, recording)
 
 
-class Comparison:
+class Comparison(Portable):
     """How far a model is from a recording.
 
     Attributes
@@ -75,7 +76,7 @@ class Comparison:
         self.json: dict[str, Any] = json.loads(text)
         self.notes: list[str] = self.json.get("notes", [])
         # The recording may live in a folder of its own, which the report names.
-        self._scratch, self._recording = scratch, recording
+        self._scratch, self._recording, self._folder = scratch, recording, scratch / "compared"
 
     @property
     def channels(self) -> pd.DataFrame:
@@ -104,11 +105,11 @@ class Comparison:
             t (s); stretch, the number of the stretch without gaps; for each channel NAME_measured and NAME_model in the channel's unit, NaN
             where it was not measured.
         """
-        return pd.read_parquet(self._scratch.path / "compared" / "residuals.parquet")
+        return pd.read_parquet(self._folder / "residuals.parquet")
 
     def report(self) -> Path:
         """The report, one HTML file with measured against model for every joint. It lives as long as this object."""
-        return self._scratch.path / "compared" / "report.html"
+        return self._folder / "report.html"
 
     def __repr__(self) -> str:
         worst = self.channels["nrmse_std"].astype(float)

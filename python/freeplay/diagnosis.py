@@ -13,9 +13,10 @@ import pandas as pd
 
 from . import _diagnosis_html
 from ._command import PathLike, Progress, call, options
-from ._scratch import Scratch
+from ._scratch import Portable, Scratch
 from .arm import Arm, ArmLike, model_options
 from .comparison import compare
+from .errors import BadUsage
 from .recording import Recording, RecordingLike, recording_of, setup_frame
 
 if TYPE_CHECKING:
@@ -93,7 +94,10 @@ def diagnose(
     """
     if isinstance(recordings, (str, os.PathLike, Recording, pd.DataFrame)):
         recordings = [recordings]
+    model = model_options(arm)
     read = [recording_of(each) for each in recordings]
+    if not read:
+        raise BadUsage("no recording: give one or more of the same machine")
     scratch = Scratch()
     folder = scratch.path / "found" if out is None else Path(out)
     chosen = options(
@@ -102,11 +106,11 @@ def diagnose(
         force=force,
     )  # fmt: skip
     files = [word for recording in read for word in ("--recording", str(recording.path))]
-    done = call(["diagnose", *model_options(arm), *files, *chosen], progress=progress)
+    done = call(["diagnose", *model, *files, *chosen], progress=progress)
     return Diagnosis(done.stdout, folder, arm, read, mapping, scratch)
 
 
-class Diagnosis:
+class Diagnosis(Portable):
     """What a model leaves out, how sure that is, and how much better the model gets with it.
 
     Attributes

@@ -91,8 +91,9 @@ def _dumbbells(ax: Axes, group: pd.DataFrame, unit: str, palette: dict[str, str]
     before, after, noise = (group[column].to_numpy(dtype=float) * factor for column in ("as_given", "with_findings", "noise"))
     ax.hlines(rows, np.fmin(before, after), np.fmax(before, after), color=palette["noise"], linewidth=1.2)
     ax.scatter(noise, rows, marker="|", s=120, color=palette["noise"], label="noise")
-    ax.scatter(before, rows, s=36, color=palette["given"], label="model as given", zorder=3)
-    ax.scatter(after, rows, s=36, color=palette["after"], label="with the findings", zorder=4)
+    # A ring and a dot: both can be seen where nothing changed.
+    ax.scatter(before, rows, s=60, facecolors="none", edgecolors=palette["given"], linewidths=1.8, label="model as given", zorder=3)
+    ax.scatter(after, rows, s=26, color=palette["after"], label="with the findings", zorder=4)
     values = np.concatenate([before, after, noise])
     values = values[np.isfinite(values) & (values > 0.0)]
     if values.size and values.max() > 20.0 * values.min():
@@ -115,7 +116,7 @@ def found(diagnosis: Diagnosis, i: int, theme: str) -> list[Axes]:
     best = _map(diagnosis, channel)
     with themed(theme) as palette:
         count = 2 if best else 1
-        figure, grid = plt.subplots(1, count, figsize=(4.2 + 3.4 * count, 3.0), squeeze=False, layout="constrained", width_ratios=[1.6, 1][:count])
+        figure, grid = plt.subplots(1, count, figsize=(3.6 + 2.9 * count, 3.0), squeeze=False, layout="constrained", width_ratios=[1.6, 1][:count])
         axes = list(grid[0])
         _over_time(axes[0], diagnosis, channel, palette)
         if best:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from . import _html
 from ._command import PathLike, Progress, call, options
-from ._scratch import Scratch
+from ._scratch import Portable, Scratch
 
 
 def blind(
@@ -58,7 +58,7 @@ def blind(
     return Proof(folder, scratch)
 
 
-class Proof:
+class Proof(Portable):
     """A set of concealed effects, diagnosed and scored.
 
     Attributes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Union
@@ -10,16 +11,19 @@ import pandas as pd
 
 from . import _html, _toml
 from ._command import PathLike, call, options
-from ._scratch import Scratch
+from ._scratch import Portable, Scratch
 from .arm import Arm, ArmLike
+from .errors import BadInput
 
 # The groups of columns with one column a joint, and the unit that each has in a frame of ours.
 GROUPS = {"q": "rad", "qd": "rad/s", "tau": "N*m", "q_ref": "rad", "q_link": "rad"}
 # Those of the tool.
 TOOL, ORIENTATION = ["x", "y", "z"], ["qx", "qy", "qz", "qw"]
+# The column of times, if it is not named.
+TIMES = ["t", "time", "timestamp"]
 
 
-class Recording:
+class Recording(Portable):
     """A recording of a machine: time, joint positions, and what else was measured.
 
     Make one with `Recording.read` or `Recording.from_frame`.
@@ -94,7 +98,7 @@ class Recording:
             There is no time, there are no positions, or the file can't be read.
         """
         path = Path(path).absolute()
-        wanted = ",".join(joints) if joints else None
+        wanted = joints if isinstance(joints, str) else ",".join(joints) if joints else None
         if mapping is None and wanted is None and topic is None and pose_topic is None:
             return cls(path)
         scratch = Scratch()
@@ -118,10 +122,11 @@ class Recording:
         Parameters
         ----------
         frame : DataFrame, N rows
-            A column `t`, or an index of times; positions `q1`…`qn`; where you have them `qd1`…, `tau1`…, `q_ref1`…, `q_link1`…, the tool's
-            `x`, `y`, `z` and `qx`, `qy`, `qz`, `qw`. With `joints`, `q_elbow` is as good as `q3`. NaN: not measured.
+            Times: a column `t`, `time` or `timestamp`, or an index of times, in s or as pandas has them. Positions `q1`…`qn`; where you have
+            them `qd1`…, `tau1`…, `q_ref1`…, `q_link1`…, the tool's `x`, `y`, `z` and `qx`, `qy`, `qz`, `qw`. With `joints`, `q_elbow` is as good
+            as `q3`, `elbow` alone is its position, and columns of two levels may be ("q", "elbow"). NaN: not measured.
         joints : sequence of str, length n, optional
-            Names of the joints from base to tool, as in the arm's model.
+            Names of the joints from base to tool, as in the arm's model: one for each position.
         units : mapping, optional
             Units that are not SI, by group: `{"q": "deg", "tau": "N*mm", "t": "ms", "tool": "mm"}`. Known are s, ms, us, ns; rad, deg, m,
             mm; rad/s, deg/s, rpm, m/s, mm/s; N*m, N*mm, N.
@@ -137,13 +142,14 @@ class Recording:
         Raises
         ------
         BadInput
-            There are no positions, a unit is unknown, times do not increase.
+            There is no time, there are no positions or not those of all joints, a unit is unknown, times do not increase.
 
         Examples
         --------
         >>> recording = Recording.from_frame(frame, joints=["shoulder", "elbow"], units={"q": "deg"})  # doctest: +SKIP
         """
-        table = _with_time(frame)
+        joints = joints.split(",") if isinstance(joints, str) else joints
+        table = _with_time(_with_one_level(frame), dict(columns or {}))
         mapping = _mapping(table, joints, dict(units or {}), dict(columns or {}), dict(scale or {}))
         scratch = Scratch()
         numbers = table.select_dtypes("number").astype(float)
@@ -225,7 +231,9 @@ def recording_of(given: RecordingLike) -> Recording:
         return given
     if isinstance(given, pd.DataFrame):
         return Recording.from_frame(given)
-    return Recording.read(given)
+    if isinstance(given, (str, os.PathLike)):
+        return Recording.read(given)
+    raise TypeError(f"a recording is a Recording, the path of one or a DataFrame, not {type(given).__name__}")
 
 
 def setup_frame(findings: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
@@ -238,15 +246,36 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-def _with_time(frame: pd.DataFrame) -> pd.DataFrame:
-    """`frame` with its times as the column `t`, s, where they were its index."""
+def _with_one_level(frame: pd.DataFrame) -> pd.DataFrame:
+    """`frame` with names of columns that are words: ("q", "elbow") is `q_elbow`."""
+    if not isinstance(frame.columns, pd.MultiIndex):
+        return frame
+    return frame.set_axis(["_".join(str(level) for level in column if str(level)) for column in frame.columns], axis=1)
+
+
+def _with_time(frame: pd.DataFrame, columns: Mapping[str, object]) -> pd.DataFrame:
+    """`frame` with its times as the column `t`: s since the first where they are dates or spans, else as they are."""
+    named = columns.get("t")
+    column = next((name for name in ([named] if named else TIMES) if name in frame.columns), None)
     index = frame.index
-    if isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)):
-        since = pd.TimedeltaIndex(index.to_numpy() - index.to_numpy()[0])
-        return frame.assign(t=since.total_seconds().to_numpy())
-    if "t" not in frame.columns and index.name in ("t", "time"):
-        return frame.assign(t=index.to_numpy(dtype=float))
-    return frame
+    if column is not None:
+        times: pd.Series | pd.Index = frame[str(column)]
+    elif named is None and (isinstance(index, (pd.DatetimeIndex, pd.TimedeltaIndex)) or index.name in TIMES or index.dtype.kind == "f"):
+        times = index
+    else:
+        raise BadInput(
+            f"the frame has no time: give a column t, an index of times, or columns={{'t': …}}; its columns are {_listed(frame.columns)}"
+        )
+    if pd.api.types.is_datetime64_any_dtype(times.dtype) or pd.api.types.is_timedelta64_dtype(times.dtype):
+        since = pd.TimedeltaIndex(pd.Index(times) - times.iloc[0] if isinstance(times, pd.Series) else times - times[0])
+        return frame.assign(**{str(column or "t"): since.total_seconds().to_numpy()})
+    return frame if column is not None else frame.assign(t=index.to_numpy(dtype=float))
+
+
+def _listed(names: Sequence[object] | pd.Index, limit: int = 12) -> str:
+    """The first of `names`, in words."""
+    shown = [str(name) for name in names[:limit]]
+    return ", ".join(shown) + (f" and {len(names) - limit} more" if len(names) > limit else "")
 
 
 def _mapping(
@@ -261,6 +290,8 @@ def _mapping(
     lines = [f"joints = {_toml.value(list(joints))}"] if joints else []
     for group in ["t", *GROUPS, "tool", "orientation"]:
         found = columns.get(group) or _columns_of(group, names, list(joints or []))
+        if group == "q":
+            _check_positions(found, names, list(joints or []))
         if not found:
             continue
         lines += ["", f"[{group}]", f"columns = {_toml.value(found if isinstance(found, str) else list(found))}"]
@@ -274,9 +305,35 @@ def _mapping(
     return "\n".join(lines) + "\n"
 
 
+def _check_positions(found: str | Sequence[str] | None, names: list[str], joints: list[str]) -> None:
+    """There is a position for each joint, and a joint for each position.
+
+    Raises
+    ------
+    BadInput
+        It is not so.
+    """
+    if not found:
+        raise BadInput(f"the frame has no positions: give columns q1, q2, …, or columns={{'q': …}}; its columns are {_listed(names)}")
+    if isinstance(found, str) or not joints:
+        return
+    without = [joint for joint, column in zip(joints, found) if not column]
+    if without:
+        tried = f"q{joints.index(without[0]) + 1}" if "q1" in names else " and ".join(_names_of("q", without[0]))
+        raise BadInput(f"the frame has no position of joint {_listed(without)}: looked for {tried}; its columns are {_listed(names)}")
+    more = f"q{len(joints) + 1}"
+    if "q1" in found and more in names:
+        raise BadInput(f"{len(joints)} names of joints ({_listed(joints)}), but the frame has {more}: give a name for each position, or leave the others out")
+
+
+def _names_of(group: str, joint: str) -> list[str]:
+    """The customary names of the column of a joint, beside the numbered one."""
+    return [f"{group}_{joint}", f"{joint}_{group}", *([joint] if group == "q" else [])]
+
+
 def _columns_of(group: str, names: list[str], joints: list[str]) -> str | list[str] | None:
     """The columns of `group` by their customary names."""
-    whole = {"t": ["t"], "tool": TOOL, "orientation": ORIENTATION}.get(group)
+    whole = {"t": TIMES, "tool": TOOL, "orientation": ORIENTATION}.get(group)
     if whole is not None:
         found = [name for name in whole if name in names]
         return found[0] if group == "t" and found else (found if len(found) == len(whole) else None)
@@ -284,5 +341,5 @@ def _columns_of(group: str, names: list[str], joints: list[str]) -> str | list[s
         count = len(joints) or next(k for k in range(1, len(names) + 2) if f"q{k}" not in names) - 1
         numbered = [f"{group}{k + 1}" for k in range(count)]
         return [name if name in names else "" for name in numbered] if any(n in names for n in numbered) else None
-    named = [next((name for name in (f"{group}_{joint}", f"{joint}_{group}") if name in names), "") for joint in joints]
+    named = [next((name for name in _names_of(group, joint) if name in names), "") for joint in joints]
     return named if any(named) else None

@@ -13,7 +13,7 @@ import pandas as pd
 
 from . import _html, _toml
 from ._command import PathLike, Progress, call, options
-from ._scratch import Scratch
+from ._scratch import Portable, Scratch
 from .arm import Arm, ArmLike
 from .controller import Controller
 from .errors import NotInstalled
@@ -139,7 +139,7 @@ def _model(arm: ArmLike) -> str:
     return str(path) if str(path) == "paper" else str(Path(path).absolute())
 
 
-class Run:
+class Run(Portable):
     """What a run left, for each controller.
 
     Attributes

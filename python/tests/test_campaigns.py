@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import socket
+import subprocess
+import sys
 import threading
 import time
 from pathlib import Path
@@ -11,10 +14,14 @@ from typing import Any
 import pytest
 
 import freeplay
-from freeplay import _command, campaigns
+from freeplay import _campaign_command, _command
 
 #: Short runs of one arm from several seeds.
 SWEEP: dict[str, Any] = {"sweep": {"--seed": range(8)}, "controller": "computed-torque", "set": "duration=0.05", "recording": "none"}
+
+
+#: Cases that take a tenth of a second each.
+GENERATOR = Path(__file__).resolve().parent.parent / "examples" / "pendulum_cases.py"
 
 
 def killing(folder: Path, command: str, most: int) -> Path:
@@ -51,13 +58,14 @@ def test_killed_tasks_are_run_again_and_the_receipt_is_the_same(
 
 
 def test_shards_of_a_proof_leave_the_receipt_of_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    chosen: dict[str, Any] = {"matrix": True, "kind": "payload", "machine": "linear_axis", "negative": 1, "seed": 5}
+    chosen: dict[str, Any] = {"cases": 10, "seed": 5, "generator": GENERATOR}
     one = freeplay.campaign("blind", **chosen, shards=1, out=tmp_path / "one")
     with monkeypatch.context() as killed:
         killed.setenv("FREEPLAY_EXECUTABLE", str(killing(tmp_path, "blind", most=1)))
         two = freeplay.campaign("blind", **chosen, shards=2, workers=2, out=tmp_path / "two")
     assert (tmp_path / "killed-1").is_dir() and one.receipt.read_bytes() == two.receipt.read_bytes()
-    assert len(two.results) == len(one.proof.cases) > 2
+    assert len(two.results) == len(one.proof.cases) == 10
+    assert two.results["machine"].eq("pendulum").all() and (two.results["outcome"] == "right").sum() >= 5
     two.proof.verify()
     assert not (two.folder_of(0) / "result/sealed").exists(), "files a shard, not a case"
 
@@ -111,6 +119,39 @@ def test_a_task_without_room_is_done_where_there_is_some(undisturbed: bytes, tmp
 
 def test_the_command_line(undisturbed: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["run", "--controller", "computed-torque", "--set", "duration=0.05", "--recording", "none", "--sweep=--seed=0,1,2,3,4,5,6,7"]
-    assert campaigns.main([*words, "--out", str(tmp_path / "c"), "--quiet"]) == 0
+    assert _campaign_command.main([*words, "--out", str(tmp_path / "c"), "--quiet"]) == 0
     assert (tmp_path / "c/receipt.json").read_bytes() == undisturbed
     assert "receipt" in capsys.readouterr().out
+
+
+def test_a_sweep_cut_into_fewer_tasks_leaves_the_same_receipt_and_few_files(undisturbed: bytes, tmp_path: Path) -> None:
+    found = freeplay.campaign("run", **SWEEP, shards=3, workers=2, out=tmp_path / "c")
+    assert found.receipt.read_bytes() == undisturbed
+    assert found.done == [0, 1, 2] and list(found.results["--seed"]) == list(range(8))
+    assert sorted(path.name for path in found.folder_of(0).iterdir()) == ["log.txt", "printed.json", "task.json"]
+
+
+def test_a_worker_that_is_gone_for_good_leaves_its_tasks_to_the_others(undisturbed: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two workers of Dask, each a process; the one that gets the first task is killed with it and is not started again."""
+    pytest.importorskip("distributed")
+    gone = tmp_path / "freeplay"
+    end = f"if mkdir {tmp_path}/gone 2>/dev/null; then read -r _ _ _ worker _ < /proc/$PPID/stat; kill -9 $worker $PPID; exit 1; fi"
+    gone.write_text(f'#!/bin/sh\n[ "$1" = run ] || exec {_command.executable()} "$@"\n{end}\nexec {_command.executable()} "$@"\n')
+    gone.chmod(0o700)
+    monkeypatch.setenv("FREEPLAY_EXECUTABLE", str(gone))
+    started: list[subprocess.Popen[bytes]] = []
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    scheduler = ["dask_scheduler", "--port", address.rpartition(":")[2], "--no-dashboard"]
+    worker = ["dask_worker", address, "--no-nanny", "--no-dashboard", "--nthreads", "1"]
+    try:
+        for module, *words in (scheduler, worker, worker):
+            command = [sys.executable, "-m", f"distributed.cli.{module}", *words]
+            started.append(subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+        found = freeplay.campaign("run", **SWEEP, engine="dask", cluster=address, workers=2, out=tmp_path / "c")
+        assert (tmp_path / "gone").is_dir() and sum(each.poll() is not None for each in started) == 1, "one worker is gone"
+        assert found.receipt.read_bytes() == undisturbed
+    finally:
+        for each in started:
+            each.kill()
+            each.wait()

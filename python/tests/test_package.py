@@ -59,6 +59,8 @@ def test_notebooks_run(path: Path, tmp_path: Path) -> None:
     if any("rosbags" in cell.source for cell in notebook.cells):
         pytest.importorskip("rosbags")
     assert not any(cell.get("outputs") for cell in notebook.cells), "kept without outputs"
+    for data in (ROOT / "notebooks").glob("*.csv"):
+        shutil.copy(data, tmp_path)
     nbclient.NotebookClient(notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
     errors = [output for cell in notebook.cells for output in cell.get("outputs", []) if output.output_type == "error"]
     assert not errors

@@ -15,8 +15,9 @@ fn available() -> bool {
     let script = "import numpy, pandas, pyarrow, rosbags.rosbag2, scipy.io";
     let found = python().args(["-c", script]).output().is_ok_and(|output| output.status.success());
     if !found {
-        println!(
-            "skipped: no Python with numpy, pandas, pyarrow, rosbags and scipy; FREEPLAY_PYTHON names one"
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            "no Python with numpy, pandas, pyarrow, rosbags and scipy; FREEPLAY_PYTHON names one",
         );
     }
     found

@@ -55,7 +55,10 @@ fn check_rows(rows: &[String]) {
 #[test]
 fn the_reference_packages_read_the_same_bits() {
     if !available() {
-        println!("skipped: no Python with mcap and mcap-ros2-support; FREEPLAY_PYTHON names one");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            "no Python with mcap and mcap-ros2-support; FREEPLAY_PYTHON names one",
+        );
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
@@ -93,7 +96,10 @@ fn the_reference_packages_read_the_same_bits() {
 #[test]
 fn a_bag_of_the_reference_packages_is_imported() {
     if !available() {
-        println!("skipped: no Python with mcap and mcap-ros2-support; FREEPLAY_PYTHON names one");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            "no Python with mcap and mcap-ros2-support; FREEPLAY_PYTHON names one",
+        );
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");

@@ -49,7 +49,10 @@ fn pandas_reads_the_same_numbers() {
     let python = std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let available = Command::new(&python).args(["-c", "import pandas, pyarrow"]).output();
     if !available.is_ok_and(|output| output.status.success()) {
-        println!("skipped: no Python with pandas and pyarrow; FREEPLAY_PYTHON names one");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            "no Python with pandas and pyarrow; FREEPLAY_PYTHON names one",
+        );
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");

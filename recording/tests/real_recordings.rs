@@ -38,7 +38,10 @@ fn check(path: &Path, entry: &toml::Table, joints: usize) -> i64 {
 #[test]
 fn every_real_recording_is_read_as_described() {
     let Some(folder) = folder() else {
-        println!("skipped: no recordings here; FREEPLAY_RECORDINGS names their folder");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Recordings,
+            "no recordings here; FREEPLAY_RECORDINGS names their folder",
+        );
         return;
     };
     let (mut files, mut rows) = (0, 0);
@@ -61,7 +64,10 @@ fn every_real_recording_is_read_as_described() {
 #[test]
 fn a_real_recording_survives_both_formats() {
     let Some(path) = folder().map(|f| f.join("kuka_kr300/test_B.csv")).filter(|p| p.is_file()) else {
-        println!("skipped: no recordings here; FREEPLAY_RECORDINGS names their folder");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Recordings,
+            "no recordings here; FREEPLAY_RECORDINGS names their folder",
+        );
         return;
     };
     let original = read(&path, Some(6)).expect("read");

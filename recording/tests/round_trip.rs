@@ -194,7 +194,7 @@ fn a_mcap_cut_anywhere_is_read_up_to_there() {
 fn a_device_is_no_file_to_write_to() {
     let full = Path::new("/dev/full");
     if !full.exists() {
-        println!("skipped: no /dev/full here");
+        freeplay_skip::skip(freeplay_skip::Need::Device, "no /dev/full here");
         return;
     }
     let error = freeplay_recording::CsvWriter::create(full, &layout()).expect_err("a device");

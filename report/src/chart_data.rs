@@ -118,8 +118,10 @@ impl<'a> ChartData<'a> {
     fn add(&mut self, chart: &Chart, series: &'a Series, colours: &Colours<'_>, most: usize) {
         if series.x.len() != series.y.len() {
             let (x, y) = (series.x.len(), series.y.len());
-            self.remarks
-                .push(format!("{}: {x} values across, {y} upwards; the surplus is not drawn.", series.name));
+            self.remarks.push(format!(
+                "{}: {x} values of x, {y} values of y; the surplus is not drawn.",
+                series.name
+            ));
         }
         let (x, y) = drawable(chart, series);
         let kept = match (chart.plane, series.style) {

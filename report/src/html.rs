@@ -110,7 +110,7 @@ fn footer(document: &Document) -> Markup {
         footer {
             @for line in &document.footer { p { (blocks::inline(line)) } }
             p { (program()) " · charts: uPlot, © Leon Sorokin, MIT licence" }
-            noscript { p { "The charts need JavaScript; what they show is also said in words below each of them." } }
+            noscript { p { "The charts need JavaScript; the text below each chart says the same in words." } }
         }
     }
 }

@@ -69,7 +69,10 @@ const PROBE: &str = r#"<script>(async () => {
 #[test]
 fn charts_are_drawn_without_complaint() {
     let Some(browser) = browser() else {
-        println!("skipped: no browser on the path ({})", BROWSERS.join(", "));
+        freeplay_skip::skip(
+            freeplay_skip::Need::Browser,
+            format_args!("no browser on the path ({})", BROWSERS.join(", ")),
+        );
         return;
     };
     let folder = tempfile::tempdir().unwrap();
@@ -79,7 +82,10 @@ fn charts_are_drawn_without_complaint() {
     // On a busy machine a browser may hand the page over before the probe is through.
     let seen = (0..VISITS).find_map(|_| visit(&browser, &path, folder.path()));
     let Some((dom, log)) = seen else {
-        println!("skipped: {} was not through with the page in {VISITS} x {PATIENCE:?}", browser.display());
+        freeplay_skip::skip(
+            freeplay_skip::Need::Browser,
+            format_args!("{} was not through with the page in {VISITS} x {PATIENCE:?}", browser.display()),
+        );
         return;
     };
     let noted = |name: &str| noted(&dom, name);
@@ -91,7 +97,10 @@ fn charts_are_drawn_without_complaint() {
     assert_eq!(noted("excess"), Some("0"), "so many pixels stick out to the side");
     let frames = noted("frames").and_then(|count| count.parse::<u32>().ok());
     if frames.is_none_or(|count| count < 3) {
-        println!("skipped: {} drew no frames for the film to play in", browser.display());
+        freeplay_skip::skip(
+            freeplay_skip::Need::Browser,
+            format_args!("{} drew no frames for the film to play in", browser.display()),
+        );
         return;
     }
     let film = ["button", "played", "stopped"].map(|name| noted(name).unwrap_or_default());

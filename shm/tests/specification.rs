@@ -51,7 +51,7 @@ fn a_c_compiler_agrees() {
     let folder = tempfile::tempdir().expect("a folder");
     for (compiler, standard, source) in [("cc", "-std=c11", "t.c"), ("c++", "-std=c++11", "t.cpp")] {
         if !has(compiler) {
-            println!("skipped: no {compiler}");
+            freeplay_skip::skip(freeplay_skip::Need::Compiler, format_args!("no {compiler}"));
             continue;
         }
         let source = folder.path().join(source);
@@ -80,7 +80,10 @@ fn line(layout: &Layout, field: &Field) -> String {
 fn the_python_structures_are_the_same() {
     let python = std::env::var("FREEPLAY_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     if !has(&python) {
-        println!("skipped: no {python}; FREEPLAY_PYTHON names one");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            format_args!("no {python}; FREEPLAY_PYTHON names one"),
+        );
         return;
     }
     let script = "import ctypes, freeplay\n\

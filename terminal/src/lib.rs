@@ -4,6 +4,7 @@
 //! - [`arguments`]: values of options that several commands share.
 //! - [`internal_fault`]: panics and failed allocations, as one line and an exit code.
 //! - [`output`]: results, on standard output.
+//! - [`layout`]: text and tables as wide as the terminal.
 //! - [`messages`]: progress, notes, details and colour, on standard error.
 //! - [`files`]: files that a person names, and errors that say what to do.
 //! - [`progress`]: how far long work is, in one line.
@@ -20,6 +21,7 @@ pub mod files;
 pub mod guard;
 pub mod hex;
 pub mod internal_fault;
+pub mod layout;
 pub mod messages;
 pub mod output;
 pub mod outside;

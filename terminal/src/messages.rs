@@ -1,6 +1,6 @@
-//! The flags that every command understands, and what is said by them beside results: progress, notes, details, colour.
+//! The flags of every command, and the messages that they control: progress, notes, details, colour.
 //!
-//! Results go to standard output (see `say`), errors end the program (see `exit`); all that is here goes to standard error.
+//! Results go to standard output (see `output`), errors end the program (see `exit`); these messages go to standard error.
 
 use std::ffi::OsString;
 use std::fmt::Display;
@@ -11,25 +11,21 @@ use clap::builder::styling::{AnsiColor, Style};
 use clap::{Args, ColorChoice, ValueEnum};
 use freeplay_report::one_line;
 
+pub use crate::layout::width;
 use crate::output::tell;
 use crate::progress;
 
 /// Where there is no terminal, a command that takes longer tells what it is doing.
 const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Width of text where there is no terminal, characters.
-const WIDTH: usize = 118;
-/// Tables and texts need this width even where the terminal is narrower.
-const LEAST_WIDTH: usize = 40;
-
-/// As it should be.
+/// A good result.
 pub const GOOD: Style = AnsiColor::Green.on_default().bold();
-/// Neither good nor bad, or not known.
+/// An undecided or unknown result.
 pub const OPEN: Style = AnsiColor::Yellow.on_default().bold();
-/// Not as it should be.
+/// A bad result.
 pub const BAD: Style = AnsiColor::Red.on_default().bold();
 
-/// The styles of [`painted`] words, which alone may speak to the terminal.
+/// The styles of [`styled`] words, which alone may speak to the terminal.
 pub const STYLES: [Style; 3] = [GOOD, OPEN, BAD];
 
 /// What every command understands.
@@ -39,7 +35,7 @@ pub struct Common {
     /// Only results and errors: no progress, no notes.
     #[arg(short, long, global = true)]
     quiet: bool,
-    /// Tell on standard error what is being done.
+    /// Print each step on standard error.
     #[arg(short, long, global = true, conflicts_with = "quiet")]
     verbose: bool,
     /// Colour of what a person reads; auto: on a terminal, unless NO_COLOR is set.
@@ -82,12 +78,6 @@ pub fn is_quiet() -> bool {
     VOICE.get().is_some_and(|voice| voice.asked.quiet)
 }
 
-/// Width of what a person reads, characters: the terminal's, else that of a usual one.
-pub fn width() -> usize {
-    let terminal = terminal_size::terminal_size_of(std::io::stdout());
-    terminal.map_or(WIDTH, |(terminal_size::Width(width), _)| usize::from(width).max(LEAST_WIDTH))
-}
-
 /// Whether what goes to standard output has colour.
 pub fn is_coloured() -> bool {
     anstream::AutoStream::choice(&std::io::stdout()) != anstream::ColorChoice::Never
@@ -113,7 +103,7 @@ pub fn detail(words: impl Display) {
 }
 
 /// Says what is being done: of a command that takes long, or with --verbose; not with --quiet.
-pub fn doing(words: impl Display) {
+pub fn announce(words: impl Display) {
     let Some(voice) = VOICE.get().filter(|voice| !voice.asked.quiet) else { return };
     if !voice.asked.verbose && progress::step(&one_line(&words.to_string())) {
         return;
@@ -131,13 +121,13 @@ impl Voice {
 }
 
 /// `words` in `style`, for [`show`](crate::output::show).
-pub fn painted(style: Style, words: impl Display) -> String {
+pub fn styled(style: Style, words: impl Display) -> String {
     format!("{style}{words}{style:#}")
 }
 
 /// The word before what was asked of a run, padded: whether it holds.
 pub fn judgement(holds: bool) -> String {
-    if holds { painted(GOOD, "holds  ") } else { painted(BAD, "FAILS  ") }
+    if holds { styled(GOOD, "holds  ") } else { styled(BAD, "FAILS  ") }
 }
 
 #[cfg(test)]

@@ -9,10 +9,11 @@ use clap::builder::styling::Style;
 use freeplay_report::visible;
 
 use crate::exit::Failure;
+use crate::layout::{error_width, terminal_width, wrapped};
 use crate::messages::STYLES;
 use crate::{outside, progress};
 
-/// Writes `text` to standard output: words without colour, or JSON and TOML, whose values stay the same.
+/// Writes `text` for a program or an editor: JSON and TOML, whose values and lines stay the same.
 ///
 /// # Errors
 /// Standard output can't be written otherwise.
@@ -22,13 +23,14 @@ pub fn say(text: &str) -> Result<(), Failure> {
     written(std::io::stdout().lock().write_all(visible(&text).as_bytes()))
 }
 
-/// Writes `text` for a person, which may have styles: they are left out where --color, `NO_COLOR` or the lack of a terminal says so.
+/// Writes `text` for a person, as wide as the terminal. It may have styles: they are left out where --color, `NO_COLOR` or the lack of a
+/// terminal says so.
 ///
 /// # Errors
 /// As [`say`].
 pub fn show(text: &str) -> Result<(), Failure> {
     progress::clear();
-    written(anstream::stdout().lock().write_all(shown(text).as_bytes()))
+    written(anstream::stdout().lock().write_all(fitted(shown(text), terminal_width()).as_bytes()))
 }
 
 /// Writes `text`, all of it this program's own, as it is.
@@ -42,7 +44,12 @@ pub fn raw(text: &str) -> Result<(), Failure> {
 /// Writes a line to standard error; where that is not possible, there is nobody to tell.
 pub fn tell(line: &str) {
     progress::clear();
-    let _ = writeln!(anstream::stderr().lock(), "{}", shown(line));
+    let _ = writeln!(anstream::stderr().lock(), "{}", fitted(shown(line), error_width()));
+}
+
+/// `text` in lines of at most `width` characters, if there is a terminal.
+fn fitted(text: String, width: Option<usize>) -> String {
+    width.map_or_else(|| text.clone(), |width| wrapped(&text, width))
 }
 
 /// `text` as it is shown: styles of this program are kept, everything else that no reader could see is escaped.
@@ -92,16 +99,16 @@ fn written(done: Result<(), Error>) -> Result<(), Failure> {
 #[cfg(test)]
 mod tests {
     use super::shown;
-    use crate::messages::{BAD, GOOD, painted};
+    use crate::messages::{BAD, GOOD, styled};
 
     #[test]
     fn styles_of_this_program_stay_and_others_are_escaped() {
-        let own = format!("a {} b {}\n", painted(GOOD, "named"), painted(BAD, "FAILS"));
+        let own = format!("a {} b {}\n", styled(GOOD, "named"), styled(BAD, "FAILS"));
         assert_eq!(shown(&own), own);
         let foreign = "\u{1b}[31mred\u{1b}[0m \u{1b}]0;title\u{7}\u{9b}2J\r\u{202e}";
         let written = shown(foreign);
         assert_eq!(written, "\\u001b[31mred\\u001b[0m \\u001b]0;title\\u0007\\u009b2J\\r\\u202e");
-        let within = painted(GOOD, format!("named {foreign}"));
+        let within = styled(GOOD, format!("named {foreign}"));
         assert!(!shown(&within).contains(['\u{1b}', '\u{7}']), "{:?}", shown(&within));
     }
 }

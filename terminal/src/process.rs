@@ -109,7 +109,7 @@ pub fn stop_with_parent(parent: u32) -> Result<(), Failure> {
 fn end_with_parent(parent: u32, signal: Signal) -> Result<(), Failure> {
     set_parent_process_death_signal(Some(signal)).map_err(Failure::internal)?;
     // The parent may have died before the system was asked.
-    if lives(parent) {
+    if is_parent_alive(parent) {
         Ok(())
     } else {
         Err(Failure::peer(format!("process {parent}, which started this one, has ended")))
@@ -117,6 +117,6 @@ fn end_with_parent(parent: u32, signal: Signal) -> Result<(), Failure> {
 }
 
 /// Whether the process `parent`, which started this one, still lives: an orphan has another parent.
-pub fn lives(parent: u32) -> bool {
+pub fn is_parent_alive(parent: u32) -> bool {
     getppid().is_some_and(|pid| pid.as_raw_nonzero().get().cast_unsigned() == parent)
 }

@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn a_plain_line_says_how_far_it_is() {
-        let bar = bar(40, "{msg} {bar:30}").with_message("cells");
+        let bar = bar(40, "{msg} {wide_bar}").with_message("cells");
         assert!(plain(&bar).starts_with("cells: ") && plain(&bar).ends_with(" so far"));
         bar.set_position(10);
         let line = plain(&bar);

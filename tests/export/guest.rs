@@ -53,7 +53,7 @@ fn library(folder: &Path, flags: &[&str]) -> Option<Vec<u8>> {
             Some(std::fs::read(out).expect("a library"))
         }
         Err(error) => {
-            println!("skipped: no C compiler: {error}");
+            freeplay_skip::skip(freeplay_skip::Need::Compiler, format_args!("no C compiler: {error}"));
             None
         }
     }
@@ -267,9 +267,12 @@ fn python_library(package: &str) -> Option<String> {
     );
     let output = Command::new(python()).args(["-c", &script]).output().ok()?;
     if !output.status.success() {
-        println!(
-            "skipped: {} lacks {package} or a shared library; FREEPLAY_PYTHON names another interpreter",
-            python()
+        freeplay_skip::skip(
+            freeplay_skip::Need::PythonLibrary,
+            format_args!(
+                "{} lacks {package} or a shared library; FREEPLAY_PYTHON names another interpreter",
+                python()
+            ),
         );
         return None;
     }

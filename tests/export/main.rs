@@ -94,7 +94,7 @@ fn the_file_or_the_list_goes_to_standard_output() {
     std::fs::copy(urdf, folder.path().join("arm.urdf")).expect("copied");
     let ran = Call::new(folder, &["export", "worn.toml", "--to", "urdf"]).run().expect(0);
     assert!(ran.stdout().starts_with("<?xml"), "{}", ran.stdout());
-    assert!(ran.stderr().contains("not said: stribeck_friction at joint_2"), "{}", ran.stderr());
+    assert!(ran.stderr().contains("not expressed: stribeck_friction at joint_2"), "{}", ran.stderr());
     let asked = ["export", "worn.toml", "--to", "mjcf", "--out", "worn.xml", "--format", "json"];
     let ran = Call::new(ran.folder, &asked).run().expect(0);
     let json: serde_json::Value = serde_json::from_str(&ran.stdout()).expect("JSON");
@@ -103,13 +103,13 @@ fn the_file_or_the_list_goes_to_standard_output() {
     let ran =
         Call::new(ran.folder, &["export", "worn.toml", "--to", "urdf", "--out", "worn.urdf"]).run().expect(0);
     assert!(
-        ran.stdout().contains("the file does not say:\n- stribeck_friction at joint_2"),
+        ran.stdout().contains("the file cannot express:\n- stribeck_friction at joint_2"),
         "{}",
         ran.stdout()
     );
     let ran =
         Call::new(ran.folder, &["export", "paper", "--to", "urdf", "--out", "paper.urdf"]).run().expect(0);
-    assert!(ran.stdout().contains("the file says all of the model"), "{}", ran.stdout());
+    assert!(ran.stdout().contains("the file expresses the whole model"), "{}", ran.stdout());
 }
 
 #[test]

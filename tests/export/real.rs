@@ -61,7 +61,10 @@ fn recordings() -> Option<PathBuf> {
     let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/recordings");
     let folder = std::env::var_os("FREEPLAY_RECORDINGS").map_or(default, PathBuf::from);
     if !folder.is_dir() {
-        println!("skipped: no recordings here; FREEPLAY_RECORDINGS names their folder");
+        freeplay_skip::skip(
+            freeplay_skip::Need::Recordings,
+            "no recordings here; FREEPLAY_RECORDINGS names their folder",
+        );
         return None;
     }
     has("mujoco, numpy, scipy").then_some(folder)

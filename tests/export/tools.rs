@@ -37,7 +37,10 @@ pub fn has(packages: &str) -> bool {
     let found =
         Command::new(python()).args(["-c", &script]).output().is_ok_and(|output| output.status.success());
     if !found {
-        println!("skipped: {} lacks {packages}; FREEPLAY_PYTHON names another interpreter", python());
+        freeplay_skip::skip(
+            freeplay_skip::Need::Python,
+            format_args!("{} lacks {packages}; FREEPLAY_PYTHON names another interpreter", python()),
+        );
     }
     found
 }

@@ -63,7 +63,10 @@ impl Subject {
         let log_path = log.path().join("log");
         let ran = Call::new(folder, &self.arguments).env("FREEPLAY_STORAGE_LOG", &log_path).run().expect(0);
         let Ok(text) = std::fs::read_to_string(&log_path) else {
-            println!("skipped: this build of the program has no fault injection");
+            freeplay_skip::skip(
+                freeplay_skip::Need::FaultInjection,
+                "this build of the program has no fault injection",
+            );
             return None;
         };
         Some(Observed { log: disk::Call::parse_all(&text), before, here, ran })

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 
 use std::process::Command as Process;
+use std::sync::{Arc, Barrier};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -128,6 +129,27 @@ fn play(
     served.join().unwrap()
 }
 
+/// As [`play`], but the plant stays until the controller's process has ended.
+fn play_to_its_end(
+    mut bench: Bench,
+    controller: impl Controller + Send + 'static,
+    plant: impl FnOnce(&mut Bench),
+) -> Result<ServeReport, ServeError> {
+    let options = bench.options();
+    let served = thread::spawn(move || {
+        let mut controller = controller;
+        serve_with(&mut controller, &options)
+    });
+    bench.greet();
+    plant(&mut bench);
+    let begun = Instant::now();
+    while !served.is_finished() {
+        assert!(begun.elapsed() < LONG, "the controller has not ended");
+        thread::yield_now();
+    }
+    served.join().unwrap()
+}
+
 #[test]
 fn every_state_is_answered_until_the_last() {
     for pace in [Pace::Lockstep, Pace::RealTime] {
@@ -156,7 +178,8 @@ fn every_state_is_answered_until_the_last() {
 
 #[test]
 fn in_real_time_a_slow_controller_takes_the_newest_state() {
-    struct Slow;
+    /// Answers the first state only when the test has published the others.
+    struct Slow(Arc<Barrier>);
     impl Controller for Slow {
         fn name(&self) -> &str {
             "slow"
@@ -166,16 +189,20 @@ fn in_real_time_a_slow_controller_takes_the_newest_state() {
         }
         fn answer(&mut self, state: &State, _: &mut Answer) {
             if state.tick == 0 {
-                thread::sleep(Duration::from_millis(50));
+                self.0.wait();
+                self.0.wait();
             }
         }
     }
-    let report = play(Bench::new(Pace::RealTime, TASK), Slow, |mut bench| {
+    let both = Arc::new(Barrier::new(2));
+    let slow = Slow(Arc::clone(&both));
+    let report = play(Bench::new(Pace::RealTime, TASK), slow, |mut bench| {
         bench.publish(0, false);
-        thread::sleep(Duration::from_millis(5));
+        both.wait();
         for tick in 1..4 {
             bench.publish(tick, tick == 3);
         }
+        both.wait();
         assert_eq!((bench.answer().tick, bench.answer().tick), (0, 3));
     })
     .unwrap();
@@ -203,15 +230,13 @@ fn endings_have_their_exit_codes() {
             }
         })
         .unwrap_err();
-    let wait = |_: Bench| thread::sleep(Duration::from_millis(50));
-    let bad_start =
-        play(Bench::new(Pace::Lockstep, TASK), Probe { fails_to_start: true, ..PROBE }, wait).unwrap_err();
-    let bad_task = play(Bench::new(Pace::Lockstep, "modle = 1"), PROBE, wait).unwrap_err();
-    let strange = play(Bench::new(Pace::Lockstep, TASK), PROBE, |mut bench| {
+    let fails = Probe { fails_to_start: true, ..PROBE };
+    let bad_start = play_to_its_end(Bench::new(Pace::Lockstep, TASK), fails, |_| {}).unwrap_err();
+    let bad_task = play_to_its_end(Bench::new(Pace::Lockstep, "modle = 1"), PROBE, |_| {}).unwrap_err();
+    let strange = play_to_its_end(Bench::new(Pace::Lockstep, TASK), PROBE, |bench| {
         let mut state = State::new(bench.address.run(), 6);
         state.joints = 5;
         bench.link.publish(&state).unwrap();
-        thread::sleep(Duration::from_millis(50));
     })
     .unwrap_err();
     let mut nobody = Bench::new(Pace::Lockstep, TASK).options();
@@ -265,7 +290,7 @@ fn the_command_line_names_run_and_slot() {
 fn a_signal_ends_the_process_with_130() {
     let example = std::env::current_exe().unwrap().with_file_name("").join("../examples/minimal");
     if !example.exists() {
-        println!("skipped: {} is not built", example.display());
+        freeplay_skip::skip(freeplay_skip::Need::Example, format_args!("{} is not built", example.display()));
         return;
     }
     for signal in ["-TERM", "-INT"] {

@@ -5,7 +5,7 @@ use std::cell::OnceCell;
 use freeplay_arm::Arm;
 use nalgebra::DMatrix;
 
-use super::bodies::{Bodies, Parts};
+use super::bodies::{Bodies, PARAMETERS, Parts};
 use super::change::Physics;
 
 /// A joint turns one way or the other above this share of its greatest speed; below, its dry friction may be anything between. 2 % is the noise
@@ -150,27 +150,45 @@ impl Along {
         bodies.into_iter().map(|body| masses[body].iter().map(of_joint).collect()).collect()
     }
 
+    /// Torques of each inertial parameter of each link, by parameter, joint, part and row.
+    pub fn by_parameter(&self, arm: &Arm) -> Vec<Vec<[Vec<f64>; 4]>> {
+        self.by_number(arm, arm.dof() * PARAMETERS, |bodies, number, put| {
+            bodies.parameter(number / PARAMETERS, number % PARAMETERS, put);
+        })
+    }
+
     /// Torques of a load and of each link.
     fn by_mass(&self, arm: &Arm) -> Vec<Vec<[Vec<f64>; 4]>> {
+        self.by_number(arm, LOADS + arm.dof(), |bodies, body, put| {
+            if body < LOADS { bodies.load(body, put) } else { bodies.link(body - LOADS, put) }
+        })
+    }
+
+    /// Torques of `count` bodies, of which `torques` puts those of one of them.
+    fn by_number(
+        &self,
+        arm: &Arm,
+        count: usize,
+        torques: impl Fn(&Bodies, usize, &mut dyn FnMut(usize, Parts)),
+    ) -> Vec<Vec<[Vec<f64>; 4]>> {
         let n = arm.dof();
         let of =
             |column| -> Vec<Vec<f64>> { (0..n).map(|joint| self.column(joint, column).to_vec()).collect() };
         let motion = [of(Column::Position), of(Column::Speed), of(Column::Acceleration)];
         let rows = motion[0][0].len();
-        let mut masses =
-            vec![vec![[const { Vec::new() }; 4].map(|_: Vec<f64>| vec![0.0; rows]); n]; LOADS + n];
+        let mut all = vec![vec![[const { Vec::new() }; 4].map(|_: Vec<f64>| vec![0.0; rows]); n]; count];
         for (row, bodies) in (0..rows).map(|row| (row, posture(arm, &motion, row))) {
-            for (body, masses) in masses.iter_mut().enumerate() {
-                let put = |joint: usize, parts: Parts| {
+            for (number, of_joint) in all.iter_mut().enumerate() {
+                let mut put = |joint: usize, parts: Parts| {
                     let [gx, gy, gz] = parts.gravity;
-                    for (column, x) in masses[joint].iter_mut().zip([parts.inertial, gx, gy, gz]) {
+                    for (column, x) in of_joint[joint].iter_mut().zip([parts.inertial, gx, gy, gz]) {
                         column[row] = x;
                     }
                 };
-                if body < LOADS { bodies.load(body, put) } else { bodies.link(body - LOADS, put) }
+                torques(&bodies, number, &mut put);
             }
         }
-        masses
+        all
     }
 }
 
@@ -179,7 +197,7 @@ fn posture<'a>(arm: &'a Arm, motion: &[Vec<Vec<f64>>; 3], row: usize) -> Bodies<
     Bodies::new(arm, |k| q[k][row], |k| v[k][row], |k| a[k][row])
 }
 
-fn weighed(parts: [&[f64]; 4], weights: &[f64; 4]) -> Vec<f64> {
+pub(super) fn weighed(parts: [&[f64]; 4], weights: &[f64; 4]) -> Vec<f64> {
     let row = |row: usize| parts.iter().zip(weights).map(|(part, weight)| weight * part[row]).sum();
     (0..parts[0].len()).map(row).collect()
 }

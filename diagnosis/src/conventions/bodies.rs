@@ -4,6 +4,17 @@
 use freeplay_arm::{Arm, Inertia, JointKind};
 use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
 
+/// Inertial parameters of a link: mass, three first moments, six numbers of inertia.
+pub(super) const PARAMETERS: usize = 10;
+
+/// An inertia of 1 kg·m² in place `number` of xx, yy, zz, xy, xz, yz.
+fn unit_inertia(number: usize) -> Matrix3<f64> {
+    let (i, k) = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)][number];
+    let mut unit = Matrix3::zeros();
+    (unit[(i, k)], unit[(k, i)]) = (1.0, 1.0);
+    unit
+}
+
 /// A torque as what motion asks for, N·m (N), and what gravity adds per m/s² along each axis of the base.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Parts {
@@ -117,6 +128,18 @@ impl<'a> Bodies<'a> {
         self.torques(self.links.len() - 1, &needs, add);
     }
 
+    /// The same of inertial parameter `number` of link `body`: 1 kg at its origin, 1 kg·m of first moment along each of its axes, 1 kg·m² of inertia
+    /// about its origin (xx, yy, zz, xy, xz, yz).
+    pub fn parameter(&self, body: usize, number: usize, add: impl FnMut(usize, Parts)) {
+        let link = &self.links[body];
+        let needs = match number {
+            0 => Needs { force: link.linear, moment: Vector3::zeros(), mass: 1.0, first: Vector3::zeros() },
+            1..=3 => link.needs_of_moment(link.rotation.column(number - 1).into_owned()),
+            _ => link.needs_of_inertia(&unit_inertia(number - 4)),
+        };
+        self.torques(body, &needs, add);
+    }
+
     fn torques(&self, body: usize, needs: &Needs, mut add: impl FnMut(usize, Parts)) {
         let place = self.links[body].place;
         for (joint, link) in self.links[..=body].iter().enumerate() {
@@ -137,17 +160,22 @@ impl Link {
     fn needs(&self, inertia: &Inertia) -> Needs {
         let first = self.rotation * (inertia.com * inertia.mass);
         let of_moment = self.needs_of_moment(first);
-        let omega = self.rotation.tr_mul(&self.omega);
+        let spin = self.needs_of_inertia(&inertia.about_com).moment;
         let com = self.rotation * inertia.com;
-        let spin =
-            inertia.about_com * self.rotation.tr_mul(&self.alpha) + omega.cross(&(inertia.about_com * omega));
         Needs {
             force: of_moment.force + self.linear * inertia.mass,
             // Of the first moment's own acceleration, and of the turning about the centre of mass.
-            moment: of_moment.moment + com.cross(&of_moment.force) + self.rotation * spin,
+            moment: of_moment.moment + com.cross(&of_moment.force) + spin,
             mass: inertia.mass,
             first,
         }
+    }
+
+    /// Of an inertia without mass, in the link's axes.
+    fn needs_of_inertia(&self, inertia: &Matrix3<f64>) -> Needs {
+        let omega = self.rotation.tr_mul(&self.omega);
+        let spin = inertia * self.rotation.tr_mul(&self.alpha) + omega.cross(&(inertia * omega));
+        Needs { force: Vector3::zeros(), moment: self.rotation * spin, mass: 0.0, first: Vector3::zeros() }
     }
 
     /// Of a first moment `first` without mass.
@@ -165,7 +193,7 @@ impl Link {
 #[allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 mod tests {
     use freeplay_arm::{Workspace, paper_arm, rnea};
-    use nalgebra::Vector3;
+    use nalgebra::{Matrix3, Vector3};
 
     use super::{Bodies, Parts};
 
@@ -206,6 +234,24 @@ mod tests {
         bodies.load(0, |joint, parts| sum[joint] += mass * whole(&parts));
         for (sum, expected) in sum.iter().zip(&expected) {
             assert!((sum - expected).abs() < 1e-12 * size);
+        }
+        // Ten parameters of each link, its inertia about its origin, are the link.
+        let mut by_parameter: Vec<f64> =
+            arm.joints().iter().zip(&a).map(|(joint, a)| joint.rotor_inertia * a).collect();
+        for (body, joint) in arm.joints().iter().enumerate() {
+            let inertia = &joint.inertia;
+            let (c, m) = (inertia.com, inertia.mass);
+            let about = inertia.about_com + (Matrix3::identity() * c.norm_squared() - c * c.transpose()) * m;
+            let first = c * m;
+            let six = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)].map(|place| about[place]);
+            let values = [m, first.x, first.y, first.z].into_iter().chain(six);
+            for (number, value) in values.enumerate() {
+                bodies.parameter(body, number, |joint, parts| by_parameter[joint] += value * whole(&parts));
+            }
+        }
+        rnea(&arm, &mut ws, &q, &v, &a, &mut expected);
+        for (sum, expected) in by_parameter.iter().zip(&expected) {
+            assert!((sum - expected).abs() < 1e-11 * size, "{sum} is not {expected}");
         }
         // A first moment is linear: three along the axes are one along their sum, and gravity pulls at it as at a lever.
         let mut held = vec![0.0; n];

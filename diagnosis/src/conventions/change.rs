@@ -35,6 +35,13 @@ pub(crate) enum Physics {
     LoadFriction(usize),
 }
 
+impl Physics {
+    /// Whether it is a matter of masses, which other links have.
+    pub fn is_mass(&self) -> bool {
+        matches!(self, Physics::Payload | Physics::Link(_) | Physics::LoadFriction(_))
+    }
+}
+
 /// One change of the reading, or of the physics beside it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Change {
@@ -99,6 +106,18 @@ impl Change {
     /// Whether it is one of the reading, not of physics beside it.
     pub fn is_reading(&self) -> bool {
         !matches!(self, Change::Beside(_))
+    }
+
+    /// Whether it is one of how joints are counted.
+    pub fn is_of_positions(&self) -> bool {
+        matches!(
+            self,
+            Change::AngleUnit
+                | Change::Exchange(..)
+                | Change::Direction { .. }
+                | Change::Zero { .. }
+                | Change::Relative { .. }
+        )
     }
 
     /// Natural logarithm of its prior odds beside `others`.

@@ -6,7 +6,7 @@ use freeplay_recording::{Recording, unwrapped};
 use super::change::{Change, reading};
 use super::finding::{Certainty, Setup, SetupFinding};
 use super::kinds::{self, Told};
-use super::problem::{FLOOR, GEOMETRY, Outcome};
+use super::problem::{FLOOR, GEOMETRY, Links, Outcome};
 use super::reading::Reading;
 use super::samples::Samples;
 use super::search::{MEMORY, Search};
@@ -92,7 +92,7 @@ impl Examination<'_> {
         // Torques without gravity are small, and mostly what the rigid arm does not say.
         let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);
         let other = kinds::another_arm::found(&best, self.arm.dof(), is_silent || !has_torques, has_tool);
-        if let Some(other) = other.or(is_another.then(kinds::another_arm::by_price)) {
+        if let Some(other) = other.or(is_another.then(kinds::another_arm::by_evidence)) {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
             // Torques alone can be far from any model; geometry can't.
@@ -121,20 +121,20 @@ impl Examination<'_> {
         setup.findings.extend(self.left_still(&best));
     }
 
-    /// Tells whether another arm explains the recording better than the reading of `settled`, in which every change is certain. Another arm leaves as
-    /// little of each channel, with the same physics beside it; where its price is lower, it is the simpler answer.
+    /// Tells whether another arm explains the recording better than the reading of `settled`, in which every change is certain: links of any
+    /// inertia, whose joints have zeros of their own or not, against the model's within what a data sheet is off by. One link alone is the same as a
+    /// unit of its torque.
     fn is_another(&self, search: &Search, settled: &Outcome) -> bool {
         let is_large = |change: &Change| change.is_reading() && !kinds::is_small(self.arm, settled, change);
-        let speaks = |channel: &usize| settled.spoken[*channel] >= SPOKEN;
-        let spoken = (0..settled.left.len()).filter(speaks);
+        let is_misread = settled.changes.iter().any(is_large);
         // Torques without gravity say little of an arm.
-        let is_silent = settled.changes.contains(&Change::Compensated);
-        if is_silent || !settled.changes.iter().any(is_large) {
+        if !is_misread || settled.changes.contains(&Change::Compensated) || self.arm.dof() < 2 {
             return false;
         }
-        let links = spoken.filter(|channel| *channel < self.arm.dof()).count();
-        let price = kinds::another_arm::price(links, search.whole.log_price(settled));
-        settled.price() - search.whole.physics_price(settled) > price
+        let worth = |links| search.whole.with_links(settled, links);
+        let others = [false, true].map(|own_zeros| worth(Links::Any { own_zeros }));
+        let best = others.into_iter().flatten().reduce(f64::max);
+        best.zip(worth(Links::OfSheet)).is_some_and(|(another, sheet)| another > sheet + OVERWHELMING)
     }
 
     /// The reading of the changes that are sure, with what was known of it before.

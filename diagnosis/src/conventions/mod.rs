@@ -15,6 +15,7 @@ mod bodies;
 mod change;
 mod examine;
 mod finding;
+mod free_arm;
 mod kinds;
 mod mapping;
 mod normal;

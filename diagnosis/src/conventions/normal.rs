@@ -60,7 +60,7 @@ pub(super) fn fit(channels: &[Channel], count: usize) -> Fit {
 
 impl Channel {
     /// What is left under the `shared` coefficients, and the own ones.
-    fn own(&self, shared: &[f64]) -> (f64, Vec<f64>) {
+    pub fn own(&self, shared: &[f64]) -> (f64, Vec<f64>) {
         let own = self.is_positive.len();
         let x = DVector::from_column_slice(shared);
         let between = self.normal.view((0, own), (own, shared.len()));
@@ -76,14 +76,14 @@ impl Channel {
 }
 
 /// Products of a channel's shared columns and its target, its own columns projected out.
-struct Cleared {
-    normal: DMatrix<f64>,
-    right: DVector<f64>,
-    square: f64,
+pub(super) struct Cleared {
+    pub normal: DMatrix<f64>,
+    pub right: DVector<f64>,
+    pub square: f64,
 }
 
 impl Cleared {
-    fn of(channel: &Channel) -> Self {
+    pub fn of(channel: &Channel) -> Self {
         let own = channel.is_positive.len();
         let shared = channel.right.len() - own;
         let factor = Factor::of(channel.normal.view((0, 0), (own, own)).into_owned());
@@ -107,7 +107,7 @@ impl Cleared {
         }
     }
 
-    fn left(&self, shared: &[f64]) -> f64 {
+    pub fn left(&self, shared: &[f64]) -> f64 {
         let x = DVector::from_column_slice(shared);
         (self.square - 2.0 * x.dot(&self.right) + x.dot(&(&self.normal * &x))).max(0.0)
     }

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::along::{Along, Column, LOADS, dot};
 use super::change::{Change, Physics};
+use super::free_arm::Target;
 use super::normal::{Channel, Fit, fit};
 use super::problem::{Measured, Problem};
 use super::reading::Reading;
@@ -88,6 +89,42 @@ impl<'p, 'a> Torques<'p, 'a> {
     /// Variance of what was measured, by channel.
     pub fn variance(&self, channel: usize) -> f64 {
         self.measured[channel].0.variance
+    }
+
+    /// What links of any inertia are to explain: what `fitted` leaves of each channel, or all of it; and how much larger the torques are than the
+    /// model's.
+    pub fn targets(
+        &self,
+        fitted: Option<&Fit>,
+        gravity: &Vector3<f64>,
+        scale: &[f64],
+        independent: &dyn Fn(usize) -> f64,
+        floor: f64,
+        rows: f64,
+    ) -> (Vec<Target<'p>>, f64) {
+        let (mut recorded, mut modelled) = (0.0, 0.0);
+        let target = |(channel, &joint): (usize, &usize)| {
+            let (measured, sign) = (&self.measured[channel].0, self.measured[channel].1);
+            recorded += measured.variance;
+            modelled += self.spoken(joint, gravity, scale[joint]);
+            let column = fitted.map_or_else(
+                || measured.column.iter().map(|x| sign * x).collect(),
+                |fitted| self.residual(channel, fitted, gravity, scale),
+            );
+            let own = self.own(joint).into_iter();
+            let own = own
+                .map(|(column, positive)| (self.along.column(joint, column), positive && fitted.is_none()));
+            Target {
+                joint,
+                column,
+                scale: scale[joint],
+                own: own.collect(),
+                floor: floor.powi(2) * measured.variance * rows,
+                independent: independent(joint),
+            }
+        };
+        let targets = self.joints.iter().enumerate().map(target).collect();
+        (targets, (recorded / modelled.max(f64::MIN_POSITIVE)).sqrt())
     }
 
     /// The fit, and with it gravity where it is free, and the scales; `None` for what can't be.

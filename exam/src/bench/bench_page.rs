@@ -38,7 +38,7 @@ impl Report<'_> {
     }
 
     fn ratio_section(&self) -> Section {
-        let mut table = Table::new("Ours over the yardstick")
+        let mut table = Table::new("Freeplay over the yardstick")
             .column(Column::text("controller"))
             .column(Column::text("what"))
             .column(Column::text("at"))
@@ -56,7 +56,7 @@ impl Report<'_> {
                 }
             }
         }
-        let mut caught_up = Table::new("Ticks that were due before the loop got to them")
+        let mut caught_up = Table::new("Ticks that the loop reached late")
             .column(Column::text("controller"))
             .column(Column::number("of ticks", ""))
             .column(Column::number("full loop", ""))
@@ -70,13 +70,11 @@ impl Report<'_> {
             ]);
         }
         let caught_up = caught_up.note(
-            "After a stall both loops catch up without a pause. Nothing woke these ticks, so they are no wake-ups; how late they were is in \
-             the lateness of all ticks. The full loop has work in each tick and therefore takes more ticks to catch up from the same stall.",
+            "After a stall both loops catch up without a pause. These ticks are not wake-ups, because the loop did not sleep before them; the lateness of all ticks includes them. The full loop has work in each tick and therefore takes more ticks to catch up from the same stall.",
         );
         Section::new("Beside the yardsticks").with(table).with(caught_up).with(
             "The yardsticks run on the same cores, at the same priority and with the same wait, in blocks that take turns with the full \
-             loop. Absolute times do not travel from machine to machine; these ratios do. Transport is the way of the state plus that of \
-             the command.",
+             loop. Absolute times depend on the machine; these ratios hardly do. Transport is the time of the state message plus that of the command message.",
         )
     }
 
@@ -124,8 +122,7 @@ impl Report<'_> {
         }
         Section::new("Missed deadlines").with(table).with(first).with(
             "A missed deadline is a tick whose answer did not come 50 µs before the next tick, or one at which the plant itself was more \
-             than a period late. The link of the tick that was longest beyond its usual is the guilty one; what its thread went through \
-             (waiting for a core, page faults, time stolen by the hypervisor) says why, if it accounts for half of the excess.",
+             than a period late. The cause is the stage of the tick that took the longest beyond its median. The counters of its thread (waiting for a core, page faults, time stolen by the hypervisor) name the reason where they account for half of the excess.",
         )
     }
 

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use comfy_table::{CellAlignment, Table as TextTable, presets};
+use comfy_table::{CellAlignment, Table};
+use freeplay_terminal::layout::text_table;
 use freeplay_terminal::messages::judgement;
 use hdrhistogram::Histogram;
 
@@ -13,8 +14,7 @@ use crate::bench::figures::{QUANTILES, Ratio};
 impl Report<'_> {
     /// For the terminal.
     pub fn in_words(&self, out: &Path) -> String {
-        let mut table = TextTable::new();
-        table.load_style(presets::NOTHING);
+        let mut table = text_table();
         let quantiles = QUANTILES.map(|(name, _)| name);
         table.set_header(["stage [µs]", "", quantiles[0], quantiles[1], quantiles[2], "max", "count"]);
         let measured = self.measured();
@@ -43,7 +43,7 @@ impl Report<'_> {
         );
         for contest in self.contests {
             text += &format!(
-                "{}: caught up on {} of {} ticks after stalls, the bare loop on {}\n",
+                "{}: {} of {} ticks caught up after stalls; the bare loop caught up {}\n",
                 contest.controller, contest.caught_up, contest.ticks, contest.bare_caught_up
             );
         }
@@ -64,9 +64,8 @@ impl Report<'_> {
         )
     }
 
-    fn ratio_table(&self) -> TextTable {
-        let mut table = TextTable::new();
-        table.load_style(presets::NOTHING);
+    fn ratio_table(&self) -> Table {
+        let mut table = text_table();
         table.set_header(["of the yardstick", "", "p50 [blocks]", "p99 [blocks]", "p99.9 [blocks]"]);
         for contest in self.contests {
             for (what, ratios) in contest.compared() {

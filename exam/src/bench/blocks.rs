@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use freeplay_harness::histogram_files::read_hlog;
 use freeplay_harness::processes::new_run;
-use freeplay_harness::run::{Contestant, Files, play, play_unseen};
+use freeplay_harness::run::{ControllerSelection, Files, play, play_unseen};
 use freeplay_harness::scenario::Scenario;
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
@@ -35,7 +35,7 @@ pub struct Stand<'a> {
     /// What is run; its duration is that of a block.
     pub scenario: &'a Scenario,
     /// The controllers.
-    pub contestants: &'a [Contestant],
+    pub contestants: &'a [ControllerSelection],
     /// Where files go.
     pub out: &'a Path,
     /// Set when somebody wants it to end.
@@ -66,7 +66,7 @@ impl Stand<'_> {
         }
         let full: Option<Vec<_>> = full.into_iter().collect();
         let (Some(full), Some(clock), Some(exchange)) = (full, clock, exchange) else {
-            return Err(Failure::peer("a run of the bench ended before it was played; see above"));
+            return Err(Failure::peer("a run of the bench ended early; its message is above"));
         };
         Ok(Some(Block { full, clock, exchange }))
     }
@@ -77,7 +77,7 @@ impl Stand<'_> {
     /// As [`Stand::play`].
     pub fn full(
         &self,
-        contestant: &Contestant,
+        contestant: &ControllerSelection,
         scenario: &Scenario,
     ) -> Result<Option<(RunSummary, ByStage)>, Failure> {
         self.played(contestant, scenario, false)
@@ -89,7 +89,7 @@ impl Stand<'_> {
     /// As [`Stand::play`].
     pub fn watched(
         &self,
-        contestant: &Contestant,
+        contestant: &ControllerSelection,
         scenario: &Scenario,
     ) -> Result<Option<(RunSummary, ByStage)>, Failure> {
         self.played(contestant, scenario, true)
@@ -97,7 +97,7 @@ impl Stand<'_> {
 
     fn played(
         &self,
-        contestant: &Contestant,
+        contestant: &ControllerSelection,
         scenario: &Scenario,
         watched: bool,
     ) -> Result<Option<(RunSummary, ByStage)>, Failure> {

@@ -3,12 +3,13 @@
 
 use std::collections::BTreeMap;
 
-use comfy_table::{CellAlignment, Table, presets};
+use comfy_table::CellAlignment;
 use freeplay_harness::scenario::RecordingKind;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::write;
-use freeplay_terminal::output::say;
+use freeplay_terminal::layout::text_table;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::progress;
 use hdrhistogram::Histogram;
 use serde::Serialize;
@@ -129,7 +130,7 @@ impl Told {
 /// A run that fails; results that can't be written.
 pub fn cost(stand: &Stand, pairs: usize, format: Format) -> Result<Exit, Failure> {
     let contestant = stand.contestants.first().ok_or_else(|| Failure::usage("no controller"))?;
-    let bar = progress::bar(pairs as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar(pairs as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}").with_message("blocks");
     let mut measured: [Measured; KINDS] = Default::default();
     for number in 0..pairs {
         let mut order = Looking::ALL;
@@ -160,7 +161,7 @@ pub fn cost(stand: &Stand, pairs: usize, format: Format) -> Result<Exit, Failure
     write(&stand.out.join("cost.json"), &text)?;
     match format {
         Format::Json => say(&format!("{text}\n"))?,
-        Format::Text => say(&in_words(&costs, verdict, pairs, contestant.asked()))?,
+        Format::Text => show(&in_words(&costs, verdict, pairs, contestant.asked()))?,
     }
     Ok(if verdict == Told::Fails { Exit::Verdict } else { Exit::Done })
 }
@@ -184,8 +185,7 @@ fn costs(measured: &[Measured; KINDS]) -> Vec<Cost> {
 }
 
 fn in_words(costs: &[Cost], verdict: Told, pairs: usize, controller: &str) -> String {
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING);
+    let mut table = text_table();
     table.set_header(["stage", "over plain", "p50", "p99", "p99, 95 % of the median", "p99.9", ""]);
     for cost in costs {
         let title =
@@ -209,7 +209,7 @@ fn in_words(costs: &[Cost], verdict: Told, pairs: usize, controller: &str) -> St
     let remark = match verdict {
         Told::Holds => "",
         Told::Open => {
-            ": open where the bounds hold the limit; a quieter machine, more --pairs and --ticks would tell"
+            ": undecided where the bounds include the limit; use a quieter machine or more --pairs and --ticks"
         }
         Told::Fails => ": where it fails, so do the bounds of the median",
     };

@@ -17,7 +17,7 @@ use std::sync::atomic::AtomicBool;
 use clap::Args;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
-use freeplay_harness::run::{Contestant, load};
+use freeplay_harness::run::{ControllerSelection, load};
 use freeplay_harness::scenario::{Pacing, RecordingKind, Scenario};
 use freeplay_harness::summary::RunSummary;
 use freeplay_terminal::arguments::Format;
@@ -58,13 +58,13 @@ pub struct BenchArgs {
     /// Ticks of each controller, and of each yardstick.
     #[arg(long, default_value_t = 10_000)]
     ticks: u64,
-    /// Blocks in which the full loop and the yardsticks take turns: the shorter, the more alike is what the machine does to them.
+    /// Number of blocks in which the full loop and the yardsticks alternate; short blocks meet the same state of the machine.
     #[arg(long, default_value_t = 20)]
     pairs: usize,
-    /// Also find the cliff: a block of each controller with each of these microseconds of added compute, as in --load 100,300,600.
+    /// Also find the compute time at which deadlines break: a block of each controller with each of these added microseconds, as in --load 100,300,600.
     #[arg(long, value_name = "US", value_delimiter = ',')]
     load: Vec<f64>,
-    /// Instead: what recording and the live view cost the loop of the first controller: blocks with and without take turns.
+    /// Measure the cost of recording and of the live view instead: blocks with and without them alternate, under the first controller.
     #[arg(long, conflicts_with = "load")]
     cost: bool,
     /// Cores of the plant and of the controller; without it the last two that this process may use.
@@ -79,13 +79,13 @@ pub struct BenchArgs {
     /// End with code 4 unless the machine is fit for tails of latencies (see `freeplay doctor`).
     #[arg(long)]
     require_rt: bool,
-    /// Folder for what is left; without it: out/ and the time.
+    /// Folder for the results; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -222,8 +222,8 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
         examination.require_rt()?;
     }
     let scenario = scenario(args)?;
-    let contestants: Vec<Contestant> =
-        scenario.controllers.iter().map(|asked| Contestant::of(asked)).collect::<Result<_, _>>()?;
+    let contestants: Vec<ControllerSelection> =
+        scenario.controllers.iter().map(|asked| ControllerSelection::of(asked)).collect::<Result<_, _>>()?;
     let folder = claim(args.out.as_deref(), &["bench.json", "cost.json"], args.force)?;
     let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
@@ -233,7 +233,8 @@ pub fn bench(args: &BenchArgs) -> Result<Exit, Failure> {
         return cost::cost(&stand, args.pairs, args.format);
     }
     let steps = args.load.len() * contestants.len();
-    let bar = progress::bar((args.pairs + steps) as u64, "blocks {bar:30} {pos}/{len} {elapsed}");
+    let bar = progress::bar((args.pairs + steps) as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}")
+        .with_message("blocks");
     let played = play(args, &stand, &bar);
     bar.finish_and_clear();
     let Some(Played { blocks, cliff }) = played? else { return Ok(Exit::Interrupted) };

@@ -131,7 +131,7 @@ fn exchange(
     while command(&plant, &state, now_ns() + args.period)?.is_none() {
         plant.publish(&state).map_err(Failure::internal)?;
         if now_ns() > patience {
-            return Err(Failure::peer("the other end of the yardstick did not come"));
+            return Err(Failure::peer("the other process of the yardstick did not start"));
         }
     }
     let schedule = Schedule { start_ns: now_ns(), period_ns: args.period };
@@ -157,7 +157,7 @@ fn answer(args: &YardstickArgs, mut controller: BareController) -> Result<(), Fa
         let Some(state) = controller.next_state().map_err(Failure::internal)? else {
             let now = now_ns();
             if now > last + PATIENCE_NS {
-                return Err(Failure::peer("the other end of the yardstick is gone"));
+                return Err(Failure::peer("the other process of the yardstick has ended"));
             }
             // As a controller in real time waits: asleep until shortly before the next state is due.
             if now + SPIN_NS < due {

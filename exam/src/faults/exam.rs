@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use freeplay_harness::run::{Contestant, Files, play};
+use freeplay_harness::run::{ControllerSelection, Files, play};
 use freeplay_harness::scenario::{Drive, Pacing, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_harness::summary::RunSummary;
@@ -51,7 +51,7 @@ const TOLERANCE: f64 = 0.002;
 /// The exam of one controller.
 pub struct Exam {
     scenario: Scenario,
-    examined: Contestant,
+    examined: ControllerSelection,
     seed: u64,
     out: PathBuf,
     stop: Arc<AtomicBool>,
@@ -67,7 +67,7 @@ impl Exam {
     /// A scenario that can't be run.
     pub fn new(
         mut scenario: Scenario,
-        examined: Contestant,
+        examined: ControllerSelection,
         standby: String,
         seed: u64,
         out: PathBuf,
@@ -88,7 +88,7 @@ impl Exam {
     }
 
     /// The controller under examination.
-    pub fn examined(&self) -> &Contestant {
+    pub fn examined(&self) -> &ControllerSelection {
         &self.examined
     }
 
@@ -148,7 +148,7 @@ impl Exam {
         let asked = [sound.controllers[0].clone(), sound.standby[0].clone()];
         for (slot, name) in self.names.clone().iter().enumerate() {
             sound.standby = vec![asked[1 - slot].clone()];
-            let contestant = Contestant::of(&asked[slot])?;
+            let contestant = ControllerSelection::of(&asked[slot])?;
             let is_late =
                 |summary: &RunSummary, _: &Recording| Ok(is_late(summary, 0) || is_late(summary, 1));
             let folder = format!("sound/{name}");
@@ -210,7 +210,7 @@ impl Exam {
     fn play_patiently(
         &self,
         scenario: &Scenario,
-        contestant: &Contestant,
+        contestant: &ControllerSelection,
         folder: &str,
         is_late: impl Fn(&RunSummary, &Recording) -> Result<bool, Failure>,
     ) -> Result<Option<(RunSummary, Recording)>, Failure> {
@@ -230,7 +230,7 @@ impl Exam {
     fn play(
         &self,
         scenario: &Scenario,
-        contestant: &Contestant,
+        contestant: &ControllerSelection,
         folder: &str,
     ) -> Result<Option<(RunSummary, Recording)>, Failure> {
         let setup = Setup::new(scenario)?;
@@ -239,7 +239,7 @@ impl Exam {
         if self.stop.load(Ordering::Relaxed) {
             return Ok(None);
         }
-        let no_end = || Failure { exit, message: format!("{folder}: a run ended before it was played") };
+        let no_end = || Failure { exit, message: format!("{folder}: a run ended early") };
         let summary = summary.ok_or_else(no_end)?;
         let name = summary.recording.clone().ok_or_else(no_end)?;
         let recording = freeplay_recording::read(&files.out.join(name), None).map_err(Failure::input)?;

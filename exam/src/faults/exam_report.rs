@@ -4,17 +4,18 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use comfy_table::{CellAlignment, Table as TextTable, presets};
+use comfy_table::CellAlignment;
 use freeplay_harness::plant_command::pace_name;
 use freeplay_harness::scenario::Scenario;
 use freeplay_report::{Block, Cell, Column, Document, Section, Table, Verdict as Mark};
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::write;
+use freeplay_terminal::layout::text_table;
 use serde_json::json;
 
+use crate::faults::environment_faults::EnvironmentFault;
 use crate::faults::findings::Verdict;
 use crate::faults::kinds::Expected;
-use crate::faults::surroundings::Surrounding;
 
 /// The schema of `faults.json`.
 const SCHEMA: &str = "freeplay.faults/1";
@@ -29,8 +30,8 @@ pub struct Report<'a> {
     pub scenario: &'a Scenario,
     /// On the kinds of fault.
     pub verdicts: &'a [Verdict],
-    /// Faults that are not the controller's.
-    pub surroundings: &'a [Surrounding],
+    /// Faults outside the controller.
+    pub surroundings: &'a [EnvironmentFault],
 }
 
 /// `name` or, of several, `name 3, other 2`.
@@ -46,7 +47,7 @@ fn expected(verdict: &Verdict) -> String {
     match verdict.kind.expected() {
         Expected::Detected { ticks: 1 } => "detected at the next tick".to_owned(),
         Expected::Detected { ticks } => format!("detected within {ticks} ticks"),
-        Expected::Compared => "told by comparison, or harmless".to_owned(),
+        Expected::Compared => "detected by comparison, or harmless".to_owned(),
         Expected::Harmless => "no harm".to_owned(),
     }
 }
@@ -112,18 +113,17 @@ impl<'a> Report<'a> {
 
     /// For the terminal.
     pub fn in_words(&self, out: &Path) -> String {
-        let mut table = TextTable::new();
-        table.load_style(presets::NOTHING);
+        let mut table = text_table();
         table.set_header([
             "\nfault",
             "\nfaults",
             "in\ncontact",
             "\ndetected",
             "slowest\n[ticks]",
-            "standby in force\nat once, soon",
+            "standby applied\nat once, soon",
             "\nas",
-            "\nin force",
-            "in charge\nnext",
+            "\napplied",
+            "active\nnext",
             "held\n[ticks]",
             "deviation\nof usual",
             "\nverdict",
@@ -156,11 +156,11 @@ impl<'a> Report<'a> {
             let _ = writeln!(surroundings, " {:<17} {verdict:<6} {}", found.fault, found.found);
         }
         format!(
-            "The exam of {} beside {}, {}: what goes wrong, and what comes of it\n\n{table}\n\n{surroundings}\n\
-             values in force beyond a limit or not finite: {}\n\
+            "Exam of {} with the standby {}, {}: each fault and how it was handled\n\n{table}\n\n{surroundings}\n\
+             applied values beyond a limit or not finite: {}\n\
              ticks at which the plant woke up late: {}; ticks missing in recordings: {}\n\
-             faults that fell on a stall of the machine, counted apart (+): {}\n\
-             runs left behind by killed processes, swept by the next: {}\n\nreport   {}\nall      {}, faults.xml (JUnit)\n",
+             faults during a stall of the machine, counted separately (+): {}\n\
+             runs left by killed processes and removed by the next run: {}\n\nreport   {}\nall      {}, faults.xml (JUnit)\n",
             self.examined,
             self.standby,
             pace_name(self.scenario.pace),
@@ -189,7 +189,7 @@ impl<'a> Report<'a> {
                 continue;
             }
             let words = format!(
-                "{} of {} faults that could be judged not met as they should be ({}); values in force beyond a limit: {}",
+                "{} of {} judged faults were not handled as expected ({}); applied values beyond a limit: {}",
                 verdict.not_as_expected,
                 verdict.judged,
                 expected(verdict),
@@ -212,13 +212,13 @@ impl<'a> Report<'a> {
     fn html(&self) -> String {
         let failures = self.failures();
         let words = match failures {
-            0 => "every kind of fault was met as it should be".to_owned(),
+            0 => "every kind of fault was handled as expected".to_owned(),
             _ => {
-                format!("{failures} of {} kinds of fault were not met as they should be", self.verdicts.len())
+                format!("{failures} of {} kinds of fault were not handled as expected", self.verdicts.len())
             }
         };
         // Two tables: side by side their columns would be wider than most windows.
-        let mut table = Table::new("What goes wrong, and how it is detected")
+        let mut table = Table::new("Faults and their detection")
             .column(Column::text("fault"))
             .column(Column::text("verdict"))
             .column(Column::text("expected"))
@@ -230,8 +230,8 @@ impl<'a> Report<'a> {
         let mut after = Table::new("What follows")
             .column(Column::text("fault"))
             .column(Column::text("standby at once, soon"))
-            .column(Column::text("in force meanwhile").wrapping())
-            .column(Column::text("in charge next"))
+            .column(Column::text("applied meanwhile").wrapping())
+            .column(Column::text("active next"))
             .column(Column::number("held", "ticks"))
             .column(Column::number("deviation", "mm").fixed(4))
             .column(Column::number("of usual", "").fixed(2));
@@ -257,14 +257,14 @@ impl<'a> Report<'a> {
             ]);
         }
         let table = table.note(
-            "Detected are so many of those that could be judged: the controller was in charge and the machine missed no deadline around the fault; \
-             in parentheses the faults that fell on such a stall and are counted apart. Ticks are counted from the first faulty answer to the tick in which something else was in force: 1 is at once.",
+            "A fault counts where the controller was active and the machine missed no deadline around it; the number in parentheses counts the faults \
+             during such a stall. Ticks run from the first faulty answer to the first tick with another command: 1 is at once.",
         );
         let after = after.note(
-            "The standby is in force at once if its answer to the tick that lacked one was, soon if one of the next two was. \
-             The deviation is the tool's greatest until the next fault, beside the greatest of either controller alone in the same ticks.",
+            "The standby acts at once if its answer to the faulty tick was applied, and soon if the answer to one of the next two ticks was. \
+             The deviation is the greatest of the tool until the next fault, over the greatest of either controller alone in the same ticks.",
         );
-        let mut others = Table::new("Faults that are not the controller's")
+        let mut others = Table::new("Faults outside the controller")
             .column(Column::text("fault"))
             .column(Column::text("verdict"))
             .column(Column::text("found"));

@@ -125,9 +125,9 @@ impl Finding {
     fn applied(&self) -> &'static str {
         match (self.braked, self.held, self.detected_after, self.faulty_in_force) {
             (true, ..) => "brakes",
-            (_, 1.., ..) => "held, then the standby's",
+            (_, 1.., ..) => "hold, then the standby",
             (_, _, Some(_), 0) => "the standby's",
-            (_, _, Some(_), _) => "its own, then the standby's",
+            (_, _, Some(_), _) => "its own command, then the standby",
             (_, _, None, _) => "its own",
         }
     }

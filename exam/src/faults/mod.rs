@@ -4,25 +4,25 @@
 //! In the order of the exam: `kinds` (what goes wrong), `saboteur` and `spoil` (the process that makes it go wrong), `exam` (the
 //! runs), `findings` (what came of each fault), `surroundings` (faults that are not the controller's), `exam_report` (words, JSON, JUnit and HTML), `kills` (processes killed at random).
 
+mod active_fault;
+mod environment_faults;
 mod exam;
 mod exam_report;
+pub mod fault_injector;
 mod findings;
 mod kills;
 pub mod kinds;
-pub mod saboteur;
-mod spoil;
-mod surroundings;
 
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Args;
-use freeplay_harness::run::{Contestant, load};
+use freeplay_harness::run::{ControllerSelection, load};
 use freeplay_harness::scenario::{Pacing, RecordingKind};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::progress;
 
 use crate::faults::exam::Exam;
@@ -37,16 +37,16 @@ pub struct FaultsArgs {
     /// The scenario, as for `freeplay run`; without it: the paper's arm.
     #[arg(long)]
     scenario: Option<PathBuf>,
-    /// Who stands by.
+    /// The standby controller.
     #[arg(long, default_value = "computed-torque")]
     standby: String,
-    /// What goes wrong; without it: everything, one after the other.
+    /// Kinds of fault to inject; without it: all of them, one after the other.
     #[arg(long, value_enum)]
     kind: Vec<Kind>,
     /// Faults of each kind.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     seeds: u32,
-    /// Kill so many runs at random moments, with SIGKILL, instead: the plant, the controller or the run itself.
+    /// Kill this many runs at random moments, with SIGKILL, instead: the plant, the controller or the run itself.
     #[arg(long, value_name = "COUNT", conflicts_with_all = ["kind", "seeds"], value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     kills: Option<u32>,
     /// By the wall clock or in lockstep.
@@ -58,13 +58,13 @@ pub struct FaultsArgs {
     /// Seed of the ticks, of what is random in a fault and of all noise.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Folder for what is left; without it: out/ and the time.
+    /// Folder for the results; without it: out/ and the time.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Replace results of an earlier command in the folder.
     #[arg(long)]
     force: bool,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -77,8 +77,8 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     let mut scenario = load(args.scenario.as_deref(), &args.set)?;
     scenario.pace = args.pace.unwrap_or(scenario.pace);
     scenario.recording = RecordingKind::Mcap;
-    let examined = Contestant::of(&args.controller)?;
-    Contestant::of(&args.standby)?;
+    let examined = ControllerSelection::of(&args.controller)?;
+    ControllerSelection::of(&args.standby)?;
     let folder = claim(args.out.as_deref(), &["faults.json", "kills.json"], args.force)?;
     let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));
@@ -88,7 +88,8 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     }
     let kinds = if args.kind.is_empty() { Kind::ALL.to_vec() } else { args.kind.clone() };
     let bar =
-        progress::bar(u64::from(args.seeds) * kinds.len() as u64, "faults {bar:30} {pos}/{len} {elapsed}");
+        progress::bar(u64::from(args.seeds) * kinds.len() as u64, "{msg} {wide_bar} {pos}/{len} {elapsed}")
+            .with_message("faults");
     let mut exam =
         Exam::new(scenario, examined, args.standby.clone(), args.seed, out.clone(), Arc::clone(&stop))?;
     let verdicts = exam.examine(&kinds, args.seeds, &bar);
@@ -98,7 +99,7 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
         return Ok(Exit::Interrupted);
     }
     let surroundings = match args.kind.is_empty() && !interrupted {
-        true => surroundings::examine(exam.scenario(), exam.examined(), &out)?,
+        true => environment_faults::examine(exam.scenario(), exam.examined(), &out)?,
         false => Vec::new(),
     };
     let report = exam_report::Report {
@@ -111,7 +112,7 @@ pub fn faults(args: &FaultsArgs) -> Result<Exit, Failure> {
     report.write(&out)?;
     match args.format {
         Format::Json => say(&format!("{}\n", report.json()?))?,
-        Format::Text => say(&report.in_words(&out))?,
+        Format::Text => show(&report.in_words(&out))?,
     }
     Ok(match (interrupted, report.holds()) {
         (true, _) => Exit::Interrupted,

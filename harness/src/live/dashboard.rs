@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 use freeplay_plant::Applied;
 
-use super::Glance;
+use super::LiveSnapshot;
 
 /// Points of the trace that are kept.
 const TRACE: usize = 4000;
@@ -36,7 +36,7 @@ pub struct Title {
 
 /// How the process of a controller fares.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Fate {
+pub enum ControllerState {
     /// It runs, or waits for its turn.
     #[default]
     Runs,
@@ -52,7 +52,7 @@ pub struct Dashboard {
     /// The run.
     pub title: Title,
     /// The last look at it; `None` before the first.
-    pub now: Option<Glance>,
+    pub now: Option<LiveSnapshot>,
     /// Time, s, and size of the deviation, m.
     pub trace: VecDeque<(f64, f64)>,
     /// The journals' last offsets by joint, m.
@@ -60,7 +60,7 @@ pub struct Dashboard {
     /// Time, s, and what happened.
     pub events: VecDeque<(f64, String)>,
     /// How the controllers' processes fare, by slot.
-    pub fates: Vec<Fate>,
+    pub fates: Vec<ControllerState>,
     /// How long nothing new has been seen, s.
     pub still: f64,
     /// Whether what is in force stands in for answers that are missing.
@@ -71,7 +71,7 @@ impl Dashboard {
     /// Nothing seen yet.
     pub fn new(title: Title) -> Self {
         let orbits = vec![VecDeque::with_capacity(ORBIT); title.plays.len()];
-        let fates = vec![Fate::Runs; title.controllers.len()];
+        let fates = vec![ControllerState::Runs; title.controllers.len()];
         Self {
             title,
             now: None,
@@ -85,10 +85,10 @@ impl Dashboard {
     }
 
     /// How the controller in `slot` fares: one in charge that lives and does not answer hangs.
-    pub fn fate(&self, slot: usize) -> Fate {
+    pub fn fate(&self, slot: usize) -> ControllerState {
         let is_in_charge = self.now.as_ref().is_some_and(|now| now.in_charge == slot);
         match self.fates.get(slot).copied().unwrap_or_default() {
-            Fate::Runs if is_in_charge && self.is_unanswered => Fate::Hangs,
+            ControllerState::Runs if is_in_charge && self.is_unanswered => ControllerState::Hangs,
             fate => fate,
         }
     }
@@ -104,17 +104,17 @@ impl Dashboard {
         };
         let name = self.controller(now.in_charge);
         (still >= LONG).then(|| match self.fate(now.in_charge) {
-            Fate::Hangs => format!(
+            ControllerState::Hangs => format!(
                 "no tick for {still:.0} s: {name} hangs, and the plant waits at most {patience} s for it"
             ),
-            Fate::Ended => format!("no tick for {still:.0} s: {name} has ended"),
+            ControllerState::Ended => format!("no tick for {still:.0} s: {name} has ended"),
             _ => format!("no tick for {still:.0} s: waiting for an answer of {name}, at most {patience} s"),
         })
     }
 
     /// Time of the last look, s.
     pub fn time(&self) -> f64 {
-        self.now.as_ref().map_or(0.0, |glance| glance.tick as f64 * self.title.period)
+        self.now.as_ref().map_or(0.0, |snapshot| snapshot.tick as f64 * self.title.period)
     }
 
     /// Notes that something happened now.
@@ -129,36 +129,36 @@ impl Dashboard {
     }
 
     /// Takes a further look in.
-    pub fn look(&mut self, glance: Glance) {
-        for &[time, size] in &glance.trace {
+    pub fn look(&mut self, snapshot: LiveSnapshot) {
+        for &[time, size] in &snapshot.trace {
             push(&mut self.trace, (time, size), TRACE);
         }
-        for (orbit, play) in self.orbits.iter_mut().zip(&glance.plays) {
+        for (orbit, play) in self.orbits.iter_mut().zip(&snapshot.plays) {
             for &offset in &play.orbit {
                 push(orbit, offset, ORBIT);
             }
         }
-        let before = self.now.replace(glance);
+        let before = self.now.replace(snapshot);
         self.note_changes(before.as_ref());
     }
 
     /// Notes what is other than it was `before`.
-    fn note_changes(&mut self, before: Option<&Glance>) {
+    fn note_changes(&mut self, before: Option<&LiveSnapshot>) {
         let (Some(before), Some(now)) = (before, &self.now) else { return };
         let mut events = Vec::new();
         if now.in_charge != before.in_charge {
             let [to, from] = [now.in_charge, before.in_charge].map(|slot| self.controller(slot));
-            events.push(format!("{to} in charge, before it {from}"));
+            events.push(format!("{to} took over from {from}"));
         }
         if now.applied != before.applied {
             match now.applied {
                 Applied::Guided => {}
-                Applied::Command => events.push("the controller's commands are in force".to_owned()),
-                Applied::Hold => events.push("the last command is held".to_owned()),
+                Applied::Command => events.push("the controller's commands are applied".to_owned()),
+                Applied::Hold => events.push("the plant holds the last command".to_owned()),
                 Applied::Brake => events.push("the brakes are closed".to_owned()),
             }
         }
-        let missing = |glance: &Glance| glance.rejected.get(MISSING).copied().unwrap_or(0);
+        let missing = |snapshot: &LiveSnapshot| snapshot.rejected.get(MISSING).copied().unwrap_or(0);
         if now.applied == Applied::Command {
             self.is_unanswered = false;
         } else if missing(now) > missing(before) && !self.is_unanswered {
@@ -194,7 +194,7 @@ impl Dashboard {
         });
         let rejected: u64 = now.rejected.values().sum();
         format!(
-            "{:7.3} s  deviation {size:.4} mm (rms {:.4}, max {:.4})  {}  {} in charge{compute}, {rejected} not let through",
+            "{:7.3} s  deviation {size:.4} mm (rms {:.4}, max {:.4})  {}  {} active{compute}, {rejected} rejected by the gate",
             self.time(),
             now.rms_max[0] * 1e3,
             now.rms_max[1] * 1e3,
@@ -218,7 +218,7 @@ pub mod tests {
     use freeplay_plant::{Applied, Rejection};
 
     use super::{Dashboard, Title};
-    use crate::live::{ContactMode, Glance, PlayGlance, StageGlance};
+    use crate::live::{ContactMode, LiveSnapshot, PlaySnapshot, StageSnapshot};
 
     /// A run of two controllers, one joint with play.
     pub fn board() -> Dashboard {
@@ -233,14 +233,14 @@ pub mod tests {
     }
 
     /// A look at tick `tick` of it.
-    pub fn glance(tick: u64) -> Glance {
-        let play = PlayGlance {
+    pub fn snapshot(tick: u64) -> LiveSnapshot {
+        let play = PlaySnapshot {
             mode: ContactMode::Impact,
             ticks: [20, 10, 70],
             peak_normal_force: 12.0,
             orbit: vec![[0.0, -0.6e-3], [0.1e-3, -0.5e-3]],
         };
-        Glance {
+        LiveSnapshot {
             tick,
             deviation: [0.0, 0.3e-3, 0.4e-3],
             rms_max: [0.4e-3, 0.6e-3],
@@ -249,7 +249,7 @@ pub mod tests {
             in_charge: 0,
             applied: Applied::Command,
             rejected: BTreeMap::new(),
-            stages: vec![StageGlance { stage: "compute".to_owned(), percentiles: [9.0, 31.5, 40.0, 77.0] }],
+            stages: vec![StageSnapshot { stage: "compute".to_owned(), percentiles: [9.0, 31.5, 40.0, 77.0] }],
             marks: 0,
         }
     }
@@ -257,20 +257,20 @@ pub mod tests {
     #[test]
     fn what_changes_from_look_to_look_is_an_event_of_its_time() {
         let mut board = board();
-        board.look(glance(100));
+        board.look(snapshot(100));
         assert!(board.events.is_empty(), "the first look is no change: {:?}", board.events);
-        let changed = Glance {
+        let changed = LiveSnapshot {
             in_charge: 1,
             applied: Applied::Hold,
             rejected: [("not_finite".to_owned(), 3)].into(),
             marks: 1,
-            ..glance(1500)
+            ..snapshot(1500)
         };
         board.look(changed);
         let events: Vec<&str> = board.events.iter().map(|(_, event)| event.as_str()).collect();
         assert_eq!(
             events,
-            ["second in charge, before it first", "the last command is held", "3 × not finite", "mark 1"]
+            ["second took over from first", "the plant holds the last command", "3 × not finite", "mark 1"]
         );
         assert!(board.events.iter().all(|(time, _)| (time - 1.5).abs() < 1e-12));
     }
@@ -279,27 +279,27 @@ pub mod tests {
     fn what_a_run_waits_for_has_a_name() {
         let mut board = board();
         assert!(board.waits().is_some_and(|words| words.contains("first, second to start")));
-        board.look(glance(100));
+        board.look(snapshot(100));
         assert_eq!(board.waits(), None);
         board.still = 3.0;
         assert!(board.waits().is_some_and(|words| words.contains("waiting for an answer of first")));
-        board.fates[0] = super::Fate::Hangs;
+        board.fates[0] = super::ControllerState::Hangs;
         assert!(board.waits().is_some_and(|words| words.contains("first hangs")));
-        board.fates[0] = super::Fate::Runs;
-        assert_eq!(board.fate(0), super::Fate::Runs);
+        board.fates[0] = super::ControllerState::Runs;
+        assert_eq!(board.fate(0), super::ControllerState::Runs);
         let missing = [(Rejection::Missing.name().to_owned(), 20)].into();
-        board.look(Glance { applied: Applied::Hold, rejected: missing, ..glance(200) });
-        assert_eq!(board.fate(0), super::Fate::Hangs, "it lives and does not answer");
-        board.look(glance(300));
-        assert_eq!(board.fate(0), super::Fate::Runs);
+        board.look(LiveSnapshot { applied: Applied::Hold, rejected: missing, ..snapshot(200) });
+        assert_eq!(board.fate(0), super::ControllerState::Hangs, "it lives and does not answer");
+        board.look(snapshot(300));
+        assert_eq!(board.fate(0), super::ControllerState::Runs);
     }
 
     #[test]
     fn a_line_says_deviation_contact_charge_and_latency() {
         let mut board = board();
-        board.look(glance(2000));
+        board.look(snapshot(2000));
         let line = board.line();
-        for part in ["2.000 s", "0.5000 mm", "max 0.6000", "joint_5 in impact", "first in charge", "p99 32"] {
+        for part in ["2.000 s", "0.5000 mm", "max 0.6000", "joint_5 in impact", "first active", "p99 32"] {
             assert!(line.contains(part), "{part:?} is not in {line:?}");
         }
     }
@@ -308,7 +308,7 @@ pub mod tests {
     fn a_long_run_keeps_its_last_part_only() {
         let mut board = board();
         for look in 0..1000 {
-            board.look(glance(look * 200));
+            board.look(snapshot(look * 200));
         }
         assert_eq!(board.trace.len(), super::TRACE);
         assert_eq!(board.orbits[0].len(), super::ORBIT);

@@ -11,9 +11,13 @@ use ratatui::widgets::{
     Axis, Block, Chart, Dataset, Gauge, GraphType, List, ListItem, Paragraph, Row, Table,
 };
 
-use super::keys::HELP;
-use super::{ContactMode, Dashboard, Fate, Glance};
+use freeplay_terminal::layout::wrapped;
 
+use super::keys::HELP;
+use super::{ContactMode, ControllerState, Dashboard, LiveSnapshot};
+
+/// Events are wrapped to no less than this, characters.
+const LEAST_EVENT_WIDTH: usize = 24;
 /// Length of the trace that is shown, s.
 const WINDOW: f64 = 6.0;
 
@@ -160,9 +164,9 @@ fn line_up(frame: &mut Frame, board: &Dashboard, area: Rect, ink: Ink) {
             if leads { "▶" } else { " " },
             slot + 1,
             match (board.fate(slot), leads) {
-                (Fate::Ended, _) => "  ended",
-                (Fate::Hangs, _) => "  hangs: no answer",
-                (_, true) => "  in charge",
+                (ControllerState::Ended, _) => "  ended",
+                (ControllerState::Hangs, _) => "  hangs: no answer",
+                (_, true) => "  active",
                 (_, false) => "  standby",
             }
         );
@@ -172,7 +176,7 @@ fn line_up(frame: &mut Frame, board: &Dashboard, area: Rect, ink: Ink) {
     if let Some(now) = &board.now {
         let (words, colour) = match now.applied {
             Applied::Guided => ("guided along the reference", Color::Blue),
-            Applied::Command => ("commands in force", Color::Green),
+            Applied::Command => ("commands applied", Color::Green),
             Applied::Hold => ("last command held", Color::Yellow),
             Applied::Brake => ("brakes closed", Color::Red),
         };
@@ -184,12 +188,12 @@ fn line_up(frame: &mut Frame, board: &Dashboard, area: Rect, ink: Ink) {
             .map(|(reason, count)| format!("{} {count}", reason.replace('_', " ")))
             .collect();
         let rejected = if rejected.is_empty() { "nothing".to_owned() } else { rejected.join(", ") };
-        items.push(ListItem::new(format!("not let through by the gate: {rejected}")));
+        items.push(ListItem::new(format!("rejected by the gate: {rejected}")));
     }
     frame.render_widget(List::new(items).block(Block::bordered().title(" controllers ")), area);
 }
 
-fn stages(frame: &mut Frame, now: Option<&Glance>, area: Rect, ink: Ink) {
+fn stages(frame: &mut Frame, now: Option<&LiveSnapshot>, area: Rect, ink: Ink) {
     let rows = now.into_iter().flat_map(|now| &now.stages).map(|stage| {
         let figures = stage.percentiles.iter().map(|us| format!("{us:>8.1}"));
         Row::new(std::iter::once(stage.stage.clone()).chain(figures))
@@ -210,12 +214,12 @@ fn stages(frame: &mut Frame, now: Option<&Glance>, area: Rect, ink: Ink) {
 
 fn happenings(frame: &mut Frame, board: &Dashboard, area: Rect) {
     let room = usize::from(area.height.saturating_sub(2));
-    let skipped = board.events.len().saturating_sub(room);
-    let items = board
-        .events
-        .iter()
-        .skip(skipped)
-        .map(|(time, event)| ListItem::new(format!("{time:7.3} s  {event}")));
+    let width = usize::from(area.width.saturating_sub(2)).max(LEAST_EVENT_WIDTH);
+    let events = board.events.iter().map(|(time, event)| wrapped(&format!("{time:7.3} s  {event}"), width));
+    let lines: Vec<String> =
+        events.flat_map(|event| event.lines().map(str::to_owned).collect::<Vec<_>>()).collect();
+    let skipped = lines.len().saturating_sub(room);
+    let items = lines.into_iter().skip(skipped).map(ListItem::new);
     frame.render_widget(List::new(items).block(Block::bordered().title(" events ")), area);
 }
 
@@ -225,12 +229,12 @@ mod tests {
     use ratatui::backend::TestBackend;
 
     use super::draw;
-    use crate::live::dashboard::tests::{board, glance};
+    use crate::live::dashboard::tests::{board, snapshot};
 
     fn picture(width: u16, height: u16, looks: u64) -> String {
         let mut terminal = Terminal::new(TestBackend::new(width, height)).unwrap();
         let mut board = board();
-        (1..=looks).for_each(|look| board.look(glance(look * 200)));
+        (1..=looks).for_each(|look| board.look(snapshot(look * 200)));
         terminal.draw(|frame| draw(frame, &board, true)).unwrap();
         terminal.backend().to_string()
     }

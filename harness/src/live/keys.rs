@@ -5,18 +5,18 @@ use std::time::Duration;
 use ratatui::crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers, poll, read};
 
 /// The keys in words.
-pub const HELP: &str = "1–8 swap · k kill · h hang/go on · n spoil (NaN) · r restart · m mark · q quit";
+pub const HELP: &str = "1–8 swap · k kill · h hang/continue · n answer NaN · r restart · m mark · q quit";
 
 /// What a person asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// Put the controller in this slot in charge.
+    /// Make the controller in this slot the active one.
     Swap(usize),
-    /// Kill the controller in charge (`SIGKILL`).
+    /// Kill the active controller (`SIGKILL`).
     Kill,
-    /// Stop the controller in charge (`SIGSTOP`), or let all that are stopped go on (`SIGCONT`).
+    /// Stop the active controller (`SIGSTOP`), or continue all that are stopped (`SIGCONT`).
     Hang,
-    /// Spoil the next answer of the controller in charge: NaN.
+    /// Replace the next answer of the active controller by NaN.
     Spoil,
     /// Start controllers that have ended again.
     Restart,

@@ -1,4 +1,4 @@
-//! Sums up ticks into glances, on the recorder's thread of the plant's process.
+//! Sums up ticks into snapshots, on the recorder's thread of the plant's process.
 
 use std::collections::BTreeMap;
 use std::sync::mpsc::SyncSender;
@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 use freeplay_plant::{DeviationStatistics, Rejection, TickRecord};
 use hdrhistogram::{CreationError, Histogram};
 
-use super::{ContactMode, Glance, PlayGlance, StageGlance};
+use super::{ContactMode, LiveSnapshot, PlaySnapshot, StageSnapshot};
 
-/// Time between two glances: as many as there are pictures.
+/// Time between two snapshots: as many as there are pictures.
 const EVERY: Duration = super::PICTURE;
 /// Ticks for which the trace keeps one point.
 const TRACE_TICKS: u64 = 10;
@@ -30,12 +30,12 @@ const STAGES: [(&str, StageTime); 5] = [
 
 /// Sees every tick and tells of it now and then.
 pub struct Observer {
-    to: SyncSender<Glance>,
+    to: SyncSender<LiveSnapshot>,
     /// Length of a tick, s.
     period: f64,
     /// Against the schedule, which only the wall clock has.
     is_scheduled: bool,
-    glance: Glance,
+    snapshot: LiveSnapshot,
     /// Greatest deviation since the last point of the trace, m.
     greatest: f64,
     stages: Vec<Histogram<u64>>,
@@ -50,18 +50,22 @@ impl Observer {
     /// # Errors
     /// Never for the bounds that are used here.
     pub fn new(
-        to: SyncSender<Glance>,
+        to: SyncSender<LiveSnapshot>,
         plays: usize,
         period: f64,
         is_realtime: bool,
     ) -> Result<Self, CreationError> {
-        let play =
-            PlayGlance { mode: ContactMode::Free, ticks: [0; 3], peak_normal_force: 0.0, orbit: Vec::new() };
+        let play = PlaySnapshot {
+            mode: ContactMode::Free,
+            ticks: [0; 3],
+            peak_normal_force: 0.0,
+            orbit: Vec::new(),
+        };
         Ok(Self {
             to,
             period,
             is_scheduled: is_realtime,
-            glance: Glance {
+            snapshot: LiveSnapshot {
                 tick: 0,
                 deviation: [0.0; 3],
                 rms_max: [0.0; 2],
@@ -84,16 +88,16 @@ impl Observer {
     /// Notes a tick.
     pub fn see(&mut self, record: &TickRecord) {
         let tick = record.state.tick;
-        let glance = &mut self.glance;
-        (glance.tick, glance.deviation, glance.marks) = (tick, record.deviation, record.marks);
-        (glance.applied, glance.in_charge) = (record.applied, record.state.in_charge() as usize);
+        let snapshot = &mut self.snapshot;
+        (snapshot.tick, snapshot.deviation, snapshot.marks) = (tick, record.deviation, record.marks);
+        (snapshot.applied, snapshot.in_charge) = (record.applied, record.state.in_charge() as usize);
         let time = tick as f64 * self.period;
         self.deviation.add(time, &record.deviation.into());
-        self.greatest = self.greatest.max(glance.size());
+        self.greatest = self.greatest.max(snapshot.size());
         if (tick + 1).is_multiple_of(TRACE_TICKS) {
-            glance.trace.push([time, std::mem::take(&mut self.greatest)]);
+            snapshot.trace.push([time, std::mem::take(&mut self.greatest)]);
         }
-        for (play, seen) in glance.plays.iter_mut().zip(&record.plays) {
+        for (play, seen) in snapshot.plays.iter_mut().zip(&record.plays) {
             play.mode = ContactMode::of(seen.episode);
             play.ticks[play.mode as usize] += 1;
             play.peak_normal_force = play.peak_normal_force.max(seen.peak_normal_force);
@@ -123,26 +127,26 @@ impl Observer {
         }
         self.told = Instant::now();
         let [norm, ..] = self.deviation.components();
-        self.glance.rms_max =
+        self.snapshot.rms_max =
             [norm.rms_after_start, norm.max_after_start].map(|millimetres| millimetres * 1e-3);
-        self.glance.rejected = Rejection::ALL
+        self.snapshot.rejected = Rejection::ALL
             .iter()
             .map(|&reason| (reason.name().to_owned(), self.rejected[reason as usize]))
             .filter(|&(_, count)| count > 0)
             .collect();
-        self.glance.stages = STAGES
+        self.snapshot.stages = STAGES
             .iter()
             .zip(&self.stages)
             .filter(|(_, histogram)| !histogram.is_empty())
-            .map(|((name, _), histogram)| StageGlance {
+            .map(|((name, _), histogram)| StageSnapshot {
                 stage: (*name).to_owned(),
                 percentiles: [0.5, 0.99, 0.999, 1.0]
                     .map(|quantile| histogram.value_at_quantile(quantile) as f64 * 1e-3),
             })
             .collect();
-        if self.to.try_send(self.glance.clone()).is_ok() {
-            self.glance.trace.clear();
-            for play in &mut self.glance.plays {
+        if self.to.try_send(self.snapshot.clone()).is_ok() {
+            self.snapshot.trace.clear();
+            for play in &mut self.snapshot.plays {
                 play.orbit.clear();
                 play.peak_normal_force = 0.0;
             }

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use freeplay_plant::Wish;
+use freeplay_plant::OperatorRequest;
 use freeplay_storage::{LiveFile, read_text, remove_file};
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::unwritable;
@@ -22,7 +22,7 @@ use ratatui::{DefaultTerminal, Terminal};
 use rustix::process::{Pid, Signal, kill_process};
 
 use super::keys::HELP;
-use super::{Action, Dashboard, Fate, Glance, PICTURE, Title, draw};
+use super::{Action, ControllerState, Dashboard, LiveSnapshot, PICTURE, Title, draw};
 
 /// Time between two lines.
 const LINE: Duration = Duration::from_secs(1);
@@ -52,7 +52,7 @@ pub struct Watch {
     /// What the processes of the run say meanwhile, kept off the picture.
     said: PathBuf,
     plant: Option<ChildStdin>,
-    glances: Option<Receiver<Glance>>,
+    snapshots: Option<Receiver<LiveSnapshot>>,
     stopped: Vec<usize>,
     /// When something new was seen last.
     seen: Instant,
@@ -106,7 +106,7 @@ impl Watch {
             told: None,
             said: said.to_owned(),
             plant: None,
-            glances: None,
+            snapshots: None,
             stopped: Vec::new(),
             seen: Instant::now(),
             left: Arc::default(),
@@ -133,14 +133,14 @@ impl Watch {
     pub fn listen(&mut self, plant: &mut Child) -> Result<(), Failure> {
         self.plant = plant.stdin.take();
         let Some(out) = plant.stdout.take() else { return Ok(()) };
-        let (sender, glances) = channel();
-        self.glances = Some(glances);
+        let (sender, snapshots) = channel();
+        self.snapshots = Some(snapshots);
         std::thread::Builder::new()
             .name("glances".to_owned())
             .spawn(move || {
                 let lines = BufReader::new(out).lines().map_while(Result::ok);
-                let mut glances = lines.filter_map(|line| serde_json::from_str(&line).ok());
-                while glances.next().is_some_and(|glance| sender.send(glance).is_ok()) {}
+                let mut snapshots = lines.filter_map(|line| serde_json::from_str(&line).ok());
+                while snapshots.next().is_some_and(|snapshot| sender.send(snapshot).is_ok()) {}
             })
             .map_err(Failure::no_thread)?;
         Ok(())
@@ -155,8 +155,8 @@ impl Watch {
         controllers: &mut [Running],
         restart: &dyn Fn(usize, Stdio) -> Result<Running, Failure>,
     ) -> Result<bool, Failure> {
-        while let Some(glance) = self.glances.as_ref().and_then(|glances| glances.try_recv().ok()) {
-            self.board.look(glance);
+        while let Some(snapshot) = self.snapshots.as_ref().and_then(|snapshots| snapshots.try_recv().ok()) {
+            self.board.look(snapshot);
             self.seen = Instant::now();
         }
         self.board.still = self.seen.elapsed().as_secs_f64();
@@ -179,8 +179,8 @@ impl Watch {
     /// The terminal is gone.
     pub fn end(&mut self) -> Result<(), Failure> {
         // The channel closes when the plant's standard output does.
-        while let Some(Ok(glance)) = self.glances.as_ref().map(|glances| glances.recv_timeout(LINE)) {
-            self.board.look(glance);
+        while let Some(Ok(snapshot)) = self.snapshots.as_ref().map(|snapshots| snapshots.recv_timeout(LINE)) {
+            self.board.look(snapshot);
         }
         self.shown = None;
         self.show()
@@ -230,16 +230,20 @@ impl Watch {
         let name = self.board.controller(in_charge).to_owned();
         match action {
             Action::Swap(to) if to >= controllers.len() => {
-                self.board.note(format!("there is no controller {}: name more with --standby", to + 1));
+                self.board.note(format!("there is no controller {}: --standby adds one", to + 1));
             }
             Action::Swap(to) => {
-                let words = format!("asked for {}", self.board.controller(to));
-                self.wish(Wish::Swap { to }, words);
+                let words = format!("switch to {} requested", self.board.controller(to));
+                self.request(OperatorRequest::Swap { to }, words);
             }
-            Action::Spoil => self.wish(Wish::Spoil, format!("an answer of {name} is spoiled")),
-            Action::Mark => self.wish(Wish::Mark, "asked for a mark".to_owned()),
-            Action::Kill | Action::Hang if self.board.fates.get(in_charge) == Some(&Fate::Ended) => {
-                self.board.note(format!("{name} has ended already: r starts it again"));
+            Action::Spoil => {
+                self.request(OperatorRequest::Spoil, format!("{name} is made to answer with NaN once"))
+            }
+            Action::Mark => self.request(OperatorRequest::Mark, "mark requested".to_owned()),
+            Action::Kill | Action::Hang
+                if self.board.fates.get(in_charge) == Some(&ControllerState::Ended) =>
+            {
+                self.board.note(format!("{name} has ended already: r restarts it"));
             }
             Action::Kill => {
                 send(Signal::KILL, &controllers[in_charge]);
@@ -254,34 +258,34 @@ impl Watch {
                 for slot in self.stopped.drain(..) {
                     send(Signal::CONT, &controllers[slot]);
                 }
-                self.board.note("all go on");
+                self.board.note("every stopped controller continues");
             }
-            Action::Restart if self.board.fates.iter().all(|fate| *fate != Fate::Ended) => {
-                self.board.note("nothing to start again: no controller has ended");
+            Action::Restart if self.board.fates.iter().all(|fate| *fate != ControllerState::Ended) => {
+                self.board.note("no controller has ended: there is none to restart");
             }
             Action::Restart => {
                 for (slot, controller) in controllers.iter_mut().enumerate() {
                     if controller.0.try_wait().map_err(Failure::internal)?.is_some() {
                         *controller = restart(slot, self.stderr()?)?;
-                        let words = format!("{} started again", self.board.controller(slot));
+                        let words = format!("{} restarted", self.board.controller(slot));
                         self.board.note(words);
                     }
                 }
             }
-            Action::Quit | Action::Interrupt => self.board.note("asked to end"),
-            Action::Nothing(key) => self.board.note(format!("the key {key} does nothing; the keys: {HELP}")),
+            Action::Quit | Action::Interrupt => self.board.note("end of the run requested"),
+            Action::Nothing(key) => self.board.note(format!("no command has the key {key}: {HELP}")),
         }
         Ok(())
     }
 
-    /// Hands `wish` to the plant, which may have ended meanwhile.
-    fn wish(&mut self, wish: Wish, words: String) {
-        let line = serde_json::to_string(&wish).unwrap_or_default();
+    /// Hands `request` to the plant, which may have ended meanwhile.
+    fn request(&mut self, request: OperatorRequest, words: String) {
+        let line = serde_json::to_string(&request).unwrap_or_default();
         let told = self.plant.as_mut().map(|plant| writeln!(plant, "{line}").and_then(|()| plant.flush()));
         self.board.note(if matches!(told, Some(Ok(()))) {
             words
         } else {
-            "the plant does not listen".to_owned()
+            "the plant takes no requests any more".to_owned()
         });
     }
 }
@@ -301,11 +305,11 @@ impl Drop for Watch {
 }
 
 /// How the process of a controller fares.
-fn fate(controller: &mut Running) -> Fate {
+fn fate(controller: &mut Running) -> ControllerState {
     match controller.0.try_wait() {
-        Ok(None) if is_stopped(controller.0.id()) => Fate::Hangs,
-        Ok(None) => Fate::Runs,
-        _ => Fate::Ended,
+        Ok(None) if is_stopped(controller.0.id()) => ControllerState::Hangs,
+        Ok(None) => ControllerState::Runs,
+        _ => ControllerState::Ended,
     }
 }
 

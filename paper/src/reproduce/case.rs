@@ -19,7 +19,7 @@ pub const FRICTION_CLEARANCE: f64 = 0.4;
 pub const LAPS: u32 = 3;
 /// Relative changes of a clearance that nobody could measure (at most 0.01 µm). Where corners make a run chaotic, they show how far
 /// its numbers are determined at all.
-pub const NUDGES: [f64; 2] = [-1e-5, 1e-5];
+pub const PERTURBATIONS: [f64; 2] = [-1e-5, 1e-5];
 /// Sub-steps of a tick: 20 µs, which leaves 0.7 % of error in the first peak.
 const SUBSTEPS: u32 = 50;
 
@@ -49,7 +49,7 @@ pub struct Case {
     pub laps: u32,
     /// Friction in the bearing.
     pub friction: Friction,
-    /// Relative change of the clearance, see [`NUDGES`].
+    /// Relative change of the clearance, see [`PERTURBATIONS`].
     pub nudge: f64,
 }
 
@@ -156,7 +156,7 @@ impl Scope {
         }
         for case in cases.clone() {
             if case.path == PathKind::SquareSharp && case.clearance > 0.0 {
-                cases.extend(NUDGES.map(|nudge| Case { nudge, ..case }));
+                cases.extend(PERTURBATIONS.map(|nudge| Case { nudge, ..case }));
             }
         }
         for &coefficient in &self.frictions {

@@ -31,7 +31,7 @@ use freeplay_harness::scenario::Drive;
 use freeplay_path::PathKind;
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::parallel::on_all_cores;
 use freeplay_terminal::{messages, progress};
 use serde::Serialize;
@@ -76,7 +76,7 @@ pub struct ReproduceArgs {
     /// Leave a part out; may be given twice.
     #[arg(long, value_name = "PART")]
     skip: Vec<Part>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -116,7 +116,7 @@ pub fn reproduce(args: &ReproduceArgs) -> Result<Exit, Failure> {
     freeplay_terminal::files::write(&folder.join("reproduce.json"), &numbers)?;
     match args.format {
         Format::Json => say(&format!("{numbers}\n"))?,
-        Format::Text => say(&screen::summary(&done.claims, folder))?,
+        Format::Text => show(&screen::summary(&done.claims, folder))?,
     }
     Ok(Exit::Done)
 }
@@ -249,7 +249,7 @@ fn over<T: Send>(
     work: impl Fn(usize) -> Result<T, Failure> + Sync,
 ) -> Result<Vec<T>, Failure> {
     messages::detail(stage);
-    let bar = progress::bar(count as u64, "{msg:<22} {bar:30} {pos}/{len} {elapsed}").with_message(stage);
+    let bar = progress::bar(count as u64, "{msg:<22} {wide_bar} {pos}/{len} {elapsed}").with_message(stage);
     bar.tick();
     let done = on_all_cores(count, |index| {
         let result = work(index);

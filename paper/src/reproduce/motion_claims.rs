@@ -11,7 +11,7 @@ use freeplay_path::PathKind;
 use freeplay_plant::DeviationStatistics;
 
 use super::case::{
-    CLEARANCES, Case, LAPS, NUDGES, PERIODS, Scope, drive_name, lapping, path_name, rubbing, smooth,
+    CLEARANCES, Case, LAPS, PERIODS, PERTURBATIONS, Scope, drive_name, lapping, path_name, rubbing, smooth,
 };
 use super::claim::{Claim, Quantity, Row, Tag};
 use super::reference::{Independent, WEIGHTLESS_PEAKS, friction_spread};
@@ -82,7 +82,7 @@ impl Evidence<'_> {
     /// The extent of a number over `case` and those that nobody could tell from it.
     fn extent(&self, case: &Case, number: impl Fn(&Figures) -> f64) -> Option<Extent> {
         let first = number(self.figures(case)?);
-        let others = NUDGES.iter().filter_map(|&nudge| self.figures(&Case { nudge, ..*case }));
+        let others = PERTURBATIONS.iter().filter_map(|&nudge| self.figures(&Case { nudge, ..*case }));
         let both = |(low, high): Extent, value: f64| (low.min(value), high.max(value));
         Some(others.map(number).fold((first, first), both))
     }

@@ -23,7 +23,7 @@ impl Plant {
         self.backoff.reset();
         let mut next_check = LIFE_CHECK_NS;
         loop {
-            for slot in 0..self.line_up.len() {
+            for slot in 0..self.manager.len() {
                 self.take_answer(slot, tick, scheduled)?;
             }
             let now = now_ns();
@@ -46,13 +46,13 @@ impl Plant {
     /// Takes the answer of `slot` to `tick` if it is there; older ones are counted as late. No more of them than a buffer holds,
     /// so that a flood does not keep the loop.
     fn take_answer(&mut self, slot: usize, tick: u64, scheduled: u64) -> Result<(), PlantError> {
-        if self.line_up.slot_mut(slot).answer.is_some() {
+        if self.manager.slot_mut(slot).answer.is_some() {
             return Ok(());
         }
         for _ in 0..COMMAND_BUFFER {
             let Some(mut command) = self.link.next_command(slot)? else { break };
             let received = now_ns();
-            let in_charge = slot == self.line_up.in_charge();
+            let in_charge = slot == self.manager.in_charge();
             let belongs = command.check(self.run).is_ok();
             let has_times = belongs && self.sift_times(&mut command, received);
             if command.tick < tick && belongs {
@@ -64,7 +64,7 @@ impl Plant {
                 }
                 continue;
             }
-            if self.attendance.is_away(slot, tick) {
+            if self.timeouts.is_away(slot, tick) {
                 continue;
             }
             // What does not belong, or answers a tick that is still to come, tells nothing of this one.
@@ -77,7 +77,7 @@ impl Plant {
             if in_charge && std::mem::take(&mut self.spoils_next) {
                 command.value[0] = f64::NAN;
             }
-            self.line_up.slot_mut(slot).answer = Some(command);
+            self.manager.slot_mut(slot).answer = Some(command);
             break;
         }
         Ok(())
@@ -85,25 +85,25 @@ impl Plant {
 
     /// Whether every answer to `tick` that is waited for is there.
     pub(super) fn all_in(&mut self, tick: u64) -> bool {
-        (0..self.line_up.len()).all(|slot| {
+        (0..self.manager.len()).all(|slot| {
             let is_waited_for = match self.config.pace {
-                Pace::Lockstep => !self.attendance.is_away(slot, tick),
+                Pace::Lockstep => !self.timeouts.is_away(slot, tick),
                 Pace::RealTime => {
-                    slot == self.line_up.in_charge() || self.line_up.gate(slot).missed() < MISSED_WAITED_FOR
+                    slot == self.manager.in_charge() || self.manager.gate(slot).missed() < MISSED_WAITED_FOR
                 }
             };
-            !is_waited_for || self.line_up.slot_mut(slot).answer.is_some()
+            !is_waited_for || self.manager.slot_mut(slot).answer.is_some()
         })
     }
 
     /// Lockstep: who has left its seat is not waited for.
     fn note_the_dead(&mut self, tick: u64) {
-        for slot in 0..self.line_up.len() {
-            if self.line_up.slot_mut(slot).answer.is_none()
-                && !self.attendance.is_away(slot, tick)
+        for slot in 0..self.manager.len() {
+            if self.manager.slot_mut(slot).answer.is_none()
+                && !self.timeouts.is_away(slot, tick)
                 && !self.link.is_held(slot)
             {
-                self.attendance.left(slot);
+                self.timeouts.left(slot);
             }
         }
     }
@@ -196,14 +196,14 @@ impl Plant {
 
     /// Whether the deadline of this tick passes without an answer of the one in charge.
     pub(super) fn misses_deadline(&mut self) -> bool {
-        let in_charge = self.line_up.in_charge();
-        self.stopped.is_none() && self.line_up.slot_mut(in_charge).answer.is_none()
+        let in_charge = self.manager.in_charge();
+        self.stopped.is_none() && self.manager.slot_mut(in_charge).answer.is_none()
     }
 
     /// The standby that is to take over at `tick`, if its answer lacks.
     pub(super) fn awaited(&mut self, tick: u64) -> Option<usize> {
-        let next = self.line_up.next_in_charge(tick);
-        let lacks = next != self.line_up.in_charge() && self.line_up.slot_mut(next).answer.is_none();
+        let next = self.manager.next_in_charge(tick);
+        let lacks = next != self.manager.in_charge() && self.manager.slot_mut(next).answer.is_none();
         (lacks && self.stopped.is_none()).then_some(next)
     }
 
@@ -219,7 +219,7 @@ impl Plant {
     }
 
     /// The run is over after `played` ticks: what has no answer by now will have none.
-    pub(super) fn settle_accounts(&mut self, played: u64) {
+    pub(super) fn count_unanswered(&mut self, played: u64) {
         let stages = &mut self.stages;
         if let (Some(trips), None) = (&mut self.round_trips, self.stopped) {
             trips.finish(played, now_ns(), |ns| stages.record(Stage::RoundTrip, ns));

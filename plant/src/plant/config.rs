@@ -11,7 +11,7 @@ use thiserror::Error;
 
 use crate::damping::check_damping;
 use crate::rotor::with_rotors;
-use crate::{LineUpSpec, ReflexLimits, ReflexSpec, SensorsSpec, StopReason, System, SystemError};
+use crate::{ControllerSet, ReflexLimits, ReflexSpec, SensorsSpec, StopReason, System, SystemError};
 
 /// All that makes a plant.
 #[derive(Clone, Debug)]
@@ -45,7 +45,7 @@ pub struct PlantConfig {
     /// Whether the evidence for the cause of every missed deadline is gathered: real time only, some microseconds a tick.
     pub evidence: bool,
     /// The controllers.
-    pub line_up: LineUpSpec,
+    pub controller_set: ControllerSet,
     /// When the arm is stopped for what it does.
     pub reflex: ReflexSpec,
     /// Natural frequency of the feedback that is asked of the controllers, rad/s.

@@ -19,13 +19,13 @@ use freeplay_shm::{Backoff, Foreign, Pace, PlantLink, Schedule, State, now_ns};
 
 pub use config::{Deadlines, Ending, PlantConfig, PlantError, PlantOutcome, TickLaws};
 
-use crate::attendance::Attendance;
 use crate::cause::Links;
 use crate::misses::Misses;
+use crate::response_timeouts::ResponseTimeouts;
 use crate::round_trips::RoundTrips;
 use crate::{
-    AnswerCounts, Applied, Braking, DeviationStatistics, Hermite, JointUse, LineUp, ReflexLimits, Reflexes,
-    Sensors, Stages, Stop, System, TickRecord, Wishes,
+    AnswerCounts, Applied, Braking, ControllerManager, DeviationStatistics, Hermite, JointUse,
+    OperatorRequests, ReflexLimits, Reflexes, Sensors, Stages, Stop, System, TickRecord,
 };
 
 /// The plant of one run.
@@ -36,8 +36,8 @@ pub struct Plant {
     nominal: Workspace,
     link: PlantLink,
     run: u64,
-    line_up: LineUp,
-    attendance: Attendance,
+    manager: ControllerManager,
+    timeouts: ResponseTimeouts,
     laws: TickLaws,
     sensors: Sensors,
     queue: Arc<ArrayQueue<TickRecord>>,
@@ -58,7 +58,7 @@ pub struct Plant {
     stopped: Option<Stop>,
     backoff: Backoff,
     peak_base_force: f64,
-    wishes: Wishes,
+    requests: OperatorRequests,
     spoils_next: bool,
     marks: u32,
     /// The controllers' processes, by slot.
@@ -82,8 +82,8 @@ const GREETING_TICKS: u64 = 128;
 
 impl Plant {
     /// Where to ask something of the plant while it runs.
-    pub fn wishes(&self) -> Wishes {
-        self.wishes.clone()
+    pub fn requests(&self) -> OperatorRequests {
+        self.requests.clone()
     }
 
     /// Waits for the controllers, then plays the run; `stop` ends it early.
@@ -141,7 +141,7 @@ impl Plant {
                 self.note_greetings(refused)?;
             }
         }
-        self.settle_accounts(*played);
+        self.count_unanswered(*played);
         Ok(())
     }
 
@@ -206,8 +206,8 @@ impl Plant {
     }
 
     /// The controllers with their gates and their counts.
-    pub fn line_up(&self) -> &LineUp {
-        &self.line_up
+    pub fn manager(&self) -> &ControllerManager {
+        &self.manager
     }
 
     /// The arm with play as the run left it.

@@ -9,12 +9,12 @@ use freeplay_arm::Workspace;
 use freeplay_path::JointPath;
 use freeplay_shm::{Backoff, Greeting, MAX_JOINTS, Mode, PlantLink, State, now_ns};
 
-use crate::attendance::Attendance;
 use crate::cause::Links;
 use crate::plant::{Deadlines, PUBLISHED, Plant, PlantConfig, PlantError};
+use crate::response_timeouts::ResponseTimeouts;
 use crate::{
-    AnswerCounts, Applied, Braking, DeviationStatistics, GateLimits, Hermite, JointUse, LineUp, Reflexes,
-    Sensors, Stages, TickRecord, Wishes,
+    AnswerCounts, Applied, Braking, ControllerManager, DeviationStatistics, GateLimits, Hermite, JointUse,
+    OperatorRequests, Reflexes, Sensors, Stages, TickRecord,
 };
 
 impl Plant {
@@ -44,14 +44,14 @@ impl Plant {
         }
         Ok(Self {
             nominal: Workspace::new(&config.arm),
-            line_up: LineUp::new(
-                &config.line_up,
+            manager: ControllerManager::new(
+                &config.controller_set,
                 GateLimits::of(&config.arm, config.mode, period, config.hold, &limits.torque_rate),
                 run,
                 joints,
                 period,
             ),
-            attendance: Attendance::new(config.line_up.controllers),
+            timeouts: ResponseTimeouts::new(config.controller_set.controllers),
             laws,
             sensors: Sensors::new(&config.sensors, joints, config.seed),
             stages: Stages::new()?,
@@ -70,10 +70,10 @@ impl Plant {
             stopped: None,
             backoff: Backoff::for_this_machine(),
             peak_base_force: 0.0,
-            wishes: Wishes::default(),
+            requests: OperatorRequests::default(),
             spoils_next: false,
             marks: 0,
-            processes: vec![None; config.line_up.controllers],
+            processes: vec![None; config.controller_set.controllers],
             is_planning: false,
             round_trips: None,
             published: [0; PUBLISHED],
@@ -95,7 +95,7 @@ impl Plant {
         refused: &mut Vec<String>,
     ) -> Result<Option<Vec<String>>, PlantError> {
         let deadline = now_ns() + self.config.patience.as_nanos() as u64;
-        let mut names: Vec<Option<String>> = vec![None; self.line_up.len()];
+        let mut names: Vec<Option<String>> = vec![None; self.manager.len()];
         while !stop.load(Ordering::Relaxed) {
             // Asked before the last look at the door: whoever was refused has ended, too.
             let ended: Vec<usize> =
@@ -134,9 +134,9 @@ impl Plant {
             match greeting {
                 Greeting::Refused { name, verdict, .. } => refused.push(format!("{name}: {verdict:?}")),
                 // A process in the place of one that has ended. The only controller of a run is not replaced.
-                Greeting::Accepted { slot, pid, .. } if self.line_up.len() > 1 => {
-                    self.line_up.renew(slot as usize);
-                    self.attendance.renew(slot as usize);
+                Greeting::Accepted { slot, pid, .. } if self.manager.len() > 1 => {
+                    self.manager.renew(slot as usize);
+                    self.timeouts.renew(slot as usize);
                     if let Some(misses) = &mut self.misses {
                         misses.replace(slot as usize, pid);
                     }

@@ -12,8 +12,8 @@ use nalgebra::Vector3;
 use crate::cause::Links;
 use crate::plant::{PUBLISHED, Plant, PlantError};
 use crate::{
-    Applied, DeviationStatistics, Excess, Input, Motion, NO_DIFFERENCES, PlayRecord, Stage, Stop, StopReason,
-    TickRecord, Wish,
+    Applied, DeviationStatistics, Input, LimitViolation, Motion, NO_DIFFERENCES, OperatorRequest, PlayRecord,
+    Stage, Stop, StopReason, TickRecord,
 };
 
 /// How long the plant spins before the schedule's time, ns.
@@ -29,13 +29,13 @@ const LAST_LOOK_NS: u64 = 100_000;
 impl Plant {
     pub(super) fn tick(&mut self, tick: u64, schedule: &Schedule) -> Result<(), PlantError> {
         let scheduled = self.wake(tick, schedule);
-        self.hear_wishes(tick);
+        self.take_requests(tick);
         let mut record = self.observe(tick, scheduled);
         self.state.published_ns = now_ns();
         self.published[tick as usize % PUBLISHED] = self.state.published_ns;
         self.link.publish(&self.state)?;
         record.state = self.state;
-        self.line_up.begin_tick();
+        self.manager.begin_tick();
         if self.config.pace == Pace::RealTime {
             // From publication, so that a plant that was held up waits for its answers while it catches up.
             let window = self.state.published_ns + self.config.period_ns / ANSWER_WINDOW;
@@ -43,7 +43,7 @@ impl Plant {
         }
         self.step(tick)?;
         let is_complete = match self.config.pace {
-            Pace::RealTime => self.line_up.all_have_answered(),
+            Pace::RealTime => self.manager.all_have_answered(),
             Pace::Lockstep => self.all_in(tick),
         };
         if !is_complete {
@@ -61,7 +61,7 @@ impl Plant {
         }
         // Judging may put another one in charge.
         let (missed, in_charge, awaited) =
-            (self.misses_deadline(), self.line_up.in_charge(), self.awaited(tick));
+            (self.misses_deadline(), self.manager.in_charge(), self.awaited(tick));
         self.judge(tick, &mut record);
         self.keep(record);
         self.note_links(tick, in_charge, missed, awaited);
@@ -70,7 +70,7 @@ impl Plant {
 
     /// How long lockstep waits for the answer to `tick`; before the first, controllers still plan.
     fn answer_patience(&self, tick: u64) -> Duration {
-        let of_several = self.config.answer_patience.filter(|_| tick > 0 && self.line_up.len() > 1);
+        let of_several = self.config.answer_patience.filter(|_| tick > 0 && self.manager.len() > 1);
         of_several.unwrap_or(self.config.patience)
     }
 
@@ -88,12 +88,12 @@ impl Plant {
         }
     }
 
-    fn hear_wishes(&mut self, tick: u64) {
-        while let Some(wish) = self.wishes.next() {
-            match wish {
-                Wish::Swap { to } => self.line_up.ask(tick, to),
-                Wish::Spoil => self.spoils_next = true,
-                Wish::Mark => self.marks += 1,
+    fn take_requests(&mut self, tick: u64) {
+        while let Some(request) = self.requests.next() {
+            match request {
+                OperatorRequest::Swap { to } => self.manager.ask(tick, to),
+                OperatorRequest::Spoil => self.spoils_next = true,
+                OperatorRequest::Mark => self.marks += 1,
             }
         }
     }
@@ -166,7 +166,7 @@ impl Plant {
             (State::FLAG_FALLBACK, matches!(self.applied, Applied::Hold | Applied::Brake)),
         ];
         let flags: u32 = flags.iter().map(|&(flag, holds)| if holds { flag } else { 0 }).sum();
-        let charge = [self.line_up.in_charge(), self.line_up.next_in_charge(tick)];
+        let charge = [self.manager.in_charge(), self.manager.next_in_charge(tick)];
         self.state.flags = flags | State::charge_flags(charge[0] as u32, charge[1] as u32);
     }
 
@@ -210,7 +210,7 @@ impl Plant {
     }
 
     /// From `tick` on the brakes are closed.
-    fn stop(&mut self, tick: u64, reason: StopReason, excess: Option<Excess>) {
+    fn stop(&mut self, tick: u64, reason: StopReason, excess: Option<LimitViolation>) {
         self.stopped = Some(Stop { tick, reason, excess });
         self.applied = Applied::Brake;
     }
@@ -242,25 +242,25 @@ impl Plant {
             self.watch(tick);
         }
         if self.stopped.is_some() {
-            record.command = self.line_up.slot_mut(self.line_up.in_charge()).answer;
+            record.command = self.manager.slot_mut(self.manager.in_charge()).answer;
             return;
         }
         if self.config.pace == Pace::Lockstep {
-            let several = self.line_up.len() > 1;
-            for slot in 0..self.line_up.len() {
-                let came = self.line_up.slot_mut(slot).answer.is_some();
-                self.attendance.note(slot, tick, came, several);
+            let several = self.manager.len() > 1;
+            for slot in 0..self.manager.len() {
+                let came = self.manager.slot_mut(slot).answer.is_some();
+                self.timeouts.note(slot, tick, came, several);
             }
         }
         self.deadlines.missed += u64::from(self.misses_deadline());
         let settled = tick as f64 * self.config.period_ns as f64 * 1e-9 >= DeviationStatistics::START;
-        let verdict = self.line_up.judge(tick, settled, &self.measured);
+        let verdict = self.manager.judge(tick, settled, &self.measured);
         let applied = verdict.applied;
         (record.command, record.rejection) = (verdict.answer, verdict.rejection);
-        record.differences = self.line_up.differences();
+        record.differences = self.manager.differences();
         self.applied = applied;
         if let (Applied::Brake, Some(reason)) = (applied, verdict.rejection) {
-            let excess = self.line_up.gate(self.line_up.in_charge()).excess();
+            let excess = self.manager.gate(self.manager.in_charge()).excess();
             self.stop(tick, StopReason::Rejected(reason), excess);
         }
         match applied {
@@ -272,7 +272,7 @@ impl Plant {
 
     /// Puts the command that passed, or the last one that did, in force.
     fn command(&mut self, tick: u64) {
-        let Some(command) = self.line_up.in_force().copied() else { return };
+        let Some(command) = self.manager.in_force().copied() else { return };
         let joints = self.config.arm.dof();
         let held = self.applied == Applied::Hold;
         self.torque.copy_from_slice(&command.value[..joints]);
@@ -290,13 +290,13 @@ impl Plant {
         }
         if self.config.mode == Mode::Driven {
             let period = self.config.period_ns as f64 * 1e-9;
-            let (system, line_up) = (&self.system, &mut self.line_up);
+            let (system, manager) = (&self.system, &mut self.manager);
             let now = (0..joints).map(|joint| system.joint(joint));
             let next = (0..joints).map(|joint| {
                 if held {
                     let [q, v, _] = system.joint(joint);
                     let next = [q + v * period, v, 0.0];
-                    line_up.moved_on(joint, next);
+                    manager.moved_on(joint, next);
                     next
                 } else {
                     [command.value[joint], command.velocity[joint], command.acceleration[joint]]

@@ -9,7 +9,7 @@ use super::controls::oracle;
 use super::interval::Median;
 use super::score::Outcome;
 use super::tally::Judged;
-use super::truth::{Concealed, at};
+use super::truth::at;
 
 /// Counts of what was said, by what was concealed.
 pub type Confusion = BTreeMap<String, BTreeMap<String, usize>>;
@@ -110,7 +110,7 @@ impl Mistake {
         let at_severity =
             |severity| cases.iter().filter(|case| case.truth.effects[0].severity == severity).count();
         let ratios = cases.iter().map(|case| case.truth.effects[0].signal_to_floor).collect();
-        let leads = |case: &&&Judged| first(case).is_some_and(|row| is(row, &truth(case)));
+        let leads = |case: &&&Judged| first(case).is_some_and(|row| truth(case).names(row));
         let others = cases.iter().filter(|case| !leads(case)).filter_map(|case| first(case));
         let leading = counted(others.map(|row| row.kind.clone())).into_iter().next();
         Self {
@@ -168,12 +168,6 @@ fn separates(a: &str, b: &str) -> Option<String> {
 /// What explains the most by itself.
 fn first(case: &Judged) -> Option<&Hypothesis> {
     case.answer.hypotheses.iter().max_by(|a, b| a.alone.total_cmp(&b.alone))
-}
-
-/// Whether `row` is `concealed`, or the same by another name.
-fn is(row: &Hypothesis, concealed: &Concealed) -> bool {
-    let same = concealed.equivalents.iter().any(|e| e.kinds.contains(&row.kind) && e.joint == row.joint);
-    same || concealed.is(&row.kind, row.joint.as_deref())
 }
 
 /// How often each of `words` comes, the commonest first.

@@ -1,11 +1,14 @@
 //! What the score is to be compared with: chance, a better fit without a name, and an oracle that knows what was concealed.
 
+use std::collections::HashMap;
+
 use serde::Serialize;
 
+use super::answer::Named;
 use super::interval::{Median, Share};
 use super::score::Outcome;
 use super::tally::{Judged, of_sort};
-use super::truth::Sort;
+use super::truth::{Concealed, Sort, TruthKey};
 
 /// The controls.
 #[derive(Clone, Debug, Serialize)]
@@ -50,32 +53,49 @@ impl Controls {
 
 /// The mean share of right answers if every case had the answer of each other one: kind and joint, kind alone. What is the same by
 /// another name counts here as it does in the score.
+///
+/// Truths that conceal the same and answers that name the same are counted first, so that pairs are compared once a kind and joint.
 fn permuted(singles: &[&Judged]) -> (f64, f64) {
-    let (mut same, mut same_kind, mut pairs) = (0_usize, 0_usize, 0_usize);
-    for (i, case) in singles.iter().enumerate() {
+    let mut truths: HashMap<TruthKey, (&Concealed, usize)> = HashMap::new();
+    let mut answers: HashMap<AnswerKey, (&[Named], usize)> = HashMap::new();
+    let (mut same, mut same_kind) = (0_usize, 0_usize);
+    let mut own = [0_usize; 2];
+    for case in singles {
         let concealed = &case.truth.effects[0];
-        for (j, other) in singles.iter().enumerate() {
-            if i != j {
-                pairs += 1;
-                let named = other.answer.verdict == "named";
-                let effects = &other.answer.effects;
-                let all = concealed.said_by(effects).len();
-                same += usize::from(named && all > 0 && all == effects.len());
-                same_kind += usize::from(named && effects.len() == 1 && effects[0].kind == concealed.kind);
+        truths.entry(concealed.key()).or_insert((concealed, 0)).1 += 1;
+        if case.answer.verdict == "named" {
+            let effects = case.answer.effects.as_slice();
+            let key = effects.iter().map(|effect| (effect.kind.as_str(), effect.joint.as_deref())).collect();
+            answers.entry(key).or_insert((effects, 0)).1 += 1;
+            // A case has not its own answer here.
+            for (count, hit) in own.iter_mut().zip(hits(concealed, effects)) {
+                *count += usize::from(hit);
             }
         }
     }
+    for (concealed, cases) in truths.values() {
+        for (effects, times) in answers.values() {
+            let [all, kind] = hits(concealed, effects);
+            same += usize::from(all) * cases * times;
+            same_kind += usize::from(kind) * cases * times;
+        }
+    }
+    let pairs = singles.len() * singles.len().saturating_sub(1);
     let share = |count: usize| count as f64 / pairs.max(1) as f64;
-    (share(same), share(same_kind))
+    (share(same - own[0]), share(same_kind - own[1]))
+}
+
+/// Kind and joint of all that an answer names, in its order.
+type AnswerKey<'a> = Vec<(&'a str, Option<&'a str>)>;
+
+/// Whether an answer that names `effects` names what is concealed and nothing else: by kind and joint, by its kind.
+fn hits(concealed: &Concealed, effects: &[Named]) -> [bool; 2] {
+    let all = concealed.said_by(effects).len();
+    [all > 0 && all == effects.len(), effects.len() == 1 && effects[0].kind == concealed.kind]
 }
 
 /// Whether the concealed kind at its joint, or what is the same by another name, explains more than the least that counts.
 pub fn oracle(case: &Judged) -> bool {
     let concealed = &case.truth.effects[0];
-    let others = concealed.equivalents.iter().flat_map(|e| e.kinds.iter().map(move |kind| (kind, &e.joint)));
-    let wanted: Vec<_> = std::iter::once((&concealed.kind, &concealed.joint)).chain(others).collect();
-    case.answer
-        .hypotheses
-        .iter()
-        .any(|row| wanted.contains(&(&row.kind, &row.joint)) && row.alone > row.threshold)
+    case.answer.hypotheses.iter().any(|row| concealed.names(row) && row.alone > row.threshold)
 }

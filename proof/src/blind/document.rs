@@ -6,7 +6,7 @@ use freeplay_report::{Axis, Block, Cell, Chart, Column, Document, Figure, Sectio
 use super::interval::Share;
 use super::leak::Leak;
 use super::matrix;
-use super::receipt::Receipt;
+use super::receipt::Part;
 use super::score::Outcome;
 use super::screen::{is_failure, said};
 use super::tally::{Bin, Goal, Judged, Score, of_sort};
@@ -15,31 +15,32 @@ use super::verify::start;
 
 /// Hypotheses that are shown of a failure.
 const LEADING: usize = 4;
+/// Cases that a list of the report shows one by one. A page with ten times as many takes a browser half a minute to open.
+const SHOWN: usize = 2000;
 
 /// The whole report.
-pub fn document(receipt: &Receipt, judged: &[Judged], score: &Score) -> Document {
-    let parts = &receipt.parts;
-    let cases = receipt.cases.len();
+pub fn document(parts: &[Part], judged: &[Judged], score: &Score) -> Document {
+    let cases = judged.len();
     let mut document = Document::new("Blind proof of the diagnosis")
-        .subtitle(format!("{cases} sealed cases, each analysed once before its truth was opened"))
+        .subtitle(format!("{cases} sealed cases, each analysed once before its truth was revealed"))
         .overview(figures(score))
         .overview(goals(&score.goals))
         .section(outcomes(score))
         .section(matrix::confusion(score))
-        .section(matrix::places(receipt, judged, score))
+        .section(matrix::places(parts, judged, score))
         .section(success(score))
         .section(calibration(score))
         .section(controls(score))
         .section(improvement(judged))
         .section(failures(judged))
-        .section(protocol(receipt, judged));
+        .section(protocol(parts, judged));
     for part in parts {
         document = document.footer(format!("program {} · chain {}", part.program.sha256, last(part)));
     }
     document
 }
 
-fn last(part: &super::receipt::Part) -> &str {
+fn last(part: &Part) -> &str {
     part.stages.last().map_or("", |stage| stage.chain.as_str())
 }
 
@@ -61,7 +62,7 @@ fn figures(score: &Score) -> Block {
 }
 
 fn goals(goals: &[Goal]) -> Table {
-    let table = Table::new("The goals, and what was reached")
+    let table = Table::new("Goals and results")
         .column(Column::text("quantity").wrapping())
         .column(Column::text("goal"))
         .column(Column::number("reached", "").fixed(2))
@@ -106,11 +107,11 @@ fn outcomes(score: &Score) -> Section {
         table = table.row(std::iter::once(Cell::from(sort.name())).chain(Outcome::ALL.iter().map(of)));
     }
     Section::new("Outcomes").with(table).with(Block::List(vec![
-        "right: all that was concealed and nothing else; nothing missing where nothing was; unknown where the catalogue lacks it".into(),
-        "partly: of two effects one, and none that is not there; extra: all, and something that is not there".into(),
-        "wrong: a name for what is not there; on a negative control: any finding".into(),
-        "refused: something is missing, without a name, or one of several with the truth among them".into(),
-        "missed: that nothing is missing, or that the recordings can't tell; failed: a crash, or no answer in time".into(),
+        "right: every concealed effect and no other one; \"nothing missing\" where nothing was concealed; \"unknown\" where the catalogue lacks the effect".into(),
+        "partly: one of two effects and no invented one; extra: every concealed effect and an invented one".into(),
+        "wrong: an invented effect; on a negative control: any finding".into(),
+        "refused: \"something is missing\" without a name, or one of several with the truth among them".into(),
+        "missed: \"nothing is missing\", or \"the recordings cannot tell\"; failed: a crash, or no answer in time".into(),
     ]))
 }
 
@@ -120,8 +121,8 @@ fn success(score: &Score) -> Section {
             table.row(bin_row(Cell::from(name.as_str()), bin))
         });
     let ratio = Axis::log("signal to floor", "");
-    let chart = bins_chart("Success against signal to floor", ratio, &score.by_strength);
-    Section::new("Success against the strength of the signal")
+    let chart = bins_chart("Success against the ratio of signal to floor", ratio, &score.by_strength);
+    Section::new("Success against signal strength")
         .with("Signal to floor: root mean square of the trace of the effect, over that of noise and tolerances together, in the channel where this is largest.")
         .with(table)
         .with(chart)
@@ -202,7 +203,7 @@ fn controls(score: &Score) -> Section {
 }
 
 fn improvement(judged: &[Judged]) -> Section {
-    let mut table = Table::new("Held-out error closed, case by case")
+    let mut table = Table::new("Share of the held-out error that is removed, case by case")
         .column(Column::text("case"))
         .column(Column::text("concealed").wrapping())
         .column(Column::text("outcome"))
@@ -210,7 +211,8 @@ fn improvement(judged: &[Judged]) -> Section {
         .column(Column::number("name and tuning", "%").fixed(1))
         .column(Column::number("tuning alone", "%").fixed(1))
         .column(Column::number("unnamed", "%").fixed(1));
-    for case in judged.iter().filter(|case| !case.answer.effects.is_empty()) {
+    let named = || judged.iter().filter(|case| !case.answer.effects.is_empty());
+    for case in named().take(SHOWN) {
         let of = |error: fn(&super::answer::Errors) -> f64| {
             Cell::from(case.closed(error).map_or(f64::NAN, |closed| 100.0 * closed))
         };
@@ -224,10 +226,18 @@ fn improvement(judged: &[Judged]) -> Section {
             of(|e| e.black_box),
         ]);
     }
-    let blocks = vec![table.into()];
+    let blocks = vec![rest(table, named().count()).into()];
     Section::new("Improvement, case by case")
         .with("(before − after) / (before − floor) on data that took no part in the fit, mean over the channels in which the named effects show.")
         .with(Block::Details { summary: "All cases in which an effect was named".to_owned(), blocks })
+}
+
+/// `table` with a note of the cases, of `all`, that it does not show.
+fn rest(table: Table, all: usize) -> Table {
+    match all.checked_sub(SHOWN) {
+        None | Some(0) => table,
+        Some(more) => table.note(format!("and {more} more: receipt.json holds them all.")),
+    }
 }
 
 fn failures(judged: &[Judged]) -> Section {
@@ -238,8 +248,11 @@ fn failures(judged: &[Judged]) -> Section {
             continue;
         }
         section = section.with(Block::Heading(format!("{}: {}", sort.name(), some.len())));
-        for case in some {
+        for case in some.iter().take(SHOWN) {
             section = section.with(failure(case));
+        }
+        if some.len() > SHOWN {
+            section = section.with(format!("and {} more: receipt.json holds them all.", some.len() - SHOWN));
         }
     }
     section
@@ -271,7 +284,7 @@ fn failure(case: &Judged) -> Block {
     if !leading.is_empty() {
         lines.push(format!("explains most by itself: {}", leading.join(", ")));
     }
-    lines.push(format!("the tool's words: {}", case.answer.statement));
+    lines.push(format!("the answer in words: {}", case.answer.statement));
     let summary = format!("{} · {} · {} → {}", case.outcome.name(), case.name, truth.words(), said(case));
     Block::Details { summary, blocks: vec![Block::List(lines)] }
 }
@@ -283,17 +296,17 @@ fn rank(case: &Judged, kind: &str, joint: Option<&str>) -> String {
             format!("by itself it ranks {} with {:.0}", place + 1, rows[place].alone)
         }
         Some(place) => format!("by itself it explains {:.0}, less than counts", rows[place].alone),
-        None => "it was not among what was weighed".to_owned(),
+        None => "the search did not consider it".to_owned(),
     }
 }
 
-fn protocol(receipt: &Receipt, judged: &[Judged]) -> Section {
+fn protocol(parts: &[Part], judged: &[Judged]) -> Section {
     let mut section = Section::new("Protocol");
-    for part in &receipt.parts {
+    for part in parts {
         let mut table = Table::new("Stages")
             .column(Column::text("stage"))
             .column(Column::text("completed"))
-            .column(Column::text("SHA-256 of what it brought"))
+            .column(Column::text("SHA-256 of the stage"))
             .column(Column::text("chain"));
         for stage in &part.stages {
             table = table.row([
@@ -320,7 +333,7 @@ fn protocol(receipt: &Receipt, judged: &[Judged]) -> Section {
         section = section.with(table).with(Block::List(lines));
         if let Some(leak) = Leak::of(part, judged) {
             let words = format!(
-                "A classifier on names, sizes and order of the files gets the sort of {:.1} % right; with sorts dealt at random {:.1} %, as good or better in {:.1} % of the deals.",
+                "A classifier on names, sizes and order of the files finds the sort of {:.1} % of the cases; with shuffled sorts {:.1} %, and at least as many in {:.1} % of the shuffles.",
                 100.0 * leak.right,
                 100.0 * leak.chance,
                 100.0 * leak.p

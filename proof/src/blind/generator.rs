@@ -182,7 +182,10 @@ pub fn made(order: &Order, source: &Source, bar: &ProgressBar) -> Result<Vec<Lin
         }
         for &index in &lost {
             let asked = order.asked_at(index, source).map_err(Failure::internal)?;
-            lines.push(Line::NotMade { asked, why: format!("the generator was killed over it ({how})") });
+            lines.push(Line::NotMade {
+                asked,
+                why: format!("the generator was killed during this case ({how})"),
+            });
         }
         order.done.extend(begun.into_iter().chain(lost));
         if order.open(count).is_empty() {
@@ -230,7 +233,7 @@ fn made_until_killed(
         (None, _) => Ok((told, None)),
         (Some(error), Source::Own) => Err(Failure::internal(error)),
         (Some(error), Source::Program(path)) => Err(Failure::input(format!(
-            "{}: a line on its standard output is none of the contract of a generator: {error}",
+            "{}: a line on its standard output breaks the contract of a generator: {error}",
             path.display()
         ))),
     }

@@ -74,6 +74,27 @@ pub fn of_json(purpose: &str, value: &Value) -> String {
     hex(&Sha256::digest(format!("{purpose}\n{}", canonical(value))))
 }
 
+/// [`of_json`] of a value whose canonical text comes piece by piece.
+#[derive(Debug)]
+pub struct Running(Sha256);
+
+impl Running {
+    /// A hash for `purpose`.
+    pub fn new(purpose: &str) -> Self {
+        Self(Sha256::new_with_prefix(format!("{purpose}\n")))
+    }
+
+    /// Adds the next piece of the canonical text.
+    pub fn add(&mut self, text: &str) {
+        self.0.update(text);
+    }
+
+    /// The hash, as hexadecimal digits.
+    pub fn done(self) -> String {
+        hex(&self.0.finalize())
+    }
+}
+
 /// The commitment to the truth of one case.
 pub fn commitment(salt: &str, truth: &Value) -> String {
     of_json("truth", &json!([salt, truth]))

@@ -8,6 +8,7 @@ use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
+use super::nearest::Tree;
 use super::receipt::Part;
 use super::tally::Judged;
 use super::truth::Sort;
@@ -87,15 +88,8 @@ fn spread(looks: &[Vec<f64>]) -> Vec<Vec<f64>> {
 
 /// The nearest others of each.
 fn neighbours(looks: &[Vec<f64>]) -> Vec<Vec<usize>> {
-    let distance =
-        |a: usize, b: usize| looks[a].iter().zip(&looks[b]).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
-    let nearest = |at: usize| {
-        let mut others: Vec<usize> = (0..looks.len()).filter(|other| *other != at).collect();
-        others.sort_by(|a, b| distance(at, *a).total_cmp(&distance(at, *b)));
-        others.truncate(NEIGHBOURS);
-        others
-    };
-    (0..looks.len()).map(nearest).collect()
+    let tree = Tree::new(looks);
+    (0..looks.len()).map(|at| tree.nearest(at, NEIGHBOURS)).collect()
 }
 
 /// How often the commonest sort among the neighbours is the right one.

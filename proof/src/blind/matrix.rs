@@ -9,7 +9,7 @@ use super::confusion::Mistake;
 use super::document::count;
 use super::generator::place;
 use super::interval::Share;
-use super::receipt::Receipt;
+use super::receipt::Part;
 use super::score::Outcome;
 use super::tally::{Bin, Judged, Score, WHOLE, of_sort};
 use super::truth::Sort;
@@ -26,11 +26,11 @@ pub fn confusion(score: &Score) -> Section {
         said.into_iter().partition(|said| said.starts_with('('));
     let columns: Vec<&String> = kinds.into_iter().chain(verdicts).collect();
     let mut drawn: [(Vec<f64>, Vec<f64>); 3] = Default::default();
-    let mut table = Table::new("What was said for what was concealed, one effect")
+    let mut table = Table::new("Answers by concealed effect, cases of one effect")
         .column(Column::text("concealed"))
         .column(Column::number("of", "").fixed(0))
         .column(Column::number("right", "%").fixed(0))
-        .column(Column::text("said instead; in brackets what names no other kind").wrapping());
+        .column(Column::text("answered instead; in brackets answers without another kind").wrapping());
     for (row, kind) in concealed.iter().enumerate() {
         let counts = &score.confusion[*kind];
         let all: usize = counts.values().sum();
@@ -58,7 +58,8 @@ pub fn confusion(score: &Score) -> Section {
         }
     }
     let mut chart =
-        Chart::plane("", Axis::new("said, by number", ""), Axis::new("concealed, by number", "")).height(560);
+        Chart::plane("", Axis::new("answered, by number", ""), Axis::new("concealed, by number", ""))
+            .height(560);
     for (name, (x, y)) in ["right", "another name", "no name"].into_iter().zip(&drawn) {
         if !x.is_empty() {
             chart = chart.series(Series::points(name, x, y));
@@ -78,12 +79,12 @@ pub fn confusion(score: &Score) -> Section {
 
 /// Every confusion with what is known of why.
 fn mistakes(mistakes: &[Mistake]) -> Table {
-    let mut table = Table::new("What was taken for what, and why")
+    let mut table = Table::new("Confusions and their causes")
         .column(Column::text("concealed"))
         .column(Column::text("said").wrapping())
         .column(Column::text("times"))
         .column(Column::number("signal", "floors").fixed(1))
-        .column(Column::text("where, and why").wrapping());
+        .column(Column::text("place and cause").wrapping());
     for mistake in mistakes {
         let mut places: Vec<String> =
             mistake.places.iter().take(PLACES).map(|(place, times)| format!("{times} {place}")).collect();
@@ -109,7 +110,7 @@ fn mistakes(mistakes: &[Mistake]) -> Table {
 }
 
 /// Success by machine and joint, and each place of a matrix.
-pub fn places(receipt: &Receipt, judged: &[Judged], score: &Score) -> Section {
+pub fn places(parts: &[Part], judged: &[Judged], score: &Score) -> Section {
     let mut table = Table::new("Success by machine and joint, one effect")
         .column(Column::text("machine"))
         .column(Column::text("joint"))
@@ -126,10 +127,10 @@ pub fn places(receipt: &Receipt, judged: &[Judged], score: &Score) -> Section {
     }
     let mut section = Section::new("Places").with(table);
     let mut shown = BTreeSet::new();
-    for matrix in receipt.parts.iter().filter_map(|part| part.draw.as_ref()?.matrix.as_ref()) {
+    for matrix in parts.iter().filter_map(|part| part.draw.as_ref()?.matrix.as_ref()) {
         // Shards sweep the same matrix.
         if shown.insert(format!("{matrix:?}")) {
-            section = grids(section, matrix, receipt, judged);
+            section = grids(section, matrix, parts, judged);
         }
     }
     section
@@ -152,8 +153,8 @@ fn place_row(machine: &str, joint: &str, bin: &Bin) -> [Cell; 8] {
 }
 
 /// One table a machine: kinds downwards, joints across, three letters a place.
-fn grids(section: Section, matrix: &Matrix, receipt: &Receipt, judged: &[Judged]) -> Section {
-    let letters = letters(receipt, judged);
+fn grids(section: Section, matrix: &Matrix, parts: &[Part], judged: &[Judged]) -> Section {
+    let letters = letters(parts, judged);
     let missing = letters.values().filter(|letter| **letter == NOT_MADE).count();
     let all = matrix.quota().map_or(0, |quota| quota.single);
     let mut section = section
@@ -164,7 +165,7 @@ fn grids(section: Section, matrix: &Matrix, receipt: &Receipt, judged: &[Judged]
              stands under \"Protocol\" with its reason."
         ))
         .with(Block::List(vec![
-            "r right, x right and something more, o one of several with the truth among them, u unknown, m missed, w wrong, f no answer"
+            "r right, x right with an invented effect, o one of several with the truth among them, u unknown, m missed, w wrong, f no answer"
                 .to_owned(),
             format!("{NOT_MADE} could not be made, · not in these shards, blank: the kind has no place there"),
         ]));
@@ -196,14 +197,14 @@ fn grids(section: Section, matrix: &Matrix, receipt: &Receipt, judged: &[Judged]
 const NOT_MADE: char = '–';
 
 /// How each place of a matrix came out.
-fn letters(receipt: &Receipt, judged: &[Judged]) -> BTreeMap<String, char> {
+fn letters(parts: &[Part], judged: &[Judged]) -> BTreeMap<String, char> {
     let mut letters = BTreeMap::new();
     for case in of_sort(judged, Sort::Single) {
         let effect = &case.truth.effects[0];
         let place = place(&effect.kind, effect.joint.as_deref(), &case.truth.machine, &effect.severity);
         letters.insert(place, letter(case));
     }
-    for part in receipt.parts.iter().filter(|part| part.draw.as_ref().is_some_and(|d| d.matrix.is_some())) {
+    for part in parts.iter().filter(|part| part.draw.as_ref().is_some_and(|d| d.matrix.is_some())) {
         let asked = part.not_made.iter().filter_map(|what| what.split_once(": "));
         // A control that could not be made names no place.
         let places = asked.map(|(place, _)| place).filter(|place| place.contains(" on "));

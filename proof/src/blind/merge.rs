@@ -1,19 +1,34 @@
 //! `freeplay blind --merge`: the receipts of several parts as one.
+//!
+//! One receipt after the other is read, checked and left again: time grows with the cases, and memory with what the score needs of them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use super::gathered::Gathered;
 use super::overlap::Overlap;
 use super::receipt::{Part, Program, Receipt};
+use super::tally::Judged;
 use super::verify::{broken, checks};
 use freeplay_terminal::exit::Failure;
 
-/// The receipts in `folders` as one, its parts in the order of their chains.
+/// Several receipts as one.
+pub struct Merged {
+    /// Their parts, in the order of their chains.
+    pub parts: Vec<Part>,
+    /// What the score needs of their cases, in the order of their names.
+    pub judged: Vec<Judged>,
+    /// Their cases.
+    pub cases: Gathered,
+}
+
+/// The receipts in `folders` as one; their cases are gathered below `out`.
 ///
 /// # Errors
 /// A receipt that does not verify, by whichever program it was made; one of another program than the first, or with a case of another.
-pub fn merged(folders: &[PathBuf]) -> Result<Receipt, Failure> {
+pub fn merged(folders: &[PathBuf], out: &Path) -> Result<Merged, Failure> {
     let this = Program::this()?;
-    let mut all: Option<Receipt> = None;
+    let mut all =
+        Merged { parts: Vec::new(), judged: Vec::new(), cases: Gathered::new(out.join("gathered"))? };
     let mut overlap = Overlap::default();
     for folder in folders {
         let path = folder.join("receipt.json");
@@ -28,11 +43,7 @@ pub fn merged(folders: &[PathBuf]) -> Result<Receipt, Failure> {
         }
         // The parts of one receipt do not overlap: that is one of its checks.
         let twice = receipt.parts.iter().filter_map(|part| overlap.add(part)).next();
-        let Some(all) = &mut all else {
-            all = Some(receipt);
-            continue;
-        };
-        if receipt.parts[0].program != all.parts[0].program {
+        if all.parts.first().is_some_and(|first| receipt.parts[0].program != first.program) {
             return Err(wrong(
                 "was made by another program or catalogue than the first: shards have to be of one"
                     .to_owned(),
@@ -41,10 +52,23 @@ pub fn merged(folders: &[PathBuf]) -> Result<Receipt, Failure> {
         if let Some(why) = twice {
             return Err(wrong(why));
         }
-        all.parts.extend(receipt.parts);
-        all.cases.extend(receipt.cases);
+        all.add(receipt)?;
     }
-    let mut all = all.ok_or_else(|| Failure::usage("--merge needs folders"))?;
+    if all.parts.is_empty() {
+        return Err(Failure::usage("--merge needs folders"));
+    }
     all.parts.sort_by(|a, b| a.chain().cmp(b.chain()));
+    all.judged.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(all)
+}
+
+impl Merged {
+    fn add(&mut self, receipt: Receipt) -> Result<(), Failure> {
+        self.judged.extend(receipt.judged()?.into_iter().map(Judged::slim));
+        for (name, record) in &receipt.cases {
+            self.cases.add(name, record)?;
+        }
+        self.parts.extend(receipt.parts);
+        Ok(())
+    }
 }

@@ -5,7 +5,7 @@
 //!
 //! Modules in the order of the protocol: `hash` and `canonical` (what is frozen), `sweep` (what is asked for), `source`, `generator`, `names` and `arrange` (the
 //! sealed folder), `analysis` and `lures` (who is asked, and held off what), `analyst` and `answer` (who answers what), `sandbox`, `namespaces` and `channels`
-//! (where), `truth`, `score`, `interval`, `tally`, `confusion`, `controls` and `leak` (what it is worth), `receipt`, `strict`, `overlap`, `verify`, `verification`, `merge` and `history`
+//! (where), `truth`, `score`, `interval`, `tally`, `confusion`, `controls`, `nearest` and `leak` (what it is worth), `receipt`, `strict`, `overlap`, `verify`, `verification`, `gathered`, `merge` and `history`
 //! (what stays), `screen`, `document` and `matrix` (what a person sees).
 
 mod analysis;
@@ -17,6 +17,7 @@ mod channels;
 mod confusion;
 mod controls;
 mod document;
+mod gathered;
 mod generator;
 mod hash;
 mod history;
@@ -27,6 +28,7 @@ mod matrix;
 mod merge;
 mod names;
 mod namespaces;
+mod nearest;
 mod overlap;
 mod protocol;
 mod receipt;
@@ -48,14 +50,15 @@ use clap::Args;
 use freeplay_terminal::arguments::{Format, at_least_one};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{check_target, claim, claim_or_new};
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 use rustix::process::{DumpableBehavior, set_dumpable_behavior};
 use serde_json::json;
 
 use freeplay_storage::OutputFolder;
-use receipt::Receipt;
+use merge::Merged;
+use receipt::{Part, Receipt};
 use sweep::Sweep;
-use tally::Score;
+use tally::{Judged, Score};
 
 pub use analyst::{AnalystArgs, analyst};
 pub use generator::{GenerateArgs, generate};
@@ -77,7 +80,7 @@ pub struct BlindArgs {
     full: bool,
     #[command(flatten)]
     sweep: Sweep,
-    /// Who makes the recordings: mujoco (needs Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
+    /// Generator of the recordings: mujoco (needs Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
     /// file or folder that keeps the contract of proof/mujoco/README.md. Without it: this program, by the crate concealed.
     #[arg(long, value_name = "PROGRAM", conflicts_with_all = ["matrix", "merge", "analyse", "score", "verify"])]
     generator: Option<PathBuf>,
@@ -111,7 +114,7 @@ pub struct BlindArgs {
     /// A list to which a line is appended when the set is sealed, and one when it is scored.
     #[arg(long, value_name = "FILE")]
     history: Option<PathBuf>,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -148,7 +151,7 @@ impl BlindArgs {
         claim_or_new(
             self.out.as_deref(),
             &new,
-            &["sealed", "generator", "receipt.json", "report.html"],
+            &["sealed", "generator", "gathered", "receipt.json", "report.html"],
             self.force,
         )
     }
@@ -169,10 +172,12 @@ pub fn blind(args: &BlindArgs) -> Result<Exit, Failure> {
         return analyse(args, folder);
     }
     let folder = args.claim()?;
+    if !args.merge.is_empty() {
+        return publish_merged(args, folder.path());
+    }
     let receipt = match args.score.as_slice() {
         [folder, truth] => protocol::opened(folder, truth)?,
-        _ if args.merge.is_empty() => protocol::whole(args, folder.path())?,
-        _ => merge::merged(&args.merge)?,
+        _ => protocol::whole(args, folder.path())?,
     };
     publish(args, folder.path(), receipt)
 }
@@ -187,16 +192,38 @@ fn publish(args: &BlindArgs, folder: &Path, mut receipt: Receipt) -> Result<Exit
     }
     let score = Score::of(&judged);
     receipt.score = json!(score);
-    let path = folder.join("receipt.json");
-    receipt.write(&path)?;
-    let report = folder.join("report.html");
-    freeplay_terminal::files::write(&report, &document::document(&receipt, &judged, &score).to_html())?;
+    receipt.write(&folder.join("receipt.json"))?;
     if let (Some(list), [part]) = (&args.history, receipt.parts.as_slice()) {
         history::scored(list, part.seal(), &receipt.sha256, &score)?;
     }
+    present(args, folder, &receipt.parts, &judged, &score)
+}
+
+/// Merges, scores and publishes as [`publish`] does; the cases go from the receipts to the new one without being held in memory.
+fn publish_merged(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
+    let Merged { parts, judged, cases } = merge::merged(&args.merge, folder)?;
+    let score = Score::of(&judged);
+    let hash = cases.write(&folder.join("receipt.json"), &parts, &json!(score))?;
+    drop(cases);
+    if let (Some(list), [part]) = (&args.history, parts.as_slice()) {
+        history::scored(list, part.seal(), &hash, &score)?;
+    }
+    present(args, folder, &parts, &judged, &score)
+}
+
+/// Writes the report into `folder`, beside the receipt, and prints the score.
+fn present(
+    args: &BlindArgs,
+    folder: &Path,
+    parts: &[Part],
+    judged: &[Judged],
+    score: &Score,
+) -> Result<Exit, Failure> {
+    let (path, report) = (folder.join("receipt.json"), folder.join("report.html"));
+    freeplay_terminal::files::write(&report, &document::document(parts, judged, score).to_html())?;
     match args.format {
-        Format::Json => say(&format!("{:#}\n", receipt.score))?,
-        Format::Text => say(&screen::summary(&receipt, &judged, &score, &path, &report))?,
+        Format::Json => say(&format!("{:#}\n", json!(score)))?,
+        Format::Text => show(&screen::summary(parts, judged, score, &path, &report))?,
     }
     Ok(Exit::Done)
 }
@@ -211,7 +238,7 @@ fn analyse(args: &BlindArgs, folder: &Path) -> Result<Exit, Failure> {
     receipt.write(&path)?;
     match args.format {
         Format::Json => say(&format!("{:#}\n", json!(receipt.cases)))?,
-        Format::Text => say(&screen::answers(&receipt, &path))?,
+        Format::Text => show(&screen::answers(&receipt, &path))?,
     }
     Ok(Exit::Done)
 }

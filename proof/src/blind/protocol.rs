@@ -43,7 +43,7 @@ fn random<const N: usize>() -> Result<[u8; N], Failure> {
 
 /// A bar on standard error with the time that remains.
 fn bar(length: usize, what: &'static str) -> ProgressBar {
-    let bar = progress::bar(length as u64, "{msg:<10} {bar:30} {pos}/{len} {elapsed}").with_message(what);
+    let bar = progress::bar(length as u64, "{msg:<10} {wide_bar} {pos}/{len} {elapsed}").with_message(what);
     bar.tick();
     bar
 }
@@ -149,7 +149,7 @@ fn generate(args: &BlindArgs, source: &Source, folder: &Path, part: &mut Part) -
     if making.exists() {
         let path = making.display();
         return Err(Failure::input(format!(
-            "{path} is left of a set that was broken off; remove it or choose another --out"
+            "{path} belongs to an interrupted set; remove it or choose another --out"
         )));
     }
     make_folder(&making)?;

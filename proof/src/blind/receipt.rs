@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use freeplay_concealed::{Matrix, Quota};
+use freeplay_storage::{Refusal, read_bytes};
 use freeplay_terminal::exit::Failure;
-use freeplay_terminal::files::read_text;
 use serde::{Deserialize, Serialize};
 use serde_json::error::Category;
 use serde_json::{Value, json};
@@ -25,6 +25,9 @@ pub const SCHEMA: &str = "freeplay.receipt/2";
 const EARLIER: &str = "freeplay.receipt/1";
 /// What a person should give for a receipt.
 const WANTED: &str = "give a receipt.json that freeplay blind left";
+
+/// The most that is read of a receipt, bytes: some 100,000 cases of one joint or 10,000 of six, which take twenty times that in memory while they are checked.
+const LIMIT: u64 = 512 << 20;
 
 /// What was done, from freeze to score.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -217,6 +220,19 @@ pub enum Form {
     Wrong(String),
 }
 
+/// The text of the receipt `path`.
+fn text(path: &Path) -> Result<String, Failure> {
+    let bytes = read_bytes(path, LIMIT).map_err(|error| match error.refusal() {
+        Some(Refusal::TooLarge { .. }) => Failure::input(format!(
+            "{}: longer than {} MiB, the most that is read of a receipt; give the receipts of its parts, which were checked before they were merged",
+            path.display(),
+            LIMIT >> 20
+        )),
+        _ => error.into(),
+    })?;
+    String::from_utf8(bytes).map_err(|error| Failure::input(format!("{}: {error}; {WANTED}", path.display())))
+}
+
 impl Form {
     /// The form of the file `path`. Every field has to be there, once, and no other.
     ///
@@ -224,13 +240,13 @@ impl Form {
     /// A file that can't be read, is no JSON, or was written by the schema before.
     pub fn of(path: &Path) -> Result<Self, Failure> {
         let shown = path.display();
-        let value = match strict::parse(&read_text(path)?) {
+        let value = match strict::parse(&text(path)?) {
             Ok(value) => value,
             Err(error) if error.classify() == Category::Data => return Ok(Form::Wrong(error.to_string())),
             Err(error) => return Err(Failure::input(format!("{shown}: {error}; {WANTED}"))),
         };
         if value.get("schema").is_none() && value.get("parts").is_none() {
-            return Err(Failure::input(format!("{shown}: it is no receipt; {WANTED}")));
+            return Err(Failure::input(format!("{shown}: this is not a receipt; {WANTED}")));
         }
         if value["schema"] == EARLIER {
             let program = value["parts"][0]["program"]["sha256"].as_str().unwrap_or("of its first part");
@@ -248,7 +264,9 @@ impl Form {
         };
         let known = serde_json::to_value(&receipt).map_err(Failure::internal)?;
         Ok(match difference(&value, &known) {
-            Some(pointer) => Form::Wrong(format!("{pointer} is no field of a receipt, or not of its type")),
+            Some(pointer) => {
+                Form::Wrong(format!("{pointer} is not a field of a receipt, or has the wrong type"))
+            }
             None => Form::Receipt(Box::new(receipt)),
         })
     }

@@ -7,7 +7,7 @@ use freeplay_report::text::{Digits, number};
 
 use super::confusion::Mistake;
 use super::leak::Leak;
-use super::receipt::Receipt;
+use super::receipt::{Part, Receipt};
 use super::score::Outcome;
 use super::tally::{Bin, Goal, Judged, Score};
 use super::truth::{Sort, at};
@@ -19,7 +19,7 @@ const FAILURES: usize = 12;
 const CONFUSIONS: usize = 8;
 
 /// The score.
-pub fn summary(receipt: &Receipt, judged: &[Judged], score: &Score, path: &Path, report: &Path) -> String {
+pub fn summary(parts: &[Part], judged: &[Judged], score: &Score, path: &Path, report: &Path) -> String {
     let mut text = format!("\n{:24}", "");
     for outcome in Outcome::ALL {
         let _ = write!(text, "{:>9}", outcome.name());
@@ -47,7 +47,7 @@ pub fn summary(receipt: &Receipt, judged: &[Judged], score: &Score, path: &Path,
         100.0 * controls.permuted_kind,
         100.0 * controls.oracle.value(),
     );
-    for part in &receipt.parts {
+    for part in parts {
         if let Some(leak) = Leak::of(part, judged) {
             let _ = writeln!(
                 text,
@@ -62,7 +62,7 @@ pub fn summary(receipt: &Receipt, judged: &[Judged], score: &Score, path: &Path,
             let _ = writeln!(text, "not made: {what}");
         });
         if part.not_made.len() > FAILURES {
-            let _ = writeln!(text, "not made: {} in all, see the report", part.not_made.len());
+            let _ = writeln!(text, "not made: {} cases, see the report", part.not_made.len());
         }
     }
     let failures: Vec<&Judged> = judged.iter().filter(|case| is_failure(case)).collect();
@@ -86,7 +86,7 @@ fn digest(score: &Score) -> String {
     mistakes.sort_by_key(|mistake| std::cmp::Reverse(mistake.times));
     let words = |mistake: &&Mistake| format!("{} {} → {}", mistake.times, mistake.concealed, mistake.said);
     let commonest: Vec<String> = mistakes.iter().take(CONFUSIONS).map(words).collect();
-    let mut text = format!("one effect, taken for something else: {}\n", commonest.join("; "));
+    let mut text = format!("one effect, confused with another: {}\n", commonest.join("; "));
     for (machine, joints) in &score.by_joint {
         let sum = |of: fn(&Bin) -> usize| joints.values().map(of).sum::<usize>();
         let (right, detected, all) = (sum(|b| b.right.count), sum(|b| b.detected.count), sum(|b| b.right.of));

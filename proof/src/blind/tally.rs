@@ -8,6 +8,7 @@ use super::answer::{Answer, Errors};
 use super::confusion::{self, Confusion, Mistake};
 use super::controls::Controls;
 use super::interval::{Median, Share};
+use super::sandbox::Isolation;
 use super::score::{Hit, Outcome, hits, outcome};
 use super::truth::{Sort, Truth};
 
@@ -42,6 +43,17 @@ impl Judged {
     pub fn new(name: &str, truth: Truth, answer: Answer) -> Self {
         let hits = truth.effects.iter().flat_map(|concealed| hits(concealed, &answer)).collect();
         Self { name: name.to_owned(), outcome: outcome(&truth, &answer), truth, answer, hits }
+    }
+
+    /// Without what only a person who looks into a failure asks for: of a right answer, all that was weighed but the truth, and where the analyst was.
+    pub fn slim(mut self) -> Self {
+        self.answer.isolation = Isolation::default();
+        if self.outcome == Outcome::Right {
+            let truth = &self.truth;
+            self.answer.hypotheses.retain(|row| truth.effects.iter().any(|concealed| concealed.names(row)));
+            self.answer.hypotheses.shrink_to_fit();
+        }
+        self
     }
 
     /// Share of the held-out error above the floor that is gone where `error` is what is left, mean over the channels in which the

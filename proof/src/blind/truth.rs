@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::answer::{Answer, Named};
+use super::answer::{Answer, Hypothesis, Named};
 
 /// What a case conceals. Of the fields only `effects` has to be there.
 #[derive(Clone, Debug, Default, Deserialize)]
@@ -61,6 +61,9 @@ pub struct Equivalent {
     /// Their joint.
     pub joint: Option<String>,
 }
+
+/// What names a concealed effect: kind, joint, and the kinds and joints of what is the same.
+pub type TruthKey<'a> = (&'a str, Option<&'a str>, Vec<(&'a [String], Option<&'a str>)>);
 
 /// What a case is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -121,6 +124,18 @@ impl Concealed {
     /// Whether kind and joint are these.
     pub fn is(&self, kind: &str, joint: Option<&str>) -> bool {
         self.kind == kind && self.joint.as_deref() == joint
+    }
+
+    /// What has to be the same in two truths for the same answers to be right.
+    pub fn key(&self) -> TruthKey<'_> {
+        let same = self.equivalents.iter().map(|other| (other.kinds.as_slice(), other.joint.as_deref()));
+        (self.kind.as_str(), self.joint.as_deref(), same.collect())
+    }
+
+    /// Whether `row` is this effect, or one of those that are the same by another name.
+    pub fn names(&self, row: &Hypothesis) -> bool {
+        let same = |other: &Equivalent| other.joint == row.joint && other.kinds.contains(&row.kind);
+        self.is(&row.kind, row.joint.as_deref()) || self.equivalents.iter().any(same)
     }
 
     /// Which of the named effects say it: one by its name, or those of an equivalent; none if it is not said.

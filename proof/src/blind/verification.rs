@@ -9,7 +9,7 @@ use super::receipt::{Form, Program};
 use super::verify::{Check, checks, text};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
-use freeplay_terminal::output::say;
+use freeplay_terminal::output::{say, show};
 
 /// Checks the receipts `paths`, also against the list `history` of all seals, if there is one.
 ///
@@ -31,7 +31,7 @@ pub fn verify(paths: &[PathBuf], history: Option<&Path>, format: Format) -> Resu
         Format::Text => {
             for (path, checks) in &all {
                 let heading = if all.len() == 1 { String::new() } else { format!("{}\n", path.display()) };
-                say(&(heading + &text(checks)))?;
+                show(&(heading + &text(checks)))?;
             }
         }
     }

@@ -91,7 +91,7 @@ fn parts(receipt: &Receipt) -> Check {
     let parts = &receipt.parts;
     let mut wrong = Vec::new();
     if parts.is_empty() {
-        wrong.push("there is none: nothing binds the cases".to_owned());
+        wrong.push("missing: nothing binds the cases".to_owned());
     }
     if !parts.is_sorted_by_key(Part::chain) {
         wrong.push("they do not stand in the order of their chains".to_owned());
@@ -111,7 +111,7 @@ fn program(part: &Part, this: &Program) -> Check {
         wrong.push(format!("frozen was the program {then}, this one is {now}"));
     }
     if part.program.catalogue != this.catalogue {
-        wrong.push("the catalogue of this program is another one".to_owned());
+        wrong.push("the catalogue of this program differs".to_owned());
     }
     Check::new("program", &wrong, &format!("{}, catalogue {}", start(&this.sha256), start(&this.catalogue)))
 }
@@ -201,7 +201,7 @@ fn chain(part: &Part, receipt: &Receipt) -> Check {
     for stage in &part.stages {
         let name = stage.name.as_str();
         if brought.get(name).is_none_or(|value| hash::of_json(name, value) != stage.brought) {
-            wrong.push(format!("what stage {name} brought is not what it was"));
+            wrong.push(format!("the content of stage {name} has changed"));
         }
         if stage.chain != link(before, name, &stage.at, &stage.brought) {
             wrong.push(format!("stage {name} does not follow from the one before"));
@@ -228,7 +228,7 @@ fn cases(receipt: &Receipt) -> Check {
     let sealed: BTreeSet<&String> = receipt.parts.iter().flat_map(|part| part.sealed.keys()).collect();
     let there: BTreeSet<&String> = receipt.cases.keys().collect();
     let mut wrong: Vec<String> =
-        sealed.difference(&there).map(|name| format!("{name} was sealed and is not there")).collect();
+        sealed.difference(&there).map(|name| format!("{name} was sealed and is missing")).collect();
     wrong.extend(there.difference(&sealed).map(|name| format!("{name} was not sealed")));
     Check::new("cases", &wrong, &format!("{} of {} that were sealed", there.len(), sealed.len()))
 }
@@ -248,7 +248,7 @@ fn score(receipt: &Receipt) -> Check {
         .collect();
     let now: Value = json!(Score::of(&judged));
     if let Some(pointer) = canonical::difference(&receipt.score, &now) {
-        wrong.push(format!("the score is not the one that these answers have: /score{pointer}"));
+        wrong.push(format!("the score does not follow from these answers: /score{pointer}"));
     }
     Check::new("score", &wrong, &format!("{} cases score as they are said to", judged.len()))
 }

@@ -19,7 +19,8 @@ use freeplay_report::units::{people, written};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{check_target, claim};
-use freeplay_terminal::output::say;
+use freeplay_terminal::layout::text_table;
+use freeplay_terminal::output::{say, show};
 use freeplay_terminal::parallel::on_cores;
 use freeplay_terminal::progress;
 use serde_json::Value;
@@ -62,7 +63,7 @@ pub struct DemoArgs {
     /// With machines that have physics without a name: take those that an earlier call has finished in the folder, and go on with the others.
     #[arg(long, conflicts_with = "force", requires = "out")]
     resume: bool,
-    /// How results are printed.
+    /// Output format.
     #[arg(long, default_value = "text")]
     format: Format,
 }
@@ -98,14 +99,14 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
     freeplay_terminal::files::write(&page, &page::document(&outcomes, args.period)?.to_html())?;
     if let Some(picture) = &args.picture {
         let drawn = outcomes.iter().find_map(page::picture).and_then(|drawing| drawing.to_svg());
-        let drawn = drawn.ok_or_else(|| Failure::input("nothing was found that could be drawn"))?;
+        let drawn = drawn.ok_or_else(|| Failure::input("no finding can be drawn"))?;
         freeplay_terminal::files::write(picture, &drawn)?;
     }
     match args.format {
         Format::Json => say(&format!("{:#}\n", json(&outcomes)))?,
         Format::Text => {
-            say(&text(&outcomes))?;
-            say(&format!("\nreport  {}\n", page.display()))?;
+            show(&text(&outcomes))?;
+            show(&format!("\nreport  {}\n", page.display()))?;
         }
     }
     Ok(if outcomes.iter().all(Outcome::is_right) { Exit::Done } else { Exit::Verdict })
@@ -119,7 +120,8 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
     let out = folder.path();
     let stop = Arc::new(AtomicBool::new(false));
     freeplay_terminal::process::stop_on_signals(&stop)?;
-    let bar = progress::bar(machines.len() as u64, "commissioning and learning {bar:30} {pos}/{len}  {msg}");
+    let bar =
+        progress::bar(machines.len() as u64, "commissioning and learning {wide_bar} {pos}/{len}  {msg}");
     let settings = nameless::Settings { period: args.period, seed: args.seed };
     let outcomes = on_cores(AT_ONCE, machines.len(), |number| {
         let machine = &machines[number];
@@ -147,8 +149,8 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
     match args.format {
         Format::Json => say(&format!("{json:#}\n"))?,
         Format::Text => {
-            say(&nameless::text(&outcomes))?;
-            say(&format!("\nreport  {}\n", page.display()))?;
+            show(&nameless::text(&outcomes))?;
+            show(&format!("\nreport  {}\n", page.display()))?;
         }
     }
     let holds = outcomes.iter().flat_map(nameless::Outcome::checks).all(|check| check.holds);
@@ -177,7 +179,7 @@ fn all(
     out: &std::path::Path,
     stop: &AtomicBool,
 ) -> Result<Vec<Outcome>, Failure> {
-    let bar = progress::bar(cases.len() as u64, "playing and diagnosing {bar:30} {pos}/{len}  {msg}");
+    let bar = progress::bar(cases.len() as u64, "playing and diagnosing {wide_bar} {pos}/{len}  {msg}");
     let next = AtomicUsize::new(0);
     let done: Mutex<Vec<(usize, Result<Outcome, Failure>)>> = Mutex::new(Vec::new());
     let work = || {
@@ -233,8 +235,7 @@ fn errors(outcome: &Outcome) -> Option<(String, String, f64, f64)> {
 }
 
 fn text(outcomes: &[Outcome]) -> String {
-    let mut table = comfy_table::Table::new();
-    table.load_style(comfy_table::presets::NOTHING);
+    let mut table = text_table();
     table.set_header(["hidden", "verdict", "found", "held-out error", "tool deviation, RMS [mm]", ""]);
     for outcome in outcomes {
         let error = errors(outcome).map_or_else(String::new, |(channel, unit, before, after)| {

@@ -35,7 +35,7 @@ pub fn document(outcomes: &[Outcome], period: f64) -> Result<Document, Failure> 
 }
 
 fn table(outcomes: &[Outcome]) -> Table {
-    let mut table = Table::new("What was concealed, what was found, and what it was good for")
+    let mut table = Table::new("Concealed effects, findings and their use")
         .column(Column::text("concealed").wrapping())
         .column(Column::text("verdict"))
         .column(Column::text("found").wrapping())

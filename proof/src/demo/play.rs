@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use freeplay_arm::{ArmFile, to_toml};
 use freeplay_diagnosis::page::{Subject, document};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Verdict, diagnose};
-use freeplay_harness::run::{Contestant, Files, play};
+use freeplay_harness::run::{ControllerSelection, Files, play};
 use freeplay_harness::scenario::{RecordingKind, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_plant::{Channel, SensorsSpec};
@@ -134,10 +134,9 @@ pub fn sensors() -> SensorsSpec {
 fn played(scenario: &Scenario, out: &Path, stop: &AtomicBool) -> Result<Played, Failure> {
     let setup = Setup::new(scenario)?;
     let files = Files::write(scenario, &setup, out)?;
-    let (exit, summary) = play(scenario, &Contestant::of(CONTROLLER)?, &files, 0.0, stop)?;
+    let (exit, summary) = play(scenario, &ControllerSelection::of(CONTROLLER)?, &files, 0.0, stop)?;
     let summary = summary.filter(|_| exit == Exit::Done);
-    let summary =
-        summary.ok_or_else(|| Failure::internal(format!("a run in {} did not end well", out.display())))?;
+    let summary = summary.ok_or_else(|| Failure::internal(format!("a run in {} failed", out.display())))?;
     let deviation = summary.deviation_mm["rms_after_start"].as_f64().unwrap_or(f64::NAN);
     let recording = summary.recording.ok_or_else(|| Failure::internal("a run left no recording"))?;
     Ok(Played { recording: files.out.join(recording), deviation })

@@ -1,8 +1,8 @@
 //! `another_arm`: no reading makes recording and model meet.
 //!
-//! It asks, when every other question is answered, whether most channels still have most of their variance unexplained.
+//! It asks, when every other question is answered, whether most channels still have most of their variance unexplained, and whether links of
+//! any inertia explain more than the reading that was found, with the model's links as they stand on a data sheet.
 
-use super::super::change::RARE;
 use super::super::examine::SPOKEN;
 use super::super::finding::{Certainty, SetupFinding};
 use super::super::problem::Outcome;
@@ -31,14 +31,8 @@ pub(crate) fn found(best: &Outcome, joints: usize, is_silent: bool, has_tool: bo
     Some(finding(left.min(100.0) / 100.0, certainty))
 }
 
-/// What another arm costs that explains as much as any set of changes does: three numbers (length, mass, inertia) at `each` for each of the `links`
-/// whose torque speaks, and its prior odds.
-pub(crate) fn price(links: usize, each: f64) -> f64 {
-    (3 * links) as f64 * each - RARE.ln()
-}
-
-/// Where a set of changes costs more than another arm.
-pub(crate) fn by_price() -> SetupFinding {
+/// Where another arm explains more than any reading of this one.
+pub(crate) fn by_evidence() -> SetupFinding {
     finding(0.0, Certainty::Sure)
 }
 

@@ -2,12 +2,13 @@
 
 use std::fmt::Write as _;
 
+use freeplay_terminal::layout::text_table;
+
 use super::outcome::{Outcome, WAYS};
 
 /// The table of `outcomes`.
 pub fn text(outcomes: &[Outcome]) -> String {
-    let mut table = comfy_table::Table::new();
-    table.load_style(comfy_table::presets::NOTHING);
+    let mut table = text_table();
     let header = ["machine", "path"].into_iter().chain(WAYS).chain(["taken", ""]);
     table.set_header(header.collect::<Vec<_>>());
     for outcome in outcomes {

@@ -81,7 +81,7 @@ impl Quantity {
 
 /// A limit that was not kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Excess {
+pub struct LimitViolation {
     /// What is limited.
     pub quantity: Quantity,
     /// The joint, from 0.
@@ -120,7 +120,7 @@ pub struct Stop {
     /// Why.
     pub reason: StopReason,
     /// The limit that was not kept, where it was one.
-    pub excess: Option<Excess>,
+    pub excess: Option<LimitViolation>,
 }
 
 /// A command that was refused.
@@ -135,5 +135,5 @@ pub struct Refusal {
     /// Why.
     pub reason: Rejection,
     /// The limit that it would not have kept, where it was one.
-    pub excess: Option<Excess>,
+    pub excess: Option<LimitViolation>,
 }

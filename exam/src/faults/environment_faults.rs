@@ -5,7 +5,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use freeplay_harness::processes::{new_run, start_controller, start_plant};
-use freeplay_harness::run::{Contestant, Files};
+use freeplay_harness::run::{ControllerSelection, Files};
 use freeplay_harness::scenario::{RecordingKind, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_terminal::exit::Failure;
@@ -21,7 +21,7 @@ const SIZES: [&str; 3] = ["32k", "64k", "80k"];
 
 /// What came of a fault of the surroundings.
 #[derive(Clone, Debug, Serialize)]
-pub struct Surrounding {
+pub struct EnvironmentFault {
     /// The fault.
     pub fault: &'static str,
     /// Whether it was met as it should be; absent where this machine does not let it be tried.
@@ -34,7 +34,11 @@ pub struct Surrounding {
 ///
 /// # Errors
 /// A process that can't be started.
-pub fn examine(scenario: &Scenario, examined: &Contestant, out: &Path) -> Result<Vec<Surrounding>, Failure> {
+pub fn examine(
+    scenario: &Scenario,
+    examined: &ControllerSelection,
+    out: &Path,
+) -> Result<Vec<EnvironmentFault>, Failure> {
     let mut found = vec![plant_killed(scenario, examined, out)?];
     for size in SIZES {
         found.push(memory_full(examined.asked(), size, out)?);
@@ -43,7 +47,11 @@ pub fn examine(scenario: &Scenario, examined: &Contestant, out: &Path) -> Result
 }
 
 /// The plant is killed in the middle of the motion: the controller has to end by itself.
-fn plant_killed(scenario: &Scenario, examined: &Contestant, out: &Path) -> Result<Surrounding, Failure> {
+fn plant_killed(
+    scenario: &Scenario,
+    examined: &ControllerSelection,
+    out: &Path,
+) -> Result<EnvironmentFault, Failure> {
     let scenario = Scenario {
         standby: Vec::new(),
         compare: None,
@@ -68,7 +76,7 @@ fn plant_killed(scenario: &Scenario, examined: &Contestant, out: &Path) -> Resul
     let took = killed.elapsed();
     let opens = freeplay_recording::read(&recording, None).is_ok();
     let how = status.map_or_else(|| "did not end".to_owned(), |status| format!("ended ({status})"));
-    Ok(Surrounding {
+    Ok(EnvironmentFault {
         fault: "plant-killed",
         holds: Some(status.is_some() && opens),
         found: format!(
@@ -80,7 +88,7 @@ fn plant_killed(scenario: &Scenario, examined: &Contestant, out: &Path) -> Resul
 }
 
 /// Shared memory of `size` only: the run has to end with a word and a code, not hang.
-fn memory_full(controller: &str, size: &str, out: &Path) -> Result<Surrounding, Failure> {
+fn memory_full(controller: &str, size: &str, out: &Path) -> Result<EnvironmentFault, Failure> {
     let fault = match size {
         "32k" => "memory-full-32k",
         "64k" => "memory-full-64k",
@@ -99,18 +107,18 @@ fn memory_full(controller: &str, size: &str, out: &Path) -> Result<Surrounding, 
         .args(["run", "--quiet", "--set", "duration=0.2", "--set", "patience=3", "--controller"])
         .arg(asked);
     command.arg("--out").arg(&folder).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-    let untried = |why: &str| Surrounding { fault, holds: None, found: why.to_owned() };
-    let Ok(child) = command.spawn() else { return Ok(untried("not tried: no unshare here")) };
+    let untried = |why: &str| EnvironmentFault { fault, holds: None, found: why.to_owned() };
+    let Ok(child) = command.spawn() else { return Ok(untried("not tried: this machine has no unshare")) };
     let mut run = Running::alone(child);
     let status = ends(&mut run.0)?;
     if !folder.join("mounted").exists() {
         return Ok(untried("not tried: this user may not mount a small shared memory"));
     }
-    Ok(Surrounding {
+    Ok(EnvironmentFault {
         fault,
         holds: Some(status.is_some_and(|status| status.code().is_some())),
         found: match status {
-            Some(status) if status.success() => "it is enough: the run ended well".to_owned(),
+            Some(status) if status.success() => "enough: the run ended normally".to_owned(),
             Some(status) => format!("the run ended ({status})"),
             None => "the run hung".to_owned(),
         },

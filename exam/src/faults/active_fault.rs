@@ -12,7 +12,7 @@ const DELAY: usize = 3;
 const FLOOD: usize = 64;
 
 /// One fault under way.
-pub struct Spoiler {
+pub struct ActiveFault {
     injection: Injection,
     random: ChaCha8Rng,
     limits: Vec<[f64; 2]>,
@@ -23,7 +23,7 @@ pub struct Spoiler {
     waiting: [Option<Command>; DELAY],
 }
 
-impl Spoiler {
+impl ActiveFault {
     /// `injection` on an arm whose joints take values within `limits`; `before` is the last good answer.
     pub fn new(injection: Injection, limits: &[[f64; 2]], before: Option<Command>) -> Self {
         Self {
@@ -120,7 +120,7 @@ impl Spoiler {
 
 #[cfg(test)]
 mod tests {
-    use super::Spoiler;
+    use super::ActiveFault;
     use crate::faults::kinds::{Injection, Kind};
     use freeplay_shm::{Command, State};
 
@@ -134,7 +134,7 @@ mod tests {
             command
         };
         let injection = Injection { kind, tick: 100, seed: 3 };
-        let mut spoiler = Spoiler::new(injection, &[[-100.0, 100.0]; 2], Some(good(99)));
+        let mut spoiler = ActiveFault::new(injection, &[[-100.0, 100.0]; 2], Some(good(99)));
         let mut sent = Vec::new();
         for tick in 100..110 {
             let keep = |command: &Command| {

@@ -1,20 +1,20 @@
 //! Whether the controller in charge says what the others make of the same state.
 //!
 //! A command that is finite, within its limits and on time may still be wrong: a sign, a gain, a drift. Nothing in the message
-//! tells; what the standbys answer to the same state does. They are witnesses: where more than half of those that can be
+//! tells; what the standbys answer to the same state does. They are cross_check: where more than half of those that can be
 //! trusted differ from the one in charge by more than the tolerance, for as many ticks in a row as are asked for, it is not
 //! believed any more. One standby alone is believed against the one in charge; with two or more the majority decides, and a
 //! standby that is in the minority is no witness until it has agreed for a while.
 //!
 //! Different controllers differ when all is well: one corrects what another does not see. What a sound run differed by at the same ticks
-//! is therefore no disagreement: the tolerance is what they may be beyond [`Usual`]. Without it, it has to hold the greatest difference of
-//! the whole motion, which [`Witnesses::greatest`] gives.
+//! is therefore no disagreement: the tolerance is what they may be beyond [`ReferenceDivergence`]. Without it, it has to hold the greatest difference of
+//! the whole motion, which [`CrossCheck::greatest`] gives.
 
 use std::sync::Arc;
 
 use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS};
 
-use crate::Usual;
+use crate::ReferenceDivergence;
 
 /// Ticks of agreement after which somebody who was not believed is believed again.
 pub const PROBATION: u32 = 100;
@@ -30,15 +30,15 @@ pub struct Comparison {
     /// Ticks in a row, ≥ 1.
     pub ticks: u32,
     /// What is usual; absent: nothing. Where it tells nothing of a tick, whatever is said agrees.
-    pub usual: Option<Arc<Usual>>,
+    pub divergence: Option<Arc<ReferenceDivergence>>,
 }
 
 impl Comparison {
     /// Least and greatest difference of `joint` from slot `one` to slot `other` at `tick` with which they agree.
     fn span(&self, tick: u64, [one, other]: [usize; 2], joint: usize) -> Option<[f64; 2]> {
         let tolerance = self.tolerance[joint];
-        let Some(usual) = &self.usual else { return Some([-tolerance, tolerance]) };
-        let [least, most] = usual.span(tick, [one, other], joint)?;
+        let Some(divergence) = &self.divergence else { return Some([-tolerance, tolerance]) };
+        let [least, most] = divergence.span(tick, [one, other], joint)?;
         let room = tolerance + LATITUDE * (most - least);
         Some([least - room, most + room])
     }
@@ -62,7 +62,7 @@ impl Comparison {
 
 /// What is known of who agrees with whom.
 #[derive(Clone, Debug)]
-pub(crate) struct Witnesses {
+pub(crate) struct CrossCheck {
     comparison: Option<Comparison>,
     /// Ticks of agreement of each slot, up to [`PROBATION`]: from there on it is believed.
     agreed: Vec<u32>,
@@ -71,7 +71,7 @@ pub(crate) struct Witnesses {
     greatest: Joints,
 }
 
-impl Witnesses {
+impl CrossCheck {
     pub(crate) fn new(comparison: Option<Comparison>, slots: usize) -> Self {
         Self {
             comparison,
@@ -142,16 +142,16 @@ impl Witnesses {
 
 #[cfg(test)]
 mod tests {
-    use super::{Comparison, PROBATION, Witnesses};
+    use super::{Comparison, CrossCheck, PROBATION};
     use std::sync::Arc;
 
-    use crate::Usual;
+    use crate::ReferenceDivergence;
     use freeplay_shm::{Command, MAX_JOINTS, State};
 
     /// The tick of a hundred at which the one in charge, slot 0, is no longer believed, if slot `i` says `say(i, tick)`.
-    fn contradicted(slots: usize, say: impl Fn(usize, u32) -> f64) -> (Option<u32>, Witnesses) {
-        let comparison = Comparison { tolerance: [1.0; MAX_JOINTS], ticks: 2, usual: None };
-        let mut witnesses = Witnesses::new(Some(comparison), slots);
+    fn contradicted(slots: usize, say: impl Fn(usize, u32) -> f64) -> (Option<u32>, CrossCheck) {
+        let comparison = Comparison { tolerance: [1.0; MAX_JOINTS], ticks: 2, divergence: None };
+        let mut cross_check = CrossCheck::new(Some(comparison), slots);
         let at = (0..100).find(|&tick| {
             let said: Vec<Command> = (0..slots)
                 .map(|slot| {
@@ -160,19 +160,21 @@ mod tests {
                     command
                 })
                 .collect();
-            witnesses.contradict(0, |slot| said.get(slot))
+            cross_check.contradict(0, |slot| said.get(slot))
         });
-        (at, witnesses)
+        (at, cross_check)
     }
 
     #[test]
     fn what_a_sound_run_differed_by_is_no_disagreement_and_what_it_did_not_is() {
         // A corner: for ten ticks they are 20 apart, else 3.
         let course = |tick: usize| if (50..60).contains(&tick) { 20.0 } else { 3.0 };
-        let usual = Usual::new(vec![(0..100).map(|tick| [course(tick); MAX_JOINTS]).collect()]);
-        let comparison = Comparison { tolerance: [1.0; MAX_JOINTS], ticks: 2, usual: Some(Arc::new(usual)) };
+        let divergence =
+            ReferenceDivergence::new(vec![(0..100).map(|tick| [course(tick); MAX_JOINTS]).collect()]);
+        let comparison =
+            Comparison { tolerance: [1.0; MAX_JOINTS], ticks: 2, divergence: Some(Arc::new(divergence)) };
         let found = |wrong: f64, from: usize| {
-            let mut witnesses = Witnesses::new(Some(comparison.clone()), 2);
+            let mut cross_check = CrossCheck::new(Some(comparison.clone()), 2);
             (0..100).find(|&tick| {
                 let said = [if tick >= from { wrong } else { 0.0 }, course(tick)];
                 let said = said.map(|value| {
@@ -183,7 +185,7 @@ mod tests {
                 let mut said = said;
                 // The second joint is as it was in the sound run.
                 said[1].value[1] = course(tick);
-                witnesses.contradict(0, |slot| said.get(slot))
+                cross_check.contradict(0, |slot| said.get(slot))
             })
         };
         assert_eq!(found(0.0, 0), None, "a sound run is no alarm");
@@ -200,8 +202,8 @@ mod tests {
             |who: usize| move |slot: usize, tick: u32| if slot == who && tick >= 40 { 9.0 } else { 0.5 };
         assert_eq!(contradicted(2, wrong(0)).0, Some(41));
         assert_eq!(contradicted(3, wrong(0)).0, Some(41));
-        let (at, witnesses) = contradicted(3, wrong(2));
-        assert_eq!((at, witnesses.agreed(1), witnesses.agreed(2)), (None, PROBATION, 0));
+        let (at, cross_check) = contradicted(3, wrong(2));
+        assert_eq!((at, cross_check.agreed(1), cross_check.agreed(2)), (None, PROBATION, 0));
         assert_eq!(contradicted(2, |slot, tick| if slot == 0 && tick % 2 == 0 { 9.0 } else { 0.5 }).0, None);
         assert_eq!(contradicted(1, wrong(0)).0, None);
     }

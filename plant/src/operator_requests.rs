@@ -5,10 +5,10 @@ use std::sync::Arc;
 use crossbeam::queue::ArrayQueue;
 use serde::{Deserialize, Serialize};
 
-/// One wish.
+/// One request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Wish {
+pub enum OperatorRequest {
     /// The controller in this slot is to be in charge, from the first tick on at which its answer passes. Ignored where there is
     /// no such slot.
     Swap {
@@ -21,27 +21,27 @@ pub enum Wish {
     Mark,
 }
 
-/// Wishes that can wait at once.
+/// So many requests can wait at once.
 const WAITING: usize = 64;
 
-/// The queue of wishes, shared by the loop and by whoever asks.
+/// The queue of requests, shared by the loop and by whoever asks.
 #[derive(Clone, Debug)]
-pub struct Wishes(Arc<ArrayQueue<Wish>>);
+pub struct OperatorRequests(Arc<ArrayQueue<OperatorRequest>>);
 
-impl Default for Wishes {
+impl Default for OperatorRequests {
     fn default() -> Self {
         Self(Arc::new(ArrayQueue::new(WAITING)))
     }
 }
 
-impl Wishes {
-    /// Asks for `wish`; `false` if too many wait already.
-    pub fn ask(&self, wish: Wish) -> bool {
-        self.0.push(wish).is_ok()
+impl OperatorRequests {
+    /// Asks for `request`; `false` if too many wait already.
+    pub fn ask(&self, request: OperatorRequest) -> bool {
+        self.0.push(request).is_ok()
     }
 
-    /// The wish that has waited longest.
-    pub(crate) fn next(&self) -> Option<Wish> {
+    /// The request that has waited longest.
+    pub(crate) fn next(&self) -> Option<OperatorRequest> {
         self.0.pop()
     }
 }

@@ -43,7 +43,7 @@ impl Instant {
 
 /// The course; row k belongs to the k-th tick of the passage.
 #[derive(Clone, Debug)]
-pub struct Course {
+pub struct PassageTrajectory {
     /// Time of a tick, s.
     pub period: f64,
     /// Reference positions of the joints, rad (m).
@@ -58,7 +58,7 @@ pub struct Course {
 
 /// How one journal meets its bearing on a course.
 #[derive(Clone, Copy, Debug)]
-pub struct Meeting {
+pub struct JournalContact {
     /// Normal n = (cos φ, sin φ), towards the bearing's wall.
     pub normal: [f64; 2],
     /// Tangent t = (sin φ, −cos φ).
@@ -71,7 +71,7 @@ pub struct Meeting {
     pub friction: [f64; 2],
 }
 
-impl Meeting {
+impl JournalContact {
     /// tᵀb + μ F_N, N: what the friction of the contact leaves of the force across. On a course that physics allows it is zero.
     pub fn residual(&self) -> f64 {
         self.across + self.friction[0] * self.push
@@ -83,7 +83,7 @@ impl Meeting {
     }
 }
 
-impl Course {
+impl PassageTrajectory {
     /// Number of ticks.
     pub fn ticks(&self) -> usize {
         self.reference.len()
@@ -102,7 +102,7 @@ impl Course {
     }
 
     /// This course with the angles turned by up to `turn`, rad, in the middle, and not at the ends.
-    pub fn detoured(mut self, turn: f64) -> Course {
+    pub fn detoured(mut self, turn: f64) -> PassageTrajectory {
         let ticks = self.angles.len();
         for (k, row) in self.angles.iter_mut().enumerate() {
             // sin⁴ has three derivatives that vanish at the ends.
@@ -113,14 +113,14 @@ impl Course {
     }
 
     /// This course with `share` of `change` added.
-    pub fn moved(&self, change: &Change, share: f64) -> Course {
+    pub fn moved(&self, change: &Change, share: f64) -> PassageTrajectory {
         let add = |rows: &[Vec<f64>], changes: &[Vec<f64>]| -> Vec<Vec<f64>> {
             let pairs = rows.iter().zip(changes);
             pairs
                 .map(|(row, change)| row.iter().zip(change).map(|(x, dx)| x + share * dx).collect())
                 .collect()
         };
-        Course {
+        PassageTrajectory {
             corrections: add(&self.corrections, &change.corrections),
             angles: add(&self.angles, &change.angles),
             ..self.clone()
@@ -155,7 +155,7 @@ impl Course {
     }
 
     /// How the journal `index`, that of `play`, meets its bearing at tick `k` under `forces`, those of [`Self::forces`].
-    pub fn meeting(&self, k: usize, index: usize, play: &Play, forces: &[f64]) -> Meeting {
+    pub fn meeting(&self, k: usize, index: usize, play: &Play, forces: &[f64]) -> JournalContact {
         let (sin, cos) = self.angles[k][index].sin_cos();
         let (normal, tangent) = ([cos, sin], [sin, -cos]);
         let b = play.slides.map(|slide| forces[slide]);
@@ -165,7 +165,7 @@ impl Course {
         let turning = (after - before) / (2.0 * self.period);
         let rolling = (self.angles[k + 1][index] - self.angles[k - 1][index]) / (2.0 * self.period);
         let sliding = play.clearance.journal_radius() * turning - self.radii[k][index] * rolling;
-        Meeting {
+        JournalContact {
             normal,
             tangent,
             push: -along(normal),

@@ -62,7 +62,7 @@ impl JointMotion {
 }
 
 /// The displacements of the journals ahead on the controller's own path, smoothed; or of any other motion, as they are.
-pub struct Outlook {
+pub struct DisplacementPreview {
     path: JointPath,
     predictor: QuasiStatic,
     preview: Preview,
@@ -73,11 +73,11 @@ pub struct Outlook {
     displacements: Vec<f64>,
 }
 
-impl Outlook {
+impl DisplacementPreview {
     /// On `path`, for the arm with play `arm`, ticks of `period` seconds, averaging over `half` ticks before and after.
-    pub fn new(path: JointPath, arm: &ArmWithPlay, period: f64, half: usize) -> Outlook {
+    pub fn new(path: JointPath, arm: &ArmWithPlay, period: f64, half: usize) -> DisplacementPreview {
         let width = 2 * arm.plays().len();
-        Outlook {
+        DisplacementPreview {
             path,
             predictor: QuasiStatic::new(arm, period),
             preview: Preview::new(half, width),

@@ -15,7 +15,7 @@ use crate::compensation::{LARGEST_CORRECTION, LEAST_SHARE};
 
 /// The room of one joint at one instant, rad (m).
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Room {
+pub struct CorrectionBounds {
     /// Least and largest correction.
     pub place: [f64; 2],
     /// Largest change of the correction in a tick.
@@ -26,19 +26,20 @@ pub struct Room {
     pub braking: f64,
 }
 
-impl Room {
+impl CorrectionBounds {
     /// No limits known yet.
-    pub const NONE: Room = Room { place: [0.0; 2], change: 0.0, bend: [0.0; 2], braking: 0.0 };
+    pub const NONE: CorrectionBounds =
+        CorrectionBounds { place: [0.0; 2], change: 0.0, bend: [0.0; 2], braking: 0.0 };
 
     /// What `limits` leave where the desired position, velocity and acceleration are `[q, v, a]`, in ticks of `period` seconds. Numbers
     /// that are none make a room that is none.
-    pub fn of(limits: &Limits, [q, v, a]: [f64; 3], period: f64) -> Room {
+    pub fn of(limits: &Limits, [q, v, a]: [f64; 3], period: f64) -> CorrectionBounds {
         let least = LEAST_SHARE * limits.acceleration;
         // Not max: a number that is none must stay one.
         let at_least = |least: f64, value: f64| if value < least { least } else { value };
         let square = period * period;
         let clamped = |limit: f64| (limit - q).clamp(-LARGEST_CORRECTION, LARGEST_CORRECTION);
-        Room {
+        CorrectionBounds {
             place: [clamped(limits.lower), clamped(limits.upper)],
             change: at_least(LEAST_SHARE * limits.velocity, limits.velocity - v.abs()) * period,
             bend: [

@@ -22,8 +22,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rustix::process::{Pid, Signal, getpid, kill_process};
 
+use crate::faults::active_fault::ActiveFault;
 use crate::faults::kinds::{Injection, Kind, Plan};
-use crate::faults::spoil::Spoiler;
 use freeplay_harness::processes::new_run;
 
 /// How long to wait for the plant's welcome and for the controller's hello.
@@ -141,11 +141,13 @@ impl Examined {
                 None => {}
             }
             if let Some(status) = self.0.try_wait().map_err(Failure::internal)? {
-                return Err(Failure::peer(format!("the controller ended before it came ({status})")));
+                return Err(Failure::peer(format!(
+                    "the controller ended before it joined the run ({status})"
+                )));
             }
             std::thread::sleep(Duration::from_millis(1));
         }
-        Err(Failure::peer(format!("the controller did not come within {PATIENCE:?}")))
+        Err(Failure::peer(format!("the controller did not join the run within {PATIENCE:?}")))
     }
 
     fn signal(&self, signal: Signal) {
@@ -166,7 +168,7 @@ struct Saboteur {
     /// Hashes of the run's id and of that of the controller's run.
     runs: [u64; 2],
     slot: u32,
-    spoiler: Option<(Injection, Spoiler)>,
+    spoiler: Option<(Injection, ActiveFault)>,
     last_good: Option<Command>,
     /// What happens to a process, and when.
     signal: Option<(Kind, u64)>,
@@ -197,7 +199,7 @@ impl Saboteur {
             if now > quiet_since + LOOK_NS {
                 quiet_since = now;
                 if !self.outer.plant_lives() {
-                    return Err(Failure::peer("the plant is gone"));
+                    return Err(Failure::peer("the plant has ended"));
                 }
                 if let Some(status) = self.child.0.try_wait().map_err(Failure::internal)? {
                     return Err(Failure::peer(format!("the controller has ended ({status})")));
@@ -292,7 +294,7 @@ impl Saboteur {
             return self.outer.send(&command).map_err(Failure::internal);
         };
         if self.spoiler.as_ref().is_none_or(|(of, _)| *of != injection) {
-            self.spoiler = Some((injection, Spoiler::new(injection, &self.plan.limits, self.last_good)));
+            self.spoiler = Some((injection, ActiveFault::new(injection, &self.plan.limits, self.last_good)));
         }
         let outer = &mut self.outer;
         let Some((_, spoiler)) = &mut self.spoiler else { return Ok(()) };

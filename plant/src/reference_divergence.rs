@@ -11,11 +11,11 @@ const REACH: usize = 2;
 
 /// The differences of a sound run.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Usual {
+pub struct ReferenceDivergence {
     courses: Vec<Vec<Joints>>,
 }
 
-impl Usual {
+impl ReferenceDivergence {
     /// From the `courses` of the slots from 1 on: for each tick what the controller of that slot said less what that of slot 0 said,
     /// N·m or rad; NaN where one of them said nothing.
     #[must_use]
@@ -53,20 +53,20 @@ impl Usual {
 
 #[cfg(test)]
 mod tests {
-    use super::Usual;
+    use super::ReferenceDivergence;
     use freeplay_shm::MAX_JOINTS;
 
     #[test]
     fn a_span_is_that_of_the_ticks_around_and_turns_its_sign_with_the_slots() {
         let course = |value: &dyn Fn(usize) -> f64| (0..20).map(|tick| [value(tick); MAX_JOINTS]).collect();
         let falling = |tick| if tick == 9 { f64::NAN } else { -(tick as f64) };
-        let usual = Usual::new(vec![course(&|tick| 10.0 * tick as f64), course(&falling)]);
-        assert_eq!(usual.span(10, [1, 0], 0), Some([80.0, 120.0]));
-        assert_eq!(usual.span(10, [0, 1], 0), Some([-120.0, -80.0]));
-        assert_eq!(usual.span(10, [2, 0], 3), Some([-12.0, -8.0]));
-        assert_eq!(usual.span(10, [1, 2], 3), Some([88.0, 132.0]));
-        assert_eq!(usual.span(0, [1, 0], 0), Some([0.0, 20.0]));
-        assert_eq!(usual.span(40, [1, 0], 0), None, "the sound run has ended");
-        assert_eq!(usual.span(10, [3, 0], 0), None, "it had no such controller");
+        let divergence = ReferenceDivergence::new(vec![course(&|tick| 10.0 * tick as f64), course(&falling)]);
+        assert_eq!(divergence.span(10, [1, 0], 0), Some([80.0, 120.0]));
+        assert_eq!(divergence.span(10, [0, 1], 0), Some([-120.0, -80.0]));
+        assert_eq!(divergence.span(10, [2, 0], 3), Some([-12.0, -8.0]));
+        assert_eq!(divergence.span(10, [1, 2], 3), Some([88.0, 132.0]));
+        assert_eq!(divergence.span(0, [1, 0], 0), Some([0.0, 20.0]));
+        assert_eq!(divergence.span(40, [1, 0], 0), None, "the sound run has ended");
+        assert_eq!(divergence.span(10, [3, 0], 0), None, "it had no such controller");
     }
 }

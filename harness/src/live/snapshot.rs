@@ -39,20 +39,20 @@ impl ContactMode {
 
 /// One joint with play.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlayGlance {
+pub struct PlaySnapshot {
     /// Contact at the last tick.
     pub mode: ContactMode,
     /// Ticks so far in free flight, impact and lasting contact.
     pub ticks: [u64; 3],
-    /// Greatest normal force since the last glance, N.
+    /// Greatest normal force since the last snapshot, N.
     pub peak_normal_force: f64,
-    /// Where the journal was since the last glance, every few ticks: offsets in the plane across the axis, m.
+    /// Where the journal was since the last snapshot, every few ticks: offsets in the plane across the axis, m.
     pub orbit: Vec<[f64; 2]>,
 }
 
 /// Latency of a stage since the start, µs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StageGlance {
+pub struct StageSnapshot {
     /// Name of the stage.
     pub stage: String,
     /// Percentiles 50, 99, 99.9 and the maximum.
@@ -61,17 +61,17 @@ pub struct StageGlance {
 
 /// A look at a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Glance {
+pub struct LiveSnapshot {
     /// The last tick seen.
     pub tick: u64,
     /// The tool's deviation at that tick, base frame, m.
     pub deviation: [f64; 3],
     /// RMS and maximum of its size after the start of the run, m.
     pub rms_max: [f64; 2],
-    /// Time, s, and size of the deviation, m, since the last glance: the greatest of every few ticks.
+    /// Time, s, and size of the deviation, m, since the last snapshot: the greatest of every few ticks.
     pub trace: Vec<[f64; 2]>,
     /// The joints with play.
-    pub plays: Vec<PlayGlance>,
+    pub plays: Vec<PlaySnapshot>,
     /// Slot of the controller in charge.
     pub in_charge: usize,
     /// What is in force on the joints.
@@ -79,12 +79,12 @@ pub struct Glance {
     /// Answers of who was in charge that did not pass, by reason.
     pub rejected: BTreeMap<String, u64>,
     /// Latencies by stage.
-    pub stages: Vec<StageGlance>,
+    pub stages: Vec<StageSnapshot>,
     /// Marks set so far.
     pub marks: u32,
 }
 
-impl Glance {
+impl LiveSnapshot {
     /// Size of the deviation at the last tick, m.
     pub fn size(&self) -> f64 {
         self.deviation.iter().map(|along| along * along).sum::<f64>().sqrt()

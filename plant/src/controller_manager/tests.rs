@@ -1,12 +1,12 @@
 use freeplay_shm::{Command, MAX_JOINTS, Mode, State};
 
-use super::{Cause, LineUp, LineUpSpec};
+use super::{Cause, ControllerManager, ControllerSet};
 use crate::{Applied, GateLimits, Rejection};
 
 const RUN: u64 = 7;
 
 /// Two controllers of one joint that have both answered the ticks before `tick`, the first in charge.
-fn sound_until(tick: u64) -> LineUp {
+fn sound_until(tick: u64) -> ControllerManager {
     let limits = GateLimits {
         mode: Mode::Torque,
         lower: [-100.0; MAX_JOINTS],
@@ -17,12 +17,12 @@ fn sound_until(tick: u64) -> LineUp {
         acceleration: [50.0; MAX_JOINTS],
         hold: 20,
     };
-    let spec = LineUpSpec { controllers: 2, ..LineUpSpec::default() };
-    let mut line_up = LineUp::new(&spec, limits, RUN, 1, 1e-3);
+    let spec = ControllerSet { controllers: 2, ..ControllerSet::default() };
+    let mut manager = ControllerManager::new(&spec, limits, RUN, 1, 1e-3);
     for before in 0..tick {
-        play(&mut line_up, before, [Some(answer(before, 5.0)), Some(answer(before, 6.0))]);
+        play(&mut manager, before, [Some(answer(before, 5.0)), Some(answer(before, 6.0))]);
     }
-    line_up
+    manager
 }
 
 fn answer(tick: u64, value: f64) -> Command {
@@ -32,12 +32,16 @@ fn answer(tick: u64, value: f64) -> Command {
 }
 
 /// What is applied after `tick`, and why the one in charge did not pass.
-fn play(line_up: &mut LineUp, tick: u64, answers: [Option<Command>; 2]) -> (Applied, Option<Rejection>) {
-    line_up.begin_tick();
+fn play(
+    manager: &mut ControllerManager,
+    tick: u64,
+    answers: [Option<Command>; 2],
+) -> (Applied, Option<Rejection>) {
+    manager.begin_tick();
     for (slot, answer) in answers.into_iter().enumerate() {
-        line_up.slot_mut(slot).answer = answer.map(|answer| Command { slot: slot as u32, ..answer });
+        manager.slot_mut(slot).answer = answer.map(|answer| Command { slot: slot as u32, ..answer });
     }
-    let verdict = line_up.judge(tick, true, &[]);
+    let verdict = manager.judge(tick, true, &[]);
     (verdict.applied, verdict.rejection)
 }
 
@@ -53,26 +57,26 @@ fn the_standby_s_answer_to_the_same_tick_takes_the_place_of_one_that_does_not_pa
         (Rejection::TooFast, Some(answer(9, 90.0))),
         (Rejection::Malformed, Some(Command { magic: 1, ..answer(9, 5.0) })),
     ] {
-        let mut line_up = sound_until(9);
-        assert_eq!(line_up.in_charge(), 0);
-        assert_eq!(play(&mut line_up, 9, [failed, Some(answer(9, 6.0))]), (Applied::Command, Some(reason)));
-        assert_eq!(line_up.in_charge(), 1, "{reason:?}");
-        let swap = line_up.swaps()[0];
+        let mut manager = sound_until(9);
+        assert_eq!(manager.in_charge(), 0);
+        assert_eq!(play(&mut manager, 9, [failed, Some(answer(9, 6.0))]), (Applied::Command, Some(reason)));
+        assert_eq!(manager.in_charge(), 1, "{reason:?}");
+        let swap = manager.swaps()[0];
         assert_eq!((swap.tick, swap.gap, swap.held, swap.cause), (9, 0, 0, Cause::Failed(reason)));
-        assert_eq!(line_up.in_force().map(|command| command.tick), Some(9), "the answer to this very tick");
+        assert_eq!(manager.in_force().map(|command| command.tick), Some(9), "the answer to this very tick");
     }
 }
 
 #[test]
 fn where_nobody_has_answered_the_command_is_held_until_somebody_has() {
-    let mut line_up = sound_until(9);
+    let mut manager = sound_until(9);
     for tick in 9..12 {
-        assert_eq!(play(&mut line_up, tick, [None, None]), (Applied::Hold, Some(Rejection::Missing)));
+        assert_eq!(play(&mut manager, tick, [None, None]), (Applied::Hold, Some(Rejection::Missing)));
     }
-    assert_eq!(play(&mut line_up, 12, [None, Some(answer(12, 6.0))]).0, Applied::Command);
-    let swap = line_up.swaps()[0];
-    assert_eq!((swap.tick, swap.gap, swap.held, line_up.in_charge()), (12, 3, 3, 1));
+    assert_eq!(play(&mut manager, 12, [None, Some(answer(12, 6.0))]).0, Applied::Command);
+    let swap = manager.swaps()[0];
+    assert_eq!((swap.tick, swap.gap, swap.held, manager.in_charge()), (12, 3, 3, 1));
     // An old answer of the standby is no better than none.
-    let mut line_up = sound_until(9);
-    assert_eq!(play(&mut line_up, 9, [None, Some(answer(8, 6.0))]).0, Applied::Hold);
+    let mut manager = sound_until(9);
+    assert_eq!(play(&mut manager, 9, [None, Some(answer(8, 6.0))]).0, Applied::Hold);
 }

@@ -9,21 +9,21 @@ use nalgebra::{DMatrix, DVector, Vector6};
 use crate::attainable::attainable;
 use crate::compensation::Weights;
 use crate::deviation::QuasiStatic;
+use crate::displacement_preview::{DisplacementPreview, JointMotion};
 use crate::horizon::{Horizon, HorizonError};
-use crate::outlook::{JointMotion, Outlook};
 use crate::passage::Passages;
 
 /// A horizon that moves along the path.
-pub struct Foresight {
+pub struct HorizonPreview {
     horizon: Horizon,
-    outlook: Outlook,
+    outlook: DisplacementPreview,
     workspace: Workspace,
     motion: JointMotion,
     jacobian: DMatrix<f64>,
     planned: DVector<f64>,
 }
 
-impl Foresight {
+impl HorizonPreview {
     /// On `path`, for `arm` with the play of `with_play`, over `ticks` ticks of `period` seconds.
     ///
     /// # Errors
@@ -35,11 +35,11 @@ impl Foresight {
         period: f64,
         weights: &Weights,
         ticks: usize,
-    ) -> Result<Foresight, HorizonError> {
+    ) -> Result<HorizonPreview, HorizonError> {
         let n = arm.dof();
-        Ok(Foresight {
+        Ok(HorizonPreview {
             horizon: Horizon::new(arm, period, weights, ticks)?,
-            outlook: Outlook::new(path, with_play, period, 0),
+            outlook: DisplacementPreview::new(path, with_play, period, 0),
             workspace: Workspace::new(arm),
             motion: JointMotion::new(n),
             jacobian: DMatrix::zeros(6, n),

@@ -19,11 +19,11 @@ const PRESENT: Seat = Seat { back: 0, absence: FIRST_ABSENCE };
 
 /// Who is away until when.
 #[derive(Clone, Debug)]
-pub struct Attendance {
+pub struct ResponseTimeouts {
     seats: Vec<Seat>,
 }
 
-impl Attendance {
+impl ResponseTimeouts {
     /// All of `slots` slots are present.
     pub fn new(slots: usize) -> Self {
         Self { seats: vec![PRESENT; slots.max(1)] }
@@ -58,31 +58,31 @@ impl Attendance {
 
 #[cfg(test)]
 mod tests {
-    use super::Attendance;
+    use super::ResponseTimeouts;
 
     #[test]
     fn who_is_away_is_waited_for_again_after_a_while_that_doubles() {
-        let mut attendance = Attendance::new(2);
+        let mut timeouts = ResponseTimeouts::new(2);
         let mut waits = Vec::new();
         for tick in 100..1000 {
-            if !attendance.is_away(1, tick) {
+            if !timeouts.is_away(1, tick) {
                 waits.push(tick);
             }
-            attendance.note(1, tick, false, true);
-            assert!(!attendance.is_away(0, tick));
+            timeouts.note(1, tick, false, true);
+            assert!(!timeouts.is_away(0, tick));
         }
         assert_eq!(waits, [100, 150, 250, 450, 850]);
-        attendance.note(1, 1650, true, true);
-        assert!(!attendance.is_away(1, 1651));
+        timeouts.note(1, 1650, true, true);
+        assert!(!timeouts.is_away(1, 1651));
     }
 
     #[test]
     fn the_only_controller_and_one_that_ended_are_not_waited_for_again() {
-        let mut attendance = Attendance::new(1);
-        attendance.note(0, 7, false, false);
-        assert!(!attendance.is_away(0, u64::MAX) && attendance.is_away(0, u64::MAX - 1));
-        attendance.renew(0);
-        attendance.left(0);
-        assert!(attendance.is_away(0, 1_000_000));
+        let mut timeouts = ResponseTimeouts::new(1);
+        timeouts.note(0, 7, false, false);
+        assert!(!timeouts.is_away(0, u64::MAX) && timeouts.is_away(0, u64::MAX - 1));
+        timeouts.renew(0);
+        timeouts.left(0);
+        assert!(timeouts.is_away(0, 1_000_000));
     }
 }

@@ -1,4 +1,4 @@
-//! Knocks: speed that the joints gain within a tick and that no torque explains. A journal has landed.
+//! Impacts: speed that the joints gain within a tick and that no torque explains. A journal has landed.
 //!
 //! While a journal flies, its link turns about its own middle and not about the bearing: the arm is lighter than the model by a factor
 //! that is 4 for a slender link, and every gain of the feedback is that much higher. Damping that brings the encoders to rest within
@@ -24,7 +24,7 @@ const RECOVERY: f64 = 0.03;
 
 /// How long ago the last knock was, and for how long there have been knocks.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Knocks {
+pub struct ImpactDetector {
     period: f64,
     /// Time since the last, s; no longer than matters.
     calm: f64,
@@ -34,11 +34,11 @@ pub struct Knocks {
     patience: f64,
 }
 
-impl Knocks {
+impl ImpactDetector {
     /// None so far, in ticks of `period` seconds, for an arm with play in `plays` joints.
-    pub fn new(period: f64, plays: usize) -> Knocks {
+    pub fn new(period: f64, plays: usize) -> ImpactDetector {
         let patience = if plays > 1 { 0.0 } else { PATIENCE };
-        Knocks { period, calm: HELD + RECOVERY, bouncing: 0.0, patience }
+        ImpactDetector { period, calm: HELD + RECOVERY, bouncing: 0.0, patience }
     }
 
     /// Takes in the speeds `found` of the joints, where `expected` were to be if anything was expected.
@@ -72,13 +72,13 @@ impl Knocks {
 
 #[cfg(test)]
 mod tests {
-    use super::{HELD, KNOCK, Knocks, RECOVERY, SOFTER, SOFTEST};
+    use super::{HELD, ImpactDetector, KNOCK, RECOVERY, SOFTER, SOFTEST};
     use crate::task::Gains;
 
     #[test]
     fn a_knock_softens_the_feedback_for_a_while_and_nothing_else_does() {
         let gains = Gains::default();
-        let mut knocks = Knocks::new(1e-3, 2);
+        let mut knocks = ImpactDetector::new(1e-3, 2);
         knocks.observe(None, &[9.0]);
         knocks.observe(Some(&[0.0, 1.0]), &[0.9 * KNOCK, 1.0 - 0.9 * KNOCK]);
         assert_eq!(knocks.soften(gains), gains);
@@ -99,7 +99,7 @@ mod tests {
     #[test]
     fn bouncing_that_goes_on_is_softened_more_and_more() {
         let gains = Gains { natural_frequency: 1.0, ..Gains::default() };
-        let mut knocks = Knocks::new(1e-3, 1);
+        let mut knocks = ImpactDetector::new(1e-3, 1);
         let mut at = |tick: usize| {
             let found = if tick.is_multiple_of(20) { 1.0 } else { 0.0 };
             knocks.observe(Some(&[0.0]), &[found]);

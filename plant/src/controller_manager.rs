@@ -19,8 +19,8 @@
 use freeplay_shm::{Command, Joints, MAX_JOINTS, MAX_SLOTS, Mode};
 use serde::Serialize;
 
-use crate::excess::{Excess, Refusal};
-use crate::witnesses::{PROBATION, Witnesses};
+use crate::cross_check::{CrossCheck, PROBATION};
+use crate::limit_violation::{LimitViolation, Refusal};
 use crate::{Applied, Blend, Comparison, Gate, GateLimits, Rejection};
 
 /// Fail-overs that are kept; more are counted.
@@ -37,7 +37,7 @@ pub struct PlannedSwap {
 
 /// Who plays, and who is to be in charge when.
 #[derive(Clone, Debug, PartialEq)]
-pub struct LineUpSpec {
+pub struct ControllerSet {
     /// Number of controllers, 1 to [`MAX_SLOTS`]; the one in slot 0 begins.
     pub controllers: usize,
     /// Swaps by tick, ascending.
@@ -51,7 +51,7 @@ pub struct LineUpSpec {
     pub comparison: Option<Comparison>,
 }
 
-impl Default for LineUpSpec {
+impl Default for ControllerSet {
     /// One controller.
     fn default() -> Self {
         Self { controllers: 1, swaps: Vec::new(), blend: 100, hand_over_change: None, comparison: None }
@@ -114,7 +114,7 @@ pub(crate) struct Verdict {
 
 /// The controllers of a run.
 #[derive(Clone, Debug)]
-pub struct LineUp {
+pub struct ControllerManager {
     slots: Vec<Slot>,
     in_charge: usize,
     planned: Vec<PlannedSwap>,
@@ -126,7 +126,7 @@ pub struct LineUp {
     blends_from: Option<usize>,
     hand_over_change: Option<Joints>,
     comparison: Option<Comparison>,
-    witnesses: Witnesses,
+    cross_check: CrossCheck,
     in_force: Option<Command>,
     /// Ticks in a row for which no command was put in force.
     held: u32,
@@ -138,9 +138,9 @@ pub struct LineUp {
     steady_change: Joints,
 }
 
-impl LineUp {
+impl ControllerManager {
     /// The controllers of `spec`, each with a gate of `limits`, in the run `run` with `joints` joints and ticks of `period` s.
-    pub fn new(spec: &LineUpSpec, limits: GateLimits, run: u64, joints: usize, period: f64) -> Self {
+    pub fn new(spec: &ControllerSet, limits: GateLimits, run: u64, joints: usize, period: f64) -> Self {
         let mode: Mode = limits.mode;
         let slot = |slot: usize| {
             let gate = Gate::new(limits.clone(), run, slot as u32, joints);
@@ -156,7 +156,7 @@ impl LineUp {
             blends_from: None,
             hand_over_change: spec.hand_over_change.filter(|_| mode == Mode::Torque),
             comparison: spec.comparison.clone(),
-            witnesses: Witnesses::new(spec.comparison.clone(), spec.controllers.clamp(1, MAX_SLOTS)),
+            cross_check: CrossCheck::new(spec.comparison.clone(), spec.controllers.clamp(1, MAX_SLOTS)),
             in_force: None,
             held: 0,
             first_refusal: None,
@@ -230,7 +230,7 @@ impl LineUp {
 
     /// Greatest difference between the one in charge and a standby, by joint, N·m or rad; after the start.
     pub fn greatest_difference(&self) -> &Joints {
-        self.witnesses.greatest()
+        self.cross_check.greatest()
     }
 
     /// What each slot from 1 on says to this tick less what slot 0 says, by joint, N·m or rad; NaN where one of them has no answer that
@@ -270,7 +270,7 @@ impl LineUp {
         }
     }
 
-    /// The controller in slot `to` is to be in charge from `tick` on; of several such wishes the last counts.
+    /// The controller in slot `to` is to be in charge from `tick` on; of several such requests the last counts.
     pub(crate) fn ask(&mut self, tick: u64, to: usize) {
         if to < self.slots.len() {
             self.asked = Some(PlannedSwap { tick, to });
@@ -332,7 +332,7 @@ impl LineUp {
             Slot { rejection: None, answer: Some(answer), .. } => Some(answer),
             _ => None,
         };
-        if self.witnesses.contradict(self.in_charge, said) {
+        if self.cross_check.contradict(self.in_charge, said) {
             let slot = &mut self.slots[self.in_charge];
             slot.gate.refuse(Rejection::Disagrees, None);
             slot.rejection = Some(Rejection::Disagrees);
@@ -340,7 +340,14 @@ impl LineUp {
     }
 
     /// Counts a refusal of who is, or `takes_over` to be, in charge.
-    fn count(&mut self, tick: u64, slot: usize, takes_over: bool, reason: Rejection, excess: Option<Excess>) {
+    fn count(
+        &mut self,
+        tick: u64,
+        slot: usize,
+        takes_over: bool,
+        reason: Rejection,
+        excess: Option<LimitViolation>,
+    ) {
         self.rejected[reason as usize] += 1;
         if reason != Rejection::Missing {
             self.first_refusal.get_or_insert(Refusal { tick, slot, takes_over, reason, excess });
@@ -363,13 +370,13 @@ impl LineUp {
     }
 
     /// What is wrong with going on with `command` of `slot` from joints at `measured`. A torque is no step: it is cut to its rate instead.
-    fn step_excess(&self, slot: &Slot, command: &Command, measured: &[[f64; 3]]) -> Option<Excess> {
+    fn step_excess(&self, slot: &Slot, command: &Command, measured: &[[f64; 3]]) -> Option<LimitViolation> {
         let limits = slot.gate.limits();
         (limits.mode == Mode::Driven).then(|| limits.step_excess(command, measured, self.held)).flatten()
     }
 
     /// What is wrong with the first command of the controller in `to` as it would be put in force at `tick`, with its blend.
-    fn hand_over_excess(&self, tick: u64, to: usize, measured: &[[f64; 3]]) -> Option<Excess> {
+    fn hand_over_excess(&self, tick: u64, to: usize, measured: &[[f64; 3]]) -> Option<LimitViolation> {
         let slot = &self.slots[to];
         let mut command = slot.answer?;
         let mut blend = self.blend.clone();
@@ -413,7 +420,7 @@ impl LineUp {
     /// at `measured`.
     fn soundest(&self, tick: u64, measured: &[[f64; 3]]) -> Option<usize> {
         let record =
-            |slot: usize| self.slots[slot].gate.streak().min(self.witnesses.agreed(slot)).min(PROBATION);
+            |slot: usize| self.slots[slot].gate.streak().min(self.cross_check.agreed(slot)).min(PROBATION);
         (0..self.slots.len())
             .filter(|&slot| slot != self.in_charge && self.slots[slot].rejection.is_none())
             .filter(|&slot| self.hand_over_excess(tick, slot, measured).is_none())

@@ -1,0 +1,56 @@
+"""`freeplay campaign` on the command line."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+
+from . import _campaign_engines
+from .campaigns import campaign
+from .errors import BadUsage
+
+
+def main(words: Sequence[str]) -> int:
+    """`freeplay campaign`: the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="freeplay campaign",
+        description="Spreads a command over cores and machines, and merges what it leaves into one receipt. Called again it goes on where it was.",
+        epilog="freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proof\n"
+        "freeplay campaign run s.toml --sweep path.period=6,12 --sweep=--seed=1,2,3 --out swept",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("command", help="blind, or run, faults, swap, cells, reference-runs, … with --sweep; then its own arguments")
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the results, which every worker sees under this path")
+    parser.add_argument("--shards", type=int, metavar="N", help="into how many tasks the cases are cut; blind: four a worker without it, a sweep: one a case")
+    parser.add_argument("--sweep", action="append", default=[], metavar="KEY=V,…", help="values of a key of the scenario, or of an option")
+    parser.add_argument("--engine", default="local", choices=list(_campaign_engines.ENGINES), help="what carries out the tasks")
+    parser.add_argument("--workers", type=int, metavar="N", help="tasks at a time; one a core without it")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="a cluster that is there: HyperQueue's server folder, Dask's scheduler, Slurm's partition")
+    parser.add_argument("--attempts", type=int, default=4, metavar="N", help="how often a task is tried; 4 without it")
+    parser.add_argument("--keep", action="store_true", help="keep the sealed recordings of blind")
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress")
+    given, rest = parser.parse_known_args(words)
+    found = campaign(
+        given.command, *rest, out=given.out, shards=given.shards, sweep=dict(_swept(each) for each in given.sweep), engine=given.engine,
+        workers=given.workers, cluster=given.cluster, attempts=given.attempts, keep=given.keep, progress=not given.quiet,
+    )  # fmt: skip
+    print(f"{found!r}\nreceipt  {found.receipt}")
+    return 0
+
+
+def _swept(word: str) -> tuple[str, list[object]]:
+    """A key and its values, from KEY=V,V."""
+    name, equals, values = word.rpartition("=") if word.startswith("--") else word.partition("=")
+    if not equals or not name or not values:
+        raise BadUsage(f"--sweep {word}: give a key and its values, such as path.period=6,12")
+    return name, [_parsed(value) for value in values.split(",")]
+
+
+def _parsed(word: str) -> object:
+    """`word` as a number or a truth value where it is one."""
+    try:
+        return json.loads(word)
+    except ValueError:
+        return word

@@ -1,0 +1,92 @@
+"""The receipt of a campaign: what came of every case, to the byte the same however the cases were spread.
+
+Cases go from the shards to the receipt through files, in the order of the hashes of what they hold, so that memory does not grow with them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import threading
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+SCHEMA = "freeplay.campaign/1"
+#: What differs from run to run of the same case: times, machines, salts, and names that are drawn.
+VOLATILE = frozenset({
+    "latency_us", "deadlines", "machine", "salt", "cpu_seconds", "seconds", "isolation", "files", "config_hash", "freeplay", "scenario",
+})  # fmt: skip
+# Characters of a bucket that are held in memory before they go to its file.
+HELD = 1 << 18
+
+
+def canonical(value: Any) -> str:
+    """One text for one JSON value."""
+    return json.dumps(value, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
+
+
+def steady(value: Any) -> Any:
+    """`value` without what differs from run to run."""
+    if isinstance(value, dict):
+        return {name: steady(held) for name, held in value.items() if name not in VOLATILE}
+    return [steady(held) for held in value] if isinstance(value, list) else value
+
+
+def own_name(folder: Path, what: str) -> Path:
+    """A name in `folder` that no other merge has."""
+    return folder / f".{what}-{os.getpid()}-{threading.get_ident()}"
+
+
+class Sorted:
+    """Texts in an order that does not follow from how they come: that of their hashes. They are held in files of `folder`, 256 buckets."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.held = folder, [list[str]() for _ in range(256)]
+        self.sizes = [0] * 256
+        shutil.rmtree(folder, ignore_errors=True)
+        folder.mkdir(parents=True)
+
+    def add(self, text: str) -> None:
+        digest = hashlib.sha256(text.encode()).digest()
+        bucket = digest[0]
+        self.held[bucket].append(f"{digest.hex()} {text}\n")
+        self.sizes[bucket] += len(text)
+        if self.sizes[bucket] > HELD:
+            with open(self.folder / f"{bucket:02x}", "a", encoding="utf-8") as file:
+                file.writelines(self.held[bucket])
+            self.held[bucket], self.sizes[bucket] = [], 0
+
+    def __iter__(self) -> Iterator[str]:
+        for bucket, held in enumerate(self.held):
+            path = self.folder / f"{bucket:02x}"
+            lines = path.read_text(encoding="utf-8").split("\n")[:-1] if path.exists() else []
+            lines += [line[:-1] for line in held]
+            yield from (line[65:] for line in sorted(lines))
+
+    def __enter__(self) -> Sorted:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def write(path: Path, head: Mapping[str, Any], cases: Iterable[str]) -> None:
+    """Writes a receipt with the fields of `head` and the texts of `cases` to `path`, whole or not at all. Its `sha256` is that of the canonical text of all else."""
+    # Sorted by name, the cases come before every field of the head.
+    assert all(name > "cases" for name in head)
+    whole, part = hashlib.sha256(b'{"cases":['), own_name(path.parent, "receipt")
+    with open(part, "w", encoding="utf-8") as file:
+        file.write("{\n" + "".join(f" {canonical(name)}: {canonical(head[name])},\n" for name in head) + ' "cases": [')
+        comma = ""
+        for text in cases:
+            whole.update(f"{comma}{text}".encode())
+            file.write(f"{comma}\n  {text}")
+            comma = ","
+        whole.update(("]," + canonical(head)[1:]).encode())
+        file.write(f'\n ],\n "sha256": "{whole.hexdigest()}"\n}}\n')
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(part, path)
