@@ -150,7 +150,7 @@ fn commissioned(args: &DemoArgs, machines: Vec<nameless::Machine>) -> Result<Exi
         Format::Json => say(&format!("{json:#}\n"))?,
         Format::Text => {
             show(&nameless::text(&outcomes))?;
-            say(&format!("\nreport  {}\n", page.display()))?;
+            show(&format!("\nreport  {}\n", page.display()))?;
         }
     }
     let holds = outcomes.iter().flat_map(nameless::Outcome::checks).all(|check| check.holds);

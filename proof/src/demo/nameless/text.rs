@@ -3,6 +3,8 @@
 use freeplay_terminal::layout::text_table;
 use std::fmt::Write as _;
 
+use freeplay_terminal::layout::text_table;
+
 use super::outcome::{Outcome, WAYS};
 
 /// The table of `outcomes`.
