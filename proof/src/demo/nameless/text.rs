@@ -1,6 +1,5 @@
 //! The table of the outcomes, for a terminal.
 
-use freeplay_terminal::layout::text_table;
 use std::fmt::Write as _;
 
 use freeplay_terminal::layout::text_table;
