@@ -14,7 +14,8 @@ use tempfile::TempDir;
 const ARM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/arm.urdf");
 
 /// What tells a person what to do next; one of them is in every message.
-const NEXT_STEPS: [&str; 26] = [
+const NEXT_STEPS: [&str; 27] = [
+    "run it with ",
     "write it as ",
     "add the time",
     "check ",
@@ -277,7 +278,11 @@ fn names_that_nobody_has() {
     ] {
         let built_in = "built-in are computed-torque, quasi-static, narx-qp";
         tried.refused(&format!("{command} mpc"), 2, &["\"mpc\"", built_in, "give the path"]);
-        tried.refused(&format!("{command} ./mpc"), 3, &["./mpc", "no such executable", "check the path"]);
+        tried.refused(
+            &format!("{command} ./mpc"),
+            3,
+            &["./mpc", "executable does not exist", "check the path"],
+        );
         tried.refused(&format!("{command} ./script.sh"), 3, &["./script.sh", "not executable", "chmod +x"]);
         tried.refused(&format!("{command} ./folder"), 3, &["./folder", "is a folder"]);
     }

@@ -171,7 +171,7 @@ fn a_few_bad_commands_do_not_fail_a_run() {
     let ran = under("nan@50+3,100+4", &[]).run().expect(0);
     assert_counts(&ran.run(), &[("not_finite", 7)]);
     assert_eq!(ran.run()["ending"], "finished");
-    assert!(ran.stdout().contains("did not pass the gate: not finite 7"), "{}", ran.dump());
+    assert!(ran.stdout().contains("commands rejected by the gate: not finite 7"), "{}", ran.dump());
     assert_safe(&recording(&ran), false);
 }
 
@@ -257,7 +257,7 @@ fn a_controller_that_never_comes_is_told_by_name() {
     // Controller, its fault, exit code, and what is said.
     let cases: [(&str, &str, i32, &[&str]); 8] = [
         ("nobody", "", 2, &["no controller \"nobody\"", "computed-torque", "give the path"]),
-        ("./nobody", "", 3, &["controller ./nobody", "no such executable"]),
+        ("./nobody", "", 3, &["controller ./nobody", "executable does not exist"]),
         (&plain, "", 3, &["plain", "not executable", "chmod +x"]),
         (&broken, "", 5, &["cannot start the controller", "broken", "ended before it joined the run"]),
         (

@@ -284,7 +284,7 @@ fn bad_command_lines() {
             2,
             &["\"mpc\"", "computed-torque, quasi-static, narx-qp", "path"],
         ),
-        ("executable", &[], &["--controller", "./mpc"], 3, &["./mpc", "no such executable"]),
+        ("executable", &[], &["--controller", "./mpc"], 3, &["./mpc", "executable does not exist"]),
         (
             "no program",
             &[],
@@ -571,7 +571,7 @@ fn bad_training() {
 #[test]
 fn weights_that_do_not_fit_end_a_run_before_its_report() {
     let header = "\"format\": \"freeplay.remainder\", \"version\"";
-    let (version, part) = (format!("{{{header}: 99}}"), format!("{{{header}: 1}}"));
+    let (version, part) = (format!("{{{header}: 99}}"), format!("{{{header}: 2}}"));
     let cases = [
         ("another version", version.as_str(), ["version 99", "train again"]),
         ("half a file", &part, ["w.json", "missing field"]),

@@ -160,13 +160,14 @@ impl Study<'_> {
         let without = {
             let (mut search, members) = self.search(&data, &[], &found.left, &with.members)?;
             let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
-            let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
             search.found(&answer).ok_or(DiagnoseError::Singular)?
         };
-        progress("looking for what happens at a time");
         let mut members = with.members.clone();
-        events = self.happened_beside(&mut data, &with, &events);
         data.parts.clone_from(&parts);
+        if !are_the_same(&with.members, &found.members) {
+            progress("looking for what happens at a time");
+            events = self.happened_beside(&mut data, &with, &events);
+        }
         if are_the_same(&with.members, &without.members) {
             data.give_moments(&all_of(&[&events]));
         } else {

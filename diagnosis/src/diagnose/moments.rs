@@ -23,8 +23,10 @@ use crate::residual::Kind;
 
 /// The shortest push that is looked for, s.
 const BRIEFEST: f64 = 0.05;
-/// Most happenings of a recording that are looked for once all else is found.
-const MOST: usize = 8;
+/// Happenings of a recording from which on nothing happens at a time: what is left then happens throughout.
+const MOST: usize = 12;
+/// Windows of each kind and place that are laid out at a time: the best, and the next where that is not the best in its exact form.
+const LAID: usize = 2;
 /// Names of the numbers of a law that begins and ends.
 const BEGIN: &str = "start";
 const END: &str = "end";
@@ -73,7 +75,7 @@ impl Moments {
         let channels = (0..self.per_stage).map(|c| index * self.per_stage + c).filter(is_asked);
         let torques: Vec<&Torque> = channels.filter_map(|c| self.torques[c].as_ref()).collect();
         let t = &data.stages[index].motion().t;
-        windows(&torques, MOST).into_iter().map(|[begin, end]| between(t[begin], t[end])).collect()
+        windows(&torques, LAID).into_iter().map(|[begin, end]| between(t[begin], t[end])).collect()
     }
 }
 
@@ -202,7 +204,10 @@ fn one_by_one(
     moments: &mut Moments,
 ) -> Option<Vec<usize>> {
     let mut now = search.settled(members)?;
-    while now.members.len() < MOST * data.stages.len() {
+    loop {
+        if now.members.len() >= MOST * data.stages.len() {
+            return Some(Vec::new());
+        }
         moments.set(&less(left, &said(search, &now.members, left)?));
         search.laid.clear();
         for kind in kinds().filter(|kind| kind.happens()) {

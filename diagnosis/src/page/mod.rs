@@ -85,7 +85,7 @@ fn overview(diagnosis: &Diagnosis) -> Vec<Block> {
         .into_iter()
         .map(|(certainty, statement, remedy)| match certainty {
             Certainty::Sure => format!("{statement} {remedy}"),
-            Certainty::Likely => format!("Perhaps, and much stays unexplained: {statement} {remedy}"),
+            Certainty::Likely => format!("Likely, but much stays unexplained: {statement} {remedy}"),
         })
         .collect();
     if !setup.is_empty() {
