@@ -113,6 +113,9 @@ fn between(begin: f64, end: f64) -> Table {
 pub(crate) fn happenings(data: &Data, left: &[Vec<f64>], sizes: &Weights, seed: u64) -> Option<Vec<Event>> {
     // What was found wanders no more: the second time rows are as white as what it leaves.
     let first = found_among(data, left, &Whitening::of(data, left, sizes), Vec::new())?;
+    if first.members.is_empty() {
+        return Some(Vec::new());
+    }
     let known = first.search.candidates(&first.members);
     let known = known.into_iter().filter_map(|one| one.reformed(data, one.form.clone())).collect();
     let rest = less(left, &said(&first.search, &first.members, left)?);
