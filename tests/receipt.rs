@@ -358,7 +358,7 @@ fn every_field_is_bound_of_a_folder_of_someone_else() {
         assert!(said.contains(why), "{said}");
     };
     refused("other.json", "is not the one committed to");
-    refused("twice.json", "stands twice");
+    refused("twice.json", "occurs twice");
     let before = read(&path("third/receipt.json"));
     blind_to(0, folder.path(), &["--verify", "third/receipt.json"]);
     blind_to(0, folder.path(), &["--score", "third", "truth.json", "--quiet"]);
@@ -419,8 +419,8 @@ fn cheats_are_caught() {
     };
     let part_of =
         |receipt: &Value, name: &str| usize::from(receipt["parts"][0]["sealed"].get(name).is_none());
-    caught("no parts", "there is none", false, &|r| r["parts"] = json!([]));
-    caught("a case dropped", "is not there", false, &|r| {
+    caught("no parts", "nothing binds the cases", false, &|r| r["parts"] = json!([]));
+    caught("a case dropped", "was sealed and is missing", false, &|r| {
         drop(r["cases"].as_object_mut().map(|c| c.shift_remove(one)))
     });
     caught("a case dropped from the seal, too", "were drawn", true, &|r| {
@@ -463,10 +463,10 @@ fn cheats_are_caught() {
     caught("another program, all hashes anew", "frozen was the program", true, &|r| {
         r["parts"][0]["program"]["sha256"] = json!("00");
     });
-    caught("another machine", "what stage freeze brought", false, &|r| {
+    caught("another machine", "content of stage freeze", false, &|r| {
         r["parts"][0]["machine"] = json!("faster")
     });
-    caught("shorter time", "what stage answer brought", false, &|r| r["parts"][1]["seconds"][1] = json!(0.5));
+    caught("shorter time", "content of stage answer", false, &|r| r["parts"][1]["seconds"][1] = json!(0.5));
     caught("isolation made better", "isolation", true, &|r| r["parts"][0]["isolation"] = json!({ "all": 1 }));
     caught("one shard twice", "same cases", true, &|r| r["parts"][1] = r["parts"][0].clone());
     let text = std::fs::read_to_string(folder.path().join("all/receipt.json")).expect("a receipt");

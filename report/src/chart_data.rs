@@ -293,7 +293,7 @@ mod tests {
         let chart = xy(Axis::new("x", ""), Axis::new("y", "")).series(Series::line("a", &x, &x[..90]));
         let data = ChartData::new(&chart, &Colours::default(), 20);
         assert_eq!(data.remarks.len(), 2, "{:?}", data.remarks);
-        assert!(data.remarks[0].contains("100 values across, 90 upwards"));
+        assert!(data.remarks[0].contains("100 values of x, 90 values of y"));
         assert!(data.remarks[1].contains("of 90 points drawn"));
         assert!(data.series[0].y.len() <= 20 && data.series[0].y.contains(&Short(89.0)));
     }

@@ -119,7 +119,7 @@ mod tests {
     fn a_key_that_stands_twice_is_refused_with_its_place() {
         let error = parse("{ \"a\": {\n \"b\": 1, \"b\": 1 } }").expect_err("refused");
         assert_eq!(error.classify(), Category::Data);
-        assert!(error.to_string().contains("\"b\" stands twice at line 2"), "{error}");
+        assert!(error.to_string().contains("\"b\" occurs twice at line 2"), "{error}");
         assert_eq!(parse("{ \"a\": 1").expect_err("refused").classify(), Category::Eof);
     }
 }
