@@ -43,7 +43,7 @@ struct InfoArgs {
     /// The model of its arm, URDF or TOML: with it, whether both mean the same (units, signs, order, zeros, gravity, clocks).
     #[arg(long, value_name = "FILE")]
     model: Option<String>,
-    /// What the columns mean, a mapping file such as one that `record import` or a diagnosis wrote.
+    /// The mapping file, which says what the columns mean; `record import` and `diagnose` write such files.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
     /// Output format.

@@ -92,7 +92,7 @@ pub struct Trained {
     pub structure: Structure,
     /// What was tried on held-out paths, the baselines first.
     pub tried: Vec<Tried>,
-    /// Whether it may move anything.
+    /// The proof by simulated runs.
     pub receipt: Receipt,
     /// Forecasts of held-out paths.
     #[serde(skip)]

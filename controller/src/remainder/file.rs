@@ -79,7 +79,7 @@ pub enum WeightError {
     },
 }
 
-/// What a remainder belongs to.
+/// The machine, model and feedback to which a remainder belongs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Machine {
@@ -89,7 +89,7 @@ pub struct Machine {
     pub arm_hash: String,
     /// Hash of the model whose remainder it is, arm and effects ([`crate::identity::model_identity`]).
     pub model_hash: String,
-    /// Who moves the joints.
+    /// The mode in which the joints move: torque, driven or servo.
     pub mode: TaskMode,
     /// Ticks per second, 1/s.
     pub rate: f64,
@@ -109,7 +109,7 @@ pub struct Condition {
     pub rms_um: [f64; 3],
 }
 
-/// What was learned along one axis of the base frame.
+/// The learned remainder along one axis of the base frame, and the bounds of its use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
@@ -155,11 +155,11 @@ pub struct Rehearsed {
     pub with_mm: f64,
 }
 
-/// Whether it may move anything.
+/// The proof by simulated runs: a network without it moves nothing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Receipt {
-    /// Whether the runs were better with the network, not by chance, and none was worse.
+    /// True if the runs were better with the network, not by chance, and no run was worse.
     pub proved: bool,
     /// Probability of runs this much better or more if the network were of no use, 0 to 1.
     pub chance: f64,
@@ -174,17 +174,17 @@ impl Default for Receipt {
     }
 }
 
-/// What was learned, on what, and where it may be used: all of a weight file but the network and its receipt.
+/// A learned remainder, the recordings that trained it and the region of its use: a weight file without the network and its receipt.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Learned {
-    /// What it belongs to.
+    /// The machine to which the remainder belongs.
     pub machine: Machine,
     /// The command that made it.
     pub command: String,
-    /// What trained it.
+    /// The recordings that trained the network.
     pub conditions: Vec<Condition>,
-    /// What the network looks at.
+    /// The groups of signals that are the network's inputs.
     pub inputs: Vec<InputGroup>,
     /// Axes x, y and z of the base frame.
     pub axes: [Axis; 3],
@@ -198,10 +198,10 @@ pub struct Learned {
 pub struct WeightFile {
     format: String,
     version: u64,
-    /// What was learned.
+    /// The learned remainder and the bounds of its use.
     pub learned: Learned,
     network: serde_json::Value,
-    /// Whether it may move anything.
+    /// The proof by simulated runs.
     pub receipt: Receipt,
 }
 

@@ -8,7 +8,7 @@ use nalgebra::DVector;
 
 use super::alternatives::{alternatives, rows_of_evidence};
 use super::candidate::Candidate;
-use super::data::{Data, less, sum_of};
+use super::data::{Data, add_all, less, sum_of};
 use super::engine::DiagnoseSettings;
 use super::event::{Event, said_by};
 use super::excite::ChannelNoise;
@@ -91,12 +91,27 @@ pub(crate) struct Conclusion<'c, 'd, 'a> {
 
 /// A finding on its way to a report: what it is and what shows that, kept together.
 struct Finding {
-    /// Its block; `None` of what happened.
-    member: Option<usize>,
+    of: Of,
     table: EffectTable,
     effect: Effect,
-    /// What it says of every row.
-    said: Vec<Vec<f64>>,
+}
+
+/// What a finding is of.
+enum Of {
+    /// A law that lasts, by the number of its block.
+    Law(usize),
+    /// An event, by its number.
+    Event(usize),
+}
+
+impl Of {
+    /// The number of the block of a law.
+    fn member(&self) -> Option<usize> {
+        match self {
+            Self::Law(member) => Some(*member),
+            Self::Event(_) => None,
+        }
+    }
 }
 
 impl<'d, 'a> Conclusion<'_, 'd, 'a> {
@@ -120,31 +135,21 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let system = &self.search.system;
         let Some(fit) = system.held_fit(&self.answer.members) else { return Ok(None) };
         let Some(fit) = self.sure(fit) else { return Ok(None) };
-        let Some(mut findings) = self.findings(&fit) else { return Ok(None) };
-        let members: Vec<usize> = findings.iter().filter_map(|finding| finding.member).collect();
+        let Some(findings) = self.findings(&fit) else { return Ok(None) };
+        let members: Vec<usize> = findings.iter().filter_map(|finding| finding.of.member()).collect();
         let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
         let Some(remains) = self.remains(&fit)? else { return Ok(None) };
         let Some(bare) = self.search.system.held_fit(&[]) else { return Ok(None) };
         let mut alternatives = alternatives(self.search, &fit);
         alternatives.extend(self.events.iter().flat_map(|event| event.alternatives.iter().cloned()));
         let data = self.data();
-        let happened = said_by(self.events, self.target);
         let mut left = self.search.system.left(&bare);
-        left.iter_mut()
-            .zip(&happened)
-            .for_each(|(left, said)| left.iter_mut().zip(said).for_each(|(x, said)| *x += said));
+        add_all(&mut left, self.events.iter().flat_map(Event::columns));
         let maps = self.maps(&left);
         let errors = self.errors(&remains, &fit);
         let location = self.location(&remains, &maps);
         let verdict = self.verdict(&fit, &alternatives);
-        for finding in &mut findings {
-            if let Some(place) = fit.members.iter().position(|member| Some(*member) == finding.member) {
-                let beta = self.search.system.coefficients(&fit, place);
-                let candidate = self.search.system.candidate(fit.members[place]);
-                finding.said = sum_of(candidate.columns.iter().zip(beta.iter().copied()), self.target);
-            }
-        }
-        let laws = findings.iter_mut().map(|finding| std::mem::take(&mut finding.said)).collect();
+        let laws = findings.iter().map(|finding| self.said(&fit, &finding.of)).collect();
         let columns = Columns { remains: &remains, laws };
         let passages = passages(data, &columns);
         let (tables, effects): (Vec<EffectTable>, Vec<Effect>) =
@@ -290,11 +295,11 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 },
                 phrase,
             };
-            found.push(Finding { member: Some(member), table, effect, said: Vec::new() });
+            found.push(Finding { of: Of::Law(member), table, effect });
         }
-        for event in self.events {
+        for (number, event) in self.events.iter().enumerate() {
             let (table, effect) = event.finding(self.arm());
-            found.push(Finding { member: None, table, effect, said: event.said(self.target) });
+            found.push(Finding { of: Of::Event(number), table, effect });
         }
         let all: f64 = found.iter().map(|finding| finding.effect.evidence.share.max(0.0)).sum();
         for finding in &mut found {
@@ -303,6 +308,19 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         }
         found.sort_by(|a, b| b.effect.evidence.share.total_cmp(&a.effect.evidence.share));
         Some(found)
+    }
+
+    /// What a finding says of every row, a law with its coefficients in `fit`.
+    fn said(&self, fit: &Fit, of: &Of) -> Vec<Vec<f64>> {
+        let system = &self.search.system;
+        match of {
+            Of::Event(number) => sum_of(self.events[*number].columns(), self.target),
+            Of::Law(member) => {
+                let place = fit.members.iter().position(|other| other == member);
+                let beta = place.map_or(&[][..], |place| system.coefficients(fit, place));
+                sum_of(system.candidate(*member).columns.iter().zip(beta.iter().copied()), self.target)
+            }
+        }
     }
 
     /// The effect of the kind of `candidate` that the file has already at its place.

@@ -262,9 +262,7 @@ pub(crate) fn sum_of<'c>(
     rows: &[Vec<f64>],
 ) -> Vec<Vec<f64>> {
     let mut sum: Vec<Vec<f64>> = rows.iter().map(|rows| vec![0.0; rows.len()]).collect();
-    for (column, factor) in columns {
-        add(&mut sum, column, factor);
-    }
+    add_all(&mut sum, columns);
     sum
 }
 
@@ -275,6 +273,11 @@ pub(crate) fn add(rows: &mut [Vec<f64>], column: &Column, factor: f64) {
             rows.iter_mut().zip(part).for_each(|(row, x)| *row += factor * x);
         }
     }
+}
+
+/// Adds `columns` times their coefficients to `rows`.
+pub(crate) fn add_all<'c>(rows: &mut [Vec<f64>], columns: impl IntoIterator<Item = (&'c Column, f64)>) {
+    columns.into_iter().for_each(|(column, factor)| add(rows, column, factor));
 }
 
 /// `rows` less what was `said` of them.

@@ -9,7 +9,7 @@ use super::candidate::{Candidate, candidates};
 use super::choice::choose;
 use super::conclude::{Conclusion, insufficient};
 use super::confirm::{confirmed, searched_again};
-use super::data::{Data, less};
+use super::data::{Data, add_all, less};
 use super::event::{Event, said_by};
 use super::moments::happenings;
 use super::nameless::is_unexplained;
@@ -160,14 +160,13 @@ impl Study<'_> {
         let without = {
             let (mut search, members) = self.search(&data, &[], &found.left, &with.members)?;
             let answer = confirmed(&mut search, members, progress).ok_or(DiagnoseError::Singular)?;
+            let answer = explained(&mut search, answer, progress).ok_or(DiagnoseError::Singular)?;
             search.found(&answer).ok_or(DiagnoseError::Singular)?
         };
+        progress("looking for what happens at a time");
         let mut members = with.members.clone();
+        events = self.happened_beside(&mut data, &with, &events);
         data.parts.clone_from(&parts);
-        if !are_the_same(&with.members, &found.members) {
-            progress("looking for what happens at a time");
-            events = self.happened_beside(&mut data, &with, &events);
-        }
         if are_the_same(&with.members, &without.members) {
             data.give_moments(&all_of(&[&events]));
         } else {
@@ -191,9 +190,7 @@ impl Study<'_> {
         }
         // What the search did not see is left, too.
         let mut left = found.left.clone();
-        for (left, said) in left.iter_mut().zip(said_by(events, self.target)) {
-            left.iter_mut().zip(said).for_each(|(left, said)| *left += said);
-        }
+        add_all(&mut left, events.iter().flat_map(Event::columns));
         let heard = std::mem::replace(&mut data.heard, vec![Part::Fit, Part::Choice, Part::Test]);
         let sizes = Weights::new(data, self.target, Some(&left), self.settings.seed);
         // Where the rows are exact nothing wanders, and nothing happens that the laws don't say.
@@ -256,7 +253,7 @@ fn explained(search: &mut Search, answer: Answer, progress: &mut dyn FnMut(&str)
     }
 }
 
-/// What all `events` are.
+/// The candidates of all `events`.
 fn all_of<'e>(events: &[&'e [Event]]) -> Vec<&'e Candidate> {
     events.iter().flat_map(|events| events.iter().map(|event| &event.candidate)).collect()
 }

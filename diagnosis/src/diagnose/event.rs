@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use freeplay_arm::{Arm, EffectTable};
 
 use super::candidate::Candidate;
-use super::data::sum_of;
+use super::data::{Column, sum_of};
 use super::gain::Gain;
 use super::report::{Alternative, Effect, Evidence, Parameter};
 use super::words;
@@ -19,7 +19,7 @@ pub(crate) struct Event {
     pub beta: Vec<f64>,
     /// The log odds for it.
     pub log_odds: f64,
-    /// What of them is not what the rows say of it: the odds before the data, and the volume.
+    /// The part of the log odds that the rows don't bring: the odds before the data, and the volume.
     pub log_prior: f64,
     /// Its parameters.
     pub parameters: BTreeMap<String, Parameter>,
@@ -32,9 +32,9 @@ pub(crate) struct Event {
 }
 
 impl Event {
-    /// What it says of every row, as many as `rows` are.
-    pub fn said(&self, rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
-        sum_of(self.candidate.columns.iter().zip(self.beta.iter().copied()), rows)
+    /// Its columns and their coefficients: the sum of their products is what it says of every row.
+    pub fn columns(&self) -> impl Iterator<Item = (&Column, f64)> {
+        self.candidate.columns.iter().zip(self.beta.iter().copied())
     }
 
     /// The finding, and the table of an arm file that says it; its share is still in squares.
@@ -66,6 +66,5 @@ impl Event {
 
 /// What all `events` say of every row, as many as `rows` are.
 pub(crate) fn said_by(events: &[Event], rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let said = events.iter().flat_map(|event| event.candidate.columns.iter().zip(event.beta.iter().copied()));
-    sum_of(said, rows)
+    sum_of(events.iter().flat_map(Event::columns), rows)
 }

@@ -6,7 +6,7 @@ use toml::{Table, Value};
 use super::alternatives::{LISTED, instead};
 use super::candidate::{Candidate, Form, at_place, places};
 use super::conclude::{holds_nothing, is_told, removed};
-use super::data::{Data, REMEMBERED, add, less, sum_of};
+use super::data::{Data, REMEMBERED, add_all, less, sum_of};
 use super::event::Event;
 use super::gain::Compared;
 use super::interval::parameters;
@@ -23,10 +23,8 @@ use crate::residual::Kind;
 
 /// The shortest push that is looked for, s.
 const BRIEFEST: f64 = 0.05;
-/// Happenings of a recording from which on nothing happens at a time: what is left then happens throughout.
-const MOST: usize = 12;
-/// Windows of each kind and place that are laid out at a time: the best, and the next where that is not the best in its exact form.
-const LAID: usize = 2;
+/// Most happenings of a recording that are looked for once all else is found, and windows of each that are laid out.
+const MOST: usize = 8;
 /// Names of the numbers of a law that begins and ends.
 const BEGIN: &str = "start";
 const END: &str = "end";
@@ -52,10 +50,12 @@ pub(crate) struct Moments {
 impl Moments {
     /// Those of `data` that wander as `whitening` says, of which `left` remains.
     fn new(data: &Data, whitening: &Whitening, left: &[Vec<f64>]) -> Self {
+        let of_stage: Vec<(Step, Vec<usize>)> =
+            data.stages.iter().map(|stage| (step_of(stage), edges_of(stage))).collect();
         let torque = |c: usize| {
-            let stage = &data.stages[data.place(c).0];
+            let (step, edges) = &of_stage[data.place(c).0];
             matches!(data.kind(c), Kind::Torque(_))
-                .then(|| Torque::new(whitening.channel(c), &left[c], &step_of(stage), &edges_of(stage)))
+                .then(|| Torque::new(whitening.channel(c), &left[c], step, edges))
         };
         Self { torques: (0..data.channels()).map(torque).collect(), per_stage: data.per_stage() }
     }
@@ -75,7 +75,7 @@ impl Moments {
         let channels = (0..self.per_stage).map(|c| index * self.per_stage + c).filter(is_asked);
         let torques: Vec<&Torque> = channels.filter_map(|c| self.torques[c].as_ref()).collect();
         let t = &data.stages[index].motion().t;
-        windows(&torques, LAID).into_iter().map(|[begin, end]| between(t[begin], t[end])).collect()
+        windows(&torques, MOST).into_iter().map(|[begin, end]| between(t[begin], t[end])).collect()
     }
 }
 
@@ -112,15 +112,16 @@ fn between(begin: f64, end: f64) -> Table {
 /// singular.
 pub(crate) fn happenings(data: &Data, left: &[Vec<f64>], sizes: &Weights, seed: u64) -> Option<Vec<Event>> {
     // What was found wanders no more: the second time rows are as white as what it leaves.
-    let first = found_among(data, left, &Whitening::of(data, left, sizes), Vec::new())?;
-    if first.members.is_empty() {
+    let (search, members) = found_among(data, left, &Whitening::of(data, left, sizes), Vec::new())?;
+    if members.is_empty() {
         return Some(Vec::new());
     }
-    let known = first.search.candidates(&first.members);
+    let known = search.candidates(&members);
     let known = known.into_iter().filter_map(|one| one.reformed(data, one.form.clone())).collect();
-    let rest = less(left, &said(&first.search, &first.members, left)?);
-    let second = found_among(data, left, &Whitening::of(data, &rest, sizes), known)?;
-    let Among { mut search, members, log_odds, alternatives } = second;
+    let rest = less(left, &said(&search, &members, left)?);
+    let whitening = Whitening::of(data, &rest, sizes);
+    let (mut search, members) = found_among(data, left, &whitening, known)?;
+    let odds = odds(data, &mut search, &members, &whitening.least())?;
     let rest = less(left, &said(&search, &members, left)?);
     let fit = search.system.fit(&members)?;
     let parameters = parameters(&mut search.system, &fit, seed);
@@ -131,19 +132,19 @@ pub(crate) fn happenings(data: &Data, left: &[Vec<f64>], sizes: &Weights, seed: 
     };
     let log_priors = (0..members.len()).map(log_prior).collect::<Option<Vec<f64>>>()?;
     let mut events = Vec::new();
-    for (place, parameters) in parameters.into_iter().enumerate() {
+    for (place, (parameters, (log_odds, alternatives))) in parameters.into_iter().zip(odds).enumerate() {
         let candidate = search.system.candidate(members[place]);
         let candidate = candidate.reformed(data, candidate.form.clone())?;
         let beta = search.system.coefficients(&fit, place).to_vec();
         let mut before = rest.clone();
-        candidate.columns.iter().zip(&beta).for_each(|(column, beta)| add(&mut before, column, *beta));
+        add_all(&mut before, candidate.columns.iter().zip(beta.iter().copied()));
         let compared = Compared { before: &before, after: &rest, weights: &weights };
         events.push(Event {
             gain: compared.gain(data, &candidate.channels, seed)?,
             removed: removed(data, &compared, &candidate.channels),
-            log_odds: log_odds[place],
             log_prior: log_priors[place],
-            alternatives: alternatives[place].clone(),
+            log_odds,
+            alternatives,
             candidate,
             beta,
             parameters,
@@ -153,49 +154,48 @@ pub(crate) fn happenings(data: &Data, left: &[Vec<f64>], sizes: &Weights, seed: 
     Some(events)
 }
 
-/// What a search among white rows found.
-struct Among<'d, 'a> {
-    search: Search<'d, 'a>,
-    /// What happened.
-    members: Vec<usize>,
-    /// The log odds for each.
-    log_odds: Vec<f64>,
-    /// What else each may be.
-    alternatives: Vec<Vec<Alternative>>,
-}
-
-/// What happens beside what is `known`, with that, in rows that `whitening` makes independent, of which so much is `left`. `None` if the system is singular.
+/// What happens beside what is `known`, with that, in rows that `whitening` makes independent, of which so much is `left`, and the search that found it. `None` if the system is
+/// singular.
 fn found_among<'d, 'a>(
     data: &'d Data<'a>,
     left: &[Vec<f64>],
     whitening: &Whitening,
     known: Vec<Candidate>,
-) -> Option<Among<'d, 'a>> {
+) -> Option<(Search<'d, 'a>, Vec<usize>)> {
     let mut moments = Moments::new(data, whitening, left);
-    let least: Vec<f64> = (0..data.channels()).map(|c| whitening.channel(c).least()).collect();
     let system = System::white(data, left, Weights::white(data, whitening), whitening.clone())?;
     let mut search = Search::new(system, Vec::new());
     let known = known.into_iter().filter_map(|one| search.system.take(one)).collect();
     let members = one_by_one(data, &mut search, known, left, &mut moments)?;
-    let members = told(data, &search, members, &least)?;
+    let members = told(data, &search, members, &whitening.least())?;
     let members = beside_shapes(data, &search, members, left)?;
-    let all = probability(data, &search, &members, &least)?;
-    let (mut log_odds, mut alternatives) = (Vec::new(), Vec::new());
+    Some((search, members))
+}
+
+/// The log odds for each of `members`, and what else each may be. `None` if the system is singular.
+fn odds(
+    data: &Data,
+    search: &mut Search,
+    members: &[usize],
+    least: &[f64],
+) -> Option<Vec<(f64, Vec<Alternative>)>> {
+    let all = probability(data, search, members, least)?;
+    let mut odds = Vec::new();
     for place in 0..members.len() {
         let others = [&members[..place], &members[place + 1..]].concat();
-        log_odds.push(all - probability(data, &search, &others, &least)?);
-        let mut instead_of_it = Vec::new();
-        for other in at_the_same_time(data, &mut search, members[place]) {
+        let log_odds = all - probability(data, search, &others, least)?;
+        let mut alternatives = Vec::new();
+        for other in at_the_same_time(data, search, members[place]) {
             let with = [&others[..], &[other]].concat();
-            let against = all - probability(data, &search, &with, &least)?;
+            let against = all - probability(data, search, &with, least)?;
             let [named, other] = [members[place], other].map(|index| search.system.candidate(index));
-            instead_of_it.push(instead(data.arm(), named, other, against));
+            alternatives.push(instead(data.arm(), named, other, against));
         }
-        instead_of_it.sort_by(|a, b| a.log_odds_against.total_cmp(&b.log_odds_against));
-        instead_of_it.truncate(LISTED);
-        alternatives.push(instead_of_it);
+        alternatives.sort_by(|a, b| a.log_odds_against.total_cmp(&b.log_odds_against));
+        alternatives.truncate(LISTED);
+        odds.push((log_odds, alternatives));
     }
-    Some(Among { search, members, log_odds, alternatives })
+    Some(odds)
 }
 
 /// `members` and what else happens, as long as it makes what is `left` of the rows more probable. What is found says where the next one is.
@@ -207,10 +207,7 @@ fn one_by_one(
     moments: &mut Moments,
 ) -> Option<Vec<usize>> {
     let mut now = search.settled(members)?;
-    loop {
-        if now.members.len() >= MOST * data.stages.len() {
-            return Some(Vec::new());
-        }
+    while now.members.len() < MOST * data.stages.len() {
         moments.set(&less(left, &said(search, &now.members, left)?));
         search.laid.clear();
         for kind in kinds().filter(|kind| kind.happens()) {

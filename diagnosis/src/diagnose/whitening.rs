@@ -40,6 +40,11 @@ impl Whitening {
         &self.channels[channel]
     }
 
+    /// The deviation that the instruments leave of a white row, by channel.
+    pub fn least(&self) -> Vec<f64> {
+        self.channels.iter().map(|channel| channel.least).collect()
+    }
+
     /// The rows of every channel of a column, white.
     pub fn column(&self, column: &Column) -> Column {
         column
@@ -103,11 +108,6 @@ impl Wandering {
     #[cfg(test)]
     pub fn with(remembers: Vec<f64>, sizes: Vec<f64>, heard: Vec<bool>, ratio: f64, deviation: f64) -> Self {
         Self { remembers, heard, sizes, ratio, deviation, least: 0.0 }
-    }
-
-    /// The deviation that the instruments leave of a white row.
-    pub fn least(&self) -> f64 {
-        self.least
     }
 
     /// Deviation of a white row.
