@@ -200,6 +200,7 @@ index = pandas.to_datetime("2024-11-20") + pandas.to_timedelta(t, unit="s")
 columns = [f"{name}_{what}" for what in ["pos", "torque"] for name in names]
 frame = pandas.DataFrame(table[:, 1:], columns=columns, index=index)
 frame.to_csv("dated.csv")
+frame.reset_index(names="time").to_csv("indexed.csv")
 frame.to_parquet("dated.parquet")
 store = get_typestore(Stores.ROS2_HUMBLE)
 types = store.types
@@ -251,14 +252,21 @@ fn what_other_packages_write_is_compared_and_diagnosed() {
     let mut folder = with_log(NAMED, elbow_first);
     let written = python().args(["-c", WRITER]).current_dir(folder.path()).output().expect("it starts");
     assert!(written.status.success(), "{}", String::from_utf8_lossy(&written.stderr));
-    let all =
-        ["r.npz", "r.mat", "dated.csv", "dated.parquet", "bag_sqlite3", "bag_mcap", "ros1.bag", "lerobot"];
+    let all = [
+        "r.npz",
+        "r.mat",
+        "dated.csv",
+        "indexed.csv",
+        "dated.parquet",
+        "bag_sqlite3",
+        "bag_mcap",
+        "ros1.bag",
+        "lerobot",
+    ];
     for recording in all {
         let (errors, _, ran) = compared(folder, recording);
         assert!(is_right(errors), "{recording}: {errors:?}");
         folder = ran.folder;
-    }
-    for recording in ["dated.parquet", "bag_sqlite3", "ros1.bag", "lerobot"] {
         let arguments = ["diagnose", "--model", "arm.urdf", "--recording", recording, "--format", "json"];
         let ran = freeplay_in(folder, &arguments).expect(0);
         let value: Value = serde_json::from_str(&ran.stdout()).expect("JSON");
@@ -268,6 +276,7 @@ fn what_other_packages_write_is_compared_and_diagnosed() {
             "{}",
             ran.dump()
         );
+        assert_eq!(value["setup"], serde_json::json!([]), "{recording}: {}", ran.dump());
         folder = ran.folder;
     }
 }
