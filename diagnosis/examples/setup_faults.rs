@@ -179,6 +179,10 @@ fn print_table(rows: &BTreeMap<String, Row>) {
         all.wrong += wrong;
     }
     println!("all: right {} missed {} (hidden {}) wrong {}", all.right, all.missed, all.hidden, all.wrong);
+    if all.hidden > 0 {
+        let visible = all.right + all.missed + all.wrong - all.hidden;
+        println!("of the {visible} that the error of the model does not hide: right {}", all.right);
+    }
 }
 
 /// The sets of faults that are tried on one recording.

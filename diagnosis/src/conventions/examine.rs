@@ -88,11 +88,11 @@ impl Examination<'_> {
         search.weigh(&first);
         let first = search.again(&first);
         let (best, certain, rivals) = self.settled(&search, first);
-        let is_another = self.is_another(&search, &best);
         // Torques without gravity are small, and mostly what the rigid arm does not say.
         let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);
         let other = kinds::another_arm::found(&best, self.arm.dof(), is_silent || !has_torques, has_tool);
-        if let Some(other) = other.or(is_another.then(kinds::another_arm::by_evidence)) {
+        let is_another = self.is_another(&search, &best, other.is_some());
+        if let Some(other) = is_another.then(kinds::another_arm::by_evidence).or(other) {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
             // Torques alone can be far from any model; geometry can't.
@@ -122,11 +122,11 @@ impl Examination<'_> {
     }
 
     /// Tells whether another arm explains the recording better than the reading of `settled`, in which every change is certain: links of any
-    /// inertia, whose joints have zeros of their own or not, against the model's within what a data sheet is off by. One link alone is the same as a
-    /// unit of its torque.
-    fn is_another(&self, search: &Search, settled: &Outcome) -> bool {
+    /// inertia, whose joints have zeros of their own or not, against the model's within what a data sheet is off by. It is asked where something is
+    /// misread, or most channels `are_odd`. One link alone is the same as a unit of its torque.
+    fn is_another(&self, search: &Search, settled: &Outcome, are_odd: bool) -> bool {
         let is_large = |change: &Change| change.is_reading() && !kinds::is_small(self.arm, settled, change);
-        let is_misread = settled.changes.iter().any(is_large);
+        let is_misread = are_odd || settled.changes.iter().any(is_large);
         // Torques without gravity say little of an arm.
         if !is_misread || settled.changes.contains(&Change::Compensated) || self.arm.dof() < 2 {
             return false;
@@ -150,6 +150,14 @@ impl Examination<'_> {
     /// The best set of which every change is certain, or small: what is not is dropped, and the others are judged anew without it.
     fn settled(&self, search: &Search, mut best: Outcome) -> (Outcome, Certain, Rivals) {
         loop {
+            if let Some(kept) = speaking(self.arm, &best) {
+                // Numbers that were fitted beside such a unit are fitted anew.
+                best = search.refitted(&kept);
+                let readings: Vec<Change> =
+                    best.changes.iter().filter(|change| change.is_reading()).copied().collect();
+                best = search.beside(&readings, &self.large(&best, &readings), None);
+                continue;
+            }
             let (certain, rivals) = self.certain(search, &best);
             let is_kept = |change: &&Change| {
                 kinds::is_small(self.arm, &best, change) || certain.iter().any(|(known, _)| known == *change)
@@ -189,7 +197,10 @@ impl Examination<'_> {
                     readings.iter().copied().filter(|other| other.joint() != change.joint()).collect();
                 other = search.beside(&others, &self.large(best, &others), Some(change.sort()));
             }
-            // Without a fit there is nothing to compare with.
+            // Where no other reading is possible without it, the recording as it stands is the rival.
+            if other.likelihood.len() != best.likelihood.len() {
+                other = search.beside(&[], &[], Some(change.sort()));
+            }
             if other.likelihood.len() != best.likelihood.len() {
                 continue;
             }
@@ -231,6 +242,20 @@ impl Examination<'_> {
     }
 }
 
+/// The changes of `best` without the torque units of channels in which the rigid arm, as these units have it, says next to nothing: such a unit shows
+/// nothing, and hides what other readings show there. `None` where there is none.
+fn speaking(arm: &Arm, best: &Outcome) -> Option<Vec<Change>> {
+    let is_silent = |change: &Change| match *change {
+        Change::Scale(joint) | Change::SameScale(joint, _) => {
+            !kinds::is_small(arm, best, change)
+                && best.spoken.get(joint).is_some_and(|spoken| *spoken < SPOKEN)
+        }
+        _ => false,
+    };
+    let kept: Vec<Change> = best.changes.iter().filter(|change| !is_silent(change)).copied().collect();
+    (kept.len() < best.changes.len()).then_some(kept)
+}
+
 /// `changes` without `change`; an order is one, however many exchanges make it.
 fn without(changes: &[Change], change: &Change) -> Vec<Change> {
     let is_order = matches!(change, Change::Exchange(..));
@@ -258,8 +283,40 @@ fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, 
         odds += best.likelihood[c] - without;
         if let Some(left) = same.left.get(c).filter(|_| is_explained(best.left[c])) {
             let floor = FLOOR.powi(2) * if c < joints { 1.0 } else { GEOMETRY.powi(2) };
-            fall = fall.max((left + floor) / (best.left[c] + floor));
+            // Torques look smaller without their gravity; an exchanged channel is another one, and its own measure.
+            let size = if *change == Change::Compensated { same.sizes[c] / best.sizes[c] } else { 1.0 };
+            fall = fall.max((left * size + floor) / (best.left[c] + floor));
         }
     }
     odds > OVERWHELMING && fall > MOST
+}
+
+#[cfg(test)]
+mod tests {
+    use freeplay_arm::paper_arm;
+    use nalgebra::Vector3;
+
+    use super::super::change::Change;
+    use super::super::problem::Outcome;
+    use super::speaking;
+
+    /// A torque unit that leaves the rigid arm nothing to say in its channel is taken back before the others are judged.
+    #[test]
+    fn a_unit_shows_only_where_the_arm_speaks() {
+        let turned = Change::Direction { joint: 0, with_torque: true };
+        let changes = vec![turned, Change::Scale(1), Change::SameScale(2, 0.15)];
+        let outcome = |spoken: [f64; 3]| Outcome {
+            changes: changes.clone(),
+            evidence: 0.0,
+            likelihood: Vec::new(),
+            left: Vec::new(),
+            spoken: spoken.to_vec(),
+            sizes: Vec::new(),
+            gravity: Vector3::zeros(),
+            scale: vec![1.0, 0.15, 0.15],
+        };
+        let arm = paper_arm().arm;
+        assert_eq!(speaking(&arm, &outcome([0.01, 0.9, 0.02])), Some(vec![turned, Change::Scale(1)]));
+        assert_eq!(speaking(&arm, &outcome([0.01, 0.9, 0.8])), None);
+    }
 }

@@ -77,8 +77,10 @@ pub(crate) struct Outcome {
     pub evidence: f64,
     /// What the channels put into it, in the order of `left`; 0 where there is none.
     pub likelihood: Vec<f64>,
-    /// Mean square of what is left of each channel over its variance: the torques by joint (NaN where none), then the tool.
+    /// Mean square of what is left of each channel over its size: the torques by joint (NaN where none), then the tool.
     pub left: Vec<f64>,
+    /// The size of each channel: variance of what was recorded, with the gravity that the reading adds to it.
+    pub sizes: Vec<f64>,
     /// Variance of what the rigid arm asks for over that of what was recorded, in the same order: a channel of friction alone shows
     /// nothing of how it is to be read.
     pub spoken: Vec<f64>,
@@ -170,6 +172,7 @@ impl<'a> Problem<'a> {
             likelihood: Vec::new(),
             left: Vec::new(),
             spoken: Vec::new(),
+            sizes: Vec::new(),
             gravity: self.gravity(&reading),
             scale: vec![1.0; self.arm.dof()],
         };
@@ -183,12 +186,14 @@ impl<'a> Problem<'a> {
             outcome.left = vec![f64::NAN; self.arm.dof()];
             outcome.likelihood = vec![0.0; self.arm.dof()];
             outcome.spoken = vec![0.0; self.arm.dof()];
+            outcome.sizes = vec![1.0; self.arm.dof()];
             for (channel, (&joint, left)) in torques.joints.iter().zip(&fitted.left).enumerate() {
-                let (variance, left) = (torques.variance(channel), left / self.rows() as f64);
-                outcome.likelihood[joint] = self.log_likelihood(joint, left, variance);
-                outcome.left[joint] = left / variance;
-                outcome.spoken[joint] =
-                    torques.spoken(joint, &outcome.gravity, outcome.scale[joint]) / variance;
+                let scale = outcome.scale[joint];
+                let (size, left) = (torques.size(channel, scale), left / self.rows() as f64);
+                outcome.likelihood[joint] = self.log_likelihood(joint, left, size);
+                outcome.left[joint] = left / size;
+                outcome.spoken[joint] = torques.spoken(joint, &outcome.gravity, scale) / size;
+                outcome.sizes[joint] = size;
             }
         }
         if self.samples.has_tool() {
@@ -200,6 +205,7 @@ impl<'a> Problem<'a> {
                 outcome.likelihood.push(self.log_likelihood(channel, left, size));
                 outcome.left.push(left / variance);
                 outcome.spoken.push(1.0);
+                outcome.sizes.push(variance);
             }
         }
         let (parameters, odds) = self.prior(&outcome);
@@ -357,4 +363,59 @@ fn mean_square(column: &[f64]) -> f64 {
 pub(crate) fn variance(column: &[f64]) -> f64 {
     let mean = column.iter().sum::<f64>() / column.len().max(1) as f64;
     column.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / column.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use freeplay_arm::{Workspace, gravity_torque, paper_arm, rnea};
+    use freeplay_recording::Recording;
+
+    use super::{FLOOR, Problem};
+    use crate::conventions::change::Change;
+    use crate::conventions::samples::Samples;
+
+    /// An arm is off its laws by a share of its whole torque, whether a driver has taken the gravity out of it or not.
+    #[test]
+    fn torques_without_gravity_are_measured_by_the_whole_torque() {
+        let arm = paper_arm().arm;
+        let n = arm.dof();
+        let (mut workspace, mut whole, mut held) = (Workspace::new(&arm), vec![0.0; n], vec![0.0; n]);
+        let names = ["q", "tau"].map(|what| (1..=n).map(move |joint| format!("{what}{joint}")));
+        let mut columns: Vec<(String, Vec<f64>)> =
+            names.into_iter().flatten().map(|name| (name, Vec::new())).collect();
+        columns.insert(0, ("t".to_owned(), Vec::new()));
+        let mut plain = columns.clone();
+        for row in 0..1000 {
+            let t = f64::from(row) / 100.0;
+            let of = |order: usize| -> Vec<f64> {
+                let at = |joint: usize| {
+                    let w = 1.0 + 0.3 * joint as f64;
+                    let (sin, cos) = (w * t).sin_cos();
+                    [0.3 + 0.6 * sin, 0.6 * w * cos, -0.6 * w * w * sin][order]
+                };
+                (0..n).map(at).collect()
+            };
+            let q = of(0);
+            rnea(&arm, &mut workspace, &q, &of(1), &of(2), &mut whole);
+            gravity_torque(&arm, &mut workspace, &q, &mut held);
+            let without = whole.iter().zip(&held).map(|(whole, held)| whole - held);
+            let rows =
+                [whole.clone(), without.collect()].map(|tau| [vec![t], q.clone(), tau].concat().into_iter());
+            for (columns, row) in [&mut plain, &mut columns].into_iter().zip(rows) {
+                columns.iter_mut().zip(row).for_each(|((_, column), x)| column.push(x));
+            }
+        }
+        let sizes = |columns: Vec<(String, Vec<f64>)>, changes: &[Change]| {
+            let recording = Recording::new(Path::new("made.csv"), columns).expect("a recording");
+            let samples = Samples::new(&recording, &recording.q).expect("rows");
+            Problem::new(&arm, &samples, 1, FLOOR).outcome(changes).sizes
+        };
+        let (whole, without) = (sizes(plain, &[]), sizes(columns, &[Change::Compensated]));
+        assert!(whole.len() == n && without.len() == n);
+        for (whole, without) in whole.iter().zip(&without) {
+            assert!((without / whole - 1.0).abs() < 0.01, "{without} is not {whole}");
+        }
+    }
 }

@@ -94,6 +94,11 @@ impl<'a> Search<'a> {
         self.settled(&climb(&self.few, start, scope).changes, scope)
     }
 
+    /// `changes` on all rows, their numbers fitted.
+    pub fn refitted(&self, changes: &[Change]) -> Outcome {
+        self.whole.outcome(&self.finer(changes))
+    }
+
     /// `changes` on all rows: what is not worth it there is dropped, and numbers are fitted as finely as the instruments allow.
     fn settled(&self, changes: &[Change], scope: Scope) -> Outcome {
         let mut best = self.whole.outcome(changes);

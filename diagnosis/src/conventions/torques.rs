@@ -8,7 +8,7 @@ use super::along::{Along, Column, LOADS, dot};
 use super::change::{Change, Physics};
 use super::free_arm::Target;
 use super::normal::{Channel, Fit, fit};
-use super::problem::{Measured, Problem};
+use super::problem::{Measured, Problem, variance};
 use super::reading::Reading;
 
 /// Rotors up to this many times the inertia that their joint moves: behind a gear of 160, a rotor weighs about as much as a light arm.
@@ -45,6 +45,8 @@ pub(super) struct Torques<'p, 'a> {
     pub joints: Vec<usize>,
     measured: Vec<(Rc<Measured>, f64)>,
     scales: Vec<Scale>,
+    /// Gravity that was taken out of what was measured, m/s².
+    taken_out: Option<Vector3<f64>>,
 }
 
 /// What a channel's target is, beyond what was measured, and what its columns are.
@@ -83,12 +85,18 @@ impl<'p, 'a> Torques<'p, 'a> {
                 measured.push((column, read.factor));
             }
         }
-        Self { problem, along, changes, physics, joints, measured, scales }
+        let taken_out = reading.gravity_added.then(|| *problem.arm.gravity());
+        Self { problem, along, changes, physics, joints, measured, scales, taken_out }
     }
 
-    /// Variance of what was measured, by channel.
-    pub fn variance(&self, channel: usize) -> f64 {
-        self.measured[channel].0.variance
+    /// Variance of the whole torque of a channel, recorded in `scale`: of what was measured, with the gravity that was taken out of it. Whoever takes
+    /// gravity out uses a model of it, so that an arm is off its laws by a share of the whole, not of what remains.
+    pub fn size(&self, channel: usize, scale: f64) -> f64 {
+        let (measured, sign) = (&self.measured[channel].0, self.measured[channel].1);
+        let Some(gravity) = self.taken_out else { return measured.variance };
+        let held = self.along.model(self.joints[channel], &[0.0, gravity.x, gravity.y, gravity.z]);
+        let whole = measured.column.iter().zip(&held).map(|(seen, held)| sign * seen + scale * held);
+        variance(&whole.collect::<Vec<f64>>())
     }
 
     /// What links of any inertia are to explain: what `fitted` leaves of each channel, or all of it; and how much larger the torques are than the
@@ -119,7 +127,7 @@ impl<'p, 'a> Torques<'p, 'a> {
                 column,
                 scale: scale[joint],
                 own: own.collect(),
-                floor: floor.powi(2) * measured.variance * rows,
+                floor: floor.powi(2) * self.size(channel, scale[joint]) * rows,
                 independent: independent(joint),
             }
         };
@@ -209,7 +217,7 @@ impl<'p, 'a> Torques<'p, 'a> {
         let model = products.of(&Term::Model, &Term::Model);
         let square =
             measured.square - 2.0 * less * sign * products.with_measured(&Term::Model) + less * less * model;
-        let floor = self.problem.floor.powi(2) * measured.variance * measured.column.len() as f64;
+        let floor = self.problem.floor.powi(2) * self.size(channel, factor) * measured.column.len() as f64;
         let mut normal = DMatrix::from_fn(terms.len(), terms.len(), |i, k| {
             if i <= k { products.of(&terms[i], &terms[k]) } else { 0.0 }
         });
@@ -325,7 +333,7 @@ impl<'p, 'a> Torques<'p, 'a> {
     /// Variance of what the rigid arm asks of `joint` under `gravity`, as recorded in its `scale`.
     pub fn spoken(&self, joint: usize, gravity: &Vector3<f64>, scale: f64) -> f64 {
         let model = self.along.model(joint, &[1.0, gravity.x, gravity.y, gravity.z]);
-        super::problem::variance(&model) * scale.powi(2)
+        variance(&model) * scale.powi(2)
     }
 
     /// What `fitted` leaves of a channel, row by row.

@@ -426,8 +426,8 @@ fn another(sheet: &Arm) -> Option<Arm> {
     others.filter_map(|machine| machine.data_sheet().ok()).find(|other| other.dof() == sheet.dof())
 }
 
-/// Whether the torques are, to the last digit, those of a fault of another kind: the zero of the first joint and a base turned about its axis;
-/// on a single axis, the sign of the torque and of the position.
+/// Whether the torques are, to the last digit, those of another fault: the zero of the first joint and a base turned about its axis; on a single axis,
+/// the sign of the torque and of the position; the signs of two joints that hang in a plane.
 fn is_another_kind(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
     if has(samples, "x") {
         return false;
@@ -440,9 +440,21 @@ fn is_another_kind(fault: &SetupFault, sheet: &Arm, samples: &Samples) -> bool {
             let along = (Vector3::from_column_slice(&fault.values) - sheet.gravity()).dot(&axis);
             along.abs() < 1e-6 * sheet.gravity().norm()
         }
+        "joint_direction" if sheet.dof() == 2 && fault.detail == "with torque" => is_mirrored(sheet, samples),
         "torque_sign" | "joint_direction" => sheet.dof() == 1,
         _ => false,
     }
+}
+
+/// Whether the arm holds the same torques in a mirror, with all signs turned: of two joints in a plane that hang straight down at their zeros, one
+/// counted the other way is the other one counted the other way.
+fn is_mirrored(sheet: &Arm, samples: &Samples) -> bool {
+    let Some(q) = read(samples, "q", sheet.dof()) else { return false };
+    let turned: Vec<Vec<f64>> = q.iter().map(|column| column.iter().map(|x| -x).collect()).collect();
+    let (held, mirrored) = (at_rest(sheet, &q).0, at_rest(sheet, &turned).0);
+    let all = || held.iter().flatten().zip(mirrored.iter().flatten());
+    let size = all().fold(0.0_f64, |most, (held, _)| most.max(held.abs()));
+    all().all(|(held, mirrored)| (held + mirrored).abs() <= 1e-6 * size)
 }
 
 /// The data sheet that stands beside the recording. Gravity of the machine is that of the data sheet; the file says another one.

@@ -200,6 +200,7 @@ mod tests {
             likelihood: Vec::new(),
             left: Vec::new(),
             spoken: Vec::new(),
+            sizes: Vec::new(),
             gravity: Vector3::zeros(),
             scale: scale.to_vec(),
         };
