@@ -32,6 +32,11 @@ impl Form {
     pub fn of(shape: Table) -> Self {
         Self { shape, ..Self::default() }
     }
+
+    /// Whether its law is taken along the chord to one coefficient of its only term.
+    pub fn is_chord(&self) -> bool {
+        self.shape.contains_key(ABOUT)
+    }
 }
 
 /// An effect at a place in a form, with its columns on the rows of the data.
