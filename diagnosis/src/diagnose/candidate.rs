@@ -212,6 +212,12 @@ impl Candidate {
         form
     }
 
+    /// Whether it says something of rows of the channel number `channel` with a weight.
+    pub fn shows_in(&self, channel: usize, weights: &[Vec<f64>]) -> bool {
+        let says = |rows: &Vec<f64>| rows.iter().zip(&weights[channel]).any(|(x, w)| x * w != 0.0);
+        self.columns.iter().any(|column| column[channel].as_ref().is_some_and(says))
+    }
+
     /// Its form taken about the place that is this `share` of the way from where it is taken now to these coefficients of the terms shown; `None` if that is the
     /// same for its law.
     pub fn about(&self, coefficients: &[f64], share: f64) -> Option<Form> {
