@@ -190,7 +190,8 @@ impl<'a> Problem<'a> {
             for (channel, (&joint, left)) in torques.joints.iter().zip(&fitted.left).enumerate() {
                 let scale = outcome.scale[joint];
                 let (size, left) = (torques.size(channel, scale), left / self.rows() as f64);
-                outcome.likelihood[joint] = self.log_likelihood(joint, left, size);
+                // All readings are weighed against the same floor, that of what was recorded.
+                outcome.likelihood[joint] = self.log_likelihood(joint, left, torques.variance(channel));
                 outcome.left[joint] = left / size;
                 outcome.spoken[joint] = torques.spoken(joint, &outcome.gravity, scale) / size;
                 outcome.sizes[joint] = size;

@@ -89,6 +89,11 @@ impl<'p, 'a> Torques<'p, 'a> {
         Self { problem, along, changes, physics, joints, measured, scales, taken_out }
     }
 
+    /// Variance of what was measured, by channel.
+    pub fn variance(&self, channel: usize) -> f64 {
+        self.measured[channel].0.variance
+    }
+
     /// Variance of the whole torque of a channel, recorded in `scale`: of what was measured, with the gravity that was taken out of it. Whoever takes
     /// gravity out uses a model of it, so that an arm is off its laws by a share of the whole, not of what remains.
     pub fn size(&self, channel: usize, scale: f64) -> f64 {
@@ -127,7 +132,7 @@ impl<'p, 'a> Torques<'p, 'a> {
                 column,
                 scale: scale[joint],
                 own: own.collect(),
-                floor: floor.powi(2) * self.size(channel, scale[joint]) * rows,
+                floor: floor.powi(2) * measured.variance * rows,
                 independent: independent(joint),
             }
         };
@@ -217,7 +222,7 @@ impl<'p, 'a> Torques<'p, 'a> {
         let model = products.of(&Term::Model, &Term::Model);
         let square =
             measured.square - 2.0 * less * sign * products.with_measured(&Term::Model) + less * less * model;
-        let floor = self.problem.floor.powi(2) * self.size(channel, factor) * measured.column.len() as f64;
+        let floor = self.problem.floor.powi(2) * measured.variance * measured.column.len() as f64;
         let mut normal = DMatrix::from_fn(terms.len(), terms.len(), |i, k| {
             if i <= k { products.of(&terms[i], &terms[k]) } else { 0.0 }
         });
