@@ -88,11 +88,11 @@ impl Examination<'_> {
         search.weigh(&first);
         let first = search.again(&first);
         let (best, certain, rivals) = self.settled(&search, first);
+        let is_another = self.is_another(&search, &best);
         // Torques without gravity are small, and mostly what the rigid arm does not say.
         let is_silent = certain.iter().any(|(change, _)| *change == Change::Compensated);
         let other = kinds::another_arm::found(&best, self.arm.dof(), is_silent || !has_torques, has_tool);
-        let is_another = self.is_another(&search, &best, other.is_some());
-        if let Some(other) = is_another.then(kinds::another_arm::by_evidence).or(other) {
+        if let Some(other) = other.or(is_another.then(kinds::another_arm::by_evidence)) {
             let still = kinds::frozen_channel::suspected(self.arm, self.recording);
             let finding = still.unwrap_or(other);
             // Torques alone can be far from any model; geometry can't.
@@ -122,11 +122,11 @@ impl Examination<'_> {
     }
 
     /// Tells whether another arm explains the recording better than the reading of `settled`, in which every change is certain: links of any
-    /// inertia, whose joints have zeros of their own or not, against the model's within what a data sheet is off by. It is asked where something is
-    /// misread, or most channels `are_odd`. One link alone is the same as a unit of its torque.
-    fn is_another(&self, search: &Search, settled: &Outcome, are_odd: bool) -> bool {
+    /// inertia, whose joints have zeros of their own or not, against the model's within what a data sheet is off by. One link alone is the same as a
+    /// unit of its torque.
+    fn is_another(&self, search: &Search, settled: &Outcome) -> bool {
         let is_large = |change: &Change| change.is_reading() && !kinds::is_small(self.arm, settled, change);
-        let is_misread = are_odd || settled.changes.iter().any(is_large);
+        let is_misread = settled.changes.iter().any(is_large);
         // Torques without gravity say little of an arm.
         if !is_misread || settled.changes.contains(&Change::Compensated) || self.arm.dof() < 2 {
             return false;
