@@ -37,7 +37,7 @@ const OUTCOME: &str = "outcome.json";
 /// An outcome with what it depends on, so that a later call can tell whether it is its own.
 #[derive(Serialize, Deserialize)]
 struct Kept {
-    version: String,
+    program: String,
     seed: u64,
     period: f64,
     truth: String,
@@ -57,10 +57,17 @@ pub struct Settings {
 pub fn kept(machine: &Machine, settings: Settings, out: &Path) -> Option<Outcome> {
     let file = out.join(OUTCOME);
     let kept: Kept = file.is_file().then(|| read_json(&file, "an outcome").ok()).flatten()?;
-    let is_same = kept.version == env!("CARGO_PKG_VERSION")
+    let is_same = program().is_some_and(|program| kept.program == program)
         && (kept.seed, kept.period.to_bits()) == (settings.seed, settings.period.to_bits())
         && kept.truth == to_toml(&truth(machine));
     is_same.then_some(kept.outcome)
+}
+
+/// Which program this is: its version, and the size of its executable and when that was written, since the beginning of 1970, ns.
+fn program() -> Option<String> {
+    let executable = std::env::current_exe().ok()?.metadata().ok()?;
+    let written = executable.modified().ok()?.duration_since(std::time::UNIX_EPOCH).ok()?;
+    Some(format!("{} {} {}", env!("CARGO_PKG_VERSION"), executable.len(), written.as_nanos()))
 }
 
 fn truth(machine: &Machine) -> ArmFile {
@@ -140,8 +147,7 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
         far,
     };
     write(&out.join("report.html"), &page::of_machine(&outcome, both, &courses).to_html())?;
-    let kept =
-        Kept { version: env!("CARGO_PKG_VERSION").to_owned(), seed, period, truth: concealed, outcome };
+    let kept = Kept { program: program().unwrap_or_default(), seed, period, truth: concealed, outcome };
     write(&out.join(OUTCOME), &serde_json::to_string_pretty(&kept).map_err(Failure::internal)?)?;
     Ok(kept.outcome)
 }
