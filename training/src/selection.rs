@@ -44,6 +44,9 @@ fn is_lower(found: &[f64], known: &[f64]) -> bool {
     fall > (variance / count).sqrt()
 }
 
+/// Inputs, with what they leave of each path.
+type Outcome = (Vec<Channel>, Vec<f64>);
+
 /// The search for inputs.
 pub struct Selection<'a> {
     data: &'a Data,
@@ -84,8 +87,8 @@ impl Selection<'_> {
     }
 
     /// Of `candidates` the inputs that leave least, with what they leave.
-    fn best(&mut self, candidates: Vec<Vec<Channel>>) -> Result<Option<(Vec<Channel>, Vec<f64>)>, Failure> {
-        let mut best: Option<(Vec<Channel>, Vec<f64>)> = None;
+    fn best(&mut self, candidates: Vec<Vec<Channel>>) -> Result<Option<Outcome>, Failure> {
+        let mut best: Option<Outcome> = None;
         for inputs in candidates {
             let errors = self.try_out(&inputs)?;
             if best.as_ref().is_none_or(|(_, least)| mean(&errors) < mean(least)) {

@@ -14,12 +14,12 @@ mod text;
 use std::path::Path;
 
 use freeplay_arm::{ArmFile, paper_arm, to_toml};
-use freeplay_controller::remainder::Receipt;
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
 use freeplay_harness::weights::beside;
 use freeplay_recording::Recording;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::{make_folder, read_json, write};
+use freeplay_training::Trained;
 use serde::{Deserialize, Serialize};
 
 use bench::{Bench, Way};
@@ -104,9 +104,9 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
     } else {
         Some(bench.learn(&bench.commission(&found)?, &found)?)
     };
-    // What was named without being there may be harder to learn around than nothing: the simulated runs tell.
+    // What was named without being there may be harder to learn around than nothing: held-out paths tell.
     let (both, chosen) = match &second {
-        Some(second) if left(&second.receipt) <= left(&alone.receipt) => (second, &found),
+        Some(second) if left(second) <= left(&alone) => (second, &found),
         Some(_) => (&alone, &given),
         None => (&alone, &found),
     };
@@ -152,12 +152,13 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
     Ok(kept.outcome)
 }
 
-/// What the simulated runs of `receipt` leave, as the mean logarithm of it; infinite for weights that are not proved.
-fn left(receipt: &Receipt) -> f64 {
-    if !receipt.proved {
+/// What `trained` leaves of the tracked tool on held-out paths, µm; infinite for weights that are not proved. The simulated runs can't be compared: those
+/// of either model have that model as their plant.
+fn left(trained: &Trained) -> f64 {
+    if !trained.receipt.proved {
         return f64::INFINITY;
     }
-    receipt.runs.iter().map(|run| run.with_mm.ln()).sum::<f64>() / receipt.runs.len() as f64
+    trained.file.learned.axes.iter().map(|axis| axis.left_um.powi(2)).sum::<f64>().sqrt()
 }
 
 fn diagnosed(nominal: &ArmFile, recordings: &[(String, Recording)], seed: u64) -> Result<Diagnosis, Failure> {
