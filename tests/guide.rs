@@ -202,6 +202,7 @@ fn reading_results() {
 fn slow_commands_of_the_guide() {
     assert_eq!(play_file("docs/guide/own-recording.md", true), 7);
     assert_eq!(play_file("docs/guide/paper.md", true), 3);
+    assert_eq!(play_file("docs/guide/learning.md", true), 7);
 }
 
 #[test]

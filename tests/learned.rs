@@ -16,11 +16,14 @@ const WEIGHTS: &str = "nominal.weights.json";
 /// A weight file for the model of `folder`: a network that says what 0.6 mm of play in joint 5 come to where it rests, 0.6 mm down, on the paper's paths.
 fn weights(folder: &Path) -> Value {
     let file = freeplay_arm::load(&folder.join(NOMINAL)).expect("an arm");
-    let names: Vec<String> = (1..=6).map(|joint| format!("position_{joint}")).collect();
     let axis = |lowest: f64| json!({ "lowest": lowest, "highest": 0.0, "share": 1.0, "rms_um": 600.0, "left_um": 10.0, "r": null });
     let (zeros, ones) = ([0.0; 6], [1.0; 6]);
-    let mut of_outputs = vec![0.0; 21];
-    of_outputs[14] = -0.6e-3;
+    let mut network: Value =
+        serde_json::from_str(include_str!("../controller/tests/linear_network.json")).expect("JSON");
+    // The bias of z: seven weights each of x and y stand before it.
+    let mut weights = [0.0; 21];
+    weights[14] = -0.6e-3;
+    network["weights"] = json!(weights);
     json!({
         "format": "freeplay.remainder", "version": 2,
         "learned": {
@@ -32,16 +35,7 @@ fn weights(folder: &Path) -> Value {
             "axes": [axis(0.0), axis(0.0), axis(-0.7e-3)],
             "region": { "inputs": ["position"], "gain": ones, "centres": [zeros], "trust": [[100.0, 1.0]] },
         },
-        "network": {
-            "format": "freeplay.narx", "version": 1,
-            "provenance": { "arm": "", "arm_hash": "", "command": "by hand" },
-            "inputs": names, "outputs": ["x", "y", "z"],
-            "layout": { "input_lags": [], "output_lags": [], "horizon": 1, "input_at_target": true },
-            "layers": [6, 3], "activation": "tanh",
-            "input_scaling": { "minimum": zeros, "gain": ones },
-            "output_scaling": { "minimum": [-1.0, -1.0, -1.0], "gain": [1.0, 1.0, 1.0] },
-            "weights": of_outputs,
-        },
+        "network": network,
         "receipt": { "proved": true, "chance": 0.001, "runs": [] },
     })
 }

@@ -31,19 +31,9 @@ fn machine() -> Machine {
 
 /// A linear network of the six positions that says [`SAID`].
 fn network() -> Narx {
-    let names: Vec<String> = InputGroup::Position.names(6);
-    let (zeros, ones) = (vec![0.0; 6], vec![1.0; 6]);
-    let weights: Vec<f64> = SAID.iter().flat_map(|said| [vec![*said], vec![0.0; 6]].concat()).collect();
-    let text = serde_json::json!({
-        "format": "freeplay.narx", "version": 1,
-        "provenance": { "arm": "", "arm_hash": "", "command": "by hand" },
-        "inputs": names, "outputs": ["x", "y", "z"],
-        "layout": { "input_lags": [], "output_lags": [], "horizon": 1, "input_at_target": true },
-        "layers": [6, 3], "activation": "tanh",
-        "input_scaling": { "minimum": zeros, "gain": ones },
-        "output_scaling": { "minimum": [-1.0, -1.0, -1.0], "gain": [1.0, 1.0, 1.0] },
-        "weights": weights,
-    });
+    let mut text: serde_json::Value = serde_json::from_str(include_str!("linear_network.json")).unwrap();
+    let weights = SAID.iter().flat_map(|said| [vec![*said], vec![0.0; 6]].concat());
+    text["weights"] = weights.collect();
     Narx::from_json(&text.to_string(), "by hand").unwrap()
 }
 

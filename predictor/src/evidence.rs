@@ -1,10 +1,12 @@
 //! Weight decay whose size the data choose: for networks that have to be right between and beyond their samples.
 //!
 //! # Formula
-//! Minimise Σ e² + λ Σ w². Between rounds λ = α/β is taken where the evidence of the data is greatest: α = γ / Σ w², β = (n − γ) / Σ e², with
-//! n errors and γ = W − λ tr (JᵀJ + λI)⁻¹ the number of the W weights that the data determine (D. J. C. MacKay, "A practical Bayesian framework for
-//! backpropagation networks", Neural Computation 4, 1992; F. D. Foresee, M. T. Hagan, "Gauss–Newton approximation to Bayesian learning", ICNN
-//! 1997, MATLAB's `trainbr`). No samples are kept back to stop the training.
+//! Minimise Σ e² + Σ λ w². Weights fall into classes of one λ each. Between rounds λ = α/β of each class is taken where the evidence of the data is greatest:
+//! α = γ / Σ w² over the weights of the class, β = (n − Σ γ) / Σ e², with n errors and γ = Σ (1 − λ \[(JᵀJ + Λ)⁻¹\]ᵢᵢ) the number of the weights of the class
+//! that the data determine (D. J. C. MacKay, "A practical Bayesian framework for backpropagation networks", Neural Computation 4, 1992; F. D. Foresee,
+//! M. T. Hagan, "Gauss–Newton approximation to Bayesian learning", ICNN 1997, MATLAB's `trainbr`). With a class for each input, λ of an input that
+//! tells nothing grows until its weights are as good as none (automatic relevance determination, R. M. Neal, "Bayesian Learning for Neural
+//! Networks", 1996, §1.2.3). No samples are kept back to stop the training.
 //!
 //! A round need not reach its minimum before λ changes: it ends after a share of the epochs, and every round as soon as its cost hardly falls.
 
@@ -16,8 +18,10 @@ use std::ops::ControlFlow;
 const FIRST: f64 = 1e-2;
 /// Least λ: below it the decay is lost in rounding.
 const LEAST: f64 = 1e-9;
+/// Greatest λ: weights of a class with it are as good as none.
+const MOST: f64 = 1e4;
 /// Most rounds before the last.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 30;
 /// The rounds before the last have one of so many epochs each.
 const SHARE: usize = 5;
 /// A round ends where so many epochs take less than this share of the cost away.
@@ -25,10 +29,24 @@ const HARDLY: (usize, f64) = (5, 1e-3);
 /// Change of λ between rounds below which it has settled, as a factor.
 const SETTLED: f64 = 1.1;
 
-/// A problem with the decay λ.
+/// A problem whose weights decay, each with the λ of its class.
 struct Decayed<'a, P> {
     problem: &'a mut P,
-    decay: f64,
+    decay: &'a Decay<'a>,
+}
+
+/// The λ of each class of weights.
+struct Decay<'a> {
+    /// The class of each weight.
+    classes: &'a [usize],
+    /// λ of each class.
+    of_class: Vec<f64>,
+}
+
+impl Decay<'_> {
+    fn of(&self, weight: usize) -> f64 {
+        self.of_class[self.classes[weight]]
+    }
 }
 
 impl<P: LeastSquares> LeastSquares for Decayed<'_, P> {
@@ -41,44 +59,48 @@ impl<P: LeastSquares> LeastSquares for Decayed<'_, P> {
     }
 
     fn cost(&mut self, weights: &[f64]) -> f64 {
-        self.problem.cost(weights) + self.decay * square(weights)
+        let penalty: f64 =
+            weights.iter().enumerate().map(|(at, weight)| self.decay.of(at) * weight * weight).sum();
+        self.problem.cost(weights) + penalty
     }
 
     fn linearise(&mut self, weights: &[f64], equations: &mut NormalEquations) {
         self.problem.linearise(weights, equations);
         for (at, weight) in weights.iter().enumerate() {
-            equations.gradient[at] += self.decay * weight;
-            equations.matrix[(at, at)] += self.decay;
+            let decay = self.decay.of(at);
+            equations.gradient[at] += decay * weight;
+            equations.matrix[(at, at)] += decay;
         }
     }
 }
 
-fn square(values: &[f64]) -> f64 {
-    values.iter().map(|value| value * value).sum()
-}
-
-/// Minimises `problem` from `start` in rounds with the decay that the data choose; the last has at most `settings.epochs` epochs, and its outcome is returned.
+/// Minimises `problem` from `start` in rounds with the decays that the data choose, one for each class of weights: `classes` says to which each
+/// weight belongs. The last round has at most `settings.epochs` epochs, and its outcome is returned.
 ///
 /// # Errors
 /// As [`minimise`].
 pub fn minimise_by_evidence(
     problem: &mut impl LeastSquares,
+    classes: &[usize],
     start: Vec<f64>,
     settings: &Settings,
     mut progress: impl FnMut(&Epoch) -> ControlFlow<()>,
 ) -> Result<Outcome, MinimiseError> {
     let few = Settings { epochs: (settings.epochs / SHARE).max(1), ..*settings };
-    let (mut decay, mut weights) = (FIRST, start);
+    let count = classes.iter().max().map_or(0, |last| last + 1);
+    let (mut decay, mut weights) = (Decay { classes, of_class: vec![FIRST; count] }, start);
     for _ in 0..ROUNDS {
-        weights = until_settled(&mut Decayed { problem, decay }, weights, &few, &mut progress)?.weights;
-        let Some(next) = chosen(problem, &weights, decay) else { break };
-        let is_settled = (next / decay).max(decay / next) < SETTLED;
-        decay = next;
+        weights =
+            until_settled(&mut Decayed { problem, decay: &decay }, weights, &few, &mut progress)?.weights;
+        let Some(next) = chosen(problem, &weights, &decay) else { break };
+        let is_settled =
+            next.iter().zip(&decay.of_class).all(|(next, now)| (next / now).max(now / next) < SETTLED);
+        decay.of_class = next;
         if is_settled {
             break;
         }
     }
-    until_settled(&mut Decayed { problem, decay }, weights, settings, &mut progress)
+    until_settled(&mut Decayed { problem, decay: &decay }, weights, settings, &mut progress)
 }
 
 /// As [`minimise`], but ends as soon as the cost hardly falls ([`HARDLY`]), with [`Stop::Settled`].
@@ -103,26 +125,40 @@ fn until_settled(
     Ok(outcome)
 }
 
-/// λ by the evidence at `weights`; none where the equations can't be inverted or nothing is left to explain.
-fn chosen(problem: &mut impl LeastSquares, weights: &[f64], decay: f64) -> Option<f64> {
+/// λ of each class by the evidence at `weights`; none where the equations can't be inverted or nothing is left to explain.
+fn chosen(problem: &mut impl LeastSquares, weights: &[f64], decay: &Decay<'_>) -> Option<Vec<f64>> {
     let mut equations = NormalEquations::new(weights.len());
     problem.linearise(weights, &mut equations);
     let mut matrix = equations.matrix;
     matrix.fill_upper_triangle_with_lower_triangle();
     for at in 0..weights.len() {
-        matrix[(at, at)] += decay;
+        matrix[(at, at)] += decay.of(at);
     }
-    let determined = weights.len() as f64 - decay * matrix.cholesky()?.inverse().trace();
+    let inverse = matrix.cholesky()?.inverse();
+    let count = decay.of_class.len();
+    let (mut determined, mut squares) = (vec![0.0; count], vec![0.0; count]);
+    for (at, weight) in weights.iter().enumerate() {
+        let class = decay.classes[at];
+        determined[class] += 1.0 - decay.of(at) * inverse[(at, at)];
+        squares[class] += weight * weight;
+    }
     let (errors, left) = (problem.errors() as f64, problem.cost(weights));
-    let noise = left / (errors - determined).max(1.0);
-    let found = determined.max(1.0) / square(weights) * noise;
-    found.is_finite().then(|| found.max(LEAST))
+    let noise = left / (errors - determined.iter().sum::<f64>()).max(1.0);
+    let of_class = |(determined, square): (&f64, &f64)| {
+        let found = determined.max(0.0) / square * noise;
+        if found.is_finite() { found.clamp(LEAST, MOST) } else { MOST }
+    };
+    noise.is_finite().then(|| determined.iter().zip(&squares).map(of_class).collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
+
+    fn square(values: &[f64]) -> f64 {
+        values.iter().map(|value| value * value).sum()
+    }
 
     /// y = x₀ w₀ with noise, and columns that say nothing.
     struct Linear {
@@ -171,8 +207,11 @@ mod tests {
         let off = |weights: &[f64]| -> f64 { weights.iter().zip(&truth).map(|(w, t)| (w - t).powi(2)).sum() };
         let go = |_: &Epoch| ControlFlow::Continue(());
         let plain = minimise(&mut problem, vec![0.0; columns], &settings, go).unwrap();
-        let found = minimise_by_evidence(&mut problem, vec![0.0; columns], &settings, go).unwrap();
-        let decay = chosen(&mut problem, &found.weights, 1.0).unwrap();
+        let found =
+            minimise_by_evidence(&mut problem, &vec![0; columns], vec![0.0; columns], &settings, go).unwrap();
+        let classes = vec![0; columns];
+        let decay = chosen(&mut problem, &found.weights, &Decay { classes: &classes, of_class: vec![1.0] })
+            .unwrap()[0];
         let expected = (noise * noise) / (0.3 * 0.3);
         eprintln!(
             "off {:.3} and {:.3}, decay {decay:.2} of {expected:.2}",
@@ -181,5 +220,30 @@ mod tests {
         );
         assert!(off(&found.weights) < off(&plain.weights), "nearer to the truth than least squares");
         assert!(decay > 0.3 * expected && decay < 3.0 * expected);
+    }
+
+    /// Half of the columns made the data, the other half is noise: the decay of these is far greater, and their weights are next to none.
+    #[test]
+    fn a_class_that_tells_nothing_decays_away() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(6);
+        let mut uniform = |size: f64| rng.random_range(-size..size);
+        let rows = (0..80)
+            .map(|_| {
+                let x: Vec<f64> = (0..20).map(|_| uniform(1.0)).collect();
+                let y = x[..10].iter().sum::<f64>() + uniform(0.5);
+                (x, y)
+            })
+            .collect();
+        let classes: Vec<usize> = (0..20).map(|column| column / 10).collect();
+        let mut problem = Linear { rows };
+        let go = |_: &Epoch| ControlFlow::Continue(());
+        let found =
+            minimise_by_evidence(&mut problem, &classes, vec![0.1; 20], &Settings::default(), go).unwrap();
+        let decay = Decay { classes: &classes, of_class: vec![1.0, 1.0] };
+        let chosen = chosen(&mut problem, &found.weights, &decay).unwrap();
+        let [told, silent] = [&found.weights[..10], &found.weights[10..]].map(square);
+        eprintln!("decays {chosen:?}, squares {told:.2} and {silent:.4}");
+        assert!(chosen[1] > 100.0 * chosen[0]);
+        assert!((told - 10.0).abs() < 3.0 && silent < 1e-2 * told);
     }
 }

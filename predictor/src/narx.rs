@@ -71,6 +71,14 @@ pub enum NarxError {
         /// Outputs of the network.
         network_outputs: usize,
     },
+    /// Channels cannot stand where they are to stand.
+    #[error("{own} channels need a place each among {all}: give one place below {all} for each of them")]
+    Places {
+        /// Channels of the model.
+        own: usize,
+        /// Channels that it is to have.
+        all: usize,
+    },
     /// A scaling has the wrong number of channels, or a value that cannot scale.
     #[error(
         "the {kind} scaling is not usable: it needs a finite minimum and a positive gain for each of {channels} channels"
@@ -163,6 +171,45 @@ impl Narx {
             unit[0] += shift;
         }
         Network::new(sizes, self.network.activation(), weights)
+    }
+
+    /// This model with the input channels `names`, of which it looks at none but its own, which stand at `places` among them. The weights of the others
+    /// are zero.
+    ///
+    /// # Errors
+    /// Places that do not fit.
+    pub fn widened(&self, names: &[String], places: &[usize]) -> Result<Self, NarxError> {
+        let (own, all) = (self.input_names.len(), names.len());
+        if places.len() != own || places.iter().any(|place| *place >= all) {
+            return Err(NarxError::Places { own, all });
+        }
+        let sizes = self.network.sizes();
+        let samples = self.layout.input_lags.len() + usize::from(self.layout.input_at_target);
+        let (narrow, wide) = (sizes[0], sizes[0] + samples * (all - own));
+        let mut weights = Vec::with_capacity(self.network.weights().len() + (wide - narrow) * sizes[1]);
+        let (first, rest) = self.network.weights().split_at((narrow + 1) * sizes[1]);
+        for unit in first.chunks_exact(narrow + 1) {
+            let mut widened = vec![0.0; wide + 1];
+            widened[0] = unit[0];
+            for sample in 0..samples {
+                for (channel, place) in places.iter().enumerate() {
+                    widened[1 + sample * all + place] = unit[1 + sample * own + channel];
+                }
+            }
+            widened[1 + samples * all..].copy_from_slice(&unit[1 + samples * own..]);
+            weights.extend(widened);
+        }
+        weights.extend(rest);
+        let mut widths = sizes.to_vec();
+        widths[0] = wide;
+        let network = Network::new(&widths, self.network.activation(), weights);
+        let model = Self {
+            input_names: names.to_vec(),
+            input_scaling: self.input_scaling.widened(all, places),
+            network: network.map_err(|_| NarxError::Places { own, all })?,
+            ..self.clone()
+        };
+        model.checked()
     }
 
     /// Where it comes from.

@@ -37,22 +37,29 @@ impl Scaling {
         Self { gain: range.iter().map(gain).collect(), minimum: range.iter().map(minimum).collect() }
     }
 
-    /// This scaling with channels of one unit scaled together: `groups` says how many follow each other in each group. A channel counts as if it
-    /// moved by at least [`LEAST_RANGE`] of the widest of its group. One that only moves by rounding errors would else fill the whole of \[-1, 1\] with
-    /// them.
+    /// This scaling with each channel taken as if it moved by at least its least range, in its own unit; none for `least_ranges` that are empty.
+    ///
+    /// Channels of one unit are scaled together so: the least range is [`LEAST_RANGE`] of the widest of them. A channel that only moves by rounding errors would
+    /// else fill the whole of \[-1, 1\] with them.
     #[must_use]
-    pub fn in_groups(mut self, groups: &[usize]) -> Self {
-        let mut rest = self.gain.as_mut_slice();
-        for group in groups {
-            let (of_group, others) = rest.split_at_mut((*group).min(rest.len()));
-            // Constant channels have the gain 1, which says nothing of the range of the others.
-            let widest = of_group.iter().copied().filter(|gain| *gain != 1.0).fold(f64::INFINITY, f64::min);
-            if widest.is_finite() {
-                of_group.iter_mut().for_each(|gain| *gain = gain.min(widest / LEAST_RANGE));
+    pub fn with_least_ranges(mut self, least_ranges: &[f64]) -> Self {
+        for (gain, least) in self.gain.iter_mut().zip(least_ranges) {
+            let most = 2.0 / least;
+            if most.is_normal() && most > 0.0 {
+                *gain = gain.min(most);
             }
-            rest = others;
         }
         self
+    }
+
+    /// The scaling of `channels` channels among which those of this one stand at `places`; the others keep their unit.
+    #[must_use]
+    pub(crate) fn widened(&self, channels: usize, places: &[usize]) -> Self {
+        let mut wide = Self { minimum: vec![0.0; channels], gain: vec![1.0; channels] };
+        for ((place, minimum), gain) in places.iter().zip(&self.minimum).zip(&self.gain) {
+            (wide.minimum[*place], wide.gain[*place]) = (*minimum, *gain);
+        }
+        wide
     }
 
     /// Number of channels.
@@ -93,7 +100,7 @@ mod tests {
     fn what_hardly_moves_is_not_blown_up() {
         let rows: [&[f64]; 2] = [&[0.0, 1.0, 0.0, 3.0, 0.0], &[2.0, 1.0 + 4e-16, 0.2, 3.0, 1e-6]];
         let plain = Scaling::fit(5, rows);
-        let grouped = plain.clone().in_groups(&[4, 1]);
+        let grouped = plain.clone().with_least_ranges(&[0.1, 0.1, 0.1, 0.1, 0.0]);
         let moved = |scaling: &Scaling, channel: usize| {
             let [mut low, mut high] = rows.map(<[f64]>::to_vec);
             scaling.apply(&mut low);

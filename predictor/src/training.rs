@@ -22,8 +22,8 @@ use std::ops::ControlFlow;
 pub struct Recipe {
     /// Samples to look at, and horizon.
     pub layout: Layout,
-    /// Numbers of input channels that follow each other and have one unit; they are scaled together ([`Scaling::in_groups`]). Empty: each for itself.
-    pub groups: Vec<usize>,
+    /// Least range of each input channel, in its unit ([`Scaling::with_least_ranges`]). Empty: none.
+    pub least_ranges: Vec<f64>,
     /// Units of each hidden layer; none makes a linear model.
     pub hidden: Vec<usize>,
     /// Kind of hidden unit.
@@ -103,14 +103,14 @@ pub fn train(
     let layout = &recipe.layout;
     let sizes = check(series, split, recipe)?;
     let (input_scaling, output_scaling) = fit_scaling(series, &split.train, layout);
-    let input_scaling = input_scaling.in_groups(&recipe.groups);
+    let input_scaling = input_scaling.with_least_ranges(&recipe.least_ranges);
     let samples = |windows: &[Window]| scaled(series, windows, layout, &input_scaling, &output_scaling);
     let validation = (!split.validation.is_empty()).then(|| samples(&split.validation));
     let start = nguyen_widrow(&sizes, recipe.activation, recipe.seed);
     let outcome = if recipe.decay {
         let all: Vec<Window> = split.train.iter().chain(&split.validation).copied().collect();
         let mut errors = NetworkErrors::new(&sizes, recipe.activation, samples(&all), None);
-        minimise_by_evidence(&mut errors, start, &recipe.settings, progress)?
+        minimise_by_evidence(&mut errors, &decay_classes(&sizes), start, &recipe.settings, progress)?
     } else {
         let mut errors = NetworkErrors::new(&sizes, recipe.activation, samples(&split.train), validation);
         minimise(&mut errors, start, &recipe.settings, progress)?
@@ -125,6 +125,18 @@ pub fn train(
         provenance,
     };
     Ok(Trained { narx: narx.checked()?, outcome })
+}
+
+/// The class of each weight of a network with layers of `sizes`: the weights of one input, the biases of the first layer, and those of each further layer.
+fn decay_classes(sizes: &[usize]) -> Vec<usize> {
+    let mut classes = Vec::new();
+    for (layer, pair) in sizes.windows(2).enumerate() {
+        for _ in 0..pair[1] {
+            classes.push(sizes[0] + layer);
+            classes.extend((0..pair[0]).map(|input| if layer == 0 { input } else { sizes[0] + layer }));
+        }
+    }
+    classes
 }
 
 /// The layer sizes, if series, split and recipe go together.

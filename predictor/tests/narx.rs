@@ -25,7 +25,7 @@ fn recipe(layout: Layout, hidden: &[usize]) -> Recipe {
     let settings = Settings { epochs: 100, ..Settings::default() };
     Recipe {
         layout,
-        groups: Vec::new(),
+        least_ranges: Vec::new(),
         hidden: hidden.to_vec(),
         activation: Activation::Tanh,
         seed: 1,
@@ -359,4 +359,32 @@ fn the_network_in_own_units_says_what_the_model_says() {
         println!("{hidden:?}: off by {worst:.1e} of {greatest:.1e}");
         assert!(greatest > 0.01 && worst < 1e-12 * greatest);
     }
+}
+
+/// Between channels that it does not look at, a model says the same whatever they hold.
+#[test]
+fn a_widened_model_looks_at_its_own_channels_alone() {
+    let series = narendra_series(200);
+    let layout = layout(&[0, 1], &[0], 1);
+    let split = blocks(&series, &layout);
+    let narx = fit(&series, &split, &recipe(layout.clone(), &[4])).unwrap().narx;
+    let names = ["a", "u", "b", "constant"].map(str::to_owned);
+    let wide = narx.widened(&names, &[1, 3]).unwrap();
+    assert_eq!((wide.input_names(), wide.network().inputs()), (&names[..], 2 * 4 + 2));
+    let mut widened = Series::new(&["a", "u", "b", "constant"], &["y", "z"]).unwrap();
+    for (index, run) in series.runs().iter().enumerate() {
+        let rows = 0..run.samples();
+        let inputs = rows.clone().flat_map(|k| {
+            let [u, constant] = [series.input(index, k)[0], series.input(index, k)[1]];
+            [7.0 * k as f64, u, -1e3, constant]
+        });
+        let outputs = rows.clone().flat_map(|k| series.output(index, k).to_vec());
+        widened.push_run("wide", inputs.collect(), outputs.collect()).unwrap();
+    }
+    let all = windows(&series, layout.memory(), 1).unwrap();
+    let (narrow, wide_said) = (narx.predict(&series, &all).unwrap(), wide.predict(&widened, &all).unwrap());
+    let spread = narrow.iter().fold((f64::MAX, f64::MIN), |(l, h), x| (l.min(*x), h.max(*x)));
+    assert!(spread.1 - spread.0 > 0.5, "the model says something");
+    assert!(narrow.iter().zip(&wide_said).all(|(a, b)| (a - b).abs() < 1e-12));
+    assert!(narx.widened(&names, &[1, 4]).is_err() && narx.widened(&names, &[1]).is_err());
 }

@@ -2,7 +2,7 @@
 //!
 //! - *the model alone*: nothing is left;
 //! - *the last value seen*: what a tracker saw last, at the end of the other paths (persistence without a tracker);
-//! - *the nearest trained instant*: what was left where the inputs were closest;
+//! - *the nearest trained instant*: what was left where the groups of the inputs were closest;
 //! - *ridge ARX*: the best linear function of the same inputs;
 //! - *the paper's NARX*: torques and path (of the joints), at the last two samples, with the last two of its own answers (closed loop), four layers of ten logistic
 //!   units, Levenberg–Marquardt, half of the samples to train, a fifth to stop, at random.
@@ -16,7 +16,7 @@ use nalgebra::Vector3;
 
 use crate::bounds::around;
 use crate::choice::{Answers, PAPER, Tried, scored};
-use crate::data::{Data, OUTPUTS};
+use crate::data::{Channel, Data, OUTPUTS};
 use crate::structure::{Fitting, Structure, said, split, with_split};
 
 /// What something says of the windows of a held-out fold, m.
@@ -30,8 +30,8 @@ const MOST: usize = 1500;
 /// # Errors
 /// Too few samples.
 pub fn all(data: &Data, structure: &Structure, fitting: Fitting) -> Result<Vec<Tried>, Failure> {
-    let inputs = &structure.inputs;
-    let series = data.series(inputs)?;
+    let groups = Channel::groups(&structure.inputs);
+    let series = data.series(&structure.inputs)?;
     let by = |name: &str, say: &Say<'_>| {
         let held = (0..data.fold_count()).map(|fold| {
             let windows = data.windows(fitting.stride, 0, |run| data.folds[run] == fold);
@@ -44,7 +44,7 @@ pub fn all(data: &Data, structure: &Structure, fitting: Fitting) -> Result<Vec<T
         by("the model alone", &|_, windows| Ok(vec![Vector3::zeros(); windows.len()]))?,
         by("the last value seen", &|fold, windows| Ok(vec![last_seen(data, fold); windows.len()]))?,
         by("the nearest trained instant", &|fold, windows| {
-            Ok(nearest(data, inputs, fitting, fold, windows))
+            Ok(nearest(data, &groups, fitting, fold, windows))
         })?,
         by("ridge ARX", &|fold, windows| linear(data, structure, fitting, fold, &series, windows))?,
     ];
@@ -116,7 +116,7 @@ fn paper(data: &Data, fitting: Fitting) -> Result<Option<Tried>, Failure> {
         let stride = all.len().div_ceil(MOST).max(1);
         let some: Vec<Window> = all.into_iter().step_by(stride).collect();
         let split = at_random(&some, Fractions::PAPER, fitting.seed).map_err(Failure::internal)?;
-        let narx = with_split(&series, &structure, &layout, fitting, &split)?;
+        let narx = with_split(&series, &structure, &layout, fitting, &split, Vec::new())?;
         let windows = data.windows(fitting.stride, layout.memory(), |run| data.folds[run] == fold);
         Ok(Answers { fold, said: said(&narx, &series, &windows)?, windows })
     })?;

@@ -86,21 +86,56 @@ fn slope(pairs: impl Iterator<Item = (f64, f64)>) -> f64 {
     if square > 0.0 { product / square } else { 0.0 }
 }
 
-/// The trust of `samples`, which are sorted by their distance: in equal parts, never rising, and nothing beyond the farthest.
+/// The trust of `samples`, which are sorted by their distance: in equal parts, the never rising shares that leave least, and nothing beyond the farthest.
+///
+/// Parts in which the share would rise are taken as one (pool adjacent violators, Ayer et al. 1955): a part in which little is said cannot hold down those that are farther.
 fn trust(samples: &[Sample]) -> Vec<[f64; 2]> {
     let size = samples.len().div_ceil(PARTS).max(1);
-    let mut table: Vec<[f64; 2]> = Vec::with_capacity(PARTS + 1);
+    let mut pools: Vec<Pool> = Vec::with_capacity(PARTS);
     for part in samples.chunks(size) {
-        let pairs = part.iter().flat_map(|sample| sample.truth.into_iter().zip(sample.said));
-        let before = table.last().map_or(1.0, |[_, share]| *share);
-        let middle = part[part.len() / 2].distance;
-        table.push([middle, slope(pairs).clamp(0.0, before)]);
+        let mut pool = Pool::of(part);
+        while let Some(before) = pools.pop_if(|before| before.share() <= pool.share()) {
+            pool = before.with(pool);
+        }
+        pools.push(pool);
+    }
+    let mut table: Vec<[f64; 2]> = Vec::with_capacity(PARTS + 1);
+    for pool in &pools {
+        table.extend(pool.middles.iter().map(|middle| [*middle, pool.share()]));
     }
     if let (Some(last), Some(farthest)) = (table.last().copied(), samples.last()) {
         // As far beyond the farthest as that is beyond the middle of its part.
         table.push([farthest.distance + (farthest.distance - last[0]), 0.0]);
     }
     table
+}
+
+/// Parts of the samples that share one trust.
+struct Pool {
+    /// Middle distance of each part.
+    middles: Vec<f64>,
+    /// Σ yŷ and Σ ŷ².
+    sums: [f64; 2],
+}
+
+impl Pool {
+    fn of(part: &[Sample]) -> Pool {
+        let pairs = part.iter().flat_map(|sample| sample.truth.into_iter().zip(sample.said));
+        let sums =
+            pairs.fold([0.0, 0.0], |[product, square], (y, said)| [product + y * said, square + said * said]);
+        Pool { middles: vec![part[part.len() / 2].distance], sums }
+    }
+
+    fn with(mut self, other: Pool) -> Pool {
+        self.middles.extend(other.middles);
+        Pool { sums: [self.sums[0] + other.sums[0], self.sums[1] + other.sums[1]], middles: self.middles }
+    }
+
+    /// The share that leaves least, 0 to 1.
+    fn share(&self) -> f64 {
+        let [product, square] = self.sums;
+        if square > 0.0 { (product / square).clamp(0.0, 1.0) } else { 0.0 }
+    }
 }
 
 #[cfg(test)]
@@ -124,6 +159,19 @@ mod tests {
         assert!(table.windows(2).all(|pair| pair[1][0] > pair[0][0] && pair[1][1] <= pair[0][1]));
         assert!((table[0][1] - 1.0).abs() < 1e-12 && (table[4][1] - 0.5).abs() < 1e-12);
         assert!(table[8][1] <= 0.0 && table[7][1] <= 0.0);
+    }
+
+    /// Near by hardly anything is said, and that is wrong; farther away the answers are right.
+    #[test]
+    fn a_part_that_says_little_does_not_hold_down_the_others() {
+        let sample = |k: u32| {
+            let truth = [f64::from(k % 7) - 3.0, 0.0, 1.0];
+            let factor = if k < 75 { -0.01 } else { 1.0 };
+            Sample { fold: 0, distance: 0.01 * f64::from(k), truth, said: truth.map(|truth| truth * factor) }
+        };
+        let table = trust(&(0..600).map(sample).collect::<Vec<_>>());
+        println!("{table:?}");
+        assert!(table[..8].iter().all(|[_, share]| *share > 0.99) && table[8][1] <= 0.0);
     }
 
     #[test]

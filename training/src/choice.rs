@@ -1,9 +1,7 @@
 //! Which inputs and layers predict held-out paths best.
 //!
-//! Inputs are taken group by group, as long as the error on held-out paths falls: a remainder that depends on fewer numbers is known at more
-//! places after the same few paths. Then layers are compared on these inputs. Each path is held out in turn.
+//! Inputs are chosen first ([`Selection`]), with one small layer; then layers are compared on these inputs. Each path is held out in turn.
 
-use freeplay_controller::remainder::InputGroup;
 use freeplay_predictor::{Activation, Narx, Series, Window};
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::parallel::on_all_cores;
@@ -11,10 +9,9 @@ use nalgebra::Vector3;
 use serde::Serialize;
 
 use crate::data::Data;
+use crate::selection::{Selection, errors, mean};
 use crate::structure::{Fitting, Structure, fitted, said};
 
-/// Hidden layers with which inputs are chosen.
-const PROBE: [usize; 1] = [8];
 /// Layers that are compared on the chosen inputs.
 const LAYERS: [&[usize]; 3] = [&[8], &[16], &[10, 10]];
 /// The hidden layers of Erkaya (2018).
@@ -47,13 +44,6 @@ pub struct Tried {
     pub left: [f64; 3],
     /// Correlation of answer and truth along them; none where one is constant.
     pub r: [Option<f64>; 3],
-}
-
-impl Tried {
-    /// Mean square of what is left, all axes together, m².
-    pub fn square(&self) -> f64 {
-        self.left.iter().map(|left| left * left).sum()
-    }
 }
 
 /// Every path of `data` predicted by `structure` trained on the others.
@@ -134,41 +124,17 @@ pub fn correlation(pairs: &[(f64, f64)]) -> Option<f64> {
 /// Too few samples for the networks.
 pub fn choose(data: &Data, fitting: Fitting) -> Result<(Structure, Vec<HeldOut>, Vec<Tried>), Failure> {
     let coarse = Fitting { stride: 2 * fitting.stride, ..fitting };
-    let (mut inputs, mut least, mut tried) = (Vec::<InputGroup>::new(), f64::INFINITY, Vec::new());
-    loop {
-        let more = InputGroup::ALL.into_iter().filter(|group| !inputs.contains(group));
-        let mut best: Option<(InputGroup, f64)> = None;
-        for group in more {
-            let with: Vec<InputGroup> = inputs.iter().copied().chain([group]).collect();
-            let structure = Structure::plain(&with, &PROBE);
-            let found = held_out(data, &structure, coarse)?;
-            let found = scored(data, structure.words(), found.iter().map(|held| &held.answers));
-            let square = found.square();
-            tried.push(found);
-            if best.is_none_or(|(_, best)| square < best) {
-                best = Some((group, square));
-            }
-        }
-        match best.filter(|(_, square)| *square < least) {
-            Some((group, square)) => {
-                inputs.push(group);
-                least = square;
-            }
-            None => break,
-        }
-    }
-    inputs.sort_by_key(|group| InputGroup::ALL.iter().position(|other| other == group));
+    let (inputs, mut tried) = Selection::new(data, coarse).run()?;
     let paper =
         Structure { activation: Activation::Logistic, decay: false, ..Structure::plain(&inputs, &PAPER) };
     let layers = LAYERS.into_iter().map(|hidden| Structure::plain(&inputs, hidden)).chain([paper]);
     let mut best: Option<(f64, Structure, Vec<HeldOut>)> = None;
     for structure in layers {
         let held = held_out(data, &structure, fitting)?;
-        let found = scored(data, structure.words(), held.iter().map(|held| &held.answers));
-        let square = found.square();
-        tried.push(found);
-        if best.as_ref().is_none_or(|(least, ..)| square < *least) {
-            best = Some((square, structure, held));
+        tried.push(scored(data, structure.words(data.joints()), held.iter().map(|held| &held.answers)));
+        let left = mean(&errors(data, &held));
+        if best.as_ref().is_none_or(|(least, ..)| left < *least) {
+            best = Some((left, structure, held));
         }
     }
     let (_, structure, held) = best.ok_or_else(|| Failure::internal("no structure was tried"))?;

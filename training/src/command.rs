@@ -1,12 +1,10 @@
 //! `freeplay train`: from recordings to a weight file that says where it may be used.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use comfy_table::{CellAlignment, Table, presets};
 use freeplay_arm::{Arm, ArmFile};
-use freeplay_controller::remainder::{Condition, Learned, Machine, Receipt, Region, WeightFile};
+use freeplay_controller::remainder::{Receipt, WeightFile};
 use freeplay_controller::{Model, RunInfo, Task, TaskMode};
 use freeplay_harness::setup::load_model;
 use freeplay_harness::weights::beside;
@@ -19,13 +17,14 @@ use freeplay_terminal::messages;
 use freeplay_terminal::output::say;
 use serde::Serialize;
 
-use crate::bounds::{around, confirmed};
-use crate::choice::{Answers, HeldOut, Tried, choose, held_out, scored};
+use crate::choice::{Answers, Tried, choose, held_out, scored};
 use crate::data::Data;
 use crate::forecast::{Forecast, forecasts};
 use crate::recorded::{RecordedRun, files, name_of, task_of};
 use crate::rehearsal::{Course, Rehearsal, check_mode, check_rate};
-use crate::structure::{Fitting, Structure, fitted};
+use crate::structure::{Fitting, Structure};
+use crate::text::text;
+use crate::weights::Weights;
 
 /// Time from one window that trains to the next, s.
 const EVERY: f64 = 0.02;
@@ -88,8 +87,8 @@ pub struct Trained {
     /// The weights, with their receipt.
     #[serde(skip)]
     pub file: WeightFile,
-    /// What was chosen.
-    pub structure: Structure,
+    /// What was chosen, in words.
+    pub structure: String,
     /// What was tried on held-out paths, the baselines first.
     pub tried: Vec<Tried>,
     /// The proof by simulated runs.
@@ -145,7 +144,7 @@ pub fn train_command(args: &TrainArgs) -> Result<Exit, Failure> {
         Format::Json => {
             say(&format!("{}\n", serde_json::to_string_pretty(&trained).map_err(Failure::internal)?))?;
         }
-        Format::Text => say(&words(&trained))?,
+        Format::Text => say(&text(&trained))?,
     }
     Ok(if trained.receipt.proved { Exit::Done } else { Exit::Verdict })
 }
@@ -198,28 +197,30 @@ pub fn train(
     check_rate(period)?;
     let task = Task { rate: (1.0 / period).round(), ..task };
     let stride = ((EVERY / period).round() as usize).max(1);
-    let fitting = Fitting { stride, epochs: settings.epochs, seed: settings.seed, joints: data.joints() };
+    let fitting = Fitting { stride, epochs: settings.epochs, seed: settings.seed };
     let (structure, held, mut tried) = choose(&data, fitting)?;
     let (structure, held) = if settings.hidden.is_empty() {
         (structure, held)
     } else {
         let asked = Structure { hidden: settings.hidden.clone(), ..structure };
         let held = held_out(&data, &asked, fitting)?;
-        tried.push(scored(&data, asked.words(), held.iter().map(|held| &held.answers)));
+        tried.push(scored(&data, asked.words(data.joints()), held.iter().map(|held| &held.answers)));
         (asked, held)
     };
     tried.splice(0..0, crate::baselines::all(&data, &structure, fitting)?);
-    let trained =
-        Making { data: &data, structure: &structure, fitting, settings, task: &task, believed: &believed };
-    let (mut weights, of_folds) = trained.files(&held)?;
+    let (data, structure) = (&data, &structure);
+    let making =
+        Weights { data, structure, fitting, command: &settings.command, task: &task, model: &believed };
+    let (mut weights, of_folds) = making.files(&held)?;
     let answers: Vec<&Answers> = held.iter().map(|held| &held.answers).collect();
     let bounds = (weights.learned.region.trust.as_slice(), &weights.learned.axes);
-    let forecasts = forecasts(&data, &weights.learned.region.inputs, &answers, bounds, stride);
+    let forecasts = forecasts(data, &weights.learned.region.inputs, &answers, bounds, stride);
     let mut courses = Vec::new();
     if weights.learned.axes.iter().any(|axis| axis.share > 0.0) {
-        let rehearsal = Rehearsal { data: &data, model, believed: &believed, file: &file, task: &task };
+        let rehearsal = Rehearsal { data, model, believed: &believed, file: &file, task: &task };
         (weights.receipt, courses) = rehearsal.decide(&of_folds)?;
     }
+    let structure = structure.words(data.joints());
     Ok(Trained { structure, tried, receipt: weights.receipt.clone(), file: weights, forecasts, courses })
 }
 
@@ -251,103 +252,4 @@ fn believed(task: &Task, file: &ArmFile) -> Result<Model, Failure> {
     let period_ns = (1e9 / task.rate).round() as u64;
     let run = RunInfo { joints: file.arm.dof(), mode, pace: Pace::Lockstep, period_ns, ticks: 1 };
     Model::load(task, &run).map_err(Failure::input)
-}
-
-/// All that weight files are made of.
-struct Making<'a> {
-    data: &'a Data,
-    structure: &'a Structure,
-    fitting: Fitting,
-    settings: &'a Settings,
-    task: &'a Task,
-    believed: &'a Model,
-}
-
-impl Making<'_> {
-    /// The weights of all paths, and of each held-out path those of the others.
-    fn files(&self, held: &[HeldOut]) -> Result<(WeightFile, Vec<WeightFile>), Failure> {
-        let (data, stride, inputs) = (self.data, self.fitting.stride, &self.structure.inputs);
-        let answers: Vec<&Answers> = held.iter().map(|held| &held.answers).collect();
-        let of_region = Region::inputs_for(inputs);
-        let (trust, axes) = confirmed(data, &of_region, &answers, stride);
-        let parts = |fold: Option<usize>| {
-            let windows = data.windows(stride, 0, |run| Some(data.folds[run]) != fold);
-            let region = around(data, &of_region, &windows);
-            Learned {
-                machine: self.machine(),
-                command: self.settings.command.clone(),
-                conditions: self.conditions(),
-                inputs: inputs.clone(),
-                axes: axes.clone(),
-                region: Region { trust: trust.clone(), ..region },
-            }
-        };
-        let series = data.series(inputs)?;
-        let narx = fitted(data, &series, self.structure, self.fitting, |_| true)?;
-        let whole = WeightFile::new(&narx, parts(None)).map_err(Failure::internal)?;
-        let of_fold = |held: &HeldOut| {
-            WeightFile::new(&held.narx, parts(Some(held.answers.fold))).map_err(Failure::internal)
-        };
-        Ok((whole, held.iter().map(of_fold).collect::<Result<_, _>>()?))
-    }
-
-    fn machine(&self) -> Machine {
-        let [arm, model] = self.believed.hashes.clone();
-        Machine::of(self.believed.arm.name(), arm, model, self.task)
-    }
-
-    fn conditions(&self) -> Vec<Condition> {
-        let of_run = |(index, run): (usize, &RecordedRun)| {
-            let windows = self.data.windows(self.fitting.stride, 0, |other| other == index);
-            let left = |axis: usize| {
-                1e6 * crate::choice::rms(windows.iter().map(|window| run.left[window.target][axis]))
-            };
-            let duration = run.len() as f64 * run.period;
-            Condition { name: run.name.clone(), duration, rms_um: [left(0), left(1), left(2)] }
-        };
-        self.data.runs.iter().enumerate().map(of_run).collect()
-    }
-}
-
-/// What a training came to, for people.
-fn words(trained: &Trained) -> String {
-    let mut table = Table::new();
-    table.load_style(presets::NOTHING);
-    table.set_header(["on held-out paths, without a tracker", "left x", "y", "z [µm]", "R x", "y", "z"]);
-    for tried in &trained.tried {
-        let mut row = vec![tried.name.clone()];
-        row.extend(tried.left.map(|left| format!("{:.1}", left * 1e6)));
-        row.extend(tried.r.map(|r| r.map_or_else(|| "–".to_owned(), |r| format!("{r:.3}"))));
-        table.add_row(row);
-    }
-    for column in 1..7 {
-        if let Some(column) = table.column_mut(column) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-    }
-    let mut text = format!("{table}\n\nchosen   {}\n", trained.structure.words());
-    for (name, axis) in ["x", "y", "z"].iter().zip(&trained.file.learned.axes) {
-        let _ = writeln!(
-            text,
-            "axis {name}   {:.1} → {:.1} µm within the trained region, share {:.2}, answers from {:.1} to {:.1} µm",
-            axis.rms_um,
-            axis.left_um,
-            axis.share,
-            axis.lowest * 1e6,
-            axis.highest * 1e6
-        );
-    }
-    for run in &trained.receipt.runs {
-        let _ = writeln!(
-            text,
-            "run      along {}: {:.4} → {:.4} mm, with weights that it did not train",
-            run.name, run.without_mm, run.with_mm
-        );
-    }
-    if !trained.receipt.runs.is_empty() {
-        let _ =
-            writeln!(text, "chance   {:.3} % of runs as good without any use", 1e2 * trained.receipt.chance);
-    }
-    let _ = writeln!(text, "{}", trained.verdict_in_words());
-    text
 }

@@ -3,6 +3,7 @@
 use freeplay_arm::Arm;
 use freeplay_controller::compensation::Motion;
 use freeplay_controller::remainder::{InputGroup, Inputs};
+use freeplay_predictor::scaling::LEAST_RANGE;
 use freeplay_predictor::{Series, Window};
 use freeplay_terminal::exit::Failure;
 use nalgebra::Vector3;
@@ -17,6 +18,36 @@ const SAME_PATH: f64 = 0.02;
 pub const OUTPUTS: [&str; 3] = ["x", "y", "z"];
 /// Points of a run at which paths are compared.
 const COMPARED: usize = 200;
+
+/// One number that a network may look at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Channel {
+    /// The group that it belongs to.
+    pub group: InputGroup,
+    /// Its place in the group, from 0: the joint.
+    pub place: usize,
+}
+
+impl Channel {
+    /// Every channel of an arm with `joints` joints, group by group.
+    pub fn all(joints: usize) -> Vec<Channel> {
+        InputGroup::ALL
+            .into_iter()
+            .flat_map(|group| (0..group.width(joints)).map(move |place| Channel { group, place }))
+            .collect()
+    }
+
+    /// Its name for an arm with `joints` joints, such as `position_3`.
+    pub fn name(self, joints: usize) -> String {
+        self.group.names(joints).swap_remove(self.place)
+    }
+
+    /// The groups of `channels`, each once, in the order of [`InputGroup::ALL`].
+    pub fn groups(channels: &[Channel]) -> Vec<InputGroup> {
+        let has = |group: &InputGroup| channels.iter().any(|channel| channel.group == *group);
+        InputGroup::ALL.into_iter().filter(has).collect()
+    }
+}
 
 /// The runs; see the module.
 pub struct Data {
@@ -78,20 +109,42 @@ impl Data {
         self.runs[run].left[point]
     }
 
-    /// The runs with the inputs of `groups` as a series.
+    /// The runs with `channels` as the inputs of a series.
     ///
     /// # Errors
     /// Values that are no numbers.
-    pub fn series(&self, groups: &[InputGroup]) -> Result<Series, Failure> {
-        let names: Vec<String> = groups.iter().flat_map(|group| group.names(self.joints)).collect();
+    pub fn series(&self, channels: &[Channel]) -> Result<Series, Failure> {
+        let names: Vec<String> = channels.iter().map(|channel| channel.name(self.joints)).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let columns: Vec<usize> = channels.iter().map(|channel| self.column(*channel)).collect();
         let mut series = Series::new(&names, &OUTPUTS).map_err(Failure::internal)?;
-        for (index, run) in self.runs.iter().enumerate() {
-            let inputs = (0..run.len()).flat_map(|point| self.row(groups, index, point)).collect();
+        for (run, all) in self.runs.iter().zip(&self.inputs) {
+            let inputs = all.iter().flat_map(|row| columns.iter().map(|column| row[*column])).collect();
             let outputs = run.left.iter().flat_map(|left| [left.x, left.y, left.z]).collect();
             series.push_run(&run.name, inputs, outputs).map_err(Failure::input)?;
         }
         Ok(series)
+    }
+
+    /// The least range of each of `channels` at `windows`: [`LEAST_RANGE`] of the widest of its group.
+    pub fn least_ranges(&self, channels: &[Channel], windows: &[Window]) -> Vec<f64> {
+        let range = |channel: Channel| {
+            let column = self.column(channel);
+            let values = windows.iter().map(|window| self.inputs[window.run][window.target][column]);
+            let (low, high) =
+                values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+            high - low
+        };
+        let widest = |group: InputGroup| {
+            let of_group = Channel::all(self.joints).into_iter().filter(|channel| channel.group == group);
+            of_group.map(range).fold(0.0, f64::max)
+        };
+        channels.iter().map(|channel| LEAST_RANGE * widest(channel.group)).collect()
+    }
+
+    /// The place of `channel` among all inputs.
+    fn column(&self, channel: Channel) -> usize {
+        before(channel.group, self.joints) + channel.place
     }
 
     /// The windows of the runs for which `is_in` holds, one every `stride` samples, after the start and with `memory` samples before.

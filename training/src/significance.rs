@@ -1,7 +1,7 @@
 //! Whether simulated runs are better with the weights than without, and not by chance.
 //!
 //! A path is one draw: its laps and repeated runs are alike, and what is learned has to hold on paths that nobody recorded. Of each path
-//! d = mean ln ((with + δ)/(without + δ)) is taken over its runs, with the deviations left with and without the weights and δ the deviation that does not
+//! d = mean ln ((with + δ)/without) is taken over its runs, with the deviations left with and without the weights and δ the improvement that does not
 //! count. Student's one-sided test asks whether the mean of d over the paths is below zero: t = d̄ √n / s with n − 1 degrees of freedom (Student 1908,
 //! Biometrika 6:1). Ratios of paths of any size count alike, so that one large path proves nothing for the others.
 

@@ -2,15 +2,13 @@
 
 use std::ops::ControlFlow;
 
-use freeplay_controller::remainder::InputGroup;
 use freeplay_predictor::levenberg_marquardt::Settings as Minimiser;
 use freeplay_predictor::training::{Recipe, train as fit};
 use freeplay_predictor::{Activation, Layout, Narx, Provenance, Series, Split, Window};
 use freeplay_terminal::exit::Failure;
 use nalgebra::Vector3;
-use serde::Serialize;
 
-use crate::data::Data;
+use crate::data::{Channel, Data};
 
 /// Length of the pieces of a run that train or stop the training, s: long against the time in which a remainder changes, so that a piece is no
 /// interpolation of its neighbours.
@@ -19,10 +17,10 @@ const PIECE: f64 = 0.4;
 const PIECES: usize = 5;
 
 /// Inputs and layers of a network.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Structure {
     /// What it looks at.
-    pub inputs: Vec<InputGroup>,
+    pub inputs: Vec<Channel>,
     /// Units of each hidden layer.
     pub hidden: Vec<usize>,
     /// Kind of hidden unit.
@@ -35,7 +33,7 @@ pub struct Structure {
 
 impl Structure {
     /// Without feedback, of tanh units.
-    pub fn plain(inputs: &[InputGroup], hidden: &[usize]) -> Self {
+    pub fn plain(inputs: &[Channel], hidden: &[usize]) -> Self {
         Self {
             inputs: inputs.to_vec(),
             hidden: hidden.to_vec(),
@@ -55,19 +53,13 @@ impl Structure {
         }
     }
 
-    /// Its inputs in words.
-    pub fn words_of_inputs(&self) -> String {
-        let inputs: Vec<String> =
-            self.inputs.iter().map(|group| format!("{group:?}").to_lowercase()).collect();
-        inputs.join(", ")
-    }
-
-    /// The structure in words.
-    pub fn words(&self) -> String {
+    /// The structure in words, for an arm with `joints` joints.
+    pub fn words(&self, joints: usize) -> String {
         let hidden: Vec<String> = self.hidden.iter().map(ToString::to_string).collect();
         let feedback = if self.feedback.is_empty() { "" } else { ", own answers fed back" };
         let units = if self.activation == Activation::Logistic { " logistic" } else { "" };
-        format!("{}{units} of {}{feedback}", hidden.join("-"), self.words_of_inputs())
+        let inputs: Vec<String> = self.inputs.iter().map(|input| input.name(joints)).collect();
+        format!("{}{units} of {}{feedback}", hidden.join("-"), inputs.join(", "))
     }
 }
 
@@ -80,8 +72,6 @@ pub struct Fitting {
     pub epochs: usize,
     /// Seed of the start weights.
     pub seed: u64,
-    /// Joints of the arm.
-    pub joints: usize,
 }
 
 /// The windows of the runs of `data` for which `is_in` holds; every fifth piece of them stops the training.
@@ -107,10 +97,12 @@ pub fn fitted(
     is_in: impl Fn(usize) -> bool,
 ) -> Result<Narx, Failure> {
     let layout = structure.layout();
-    with_split(series, structure, &layout, fitting, &split(data, &layout, fitting, is_in))
+    let split = split(data, &layout, fitting, is_in);
+    let least_ranges = data.least_ranges(&structure.inputs, &split.train);
+    with_split(series, structure, &layout, fitting, &split, least_ranges)
 }
 
-/// The same with a `layout` and a `split` of its own.
+/// The same with a `layout`, a `split` and least ranges of the inputs of its own.
 ///
 /// # Errors
 /// Too few samples for the network.
@@ -120,10 +112,11 @@ pub fn with_split(
     layout: &Layout,
     fitting: Fitting,
     split: &Split,
+    least_ranges: Vec<f64>,
 ) -> Result<Narx, Failure> {
     let recipe = Recipe {
         layout: layout.clone(),
-        groups: structure.inputs.iter().map(|group| group.width(fitting.joints)).collect(),
+        least_ranges,
         hidden: structure.hidden.clone(),
         activation: structure.activation,
         seed: fitting.seed,

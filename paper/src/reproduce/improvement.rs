@@ -175,10 +175,15 @@ pub fn claim(improved: &[Improved]) -> Claim {
     if improved.is_empty() {
         return claim;
     }
+    let taken = match improved {
+        [_] => format!("In one run the network takes {least:.0} % of the deviation away."),
+        _ => format!(
+            "In {} runs the network takes {least:.0} to {most:.0} % of the deviation away.",
+            improved.len()
+        ),
+    };
     claim.remark(format!(
-        "Measured on {} runs: the network takes {least:.0} to {most:.0} % of the deviation away. It was trained by `freeplay train` on three other paths with a tracked tool. \
-         The paper itself controls nothing.",
-        improved.len()
+        "{taken} It was trained by `freeplay train` on three other paths with a tracked tool. The paper itself controls nothing."
     ))
 }
 
@@ -198,6 +203,8 @@ mod tests {
         assert!(all.remark.contains("67 to 97 %"), "{}", all.remark);
         let some = claim(&[run(smooth, 0.02), run(sharp, 0.5)]);
         assert_eq!(some.ruling, Ruling::HoldsOnlyIf("the path has no sharp corners".to_owned()));
-        assert_eq!(claim(&[run(smooth, 0.7)]).ruling, Ruling::DoesNotHold);
+        let one = claim(&[run(smooth, 0.7)]);
+        assert_eq!(one.ruling, Ruling::DoesNotHold);
+        assert!(one.remark.starts_with("In one run the network takes -17 %"), "{}", one.remark);
     }
 }

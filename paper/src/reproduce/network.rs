@@ -131,7 +131,7 @@ pub fn study(setting: Setting, data: &Dataset, seeds: u64, epochs: usize) -> Res
         };
         let split = split.map_err(Failure::internal)?;
         let recipe = Recipe {
-            groups: Vec::new(),
+            least_ranges: Vec::new(),
             layout: layout(),
             hidden: HIDDEN.to_vec(),
             activation: Activation::Tanh,

@@ -62,16 +62,18 @@ impl Bench {
     /// # Errors
     /// A run that does not end well.
     pub fn reached(&self, way: Way<'_>, path: &PathSpec) -> Result<(Reached, Vec<f64>), Failure> {
-        self.run(way, path, false).map(|ran| (ran.reached, ran.course))
+        self.run(way, path, None).map(|ran| (ran.reached, ran.course))
     }
 
-    /// A run along `path`, in this process.
+    /// A run along `path`, in this process; with a tracker where it is the recording of this `number`. Every recording has noise of its own: what came back in all
+    /// of them would be learned.
     fn run(
         &self,
         Way { controller, model, has_weights }: Way<'_>,
         path: &PathSpec,
-        is_tracked: bool,
+        number: Option<u64>,
     ) -> Result<Ran, Failure> {
+        let is_tracked = number.is_some();
         let weights = Some(beside(model)).filter(|file| has_weights && file.is_file());
         let task = Task {
             model: model.display().to_string(),
@@ -87,7 +89,7 @@ impl Bench {
             task: &task,
             tracked: is_tracked,
             after: DeviationStatistics::START,
-            sensors: (sensors(), self.seed),
+            sensors: (sensors(), self.seed.wrapping_add(number.map_or(0, |number| number + 1))),
             beyond: &[],
         };
         let arm = &self.truth.arm;
@@ -120,8 +122,8 @@ impl Bench {
     pub fn commission(&self, model: &Path) -> Result<Vec<(String, Recording)>, Failure> {
         let paths = self.paths.commissioning();
         let way = Way { controller: "quasi-static", model, has_weights: false };
-        let recorded = paths.iter().map(|(name, path)| {
-            let recording = self.run(way, path, true)?.recording;
+        let recorded = (0..).zip(&paths).map(|(number, (name, path))| {
+            let recording = self.run(way, path, Some(number))?.recording;
             let recording = recording.ok_or_else(|| Failure::internal("a run was not recorded"))?;
             Ok(((*name).to_owned(), recording))
         });

@@ -14,12 +14,12 @@ mod text;
 use std::path::Path;
 
 use freeplay_arm::{ArmFile, paper_arm, to_toml};
-use freeplay_controller::remainder::Receipt;
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
 use freeplay_harness::weights::beside;
 use freeplay_recording::Recording;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::{make_folder, read_json, write};
+use freeplay_training::Trained;
 use serde::{Deserialize, Serialize};
 
 use bench::{Bench, Way};
@@ -37,7 +37,7 @@ const OUTCOME: &str = "outcome.json";
 /// An outcome with what it depends on, so that a later call can tell whether it is its own.
 #[derive(Serialize, Deserialize)]
 struct Kept {
-    version: String,
+    program: String,
     seed: u64,
     period: f64,
     truth: String,
@@ -57,10 +57,17 @@ pub struct Settings {
 pub fn kept(machine: &Machine, settings: Settings, out: &Path) -> Option<Outcome> {
     let file = out.join(OUTCOME);
     let kept: Kept = file.is_file().then(|| read_json(&file, "an outcome").ok()).flatten()?;
-    let is_same = kept.version == env!("CARGO_PKG_VERSION")
+    let is_same = program().is_some_and(|program| kept.program == program)
         && (kept.seed, kept.period.to_bits()) == (settings.seed, settings.period.to_bits())
         && kept.truth == to_toml(&truth(machine));
     is_same.then_some(kept.outcome)
+}
+
+/// Which program this is: its version, and the size of its executable and when that was written, since the beginning of 1970, ns.
+fn program() -> Option<String> {
+    let executable = std::env::current_exe().ok()?.metadata().ok()?;
+    let written = executable.modified().ok()?.duration_since(std::time::UNIX_EPOCH).ok()?;
+    Some(format!("{} {} {}", env!("CARGO_PKG_VERSION"), executable.len(), written.as_nanos()))
 }
 
 fn truth(machine: &Machine) -> ArmFile {
@@ -97,9 +104,9 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
     } else {
         Some(bench.learn(&bench.commission(&found)?, &found)?)
     };
-    // What was named without being there may be harder to learn around than nothing: the simulated runs tell.
+    // What was named without being there may be harder to learn around than nothing: held-out paths tell.
     let (both, chosen) = match &second {
-        Some(second) if left(&second.receipt) <= left(&alone.receipt) => (second, &found),
+        Some(second) if left(second) <= left(&alone) => (second, &found),
         Some(_) => (&alone, &given),
         None => (&alone, &found),
     };
@@ -140,18 +147,18 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
         far,
     };
     write(&out.join("report.html"), &page::of_machine(&outcome, both, &courses).to_html())?;
-    let kept =
-        Kept { version: env!("CARGO_PKG_VERSION").to_owned(), seed, period, truth: concealed, outcome };
+    let kept = Kept { program: program().unwrap_or_default(), seed, period, truth: concealed, outcome };
     write(&out.join(OUTCOME), &serde_json::to_string_pretty(&kept).map_err(Failure::internal)?)?;
     Ok(kept.outcome)
 }
 
-/// What the simulated runs of `receipt` leave, as the mean logarithm of it; infinite for weights that are not proved.
-fn left(receipt: &Receipt) -> f64 {
-    if !receipt.proved {
+/// What `trained` leaves of the tracked tool on held-out paths, µm; infinite for weights that are not proved. The simulated runs can't be compared: those
+/// of either model have that model as their plant.
+fn left(trained: &Trained) -> f64 {
+    if !trained.receipt.proved {
         return f64::INFINITY;
     }
-    receipt.runs.iter().map(|run| run.with_mm.ln()).sum::<f64>() / receipt.runs.len() as f64
+    trained.file.learned.axes.iter().map(|axis| axis.left_um.powi(2)).sum::<f64>().sqrt()
 }
 
 fn diagnosed(nominal: &ArmFile, recordings: &[(String, Recording)], seed: u64) -> Result<Diagnosis, Failure> {

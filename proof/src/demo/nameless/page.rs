@@ -70,7 +70,7 @@ fn section(outcome: &Outcome) -> Section {
     let mut section = Section::new(outcome.machine.clone()).with(words);
     if outcome.is_nominal {
         section =
-            section.with("The simulated runs left less on the nominal model, so that the last way has it.");
+            section.with("Less of held-out paths is left on the nominal model, so that the last way has it.");
     }
     checked(outcome, section)
 }

@@ -38,7 +38,7 @@ pub fn text(outcomes: &[Outcome]) -> String {
         );
         if outcome.is_nominal {
             text.push_str(
-                "    the simulated runs left less on the nominal model: it is the model of the last way\n",
+                "    less of held-out paths is left on the nominal model: it is the model of the last way\n",
             );
         }
         if let [Some(without), Some(with)] = outcome.far {
