@@ -105,7 +105,7 @@ fn bad_arm_files() {
             &[("a.urdf", &thirteen)],
             &["--model", "a.urdf"],
             3,
-            &["a.urdf", "13 joints", "at most 12", "fixed"],
+            &["a.urdf:", "joint `j13` is one too many", "13 joints", "at most 12", "fixed"],
         ),
     ];
     play(&[&RUN, ["--set", "path.kind=joint_sine"].as_slice()].concat(), &cases);

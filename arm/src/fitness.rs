@@ -64,13 +64,23 @@ pub(crate) struct Origin {
     pub at: Place,
 }
 
-/// The shortfalls of an arm, handed on to the arms that are made of it. The arms of [`crate::Arm::new`] lack nothing.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Fitness(Option<Arc<Lacks>>);
+/// The shortfalls of an arm and the places of its joints in their file, handed on to the arms that are made of it. The arms of
+/// [`crate::Arm::new`] lack nothing and stand in no file.
+#[derive(Clone, Debug, Default)]
+pub struct Fitness {
+    origins: Arc<[Origin]>,
+    lacks: Option<Arc<Lacks>>,
+}
+
+/// Two arms are equal wherever their joints stand in their files.
+impl PartialEq for Fitness {
+    fn eq(&self, other: &Self) -> bool {
+        self.lacks == other.lacks
+    }
+}
 
 #[derive(Debug, PartialEq)]
 struct Lacks {
-    origins: Vec<Origin>,
     torque: Option<Shortfall>,
     simulation: Option<Shortfall>,
 }
@@ -78,7 +88,7 @@ struct Lacks {
 impl Fitness {
     /// Of an arm from a file: whatever `torque` says stays true of arms that are made of it.
     pub(crate) fn of_file(origins: Vec<Origin>, torque: Option<Shortfall>) -> Fitness {
-        Fitness(Some(Arc::new(Lacks { origins, torque, simulation: None })))
+        Fitness { origins: origins.into(), lacks: Some(Arc::new(Lacks { torque, simulation: None })) }
     }
 
     /// The same after the inertias of the joints were looked at: `moves` names a joint that moves none.
@@ -86,26 +96,30 @@ impl Fitness {
     /// # Errors
     /// `moves`, where this is the fitness of an arm that lacked nothing.
     pub(crate) fn judged(&self, moves: Result<(), ArmError>) -> Result<Fitness, ArmError> {
-        let Some(lacks) = &self.0 else { return moves.map(|()| Fitness(None)) };
+        let with = |lacks: Option<Arc<Lacks>>| Fitness { origins: Arc::clone(&self.origins), lacks };
+        let Some(lacks) = &self.lacks else { return moves.map(|()| with(None)) };
         let none = match moves {
-            Ok(()) if lacks.torque.is_none() => return Ok(Fitness(None)),
+            Ok(()) if lacks.torque.is_none() => return Ok(with(None)),
             Ok(()) => None,
             Err(source) => {
-                let origin =
-                    lacks.origins.iter().find(|origin| Some(origin.joint.as_str()) == source.joint());
+                let origin = self.origins.iter().find(|origin| Some(origin.joint.as_str()) == source.joint());
                 // A joint that stands in no file was put in by an effect.
                 let Some(Origin { link, at, .. }) = origin.cloned() else { return Err(source) };
                 Some(Shortfall::MovesNoInertia { at, link, source: Box::new(source) })
             }
         };
         let simulation = lacks.torque.clone().or(none);
-        let (origins, torque) = (lacks.origins.clone(), lacks.torque.clone());
-        Ok(Fitness(Some(Arc::new(Lacks { origins, torque, simulation }))))
+        Ok(with(Some(Arc::new(Lacks { torque: lacks.torque.clone(), simulation }))))
+    }
+
+    /// Where the joint `name` stands in its file; `None` for one that an effect put in, and for the arms of [`crate::Arm::new`].
+    pub fn place(&self, name: &str) -> Option<&Place> {
+        self.origins.iter().find(|origin| origin.joint == name).map(|origin| &origin.at)
     }
 
     /// The first shortfall for `purpose`.
     pub(crate) fn shortfall(&self, purpose: Purpose) -> Option<&Shortfall> {
-        let lacks = self.0.as_ref()?;
+        let lacks = self.lacks.as_ref()?;
         match purpose {
             Purpose::ToolPose => None,
             Purpose::Torque => lacks.torque.as_ref(),

@@ -61,9 +61,11 @@ fn truth(scenario: &Scenario) -> Result<ArmFile, Failure> {
     let mut file = load_selected(&scenario.model, &selection)?;
     let joints = file.arm.dof();
     if joints > MAX_JOINTS {
+        let name = &file.arm.joints()[MAX_JOINTS].name;
+        let place =
+            file.arm.fitness().place(name).map_or_else(|| scenario.model.clone(), ToString::to_string);
         return Err(Failure::input(format!(
-            "{}: the arm has {joints} joints, and a run carries at most {MAX_JOINTS}: choose a shorter chain with --tip LINK, or give joints that do not move type = \"fixed\"",
-            scenario.model
+            "{place}: joint `{name}` is one too many: the arm has {joints} joints, and a run carries at most {MAX_JOINTS}: choose a shorter chain with --tip LINK, or give joints that do not move type = \"fixed\""
         )));
     }
     fold_rotors(&mut file)?;
