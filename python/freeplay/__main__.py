@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 
 from . import _command
@@ -15,13 +16,17 @@ def main(arguments: list[str]) -> int:
         if arguments[:1] == ["campaign"]:
             from ._campaign_command import main as campaign
 
+            # SIGTERM ends a campaign as Ctrl-C does, also where a shell started it in the background with SIGINT ignored.
+            for ending in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(ending, signal.default_int_handler)
             return int(campaign(arguments[1:]))
         command = _command.executable()
         os.execv(command, [str(command), *arguments])
     except FreeplayError as error:
         print(f"freeplay: {error}", file=sys.stderr)
         return error.code
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
+        print(f"freeplay: {interrupt or 'interrupted'}", file=sys.stderr)
         return 130
 
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from . import _campaign_engines, _campaign_receipt, _command, _toml
 from ._campaign_progress import Watcher
 from ._campaign_receipt import canonical, own_name, steady
-from ._campaign_task import FAILED, LINES, PLAN, PRINTED, RESULT, TASK, TASKS, name_of
+from ._campaign_task import FAILED, LINES, PLAN, PRINTED, RESULT, STOP, TASK, TASKS, name_of
 from ._command import PathLike, Progress, call, options, teller
 from .errors import BadInput, BadUsage, FreeplayError, InternalFault
 
@@ -85,6 +85,10 @@ def campaign(
     ------
     BadUsage
         An argument or an option is not understood, or `out` holds another campaign.
+    PeerMissing
+        The cluster does not answer, or is gone.
+    KeyboardInterrupt
+        Ctrl-C: the tasks end on all machines, finished ones stay.
     FreeplayError
         Tasks failed in all their attempts, with the words of the first; what is done stays.
 
@@ -197,20 +201,29 @@ def _lay_out(folder: Path, plan: dict[str, Any], tasks: list[Points], known: dic
 def _carry_out(folder: Path, plan: dict[str, Any], engine: str, work: _campaign_engines.Work, progress: Progress) -> None:
     """Has the engine do what is not done; tasks that were killed or failed are handed over again."""
     count = plan["tasks"]
-    with Watcher(folder / TASKS, count, teller(progress)):
-        for attempt in range(work.attempts):
-            missing = [task for task in range(count) if not (folder / TASKS / name_of(task)).is_dir()]
-            if not missing:
-                break
-            if attempt and _is_hopeless(folder, missing, count):
-                break
-            asked = _campaign_engines.Work(work.folder, missing, min(work.workers, len(missing)), work.attempts, work.cluster)
-            _campaign_engines.start(engine, asked)
+    # A campaign that was interrupted left this mark.
+    (folder / STOP).unlink(missing_ok=True)
+    try:
+        with Watcher(folder / TASKS, count, teller(progress)):
+            for attempt in range(work.attempts):
+                missing = _missing(folder, count)
+                if not missing or (attempt and _is_hopeless(folder, missing, count)):
+                    break
+                asked = _campaign_engines.Work(work.folder, missing, min(work.workers, len(missing)), work.attempts, work.cluster)
+                _campaign_engines.start(engine, asked)
+    except KeyboardInterrupt:
+        done = count - len(_missing(folder, count))
+        raise KeyboardInterrupt(f"campaign interrupted: {done} of {count} tasks are done, in {folder / TASKS}. Call it again to go on.") from None
     _sweep_out(folder)
-    missing = [task for task in range(count) if not (folder / TASKS / name_of(task)).is_dir()]
+    missing = _missing(folder, count)
     if missing:
         raise _failure(folder, missing, count)
     shutil.rmtree(folder / FAILED, ignore_errors=True)
+
+
+def _missing(folder: Path, count: int) -> list[int]:
+    """The tasks that are not done."""
+    return [task for task in range(count) if not (folder / TASKS / name_of(task)).is_dir()]
 
 
 def _is_hopeless(folder: Path, missing: list[int], count: int) -> bool:
