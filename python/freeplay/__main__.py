@@ -1,4 +1,4 @@
-"""`python -m freeplay`: the command, and `python -m freeplay campaign`, which is this package's own."""
+"""`python -m freeplay` is the command. Its `campaign` is this package's own."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .errors import FreeplayError
 
 
 def main(arguments: list[str]) -> int:
-    """Does what `arguments` say; the exit code."""
+    """Carries out the command line `arguments`; the exit code."""
     try:
         if arguments[:1] == ["campaign"]:
             from ._campaign_command import main as campaign

@@ -263,5 +263,5 @@ def start(engine: str, work: Work) -> None:
         The cluster does not answer, or is gone.
     """
     if engine not in ENGINES:
-        raise BadUsage(f"no engine is called {engine!r}: there are {', '.join(ENGINES)}")
+        raise BadUsage(f"unknown engine {engine!r}: there are {', '.join(ENGINES)}")
     ENGINES[engine](work)

@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis, by matplotlib, in light and in dark."""
+"""Charts of a diagnosis by matplotlib, light and dark."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def themed(theme: str) -> Iterator[dict[str, str]]:
         "axes.axisbelow": True, "font.size": 9.5, "axes.titlesize": 10.5, "axes.titlelocation": "left", "legend.frameon": False,
         "legend.labelcolor": ink, "figure.dpi": 110,
     }  # fmt: skip
-    # Of these alone: `rc_context` would put back what pyplot sets when it is first used in a notebook.
+    # Restores these alone: `rc_context` would undo the settings that pyplot makes when a notebook first uses it.
     before = {name: mpl.rcParams[cast("Any", name)] for name in parameters}
     mpl.rcParams.update(cast("Any", parameters))
     try:

@@ -148,7 +148,7 @@ def test_what_can_not_succeed_is_said_once_and_with_the_commands_words(tmp_path:
     with pytest.raises(freeplay.BadUsage, match="unknown field `perid`") as raised:
         freeplay.campaign("run", sweep={"path.perid": [1, 2]}, out=tmp_path / "c", attempts=50)
     assert "2 of 2 tasks" in str(raised.value) and time.monotonic() - begun < 60.0
-    with pytest.raises(freeplay.BadUsage, match="no engine"):
+    with pytest.raises(freeplay.BadUsage, match="unknown engine"):
         freeplay.campaign("run", **SWEEP, engine="abacus", out=tmp_path / "d")
     with pytest.raises(freeplay.BadUsage, match="sweep"):
         freeplay.campaign("swap", out=tmp_path / "e")
