@@ -153,6 +153,8 @@ def dask(work: Work) -> None:
 
 def _in_dask(command: list[str], env: dict[str, str]) -> int:
     """Runs a task on a worker; raises where it fails, so that Dask tries it again."""
+    # HyperQueue and Slurm end a lost worker's tasks; Dask would leave them at work beside their second try.
+    command = [*command, "--with-parent"]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env={**os.environ, **env})
     done.check_returncode()
     return 0

@@ -1,10 +1,10 @@
 """One task of a campaign: a command, and its results moved to their place as a whole. Engines start it as a process.
 
-    python -I -S _campaign_task.py FOLDER NUMBER
+    python -I -S _campaign_task.py FOLDER NUMBER [--with-parent]
 
 A task may be killed at any moment and started again, also while another process works on it: the first one that finishes leaves the results.
-SIGTERM, SIGINT, or the file `stop` in the campaign's folder end a task: its command ends, and nothing half done stays. The module imports the
-standard library alone, because each task starts it anew.
+SIGTERM, SIGINT, or the file `stop` in the campaign's folder end a task: its command ends, and nothing half done stays. With `--with-parent` a task
+also ends with the process that started it. The module imports the standard library alone, because each task starts it anew.
 """
 
 from __future__ import annotations
@@ -145,11 +145,13 @@ def _keep_words(folder: Path, part: Path, name: str, code: int) -> None:
 
 
 def _end_with_parent() -> None:
-    """Ends the command with this process: a killed task leaves no command at work."""
+    """Has the kernel end this process with its parent, so that a killed task leaves no command at work."""
     ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
 
 
 if __name__ == "__main__":
     for ending in (signal.SIGINT, signal.SIGTERM):
         signal.signal(ending, _stop)
+    if sys.argv[3:] == ["--with-parent"]:
+        _end_with_parent()
     sys.exit(perform(Path(sys.argv[1]), int(sys.argv[2])))

@@ -87,6 +87,14 @@ def wait_for_two(folder: Path, campaign: subprocess.Popen[str]) -> None:
         time.sleep(0.02)
 
 
+def wait_for_none(folder: Path) -> None:
+    """Waits until no task is held any more."""
+    patience = time.monotonic() + 120.0
+    while list(folder.glob("at-work-*")):
+        assert time.monotonic() < patience, "a task is still at work"
+        time.sleep(0.05)
+
+
 @pytest.mark.parametrize("engine", ["local", "hyperqueue", "dask"])
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
 def test_an_interrupted_campaign_ends_its_tasks_and_goes_on_later(engine: str, ending: int, undisturbed: bytes, tmp_path: Path) -> None:
@@ -226,8 +234,10 @@ def test_a_cluster_of_others_keeps_no_task_of_a_campaign_that_ended(engine: str,
         words = "campaign interrupted: 2 of 8 tasks are done" if ending == "interrupted" else "is gone"
         assert words in said and "Traceback" not in said and len(said.splitlines()) == 1, said
         assert process.returncode == (130 if ending == "interrupted" else 5)
-        while ending == "interrupted" and list(tmp_path.glob("at-work-*")):
-            time.sleep(0.05)
+        if ending == "interrupted":
+            wait_for_none(tmp_path)
+    # A lost cluster's tasks end with their workers.
+    wait_for_none(tmp_path)
     (tmp_path / "hold").rmdir()
     assert subprocess.run([*COMMAND, "--out", str(tmp_path / "c")], env=environment, stdout=subprocess.DEVNULL, timeout=600).returncode == 0
     assert (tmp_path / "c/receipt.json").read_bytes() == undisturbed
