@@ -43,6 +43,12 @@ def name_of(number: int) -> str:
     return f"{number:06d}"
 
 
+def path_with_python() -> str:
+    """The search path, this interpreter's folder first: a controller that begins with `#!/usr/bin/env python3` finds the packages beside this one,
+    also in an environment that is not activated."""
+    return f"{os.path.dirname(sys.executable)}{os.pathsep}{os.environ.get('PATH', os.defpath)}"
+
+
 def points_of(folder: Path, number: int) -> list[dict[str, Any]]:
     """What task `number` does, one after the other."""
     with open(folder / LINES, encoding="utf-8") as lines:
@@ -114,7 +120,8 @@ def _run(command: list[str], printed: IO[bytes], log: IO[bytes], stop: Path) -> 
     Stopped
         The file `stop` is there, or a signal ends this process.
     """
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=printed, stderr=log, preexec_fn=_end_with_parent)
+    env = {**os.environ, "PATH": path_with_python()}
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=printed, stderr=log, env=env, preexec_fn=_end_with_parent)
     try:
         while not stop.exists():
             with contextlib.suppress(subprocess.TimeoutExpired):

@@ -17,6 +17,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Union
 
+from ._campaign_task import path_with_python
 from .errors import InternalFault, NotInstalled, error_of
 
 #: A file or folder.
@@ -115,7 +116,7 @@ def call(
         encoding="utf-8",
         errors="replace",
         cwd=cwd,
-        env={**os.environ, "NO_COLOR": "1", **(env or {})},
+        env={**os.environ, "PATH": path_with_python(), "NO_COLOR": "1", **(env or {})},
     )
     lines: list[str] = []
     reader = threading.Thread(target=_pass_on, args=(process.stderr, lines, teller(progress)), daemon=True)
@@ -173,8 +174,9 @@ def _words(completed: Completed) -> str:
     starts = [number for number, line in enumerate(lines) if re.match(r"(freeplay|error): ", line)]
     words = "\n".join(lines[starts[-1] :] if starts else lines[-5:]).strip()
     words = re.sub(r"^(freeplay|error): ", "", words)
-    if completed.code in (5, 70) and starts and (before := "\n".join(lines[max(0, starts[-1] - 20) : starts[-1]]).strip()):
-        # The last lines of a controller that ended.
+    points_back = completed.code in (5, 70) or "above" in words
+    if points_back and starts and (before := "\n".join(lines[max(0, starts[-1] - 20) : starts[-1]]).strip()):
+        # The last lines of a controller or a plant that ended.
         words += f"\n{before}"
     if completed.code < 0:
         name = signal.Signals(-completed.code).name

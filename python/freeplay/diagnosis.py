@@ -281,7 +281,10 @@ class Diagnosis(Portable):
         return Path(shutil.copytree(self._folder, folder))
 
     def plot_found(self, i: int = 0, *, theme: str = "auto") -> list[Axes]:
-        """Draws finding number `i`: the error over time without and with the findings, and the error over the variable that shows it best.
+        """Draws finding number `i`.
+
+        Left: the error over time, as given and with the findings. Right: the error of the model that was only tuned inside its tolerances, over
+        the variable that shows it best.
 
         Parameters
         ----------
