@@ -241,8 +241,10 @@ fn a_journal_that_does_not_come_to_rest_is_told_with_what_may_be_tried() {
     arguments.extend(sets.iter().flat_map(|set| ["--set", set]));
     let ran = Call::new(folder, &arguments).run().expect(0);
     println!("{}", ran.stdout());
-    for words in ["the journal of elbow is in free flight for", "try another controller.gains.natural_frequency (now 20)"]
-    {
+    for words in [
+        "the journal of elbow is in free flight for",
+        "try another controller.gains.natural_frequency (now 20)",
+    ] {
         assert!(ran.stdout().contains(words), "{words}: {}", ran.dump());
     }
     // The paper's arm comes to rest.

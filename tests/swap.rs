@@ -105,7 +105,7 @@ fn a_swap_at_a_tick_by_name() {
     assert_eq!(ticks, [100, 200]);
     assert_eq!(run["line_up"]["controllers"][1]["ticks_in_charge"], 100);
     assert!(
-        ran.stdout().contains("2 planned swaps; greatest gap 0 ticks, most held 0 ticks"),
+        ran.stdout().contains("2 planned swaps; the greatest gap is 0 ticks, the longest hold 0 ticks"),
         "{}",
         ran.dump()
     );

@@ -119,7 +119,7 @@ impl Arm {
         tool: Isometry3<f64>,
         gravity: Vector3<f64>,
     ) -> Result<Arm, ArmError> {
-        Arm::with_fitness(name, joints, tool, gravity, &Fitness::default())
+        Arm::derived(name, joints, tool, gravity, &Fitness::default())
     }
 
     /// The same for an arm that is made of one with `fitness`: where that one lacked something for a [`Purpose`], this one may, too,
@@ -127,7 +127,7 @@ impl Arm {
     ///
     /// # Errors
     /// As [`Arm::new`].
-    pub fn with_fitness(
+    pub fn derived(
         name: &str,
         mut joints: Vec<Joint>,
         tool: Isometry3<f64>,
@@ -207,7 +207,7 @@ impl Arm {
         let next = joints.get_mut(index).ok_or(ArmError::NoSuchJoint { index, dof: self.joints.len() })?;
         let placement = std::mem::replace(&mut next.placement, Isometry3::identity());
         joints.insert(index, Joint { placement, ..joint });
-        Arm::with_fitness(&self.name, joints, self.tool, self.gravity, &self.fitness)
+        Arm::derived(&self.name, joints, self.tool, self.gravity, &self.fitness)
     }
 
     pub(crate) fn constants(&self) -> &[LinkConstants] {

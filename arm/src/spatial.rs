@@ -159,13 +159,13 @@ impl ArticulatedInertia {
 
     /// The column for turning about `axis`.
     #[inline(always)]
-    pub fn times_angular(&self, axis: &Vector3<f64>) -> Wrench {
+    pub fn turning_column(&self, axis: &Vector3<f64>) -> Wrench {
         Wrench { moment: self.angular.times(axis), force: self.cross.tr_mul(axis) }
     }
 
     /// The column for sliding along `axis`.
     #[inline(always)]
-    pub fn times_linear(&self, axis: &Vector3<f64>) -> Wrench {
+    pub fn sliding_column(&self, axis: &Vector3<f64>) -> Wrench {
         Wrench { moment: self.cross * axis, force: self.linear.times(axis) }
     }
 

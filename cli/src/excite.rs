@@ -274,7 +274,7 @@ impl Found {
         let instead_of = first["instead_of"].as_str().unwrap_or_default();
         let effect = list("effects")
             .into_iter()
-            .find(|effect| stands_for(instead_of, effect["kind"].as_str(), effect["joint"].as_str()))
+            .find(|effect| is_said_by(instead_of, effect["kind"].as_str(), effect["joint"].as_str()))
             .ok_or_else(|| wrong("the effect with an alternative is not among its effects"))?;
         let mut parameters = toml::Table::new();
         for (name, one) in effect["parameters"].as_object().into_iter().flatten() {
@@ -298,7 +298,7 @@ impl Found {
 pub fn rivals(diagnosis: &Diagnosis, file: &ArmFile) -> Result<Vec<Rival>, Failure> {
     let open: Vec<_> = diagnosis.alternatives.iter().filter(|other| other.indistinguishable).collect();
     let Some(first) = open.first() else { return Ok(Vec::new()) };
-    let stands = |effect: &&Effect| stands_for(&first.instead_of, Some(effect.kind), effect.joint.as_deref());
+    let stands = |effect: &&Effect| is_said_by(&first.instead_of, Some(effect.kind), effect.joint.as_deref());
     let Some(effect) = diagnosis.effects.iter().find(stands) else { return Ok(Vec::new()) };
     let parameters = effect.parameters.iter().map(|(name, one)| (name.clone(), one.value.clone())).collect();
     let mut rivals = vec![rival(effect.kind, effect.joint.as_deref(), Some(parameters), file)?];
@@ -310,7 +310,7 @@ pub fn rivals(diagnosis: &Diagnosis, file: &ArmFile) -> Result<Vec<Rival>, Failu
 }
 
 /// Whether `instead_of`, as an alternative has it, means the effect `kind` at `joint`.
-fn stands_for(instead_of: &str, kind: Option<&str>, joint: Option<&str>) -> bool {
+fn is_said_by(instead_of: &str, kind: Option<&str>, joint: Option<&str>) -> bool {
     let of_kind = kind.is_some_and(|kind| instead_of.split(' ').next() == Some(kind));
     of_kind && joint.is_none_or(|joint| instead_of.ends_with(joint))
 }

@@ -56,7 +56,7 @@ impl Default for Weights {
 
 impl Weights {
     /// W, with ε for the angular rows, of an arm of `joints` joints.
-    pub(crate) fn of_rows(&self, joints: usize) -> Vector6<f64> {
+    pub(crate) fn by_row(&self, joints: usize) -> Vector6<f64> {
         let [x, y, z] = self.position;
         let orientation = if joints < 6 { 0.0 } else { self.orientation };
         Vector6::new(x, y, z, orientation, orientation, orientation)
@@ -151,7 +151,7 @@ impl Compensator {
             qp: Qp::new(&rows)?,
             limits: arm.joints().iter().map(|joint| joint.limits).collect(),
             period,
-            row_weights: weights.of_rows(n),
+            row_weights: weights.by_row(n),
             change: weights.change,
             last: vec![0.0; n],
             before: vec![0.0; n],

@@ -4,9 +4,9 @@ use freeplay_laws::ArmWithPlay;
 use freeplay_path::JointPath;
 use freeplay_shm::Reference;
 
+use crate::centred_average::CentredAverage;
 use crate::compensation::Motion;
 use crate::deviation::QuasiStatic;
-use crate::preview::Preview;
 
 /// Where the reference of a state is farther than this from the controller's own path, rad (m), the path is not used.
 pub const SAME_PATH: f64 = 1e-3;
@@ -65,7 +65,7 @@ impl JointMotion {
 pub struct DisplacementPreview {
     path: JointPath,
     predictor: QuasiStatic,
-    preview: Preview,
+    preview: CentredAverage,
     period: f64,
     motion: JointMotion,
     /// The tick of the mean in `preview`, if it is filled.
@@ -80,7 +80,7 @@ impl DisplacementPreview {
         DisplacementPreview {
             path,
             predictor: QuasiStatic::new(arm, period),
-            preview: Preview::new(half, width),
+            preview: CentredAverage::new(half, width),
             displacements: vec![0.0; width],
             period,
             motion: JointMotion::new(arm.nominal_dof()),
@@ -112,12 +112,12 @@ impl DisplacementPreview {
     /// The smoothed displacements on the path at the tick `tick`, m: two for each joint with play. Cheap if the last call was for
     /// the tick before.
     pub fn at(&mut self, tick: u64) -> &[f64] {
-        let half = self.preview.half() as f64;
+        let half = self.preview.half_width() as f64;
         if self.middle != Some(tick) {
             if tick == 0 || self.middle != Some(tick - 1) {
                 self.predictor.restart();
                 // One more than there is room for: the first has no tick before it to tell how the load turns.
-                for offset in 0..=2 * self.preview.half() {
+                for offset in 0..=2 * self.preview.half_width() {
                     self.push(tick as f64 - half - 1.0 + offset as f64);
                 }
             }

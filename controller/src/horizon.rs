@@ -157,7 +157,7 @@ impl Horizon {
         Ok(Horizon {
             limits: arm.joints().iter().map(|joint| joint.limits).collect(),
             period,
-            row_weights: weights.of_rows(n),
+            row_weights: weights.by_row(n),
             change: weights.change,
             bend: weights.acceleration / (MILLI * period * period).powi(2),
             instants: (0..ticks).map(|_| Instant::new(n)).collect(),

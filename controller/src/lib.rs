@@ -15,7 +15,7 @@
 //! - [`ImpactDetector`]: landings of journals, seen in the encoders; after one the feedback is softer.
 //! - [`QuasiStatic`]: the deviation of the tool that physics predicts, from how each journal comes to [`freeplay_laws::Rest`].
 //! - [`Geometry`]: what another geometry than the nominal one moves the tool by.
-//! - [`DisplacementPreview`]: where the journals will be at the ticks to come, smoothed by a [`Preview`].
+//! - [`DisplacementPreview`]: where the journals will be at the ticks to come, smoothed by a [`CentredAverage`].
 //! - [`Compensator`]: the programme that turns a deviation into a correction of the joints, within their limits; solved by [`Qp`], where
 //!   the [`FreeMinimiser`] of its cost breaks a limit.
 //! - [`Horizon`]: the same programme over several ticks at once, which sees corners coming; of the path ahead it is told by a
@@ -34,6 +34,7 @@ pub mod acceleration_programme;
 pub mod attainable;
 pub mod built_in;
 pub mod centred;
+pub mod centred_average;
 pub mod command_filter;
 pub mod compensation;
 pub mod computed_torque;
@@ -61,7 +62,6 @@ pub mod passage_planner;
 pub mod passage_programme;
 pub mod passage_trajectory;
 pub mod pin_force;
-pub mod preview;
 pub mod qp;
 pub mod quasi_static;
 pub mod remainder;
@@ -79,6 +79,7 @@ pub use freeplay_controller_sdk::{
 
 pub use built_in::{BUILT_IN, built_in};
 pub use centred::Centred;
+pub use centred_average::CentredAverage;
 pub use compensation::{CompensationReport, CompensationStatus, Compensator, Motion, Weights};
 pub use computed_torque::ComputedTorque;
 pub use corners::CornerSearch;
@@ -98,7 +99,6 @@ pub use not_ready::NotReady;
 pub use passage::{Passage, PassageFault, PassageOptions, Passages, Step};
 pub use passage_planner::PassagePlanner;
 pub use pin_force::PinForce;
-pub use preview::Preview;
 pub use qp::{Qp, QpError, QpReport, QpStatus};
 pub use quasi_static::QuasiStaticControl;
 pub use remainder::{Remainder, WeightFile};

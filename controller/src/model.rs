@@ -59,5 +59,5 @@ fn without_limits(arm: &Arm) -> Result<Arm, NotReady> {
     for joint in &mut joints {
         joint.limits = Limits::NONE;
     }
-    Ok(Arm::with_fitness(arm.name(), joints, *arm.tool(), *arm.gravity(), arm.fitness())?)
+    Ok(Arm::derived(arm.name(), joints, *arm.tool(), *arm.gravity(), arm.fitness())?)
 }

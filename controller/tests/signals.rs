@@ -4,13 +4,13 @@
 
 use std::f64::consts::PI;
 
-use freeplay_controller::{Centred, Preview};
+use freeplay_controller::{Centred, CentredAverage};
 
 #[test]
 fn the_average_is_that_of_the_window() {
     let signal = |tick: i32| [f64::from(tick).sin(), f64::from(tick * tick)];
-    let mut preview = Preview::new(3, 2);
-    assert_eq!(preview.half(), 3);
+    let mut preview = CentredAverage::new(3, 2);
+    assert_eq!(preview.half_width(), 3);
     for tick in 0..7 {
         preview.push(signal(tick));
     }

@@ -77,9 +77,9 @@ pub struct Machine {
 }
 
 /// Joints that stand where they are.
-struct Held(Vec<f64>);
+struct StandingJoints(Vec<f64>);
 
-impl Motion for Held {
+impl Motion for StandingJoints {
     fn at(&self, _t: f64, q: &mut [f64], v: &mut [f64], a: &mut [f64]) {
         q.copy_from_slice(&self.0);
         v.fill(0.0);
@@ -125,10 +125,10 @@ impl Machine {
     /// # Errors
     /// [`SystemError::NotFinite`]: the motion can't be integrated.
     pub fn step(&mut self, stimulus: &Stimulus) -> Result<(), SystemError> {
-        let held = stimulus
-            .brakes
-            .then(|| Held((0..self.nominal.dof()).map(|joint| self.system.joint(joint)[0]).collect()));
-        let held = held.unwrap_or(Held(Vec::new()));
+        let held = stimulus.brakes.then(|| {
+            StandingJoints((0..self.nominal.dof()).map(|joint| self.system.joint(joint)[0]).collect())
+        });
+        let held = held.unwrap_or(StandingJoints(Vec::new()));
         let driven = &self.driven[usize::from(stimulus.brakes)];
         if let Some(command) = &stimulus.command {
             self.system.command_servos(command);

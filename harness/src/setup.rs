@@ -104,7 +104,7 @@ fn fold_rotors(file: &mut ArmFile) -> Result<(), Failure> {
         joints[joint].rotor_inertia += inertia;
         false
     });
-    file.arm = Arm::with_fitness(arm.name(), joints, *arm.tool(), *arm.gravity(), arm.fitness())
+    file.arm = Arm::derived(arm.name(), joints, *arm.tool(), *arm.gravity(), arm.fitness())
         .map_err(Failure::input)?;
     Ok(())
 }

@@ -84,7 +84,7 @@ pub struct Change {
 
 impl Change {
     /// No change, for an arm of `dof` joints and a motion of `points`.
-    pub fn none(dof: usize, points: usize) -> Change {
+    pub fn nothing(dof: usize, points: usize) -> Change {
         let joints = Columns::zero(dof, points);
         Change { torque: joints.clone(), tool: Columns::zero(3, points), link: joints }
     }

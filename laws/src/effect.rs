@@ -141,7 +141,6 @@ impl ArmParts {
     /// # Errors
     /// [`LawError::Changed`]: no such arm can exist.
     pub fn into_arm(self, name: &str) -> Result<Arm, LawError> {
-        Arm::with_fitness(name, self.joints, self.tool, self.gravity, &self.fitness)
-            .map_err(LawError::Changed)
+        Arm::derived(name, self.joints, self.tool, self.gravity, &self.fitness).map_err(LawError::Changed)
     }
 }

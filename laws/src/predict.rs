@@ -287,7 +287,7 @@ impl<'a> Baseline<'a> {
 
     /// What an effect that leaves the arm as it is says itself, without what its shifts of links do to torques and tool.
     fn said(&self, placed: &Placed) -> Change {
-        let mut said = Change::none(self.scene.arm.dof(), self.scene.motion.len());
+        let mut said = Change::nothing(self.scene.arm.dof(), self.scene.motion.len());
         placed.effect.apply(&self.scene, &mut said);
         if placed.kind.rough {
             for columns in said.parts_mut() {

@@ -214,15 +214,15 @@ impl Problem<'_> {
         (count..all.len()).map(|index| score(index).unwrap_or(0.0)).collect()
     }
 
-    fn state(&self, model: ServoArm, unknowns: &[Unknown]) -> Standing {
+    fn state(&self, model: ServoArm, unknowns: &[Unknown]) -> FitState {
         let residuals = self.residuals(&model);
         let noise = Noise::of(&residuals, &self.rounding);
         let x = unknowns.iter().map(|unknown| unknown.of(&model)).collect();
-        Standing { x, model, residuals, noise, reach: 1.0 }
+        FitState { x, model, residuals, noise, reach: 1.0 }
     }
 
     /// Takes a step; what it gained, log-likelihood and prior.
-    fn step(&self, state: &mut Standing, unknowns: &[Unknown], damping: &mut f64) -> f64 {
+    fn step(&self, state: &mut FitState, unknowns: &[Unknown], damping: &mut f64) -> f64 {
         let curvature = self.curvature(state, unknowns);
         let before = self.lost(&state.residuals, &state.noise, &state.x, unknowns);
         for _ in 0..TRIES {
@@ -233,7 +233,7 @@ impl Problem<'_> {
             if gain > 0.0 {
                 *damping *= DAMPING[1];
                 let noise = Noise::of(&residuals, &self.rounding);
-                *state = Standing { x, model, residuals, noise, reach: state.reach };
+                *state = FitState { x, model, residuals, noise, reach: state.reach };
                 return gain;
             }
             *damping *= DAMPING[2];
@@ -248,14 +248,14 @@ impl Problem<'_> {
     }
 
     /// First and second derivatives (Gauss–Newton) of what is lost, and of what the beliefs lose.
-    fn curvature(&self, state: &Standing, unknowns: &[Unknown]) -> Curvature {
+    fn curvature(&self, state: &FitState, unknowns: &[Unknown]) -> Curvature {
         let mut sum = Curvature::of_beliefs(unknowns, &state.x);
         self.groups(state, unknowns).iter().for_each(|group| sum.add(group));
         sum
     }
 
     /// Derivatives of what is lost in groups of rows that are taken as independent, window by window on all threads.
-    fn groups(&self, state: &Standing, unknowns: &[Unknown]) -> Vec<Curvature> {
+    fn groups(&self, state: &FitState, unknowns: &[Unknown]) -> Vec<Curvature> {
         let cuts = GROUPS.div_ceil(self.windows.len().max(1)).min(MOST_CUTS);
         let windows =
             each(self.windows.len(), self.threads, |index| self.window(state, unknowns, index, cuts));
@@ -263,7 +263,7 @@ impl Problem<'_> {
     }
 
     /// The groups of the window `index`, cut in `cuts`.
-    fn window(&self, state: &Standing, unknowns: &[Unknown], index: usize, cuts: usize) -> Vec<Curvature> {
+    fn window(&self, state: &FitState, unknowns: &[Unknown], index: usize, cuts: usize) -> Vec<Curvature> {
         let rows = &self.windows[index].1;
         let mut rollout = Rollout::new(&state.model.arm, self.longest_step);
         let (base, joints) = (&state.residuals[index], self.rounding.len());
@@ -294,7 +294,7 @@ impl Problem<'_> {
 }
 
 /// Where a fit stands.
-struct Standing {
+struct FitState {
     x: Vec<f64>,
     model: ServoArm,
     residuals: Vec<Vec<f64>>,

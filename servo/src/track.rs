@@ -47,7 +47,7 @@ impl Track {
                 .map(|row| (self.stamps[row] - self.stamps[rows.start], self.measured[joint][row]))
                 .filter(|(_, q)| q.is_finite())
                 .collect();
-            straight(&points).unwrap_or((self.commands[joint].held(self.stamps[rows.start]), 0.0))
+            line_through(&points).unwrap_or((self.commands[joint].held(self.stamps[rows.start]), 0.0))
         };
         let (q, v) = (0..self.measured.len()).map(line).unzip();
         State { q, v }
@@ -99,7 +99,7 @@ impl Track {
 }
 
 /// Value at zero and slope of the line of least squares through `points`; `None` without a point.
-fn straight(points: &[(f64, f64)]) -> Option<(f64, f64)> {
+fn line_through(points: &[(f64, f64)]) -> Option<(f64, f64)> {
     let n = points.len() as f64;
     let (t, q) = points.iter().fold((0.0, 0.0), |sum, point| (sum.0 + point.0 / n, sum.1 + point.1 / n));
     let spread: f64 = points.iter().map(|point| (point.0 - t).powi(2)).sum();

@@ -107,8 +107,8 @@ fn gather(arm: &Arm, ws: &mut Workspace, drive: impl Fn(usize) -> Drive) {
             }
             Drive::Torque(tau) => {
                 let column = match joint.kind {
-                    JointKind::Revolute => inertia.times_angular(&link.axis),
-                    JointKind::Prismatic => inertia.times_linear(&link.axis),
+                    JointKind::Revolute => inertia.turning_column(&link.axis),
+                    JointKind::Prismatic => inertia.sliding_column(&link.axis),
                 };
                 let inverse_felt = 1.0 / (along_axis(joint.kind, &link.axis, &column) + joint.rotor_inertia);
                 let residual = tau - along_axis(joint.kind, &link.axis, &wrench);

@@ -123,7 +123,7 @@ impl Reader<'_> {
         ignored.extend(notes);
         let fitness = base.as_ref().map_or_else(|| self.fitness(table), |base| base.fitness().clone());
         let lacked = base.as_ref().and_then(lacking);
-        let arm = Arm::with_fitness(name, joints, tool, gravity, &fitness)
+        let arm = Arm::derived(name, joints, tool, gravity, &fitness)
             .map_err(|source| self.arm_error(table, source))?;
         // This file may give what its URDF lacks.
         let lacks = lacking(&arm);

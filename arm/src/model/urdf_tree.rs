@@ -43,7 +43,7 @@ pub(super) fn arm(mut robot: Robot<'_>, selection: &Selection) -> Result<ArmFile
     };
     let shortfall = shortfall(&robot, &fold);
     let fitness = Fitness::of_file(origins(&robot, &chain), shortfall);
-    let arm = Arm::with_fitness(&robot.name, joints, tool, GRAVITY, &fitness)
+    let arm = Arm::derived(&robot.name, joints, tool, GRAVITY, &fitness)
         .map_err(|source| arm_error(&robot, source))?;
     let mut ignored = vec![fold.what_was_taken(&robot)];
     ignored.append(&mut robot.notes);

@@ -4,13 +4,13 @@ use freeplay_arm::{Arm, Workspace, forward_kinematics};
 use freeplay_laws::{ArmWithPlay, Trajectory};
 use nalgebra::Vector3;
 
+use crate::centred_average::CentredAverage;
 use crate::compensation::Motion;
 use crate::deviation::QuasiStatic;
 use crate::geometry::Geometry;
 use crate::known_effects::KnownEffects;
 use crate::model::Model;
 use crate::not_ready::NotReady;
-use crate::preview::Preview;
 use crate::tracking::TrackingOptions;
 
 /// What was observed of one motion, evenly sampled.
@@ -69,7 +69,7 @@ fn journals(model: &Model, motion: &Trajectory, period: f64) -> Result<Vec<Vec<f
     let mut statics = QuasiStatic::new(&ArmWithPlay::new(&model.arm, &model.clearances)?, period);
     let half = ((TrackingOptions::default().average / period - 1.0) / 2.0).round().max(0.0) as usize;
     let width = 2 * model.clearances.len();
-    let mut preview = Preview::new(half, width);
+    let mut preview = CentredAverage::new(half, width);
     let (mut q, mut v, mut a) = (vec![0.0; joints], vec![0.0; joints], vec![0.0; joints]);
     let mut mean = vec![0.0; width];
     let mut smoothed = Vec::with_capacity(points);

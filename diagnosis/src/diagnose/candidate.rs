@@ -32,6 +32,11 @@ impl Form {
     pub fn of(shape: Table) -> Self {
         Self { shape, ..Self::default() }
     }
+
+    /// Whether its law is taken along the chord to one coefficient of its only term.
+    pub fn is_chord(&self) -> bool {
+        self.shape.contains_key(ABOUT)
+    }
 }
 
 /// An effect at a place in a form, with its columns on the rows of the data.
@@ -205,6 +210,12 @@ impl Candidate {
             }
         }
         form
+    }
+
+    /// Whether it says something of rows of the channel number `channel` with a weight.
+    pub fn shows_in(&self, channel: usize, weights: &[Vec<f64>]) -> bool {
+        let says = |rows: &Vec<f64>| rows.iter().zip(&weights[channel]).any(|(x, w)| x * w != 0.0);
+        self.columns.iter().any(|column| column[channel].as_ref().is_some_and(says))
     }
 
     /// Its form taken about the place that is this `share` of the way from where it is taken now to these coefficients of the terms shown; `None` if that is the

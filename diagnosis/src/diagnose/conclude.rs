@@ -135,7 +135,8 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let system = &self.search.system;
         let Some(fit) = system.held_fit(&self.answer.members) else { return Ok(None) };
         let Some(fit) = self.sure(fit) else { return Ok(None) };
-        let Some(findings) = self.findings(&fit) else { return Ok(None) };
+        let Some(fit) = self.borne_out(fit)? else { return Ok(None) };
+        let Some(findings) = self.findings(&fit)? else { return Ok(None) };
         let members: Vec<usize> = findings.iter().filter_map(|finding| finding.of.member()).collect();
         let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
         let Some(remains) = self.remains(&fit)? else { return Ok(None) };
@@ -217,6 +218,66 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         }
     }
 
+    /// `fit` without those members that the test part contradicts: the arm file that it makes would say these rows worse with them. `None` if a fit is singular.
+    fn borne_out(&self, mut fit: Fit) -> Result<Option<Fit>, LawError> {
+        let system = &self.search.system;
+        let test = system.weights.on(system.data, &[Part::Test]);
+        let weights: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
+        let squares = |rows: &[Vec<f64>]| -> Vec<f64> {
+            let of_channel = |(rows, weights): (&Vec<f64>, &Vec<f64>)| -> f64 {
+                rows.iter().zip(weights).map(|(x, w)| w * x * x).sum()
+            };
+            rows.iter().zip(&weights).map(of_channel).collect()
+        };
+        loop {
+            let with = squares(&self.left(&fit)?);
+            let mut least: Option<(f64, Fit)> = None;
+            for place in 0..fit.members.len() {
+                let mut others = fit.members.clone();
+                others.remove(place);
+                let Some(without) = system.held_fit(&others) else { return Ok(None) };
+                let candidate = system.candidate(fit.members[place]);
+                let more: Vec<f64> = squares(&self.left(&without)?)
+                    .iter()
+                    .zip(&with)
+                    .map(|(without, with)| without - with)
+                    .collect();
+                let shown: Vec<usize> =
+                    (0..more.len()).filter(|&c| candidate.shows_in(c, &weights)).collect();
+                // Where it shows, and in all that is measured.
+                let gain = shown.iter().map(|&c| more[c]).sum::<f64>().min(more.iter().sum());
+                if !shown.is_empty() && least.as_ref().is_none_or(|(known, _)| gain < *known) {
+                    least = Some((gain, without));
+                }
+            }
+            match least {
+                Some((gain, without)) if gain <= 0.0 => fit = without,
+                _ => return Ok(Some(fit)),
+            }
+        }
+    }
+
+    /// What the members of `fit` leave of every row that counts, all of them at once, as an arm file has them, and tuned.
+    fn left(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
+        let mut left = self.left_as_given(fit)?;
+        self.tune(&mut left, fit);
+        Ok(left)
+    }
+
+    /// The same of the model as given.
+    fn left_as_given(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
+        let placed = self.search.system.placed(fit, self.arm(), |_| true);
+        let with_laws = self.data().left_with(&placed.iter().collect::<Vec<_>>())?;
+        Ok(less(&with_laws, &said_by(self.events, self.target)))
+    }
+
+    /// Takes what the tolerances beside `fit` say off `rows`, and those that don't count out.
+    fn tune(&self, rows: &mut [Vec<f64>], fit: &Fit) {
+        let system = &self.search.system;
+        system.without_tolerances(rows, &system.tolerances_beside(fit));
+        (0..rows.len()).for_each(|channel| system.data.count(channel, &mut rows[channel]));
+    }
+
     /// Whether the arm with the members of `fit` can exist, as given and tuned: else no file could say it.
     fn can_exist(&self, fit: &Fit) -> bool {
         let placed = self.search.system.placed(fit, self.arm(), |_| true);
@@ -234,11 +295,11 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         placed.is_none_or(|placed| placed.effect.arm(&mut parts).is_err() || !parts.are_of(self.arm()))
     }
 
-    /// The findings with what shows them, those that take most away first; without those that the test part contradicts.
-    fn findings(&mut self, fit: &Fit) -> Option<Vec<Finding>> {
+    /// The findings with what shows them, those that take most away first; without those whose interval holds nothing.
+    fn findings(&mut self, fit: &Fit) -> Result<Option<Vec<Finding>>, LawError> {
         let all = parameters(&mut self.search.system, fit, self.settings.seed);
         let system = &self.search.system;
-        let with = system.left(fit);
+        let with = self.left(fit)?;
         let test = system.weights.on(system.data, &[Part::Test]);
         let on_test: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
         let on_fit: Vec<Vec<f64>> = system.weights.rows.iter().map(super::weights::Rows::weights).collect();
@@ -248,24 +309,19 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let candidate = system.candidate(member);
             let mut others = fit.members.clone();
             others.remove(place);
-            let without_fit = system.held_fit(&others)?;
-            let without = system.left(&without_fit);
-            let is_shown = |weights: &[Vec<f64>], c: usize| {
-                let shows = |column: &super::data::Column| {
-                    column[c]
-                        .as_ref()
-                        .is_some_and(|rows| rows.iter().zip(&weights[c]).any(|(x, w)| x * w != 0.0))
-                };
-                candidate.columns.iter().any(shows)
-            };
-            let shown: Vec<usize> = (0..system.data.channels()).filter(|&c| is_shown(&on_test, c)).collect();
+            let Some(without_fit) = system.held_fit(&others) else { return Ok(None) };
+            let without = self.left(&without_fit)?;
+            let shown: Vec<usize> =
+                (0..system.data.channels()).filter(|&c| candidate.shows_in(c, &on_test)).collect();
             let held_out = !shown.is_empty();
             let (weights, channels) =
                 if held_out { (&on_test, shown) } else { (&on_fit, candidate.channels.clone()) };
             let compared = Compared { before: &without, after: &with, weights };
-            let gain = compared.gain(system.data, &channels, self.settings.seed)?;
+            let Some(gain) = compared.gain(system.data, &channels, self.settings.seed) else {
+                return Ok(None);
+            };
             let (removed, names) = removed(system.data, &compared, &channels);
-            if held_out && gain.value <= 0.0 || holds_nothing(candidate, &parameters) {
+            if holds_nothing(candidate, &parameters) {
                 continue;
             }
             let log_odds = fit.value - without_fit.value;
@@ -307,7 +363,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 (finding.effect.evidence.share / all.max(f64::MIN_POSITIVE)).max(0.0);
         }
         found.sort_by(|a, b| b.effect.evidence.share.total_cmp(&a.effect.evidence.share));
-        Some(found)
+        Ok(Some(found))
     }
 
     /// What a finding says of every row, a law with its coefficients in `fit`.
@@ -335,21 +391,15 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     fn remains(&self, fit: &Fit) -> Result<Option<Remains>, LawError> {
         let system = &self.search.system;
         let Some(bare) = system.held_fit(&[]) else { return Ok(None) };
-        let placed = self.search.system.placed(fit, self.arm(), |_| true);
-        let with_laws = system.data.left_with(&placed.iter().collect::<Vec<_>>())?;
-        let as_given = less(&with_laws, &said_by(self.events, self.target));
-        let tuned = |rows: &[Vec<f64>], fit: &Fit| {
-            let mut rows = rows.to_vec();
-            system.without_tolerances(&mut rows, &system.tolerances_beside(fit));
-            (0..rows.len()).for_each(|channel| system.data.count(channel, &mut rows[channel]));
-            rows
-        };
-        let retuned = tuned(self.target, &bare);
+        let as_given = self.left_as_given(fit)?;
+        let [mut retuned, mut after] = [self.target.to_vec(), as_given.clone()];
+        self.tune(&mut retuned, &bare);
+        self.tune(&mut after, fit);
         Ok(Some(Remains {
             before: self.target.to_vec(),
             nameless: less(&retuned, &super::nameless::said(system, &retuned)),
             retuned,
-            after: tuned(&as_given, fit),
+            after,
             as_given,
         }))
     }

@@ -14,6 +14,7 @@
 
 mod alternatives;
 mod beside;
+mod block;
 mod bvls;
 mod candidate;
 mod choice;

@@ -17,6 +17,7 @@ use super::noise::Noises;
 use super::tolerance::Nuisance;
 use crate::begin::{begun, between, within};
 use crate::error::ResidualError;
+use crate::filter::derivatives;
 use crate::motion::{Settings, Treatment};
 use crate::presence::masked;
 use crate::residual::{Channel, Kind, Sharpening, residuals_along};
@@ -188,6 +189,16 @@ impl<'a> Stage<'a> {
     /// The model on the grid on which effects of `kind` are evaluated.
     pub fn baseline(&self, kind: &EffectKind) -> &Baseline<'a> {
         if kind.rough { &self.rough } else { &self.smooth }
+    }
+
+    /// Derivative with respect to time of what the model says of `kind`, per second, as a law that makes a channel late has it.
+    pub fn rate_of_change(&self, kind: Kind) -> Vec<f64> {
+        let (model, motion) = (kind.of(self.rough.prediction()), self.whole());
+        let mut rate = Vec::with_capacity(model.len());
+        for stretch in &motion.stretches {
+            rate.extend(derivatives(&model[stretch.clone()], motion.step(stretch)).0);
+        }
+        self.ground.treatment.keep(&rate)
     }
 
     /// What was recorded.

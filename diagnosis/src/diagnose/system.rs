@@ -11,6 +11,7 @@ use freeplay_arm::Arm;
 use freeplay_laws::Placed;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
+use super::block::{Block, Channel, Products, half_log_determinant, own};
 use super::bvls::bounded;
 use super::candidate::Candidate;
 use super::columns::dot;
@@ -26,45 +27,6 @@ const STIFF: f64 = 1e9;
 
 /// A prior's coefficient is of such a size that its column is half of its channel.
 const HALF: f64 = 0.5;
-
-/// What a block has in one channel, before the tolerances are eliminated.
-#[derive(Clone, Debug)]
-struct InChannel {
-    /// NᵀWZ, rows as [`Channel::tolerances`].
-    tolerances: DMatrix<f64>,
-    own: DMatrix<f64>,
-    target: DVector<f64>,
-}
-
-/// A candidate in the system.
-#[derive(Clone, Debug)]
-struct Block {
-    candidate: Candidate,
-    channels: Vec<(usize, InChannel)>,
-    /// Precision of the prior of its coefficients.
-    precision: DMatrix<f64>,
-    /// Half the log of its determinant, and the log of the prior odds.
-    log_prior: f64,
-    /// NᵀWZ.
-    through: DMatrix<f64>,
-    /// L⁻¹NᵀWZ, with K = LLᵀ.
-    whitened: DMatrix<f64>,
-    /// G + precision, and h.
-    normal: DMatrix<f64>,
-    right: DVector<f64>,
-}
-
-/// One channel under its weights.
-#[derive(Clone, Debug)]
-struct Channel {
-    weights: Vec<f64>,
-    /// The tolerances that show, and their columns times the weights.
-    tolerances: Vec<(usize, Vec<f64>)>,
-    target: Vec<f64>,
-    gram: DMatrix<f64>,
-    against: DVector<f64>,
-    square: f64,
-}
 
 /// The answer to the question what a set of blocks explains.
 #[derive(Clone, Debug)]
@@ -115,6 +77,7 @@ pub(crate) struct System<'d, 'a> {
     /// The tolerances that are held at an edge of their width, where a set of blocks would have them beyond it.
     pins: Vec<Option<f64>>,
     blocks: Vec<Block>,
+    /// ZᵢᵀWZⱼ by the numbers of the later and the earlier block.
     crosses: RefCell<BTreeMap<(usize, usize), DMatrix<f64>>>,
 }
 
@@ -187,7 +150,7 @@ impl<'d, 'a> System<'d, 'a> {
     pub fn forget(&mut self, index: usize) {
         if index + 1 == self.blocks.len() {
             self.blocks.pop();
-            self.crosses.borrow_mut().retain(|(i, j), _| *i != index && *j != index);
+            self.crosses.borrow_mut().split_off(&(index, 0));
         }
     }
 
@@ -199,8 +162,7 @@ impl<'d, 'a> System<'d, 'a> {
         let mut precision = DMatrix::zeros(size, size);
         let (mut channels, mut count) = (Vec::new(), 0.0);
         for &c in &candidate.channels {
-            let channel = &self.channels[c];
-            if channel.weights.iter().all(|w| *w == 0.0) {
+            if self.channels[c].weights.iter().all(|w| *w == 0.0) {
                 continue;
             }
             let mask = self.data.heard(c);
@@ -210,7 +172,7 @@ impl<'d, 'a> System<'d, 'a> {
             if scale > 0.0 && plain.diagonal().iter().any(|x| *x > 0.0) {
                 precision += plain / (scale * scale);
                 count += rows;
-                channels.push((c, channel.of(&candidate.columns, c)));
+                channels.push(c);
             }
         }
         if count <= 0.0 {
@@ -226,38 +188,13 @@ impl<'d, 'a> System<'d, 'a> {
         let log_prior = half_log_determinant(&Cholesky::new(precision.clone())?)
             + candidate.kind.occurs.odds().ln()
             - (candidate.forms as f64).ln();
-        let mut block = Block {
-            candidate,
-            channels,
-            precision,
-            log_prior,
-            through: DMatrix::zeros(0, 0),
-            whitened: DMatrix::zeros(0, 0),
-            normal: DMatrix::zeros(0, 0),
-            right: DVector::zeros(0),
-        };
-        self.eliminate(&mut block);
-        Some(block)
+        Some(Block::new(candidate, channels, precision, log_prior))
     }
 
-    /// Works out what `block` explains beside the tolerances.
-    fn eliminate(&self, block: &mut Block) {
-        let size = block.candidate.size();
-        let mut tolerances = DMatrix::zeros(self.tolerances.len(), size);
-        (block.normal, block.right) = (block.precision.clone(), DVector::zeros(size));
-        for (c, part) in &block.channels {
-            for (row, (index, _)) in self.channels[*c].tolerances.iter().enumerate() {
-                let mut there = tolerances.row_mut(*index);
-                there += part.tolerances.row(row);
-            }
-            block.normal += &part.own;
-            block.right += &part.target;
-        }
-        block.through.clone_from(&tolerances);
-        self.factor.l_dirty().solve_lower_triangular_mut(&mut tolerances);
-        block.normal -= tolerances.tr_mul(&tolerances);
-        block.right -= tolerances.tr_mul(&self.whitened_target);
-        block.whitened = tolerances;
+    /// What the block number `index` explains beside the tolerances.
+    fn products(&self, index: usize) -> &Products {
+        let block = &self.blocks[index];
+        block.products(&self.channels, self.tolerances.len(), &self.factor, &self.whitened_target)
     }
 
     /// ZᵢᵀWZⱼ less what goes through the tolerances.
@@ -265,24 +202,28 @@ impl<'d, 'a> System<'d, 'a> {
         if i > j {
             return self.cross(j, i).transpose();
         }
-        if let Some(known) = self.crosses.borrow().get(&(i, j)) {
-            return known.clone();
-        }
-        let (left, right) = (&self.blocks[i], &self.blocks[j]);
-        let mut cross = -left.whitened.tr_mul(&right.whitened);
-        for &c in left.candidate.channels.iter().filter(|c| right.candidate.channels.contains(c)) {
+        let through = self.products(i).whitened.tr_mul(&self.products(j).whitened);
+        let mut crosses = self.crosses.borrow_mut();
+        let plain = crosses.entry((j, i)).or_insert_with(|| self.plain_cross(i, j));
+        &*plain - through
+    }
+
+    /// ZᵢᵀWZⱼ.
+    fn plain_cross(&self, i: usize, j: usize) -> DMatrix<f64> {
+        let (left, right) = (self.candidate(i), self.candidate(j));
+        let mut cross = DMatrix::zeros(left.size(), right.size());
+        for &c in left.channels.iter().filter(|c| right.channels.contains(c)) {
             let weights = &self.channels[c].weights;
-            for (b, column) in right.candidate.columns.iter().enumerate() {
+            for (b, column) in right.columns.iter().enumerate() {
                 let Some(column) = &column[c] else { continue };
                 let weighed: Vec<f64> = column.iter().zip(weights).map(|(x, w)| x * w).collect();
-                for (a, other) in left.candidate.columns.iter().enumerate() {
+                for (a, other) in left.columns.iter().enumerate() {
                     if let Some(other) = &other[c] {
                         cross[(a, b)] += dot(other, &weighed);
                     }
                 }
             }
         }
-        self.crosses.borrow_mut().insert((i, j), cross.clone());
         cross
     }
 
@@ -293,9 +234,9 @@ impl<'d, 'a> System<'d, 'a> {
         let (mut normal, mut right) = (DMatrix::zeros(all, all), DVector::zeros(all));
         let (mut limits, mut log_prior, mut at) = (Vec::new(), 0.0, 0);
         for (k, &i) in members.iter().enumerate() {
-            let block = &self.blocks[i];
-            normal.view_mut((at, at), (sizes[k], sizes[k])).copy_from(&block.normal);
-            right.rows_mut(at, sizes[k]).copy_from(&block.right);
+            let (block, products) = (&self.blocks[i], self.products(i));
+            normal.view_mut((at, at), (sizes[k], sizes[k])).copy_from(&products.normal);
+            right.rows_mut(at, sizes[k]).copy_from(&products.right);
             let mut before = 0;
             for (l, &j) in members[..k].iter().enumerate() {
                 let cross = self.cross(j, i);
@@ -341,12 +282,12 @@ impl<'d, 'a> System<'d, 'a> {
         let mut limits = widths.to_vec();
         let mut at = 0;
         for &member in members {
-            let block = &self.blocks[member];
+            let (block, products) = (&self.blocks[member], self.products(member));
             let size = block.candidate.size();
-            normal.view_mut((0, n + at), (n, size)).copy_from(&block.through);
-            normal.view_mut((n + at, 0), (size, n)).copy_from(&block.through.transpose());
-            whitened.columns_mut(at, size).copy_from(&block.whitened);
-            let whole = &block.right + block.whitened.tr_mul(&self.whitened_target);
+            normal.view_mut((0, n + at), (n, size)).copy_from(&products.through);
+            normal.view_mut((n + at, 0), (size, n)).copy_from(&products.through.transpose());
+            whitened.columns_mut(at, size).copy_from(&products.whitened);
+            let whole = &products.right + products.whitened.tr_mul(&self.whitened_target);
             right.rows_mut(n + at, size).copy_from(&whole);
             limits.extend(block.candidate.limits());
             at += size;
@@ -394,11 +335,12 @@ impl<'d, 'a> System<'d, 'a> {
             .collect();
         let mut named = vec![false; self.precision.len()];
         for &member in members {
-            let block = &self.blocks[member];
-            let own = &block.normal - &block.precision + block.whitened.tr_mul(&block.whitened);
+            let products = self.products(member);
+            let precision = &self.blocks[member].precision;
+            let own = &products.normal - precision + products.whitened.tr_mul(&products.whitened);
             let Some(factor) = Cholesky::new(own) else { continue };
             for (k, square) in squares.iter().enumerate() {
-                let cross = block.through.row(k).transpose();
+                let cross = products.through.row(k).transpose();
                 let said = cross.dot(&factor.solve(&cross));
                 named[k] |= *square > 0.0 && said > SAME * square;
             }
@@ -427,7 +369,7 @@ impl<'d, 'a> System<'d, 'a> {
     pub fn gains(&self, fit: &Fit, candidates: &[usize]) -> Vec<Option<Gain>> {
         let factor = Cholesky::new(fit.normal.clone());
         let gain = |&index: &usize| {
-            let block = &self.blocks[index];
+            let (block, products) = (&self.blocks[index], self.products(index));
             let size = block.candidate.size();
             let mut cross = DMatrix::zeros(fit.beta.len(), size);
             let mut at = 0;
@@ -436,11 +378,11 @@ impl<'d, 'a> System<'d, 'a> {
                 cross.view_mut((at, 0), of_member.shape()).copy_from(&of_member);
                 at += of_member.nrows();
             }
-            let right = &block.right - cross.tr_mul(&fit.beta);
+            let right = &products.right - cross.tr_mul(&fit.beta);
             if let Some(factor) = &factor {
                 factor.l_dirty().solve_lower_triangular_mut(&mut cross);
             }
-            let normal = &block.normal - cross.tr_mul(&cross);
+            let normal = &products.normal - cross.tr_mul(&cross);
             let volume = log_determinant(&normal)?;
             let limits = block.candidate.limits();
             let beta = bounded(&normal, &right, &limits)?;
@@ -472,9 +414,9 @@ impl<'d, 'a> System<'d, 'a> {
         }
         let (mut right, mut at) = (self.whitened_target.clone(), 0);
         for &member in &fit.members {
-            let block = &self.blocks[member];
-            right -= &block.whitened * fit.beta.rows(at, block.candidate.size());
-            at += block.candidate.size();
+            let size = self.candidate(member).size();
+            right -= &self.products(member).whitened * fit.beta.rows(at, size);
+            at += size;
         }
         let upper = self.factor.l().transpose();
         upper.solve_upper_triangular(&right).unwrap_or(right)
@@ -500,7 +442,7 @@ impl<'d, 'a> System<'d, 'a> {
         let through: Vec<DMatrix<f64>> = fit
             .members
             .iter()
-            .filter_map(|&member| upper.solve_upper_triangular(&self.blocks[member].whitened))
+            .filter_map(|&member| upper.solve_upper_triangular(&self.products(member).whitened))
             .collect();
         let mut blocks: BTreeMap<(usize, usize), DVector<f64>> = BTreeMap::new();
         for (c, channel) in
@@ -618,7 +560,7 @@ impl<'d, 'a> System<'d, 'a> {
         self.weights.rows.iter().map(|rows| rows.share).collect()
     }
 
-    /// Works out all products in the channels `moved` anew.
+    /// Weighs the rows of the channels `moved` anew.
     fn weigh_anew(&mut self, moved: &[usize]) -> Option<()> {
         if moved.is_empty() {
             return Some(());
@@ -627,83 +569,19 @@ impl<'d, 'a> System<'d, 'a> {
             self.channels[c] =
                 Channel::new(c, &self.tolerances, &self.target, self.weights.rows[c].weights());
         }
-        let moved_of = |block: &mut Block, channels: &[Channel]| {
-            for (c, part) in &mut block.channels {
-                if moved.contains(c) {
-                    *part = channels[*c].of(&block.candidate.columns, *c);
-                }
-            }
-        };
-        self.blocks.iter_mut().for_each(|block| moved_of(block, &self.channels));
+        self.blocks.iter_mut().for_each(|block| block.forget_channels(moved));
+        self.crosses.borrow_mut().clear();
         self.free = normal_equations(&self.channels, &self.precision);
         self.log_volume = half_log_determinant(&Cholesky::new(self.free.0.clone())?);
         self.eliminate_anew()
     }
 
-    /// Eliminates the tolerances from all blocks anew.
+    /// Eliminates the tolerances anew.
     fn eliminate_anew(&mut self) -> Option<()> {
         (self.factor, self.whitened_target) = eliminated(&self.free, &self.pins)?;
-        self.crosses.borrow_mut().clear();
-        let mut blocks = std::mem::take(&mut self.blocks);
-        blocks.iter_mut().for_each(|block| self.eliminate(block));
-        self.blocks = blocks;
+        self.blocks.iter_mut().for_each(Block::forget);
         Some(())
     }
-}
-
-impl Channel {
-    fn new(c: usize, tolerances: &[Column], target: &[Vec<f64>], weights: Vec<f64>) -> Self {
-        let weighed = |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&weights).map(|(x, w)| x * w).collect() };
-        let is_silent = weights.iter().all(|w| *w == 0.0);
-        let shown: Vec<(usize, Vec<f64>)> = tolerances
-            .iter()
-            .enumerate()
-            .filter(|_| !is_silent)
-            .filter_map(|(index, column)| Some((index, weighed(column[c].as_ref()?))))
-            .collect();
-        let column = |index: usize| tolerances[index][c].as_deref().unwrap_or(&[]);
-        let gram = DMatrix::from_fn(shown.len(), shown.len(), |i, j| {
-            if i <= j { dot(column(shown[i].0), &shown[j].1) } else { 0.0 }
-        });
-        let gram = &gram + gram.transpose() - DMatrix::from_diagonal(&gram.diagonal());
-        let against = DVector::from_fn(shown.len(), |i, _| dot(&shown[i].1, &target[c]));
-        let target_weighed = weighed(&target[c]);
-        let square = dot(&target_weighed, &target[c]);
-        Self { tolerances: shown, target: target_weighed, gram, against, square, weights }
-    }
-
-    /// What a block of `columns` has here.
-    fn of(&self, columns: &[Column], c: usize) -> InChannel {
-        let part = |k: usize| columns[k][c].as_deref();
-        let size = columns.len();
-        let with = |rows: &[f64], k: usize| part(k).map_or(0.0, |column| dot(column, rows));
-        InChannel {
-            tolerances: DMatrix::from_fn(self.tolerances.len(), size, |i, k| with(&self.tolerances[i].1, k)),
-            own: own(columns, c, &self.weights),
-            target: DVector::from_fn(size, |k, _| with(&self.target, k)),
-        }
-    }
-}
-
-/// ZᵀWZ of `columns` in the channel number `c`.
-fn own(columns: &[Column], c: usize, weights: &[f64]) -> DMatrix<f64> {
-    let size = columns.len();
-    let mut own = DMatrix::zeros(size, size);
-    for (i, left) in columns.iter().enumerate() {
-        let Some(left) = &left[c] else { continue };
-        let weighed: Vec<f64> = left.iter().zip(weights).map(|(x, w)| x * w).collect();
-        for (j, right) in columns[..=i].iter().enumerate() {
-            let Some(right) = &right[c] else { continue };
-            let product = dot(&weighed, right);
-            (own[(i, j)], own[(j, i)]) = (product, product);
-        }
-    }
-    own
-}
-
-/// Half the log of the determinant of the matrix of `factor`.
-fn half_log_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
-    factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum()
 }
 
 /// K and NᵀWy.

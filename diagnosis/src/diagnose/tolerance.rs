@@ -5,7 +5,6 @@ use freeplay_laws::{ArmParts, DriveFriction, Kind as EffectKind, Placed, Toleran
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
 use super::stage::{Answer, Stage};
-use crate::filter::derivatives;
 use crate::residual::Kind;
 
 /// Tolerances of the nominal model: half the width within which a machine of that model may be.
@@ -249,7 +248,7 @@ fn of_delays(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
     let late = |kinds: fn(Kind) -> bool, seconds: f64, name: &str| {
         let answer = stage.channels.iter().map(|channel| {
             kinds(channel.kind).then(|| {
-                let rate = rate_of_change(stage, &channel.model);
+                let rate = stage.rate_of_change(channel.kind);
                 rate.iter().map(|rate| -seconds * rate).collect()
             })
         });
@@ -261,16 +260,6 @@ fn of_delays(stage: &Stage, tolerances: &Tolerances) -> Vec<Nuisance> {
         late(|kind| matches!(kind, Kind::Tool(_)), delay, "delay of the tracker"),
         late(|kind| matches!(kind, Kind::Link(_)), delay, "delay of the link encoders"),
     ]
-}
-
-/// Derivative with respect to time of a signal on the kept points, stretch by stretch.
-pub(crate) fn rate_of_change(stage: &Stage, signal: &[f64]) -> Vec<f64> {
-    let mut out = Vec::with_capacity(signal.len());
-    for stretch in &stage.motion().stretches {
-        let step = stage.motion().step(stretch);
-        out.extend(derivatives(&signal[stretch.clone()], step).0);
-    }
-    out
 }
 
 /// The tracker's frame, and the zeros of link encoders, which nobody sets against the motors'.

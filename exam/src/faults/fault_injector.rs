@@ -55,7 +55,7 @@ pub fn relay(args: &ControllerArgs, plan: &Path) -> Result<Exit, Failure> {
     let offer = offer(&welcome).ok_or_else(|| Failure::input("the plant's welcome is of another version"))?;
     let pace = offer.pace;
     let mut inner = PlantLink::open(root.address(), 1, offer).map_err(Failure::internal)?;
-    let mut child = Examined(start(args, root.address())?);
+    let mut child = ControllerProcess(start(args, root.address())?);
     child.greet(&mut inner)?;
     // What is refused is no matter here: an exam measures no latencies.
     let _ = realtime::prepare(&RtRequest {
@@ -118,9 +118,9 @@ fn start(args: &ControllerArgs, address: &Address) -> Result<Child, Failure> {
 }
 
 /// The controller's process; ended when this is dropped.
-struct Examined(Child);
+struct ControllerProcess(Child);
 
-impl Drop for Examined {
+impl Drop for ControllerProcess {
     fn drop(&mut self) {
         // Errors here mean that it is gone already.
         let _ = self.0.kill();
@@ -128,7 +128,7 @@ impl Drop for Examined {
     }
 }
 
-impl Examined {
+impl ControllerProcess {
     /// Waits until it has said hello.
     fn greet(&mut self, inner: &mut PlantLink) -> Result<(), Failure> {
         let deadline = now_ns() + PATIENCE.as_nanos() as u64;
@@ -161,7 +161,7 @@ impl Examined {
 struct Saboteur {
     outer: ControllerLink,
     inner: PlantLink,
-    child: Examined,
+    child: ControllerProcess,
     plan: Plan,
     pace: Pace,
     period_ns: u64,

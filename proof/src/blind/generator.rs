@@ -68,7 +68,7 @@ impl Order {
     }
 
     /// How many cases `source` draws for all shards.
-    fn drawn(&self, source: &Source) -> Result<usize, GenerateError> {
+    fn case_count(&self, source: &Source) -> Result<usize, GenerateError> {
         match source {
             Source::Own => Ok(self.cases()?.len()),
             Source::Program(_) => Ok(self.quota.cases()),
@@ -166,7 +166,7 @@ pub fn generate(args: &GenerateArgs) -> Result<Exit, Failure> {
 /// A process that can't be started, that fails otherwise than by being killed, or says what can't be read.
 pub fn made(order: &Order, source: &Source, bar: &ProgressBar) -> Result<Vec<Line>, Failure> {
     let (mut order, mut lines) = (order.clone(), Vec::new());
-    let count = order.drawn(source).map_err(Failure::internal)?;
+    let count = order.case_count(source).map_err(Failure::internal)?;
     loop {
         let (told, killed) = made_until_killed(&order, source, bar)?;
         let begun: BTreeSet<usize> = told.iter().map(|(index, _)| *index).collect();

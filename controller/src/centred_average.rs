@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 /// The weights are those of Hann's window, sin²(π i/(2h + 2)), i = 1…2h + 1: where the signal jumps, the mean goes over with a smooth
 /// acceleration, which a mean of equal weights would have in two blows.
 #[derive(Clone, Debug)]
-pub struct Preview {
+pub struct CentredAverage {
     /// Row after row.
     values: Vec<f64>,
     width: usize,
@@ -18,18 +18,18 @@ pub struct Preview {
     weights: Vec<f64>,
 }
 
-impl Preview {
+impl CentredAverage {
     /// For a signal of `width` numbers, with `half` values before and after the middle.
-    pub fn new(half: usize, width: usize) -> Preview {
+    pub fn new(half: usize, width: usize) -> CentredAverage {
         let length = 2 * half + 1;
         let hann = |i: usize| (PI * (i + 1) as f64 / (length + 1) as f64).sin().powi(2);
         let sum: f64 = (0..length).map(hann).sum();
         let weights = (0..length).map(|i| hann(i) / sum).collect();
-        Preview { values: vec![0.0; length * width], width, length, oldest: 0, weights }
+        CentredAverage { values: vec![0.0; length * width], width, length, oldest: 0, weights }
     }
 
     /// Number of values before, and after, the middle: how far ahead the newest is.
-    pub fn half(&self) -> usize {
+    pub fn half_width(&self) -> usize {
         self.length / 2
     }
 

@@ -1,0 +1,166 @@
+//! A candidate as a block of columns, and what it has in common with the rows and the tolerances.
+//!
+//! The rows are weighed anew at each step of a search, and most steps ask for few blocks: products are worked out where they are asked for, and kept until
+//! the weights move.
+
+use std::cell::OnceCell;
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+
+use super::candidate::Candidate;
+use super::columns::dot;
+use super::data::Column;
+
+/// One channel under its weights.
+#[derive(Clone, Debug)]
+pub(super) struct Channel {
+    pub weights: Vec<f64>,
+    /// The tolerances that show, and their columns times the weights.
+    pub tolerances: Vec<(usize, Vec<f64>)>,
+    target: Vec<f64>,
+    /// Products of the tolerances that show: NᵀWN.
+    pub gram: DMatrix<f64>,
+    /// NᵀWy.
+    pub against: DVector<f64>,
+    /// yᵀWy.
+    pub square: f64,
+}
+
+/// What a block has in one channel, before the tolerances are eliminated.
+#[derive(Clone, Debug)]
+struct InChannel {
+    /// NᵀWZ, rows as [`Channel::tolerances`].
+    tolerances: DMatrix<f64>,
+    own: DMatrix<f64>,
+    target: DVector<f64>,
+}
+
+/// What a block explains beside the tolerances.
+#[derive(Clone, Debug)]
+pub(super) struct Products {
+    /// NᵀWZ.
+    pub through: DMatrix<f64>,
+    /// L⁻¹NᵀWZ, with K = LLᵀ.
+    pub whitened: DMatrix<f64>,
+    /// G and the precision of the prior.
+    pub normal: DMatrix<f64>,
+    /// h.
+    pub right: DVector<f64>,
+}
+
+/// A candidate in the system.
+#[derive(Clone, Debug)]
+pub(super) struct Block {
+    pub candidate: Candidate,
+    /// Precision of the prior of its coefficients.
+    pub precision: DMatrix<f64>,
+    /// Half the log of its determinant, and the log of the prior odds.
+    pub log_prior: f64,
+    channels: Vec<(usize, OnceCell<InChannel>)>,
+    products: OnceCell<Products>,
+}
+
+impl Block {
+    /// The block of `candidate`, which shows in these `channels`.
+    pub fn new(candidate: Candidate, channels: Vec<usize>, precision: DMatrix<f64>, log_prior: f64) -> Self {
+        let channels = channels.into_iter().map(|c| (c, OnceCell::new())).collect();
+        Self { candidate, precision, log_prior, channels, products: OnceCell::new() }
+    }
+
+    /// What the block explains beside so many `tolerances`, in rows of `channels`: `factor` is that of K, `target` L⁻¹NᵀWy.
+    pub fn products(
+        &self,
+        channels: &[Channel],
+        tolerances: usize,
+        factor: &Cholesky<f64, Dyn>,
+        target: &DVector<f64>,
+    ) -> &Products {
+        self.products.get_or_init(|| {
+            let size = self.candidate.size();
+            let mut through = DMatrix::zeros(tolerances, size);
+            let (mut normal, mut right) = (self.precision.clone(), DVector::zeros(size));
+            for (c, part) in &self.channels {
+                let part = part.get_or_init(|| channels[*c].of(&self.candidate.columns, *c));
+                for (row, (index, _)) in channels[*c].tolerances.iter().enumerate() {
+                    let mut there = through.row_mut(*index);
+                    there += part.tolerances.row(row);
+                }
+                normal += &part.own;
+                right += &part.target;
+            }
+            let mut whitened = through.clone();
+            factor.l_dirty().solve_lower_triangular_mut(&mut whitened);
+            normal -= whitened.tr_mul(&whitened);
+            right -= whitened.tr_mul(target);
+            Products { through, whitened, normal, right }
+        })
+    }
+
+    /// Forgets what it explains beside the tolerances.
+    pub fn forget(&mut self) {
+        self.products.take();
+    }
+
+    /// Forgets what it has in the channels `moved`.
+    pub fn forget_channels(&mut self, moved: &[usize]) {
+        for (_, part) in self.channels.iter_mut().filter(|(c, _)| moved.contains(c)) {
+            part.take();
+        }
+    }
+}
+
+impl Channel {
+    /// That of the channel number `c`, whose rows have these `weights`.
+    pub fn new(c: usize, tolerances: &[Column], target: &[Vec<f64>], weights: Vec<f64>) -> Self {
+        let weighed = |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&weights).map(|(x, w)| x * w).collect() };
+        let is_silent = weights.iter().all(|w| *w == 0.0);
+        let shown: Vec<(usize, Vec<f64>)> = tolerances
+            .iter()
+            .enumerate()
+            .filter(|_| !is_silent)
+            .filter_map(|(index, column)| Some((index, weighed(column[c].as_ref()?))))
+            .collect();
+        let column = |index: usize| tolerances[index][c].as_deref().unwrap_or(&[]);
+        let gram = DMatrix::from_fn(shown.len(), shown.len(), |i, j| {
+            if i <= j { dot(column(shown[i].0), &shown[j].1) } else { 0.0 }
+        });
+        let gram = &gram + gram.transpose() - DMatrix::from_diagonal(&gram.diagonal());
+        let against = DVector::from_fn(shown.len(), |i, _| dot(&shown[i].1, &target[c]));
+        let target_weighed = weighed(&target[c]);
+        let square = dot(&target_weighed, &target[c]);
+        Self { tolerances: shown, target: target_weighed, gram, against, square, weights }
+    }
+
+    /// What a block of `columns` has here.
+    fn of(&self, columns: &[Column], c: usize) -> InChannel {
+        let part = |k: usize| columns[k][c].as_deref();
+        let size = columns.len();
+        let with = |rows: &[f64], k: usize| part(k).map_or(0.0, |column| dot(column, rows));
+        InChannel {
+            tolerances: DMatrix::from_fn(self.tolerances.len(), size, |i, k| with(&self.tolerances[i].1, k)),
+            own: own(columns, c, &self.weights),
+            target: DVector::from_fn(size, |k, _| with(&self.target, k)),
+        }
+    }
+}
+
+/// ZᵀWZ of `columns` in the channel number `c`.
+pub(super) fn own(columns: &[Column], c: usize, weights: &[f64]) -> DMatrix<f64> {
+    let size = columns.len();
+    let mut own = DMatrix::zeros(size, size);
+    for (i, left) in columns.iter().enumerate() {
+        let Some(left) = &left[c] else { continue };
+        let weighed: Vec<f64> = left.iter().zip(weights).map(|(x, w)| x * w).collect();
+        for (j, right) in columns[..=i].iter().enumerate() {
+            let Some(right) = &right[c] else { continue };
+            let product = dot(&weighed, right);
+            (own[(i, j)], own[(j, i)]) = (product, product);
+        }
+    }
+    own
+}
+
+/// Half the log of the determinant of the matrix of `factor`.
+pub(super) fn half_log_determinant(factor: &Cholesky<f64, Dyn>) -> f64 {
+    factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum()
+}
