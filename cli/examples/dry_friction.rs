@@ -5,7 +5,8 @@
 //! ```
 //!
 //! MODEL is an arm file without friction, of an arm that can swing by half a radian about its middle. Each case is a run of the plant with `computed-torque` that believes MODEL,
-//! and a diagnosis of its recording. A joint that did not follow, and so stood for more than it was told to, is counted apart.
+//! and a diagnosis of its recording. A joint
+//! whose friction the feedback could not overcome, so that it swung by less than half of what it was told to, is counted apart.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -20,7 +21,7 @@ type Fault = Box<dyn std::error::Error>;
 /// Length of a recording and time between rows of a path, s.
 const DURATION: f64 = 16.0;
 const STEP: f64 = 0.01;
-/// Most of the time that a joint may be told to stand, as a share.
+/// Most of the time that a joint is told to stand, as a share.
 const REST: f64 = 0.5;
 
 /// One case.
@@ -92,7 +93,7 @@ fn smooth(x: f64) -> f64 {
 enum Outcome {
     /// The run ended early: the arm was stopped.
     Stopped,
-    /// The joint stood for more than it was told to.
+    /// The joint swung by less than half of what it was told to.
     Stuck,
     /// The diagnosis, and whether it is dry friction of this joint alone, with the truth inside its interval.
     Diagnosed { is_alone: bool, is_inside: bool, statement: String },
@@ -140,7 +141,7 @@ fn outcome(model: &str, names: &[String], case: &Case) -> Result<Outcome, Fault>
         return Ok(Outcome::Stopped);
     }
     let recording = at.join("out/computed-torque.csv");
-    if standing(&recording, case.joint)? > REST {
+    if followed(&recording, case.joint)? < 0.5 {
         return Ok(Outcome::Stuck);
     }
     let recording = recording.to_string_lossy();
@@ -155,13 +156,15 @@ fn outcome(model: &str, names: &[String], case: &Case) -> Result<Outcome, Fault>
     Ok(Outcome::Diagnosed { is_alone, is_inside, statement: found["statement"].to_string() })
 }
 
-/// Share of the time in which the `joint` of `recording` moves by less than a ten-thousandth of a radian in 0.05 s.
-fn standing(recording: &Path, joint: usize) -> Result<f64, Fault> {
-    const APART: usize = 50;
+/// Width of the motion of `joint` in `recording` over that of its reference.
+fn followed(recording: &Path, joint: usize) -> Result<f64, Fault> {
     let recording = freeplay_recording::read(recording, None)?;
-    let q = &recording.q[joint];
-    let still = q.iter().zip(&q[APART..]).filter(|(a, b)| (*a - *b).abs() < 1e-4).count();
-    Ok(still as f64 / (q.len() - APART) as f64)
+    let width = |column: &[f64]| {
+        let (least, most) = column.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+        most - least
+    };
+    let reference = recording.q_ref.as_ref().ok_or("no reference")?;
+    Ok(width(&recording.q[joint]) / width(&reference[joint]))
 }
 
 fn main() -> Result<(), Fault> {
