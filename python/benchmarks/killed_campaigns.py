@@ -4,21 +4,26 @@
     python python/benchmarks/killed_campaigns.py CASES SHARDS FOLDER 0 local hyperqueue dask local hyperqueue dask
 
 FREEPLAY_EXECUTABLE names the executable. The cases are those of `python/examples/pendulum_cases.py`. The share of the tasks that is named, drawn by
-chance, is killed once at a random moment of its first try (SIGKILL to the task's process). A row an engine: tasks killed, wall and processor time, share of
-the workers' time in which tasks ran, and whether the receipt is that of the one process to the byte.
+chance, is killed once at a random moment of its first try (SIGKILL to the task's process). The receipt of the one process is kept in FOLDER and used
+again. A row an engine: tasks killed; wall and processor time of the campaign with all its processes; the part of it that neither a finished task nor the
+merge used, which is the engine and lost tries; the share of the workers' time in which tasks ran; and whether the receipt is that of the one process
+to the byte.
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import random
+import resource
 import signal
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 GENERATOR = ROOT / "examples" / "pendulum_cases.py"
@@ -74,28 +79,52 @@ def spread(out: Path, cases: int, shards: int, engine: str, workers: int) -> tup
     return time.monotonic() - begun, usage.ru_utime + usage.ru_stime
 
 
+def tasks_of(out: Path) -> list[dict[str, Any]]:
+    """What the finished tasks say of themselves."""
+    return [json.loads(path.read_text()) for path in out.glob("tasks/*/task.json")]
+
+
 def busy(out: Path, workers: int) -> float:
     """Share of the workers' time, from the first task's begin to the last one's end, in which tasks were at work."""
-    told = [json.loads(path.read_text()) for path in out.glob("tasks/*/task.json")]
+    told = tasks_of(out)
     begin, end = min(each["begun"] for each in told), max(each["begun"] + each["seconds"] for each in told)
     return sum(each["seconds"] for each in told) / (workers * (end - begin))
 
 
+def merging(out: Path) -> float:
+    """Processor time, s, of one more merge of a campaign, with the start of Python."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    script = "import sys, freeplay; freeplay.Campaign(sys.argv[1]).merge()"
+    subprocess.run([sys.executable, "-c", script, str(out)], env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def undisturbed(out: Path, cases: int) -> bytes:
+    """The receipt of one process, kept from an earlier call or made now."""
+    if not (out / "receipt.json").exists():
+        wall, used = spread(out, cases, 1, "local", 1)
+        whole = (out / "receipt.json").read_bytes()
+        print(f"| one process | 1 | 0 | {wall:.0f} | {used:.1f} | {used - tasks_of(out)[0]['cpu_seconds'] - merging(out):.1f} | | {len(whole):,} bytes |", flush=True)
+    return (out / "receipt.json").read_bytes()
+
+
 def main(cases: str, shards: str, folder: str, share: str, *engines: str) -> None:
     place, count = Path(folder).absolute(), int(shards)
-    print("| engine | tasks | killed | wall [s] | processor [s] | workers busy | receipt |\n" + "| --- " * 7 + "|", flush=True)
-    wall, processor = spread(place / "one", int(cases), 1, "local", 1)
-    whole = (place / "one/receipt.json").read_bytes()
-    print(f"| one process | 1 | 0 | {wall:.0f} | {processor:.1f} | | {len(whole):,} bytes |", flush=True)
+    print("| engine | tasks | killed | wall [s] | processor [s] | engine [s] | workers busy | receipt |\n" + "| --- " * 8 + "|", flush=True)
+    whole = undisturbed(place / "one", int(cases))
+    seconds = tasks_of(place / "one")[0]["seconds"]
     for number, engine in enumerate(engines):
-        dice, out = random.Random(SEED + number), place / f"{engine}-{number}"
-        killer = Killer(out, set(dice.sample(range(count), round(float(share) * count))), 0.5 * wall / count, dice)
+        dice = random.Random(SEED + number)
+        out = next(path for path in (place / f"{engine}-{n}" for n in itertools.count()) if not path.exists())
+        killer = Killer(out, set(dice.sample(range(count), round(float(share) * count))), 0.5 * seconds / count, dice)
         killer.start()
-        seconds, used = spread(out, int(cases), count, engine, WORKERS)
+        wall, used = spread(out, int(cases), count, engine, WORKERS)
         killer.stop.set()
         killer.join()
         same = "the same to the byte" if (out / "receipt.json").read_bytes() == whole else "DIFFERENT"
-        print(f"| {engine} | {count} | {killer.killed} | {seconds:.0f} | {used:.1f} | {busy(out, WORKERS):.1%} | {same} |", flush=True)
+        lost = used - sum(each["cpu_seconds"] for each in tasks_of(out)) - merging(out)
+        print(f"| {engine} | {count} | {killer.killed} | {wall:.0f} | {used:.1f} | {lost:.1f} | {busy(out, WORKERS):.1%} | {same} |", flush=True)
 
 
 if __name__ == "__main__":

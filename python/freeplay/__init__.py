@@ -1,18 +1,18 @@
-"""Freeplay in Python: what a robot model leaves out, and controllers in the loop with arms whose joints have play.
+"""Freeplay in Python: it diagnoses which physics a robot model lacks, and runs controllers against arms whose joints have play.
 
-The package starts the `freeplay` command that it was installed with and hands data over as Parquet, MCAP and JSON. Units are SI
-everywhere: rad, m, s, N*m (m and N for slides); a name that ends in `_mm` or `_us` says another one.
+The package starts the `freeplay` command that it was installed with and exchanges data as Parquet, MCAP and JSON. Units are SI
+everywhere: rad, m, s, N*m (m and N for slides); a name that ends in `_mm` or `_us` has that unit.
 
-In the order in which data passes through it:
+The names, in the order in which data passes through them:
 
 - `Recording` is a recording of a machine, `Arm` a model of it; `compare` measures how far they are apart.
-- `diagnose` finds what the model leaves out; a `Diagnosis` holds it, with pictures and the completed model.
-- `run` plays a scenario under controllers, `Run` holds frames and latencies; `Controller` is what you write, `serve` its process.
-- `examine` injects faults and judges a controller by what comes of them.
+- `diagnose` finds the missing physics; a `Diagnosis` holds the findings, with pictures and the completed model.
+- `run` plays a scenario under controllers, `Run` holds frames and latencies. You derive your controller from `Controller`; `serve` runs it.
+- `examine` injects faults and judges how a controller and its standby take them.
 - `blind` proves the diagnosis on concealed effects; `campaign` spreads many cases over cores and machines.
-- Errors are a `FreeplayError` each, with the words of the command.
+- Every error is a `FreeplayError` with the words of the command.
 
-The names of the controller SDK (`State`, `Command`, `Answer`, `Link`, …) stand here, too. `freeplay.controller` is that SDK alone.
+The package also has the names of the controller SDK (`State`, `Command`, `Answer`, `Link`, …). `freeplay.controller` is that SDK alone.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ if TYPE_CHECKING:
     from .recording import Recording
     from .runs import Run, run
 
-# Where the names live that need pandas: imported when they are used, so that a controller starts without it.
+# The modules of the names that need pandas. They are imported on first use, so that a controller starts without pandas.
 _HOMES = {
     "Arm": "arm",
     "Campaign": "campaigns",

@@ -1,8 +1,9 @@
-"""`python -m freeplay`: the command, and `python -m freeplay campaign`, which is this package's own."""
+"""`python -m freeplay` is the command. Its `campaign` is this package's own."""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 
 from . import _command
@@ -10,18 +11,22 @@ from .errors import FreeplayError
 
 
 def main(arguments: list[str]) -> int:
-    """Does what `arguments` say; the exit code."""
+    """Carries out the command line `arguments`; the exit code."""
     try:
         if arguments[:1] == ["campaign"]:
             from ._campaign_command import main as campaign
 
+            # SIGTERM ends a campaign as Ctrl-C does, also where a shell started it in the background with SIGINT ignored.
+            for ending in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(ending, signal.default_int_handler)
             return int(campaign(arguments[1:]))
         command = _command.executable()
         os.execv(command, [str(command), *arguments])
     except FreeplayError as error:
         print(f"freeplay: {error}", file=sys.stderr)
         return error.code
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as interrupt:
+        print(f"freeplay: {interrupt or 'interrupted'}", file=sys.stderr)
         return 130
 
 

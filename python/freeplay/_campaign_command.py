@@ -15,20 +15,20 @@ def main(words: Sequence[str]) -> int:
     """`freeplay campaign`: the exit code."""
     parser = argparse.ArgumentParser(
         prog="freeplay campaign",
-        description="Spreads a command over cores and machines, and merges what it leaves into one receipt. Called again it goes on where it was.",
+        description="Spreads a command over cores and machines and merges the results into one receipt. The same call again goes on where it stopped.",
         epilog="freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proof\n"
         "freeplay campaign run s.toml --sweep path.period=6,12 --sweep=--seed=1,2,3 --out swept",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument("command", help="blind, or run, faults, swap, cells, reference-runs, … with --sweep; then its own arguments")
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the results, which every worker sees under this path")
-    parser.add_argument("--shards", type=int, metavar="N", help="into how many tasks the cases are cut; blind: four a worker without it, a sweep: one a case")
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder for the results; every worker must see it under this path")
+    parser.add_argument("--shards", type=int, metavar="N", help="number of tasks; without it four for each worker (blind) or one for each case (sweep)")
     parser.add_argument("--sweep", action="append", default=[], metavar="KEY=V,…", help="values of a key of the scenario, or of an option")
-    parser.add_argument("--engine", default="local", choices=list(_campaign_engines.ENGINES), help="what carries out the tasks")
-    parser.add_argument("--workers", type=int, metavar="N", help="tasks at a time; one a core without it")
-    parser.add_argument("--cluster", metavar="ADDRESS", help="a cluster that is there: HyperQueue's server folder, Dask's scheduler, Slurm's partition")
-    parser.add_argument("--attempts", type=int, default=4, metavar="N", help="how often a task is tried; 4 without it")
+    parser.add_argument("--engine", default="local", choices=list(_campaign_engines.ENGINES), help="the engine that carries out the tasks")
+    parser.add_argument("--workers", type=int, metavar="N", help="tasks at a time; without it one for each core")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="a running cluster: HyperQueue's server folder, Dask's scheduler, Slurm's partition")
+    parser.add_argument("--attempts", type=int, default=4, metavar="N", help="tries of a task that is killed or fails; 4 without it")
     parser.add_argument("--keep", action="store_true", help="keep the sealed recordings of blind")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress")
     given, rest = parser.parse_known_args(words)

@@ -1,4 +1,4 @@
-"""How far a campaign is, whatever engine does it."""
+"""Progress of a campaign, the same for every engine."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-# Between two looks at the folder, s.
+# Time between two looks at the folder, s.
 LOOK = 0.5
 
 
 class Watcher:
-    """Tells how many of `count` tasks are done: how many folders are in `tasks` under their final names."""
+    """Reports how many of `count` tasks are done: how many folders `tasks` holds under their final names."""
 
     def __init__(self, tasks: Path, count: int, tell: Any) -> None:
         self.tasks, self.count, self.tell = tasks, count, tell

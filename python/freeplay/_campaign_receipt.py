@@ -1,6 +1,6 @@
-"""The receipt of a campaign: what came of every case, to the byte the same however the cases were spread.
+"""The receipt of a campaign: the result of every case, to the byte the same however the cases were spread.
 
-Cases go from the shards to the receipt through files, in the order of the hashes of what they hold, so that memory does not grow with them.
+Cases go from the shards to the receipt through files, in the order of their hashes, so that memory does not grow with their number.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 SCHEMA = "freeplay.campaign/1"
-#: What differs from run to run of the same case: times, machines, salts, and names that are drawn.
+#: Fields that differ from run to run of the same case: times, machines, salts, and drawn names.
 VOLATILE = frozenset({
     "latency_us", "deadlines", "machine", "salt", "cpu_seconds", "seconds", "isolation", "files", "config_hash", "freeplay", "scenario",
 })  # fmt: skip
-# Characters of a bucket that are held in memory before they go to its file.
+# Characters that a bucket holds in memory before it writes them to its file.
 HELD = 1 << 18
 
 
@@ -29,7 +29,7 @@ def canonical(value: Any) -> str:
 
 
 def steady(value: Any) -> Any:
-    """`value` without what differs from run to run."""
+    """`value` without the fields that differ from run to run."""
     if isinstance(value, dict):
         return {name: steady(held) for name, held in value.items() if name not in VOLATILE}
     return [steady(held) for held in value] if isinstance(value, list) else value
@@ -41,7 +41,7 @@ def own_name(folder: Path, what: str) -> Path:
 
 
 class Sorted:
-    """Texts in an order that does not follow from how they come: that of their hashes. They are held in files of `folder`, 256 buckets."""
+    """Texts in the order of their hashes, however they come. Files of `folder` hold them, one for each of 256 buckets."""
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.held = folder, [list[str]() for _ in range(256)]

@@ -1,4 +1,4 @@
-"""The `freeplay` executable: where it is, and how it is called."""
+"""Finds the `freeplay` executable and calls it."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Union
 
+from ._campaign_task import path_with_python
 from .errors import InternalFault, NotInstalled, error_of
 
 #: A file or folder.
 PathLike = Union[str, "os.PathLike[str]"]
-#: Who is told how far a command is: `True` for lines on standard error, or a function of one line; `None` or `False` for nobody.
+#: Receiver of progress: `True` prints lines on standard error, a function gets each line; `None` or `False`: nobody.
 Progress = Union[Callable[[str], object], bool, None]
 
-# Names the executable to use in place of the installed one.
+# The environment variable that names another executable than the installed one.
 VARIABLE = "FREEPLAY_EXECUTABLE"
 
 
 @dataclass(frozen=True)
 class Completed:
-    """What a command left."""
+    """Exit code and output of a command."""
 
     code: int
     stdout: str
@@ -90,7 +91,7 @@ def call(
     Parameters
     ----------
     arguments : sequence
-        What stands behind `freeplay` on the command line; numbers and paths are written out.
+        The words behind `freeplay` on the command line; numbers and paths are written out.
     accept : sequence of int
         Exit codes that are no error.
     progress : callable, bool or None
@@ -115,7 +116,7 @@ def call(
         encoding="utf-8",
         errors="replace",
         cwd=cwd,
-        env={**os.environ, "NO_COLOR": "1", **(env or {})},
+        env={**os.environ, "PATH": path_with_python(), "NO_COLOR": "1", **(env or {})},
     )
     lines: list[str] = []
     reader = threading.Thread(target=_pass_on, args=(process.stderr, lines, teller(progress)), daemon=True)
@@ -125,7 +126,7 @@ def call(
         stdout = process.stdout.read()
         code = process.wait()
     except BaseException:
-        # An interrupted command closes its recordings; one that hangs is ended.
+        # An interrupted command closes its recordings. A command that hangs is killed.
         process.send_signal(signal.SIGINT)
         try:
             process.wait(10.0)
@@ -141,14 +142,14 @@ def call(
 
 
 def teller(progress: Progress) -> Callable[[str], object] | None:
-    """The function that gets the lines of progress, if anybody does."""
+    """The function that gets the lines of progress; None: nobody does."""
     if progress is True:
         return _in_notebook() or (lambda line: print(line, file=sys.stderr, flush=True))
     return progress or None
 
 
 def _in_notebook() -> Callable[[str], object] | None:
-    """In a notebook: one line under the cell that is written anew, where a terminal gets one below the other."""
+    """In a notebook: a function that rewrites one line under the cell. A terminal gets one line below the other."""
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None
     if shell is None or not hasattr(shell, "kernel"):
@@ -168,13 +169,14 @@ def _pass_on(stream: Any, lines: list[str], tell: Callable[[str], object] | None
 
 
 def _words(completed: Completed) -> str:
-    """What the command says of its failure: from the last line that begins with its name, or with `error:`, on."""
+    """The words of a failed command: its output from the last line on that begins with its name or with `error:`."""
     lines = completed.stderr.splitlines()
     starts = [number for number, line in enumerate(lines) if re.match(r"(freeplay|error): ", line)]
     words = "\n".join(lines[starts[-1] :] if starts else lines[-5:]).strip()
     words = re.sub(r"^(freeplay|error): ", "", words)
-    if completed.code in (5, 70) and starts and (before := "\n".join(lines[max(0, starts[-1] - 20) : starts[-1]]).strip()):
-        # What a controller said before it ended.
+    points_back = completed.code in (5, 70) or "above" in words
+    if points_back and starts and (before := "\n".join(lines[max(0, starts[-1] - 20) : starts[-1]]).strip()):
+        # The last lines of a controller or a plant that ended.
         words += f"\n{before}"
     if completed.code < 0:
         name = signal.Signals(-completed.code).name

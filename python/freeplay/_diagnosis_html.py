@@ -1,4 +1,4 @@
-"""How a diagnosis looks in a notebook."""
+"""The card of a diagnosis in a notebook."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ TITLES = {
     "unknown": "Something without a name",
     "nothing_missing": "Nothing missing",
     "insufficient_data": "Not enough data",
-    "setup": "Recording and model do not mean the same",
+    "setup": "Recording and model differ in convention",
 }
-# How a unit is shown: the factor and its name.
+# The factor and the name by which a unit is shown.
 SHOWN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "N*m": (1.0, "N·m")}
 # Legible on white and on black.
 GIVEN, AFTER = "#cf5c43", "#2a93a5"
 
 
 def card(diagnosis: Diagnosis) -> str:
-    """Verdict, findings and errors, and what to do next."""
+    """Verdict, findings, errors, and the next steps."""
     checks = [f"CHECK {line}" for line in diagnosis.setup["statement"].dropna()]
     parts = [_html.bullets(checks), _html.table(_found(diagnosis)), bars(diagnosis)]
     same = diagnosis.alternatives

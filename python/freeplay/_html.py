@@ -1,4 +1,4 @@
-"""What a notebook shows, in the colours of its theme, light or dark."""
+"""HTML for notebooks, in the colours of their theme, light or dark."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from html import escape
 
 import pandas as pd
 
-# Text and lines take the colour of the page, so that they can be read on any.
+# Text and lines take the colour of the page, so that every theme shows them.
 STYLE = """<style>
 .freeplay{font:13px/1.45 system-ui,sans-serif;color:inherit;max-width:64em}
 .freeplay h4{margin:.2em 0 .3em!important;font-size:15px!important;font-weight:600!important}
@@ -24,7 +24,7 @@ STYLE = """<style>
 
 
 def page(title: str, words: str, parts: Sequence[str]) -> str:
-    """A heading, a sentence, and what belongs to it."""
+    """A heading, a sentence, and the parts below it."""
     sentence = f"<p>{escape(words)}</p>" if words else ""
     return f'{STYLE}<div class="freeplay"><h4>{escape(title)}</h4>{sentence}{"".join(parts)}</div>'
 
@@ -51,7 +51,7 @@ def table(frame: pd.DataFrame, limit: int = 20) -> str:
 
 
 def cell(item: object) -> str:
-    """`item` as a cell shows it: four significant digits or whole numbers, an interval with "to", nothing for what is missing."""
+    """The text of a cell: four significant digits or whole numbers, an interval with "to", a dash for a missing value."""
     if isinstance(item, (tuple, list)):
         return " to ".join(cell(part) for part in item)
     if item is None or item is pd.NA or (isinstance(item, float) and item != item):

@@ -1,4 +1,4 @@
-"""Folders that live as long as what lies in them is used."""
+"""Temporary folders that live as long as the objects that use them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 
 class Scratch:
-    """A folder under the system's temporary one; removed with this object, or at the end of the process. Pickled, it takes its files along."""
+    """A folder under the system's temporary one; removed with this object, or at the end of the process. A pickle includes its files."""
 
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="freeplay-"))
@@ -21,7 +21,7 @@ class Scratch:
         return self.path / name
 
     def __deepcopy__(self, memo: dict[int, object]) -> Scratch:
-        # What lies in it is not changed any more: copies share it.
+        # Its files do not change any more, so copies share it.
         return self
 
     def __getstate__(self) -> dict[str, bytes]:
@@ -43,7 +43,7 @@ class _Inside:
 
 
 class Portable:
-    """What can be copied and pickled with its files: paths in its scratch folder go along with this."""
+    """A base of objects that can be copied and pickled with the files of their scratch folder."""
 
     _scratch: Scratch | None
 

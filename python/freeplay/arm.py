@@ -15,20 +15,20 @@ from ._scratch import Portable, Scratch
 
 
 class Arm(Portable):
-    """A model of an arm: a chain of joints, and the effects that a rigid chain leaves out.
+    """A model of an arm: a chain of joints, and effects beyond the rigid chain such as play or elasticity.
 
-    Make one with `Arm.read`; `Diagnosis.model` is one, too.
+    `Arm.read` and `Diagnosis.model` give one.
 
     Attributes
     ----------
     path : Path or "paper"
         The model file.
     tip : str or None
-        The link at the end of the arm that was asked for.
+        The link at the end of the arm, if `Arm.read` was given one.
     name : str
         The arm's name.
     notes : list of str
-        What of the file was not used, and which chain of the robot was taken.
+        Notes on the file: elements that are not used, and the chain of the robot that was taken.
     """
 
     def __init__(self, path: Path | str, tip: str | None, described: dict[str, Any], scratch: Scratch | None = None):
@@ -57,7 +57,7 @@ class Arm(Portable):
         Raises
         ------
         BadInput
-            The file can't be read; the message has the line, the value and what to do.
+            The file can't be read; the message has the line, the value and the remedy.
         """
         return cls._read("paper" if str(path) == "paper" else Path(path).absolute(), tip)
 

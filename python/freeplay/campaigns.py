@@ -1,4 +1,4 @@
-"""Many cases, spread over cores and machines by somebody else's engine, and merged into one receipt."""
+"""Campaigns: an engine spreads many cases over cores and machines, and their results are merged into one receipt."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from . import _campaign_engines, _campaign_receipt, _command, _toml
 from ._campaign_progress import Watcher
 from ._campaign_receipt import canonical, own_name, steady
-from ._campaign_task import FAILED, LINES, PLAN, PRINTED, RESULT, TASK, TASKS, name_of
+from ._campaign_task import FAILED, LINES, PLAN, PRINTED, RESULT, STOP, TASK, TASKS, name_of
 from ._command import PathLike, Progress, call, options, teller
 from .errors import BadInput, BadUsage, FreeplayError, InternalFault
 
@@ -40,41 +40,41 @@ def campaign(
     attempts: int = 4,
     keep: bool = False,
     progress: Progress = None,
-    **chosen: object,
+    **command_options: object,
 ) -> Campaign:
-    """Spreads a command over cores and machines, and merges what it leaves into one receipt.
+    """Spreads a command over cores and machines, and merges the results into one receipt.
 
-    A campaign that was broken off, whose machine died or whose disk was full, goes on where it was when it is called again with the same
-    arguments and the same `out`: engine, workers and attempts may be others.
+    A campaign that was interrupted, or whose machine died or whose disk was full, goes on where it stopped when it is called again with the
+    same arguments and the same `out`. Engine, workers and attempts may differ.
 
     Parameters
     ----------
     command : str
         "blind", which is cut into shards, or "run", "faults", "swap", "cells", "reference-runs", … with a `sweep`.
     *arguments
-        What stands behind the command: a scenario, a controller.
+        Positional arguments of the command: a scenario, a controller.
     out : path
-        Folder for the results, which every worker sees under this path. Results appear in `tasks` as they come.
+        Folder for the results; every worker must see it under this path. Results appear in `tasks` as they come.
     shards : int, optional
-        Into how many tasks the cases are cut. Without it "blind" is cut into four a worker, and a sweep has a task for each combination. The
-        receipt does not depend on it. Tasks of several combinations leave what each printed, and no folder for each.
+        Number of tasks. Without it "blind" has four tasks for each worker, and a sweep one for each combination. The receipt does not depend
+        on it. A task of several combinations keeps the printed results, and no folder for each.
     sweep : dict, optional
         Keys of the scenario, and options with their dashes, with the values of each; a task for every combination:
         `{"path.period": [6, 12], "--seed": range(10)}`.
     engine : {"local", "hyperqueue", "dask", "slurm"}
-        What carries out the tasks.
+        The engine that carries out the tasks.
     workers : int, optional
-        Tasks at a time; one a core of this machine without it.
+        Tasks at a time; without it one for each core of this machine.
     cluster : str, optional
-        A cluster that is there: the server's folder (HyperQueue), the scheduler's address (Dask), the partition (Slurm). Without it one is
-        started on this machine.
+        A running cluster: the server's folder (HyperQueue), the scheduler's address (Dask), the partition (Slurm). Without it the engine
+        starts one on this machine.
     attempts : int
-        How often a task is tried that is killed or fails.
+        Tries of a task that is killed or fails.
     keep : bool
-        Whether the sealed recordings of "blind" are kept.
+        Whether to keep the sealed recordings of "blind".
     progress : callable or bool, optional
         Gets a line as tasks are done; True prints them on standard error.
-    **chosen
+    **command_options
         Options of the command: `cases=2000, seed=7`.
 
     Returns
@@ -84,9 +84,13 @@ def campaign(
     Raises
     ------
     BadUsage
-        An argument or an option is not understood, or `out` holds another campaign.
+        An argument or an option is unknown, or `out` holds another campaign.
+    PeerMissing
+        The cluster does not answer, or is gone.
+    KeyboardInterrupt
+        Ctrl-C: the tasks end on all machines, finished ones stay.
     FreeplayError
-        Tasks failed in all their attempts, with the words of the first; what is done stays.
+        Tasks failed in all their attempts. The message has the words of the first; finished tasks stay.
 
     Examples
     --------
@@ -94,11 +98,11 @@ def campaign(
     >>> swept = campaign("run", "s.toml", sweep={"clearance.joint_5": [2e-4, 4e-4]}, out="swept")  # doctest: +SKIP
     """
     if engine not in _campaign_engines.ENGINES:
-        raise BadUsage(f"no engine is called {engine!r}: there are {', '.join(_campaign_engines.ENGINES)}")
+        raise BadUsage(f"unknown engine {engine!r}: there are {', '.join(_campaign_engines.ENGINES)}")
     workers = workers or os.cpu_count() or 1
     folder = Path(out).absolute()
     known = _plan_in(folder)
-    words = [command, *(str(each) for each in arguments), *options(**chosen)]
+    words = [command, *(str(each) for each in arguments), *options(**command_options)]
     if command == "blind" and _value(words, "--seed") is None:
         # All shards draw from one seed: that of the plan, so that a campaign that goes on goes on with it.
         words += ["--seed", str((known or {}).get("seed") or secrets.randbits(63))]
@@ -113,16 +117,16 @@ def campaign(
     return found
 
 
-#: What a task does, one after the other: `at`, what is swept, and the `arguments` of the command.
+#: The commands of a task in their order: `at` has the swept values, `arguments` the command line.
 Points = list[dict[str, Any]]
 
 
 def _plan(words: list[str], sweep: Mapping[str, Iterable[object]], shards: int | None, many: int, keep: bool) -> tuple[dict[str, Any], list[Points]]:
-    """What is to be done, and the points of each task; `many`: shards of "blind" where `shards` names no number."""
+    """The plan, and the points of each task; `many`: shards of "blind" where `shards` names no number."""
     command, is_proof = words[0], words[0] == "blind" and not sweep
     cut: list[tuple[dict[str, object], list[str]]]
     if is_proof:
-        # Shards are spread, not what is in one; and a shard without a case would be refused.
+        # Shards are spread, so each uses one core. The command refuses a shard without a case.
         words = words if _value(words, "--jobs") else [*words, "--jobs", "1"]
         count = shards or many
         cases = 40 if not {"--full", "--matrix"} & set(words) else count
@@ -156,7 +160,7 @@ def _value(words: Sequence[str], flag: str) -> str | None:
 
 
 def _combinations(sweep: Mapping[str, Iterable[object]]) -> Iterator[tuple[dict[str, object], list[str]]]:
-    """Every combination of the values of `sweep`, with the words that ask for it."""
+    """Every combination of the values of `sweep`, with its words on the command line."""
     names = list(sweep)
     for values in itertools.product(*(list(sweep[name]) for name in names)):
         words: list[str] = []
@@ -178,7 +182,7 @@ def _plan_in(folder: Path) -> dict[str, Any] | None:
 
 
 def _lay_out(folder: Path, plan: dict[str, Any], tasks: list[Points], known: dict[str, Any] | None) -> None:
-    """Writes the plan into `folder`, or makes sure that the one there is the same."""
+    """Writes the plan into `folder`, or checks that the folder's own plan is the same."""
     lines = "".join(json.dumps(points, default=str, ensure_ascii=False) + "\n" for points in tasks)
     if known is not None:
         there = (folder / LINES).read_text(encoding="utf-8") if (folder / LINES).exists() else None
@@ -197,20 +201,29 @@ def _lay_out(folder: Path, plan: dict[str, Any], tasks: list[Points], known: dic
 def _carry_out(folder: Path, plan: dict[str, Any], engine: str, work: _campaign_engines.Work, progress: Progress) -> None:
     """Has the engine do what is not done; tasks that were killed or failed are handed over again."""
     count = plan["tasks"]
-    with Watcher(folder / TASKS, count, teller(progress)):
-        for attempt in range(work.attempts):
-            missing = [task for task in range(count) if not (folder / TASKS / name_of(task)).is_dir()]
-            if not missing:
-                break
-            if attempt and _is_hopeless(folder, missing, count):
-                break
-            asked = _campaign_engines.Work(work.folder, missing, min(work.workers, len(missing)), work.attempts, work.cluster)
-            _campaign_engines.start(engine, asked)
+    # A campaign that was interrupted left this mark.
+    (folder / STOP).unlink(missing_ok=True)
+    try:
+        with Watcher(folder / TASKS, count, teller(progress)):
+            for attempt in range(work.attempts):
+                missing = _missing(folder, count)
+                if not missing or (attempt and _is_hopeless(folder, missing, count)):
+                    break
+                asked = _campaign_engines.Work(work.folder, missing, min(work.workers, len(missing)), work.attempts, work.cluster)
+                _campaign_engines.start(engine, asked)
+    except KeyboardInterrupt:
+        done = count - len(_missing(folder, count))
+        raise KeyboardInterrupt(f"campaign interrupted: {done} of {count} tasks are done, in {folder / TASKS}. Call it again to go on.") from None
     _sweep_out(folder)
-    missing = [task for task in range(count) if not (folder / TASKS / name_of(task)).is_dir()]
+    missing = _missing(folder, count)
     if missing:
         raise _failure(folder, missing, count)
     shutil.rmtree(folder / FAILED, ignore_errors=True)
+
+
+def _missing(folder: Path, count: int) -> list[int]:
+    """The tasks that are not done."""
+    return [task for task in range(count) if not (folder / TASKS / name_of(task)).is_dir()]
 
 
 def _is_hopeless(folder: Path, missing: list[int], count: int) -> bool:
@@ -220,7 +233,7 @@ def _is_hopeless(folder: Path, missing: list[int], count: int) -> bool:
 
 
 def _sweep_out(folder: Path) -> None:
-    """Removes what killed tasks left half done, the last of which may still be ending."""
+    """Removes the half-done folders of killed tasks, the last of which may still be ending."""
     patience = time.monotonic() + 10.0
     while parts := list((folder / TASKS).glob(".*")):
         for part in parts:
@@ -249,9 +262,9 @@ class Campaign:
     Attributes
     ----------
     folder : Path
-        Where they lie; `Campaign(folder)` opens those of an earlier one, finished or not.
+        The folder of the results; `Campaign(folder)` opens an earlier campaign, finished or not.
     command : str
-        What was spread.
+        The command that was spread.
     """
 
     def __init__(self, folder: PathLike) -> None:
@@ -264,27 +277,27 @@ class Campaign:
 
     @property
     def done(self) -> list[int]:
-        """Numbers of the tasks whose results are there."""
+        """Numbers of the finished tasks."""
         return [task for task in range(self._plan["tasks"]) if self.folder_of(task).is_dir()]
 
     def folder_of(self, task: int) -> Path:
-        """The folder of a task: `result`, what the command left; `printed.json`, what it printed; `log.txt`; `task.json`."""
+        """The folder of a task: `result` with the command's files, `printed.json` with its output, `log.txt`, `task.json`."""
         return self.folder / TASKS / name_of(task)
 
     @property
     def receipt(self) -> Path:
-        """`receipt.json`: what came of every case, without times and machines, so that it is the same however the cases were spread."""
+        """`receipt.json`: the result of every case without times and machines, so that it is the same however the cases were spread."""
         return self.folder / "receipt.json"
 
     @property
     def results(self) -> pd.DataFrame:
-        """What came of the cases that are done.
+        """The results of the finished cases.
 
         Returns
         -------
         DataFrame
-            For "blind" the cases as `Proof.cases` has them; else a row for each entry that a task printed, with the swept values and the
-            entry's numbers and words; seconds that the task took.
+            For "blind" the cases as in `Proof.cases`; else a row for each entry that a task printed: the swept values, the entry's numbers
+            and words, and the task's duration in seconds.
         """
         import pandas as pd
 
@@ -306,7 +319,7 @@ class Campaign:
         return Proof(self.folder / "merged")
 
     def merge(self) -> Path:
-        """Merges the tasks that are done into one receipt, in time linear in the cases and in memory that does not hold them. Two merges at once
+        """Merges the finished tasks into one receipt, in time linear in the cases and in memory that does not hold them. Two merges at once
         leave the same.
 
         Returns
@@ -334,7 +347,7 @@ class Campaign:
         return self.receipt
 
     def _merged_proof(self) -> dict[str, Any]:
-        """Merges the receipts of the shards into one proof; of its score what does not differ from run to run."""
+        """Merges the receipts of the shards into one proof; the parts of its score that do not differ from run to run."""
         part, merged, old = (own_name(self.folder, what) for what in ("merged", "merged", "replaced"))
         merged = self.folder / "merged"
         told = call(["blind", "--merge", *(self.folder_of(task) / RESULT for task in self.done), *options(out=part, format="json")])
@@ -350,7 +363,7 @@ class Campaign:
         return {"outcomes": score["outcomes"], "goals": [goal for goal in score["goals"] if goal.get("unit") != "s"]}
 
     def _printed(self) -> Iterator[tuple[int, dict[str, Any], Any, float]]:
-        """Of each case that is done: the number of its task, what was swept, what the command printed, and how long it took, s."""
+        """Of each finished case: the number of its task, the swept values, the printed document, and the duration, s."""
         with open(self.folder / LINES, encoding="utf-8") as lines:
             for task, line in enumerate(lines):
                 folder = self.folder_of(task)
@@ -373,7 +386,7 @@ def _documents(text: str) -> Iterator[Any]:
 
 
 def _entries(printed: Any) -> list[dict[str, Any]]:
-    """The rows of what a command printed: its list of runs, verdicts, swaps or cells, or all of it."""
+    """The rows of a printed document: its list of runs, verdicts, swaps or cells, or the document."""
     if isinstance(printed, list):
         return [each for each in printed if isinstance(each, dict)]
     for name in ("runs", "faults", "verdicts", "swaps", "cells", "rows"):

@@ -1,4 +1,4 @@
-"""How far a model is from a recording."""
+"""Comparison of a model with a recording."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def compare(
     trim: float | None = None,
     progress: Progress = None,
 ) -> Comparison:
-    """Compares a recording with what a model makes of the recorded motion, channel by channel.
+    """Compares measured channels with those that the model predicts for the recorded motion.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def compare(
 
 
 class Comparison(Portable):
-    """How far a model is from a recording.
+    """The error of a model on a recording, channel by channel.
 
     Attributes
     ----------
@@ -68,14 +68,14 @@ class Comparison(Portable):
     text : str
         The same, as the command printed it.
     notes : list of str
-        What was left out or is worth knowing.
+        Notes on the comparison, such as channels that were left out.
     """
 
     def __init__(self, text: str, scratch: Scratch, recording: object = None) -> None:
         self.text = text
         self.json: dict[str, Any] = json.loads(text)
         self.notes: list[str] = self.json.get("notes", [])
-        # The recording may live in a folder of its own, which the report names.
+        # Keeps the folder of the recording, which the report names.
         self._scratch, self._recording, self._folder = scratch, recording, scratch / "compared"
 
     @property
@@ -92,7 +92,7 @@ class Comparison(Portable):
 
     @property
     def setup(self) -> pd.DataFrame:
-        """What recording and model mean differently: kind, joint, value, unit, certainty, statement, remedy."""
+        """Differences in convention between recording and model: kind, joint, value, unit, certainty, statement, remedy."""
         return setup_frame(self.json.get("setup", []))
 
     @property

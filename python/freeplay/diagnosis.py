@@ -1,4 +1,4 @@
-"""What a model leaves out."""
+"""Diagnosis of recordings: the physics that a model lacks."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ def diagnose(
     force: bool = False,
     progress: Progress = None,
 ) -> Diagnosis:
-    """Finds what a model leaves out of a machine, from recordings of it.
+    """Finds the physics that a model of a machine lacks, from recordings of the machine.
 
     Parameters
     ----------
     arm : Arm or path
-        The model as it is.
+        The model to complete.
     recordings : Recording, path or DataFrame, or a list of them
         Recordings of one machine with the same columns. The last 30 % of each are the test part.
     mapping : path, optional
@@ -84,7 +84,7 @@ def diagnose(
     Raises
     ------
     BadInput
-        A file can't be read, the joints do not fit, or there is nothing to compare.
+        A file can't be read, the joints do not match, or no channel can be compared.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def diagnose(
 
 
 class Diagnosis(Portable):
-    """What a model leaves out, how sure that is, and how much better the model gets with it.
+    """The physics that a model lacks, with intervals, and the error of the model without and with it.
 
     Attributes
     ----------
@@ -124,9 +124,9 @@ class Diagnosis(Portable):
     statement : str
         The finding in one sentence.
     notes : list of str
-        The quality of the recordings, and what was left out.
+        Notes on the quality of the recordings, and on data that was left out.
     recordings : list of Recording
-        What was diagnosed.
+        The diagnosed recordings.
     """
 
     def __init__(
@@ -149,24 +149,24 @@ class Diagnosis(Portable):
 
     @property
     def setup(self) -> pd.DataFrame:
-        """What recordings and model mean differently (units, signs, order, zeros, gravity, clocks).
+        """Differences in convention between recordings and model: units, signs, order, zeros, gravity, clocks.
 
         Returns
         -------
         DataFrame
-            kind, joint, value, unit, certainty ("sure" or "likely"), statement, remedy. Empty where both mean the same.
+            kind, joint, value, unit, certainty ("sure" or "likely"), statement, remedy. Empty where both agree.
         """
         return setup_frame(self.json.get("setup", []))
 
     @property
     def found(self) -> pd.DataFrame:
-        """What is missing from the model.
+        """The effects that the model lacks.
 
         Returns
         -------
         DataFrame, one row a parameter, indexed by the number of the finding (the `i` of `plot_found`)
             what, the kind of effect; joint (None for the whole arm); parameter; value and interval (95 %, a pair) in unit (SI); share of the
-            error on held-out data that the finding takes away, 0 to 1, NaN where that is not known.
+            error on held-out data that the finding removes, 0 to 1; NaN: unknown.
         """
         rows = []
         for number, effect in enumerate(self.json.get("effects", [])):
@@ -189,12 +189,12 @@ class Diagnosis(Portable):
 
     @property
     def alternatives(self) -> pd.DataFrame:
-        """What else was tried in the place of a finding.
+        """Other effects that were tried in place of a finding.
 
         Returns
         -------
         DataFrame
-            what, joint, instead_of, why_not, indistinguishable (whether this recording can't tell them apart), what_would_separate.
+            what, joint, instead_of, why_not, indistinguishable (True: this recording can't tell them apart), what_would_separate.
         """
         rows = [
             {
@@ -212,13 +212,13 @@ class Diagnosis(Portable):
 
     @property
     def errors(self) -> pd.DataFrame:
-        """The error of each channel on data that no step of the search has seen.
+        """The error of each channel on held-out data, which no step of the search has seen.
 
         Returns
         -------
         DataFrame, indexed by channel ("tau1", "x", …)
             unit; RMS errors in that unit: noise (the floor), as_given (the model as it was), retuned (its parameters inside their
-            tolerances), with_findings, unnamed (a correction without a name). NaN where a document has none of it.
+            tolerances), with_findings, unnamed (a correction without a physical name). NaN: not in the document.
         """
         fit = self.json.get("fit", {})
         parts = {column: fit.get(key) or {} for column, key in ERRORS.items()}
@@ -239,7 +239,7 @@ class Diagnosis(Portable):
         -------
         DataFrame
             recording (its number), t (s), and for each channel NAME_measured, NAME_before and NAME_after in the channel's unit: the measured
-            value and the two errors. It is worked out at the first call, by two comparisons a recording.
+            value and the two errors. The first call computes them by two comparisons a recording.
         """
         if self._residuals is None:
             frames = [self._residuals_of(number) for number in range(len(self.recordings))]
@@ -248,12 +248,12 @@ class Diagnosis(Portable):
 
     @property
     def untestable(self) -> pd.DataFrame:
-        """What these motions can't show: kind, joint, because."""
+        """Effects that these motions do not excite: kind, joint, because."""
         return pd.DataFrame(self.json.get("untestable", []), columns=["kind", "joint", "because"])
 
     @property
     def model(self) -> Arm:
-        """The model with what was missing, its parameters tuned inside their tolerances; of use at once in `compare`, `diagnose` and `run`."""
+        """The model with the found effects and with parameters tuned inside their tolerances. `compare`, `diagnose` and `run` take it."""
         path = self._folder / (self.json.get("model") or "model.toml")
         if not path.is_file():
             return self._arm if isinstance(self._arm, Arm) else Arm.read(self._arm)
@@ -261,7 +261,7 @@ class Diagnosis(Portable):
 
     @property
     def mapping(self) -> Path | None:
-        """The mapping file that reads the recordings as the diagnosis understood them, if they had to be read otherwise than they say."""
+        """The mapping file with the conventions that the diagnosis found; None where the recordings needed no change."""
         path = self._folder / "setup.toml"
         return path if path.is_file() else None
 
@@ -271,17 +271,20 @@ class Diagnosis(Portable):
         Parameters
         ----------
         path : path, optional
-            Where to put a copy. Without it the file lives as long as this object, or in the folder that was given as `out`.
+            Place of a copy. Without it the file lives as long as this object, or in the folder that was given as `out`.
         """
         report = self._folder / (self.json.get("report") or "report.html")
         return report if path is None else Path(shutil.copyfile(report, path))
 
     def save(self, folder: PathLike) -> Path:
-        """Copies `diagnosis.json`, `report.html`, `model.toml` and what else there is into the new folder `folder`."""
+        """Copies `diagnosis.json`, `report.html`, `model.toml` and all other results into the new folder `folder`."""
         return Path(shutil.copytree(self._folder, folder))
 
     def plot_found(self, i: int = 0, *, theme: str = "auto") -> list[Axes]:
-        """Draws what finding number `i` explains: the error over time, without and with it, and the error over the variable that shows it best.
+        """Draws finding number `i`.
+
+        Left: the error over time, as given and with the findings. Right: the error of the model that was only tuned inside its tolerances, over
+        the variable that shows it best.
 
         Parameters
         ----------
@@ -304,7 +307,7 @@ class Diagnosis(Portable):
         return plots.found(self, i, theme)
 
     def plot_errors(self, *, theme: str = "auto") -> list[Axes]:
-        """Draws the error of each channel: as given, with the findings, and the noise that remains.
+        """Draws the error of each channel as given and with the findings, beside the noise.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What can go wrong, with the words of the command."""
+"""The errors of the package, with the words of the command."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 
 class FreeplayError(Exception):
-    """A command that could not do what was asked.
+    """The command failed.
 
-    `str(error)` is what the command says: the file, the line, the value and what to do.
+    `str(error)` has the words of the command: the file, the line, the value and the remedy.
 
     Attributes
     ----------
@@ -28,43 +28,43 @@ class FreeplayError(Exception):
 
 
 class BadUsage(FreeplayError, ValueError):
-    """An argument, or a key of a scenario, that is not understood (exit code 2)."""
+    """An argument or a key of a scenario is unknown or has a wrong form (exit code 2)."""
 
     exit_code = 2
 
 
 class BadInput(FreeplayError, ValueError):
-    """A file, a scenario or a recording that can't be used (exit code 3). Nothing was written."""
+    """A file, a scenario or a recording is unusable (exit code 3). Nothing was written."""
 
     exit_code = 3
 
 
 class MachineNotFit(FreeplayError):
-    """The machine is not fit for what was required of it (exit code 4)."""
+    """The machine does not meet a requirement, such as a real-time kernel (exit code 4)."""
 
     exit_code = 4
 
 
 class PeerMissing(FreeplayError):
-    """The other process is missing: a controller that does not come, a plant that is gone (exit code 5)."""
+    """Another process is missing: a controller does not come, the plant or a cluster is gone (exit code 5)."""
 
     exit_code = 5
 
 
 class InternalFault(FreeplayError):
-    """A fault of the program or of the machine (exit code 70), or a signal that ended it."""
+    """The program or the machine has a fault (exit code 70), or a signal ended the command."""
 
     exit_code = 70
 
 
 class Interrupted(FreeplayError):
-    """The command was interrupted (exit code 130). Recordings are closed properly."""
+    """The command was interrupted (exit code 130). It closed its recordings."""
 
     exit_code = 130
 
 
 class NotInstalled(FreeplayError, ImportError):
-    """The `freeplay` executable, or a package that an option needs, is not there."""
+    """The `freeplay` executable, or a package that an option needs, is not installed."""
 
     exit_code = 5
 

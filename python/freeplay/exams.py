@@ -29,18 +29,18 @@ def examine(
     force: bool = False,
     progress: Progress = None,
 ) -> Exam:
-    """Examines a controller: faults are injected on purpose, and what the plant, its gate and a standby make of each is measured.
+    """Examines a controller: injects faults, and measures how the plant, its gate and a standby take each.
 
     Parameters
     ----------
     controller : str, path, or Controller class or object
-        Who is examined.
+        The controller to examine.
     kinds : sequence of str, optional
-        What goes wrong, such as "nan", "hang", "crash"; without it everything, one after the other.
+        Kinds of fault, such as "nan", "hang", "crash"; without it all, one after the other.
     seeds : int
         Faults of each kind.
     standby : str, path, or Controller class or object
-        Who stands by.
+        The controller that stands by.
     scenario : path, optional
         The scenario; without it: the arm of Erkaya (2018).
     set : dict, optional
@@ -50,7 +50,7 @@ def examine(
     seed : int, optional
         Seed of the ticks and of all noise.
     out : path, optional
-        Folder for what is left. Without it that lives as long as the result.
+        Folder for the results. Without it they live as long as the result.
     force : bool
         Whether results of an earlier exam in `out` are replaced.
     progress : callable or bool, optional
@@ -64,7 +64,7 @@ def examine(
     Raises
     ------
     PeerMissing
-        The controller does not come, or fails where nothing was injected.
+        The controller does not start, or fails without an injected fault.
     """
     scratch = Scratch()
     folder = scratch.path / "exam" if out is None else Path(out)
@@ -90,7 +90,7 @@ class Exam:
     passed : bool
         Whether every verdict holds.
     json : dict
-        What the command printed.
+        The document that the command printed.
     """
 
     def __init__(self, text: str, folder: Path, passed: bool, scratch: Scratch | None = None) -> None:
@@ -104,7 +104,7 @@ class Exam:
         Returns
         -------
         DataFrame, indexed by kind
-            holds; count and detected (faults); slowest, ticks until the slowest was noticed; bad_applied, bad commands that reached the arm;
+            holds; count and detected (faults); slowest, ticks until the slowest was detected; bad_applied, bad commands that reached the arm;
             deviation_ratio, the tool's deviation as a multiple of that of a sound run, and deviation_peak_mm (mm).
         """
         names = ["kind", "holds", "count", "detected", "slowest", "bad_applied", "deviation_ratio", "deviation_peak_mm"]

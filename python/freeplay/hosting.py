@@ -1,4 +1,4 @@
-"""Controllers as Python classes, in processes of their own: what `run` hands to the command for each of them."""
+"""Hosts Python controllers in processes of their own: `run` hands the command a program for each."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ ControllerLike = Union[str, "os.PathLike[str]", Controller, type[Controller]]
 
 
 def argument(given: ControllerLike, scratch: Scratch, taken: set[str]) -> str:
-    """What stands behind `--controller` for `given`: a name, or the path of a program in `scratch` that serves it.
+    """The value of `--controller` for `given`: a name, or the path of a program in `scratch` that serves it.
 
     Raises
     ------
     BadUsage
-        It is no controller, or it can't be handed to another process.
+        `given` is no controller, or can't be pickled.
     """
     if isinstance(given, (str, os.PathLike)):
         word = str(given)
@@ -43,7 +43,7 @@ def _program(given: Controller | type[Controller], scratch: Scratch, taken: set[
     name = next(each for each in (base, *(f"{base}-{number}" for number in range(2, 1000))) if each not in taken)
     taken.add(name)
     try:
-        # A class of the notebook or of the script goes along whole; one of a module is imported there.
+        # Cloudpickle sends a class of the notebook or of the script whole; the other process imports one of a module.
         payload = cloudpickle.dumps(given)
     except Exception as error:
         raise BadUsage(f"controller {given.name!r} can't be handed to another process: {error}") from error

@@ -1,4 +1,4 @@
-"""The pictures of a diagnosis, by matplotlib, in light and in dark."""
+"""Charts of a diagnosis by matplotlib, light and dark."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def themed(theme: str) -> Iterator[dict[str, str]]:
         "axes.axisbelow": True, "font.size": 9.5, "axes.titlesize": 10.5, "axes.titlelocation": "left", "legend.frameon": False,
         "legend.labelcolor": ink, "figure.dpi": 110,
     }  # fmt: skip
-    # Of these alone: `rc_context` would put back what pyplot sets when it is first used in a notebook.
+    # Restores these alone: `rc_context` would undo the settings that pyplot makes when a notebook first uses it.
     before = {name: mpl.rcParams[cast("Any", name)] for name in parameters}
     mpl.rcParams.update(cast("Any", parameters))
     try:
@@ -136,7 +136,7 @@ def _channel(diagnosis: Diagnosis, effect: dict[str, Any]) -> str:
 
 
 def _map(diagnosis: Diagnosis, channel: str) -> dict[str, Any] | None:
-    """The variable over which the error of `channel` shows best: the one of the maps that explains most."""
+    """The map of `channel` that explains most: the error of the model, tuned inside its tolerances, over one variable."""
     maps = [each for each in diagnosis.json.get("maps", []) if each.get("channel") == channel and each.get("at")]
     return max(maps, key=lambda each: float(each.get("explained", 0.0)), default=None)
 
@@ -160,7 +160,7 @@ def _over_variable(ax: Axes, best: dict[str, Any], palette: dict[str, str]) -> N
     mean = np.array([np.nan if value is None else value for value in best["mean"]], dtype=float)
     ax.plot(best["at"], factor * mean, ".-", color=palette["given"], linewidth=1.1, markersize=4)
     ax.set_xlabel(f"{best['variable']} [{best.get('variable_unit', '')}]")
-    ax.set_ylabel(f"mean error as given [{name}]")
+    ax.set_ylabel(f"mean error, tuned model [{name}]")
     share = best.get("explained")
     if share is not None:
-        ax.set_title(f"explains {float(share):.0%} of the error")
+        ax.set_title(f"explains {float(share):.0%} of its variance")

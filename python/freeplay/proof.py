@@ -24,20 +24,20 @@ def blind(
     force: bool = False,
     progress: Progress = None,
 ) -> Proof:
-    """Makes recordings with concealed effects, seals their truth, diagnoses each once, opens and scores.
+    """Proves the diagnosis: makes recordings with concealed effects, seals the truth, diagnoses each once, opens and scores.
 
     Parameters
     ----------
     cases : int
         Number of cases.
     seed : int, optional
-        Seed of the set. Without it the operating system is asked for one, after the program is frozen.
+        Seed of the set. Without it the operating system draws one, after the program is frozen.
     full : bool
         The full set of 1,688 cases instead.
     jobs : int, optional
         Processes at work at a time; one a core without it.
     patience : int, optional
-        How long a diagnosis may take, s.
+        Longest time of a diagnosis, s.
     out : path, optional
         Folder for sealed recordings, receipt and report. Without it they live as long as the result.
     force : bool
@@ -68,7 +68,7 @@ class Proof(Portable):
     receipt : Path
         `receipt.json`, which binds recordings, answers and truths.
     score : dict
-        What the answers are worth.
+        The score of the answers.
     """
 
     def __init__(self, folder: PathLike, scratch: Scratch | None = None) -> None:
@@ -80,7 +80,7 @@ class Proof(Portable):
 
     @property
     def goals(self) -> pd.DataFrame:
-        """What was asked for and what was reached.
+        """The goals and the values that were reached.
 
         Returns
         -------
@@ -120,7 +120,7 @@ class Proof(Portable):
         Raises
         ------
         FreeplayError
-            A hash does not hold; the message says which.
+            A hash does not match; the message names it.
         """
         call(["blind", "--verify", self.receipt])
 

@@ -24,14 +24,14 @@ TIMES = ["t", "time", "timestamp"]
 
 
 class Recording(Portable):
-    """A recording of a machine: time, joint positions, and what else was measured.
+    """A recording of a machine: time, joint positions, and other measured channels.
 
-    Make one with `Recording.read` or `Recording.from_frame`.
+    `Recording.read` and `Recording.from_frame` make one.
 
     Attributes
     ----------
     path : Path
-        The file or folder that commands read.
+        The recording's file or folder.
     joints : list of str
         Names of the joints from base to tool, length n; "q1", "q2", … where the file names none.
     samples : int
@@ -43,9 +43,9 @@ class Recording(Portable):
     tool_tracked : bool
         Whether the tool was tracked.
     notes : list of str
-        What was mended or left out when the file was read.
+        Notes on the file: values that were mended or left out.
     metadata : dict of str to str
-        What the file says of itself.
+        The file's metadata.
     """
 
     def __init__(self, path: Path, scratch: Scratch | None = None) -> None:
@@ -72,7 +72,7 @@ class Recording(Portable):
         topic: str | None = None,
         pose_topic: str | None = None,
     ) -> Recording:
-        """Reads a recording as it is.
+        """Reads a recording.
 
         Parameters
         ----------
@@ -80,7 +80,7 @@ class Recording(Portable):
             CSV, MCAP, Parquet, `.npz`, `.mat`, a robot's log, a ROS 1 or ROS 2 bag (file or folder), or a LeRobot data set (its folder,
             or one episode's file).
         mapping : path, optional
-            A mapping file, which says what the columns mean.
+            A mapping file, which assigns the columns.
         joints : sequence of str, optional
             The joints from base to tool, each by its name or a part of it that no other has. Without it: all, as the file has them.
         topic : str, optional
@@ -95,7 +95,7 @@ class Recording(Portable):
         Raises
         ------
         BadInput
-            There is no time, there are no positions, or the file can't be read.
+            The file has no time or no positions, or can't be read.
         """
         path = Path(path).absolute()
         wanted = joints if isinstance(joints, str) else ",".join(joints) if joints else None
@@ -117,13 +117,13 @@ class Recording(Portable):
         columns: Mapping[str, str | Sequence[str]] | None = None,
         scale: Mapping[str, float | Sequence[float]] | None = None,
     ) -> Recording:
-        """Makes a recording of the rows of a frame.
+        """Makes a recording from a frame.
 
         Parameters
         ----------
         frame : DataFrame, N rows
-            Times: a column `t`, `time` or `timestamp`, or an index of times, in s or as pandas has them. Positions `q1`…`qn`; where you have
-            them `qd1`…, `tau1`…, `q_ref1`…, `q_link1`…, the tool's `x`, `y`, `z` and `qx`, `qy`, `qz`, `qw`. With `joints`, `q_elbow` is as good
+            Times: a column `t`, `time` or `timestamp`, or an index of times, in s or as pandas dates. Positions `q1`…`qn`; optional
+            `qd1`…, `tau1`…, `q_ref1`…, `q_link1`…, the tool's `x`, `y`, `z` and `qx`, `qy`, `qz`, `qw`. With `joints`, `q_elbow` is as good
             as `q3`, `elbow` alone is its position, and columns of two levels may be ("q", "elbow"). NaN: not measured.
         joints : sequence of str, length n, optional
             Names of the joints from base to tool, as in the arm's model: one for each position.
@@ -142,7 +142,7 @@ class Recording(Portable):
         Raises
         ------
         BadInput
-            There is no time, there are no positions or not those of all joints, a unit is unknown, times do not increase.
+            The frame has no time or lacks the position of a joint, a unit is unknown, or times do not increase.
 
         Examples
         --------
@@ -166,7 +166,7 @@ class Recording(Portable):
         Returns
         -------
         DataFrame, N rows
-            `t` (s), `q1`…`qn` (rad), and what else there is: `qd1`… (rad/s), `tau1`… (N*m), `q_ref1`…, `q_link1`… (rad), `x`, `y`, `z` (m),
+            `t` (s), `q1`…`qn` (rad), and where recorded `qd1`… (rad/s), `tau1`… (N*m), `q_ref1`…, `q_link1`… (rad), `x`, `y`, `z` (m),
             `qx`…`qw`, then columns of other names. `attrs["joints"]` has the names of the joints, `attrs["units"]` the units by column.
         """
         if self._frame is None:
@@ -179,12 +179,12 @@ class Recording(Portable):
         return self._frame.copy()
 
     def save(self, path: PathLike, *, force: bool = False) -> Path:
-        """Writes the recording to `path`, in the form that its ending names: `.mcap`, `.parquet` or `.csv`.
+        """Writes the recording to `path`, in the format of its ending: `.mcap`, `.parquet` or `.csv`.
 
         Raises
         ------
         BadUsage
-            The file is there already and `force` is False, or the ending is another one.
+            The file exists and `force` is False, or the ending is another one.
         """
         path = Path(path)
         form = path.suffix.lstrip(".").lower()
@@ -192,12 +192,12 @@ class Recording(Portable):
         return path
 
     def check(self, arm: ArmLike) -> pd.DataFrame:
-        """Whether recording and model mean the same: units, signs, order, zeros, gravity, clocks.
+        """Checks that recording and model agree in units, signs, order of joints, zeros, gravity and clocks.
 
         Returns
         -------
         DataFrame
-            One row for each thing that differs: kind, joint, value, unit, certainty ("sure" or "likely"), statement, remedy.
+            One row for each difference: kind, joint, value, unit, certainty ("sure" or "likely"), statement, remedy.
         """
         model = arm.path if isinstance(arm, Arm) else arm
         info = call(["record", "info", self.path, *options(model=model, format="json")]).json()
@@ -237,7 +237,7 @@ def recording_of(given: RecordingLike) -> Recording:
 
 
 def setup_frame(findings: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """What `setup` of a document says, as a frame."""
+    """The field `setup` of a document as a frame."""
     names = ["kind", "joint", "value", "unit", "certainty", "statement", "remedy"]
     return pd.DataFrame([{name: finding.get(name) for name in names} for finding in findings], columns=names)
 

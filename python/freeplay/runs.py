@@ -44,7 +44,7 @@ def run(
     force: bool = False,
     progress: Progress = None,
 ) -> Run:
-    """Plays a scenario: a simulated arm in one process, a controller in another, one run after the other for each controller.
+    """Plays a scenario: a simulated arm in one process, a controller in another, one run for each controller.
 
     Parameters
     ----------
@@ -55,19 +55,19 @@ def run(
         Built-in names ("computed-torque", "quasi-static", "narx-qp"), paths of executables or FMUs, and classes or objects of Python that are a
         `Controller`. Without it: the scenario's.
     standby : list
-        Controllers that run beside each of them, warm, and take over where it fails.
+        Controllers that run beside each of them and take over where it fails.
     model : Arm or path, optional
         The plant's arm: the truth.
     believed : Arm or path, optional
         The arm that the controllers believe in, such as `Diagnosis.model`.
     pace : {"lockstep", "realtime"}, optional
-        As fast as it goes and the same to the bit on every machine, or by the wall clock.
+        "lockstep" runs as fast as it can, the same to the bit on every machine; "realtime" follows the wall clock.
     seed : int, optional
         Seed of all noise.
     set : dict, optional
         Keys of the scenario to change, dotted or nested: `{"path.period": 12.0}`.
     out : path, optional
-        Folder for what the run leaves. Without it that lives as long as the result.
+        Folder for the results. Without it they live as long as the result.
     force : bool
         Whether results of an earlier run in `out` are replaced.
     progress : callable or bool, optional
@@ -83,11 +83,11 @@ def run(
     BadUsage
         A key of the scenario is unknown.
     BadInput
-        A value of it can't be.
+        A value of the scenario is out of range.
     PeerMissing
-        A controller does not come.
+        A controller does not start.
     InternalFault
-        A controller raised.
+        A controller raised an exception.
 
     Examples
     --------
@@ -140,7 +140,7 @@ def _model(arm: ArmLike) -> str:
 
 
 class Run(Portable):
-    """What a run left, for each controller.
+    """The results of a run, for each controller.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ class Run(Portable):
 
     @property
     def failures(self) -> dict[str, list[str]]:
-        """Why a run does not count, by controller: the arm was stopped, or left its limits. Empty where all is well."""
+        """The reasons why a run failed, by controller: the arm was stopped, or left its limits. Empty: none failed."""
         found: dict[str, list[str]] = {}
         for name, each in zip(self.controllers, self.json["runs"]):
             words = [_in_words(item) for item in each.get("failures") or []]
@@ -192,7 +192,7 @@ class Run(Portable):
 
     @property
     def latencies(self) -> pd.DataFrame:
-        """How long each stage of the loop took.
+        """The durations of each stage of the loop.
 
         Returns
         -------
@@ -248,12 +248,12 @@ class Run(Portable):
         return self._recordings[name]
 
     def frame(self, controller: str | None = None) -> pd.DataFrame:
-        """What was recorded in every tick.
+        """The recorded values of every tick.
 
         Returns
         -------
         DataFrame, one row a tick
-            The columns of `Recording.to_frame`, and `deviation_x` … (m), `command_1` … (N*m, or rad with mode "driven"), and more.
+            The columns of `Recording.to_frame`, `deviation_x` … (m), `command_1` … (N*m, or rad with mode "driven"), and more.
         """
         return self.recording(controller).to_frame()
 

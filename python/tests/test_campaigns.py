@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import signal
 import socket
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +22,10 @@ from freeplay import _campaign_command, _command
 #: Short runs of one arm from several seeds.
 SWEEP: dict[str, Any] = {"sweep": {"--seed": range(8)}, "controller": "computed-torque", "set": "duration=0.05", "recording": "none"}
 
+
+#: The same on the command line.
+WORDS = ["run", "--controller", "computed-torque", "--set", "duration=0.05", "--recording", "none", "--sweep=--seed=0,1,2,3,4,5,6,7"]
+COMMAND = [sys.executable, "-m", "freeplay", "campaign", *WORDS]
 
 #: Cases that take a tenth of a second each.
 GENERATOR = Path(__file__).resolve().parent.parent / "examples" / "pendulum_cases.py"
@@ -55,6 +62,56 @@ def test_killed_tasks_are_run_again_and_the_receipt_is_the_same(
     assert found.receipt.read_bytes() == undisturbed
     assert len(found.results) == 8 and found.results["--seed"].nunique() == 8
     assert not list((tmp_path / "many/tasks").glob(".*")), "nothing half done is left"
+
+
+def holding(folder: Path) -> Path:
+    """An executable that carries out two runs and holds the others while the folder `hold` is there; each leaves a file `at-work-N` or, when it is ended, `ended-N`."""
+    held = folder / "freeplay"
+    (folder / "hold").mkdir()
+    lines = [
+        "#!/bin/sh",
+        f'[ "$1" = run ] && [ -d {folder}/hold ] || exec {_command.executable()} "$@"',
+        f'for n in 1 2; do mkdir {folder}/passed-$n 2>/dev/null && exec {_command.executable()} "$@"; done',
+        f"trap 'mv {folder}/at-work-$$ {folder}/ended-$$; exit 130' INT TERM",
+        f"touch {folder}/at-work-$$",
+        "while :; do sleep 0.1; done",
+    ]
+    held.write_text("\n".join([*lines, ""]))
+    held.chmod(0o700)
+    return held
+
+
+def wait_for_two(folder: Path, campaign: subprocess.Popen[str]) -> None:
+    """Waits until two tasks are done and two are held."""
+    while campaign.poll() is None and (len(list(folder.glob("at-work-*"))) < 2 or len(list((folder / "c/tasks").glob("0*"))) < 2):
+        time.sleep(0.02)
+
+
+def wait_for_none(folder: Path) -> None:
+    """Waits until no task is held any more."""
+    patience = time.monotonic() + 120.0
+    while list(folder.glob("at-work-*")):
+        assert time.monotonic() < patience, "a task is still at work"
+        time.sleep(0.05)
+
+
+@pytest.mark.parametrize("engine", ["local", "hyperqueue", "dask"])
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
+def test_an_interrupted_campaign_ends_its_tasks_and_goes_on_later(engine: str, ending: int, undisturbed: bytes, tmp_path: Path) -> None:
+    pytest.importorskip({"local": "freeplay", "hyperqueue": "hyperqueue", "dask": "distributed"}[engine])
+    command = [*COMMAND, "--engine", engine, "--workers", "2", "--out", str(tmp_path / "c"), "--quiet"]
+    environment = {**os.environ, "FREEPLAY_EXECUTABLE": str(holding(tmp_path))}
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    wait_for_two(tmp_path, process)
+    process.send_signal(ending)
+    said = process.communicate(timeout=300)[1]
+    assert process.returncode == 130 and said.startswith("freeplay: campaign interrupted: 2 of 8 tasks are done"), said
+    assert "Traceback" not in said and len(said.splitlines()) == 1, said
+    assert len(list(tmp_path.glob("ended-*"))) == 2 and not list(tmp_path.glob("at-work-*")), "what was at work ended, and nothing more began"
+    assert not list((tmp_path / "c/tasks").glob(".*")), "nothing half done is left"
+    (tmp_path / "hold").rmdir()
+    assert subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, timeout=600).returncode == 0
+    assert (tmp_path / "c/receipt.json").read_bytes() == undisturbed
 
 
 def test_shards_of_a_proof_leave_the_receipt_of_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,7 +156,7 @@ def test_what_can_not_succeed_is_said_once_and_with_the_commands_words(tmp_path:
     with pytest.raises(freeplay.BadUsage, match="unknown field `perid`") as raised:
         freeplay.campaign("run", sweep={"path.perid": [1, 2]}, out=tmp_path / "c", attempts=50)
     assert "2 of 2 tasks" in str(raised.value) and time.monotonic() - begun < 60.0
-    with pytest.raises(freeplay.BadUsage, match="no engine"):
+    with pytest.raises(freeplay.BadUsage, match="unknown engine"):
         freeplay.campaign("run", **SWEEP, engine="abacus", out=tmp_path / "d")
     with pytest.raises(freeplay.BadUsage, match="sweep"):
         freeplay.campaign("swap", out=tmp_path / "e")
@@ -118,8 +175,7 @@ def test_a_task_without_room_is_done_where_there_is_some(undisturbed: bytes, tmp
 
 
 def test_the_command_line(undisturbed: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["run", "--controller", "computed-torque", "--set", "duration=0.05", "--recording", "none", "--sweep=--seed=0,1,2,3,4,5,6,7"]
-    assert _campaign_command.main([*words, "--out", str(tmp_path / "c"), "--quiet"]) == 0
+    assert _campaign_command.main([*WORDS, "--out", str(tmp_path / "c"), "--quiet"]) == 0
     assert (tmp_path / "c/receipt.json").read_bytes() == undisturbed
     assert "receipt" in capsys.readouterr().out
 
@@ -131,6 +187,69 @@ def test_a_sweep_cut_into_fewer_tasks_leaves_the_same_receipt_and_few_files(undi
     assert sorted(path.name for path in found.folder_of(0).iterdir()) == ["log.txt", "printed.json", "task.json"]
 
 
+@contextlib.contextmanager
+def cluster_of(engine: str, folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.Popen[bytes]]]]:
+    """A cluster of its own processes: its address, and the processes, the server first."""
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(*words: str) -> None:
+        started.append(subprocess.Popen([sys.executable, *words], cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+
+    if engine == "dask":
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        start("-m", "distributed.cli.dask_scheduler", "--port", address.rpartition(":")[2], "--no-dashboard")
+        for _ in range(workers):
+            start("-m", "distributed.cli.dask_worker", address, "--no-nanny", "--no-dashboard", "--nthreads", "1")
+    else:
+        address = str(folder / "server")
+        (folder / "server").mkdir()
+        script = "import sys, time; from hyperqueue.cluster import LocalCluster, WorkerConfig\n"
+        script += "cluster = LocalCluster(sys.argv[1], WorkerConfig(cores=int(sys.argv[2]))); open('up', 'w').close(); time.sleep(600)"
+        start("-c", script, address, str(workers))
+        while not (folder / "up").exists() and started[0].poll() is None:
+            time.sleep(0.05)
+    try:
+        yield address, started
+    finally:
+        for each in started:
+            each.kill()
+            each.wait()
+
+
+@pytest.mark.parametrize("engine", ["hyperqueue", "dask"])
+@pytest.mark.parametrize("ending", ["the server is gone", "interrupted"])
+def test_a_cluster_of_others_keeps_no_task_of_a_campaign_that_ended(engine: str, ending: str, undisturbed: bytes, tmp_path: Path) -> None:
+    pytest.importorskip({"hyperqueue": "hyperqueue", "dask": "distributed"}[engine])
+    environment = {**os.environ, "FREEPLAY_EXECUTABLE": str(holding(tmp_path))}
+    with cluster_of(engine, tmp_path, 2) as (address, started):
+        command = [*COMMAND, "--engine", engine, "--cluster", address, "--workers", "2", "--out", str(tmp_path / "c"), "--quiet"]
+        process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True)
+        wait_for_two(tmp_path, process)
+        if ending == "interrupted":
+            process.send_signal(signal.SIGINT)
+        else:
+            started[0].kill()
+        said = process.communicate(timeout=300)[1]
+        words = "campaign interrupted: 2 of 8 tasks are done" if ending == "interrupted" else "is gone"
+        assert words in said and "Traceback" not in said and len(said.splitlines()) == 1, said
+        assert process.returncode == (130 if ending == "interrupted" else 5)
+        if ending == "interrupted":
+            wait_for_none(tmp_path)
+    # A lost cluster's tasks end with their workers.
+    wait_for_none(tmp_path)
+    (tmp_path / "hold").rmdir()
+    assert subprocess.run([*COMMAND, "--out", str(tmp_path / "c")], env=environment, stdout=subprocess.DEVNULL, timeout=600).returncode == 0
+    assert (tmp_path / "c/receipt.json").read_bytes() == undisturbed
+
+
+def test_a_cluster_that_does_not_answer_is_said_in_a_line(tmp_path: Path) -> None:
+    pytest.importorskip("hyperqueue")
+    with pytest.raises(freeplay.PeerMissing, match="does not answer at /nowhere: .*not a directory") as raised:
+        freeplay.campaign("run", **SWEEP, engine="hyperqueue", cluster="/nowhere", out=tmp_path / "c")
+    assert len(str(raised.value).splitlines()) == 1
+
+
 def test_a_worker_that_is_gone_for_good_leaves_its_tasks_to_the_others(undisturbed: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two workers of Dask, each a process; the one that gets the first task is killed with it and is not started again."""
     pytest.importorskip("distributed")
@@ -139,19 +258,7 @@ def test_a_worker_that_is_gone_for_good_leaves_its_tasks_to_the_others(undisturb
     gone.write_text(f'#!/bin/sh\n[ "$1" = run ] || exec {_command.executable()} "$@"\n{end}\nexec {_command.executable()} "$@"\n')
     gone.chmod(0o700)
     monkeypatch.setenv("FREEPLAY_EXECUTABLE", str(gone))
-    started: list[subprocess.Popen[bytes]] = []
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-    scheduler = ["dask_scheduler", "--port", address.rpartition(":")[2], "--no-dashboard"]
-    worker = ["dask_worker", address, "--no-nanny", "--no-dashboard", "--nthreads", "1"]
-    try:
-        for module, *words in (scheduler, worker, worker):
-            command = [sys.executable, "-m", f"distributed.cli.{module}", *words]
-            started.append(subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+    with cluster_of("dask", tmp_path, 2) as (address, started):
         found = freeplay.campaign("run", **SWEEP, engine="dask", cluster=address, workers=2, out=tmp_path / "c")
         assert (tmp_path / "gone").is_dir() and sum(each.poll() is not None for each in started) == 1, "one worker is gone"
         assert found.receipt.read_bytes() == undisturbed
-    finally:
-        for each in started:
-            each.kill()
-            each.wait()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,8 @@ import pytest
 import freeplay
 from freeplay import _toml
 
-SHORT = {"mode": "driven", "duration": 0.3, "path": {"kind": "lissajous", "period": 6.0}}
+#: Patience: a busy machine takes its time to start an interpreter.
+SHORT = {"mode": "driven", "duration": 0.3, "patience": 60.0, "path": {"kind": "lissajous", "period": 6.0}}
 
 
 class Follower(freeplay.Controller):
@@ -59,6 +61,25 @@ def test_latencies_are_hdr_histograms() -> None:
     assert histogram.get_value_at_percentile(50) * 1e-3 == pytest.approx(told["p50"], rel=0.01)
     with pytest.raises(KeyError):
         done.histogram("no_such_stage")
+
+
+def test_a_script_runs_by_the_interpreter_of_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A notebook's environment need not be activated: its folder is not on the path."""
+    script = tmp_path / "mine"
+    answer = "def answer(self, state):\n        return freeplay.Answer(state.reference_next.q[:6], state.reference_next.qd[:6], state.reference_next.qdd[:6])"
+    lines = ["#!/usr/bin/env python3", "import sys, freeplay", f"assert sys.prefix == {sys.prefix!r}, sys.prefix", "class Mine(freeplay.Controller):"]
+    script.write_text("\n".join([*lines, "    name = 'mine'", f"    {answer}", "freeplay.serve(Mine())", ""]))
+    script.chmod(0o700)
+    monkeypatch.setenv("PATH", "/usr/bin:/bin")
+    assert freeplay.run(SHORT, controllers=[script]).controllers == ["mine"]
+
+
+def test_a_plant_that_ends_says_why(tmp_path: Path) -> None:
+    script = tmp_path / "mine"
+    script.write_text("#!/bin/sh\necho 'mine: no licence' >&2; exit 3\n")
+    script.chmod(0o700)
+    with pytest.raises(freeplay.FreeplayError, match="no licence"):
+        freeplay.examine(script, kinds=["nan"], seeds=1, set=SHORT)
 
 
 def test_a_controller_that_raises_says_why() -> None:

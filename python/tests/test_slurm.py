@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import time
@@ -13,9 +14,9 @@ from pathlib import Path
 import pytest
 
 import freeplay
-from test_campaigns import SWEEP, killing
+from test_campaigns import COMMAND, SWEEP, holding, killing, wait_for_none, wait_for_two
 
-PROGRAMS = ("slurmctld", "slurmd", "sbatch", "sinfo", "scontrol")
+PROGRAMS = ("slurmctld", "slurmd", "sbatch", "scancel", "sinfo", "squeue")
 
 
 def program(name: str) -> str | None:
@@ -85,6 +86,23 @@ def test_an_array_of_slurm_leaves_the_receipt_of_one_process(cluster: str, tmp_p
     found = freeplay.campaign("run", **SWEEP, engine="slurm", workers=2, cluster=cluster, out=tmp_path / "many")
     assert len(list(tmp_path.glob("killed-*"))) == 2, "two tasks were killed"
     assert found.receipt.read_bytes() == one and len(found.done) == 8
+
+
+def test_an_interrupted_array_leaves_slurms_queue(cluster: str, tmp_path: Path) -> None:
+    environment = {**os.environ, "FREEPLAY_EXECUTABLE": str(holding(tmp_path))}
+    command = [*COMMAND, "--engine", "slurm", "--cluster", cluster, "--workers", "2", "--out", str(tmp_path / "c"), "--quiet"]
+    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    wait_for_two(tmp_path, process)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=300)[1]
+    assert process.returncode == 130 and said.startswith("freeplay: campaign interrupted: 2 of 8 tasks are done"), said
+    wait_for_none(tmp_path)
+    patience = time.monotonic() + 120.0
+    while subprocess.run([str(program("squeue")), "-h"], capture_output=True, text=True, check=True).stdout:
+        assert time.monotonic() < patience, "a task is still in the queue"
+        time.sleep(0.1)
+    (tmp_path / "hold").rmdir()
+    assert subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, timeout=600).returncode == 0
 
 
 def test_what_slurm_refuses_has_its_words(cluster: str, tmp_path: Path) -> None:
