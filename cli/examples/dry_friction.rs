@@ -8,6 +8,7 @@
 //! and a diagnosis of its recording. A joint
 //! whose friction the feedback could not overcome, so that it swung by less than half of what it was told to, is counted apart.
 
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -48,7 +49,7 @@ impl Case {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let decades = |rng: &mut ChaCha8Rng, from: f64, to: f64| 10_f64.powf(rng.random_range(from..to));
         let swing = |rng: &mut ChaCha8Rng| {
-            let ranges = [(0.2, 0.5), (0.1, 0.3), (0.1, 0.25), (0.25, 0.45), (0.0, 6.28), (0.0, 6.28)];
+            let ranges = [(0.2, 0.5), (0.1, 0.3), (0.1, 0.25), (0.25, 0.45), (0.0, TAU), (0.0, TAU)];
             ranges.map(|(from, to)| rng.random_range(from..to))
         };
         Self {
@@ -75,7 +76,7 @@ impl Case {
             let envelope = smooth(t / 1.5) * smooth((DURATION - t) / 1.5);
             write!(text, "\n{t}")?;
             for (joint, (home, [a, b, slow, fast, p, q])) in home.iter().zip(&self.swings).enumerate() {
-                let x = std::f64::consts::TAU * if joint == self.joint { moved } else { t };
+                let x = TAU * if joint == self.joint { moved } else { t };
                 write!(text, ",{}", home + envelope * (a * (slow * x + p).sin() + b * (fast * x + q).sin()))?;
             }
         }

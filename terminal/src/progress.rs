@@ -74,10 +74,15 @@ fn dressed(
 
 /// The time left behind a bar, once there is something to tell it from.
 fn left(state: &ProgressState, out: &mut dyn Write) {
-    if state.pos() > 0 && state.len().is_some_and(|length| state.pos() < length) {
+    if let Some(length) = state.len().filter(|length| (1..*length).contains(&state.pos())) {
         // A line that can't be written is not shown.
-        let _ = write!(out, ", about {} left", in_words(state.eta().as_secs_f64()));
+        let _ = write!(out, ", about {} left", time_left(state.elapsed(), state.pos(), length));
     }
+}
+
+/// The time left of `length` steps of which `done` took the time `passed`, in words. Steps of a campaign take minutes: a mean that forgets would rise while one lasts.
+fn time_left(passed: Duration, done: u64, length: u64) -> String {
+    in_words(passed.as_secs_f64() * (length - done.min(length)) as f64 / done.max(1) as f64)
 }
 
 /// `seconds` as a person counts them.
@@ -112,7 +117,7 @@ fn plain(bar: &ProgressBar) -> String {
         Some(length) => format!(
             "{words}{} of {length} after {passed}, about {} left",
             bar.position(),
-            in_words(bar.eta().as_secs_f64())
+            time_left(bar.elapsed(), bar.position(), length)
         ),
         None => format!("{words}{passed} so far"),
     }
@@ -120,7 +125,9 @@ fn plain(bar: &ProgressBar) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::{bar, in_words, plain};
+    use std::time::Duration;
+
+    use super::{bar, in_words, plain, time_left};
 
     #[test]
     fn a_plain_line_says_how_far_it_is() {
@@ -135,5 +142,6 @@ mod tests {
     fn times_are_said_as_people_count_them() {
         assert_eq!([3.4, 99.0, 600.0, 36e3].map(in_words), ["3 s", "99 s", "10 min", "10.0 h"]);
         assert_eq!(in_words(-1.0), "0 s");
+        assert_eq!(time_left(Duration::from_secs(300), 2, 12), "25 min");
     }
 }
