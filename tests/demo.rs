@@ -26,14 +26,14 @@ fn what_is_found_helps_the_controller() {
     }
 }
 
-/// In half of the time: a warped base is nothing that the diagnosis can name; what is learned of it takes it away on other paths without a tracker, a second
+/// In half of the time: a detent beside the play has no name; what is learned of it takes it away on other paths without a tracker, a second
 /// call takes the outcome of the first, and the pages are there.
 #[test]
 fn what_has_no_name_is_learned_and_taken_out() {
     let place = fresh_folder();
     let demo = |more: &[&str]| {
         let mut arguments =
-            vec!["demo", "--case", "warped", "--period", "3", "--out", "out", "--format", "json"];
+            vec!["demo", "--case", "play-detent", "--period", "3", "--out", "out", "--format", "json"];
         arguments.extend(more);
         let mut call = Call::new(fresh_folder(), &arguments);
         call.command.current_dir(place.path());
@@ -42,7 +42,7 @@ fn what_has_no_name_is_learned_and_taken_out() {
     };
     let said = demo(&[]);
     let machine = &said["machines"][0];
-    assert_eq!((machine["machine"].as_str(), machine["proved"][1].as_bool()), (Some("warped"), Some(true)));
+    assert_eq!((machine["machine"].as_str(), machine["proved"][1].as_bool()), (Some("play-detent"), Some(true)));
     for cell in machine["cells"].as_array().expect("cells") {
         let rms = |way: usize| cell["reached"][way]["rms"].as_f64().expect("a run");
         println!("{}: {:.4} -> {:.4} mm", cell["path"], rms(2), rms(4));
@@ -50,7 +50,7 @@ fn what_has_no_name_is_learned_and_taken_out() {
     }
     let checks = said["checks"][0].as_array().expect("checks");
     assert!(checks.len() == 3 && checks.iter().all(|check| check["holds"] == true), "{checks:#?}");
-    for (file, words) in [("report.html", "warped"), ("warped/report.html", "Where the network may be used")]
+    for (file, words) in [("report.html", "play-detent"), ("play-detent/report.html", "Where the network may be used")]
     {
         let page = std::fs::read_to_string(place.path().join("out").join(file)).expect("a page");
         assert!(page.contains(words), "{file}");

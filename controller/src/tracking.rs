@@ -64,7 +64,7 @@ pub struct TrackingOptions {
     /// Whether commands make up for what the servos of the model do to them; mode servo. See [`crate::command_filter`].
     pub command_filter: bool,
     /// Whether the feedback is softer for a while after a journal has landed, with play in one joint only where it goes on bouncing; see
-    /// [`crate::knocks`].
+    /// [`crate::impact_detector`].
     pub soft_landing: bool,
 }
 
