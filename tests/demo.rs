@@ -42,7 +42,10 @@ fn what_has_no_name_is_learned_and_taken_out() {
     };
     let said = demo(&[]);
     let machine = &said["machines"][0];
-    assert_eq!((machine["machine"].as_str(), machine["proved"][1].as_bool()), (Some("play-detent"), Some(true)));
+    assert_eq!(
+        (machine["machine"].as_str(), machine["proved"][1].as_bool()),
+        (Some("play-detent"), Some(true))
+    );
     for cell in machine["cells"].as_array().expect("cells") {
         let rms = |way: usize| cell["reached"][way]["rms"].as_f64().expect("a run");
         println!("{}: {:.4} -> {:.4} mm", cell["path"], rms(2), rms(4));
@@ -50,7 +53,8 @@ fn what_has_no_name_is_learned_and_taken_out() {
     }
     let checks = said["checks"][0].as_array().expect("checks");
     assert!(checks.len() == 3 && checks.iter().all(|check| check["holds"] == true), "{checks:#?}");
-    for (file, words) in [("report.html", "play-detent"), ("play-detent/report.html", "Where the network may be used")]
+    for (file, words) in
+        [("report.html", "play-detent"), ("play-detent/report.html", "Where the network may be used")]
     {
         let page = std::fs::read_to_string(place.path().join("out").join(file)).expect("a page");
         assert!(page.contains(words), "{file}");

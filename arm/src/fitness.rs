@@ -1,5 +1,6 @@
 //! The purposes that an arm can serve, and the masses and inertias that it lacks for the others.
 
+use std::fmt;
 use std::sync::Arc;
 
 use thiserror::Error;
@@ -66,10 +67,17 @@ pub(crate) struct Origin {
 
 /// The shortfalls of an arm and the places of its joints in their file, handed on to the arms that are made of it. The arms of
 /// [`crate::Arm::new`] lack nothing and stand in no file.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Default)]
 pub struct Fitness {
     origins: Arc<[Origin]>,
     lacks: Option<Arc<Lacks>>,
+}
+
+/// The same arm looks the same wherever its joints stand in a file.
+impl fmt::Debug for Fitness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Fitness").field(&self.lacks).finish()
+    }
 }
 
 /// Two arms are equal wherever their joints stand in their files.

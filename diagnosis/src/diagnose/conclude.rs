@@ -77,6 +77,15 @@ pub(crate) struct Remains {
     pub nameless: Vec<Vec<f64>>,
 }
 
+/// A fit whose members the test part bears out.
+struct BorneOut {
+    fit: Fit,
+    /// What it leaves of every row, as the arm file of its members has it.
+    left: Vec<Vec<f64>>,
+    /// For each member, the fit without it and what that leaves.
+    without: Vec<(Fit, Vec<Vec<f64>>)>,
+}
+
 /// All that a conclusion rests on.
 pub(crate) struct Conclusion<'c, 'd, 'a> {
     pub file: &'c ArmFile,
@@ -135,10 +144,13 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let system = &self.search.system;
         let Some(fit) = system.held_fit(&self.answer.members) else { return Ok(None) };
         let Some(fit) = self.sure(fit) else { return Ok(None) };
-        let Some(fit) = self.borne_out(fit)? else { return Ok(None) };
-        let Some(findings) = self.findings(&fit)? else { return Ok(None) };
+        let Some(borne_out) = self.borne_out(fit)? else { return Ok(None) };
+        let Some(mut findings) = self.findings(&borne_out) else { return Ok(None) };
         let members: Vec<usize> = findings.iter().filter_map(|finding| finding.of.member()).collect();
         let Some(fit) = self.search.system.held_fit(&members) else { return Ok(None) };
+        // Without those that hold nothing the arm of the others may be one that can't exist.
+        let Some(fit) = self.sure(fit) else { return Ok(None) };
+        findings.retain(|finding| finding.of.member().is_none_or(|member| fit.members.contains(&member)));
         let Some(remains) = self.remains(&fit)? else { return Ok(None) };
         let Some(bare) = self.search.system.held_fit(&[]) else { return Ok(None) };
         let mut alternatives = alternatives(self.search, &fit);
@@ -219,7 +231,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     }
 
     /// `fit` without those members that the test part contradicts: the arm file that it makes would say these rows worse with them. `None` if a fit is singular.
-    fn borne_out(&self, mut fit: Fit) -> Result<Option<Fit>, LawError> {
+    fn borne_out(&self, mut fit: Fit) -> Result<Option<BorneOut>, LawError> {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);
         let weights: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
@@ -229,30 +241,35 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             };
             rows.iter().zip(&weights).map(of_channel).collect()
         };
+        let mut left = self.left(&fit)?;
         loop {
-            let with = squares(&self.left(&fit)?);
-            let mut least: Option<(f64, Fit)> = None;
+            let with = squares(&left);
+            let (mut without, mut least) = (Vec::new(), None);
             for place in 0..fit.members.len() {
                 let mut others = fit.members.clone();
                 others.remove(place);
-                let Some(without) = system.held_fit(&others) else { return Ok(None) };
+                let Some(fit_without) = system.held_fit(&others) else { return Ok(None) };
+                // Another law may be one of an arm that can't exist without this one: then its columns tell what is left.
+                let (left_without, exists) = match self.left(&fit_without) {
+                    Ok(left) => (left, true),
+                    Err(LawError::Changed { .. }) => (system.left(&fit_without), false),
+                    Err(error) => return Err(error),
+                };
                 let candidate = system.candidate(fit.members[place]);
-                let more: Vec<f64> = squares(&self.left(&without)?)
-                    .iter()
-                    .zip(&with)
-                    .map(|(without, with)| without - with)
-                    .collect();
+                let more: Vec<f64> =
+                    squares(&left_without).iter().zip(&with).map(|(without, with)| without - with).collect();
                 let shown: Vec<usize> =
                     (0..more.len()).filter(|&c| candidate.shows_in(c, &weights)).collect();
                 // Where it shows, and in all that is measured.
                 let gain = shown.iter().map(|&c| more[c]).sum::<f64>().min(more.iter().sum());
-                if !shown.is_empty() && least.as_ref().is_none_or(|(known, _)| gain < *known) {
-                    least = Some((gain, without));
+                if exists && !shown.is_empty() && least.is_none_or(|(known, _)| gain < known) {
+                    least = Some((gain, place));
                 }
+                without.push((fit_without, left_without));
             }
             match least {
-                Some((gain, without)) if gain <= 0.0 => fit = without,
-                _ => return Ok(Some(fit)),
+                Some((gain, place)) if gain <= 0.0 => (fit, left) = without.swap_remove(place),
+                _ => return Ok(Some(BorneOut { fit, left, without })),
             }
         }
     }
@@ -296,35 +313,29 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     }
 
     /// The findings with what shows them, those that take most away first; without those whose interval holds nothing.
-    fn findings(&mut self, fit: &Fit) -> Result<Option<Vec<Finding>>, LawError> {
+    fn findings(&mut self, borne_out: &BorneOut) -> Option<Vec<Finding>> {
+        let BorneOut { fit, left: with, without } = borne_out;
         let all = parameters(&mut self.search.system, fit, self.settings.seed);
         let system = &self.search.system;
-        let with = self.left(fit)?;
         let test = system.weights.on(system.data, &[Part::Test]);
         let on_test: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
         let on_fit: Vec<Vec<f64>> = system.weights.rows.iter().map(super::weights::Rows::weights).collect();
         let mut found = Vec::new();
-        for (place, parameters) in all.into_iter().enumerate() {
+        for ((place, parameters), (fit_without, without)) in all.into_iter().enumerate().zip(without) {
             let member = fit.members[place];
             let candidate = system.candidate(member);
-            let mut others = fit.members.clone();
-            others.remove(place);
-            let Some(without_fit) = system.held_fit(&others) else { return Ok(None) };
-            let without = self.left(&without_fit)?;
             let shown: Vec<usize> =
                 (0..system.data.channels()).filter(|&c| candidate.shows_in(c, &on_test)).collect();
             let held_out = !shown.is_empty();
             let (weights, channels) =
                 if held_out { (&on_test, shown) } else { (&on_fit, candidate.channels.clone()) };
-            let compared = Compared { before: &without, after: &with, weights };
-            let Some(gain) = compared.gain(system.data, &channels, self.settings.seed) else {
-                return Ok(None);
-            };
+            let compared = Compared { before: without, after: with, weights };
+            let gain = compared.gain(system.data, &channels, self.settings.seed)?;
             let (removed, names) = removed(system.data, &compared, &channels);
             if holds_nothing(candidate, &parameters) {
                 continue;
             }
-            let log_odds = fit.value - without_fit.value;
+            let log_odds = fit.value - fit_without.value;
             let mut table = candidate.table(self.arm(), system.coefficients(fit, place));
             let phrase = words::phrase(candidate.kind, &parameters);
             let mut statement = words::statement(&phrase, table.joint.as_deref());
@@ -363,7 +374,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 (finding.effect.evidence.share / all.max(f64::MIN_POSITIVE)).max(0.0);
         }
         found.sort_by(|a, b| b.effect.evidence.share.total_cmp(&a.effect.evidence.share));
-        Ok(Some(found))
+        Some(found)
     }
 
     /// What a finding says of every row, a law with its coefficients in `fit`.
