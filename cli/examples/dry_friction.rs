@@ -90,7 +90,7 @@ fn smooth(x: f64) -> f64 {
     x * x * (3.0 - 2.0 * x)
 }
 
-/// What came of a case.
+/// The outcome of a case.
 enum Outcome {
     /// The run ended early: the arm was stopped.
     Stopped,

@@ -26,7 +26,7 @@ pub(super) struct Channel {
     pub square: f64,
 }
 
-/// What a block has in one channel, before the tolerances are eliminated.
+/// Products of a block in one channel, before the tolerances are eliminated.
 #[derive(Clone, Debug)]
 struct InChannel {
     /// NᵀWZ, rows as [`Channel::tolerances`].
@@ -35,7 +35,7 @@ struct InChannel {
     target: DVector<f64>,
 }
 
-/// What a block explains beside the tolerances.
+/// Products of a block over all its channels, the tolerances eliminated.
 #[derive(Clone, Debug)]
 pub(super) struct Products {
     /// NᵀWZ.
@@ -67,7 +67,7 @@ impl Block {
         Self { candidate, precision, log_prior, channels, products: OnceCell::new() }
     }
 
-    /// What the block explains beside so many `tolerances`, in rows of `channels`: `factor` is that of K, `target` L⁻¹NᵀWy.
+    /// The products of the block over the rows of `channels`, beside so many `tolerances`: `factor` is that of K, `target` L⁻¹NᵀWy.
     pub fn products(
         &self,
         channels: &[Channel],
@@ -131,7 +131,7 @@ impl Channel {
         Self { tolerances: shown, target: target_weighed, gram, against, square, weights }
     }
 
-    /// What a block of `columns` has here.
+    /// Products of the block of `columns` in this channel, which is number `c`.
     fn of(&self, columns: &[Column], c: usize) -> InChannel {
         let part = |k: usize| columns[k][c].as_deref();
         let size = columns.len();

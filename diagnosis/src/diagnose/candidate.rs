@@ -33,7 +33,7 @@ impl Form {
         Self { shape, ..Self::default() }
     }
 
-    /// Whether its law is taken along the chord to one coefficient of its only term.
+    /// True if the form takes its law along a chord, from zero to one coefficient of the only term.
     pub fn is_chord(&self) -> bool {
         self.shape.contains_key(ABOUT)
     }
@@ -212,7 +212,7 @@ impl Candidate {
         form
     }
 
-    /// Whether it says something of rows of the channel number `channel` with a weight.
+    /// True if a column of the candidate has a row in the channel number `channel` that is not zero and has a weight.
     pub fn shows_in(&self, channel: usize, weights: &[Vec<f64>]) -> bool {
         let says = |rows: &Vec<f64>| rows.iter().zip(&weights[channel]).any(|(x, w)| x * w != 0.0);
         self.columns.iter().any(|column| column[channel].as_ref().is_some_and(says))

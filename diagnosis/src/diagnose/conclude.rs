@@ -24,7 +24,7 @@ use super::report::{
     Parameter, Rmse, Tuned, Untestable, Verdict,
 };
 use super::search::{AS_GOOD, Answer, Search};
-use super::system::Fit;
+use super::system::{Fit, all_but};
 use super::words;
 use crate::residual::Kind as ChannelKind;
 
@@ -80,10 +80,12 @@ pub(crate) struct Remains {
 /// A fit whose members the test part bears out.
 struct BorneOut {
     fit: Fit,
-    /// What it leaves of every row, as the arm file of its members has it.
+    /// Residuals of the arm file that its members make, by channel and row.
     left: Vec<Vec<f64>>,
-    /// For each member, the fit without it and what that leaves.
+    /// For each member, the fit without it and the residuals of that.
     without: Vec<(Fit, Vec<Vec<f64>>)>,
+    /// Weights of the rows of the test part, by channel.
+    on_test: Vec<Vec<f64>>,
 }
 
 /// All that a conclusion rests on.
@@ -105,7 +107,7 @@ struct Finding {
     effect: Effect,
 }
 
-/// What a finding is of.
+/// The law or the event behind a finding.
 enum Of {
     /// A law that lasts, by the number of its block.
     Law(usize),
@@ -207,8 +209,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         loop {
             let (can_exist, mut least): (bool, Option<(f64, usize)>) = (self.can_exist(&fit), None);
             for place in 0..fit.members.len() {
-                let mut others = fit.members.clone();
-                others.remove(place);
+                let others = all_but(&fit.members, place);
                 let candidate = system.candidate(fit.members[place]);
                 let parameters = candidate.parameters(system.coefficients(&fit, place));
                 let odds = if self.settings.tolerances.hold(candidate.kind, &parameters, step) {
@@ -224,9 +225,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             }
             let is_sure = |(odds, _): &(f64, usize)| is_told(*odds) && can_exist;
             let Some((_, place)) = least.filter(|least| !is_sure(least)) else { return Some(fit) };
-            let mut members = fit.members.clone();
-            members.remove(place);
-            fit = system.held_fit(&members)?;
+            fit = system.held_fit(&all_but(&fit.members, place))?;
         }
     }
 
@@ -234,20 +233,19 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
     fn borne_out(&self, mut fit: Fit) -> Result<Option<BorneOut>, LawError> {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);
-        let weights: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
+        let on_test: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
         let squares = |rows: &[Vec<f64>]| -> Vec<f64> {
             let of_channel = |(rows, weights): (&Vec<f64>, &Vec<f64>)| -> f64 {
                 rows.iter().zip(weights).map(|(x, w)| w * x * x).sum()
             };
-            rows.iter().zip(&weights).map(of_channel).collect()
+            rows.iter().zip(&on_test).map(of_channel).collect()
         };
         let mut left = self.left(&fit)?;
         loop {
             let with = squares(&left);
             let (mut without, mut least) = (Vec::new(), None);
             for place in 0..fit.members.len() {
-                let mut others = fit.members.clone();
-                others.remove(place);
+                let others = all_but(&fit.members, place);
                 let Some(fit_without) = system.held_fit(&others) else { return Ok(None) };
                 // Another law may be one of an arm that can't exist without this one: then its columns tell what is left.
                 let (left_without, exists) = match self.left(&fit_without) {
@@ -259,7 +257,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                 let more: Vec<f64> =
                     squares(&left_without).iter().zip(&with).map(|(without, with)| without - with).collect();
                 let shown: Vec<usize> =
-                    (0..more.len()).filter(|&c| candidate.shows_in(c, &weights)).collect();
+                    (0..more.len()).filter(|&c| candidate.shows_in(c, &on_test)).collect();
                 // Where it shows, and in all that is measured.
                 let gain = shown.iter().map(|&c| more[c]).sum::<f64>().min(more.iter().sum());
                 if exists && !shown.is_empty() && least.is_none_or(|(known, _)| gain < known) {
@@ -269,12 +267,12 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             }
             match least {
                 Some((gain, place)) if gain <= 0.0 => (fit, left) = without.swap_remove(place),
-                _ => return Ok(Some(BorneOut { fit, left, without })),
+                _ => return Ok(Some(BorneOut { fit, left, without, on_test })),
             }
         }
     }
 
-    /// What the members of `fit` leave of every row that counts, all of them at once, as an arm file has them, and tuned.
+    /// Residuals, by channel and row, of the arm file that the members of `fit` make, all of them at once and tuned; zero in rows that don't count.
     fn left(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
         let mut left = self.left_as_given(fit)?;
         self.tune(&mut left, fit);
@@ -314,21 +312,19 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
 
     /// The findings with what shows them, those that take most away first; without those whose interval holds nothing.
     fn findings(&mut self, borne_out: &BorneOut) -> Option<Vec<Finding>> {
-        let BorneOut { fit, left: with, without } = borne_out;
+        let BorneOut { fit, left: with, without, on_test } = borne_out;
         let all = parameters(&mut self.search.system, fit, self.settings.seed);
         let system = &self.search.system;
-        let test = system.weights.on(system.data, &[Part::Test]);
-        let on_test: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
         let on_fit: Vec<Vec<f64>> = system.weights.rows.iter().map(super::weights::Rows::weights).collect();
         let mut found = Vec::new();
         for ((place, parameters), (fit_without, without)) in all.into_iter().enumerate().zip(without) {
             let member = fit.members[place];
             let candidate = system.candidate(member);
             let shown: Vec<usize> =
-                (0..system.data.channels()).filter(|&c| candidate.shows_in(c, &on_test)).collect();
+                (0..system.data.channels()).filter(|&c| candidate.shows_in(c, on_test)).collect();
             let held_out = !shown.is_empty();
             let (weights, channels) =
-                if held_out { (&on_test, shown) } else { (&on_fit, candidate.channels.clone()) };
+                if held_out { (on_test, shown) } else { (&on_fit, candidate.channels.clone()) };
             let compared = Compared { before: without, after: with, weights };
             let gain = compared.gain(system.data, &channels, self.settings.seed)?;
             let (removed, names) = removed(system.data, &compared, &channels);
@@ -377,7 +373,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         Some(found)
     }
 
-    /// What a finding says of every row, a law with its coefficients in `fit`.
+    /// The contribution of a finding to every row, by channel; that of a law with its coefficients in `fit`.
     fn said(&self, fit: &Fit, of: &Of) -> Vec<Vec<f64>> {
         let system = &self.search.system;
         match of {

@@ -14,7 +14,7 @@ use super::nameless;
 use super::report::Alternative;
 use super::search::Search;
 use super::stage::Stage;
-use super::system::System;
+use super::system::{System, all_but};
 use super::tails;
 use super::weights::Weights;
 use super::whitening::Whitening;
@@ -127,7 +127,7 @@ pub(crate) fn happenings(data: &Data, left: &[Vec<f64>], sizes: &Weights, seed: 
     let parameters = parameters(&mut search.system, &fit, seed);
     let weights: Vec<Vec<f64>> = sizes.rows.iter().map(super::weights::Rows::weights).collect();
     let log_prior = |place: usize| {
-        let others = [&members[..place], &members[place + 1..]].concat();
+        let others = all_but(&members, place);
         Some(fit.log_prior - search.system.fit(&others)?.log_prior)
     };
     let log_priors = (0..members.len()).map(log_prior).collect::<Option<Vec<f64>>>()?;
@@ -154,8 +154,8 @@ pub(crate) fn happenings(data: &Data, left: &[Vec<f64>], sizes: &Weights, seed: 
     Some(events)
 }
 
-/// What happens beside what is `known`, with that, in rows that `whitening` makes independent, of which so much is `left`, and the search that found it. `None` if the system is
-/// singular.
+/// The search for events in rows that `whitening` makes independent, of which so much is `left`, and the numbers of the events that it found, the `known` ones among them. `None` if the
+/// system is singular.
 fn found_among<'d, 'a>(
     data: &'d Data<'a>,
     left: &[Vec<f64>],
@@ -182,7 +182,7 @@ fn odds(
     let all = probability(data, search, members, least)?;
     let mut odds = Vec::new();
     for place in 0..members.len() {
-        let others = [&members[..place], &members[place + 1..]].concat();
+        let others = all_but(members, place);
         let log_odds = all - probability(data, search, &others, least)?;
         let mut alternatives = Vec::new();
         for other in at_the_same_time(data, search, members[place]) {
@@ -263,7 +263,7 @@ fn told(data: &Data, search: &Search, mut members: Vec<usize>, least: &[f64]) ->
         let all = probability(data, search, &members, least)?;
         let mut odds = Vec::new();
         for place in 0..members.len() {
-            let others = [&members[..place], &members[place + 1..]].concat();
+            let others = all_but(&members, place);
             let is_inside = is_inside(data, search.system.candidate(members[place]));
             let of_one =
                 if is_inside { all - probability(data, search, &others, least)? } else { f64::NEG_INFINITY };
@@ -305,7 +305,7 @@ fn beside_shapes(
     }
     while !members.is_empty() {
         let without = |place: usize| {
-            let others = [&members[..place], &members[place + 1..]].concat();
+            let others = all_but(&members, place);
             Some((evidence(&others)?, others))
         };
         let of_others = (0..members.len()).map(without).collect::<Option<Vec<_>>>()?;

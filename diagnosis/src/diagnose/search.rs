@@ -499,15 +499,14 @@ impl<'d, 'a> Search<'d, 'a> {
             let Some(gain) = self.system.gains(&fit, &[best]).pop().flatten() else { break };
             let beta = gain.beta.as_slice();
             let from = (best, now);
-            let whole = self.system.candidate(best).about(beta, 1.0);
-            if let Some(form) = whole.filter(Form::is_chord) {
+            let forms = SHARES.map(|share| self.system.candidate(best).about(beta, share));
+            if let Some(form) = forms[0].clone().filter(Form::is_chord) {
                 // What a chord says elsewhere than at its end is not what the law says there.
                 let there = self.try_form(&fit, best, form, f64::NEG_INFINITY);
                 let Some(there) = there.filter(|there| (there.1 - now).abs() > WORTH) else { break };
                 (best, now) = there;
                 continue;
             }
-            let forms = SHARES.map(|share| self.system.candidate(best).about(beta, share));
             for form in forms.into_iter().flatten() {
                 (best, now) = self.try_form(&fit, best, form, now).unwrap_or((best, now));
             }

@@ -584,6 +584,11 @@ impl<'d, 'a> System<'d, 'a> {
     }
 }
 
+/// `members` without the one at `place`.
+pub(crate) fn all_but(members: &[usize], place: usize) -> Vec<usize> {
+    [&members[..place], &members[place + 1..]].concat()
+}
+
 /// K and NᵀWy.
 fn normal_equations(channels: &[Channel], precision: &[f64]) -> (DMatrix<f64>, DVector<f64>) {
     let n = precision.len();

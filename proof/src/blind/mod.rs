@@ -19,7 +19,7 @@ mod controls;
 mod document;
 mod gathered;
 mod generator;
-mod hash;
+pub(crate) mod hash;
 mod history;
 mod interval;
 mod leak;

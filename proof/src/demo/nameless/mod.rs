@@ -22,6 +22,8 @@ use freeplay_terminal::files::{make_folder, read_json, write};
 use freeplay_training::Trained;
 use serde::{Deserialize, Serialize};
 
+use crate::blind::hash::of_program;
+
 use bench::{Bench, Way};
 use machines::Paths;
 use outcome::Cell;
@@ -57,17 +59,10 @@ pub struct Settings {
 pub fn kept(machine: &Machine, settings: Settings, out: &Path) -> Option<Outcome> {
     let file = out.join(OUTCOME);
     let kept: Kept = file.is_file().then(|| read_json(&file, "an outcome").ok()).flatten()?;
-    let is_same = program().is_some_and(|program| kept.program == program)
+    let is_same = of_program().is_ok_and(|program| kept.program == program)
         && (kept.seed, kept.period.to_bits()) == (settings.seed, settings.period.to_bits())
         && kept.truth == to_toml(&truth(machine));
     is_same.then_some(kept.outcome)
-}
-
-/// Which program this is: its version, and the size of its executable and when that was written, since the beginning of 1970, ns.
-fn program() -> Option<String> {
-    let executable = std::env::current_exe().ok()?.metadata().ok()?;
-    let written = executable.modified().ok()?.duration_since(std::time::UNIX_EPOCH).ok()?;
-    Some(format!("{} {} {}", env!("CARGO_PKG_VERSION"), executable.len(), written.as_nanos()))
 }
 
 fn truth(machine: &Machine) -> ArmFile {
@@ -147,7 +142,7 @@ pub fn outcome(machine: &Machine, settings: Settings, out: &Path) -> Result<Outc
         far,
     };
     write(&out.join("report.html"), &page::of_machine(&outcome, both, &courses).to_html())?;
-    let kept = Kept { program: program().unwrap_or_default(), seed, period, truth: concealed, outcome };
+    let kept = Kept { program: of_program()?, seed, period, truth: concealed, outcome };
     write(&out.join(OUTCOME), &serde_json::to_string_pretty(&kept).map_err(Failure::internal)?)?;
     Ok(kept.outcome)
 }
