@@ -498,6 +498,14 @@ impl<'d, 'a> System<'d, 'a> {
         wanted.filter_map(|(place, candidate)| candidate.placed(arm, self.coefficients(fit, place))).collect()
     }
 
+    /// The members of `fit` on `arm` in the recording number `stage` that an arm file can say, their journals where they begin there.
+    pub fn placed_in(&self, fit: &Fit, arm: &Arm, stage: usize) -> Vec<Placed> {
+        let placed = |(place, &member): (usize, &usize)| {
+            self.candidate(member).placed_in(arm, self.coefficients(fit, place), stage)
+        };
+        fit.members.iter().enumerate().filter_map(placed).collect()
+    }
+
     /// The coefficients of the member number `place` of `fit`.
     pub fn coefficients<'f>(&self, fit: &'f Fit, place: usize) -> &'f [f64] {
         let at: usize = fit.members[..place].iter().map(|&member| self.candidate(member).size()).sum();
