@@ -98,21 +98,24 @@ impl<'a> Data<'a> {
         self.mask(channel, &self.heard)
     }
 
-    /// Takes the rows in which one of `happened` says anything out of the test part, and what is around them by the memory of the low-pass: what happens at a
-    /// time is seen in no others. Whether the test part is left for longer than that memory; else nothing is taken.
+    /// Takes the rows in which one of `happened` says anything, behind the low-pass, out of the test part: what happens at a time is seen in no others. Whether the
+    /// test part is left for longer than the low-pass remembers; else nothing is taken.
     pub fn give_moments(&mut self, happened: &[&Candidate]) -> bool {
         let before = self.parts.clone();
         let ends = happened.iter().filter(|one| window(&one.form.shape).is_some());
-        for (channel, rows) in ends.flat_map(|one| one.columns.iter()).flat_map(|c| c.iter().enumerate()) {
+        // Where a force can't turn a joint its torque there is a rounding error.
+        let most =
+            |column: &Column| column.iter().flatten().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let columns =
+            ends.flat_map(|one| one.columns.iter()).map(|column| (column, REMEMBERED * most(column)));
+        for (least, (channel, rows)) in
+            columns.flat_map(|(column, least)| column.iter().enumerate().map(move |of| (least, of)))
+        {
             let (stage, _) = self.place(channel);
             let Some(rows) = rows else { continue };
-            let least = REMEMBERED * rows.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-            let ground = self.stages[stage].ground;
-            let says: Vec<bool> = rows.iter().map(|x| x.abs() > least).collect();
-            let said = around(&says, &ground.motion.t, ground.treatment.filter().settling_time());
-            let parts = self.parts[stage].iter_mut().zip(said);
+            let parts = self.parts[stage].iter_mut().zip(rows.iter().map(|x| x.abs() > least));
             parts
-                .filter(|(part, said)| *said && **part == Part::Test)
+                .filter(|(part, says)| *says && **part == Part::Test)
                 .for_each(|(part, _)| *part = Part::Choice);
         }
         let rests = self.stages.iter().zip(&self.parts).map(|(stage, parts)| {
@@ -239,21 +242,6 @@ impl<'a> Data<'a> {
         let motion = self.stages[self.place(channel).0].motion();
         motion.stretches.iter().map(|stretch| (stretch.clone(), motion.step(stretch)))
     }
-}
-
-/// The rows, at the times `t`, that are no farther than `memory` from one that `says` something.
-fn around(says: &[bool], t: &[f64], memory: f64) -> Vec<bool> {
-    let (mut around, mut until) = (vec![false; says.len()], f64::NEG_INFINITY);
-    for row in 0..says.len() {
-        until = if says[row] { t[row] + memory } else { until };
-        around[row] = t[row] <= until;
-    }
-    let mut from = f64::INFINITY;
-    for row in (0..says.len()).rev() {
-        from = if says[row] { t[row] - memory } else { from };
-        around[row] |= t[row] >= from;
-    }
-    around
 }
 
 /// `columns` times their coefficients, by channel, of which each has so many `rows`.
