@@ -135,3 +135,34 @@ fn the_mapping_of_a_guessed_file_reads_that_file() {
     let worst = compared["channels"].as_array().expect("channels").iter().filter_map(|c| c["nrmse"].as_f64());
     assert!(worst.fold(0.0, f64::max) < 0.05, "{:#}", compared["channels"]);
 }
+
+/// A position that stands still while its velocity moves: nothing was compared, so nobody is sent to run or compare the model as given.
+#[test]
+fn a_frozen_position_ends_the_diagnosis_and_offers_no_model() {
+    let text = faulty();
+    let mut rows = text.lines();
+    let mut frozen = format!("{},{}\n", rows.next().expect("a header"), "qd1,qd2,qd3,qd4,qd5,qd6");
+    for (k, row) in rows.enumerate() {
+        let speed = (0.01 * k as f64).cos();
+        let cells = row.split(',').enumerate().map(|(column, cell)| if column == 3 { "0.25" } else { cell });
+        let _ =
+            writeln!(frozen, "{}{}", cells.collect::<Vec<_>>().join(","), format!(",{speed:.6}").repeat(6));
+    }
+    for out in [false, true] {
+        let arguments = ["diagnose", "--model", "paper", "--recording", "run.csv", "--out", "out"];
+        let call = Call::new(fresh_folder(), if out { &arguments } else { &arguments[..5] });
+        std::fs::write(call.folder.path().join("run.csv"), &frozen).expect("a file");
+        let ran = call.run().expect(0);
+        let screen = ran.stdout();
+        assert!(screen.contains("frozen") && screen.contains("REPORT"), "{screen}");
+        assert!(!screen.contains("freeplay run") && !screen.contains("with these effects"), "{screen}");
+        if out {
+            let report =
+                std::fs::read_to_string(ran.folder.path().join("out/report.html")).expect("a report");
+            assert!(
+                report.contains("frozen") && !report.contains("freeplay run"),
+                "the report offers the model"
+            );
+        }
+    }
+}

@@ -64,20 +64,23 @@ fn next(view: &View) -> String {
     }
     match view.out() {
         Some(out) => {
-            let (model, recording) = (pasted(&out.join("model.toml")), pasted(view.last_recording()));
-            let _ = writeln!(text, "{:MARGIN$}{model}", "MODEL");
-            let _ = writeln!(text, "{:MARGIN$}freeplay compare --model {model} --recording {recording}", "");
-            let _ = writeln!(text, "{:MARGIN$}freeplay run --model {model}", "");
+            if !view.diagnosis.ends_at_setup() {
+                let (model, recording) = (pasted(&out.join("model.toml")), pasted(view.last_recording()));
+                let _ = writeln!(text, "{:MARGIN$}{model}", "MODEL");
+                let _ =
+                    writeln!(text, "{:MARGIN$}freeplay compare --model {model} --recording {recording}", "");
+                let _ = writeln!(text, "{:MARGIN$}freeplay run --model {model}", "");
+            }
             let _ = writeln!(text, "{:MARGIN$}{}", "REPORT", pasted(&out.join("report.html")));
         }
         None if view.file().is_some() => {
             let _ = writeln!(text, "{:MARGIN$}{}", "FILE", view.file().map_or_else(String::new, pasted));
         }
-        None => text.push_str(&wrapped(
-            "REPORT",
-            MARGIN,
-            "add --out DIR for the report, the model with these effects and diagnosis.json",
-        )),
+        None => {
+            let model = if view.diagnosis.ends_at_setup() { "" } else { ", the model with these effects" };
+            let words = format!("add --out DIR for the report{model} and diagnosis.json");
+            text.push_str(&wrapped("REPORT", MARGIN, &words));
+        }
     }
     text
 }

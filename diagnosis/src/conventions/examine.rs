@@ -278,8 +278,9 @@ fn is_certain(change: &Change, best: &Outcome, other: &Outcome, same: &Outcome, 
         if !is_silent && best.spoken[c] < SPOKEN {
             continue;
         }
-        // A reading without the change may leave a channel out.
-        let Some(without) = other.likelihood.get(c) else { continue };
+        // The same recorded channel, whichever joint it is given to; a reading without the change may leave it out.
+        let place = other.sources.iter().position(|source| *source == best.sources[c]);
+        let Some(without) = place.and_then(|place| other.likelihood.get(place)) else { continue };
         odds += best.likelihood[c] - without;
         if let Some(left) = same.left.get(c).filter(|_| is_explained(best.left[c])) {
             let floor = FLOOR.powi(2) * if c < joints { 1.0 } else { GEOMETRY.powi(2) };
@@ -314,6 +315,7 @@ mod tests {
             sizes: Vec::new(),
             gravity: Vector3::zeros(),
             scale: vec![1.0, 0.15, 0.15],
+            sources: vec![0, 1, 2],
         };
         let arm = paper_arm().arm;
         assert_eq!(speaking(&arm, &outcome([0.01, 0.9, 0.02])), Some(vec![turned, Change::Scale(1)]));

@@ -57,7 +57,7 @@ pub(crate) struct Problem<'a> {
     pub reach: f64,
     seen: RefCell<HashMap<Vec<u64>, Rc<Along>>>,
     measured: RefCell<HashMap<(usize, u64), Rc<Measured>>>,
-    /// How many rows of each channel count as one, in the order of [`Outcome::likelihood`]; one where none is known.
+    /// How many rows of each recorded channel count as one: the torques by column, then the tool; one where none is known.
     counts: Vec<f64>,
 }
 
@@ -88,6 +88,8 @@ pub(crate) struct Outcome {
     pub gravity: Vector3<f64>,
     /// Measured torque over the model's, by joint.
     pub scale: Vec<f64>,
+    /// The recorded channel of each, in the order of `likelihood`: the torques by column, then the tool.
+    pub sources: Vec<usize>,
 }
 
 impl Outcome {
@@ -114,14 +116,15 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Rows of channel c count 1/`counts[c]` each from now on.
+    /// Rows of the recorded channel c count 1/`counts[c]` each from now on.
     pub fn count_rows(&mut self, counts: &[f64]) {
         self.counts = counts.to_vec();
     }
 
-    /// How many rows of `channel` are independent of each other.
-    fn independent(&self, channel: usize) -> f64 {
-        let count = self.counts.get(channel).copied().unwrap_or(1.0);
+    /// How many rows of the recorded channel `source` are independent of each other. That is a property of what was recorded: a reading that gives
+    /// two columns to each other's joints changes nothing of it, or the unit of a column would speak for one order against another.
+    fn independent(&self, source: usize) -> f64 {
+        let count = self.counts.get(source).copied().unwrap_or(1.0);
         (self.samples.len() as f64 / count).min(self.rows() as f64)
     }
 
@@ -175,6 +178,7 @@ impl<'a> Problem<'a> {
             sizes: Vec::new(),
             gravity: self.gravity(&reading),
             scale: vec![1.0; self.arm.dof()],
+            sources: Vec::new(),
         };
         let torques = self.samples.has_torques().then(|| Torques::new(self, &reading, &along, changes));
         if let Some(torques) = torques.filter(|torques| !torques.joints.is_empty()) {
@@ -183,6 +187,7 @@ impl<'a> Problem<'a> {
                 outcome.evidence = f64::NEG_INFINITY;
                 return outcome;
             };
+            outcome.sources = reading.torques.iter().map(|torque| torque.source).collect();
             outcome.left = vec![f64::NAN; self.arm.dof()];
             outcome.likelihood = vec![0.0; self.arm.dof()];
             outcome.spoken = vec![0.0; self.arm.dof()];
@@ -191,7 +196,8 @@ impl<'a> Problem<'a> {
                 let scale = outcome.scale[joint];
                 let (size, left) = (torques.size(channel, scale), left / self.rows() as f64);
                 // All readings are weighed against the same floor, that of what was recorded.
-                outcome.likelihood[joint] = self.log_likelihood(joint, left, torques.variance(channel));
+                outcome.likelihood[joint] =
+                    self.log_likelihood(outcome.sources[joint], left, torques.variance(channel));
                 outcome.left[joint] = left / size;
                 outcome.spoken[joint] = torques.spoken(joint, &outcome.gravity, scale) / size;
                 outcome.sizes[joint] = size;
@@ -204,6 +210,7 @@ impl<'a> Problem<'a> {
                 let channel = outcome.likelihood.len();
                 let size = GEOMETRY.powi(2) * variance;
                 outcome.likelihood.push(self.log_likelihood(channel, left, size));
+                outcome.sources.push(channel);
                 outcome.left.push(left / variance);
                 outcome.spoken.push(1.0);
                 outcome.sizes.push(variance);
@@ -236,7 +243,7 @@ impl<'a> Problem<'a> {
             (links == Links::OfSheet).then_some(&fitted),
             &gravity,
             &scale,
-            &|joint| self.independent(joint),
+            &|joint| self.independent(reading.torques[joint].source),
             self.floor,
             rows,
         );
@@ -248,7 +255,8 @@ impl<'a> Problem<'a> {
             .iter()
             .zip(&free.left)
             .map(|(target, left)| {
-                self.log_likelihood(target.joint, left / rows, target.floor / rows / self.floor.powi(2))
+                let source = reading.torques[target.joint].source;
+                self.log_likelihood(source, left / rows, target.floor / rows / self.floor.powi(2))
             })
             .sum();
         let tool: f64 = outcome.likelihood.iter().skip(self.arm.dof()).sum();
@@ -292,7 +300,7 @@ impl<'a> Problem<'a> {
     /// What a fitted number costs where the channels of `outcome` were recorded.
     pub fn log_price(&self, outcome: &Outcome) -> f64 {
         let channels = outcome.left.iter().enumerate().filter(|(_, left)| left.is_finite());
-        let rows: f64 = channels.map(|(channel, _)| self.independent(channel)).sum();
+        let rows: f64 = channels.map(|(channel, _)| self.independent(outcome.sources[channel])).sum();
         0.5 * rows.max(self.rows() as f64).ln()
     }
 
@@ -303,8 +311,8 @@ impl<'a> Problem<'a> {
         reading.gravity.unwrap_or(*self.arm.gravity())
     }
 
-    fn log_likelihood(&self, channel: usize, left: f64, size: f64) -> f64 {
-        -0.5 * self.independent(channel) * (left + self.floor.powi(2) * size).ln()
+    fn log_likelihood(&self, source: usize, left: f64, size: f64) -> f64 {
+        -0.5 * self.independent(source) * (left + self.floor.powi(2) * size).ln()
     }
 
     /// What is left of the tool's coordinates, and the mean of their variances.
@@ -376,6 +384,37 @@ mod tests {
     use super::{FLOOR, Problem};
     use crate::conventions::change::Change;
     use crate::conventions::samples::Samples;
+
+    /// Rows count as far as those of the recorded column are independent, whichever joint a reading gives it to: else two columns of different
+    /// units would look like two joints in another order.
+    #[test]
+    fn rows_are_counted_by_recorded_column() {
+        let arm = paper_arm().arm;
+        let n = arm.dof();
+        let names = ["q", "tau"].map(|what| (1..=n).map(move |joint| format!("{what}{joint}")));
+        let mut columns: Vec<(String, Vec<f64>)> =
+            names.into_iter().flatten().map(|name| (name, Vec::new())).collect();
+        columns.insert(0, ("t".to_owned(), Vec::new()));
+        for row in 0..1000 {
+            let t = f64::from(row) / 100.0;
+            let at = |k: usize| if k == 0 { t } else { ((1.0 + 0.3 * k as f64) * t).sin() };
+            columns.iter_mut().enumerate().for_each(|(k, (_, column))| column.push(at(k)));
+        }
+        let recording = Recording::new(Path::new("made.csv"), columns).expect("a recording");
+        let samples = Samples::new(&recording, &recording.q).expect("rows");
+        let mut problem = Problem::new(&arm, &samples, 1, FLOOR);
+        let exchanged = [Change::Exchange(0, 1)];
+        let before = problem.outcome(&exchanged);
+        let mut counts = vec![1.0; n];
+        counts[1] = 4.0;
+        problem.count_rows(&counts);
+        let after = problem.outcome(&exchanged);
+        assert_eq!(after.sources[..2], [1, 0]);
+        let ratio = |joint: usize| after.likelihood[joint] / before.likelihood[joint];
+        assert!(before.likelihood[0].abs() > 1.0 && before.likelihood[1].abs() > 1.0);
+        assert!((ratio(0) - 0.25).abs() < 1e-9, "joint 1 reads column 2: {}", ratio(0));
+        assert!((ratio(1) - 1.0).abs() < 1e-9, "joint 2 reads column 1: {}", ratio(1));
+    }
 
     /// An arm is off its laws by a share of its whole torque, whether a driver has taken the gravity out of it or not.
     #[test]

@@ -42,7 +42,9 @@ impl<'a> Search<'a> {
 
     /// Counts rows as far as what `outcome` leaves is independent from one to the next.
     pub fn weigh(&mut self, outcome: &Outcome) {
-        let counts = rows_per_one(&self.whole.residuals(outcome));
+        let each = rows_per_one(&self.whole.residuals(outcome));
+        let mut counts = vec![1.0; each.len()];
+        outcome.sources.iter().zip(&each).for_each(|(&source, count)| counts[source] = *count);
         for problem in [&mut self.whole, &mut self.few, &mut self.sharp] {
             problem.count_rows(&counts);
         }

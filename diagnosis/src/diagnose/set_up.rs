@@ -48,6 +48,16 @@ pub fn diagnose(
     Ok(diagnosis)
 }
 
+impl Diagnosis {
+    /// Whether a fault of the set-up that can't be mended ended the diagnosis: nothing was compared, and the model is as given.
+    pub fn ends_at_setup(&self) -> bool {
+        self.verdict == Verdict::Setup
+            && self.fit.is_none()
+            && self.mapping.is_none()
+            && self.noise.is_empty()
+    }
+}
+
 /// By torques and poses; where there are only commanded and measured positions, by these.
 fn by_channels(
     file: &ArmFile,

@@ -84,8 +84,11 @@ pub fn reasons(diagnosis: &Diagnosis) -> Vec<(&str, Vec<&str>)> {
     reasons
 }
 
-/// The model with what was found, and what to do with it.
+/// The model with what was found, and what to do with it; `None` where nothing was compared with it.
 pub fn model(subject: &Subject) -> Option<Section> {
+    if subject.diagnosis.ends_at_setup() {
+        return None;
+    }
     let text = to_toml(&subject.diagnosis.model);
     let effects = text.find("[[effect]]").map_or("", |at| &text[at..]);
     let mut section = Section::new("The model");

@@ -203,6 +203,7 @@ mod tests {
             sizes: Vec::new(),
             gravity: Vector3::zeros(),
             scale: scale.to_vec(),
+            sources: Vec::new(),
         };
         let other = [Change::Scale(0)];
         assert!(is_shared(&outcome([3.0, 3.0]), &Change::SameScale(1, 3.0), &other));
