@@ -335,7 +335,7 @@ pub(crate) fn at_place(
         let because = refused.or_else(|| no_torque_of(data, joint));
         return Err(because.unwrap_or_else(|| "this motion shows nothing of it".to_owned()));
     }
-    let count = found.len();
+    let count = moments.filter(|_| kind.happens()).map_or(found.len(), |moments| moments.tried(kind));
     found.iter_mut().for_each(|candidate| candidate.forms = count);
     Ok((found, lacks(&|place, stage| kind.missing(place, &stage.recorded()))))
 }

@@ -112,7 +112,7 @@ impl<'a> Data<'a> {
             let said = around(&says, &ground.motion.t, ground.treatment.filter().settling_time());
             let parts = self.parts[stage].iter_mut().zip(said);
             parts
-                .filter(|(part, said)| *said && **part != Part::Fit)
+                .filter(|(part, said)| *said && **part == Part::Test)
                 .for_each(|(part, _)| *part = Part::Choice);
         }
         let rests = self.stages.iter().zip(&self.parts).map(|(stage, parts)| {
