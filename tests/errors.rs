@@ -317,7 +317,7 @@ fn values_and_flags_that_cannot_be() {
         format!("compare --model {ARM} --recording good.csv"),
         format!("diagnose --model {ARM} --recording good.csv"),
     );
-    let cases: [(&str, i32, &str); 57] = [
+    let cases: [(&str, i32, &str); 56] = [
         ("swap --quiet --out out --swaps 0", 2, "--swaps 0"),
         ("swap --quiet --out out --swaps -1", 2, "-1"),
         ("swap --quiet --out out --per-run 0", 2, "--per-run 0"),
@@ -341,8 +341,7 @@ fn values_and_flags_that_cannot_be() {
         (&format!("{diagnose} ./good.csv"), 2, "is given twice"),
         ("swap --quiet --out out --set duration=0.01", 3, "random_swaps = 15"),
         ("demo --period 0", 2, "between 1 and 120 s"),
-        ("demo --out out --case play --case clearance", 2, "--case clearance: a call with machines"),
-        ("demo --out out --nameless --case clearance", 2, "these alone: play, play-detent"),
+        ("demo --out out --case play --case clearance", 2, "these alone: play, play-detent"),
         ("demo --out out --case clearance --resume", 2, "--resume"),
         (&format!("{excite} --duration 0"), 2, "between 2 and 600 s"),
         (&format!("{excite} --duration -3"), 2, "between 2 and 600 s"),
