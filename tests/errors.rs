@@ -317,10 +317,10 @@ fn values_and_flags_that_cannot_be() {
         format!("compare --model {ARM} --recording good.csv"),
         format!("diagnose --model {ARM} --recording good.csv"),
     );
-    let cases: [(&str, i32, &str); 53] = [
-        ("swap --quiet --out out --swaps 0", 2, "at least one swap"),
+    let cases: [(&str, i32, &str); 56] = [
+        ("swap --quiet --out out --swaps 0", 2, "--swaps 0"),
         ("swap --quiet --out out --swaps -1", 2, "-1"),
-        ("swap --quiet --out out --per-run 0", 2, "at least one swap"),
+        ("swap --quiet --out out --per-run 0", 2, "--per-run 0"),
         ("swap --quiet --out out --controller computed-torque", 2, "two controllers"),
         ("faults computed-torque --quiet --out out --seeds 0", 2, "1..=1000000"),
         ("faults computed-torque --quiet --out out --kills 0", 2, "1..=1000000"),
@@ -339,7 +339,10 @@ fn values_and_flags_that_cannot_be() {
         (&format!("{diagnose} --delay-tolerance nan"), 2, "above 0"),
         ("diagnose --recording good.csv", 2, "--model"),
         (&format!("{diagnose} ./good.csv"), 2, "is given twice"),
+        ("swap --quiet --out out --set duration=0.01", 3, "random_swaps = 15"),
         ("demo --period 0", 2, "between 1 and 120 s"),
+        ("demo --out out --case play --case clearance", 2, "these alone: play, play-detent"),
+        ("demo --out out --case clearance --resume", 2, "--resume"),
         (&format!("{excite} --duration 0"), 2, "between 2 and 600 s"),
         (&format!("{excite} --duration -3"), 2, "between 2 and 600 s"),
         (&format!("{excite} --candidates 0"), 2, "1..=100000"),

@@ -270,3 +270,23 @@ fn every_page_is_in_the_index() {
         assert!(name == "README.md" || index.contains(&format!("({name})")), "{name} is in no index");
     }
 }
+
+/// A reader who stays in one folder: no command of the README and the guide writes to where an earlier page has written, nor is a file of the reader overwritten.
+#[test]
+fn pages_write_to_places_of_their_own() {
+    let guide = std::fs::read_dir(root().join("docs/guide")).expect("a folder").flatten();
+    let mut owners = std::collections::BTreeMap::new();
+    for page in guide.map(|page| page.path()).chain([root().join("README.md")]) {
+        let text = std::fs::read_to_string(&page).expect("the page");
+        for block in blocks(&text) {
+            let file = block.kind.split(' ').find_map(|part| part.strip_prefix("file="));
+            let console = block.text.lines().filter(|_| block.kind.starts_with("console"));
+            let outs = console.filter_map(|line| line.split_once("--out ")?.1.split_whitespace().next());
+            for place in file.into_iter().chain(outs) {
+                let earlier = owners.insert(place.to_owned(), page.clone());
+                assert_eq!(earlier, None, "{}: {place} is taken", page.display());
+            }
+        }
+    }
+    assert!(owners.len() > 40, "{} places", owners.len());
+}

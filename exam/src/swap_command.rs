@@ -72,6 +72,16 @@ pub struct SwapArgs {
     format: Format,
 }
 
+/// Checks before anything runs that a run of `scenario` has room for `count` swaps.
+fn check_room(scenario: &Scenario, count: u32) -> Result<(), Failure> {
+    let mut scenario = scenario.clone();
+    scenario.standby = scenario.controllers.split_off(1);
+    scenario.random_swaps = count;
+    let plant = Setup::new(&scenario)?.plant;
+    let names = swaps::names(&scenario.controllers[0], &scenario.standby);
+    swaps::controller_set(&scenario, &names, plant.ticks, plant.period_ns as f64 * 1e-9).map(|_| ())
+}
+
 /// Runs each controller alone, then all of them with swaps until there were enough, and judges.
 ///
 /// # Errors
@@ -89,14 +99,22 @@ pub fn swap(args: &SwapArgs) -> Result<Exit, Failure> {
         [] => BUILT_IN.iter().map(|name| (*name).to_owned()).collect(),
         given => given.to_vec(),
     };
-    if scenario.controllers.len() < 2 || args.swaps == 0 || args.per_run == 0 {
-        return Err(Failure::usage(
-            "a swap exam needs at least two controllers (--controller twice; all built-in ones without it) and at least one swap",
-        ));
+    for (option, count) in [("--swaps", args.swaps), ("--per-run", args.per_run)] {
+        if count == 0 {
+            return Err(Failure::usage(format!(
+                "{option} 0: a swap exam needs at least one swap; give 1 or more"
+            )));
+        }
+    }
+    if let [one] = scenario.controllers.as_slice() {
+        return Err(Failure::usage(format!(
+            "--controller {one}: a swap exam needs at least two controllers; name another one, or none for all built-in ones"
+        )));
     }
     for asked in scenario.controllers.iter().chain(&scenario.standby) {
         ControllerSelection::of(asked)?;
     }
+    check_room(&scenario, args.swaps.min(args.per_run))?;
     let folder = claim(args.out.as_deref(), &["swap.json"], args.force)?;
     let out = folder.path().to_path_buf();
     let stop = Arc::new(AtomicBool::new(false));

@@ -98,14 +98,26 @@ fn in_words(seconds: f64) -> String {
 fn tell_now_and_then(bar: &ProgressBar) {
     let bar = bar.downgrade();
     let lines = move || {
+        let mut said = String::new();
         loop {
             std::thread::sleep(LINE);
             let Some(bar) = bar.upgrade().filter(|bar| !bar.is_finished()) else { return };
-            tell(&plain(&bar));
+            if let Some(line) = news(&mut said, plain(&bar)) {
+                tell(line);
+            }
         }
     };
     // Without a thread there are no such lines, and nothing else is lost.
     let _ = std::thread::Builder::new().name("progress".to_owned()).spawn(lines);
+}
+
+/// The `line`, unless it is the one that was `said` last: in minutes, a command gets no further for a while.
+fn news(said: &mut String, line: String) -> Option<&str> {
+    if *said == line {
+        return None;
+    }
+    *said = line;
+    Some(said)
 }
 
 /// How far `bar` is, in a line.
@@ -127,7 +139,7 @@ fn plain(bar: &ProgressBar) -> String {
 mod tests {
     use std::time::Duration;
 
-    use super::{bar, in_words, plain, time_left};
+    use super::{bar, in_words, news, plain, time_left};
 
     #[test]
     fn a_plain_line_says_how_far_it_is() {
@@ -136,6 +148,14 @@ mod tests {
         bar.set_position(10);
         let line = plain(&bar);
         assert!(line.starts_with("cells: 10 of 40 after ") && line.ends_with(" left"), "{line}");
+    }
+
+    #[test]
+    fn the_same_line_is_said_once() {
+        let mut said = String::new();
+        let lines = ["90 s so far", "2 min so far", "2 min so far", "3 min so far"];
+        let told: Vec<bool> = lines.map(|line| news(&mut said, line.to_owned()).is_some()).to_vec();
+        assert_eq!(told, [true, true, false, true]);
     }
 
     #[test]

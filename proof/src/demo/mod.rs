@@ -78,13 +78,25 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
     }
     let machines = nameless::all();
     let is_nameless = |name: &String| machines.iter().any(|machine| machine.name == name);
-    if args.nameless || (!args.cases.is_empty() && args.cases.iter().all(is_nameless)) {
+    if args.nameless || args.cases.iter().any(is_nameless) {
+        if let Some(other) = args.cases.iter().find(|name| !is_nameless(name)) {
+            let names: Vec<&str> = machines.iter().map(|machine| machine.name).collect();
+            return Err(Failure::usage(format!(
+                "--case {other}: a call with machines that have physics without a name takes these alone: {}",
+                names.join(", ")
+            )));
+        }
         let chosen = |machine: &nameless::Machine| {
             args.cases.is_empty() || args.cases.iter().any(|name| name == machine.name)
         };
         return commissioned(args, machines.into_iter().filter(chosen).collect());
     }
     let cases = chosen(&args.cases)?;
+    if args.resume {
+        return Err(Failure::usage(
+            "--resume: only a call with machines that have physics without a name goes on; leave it out, or add --nameless",
+        ));
+    }
     args.picture.as_deref().map_or(Ok(()), check_target)?;
     let names: Vec<&str> = cases.iter().map(|case| case.name).chain(["report.html"]).collect();
     let folder = claim(args.out.as_deref(), &names, args.force)?;
