@@ -3,7 +3,7 @@
 //! states are where a model is compared with data (Ljung 1999, System Identification, §4.3): one number of five for a law that stands between two
 //! stops, from the torque of its joint, and a place in the bearing for one that is in a film, from the tool.
 
-use freeplay_laws::{LawError, Placed, Prediction, Start};
+use freeplay_laws::{Baseline, LawError, Placed, Prediction, Start};
 use nalgebra::{DMatrix, DVectorView};
 
 use crate::residual::Kind;
@@ -33,48 +33,65 @@ struct Began {
     left: Vec<f64>,
 }
 
-/// What `predict` says of `effects`, each memory standing as the recording has it; `left` says what a prediction leaves of what was measured of one
-/// kind, row by row, if it was.
+/// What the `machine` with `effects` shows, each memory standing as the recording has it; `left` says what a prediction leaves of what was measured of one
+/// kind, row by row, if it was. The effects without a memory are worked out once, however many beginnings are tried.
 ///
 /// # Errors
-/// Those of `predict`.
-pub(crate) fn begun(
-    effects: &[&Placed],
-    predict: impl Fn(&[&Placed]) -> Result<Prediction, LawError>,
+/// Those of `machine`.
+pub(crate) fn begun<'p>(
+    effects: &[&'p Placed],
+    machine: impl Fn(&[&'p Placed]) -> Result<Baseline<'p>, LawError>,
     left: impl Fn(&Prediction, Kind) -> Option<Vec<f64>>,
 ) -> Result<Prediction, LawError> {
-    let mut best = predict(effects)?;
-    let mut known: Vec<Option<Placed>> = effects.iter().map(|_| None).collect();
-    for (index, placed) in effects.iter().enumerate() {
-        let is_open = |start: Start| placed.effect.begun(start).is_some();
-        let is_between = is_open(Start::Between(0.0));
-        let kinds = match placed.joint {
-            Some(joint) if is_between => vec![Kind::Torque(joint)],
-            Some(_) if is_open(Start::Within([0.0; 2])) => (0..3).map(Kind::Tool).collect(),
-            _ => continue,
-        };
+    let mut best = machine(effects)?.prediction().clone();
+    let others: Vec<&Placed> = effects.iter().copied().filter(|law| told_by(law).is_empty()).collect();
+    let open: Vec<&Placed> = effects.iter().copied().filter(|law| !told_by(law).is_empty()).collect();
+    if open.is_empty() {
+        return Ok(best);
+    }
+    let others = machine(&others)?;
+    let mut known: Vec<Option<Placed>> = open.iter().map(|_| None).collect();
+    for (index, law) in open.iter().enumerate() {
         let left = |said: &Prediction| -> Option<Vec<f64>> {
-            Some(kinds.iter().map(|&kind| left(said, kind)).collect::<Option<Vec<_>>>()?.concat())
+            Some(told_by(law).into_iter().map(|kind| left(said, kind)).collect::<Option<Vec<_>>>()?.concat())
         };
         let Some(now) = left(&best) else { continue };
+        let beside = open.iter().zip(&known).enumerate().filter(|(other, _)| *other != index);
+        let beside: Vec<&Placed> = beside.map(|(_, (open, known))| known.as_ref().unwrap_or(open)).collect();
+        let others = others.upon(&beside)?;
         let at = |start: Start| -> Result<Option<Began>, LawError> {
-            let Some(effect) = placed.effect.begun(start) else { return Ok(None) };
-            let law = Placed { kind: placed.kind, joint: placed.joint, effect, line: placed.line };
-            let said = predict(&with(effects, &known, index, &law))?;
+            let Some(effect) = law.effect.begun(start) else { return Ok(None) };
+            let law = Placed { kind: law.kind, joint: law.joint, effect, line: law.line };
+            let said = others.with(&[&law])?;
             Ok(left(&said).map(|left| Began { said, law, left }))
         };
         let squares = |began: &Began| square(&began.left);
-        let found = if is_between {
+        let found = if is_between(law) {
             between(square(&now), |place| at(Start::Between(place)), squares)?
         } else {
             let step = |here: &Began, nudged: [&Began; 2]| way(&here.left, nudged.map(|there| &*there.left));
-            within(square(&now), |place| at(Start::Within(place)), squares, step)?.map(|(_, began)| began)
+            within((square(&now), None), |place| at(Start::Within(place)), squares, step)?
+                .map(|(_, began)| began)
         };
         if let Some(Began { said, law, .. }) = found {
             (best, known[index]) = (said, Some(law));
         }
     }
     Ok(best)
+}
+
+/// Whether the memory of `law` stands between two stops, nobody says where.
+fn is_between(law: &Placed) -> bool {
+    law.effect.begun(Start::Between(0.0)).is_some()
+}
+
+/// What tells where the memory of `law` stands, if it has one and nobody says that; else nothing.
+fn told_by(law: &Placed) -> Vec<Kind> {
+    match law.joint {
+        Some(joint) if is_between(law) => vec![Kind::Torque(joint)],
+        Some(_) if law.effect.begun(Start::Within([0.0; 2])).is_some() => (0..3).map(Kind::Tool).collect(),
+        _ => Vec::new(),
+    }
 }
 
 /// What `at` makes of the place between two stops with which least is `left`; `None` if that is not sure to be less than what the `middle` leaves.
@@ -103,7 +120,7 @@ pub(crate) fn between<T, E>(
 
 /// Where a journal is in its bearing: w = ε/√(1 − ε²) times the direction of its eccentricity ratio ε. A journal that is squeezed out by a steady force
 /// goes evenly in w, so that later places hang on the first nearly in proportion, at the wall, too.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct InBearing([f64; 2]);
 
 impl InBearing {
@@ -129,20 +146,20 @@ impl InBearing {
 }
 
 /// The place of a journal with which least is `left`, and what `at` makes of it, which is told its eccentricity; `None` if that is not less than what the
-/// `settled` one leaves. From the best of a few places on, in the steps of Gauss and Newton: `step` says how far to go from what is at a place and at
-/// the same place nudged each way, in nudges.
+/// `settled` one leaves. From the place where it is known to be `about`, or the best of a few places, on, in the steps of Gauss and Newton: `step` says how far to
+/// go from what is at a place and at the same place nudged each way, in nudges.
 ///
 /// # Errors
 /// Those of `at`.
 pub(crate) fn within<T, E>(
-    settled: f64,
+    (settled, about): (f64, Option<InBearing>),
     at: impl Fn([f64; 2]) -> Result<Option<T>, E>,
     left: impl Fn(&T) -> f64,
     step: impl Fn(&T, [&T; 2]) -> Option<[f64; 2]>,
 ) -> Result<Option<(InBearing, T)>, E> {
     let at = |place: InBearing| at(place.eccentricity());
     let mut best: Option<(f64, InBearing, T)> = None;
-    for place in PLACES.map(InBearing) {
+    for place in about.map_or_else(|| PLACES.map(InBearing).to_vec(), |about| vec![about]) {
         let Some(there) = at(place)? else { return Ok(None) };
         let square = left(&there);
         if best.as_ref().is_none_or(|(least, ..)| square < *least) {
@@ -183,17 +200,4 @@ pub(crate) fn way(here: &[f64], there: [&[f64]; 2]) -> Option<[f64; 2]> {
 /// Σ x².
 pub(crate) fn square(rows: &[f64]) -> f64 {
     DVectorView::from(rows).norm_squared()
-}
-
-/// `effects`, those that are `known` to begin elsewhere so, and the one number `index` as `other`.
-fn with<'p>(
-    effects: &[&'p Placed],
-    known: &'p [Option<Placed>],
-    index: usize,
-    other: &'p Placed,
-) -> Vec<&'p Placed> {
-    let begins = |(at, placed): (usize, &&'p Placed)| -> &'p Placed {
-        if at == index { other } else { known[at].as_ref().unwrap_or(placed) }
-    };
-    effects.iter().enumerate().map(begins).collect()
 }

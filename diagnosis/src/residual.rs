@@ -130,17 +130,15 @@ pub(crate) fn residuals_along(
     sharpening: &Sharpening,
 ) -> Result<Residuals, ResidualError> {
     let low_pass = |column: &[f64]| treatment.low_pass(column);
-    let sharp = |effects: &[&Placed]| {
-        let baseline = Baseline::with_hidden(arm, effects, whole, &low_pass, Some(&sharpening.more))?;
-        Ok(baseline.prediction().clone())
-    };
+    let machine =
+        |effects: &[_]| Baseline::with_hidden(arm, effects, whole, &low_pass, Some(&sharpening.more));
     let left = |prediction: &Prediction, kind: Kind| {
         let column = kind.measured(recording)?;
         let off = difference(&treatment.smooth(recording, column), &treatment.keep(kind.of(prediction)));
         Some(masked(off, treatment.present(recording, column).as_deref()))
     };
     let effects: Vec<&Placed> = effects.iter().collect();
-    let prediction = begun(&effects, sharp, left)?;
+    let prediction = begun(&effects, machine, left)?;
     let channels = channels(arm, recording, treatment, &prediction);
     if channels.iter().all(Channel::is_missing) {
         return Err(ResidualError::NothingToCompare { origin: recording.origin.clone(), joints: arm.dof() });

@@ -15,9 +15,10 @@ fn arm_with(coulomb: f64) -> Arm {
     arm(["shoulder", "elbow", "wrist"].map(|name| link(name, JointKind::Revolute, friction)).into())
 }
 
-/// Noise between −1 and 1, as good as white.
-fn noise(k: usize) -> f64 {
-    2.0 * ((k as f64 * 12.9898).sin() * 43_758.545_3).fract().abs() - 1.0
+/// Noise between −1 and 1, as good as white, of its own in each `column`.
+fn noise(k: usize, column: &str) -> f64 {
+    let own: u32 = column.bytes().map(u32::from).sum();
+    2.0 * (((k as f64 + 0.37 * f64::from(own)) * 12.9898).sin() * 43_758.545_3).fract().abs() - 1.0
 }
 
 /// The made motion with noise and 4 N·m of dry friction at the elbow, without what `lacks` says of a column at a time.
@@ -27,7 +28,7 @@ fn made(lacks: impl Fn(&str, f64) -> bool) -> Recording {
     for (name, column) in &mut made[1..] {
         let size = if name.starts_with("tau") { 0.1 } else { 1e-5 };
         for (k, (x, t)) in column.iter_mut().zip(&t).enumerate() {
-            *x = if lacks(name, *t) { f64::NAN } else { *x + size * noise(k + name.len()) };
+            *x = if lacks(name, *t) { f64::NAN } else { *x + size * noise(k, name) };
         }
     }
     recording(made)
@@ -111,7 +112,7 @@ fn friction_at_rest_is_what_it_takes_and_no_more_than_it_can() {
         let mut made = columns_along(sines_of_all_but_the_last, &arm_with(0.0), &t, dry);
         for (name, column) in &mut made[1..] {
             let size = if name.starts_with('q') { 1e-5 } else { 0.0 };
-            column.iter_mut().enumerate().for_each(|(k, x)| *x += size * noise(k + name.len()));
+            column.iter_mut().enumerate().for_each(|(k, x)| *x += size * noise(k, name));
             if name == "tau3" {
                 column.iter_mut().for_each(|x| *x -= carried);
             }

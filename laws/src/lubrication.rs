@@ -36,25 +36,10 @@ impl Film {
 
     /// F_r and F_t, N, at the eccentricity ratio `eps` in (0, 1) with ε̇ = `rate` and εw/2 = `slip`, 1/s.
     pub fn force(&self, eps: f64, rate: f64, slip: f64) -> [f64; 2] {
-        let (square, open) = (eps * eps, 1.0 - eps * eps);
-        let (a, b) = ((2.0 + square) * open.powf(1.5), (2.0 + square) * open.sqrt());
-        let speed = length(rate, slip);
-        let k_rate = open.sqrt() * speed / eps;
-        // (k + 3)/(k + 3/2) and k/(k + 3/2), multiplied through by |ε̇|.
-        let share = |more: f64| {
-            let below = k_rate + 1.5 * rate.abs();
-            if below > 0.0 { (k_rate + more * rate.abs()) / below } else { 1.0 }
-        };
-        let wedge = 4.0 * square * k_rate;
-        let squeeze = (2.0 + square) * PI * rate.abs();
-        let (radial, part) = if rate >= 0.0 {
-            let part = share(3.0);
-            (-(wedge + squeeze * part), part)
-        } else {
-            let part = share(0.0);
-            (squeeze * part - wedge, part)
-        };
-        [6.0 * self.resistance / a * radial, 12.0 * PI * self.resistance * slip / b * part]
+        let gap = Gap::new(eps);
+        let [inwards, along] = gap.force(rate, slip);
+        let per_rate = 6.0 * self.resistance / gap.radial;
+        [-per_rate * inwards, per_rate * along]
     }
 
     /// The rates ε̇ and εw/2, 1/s, at which the film carries the force `radial`, `tangential` (N): the inverse of [`Film::force`]. Which way the
@@ -65,13 +50,13 @@ impl Film {
             return [0.0, 0.0];
         }
         let wanted = direction(-radial, tangential.abs());
+        let gap = Gap::new(eps);
         // A thin film gives way along the wall 1/(1 − ε²) times as easily as across it: the force points nearly as rates so scaled do.
-        let open = 1.0 - eps * eps;
-        let towards = |to: f64| [open * (1.0 - to), 1.0 - (1.0 - to).abs()];
+        let towards = |to: f64| [gap.open * (1.0 - to), 1.0 - (1.0 - to).abs()];
         let beyond = |to: f64| {
             let [rate, slip] = towards(to);
-            let [r, t] = self.force(eps, rate, slip);
-            direction(-r, t) - wanted
+            let [inwards, along] = gap.force(rate, slip);
+            direction(inwards, along) - wanted
         };
         let [rate, slip] = towards(root(beyond, [0.0, 2.0], [-wanted, 2.0 - wanted]));
         let [r, t] = self.force(eps, rate, slip);
@@ -143,6 +128,36 @@ impl Film {
         let e = length(offset[0], offset[1]);
         let n = if e > 0.0 { [offset[0] / e, offset[1] / e] } else { [1.0, 0.0] };
         ((e / self.clearance).clamp(1e-6, THINNEST), n, [n[1], -n[0]])
+    }
+}
+
+/// The gap that is left at one eccentricity.
+struct Gap {
+    /// ε² and 1 − ε².
+    square: f64,
+    open: f64,
+    /// √(1 − ε²)/ε.
+    wedge: f64,
+    /// A.
+    radial: f64,
+}
+
+impl Gap {
+    fn new(eps: f64) -> Self {
+        let (square, open) = (eps * eps, 1.0 - eps * eps);
+        let root = open.sqrt();
+        Self { square, open, wedge: root / eps, radial: (2.0 + square) * open * root }
+    }
+
+    /// A/(6C) times −F_r and F_t with ε̇ = `rate` and εw/2 = `slip`.
+    fn force(&self, rate: f64, slip: f64) -> [f64; 2] {
+        // k|ε̇|, and (k + 3)/(k + 3/2) or k/(k + 3/2) multiplied through by |ε̇|.
+        let k_rate = self.wedge * length(rate, slip);
+        let (more, sign) = if rate >= 0.0 { (3.0, 1.0) } else { (0.0, -1.0) };
+        let below = k_rate + 1.5 * rate.abs();
+        let part = if below > 0.0 { (k_rate + more * rate.abs()) / below } else { 1.0 };
+        let squeeze = (2.0 + self.square) * PI * rate.abs() * part;
+        [4.0 * self.square * k_rate + sign * squeeze, 2.0 * PI * self.open * slip * part]
     }
 }
 

@@ -3,8 +3,9 @@
     python python/benchmarks/killed_campaigns.py CASES SHARDS FOLDER 0.1 hyperqueue dask
     python python/benchmarks/killed_campaigns.py CASES SHARDS FOLDER 0 local hyperqueue dask local hyperqueue dask
 
-FREEPLAY_EXECUTABLE names the executable. The cases are those of `python/examples/pendulum_cases.py`. The share of the tasks that is named, drawn by
-chance, is killed once at a random moment of its first try (SIGKILL to the task's process). The receipt of the one process is kept in FOLDER and used
+FREEPLAY_EXECUTABLE names the executable. The cases are those of `python/examples/pendulum_cases.py`. The share of the tasks that is named is killed, each
+once, at a random moment of its first try (SIGKILL to the task's process). Chance draws the tasks; for one that ended before its moment came, another
+one is drawn among those that have not begun. The receipt of the one process is kept in FOLDER and used
 again. A row an engine: tasks killed; wall and processor time of the campaign with all its processes; the part of it that neither a finished task nor the
 merge used, which is the engine and lost tries; the share of the workers' time in which tasks ran; and whether the receipt is that of the one process
 to the byte.
@@ -31,22 +32,33 @@ SEED, WORKERS = 2026, 2
 
 
 class Killer(threading.Thread):
-    """Kills the chosen tasks of the campaign in `folder`, each once, after a random part of `span`, s, of its life."""
+    """Kills `kills` of the `count` tasks of the campaign in `folder`, each once, after a random part of `span`, s, of its life.
 
-    def __init__(self, folder: Path, chosen: set[int], span: float, dice: random.Random) -> None:
+    Whether a task is drawn is decided when it begins, so that each that has not begun is as likely as the next (Knuth 1981, The Art of Computer
+    Programming 2, algorithm S).
+    """
+
+    def __init__(self, folder: Path, kills: int, count: int, span: float, dice: random.Random) -> None:
         super().__init__(daemon=True)
-        self.folder, self.span, self.dice = str(folder), span, dice
-        self.left, self.killed, self.stop = dict.fromkeys(chosen, 0.0), 0, threading.Event()
+        self.folder, self.kills, self.count, self.span, self.dice = str(folder), kills, count, span, dice
+        self.killed, self.stop = 0, threading.Event()
 
     def run(self) -> None:
+        seen: set[int] = set()
         due: dict[int, tuple[int, float]] = {}
         while not self.stop.wait(0.01):
-            for task, process in self._at_work():
-                if task in self.left and task not in due:
-                    due[task] = (process, time.monotonic() + self.dice.uniform(0.0, self.span))
+            now, alive = time.monotonic(), self._at_work()
+            for task, process in alive:
+                if task not in seen:
+                    wanted, unseen = self.kills - self.killed - len(due), self.count - len(seen)
+                    seen.add(task)
+                    if self.dice.random() * unseen < wanted:
+                        due[task] = (process, now + self.dice.uniform(0.0, self.span))
             for task, (process, when) in list(due.items()):
-                if time.monotonic() >= when and task in self.left:
-                    del self.left[task]
+                if (task, process) not in alive:
+                    del due[task]
+                elif now >= when:
+                    del due[task]
                     try:
                         os.kill(process, signal.SIGKILL)
                         self.killed += 1
@@ -117,7 +129,8 @@ def main(cases: str, shards: str, folder: str, share: str, *engines: str) -> Non
     for number, engine in enumerate(engines):
         dice = random.Random(SEED + number)
         out = next(path for path in (place / f"{engine}-{n}" for n in itertools.count()) if not path.exists())
-        killer = Killer(out, set(dice.sample(range(count), round(float(share) * count))), 0.5 * seconds / count, dice)
+        kills = round(float(share) * count)
+        killer = Killer(out, kills, count, 0.5 * seconds / count, dice)
         killer.start()
         wall, used = spread(out, int(cases), count, engine, WORKERS)
         killer.stop.set()

@@ -5,7 +5,8 @@
 //! one by one, as held-out paths say (stepwise selection, Efroymson 1960).
 //!
 //! Of each path the logarithm of the mean square that is left counts ([`crate::significance`] asks the same of the simulated runs). An input is taken if the mean of
-//! it over the paths falls by more than the standard error of the paired differences (the rule of one standard error, Breiman et al. 1984, §3.4.3).
+//! it over the paths falls by more than the standard error of the paired differences (the rule of one standard error, Breiman et al. 1984, §3.4.3). The best of many
+//! candidates looks better than it is, by the chance of its first weights; so it has to be better once more with first weights that had no part in the choice.
 
 use freeplay_controller::remainder::InputGroup;
 use freeplay_terminal::exit::Failure;
@@ -98,6 +99,12 @@ impl Selection<'_> {
         Ok(best)
     }
 
+    /// What the inputs `inputs` leave of each path with other first weights.
+    fn once_more(&self, inputs: &[Channel]) -> Result<Vec<f64>, Failure> {
+        let fitting = Fitting { seed: self.fitting.seed + 1, ..self.fitting };
+        Ok(errors(self.data, &held_out(self.data, &Structure::plain(inputs, &PROBE), fitting)?))
+    }
+
     /// Takes the channel or group that helps most; false if none helps.
     fn add(&mut self) -> Result<bool, Failure> {
         let all = Channel::all(self.data.joints());
@@ -109,7 +116,9 @@ impl Selection<'_> {
         let more = missing.iter().map(|channel| vec![*channel]).chain(groups.filter(|group| group.len() > 1));
         let candidates = more.map(|more| sorted([self.inputs.as_slice(), &more].concat())).collect();
         let Some((inputs, errors)) = self.best(candidates)? else { return Ok(false) };
-        let helps = self.inputs.is_empty() || is_lower(&errors, &self.errors);
+        let helps = self.inputs.is_empty()
+            || is_lower(&errors, &self.errors)
+                && is_lower(&self.once_more(&inputs)?, &self.once_more(&self.inputs)?);
         if helps {
             (self.inputs, self.errors) = (inputs, errors);
         }

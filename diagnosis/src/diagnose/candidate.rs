@@ -3,7 +3,9 @@
 use std::rc::Rc;
 
 use freeplay_arm::{Arm, EffectTable};
-use freeplay_laws::{ABOUT, Injection, Kind as EffectKind, LawError, Place, Placed, Site, Term, kinds};
+use freeplay_laws::{
+    ABOUT, Injection, Kind as EffectKind, LawError, Place, Placed, Site, Start, Term, kinds,
+};
 use freeplay_recording::Group;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use toml::{Table, Value};
@@ -13,6 +15,7 @@ use super::data::{Column, Data, REMEMBERED};
 use super::moments::{Moments, in_one_recording, window};
 use super::report::Untestable;
 use super::stage::{Answer, Stage};
+use crate::begin::InBearing;
 use crate::residual::Kind;
 use crate::statistics::span;
 
@@ -60,6 +63,8 @@ pub(crate) struct Candidate {
     pub is_read: bool,
     /// The effect parts its joint: by play in the bearing (first), by a spring or a gap in the gear (second).
     parts: [bool; 2],
+    /// Where its journal is in its bearing as each recording begins, if it has one that was looked for.
+    begins: Vec<Option<InBearing>>,
     /// Where its terms are among all terms of the law; the others are zero.
     shown: Vec<usize>,
     /// Number of all terms of the law.
@@ -77,7 +82,18 @@ impl Candidate {
         joint: Option<usize>,
         form: Form,
     ) -> Result<Option<Self>, LawError> {
-        let (terms, mut columns) = columns(data, kind, joint, &form)?;
+        Self::beginning(data, kind, joint, form, vec![None; data.stages.len()])
+    }
+
+    /// The same, its journal about where it `begins` in each recording, if that is known.
+    fn beginning(
+        data: &Data,
+        kind: &'static EffectKind,
+        joint: Option<usize>,
+        form: Form,
+        mut begins: Vec<Option<InBearing>>,
+    ) -> Result<Option<Self>, LawError> {
+        let (terms, mut columns) = columns(data, (kind, joint), &form, &mut begins)?;
         if columns.iter().flatten().flatten().flatten().any(|x| !x.is_finite()) {
             return Ok(None);
         }
@@ -112,6 +128,7 @@ impl Candidate {
             forms: 1,
             is_read,
             parts,
+            begins,
             shown,
             all,
         }))
@@ -119,7 +136,7 @@ impl Candidate {
 
     /// The same effect in another `form`; `None` if the motion shows nothing of it, or other terms.
     pub fn reformed(&self, data: &Data, form: Form) -> Option<Self> {
-        let other = Self::new(data, self.kind, self.joint, form).ok()??;
+        let other = Self::beginning(data, self.kind, self.joint, form, self.begins.clone()).ok()??;
         (other.shown == self.shown).then_some(Self { forms: self.forms, ..other })
     }
 
@@ -187,6 +204,16 @@ impl Candidate {
     /// The effect with these coefficients on `arm`; `None` if an arm file can't say it.
     pub fn placed(&self, arm: &Arm, coefficients: &[f64]) -> Option<Placed> {
         Placed::new(&self.table(arm, coefficients), arm).ok()
+    }
+
+    /// The same in the recording number `stage`, where its journal begins as it was found there.
+    pub fn placed_in(&self, arm: &Arm, coefficients: &[f64], stage: usize) -> Option<Placed> {
+        let mut placed = self.placed(arm, coefficients)?;
+        let begins = self.begins[stage].map(|place| Start::Within(place.eccentricity()));
+        if let Some(effect) = begins.and_then(|begins| placed.effect.begun(begins)) {
+            placed.effect = effect;
+        }
+        Some(placed)
     }
 
     /// The numbers of its shape that can take any value near by.
@@ -308,7 +335,7 @@ pub(crate) fn at_place(
         let because = refused.or_else(|| no_torque_of(data, joint));
         return Err(because.unwrap_or_else(|| "this motion shows nothing of it".to_owned()));
     }
-    let count = found.len();
+    let count = moments.filter(|_| kind.happens()).map_or(found.len(), |moments| moments.tried(kind));
     found.iter_mut().for_each(|candidate| candidate.forms = count);
     Ok((found, lacks(&|place, stage| kind.missing(place, &stage.recorded()))))
 }
@@ -429,12 +456,12 @@ fn begins_or_ends(data: &Data, columns: &[Column]) -> bool {
     })
 }
 
-/// All terms of a law and their columns.
+/// All terms of a law and their columns; its journal about where it `begins` in each recording, which is set to where it does.
 fn columns(
     data: &Data,
-    kind: &'static EffectKind,
-    joint: Option<usize>,
+    (kind, joint): (&'static EffectKind, Option<usize>),
     form: &Form,
+    begins: &mut [Option<InBearing>],
 ) -> Result<(Vec<Term>, Vec<Column>), LawError> {
     let mut terms = Vec::new();
     let mut answers: Vec<Vec<Answer>> = Vec::new();
@@ -444,8 +471,9 @@ fn columns(
             answers.iter_mut().for_each(|answers| answers.push(vec![None; data.per_stage()]));
             continue;
         }
-        let (of_stage, mut said): (Vec<Term>, Vec<Answer>) =
-            stage.terms(kind, joint, &form.shape, &data.nuisances[number])?.into_iter().unzip();
+        let terms_of_stage =
+            stage.terms((kind, joint), &form.shape, &data.nuisances[number], &mut begins[number])?;
+        let (of_stage, mut said): (Vec<Term>, Vec<Answer>) = terms_of_stage.into_iter().unzip();
         if !is_asked(number) {
             said.iter_mut().for_each(|said| said.fill(None));
         }

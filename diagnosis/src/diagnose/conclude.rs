@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use freeplay_arm::{Arm, ArmFile, EffectTable};
-use freeplay_laws::{ArmParts, Kind, LawError, Range, Role, changed, kind};
+use freeplay_laws::{ArmParts, Kind, LawError, Placed, Range, Role, changed, kind};
 use nalgebra::DVector;
 
 use super::alternatives::{alternatives, rows_of_evidence};
@@ -234,56 +234,77 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
         let system = &self.search.system;
         let test = system.weights.on(system.data, &[Part::Test]);
         let on_test: Vec<Vec<f64>> = test.rows.iter().map(super::weights::Rows::weights).collect();
-        let squares = |rows: &[Vec<f64>]| -> Vec<f64> {
-            let of_channel = |(rows, weights): (&Vec<f64>, &Vec<f64>)| -> f64 {
-                rows.iter().zip(weights).map(|(x, w)| w * x * x).sum()
-            };
-            rows.iter().zip(&on_test).map(of_channel).collect()
-        };
         let mut left = self.left(&fit)?;
-        loop {
-            let with = squares(&left);
-            let (mut without, mut least) = (Vec::new(), None);
-            for place in 0..fit.members.len() {
-                let others = all_but(&fit.members, place);
-                let Some(fit_without) = system.held_fit(&others) else { return Ok(None) };
+        'fits: loop {
+            let Some(order) = self.least_first(&fit, &on_test) else { return Ok(None) };
+            let mut without = BTreeMap::new();
+            for (place, others) in order {
                 // Another law may be one of an arm that can't exist without this one: then its columns tell what is left.
-                let (left_without, exists) = match self.left(&fit_without) {
+                let (left_without, exists) = match self.left(&others) {
                     Ok(left) => (left, true),
-                    Err(LawError::Changed { .. }) => (system.left(&fit_without), false),
+                    Err(LawError::Changed { .. }) => (system.left(&others), false),
                     Err(error) => return Err(error),
                 };
-                let candidate = system.candidate(fit.members[place]);
-                let more: Vec<f64> =
-                    squares(&left_without).iter().zip(&with).map(|(without, with)| without - with).collect();
-                let shown: Vec<usize> =
-                    (0..more.len()).filter(|&c| candidate.shows_in(c, &on_test)).collect();
-                // Where it shows, and in all that is measured.
-                let gain = shown.iter().map(|&c| more[c]).sum::<f64>().min(more.iter().sum());
-                if exists && !shown.is_empty() && least.is_none_or(|(known, _)| gain < known) {
-                    least = Some((gain, place));
+                let gain = self.gain(&fit, place, &on_test, [&left, &left_without]);
+                if exists && gain.is_some_and(|gain| gain <= 0.0) {
+                    (fit, left) = (others, left_without);
+                    continue 'fits;
                 }
-                without.push((fit_without, left_without));
+                without.insert(place, (others, left_without));
             }
-            match least {
-                Some((gain, place)) if gain <= 0.0 => (fit, left) = without.swap_remove(place),
-                _ => return Ok(Some(BorneOut { fit, left, without, on_test })),
-            }
+            return Ok(Some(BorneOut { fit, left, without: without.into_values().collect(), on_test }));
         }
     }
 
-    /// Residuals, by channel and row, of the arm file that the members of `fit` make, all of them at once and tuned; zero in rows that don't count.
+    /// The number of each member of `fit` and the fit without it, those first of which the columns say that they take least off the test part.
+    fn least_first(&self, fit: &Fit, on_test: &[Vec<f64>]) -> Option<Vec<(usize, Fit)>> {
+        let system = &self.search.system;
+        let left = system.left(fit);
+        let mut order = Vec::new();
+        for place in 0..fit.members.len() {
+            let others = system.held_fit(&all_but(&fit.members, place))?;
+            let gain = self.gain(fit, place, on_test, [&left, &system.left(&others)]);
+            order.push((gain.unwrap_or(f64::INFINITY), place, others));
+        }
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Some(order.into_iter().map(|(_, place, others)| (place, others)).collect())
+    }
+
+    /// Squares that the member number `place` of `fit` takes away where it shows, or in all that is measured where that is less: from what is `left` with it and
+    /// without it. `None` if it shows nowhere.
+    fn gain(
+        &self,
+        fit: &Fit,
+        place: usize,
+        weights: &[Vec<f64>],
+        [with, without]: [&[Vec<f64>]; 2],
+    ) -> Option<f64> {
+        let square = |rows: &[f64], weights: &[f64]| -> f64 {
+            rows.iter().zip(weights).map(|(x, weight)| weight * x * x).sum()
+        };
+        let more = |c: usize| square(&without[c], &weights[c]) - square(&with[c], &weights[c]);
+        let more: Vec<f64> = (0..weights.len()).map(more).collect();
+        let candidate = self.search.system.candidate(fit.members[place]);
+        let shown: Vec<usize> = (0..more.len()).filter(|&c| candidate.shows_in(c, weights)).collect();
+        (!shown.is_empty()).then(|| shown.iter().map(|&c| more[c]).sum::<f64>().min(more.iter().sum()))
+    }
+
+    /// Residuals, by channel and row, of the arm file that the members of `fit` make, all of them at once and tuned; zero in rows that don't count. Each journal
+    /// begins where the search found it.
     fn left(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
-        let mut left = self.left_as_given(fit)?;
+        let mut left = self.left_beside(|stage| self.search.system.placed_in(fit, self.arm(), stage))?;
         self.tune(&mut left, fit);
         Ok(left)
     }
 
-    /// The same of the model as given.
+    /// The same of the model as given, as a comparison with the file has them.
     fn left_as_given(&self, fit: &Fit) -> Result<Vec<Vec<f64>>, LawError> {
-        let placed = self.search.system.placed(fit, self.arm(), |_| true);
-        let with_laws = self.data().left_with(&placed.iter().collect::<Vec<_>>())?;
-        Ok(less(&with_laws, &said_by(self.events, self.target)))
+        self.left_beside(|_| self.search.system.placed(fit, self.arm(), |_| true))
+    }
+
+    /// Residuals of the model with these laws in each recording, beside the events.
+    fn left_beside(&self, laws: impl Fn(usize) -> Vec<Placed>) -> Result<Vec<Vec<f64>>, LawError> {
+        Ok(less(&self.data().left_with(laws)?, &said_by(self.events, self.target)))
     }
 
     /// Takes what the tolerances beside `fit` say off `rows`, and those that don't count out.

@@ -112,7 +112,7 @@ impl<'a> Data<'a> {
             let said = around(&says, &ground.motion.t, ground.treatment.filter().settling_time());
             let parts = self.parts[stage].iter_mut().zip(said);
             parts
-                .filter(|(part, said)| *said && **part != Part::Fit)
+                .filter(|(part, said)| *said && **part == Part::Test)
                 .for_each(|(part, _)| *part = Part::Choice);
         }
         let rests = self.stages.iter().zip(&self.parts).map(|(stage, parts)| {
@@ -165,14 +165,14 @@ impl<'a> Data<'a> {
         residual.collect()
     }
 
-    /// Measured minus the model with `more` effects, all of them at once, as an arm file with them would have it.
+    /// Measured minus the model with `more` effects in each recording, all of them at once, as an arm file with them would have it.
     ///
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
-    pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
+    pub fn left_with(&self, more: impl Fn(usize) -> Vec<Placed>) -> Result<Vec<Vec<f64>>, LawError> {
         let mut left = Vec::new();
-        for stage in &self.stages {
-            left.extend(stage.left_with(more)?);
+        for (number, stage) in self.stages.iter().enumerate() {
+            left.extend(stage.left_with(&more(number).iter().collect::<Vec<_>>())?);
         }
         for (channel, rows) in left.iter_mut().enumerate() {
             self.count(channel, rows);

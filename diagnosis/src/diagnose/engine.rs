@@ -191,7 +191,7 @@ impl Study<'_> {
         // What the search did not see is left, too.
         let mut left = found.left.clone();
         add_all(&mut left, events.iter().flat_map(Event::columns));
-        let heard = std::mem::replace(&mut data.heard, vec![Part::Fit, Part::Choice, Part::Test]);
+        let heard = std::mem::replace(&mut data.heard, Part::ALL.to_vec());
         let sizes = Weights::new(data, self.target, Some(&left), self.settings.seed);
         // Where the rows are exact nothing wanders, and nothing happens that the laws don't say.
         let happened = happenings(data, &left, &sizes, self.settings.seed).unwrap_or_default();

@@ -26,8 +26,8 @@ pub(crate) fn joined(
     candidate: &Candidate,
     coefficients: &[f64],
 ) -> Option<EffectTable> {
-    let found = candidate.placed(data.arm(), coefficients)?;
-    let both = data.left_with(&[&found]).ok()?;
+    candidate.placed(data.arm(), coefficients)?;
+    let both = data.left_with(|_| candidate.placed(data.arm(), coefficients).into_iter().collect()).ok()?;
     let neither = left_instead(data, given, None).ok()?;
     let whole: Vec<f64> = weighed(data, &less(&neither, &both));
     let of_given: Table = candidate

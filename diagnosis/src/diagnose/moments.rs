@@ -66,6 +66,16 @@ impl Moments {
         torques.for_each(|(torque, left)| torque.iter_mut().for_each(|torque| torque.set(left)));
     }
 
+    /// In how many ways, each as likely as the next, a `kind` may happen at one place: from each row that says something on, and for as long as one row or as all
+    /// rows, the logarithm of its length even (Jeffreys 1961, Theory of Probability, §3.1).
+    pub fn tried(&self, kind: &EffectKind) -> usize {
+        let rows = self.torques.iter().flatten().map(Torque::count).sum::<usize>();
+        let torques = self.torques.iter().flatten().count().max(1);
+        let stages = (self.torques.len() / self.per_stage.max(1)).max(1);
+        let rows = (rows * stages / torques).max(2) as f64;
+        if kind.parameter(END).is_some() { (rows * rows.ln()) as usize } else { rows as usize }
+    }
+
     /// The shapes of a `kind` at `joint` that begins and ends, in the windows of the recording number `index` in which it would explain most.
     pub fn shapes(&self, data: &Data, kind: &EffectKind, joint: Option<usize>, index: usize) -> Vec<Table> {
         if kind.parameter(END).is_none() {

@@ -16,6 +16,11 @@ pub(crate) enum Part {
     Guard,
 }
 
+impl Part {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Fit, Self::Choice, Self::Test, Self::Guard];
+}
+
 /// Shares of one recording in the fit part, and in the fit and the choice part together. What is fitted needs most of the motion; a third for
 /// the test is what the field holds out.
 const SHARES: [f64; 2] = [0.55, 0.70];

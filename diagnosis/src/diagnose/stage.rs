@@ -15,7 +15,7 @@ use toml::Table;
 use super::beside::Beside;
 use super::noise::Noises;
 use super::tolerance::Nuisance;
-use crate::begin::{begun, between, within};
+use crate::begin::{InBearing, begun, between, within};
 use crate::error::ResidualError;
 use crate::filter::derivatives;
 use crate::motion::{Settings, Treatment};
@@ -212,16 +212,16 @@ impl<'a> Stage<'a> {
     }
 
     /// The answers to each term of the effect `kind` at `joint` with `shape`, beside what was found. A memory stands as the recording has it, beside what
-    /// `nuisances` can say.
+    /// `nuisances` can say; where it stands in a bearing is looked for from `begins` on, if that is known of a like shape, and is set there.
     ///
     /// # Errors
     /// See [`LawError`].
     pub fn terms(
         &self,
-        kind: &'static EffectKind,
-        joint: Option<usize>,
+        (kind, joint): (&'static EffectKind, Option<usize>),
         shape: &Table,
         nuisances: &[Nuisance],
+        begins: &mut Option<InBearing>,
     ) -> Result<Vec<(Term, Answer)>, LawError> {
         let middle = self.terms_as(kind, joint, shape)?;
         let (Some(joint), Some(start)) = (joint, kind.memory()) else { return Ok(middle) };
@@ -236,7 +236,11 @@ impl<'a> Stage<'a> {
                 let beside = Beside::new(self, nuisances, |kind| matches!(kind, Kind::Tool(_)));
                 let left = |terms: &Vec<(Term, Answer)>| beside.left(terms);
                 let step = |here: &Vec<_>, nudged: [&Vec<_>; 2]| beside.step(here, nudged);
-                within(left(&middle), |place| at(Start::Within(place)), left, step)?.map(|(_, terms)| terms)
+                let from = (left(&middle), *begins);
+                within(from, |place| at(Start::Within(place)), left, step)?.map(|(place, terms)| {
+                    *begins = Some(place);
+                    terms
+                })
             }
             _ => None,
         };
@@ -320,7 +324,6 @@ impl<'a> Stage<'a> {
     /// # Errors
     /// [`LawError::Changed`] if they leave no possible arm.
     pub fn left_with(&self, more: &[&Placed]) -> Result<Vec<Vec<f64>>, LawError> {
-        let with = |more: &[&Placed]| self.rough.with(more);
         let left = |prediction: &Prediction, channel: &Channel| -> Vec<f64> {
             let model = self.ground.treatment.keep(channel.kind.of(prediction));
             let off = channel.measured.iter().zip(model).map(|(measured, model)| measured - model).collect();
@@ -329,7 +332,7 @@ impl<'a> Stage<'a> {
         let left_of = |prediction: &Prediction, kind: Kind| {
             Some(left(prediction, &self.channels[self.number_of(kind)?]))
         };
-        let best = begun(more, with, left_of)?;
+        let best = begun(more, |more| self.rough.upon(more), left_of)?;
         Ok(self.channels.iter().map(|channel| left(&best, channel)).collect())
     }
 

@@ -159,26 +159,11 @@ impl<'d, 'a> System<'d, 'a> {
             candidate.columns = Rc::new(candidate.columns.iter().map(|c| whitening.column(c)).collect());
         }
         let size = candidate.size();
-        let mut precision = DMatrix::zeros(size, size);
-        let (mut channels, mut count) = (Vec::new(), 0.0);
-        for &c in &candidate.channels {
-            if self.channels[c].weights.iter().all(|w| *w == 0.0) {
-                continue;
-            }
-            let mask = self.data.heard(c);
-            let plain = own(&candidate.columns, c, &mask);
-            let rows = mask.iter().sum::<f64>();
-            let scale = HALF * self.weights.rows[c].scale;
-            if scale > 0.0 && plain.diagonal().iter().any(|x| *x > 0.0) {
-                precision += plain / (scale * scale);
-                count += rows;
-                channels.push(c);
-            }
-        }
-        if count <= 0.0 {
-            return None;
-        }
-        precision /= count;
+        let (channels, mut precision) = if candidate.kind.happens() {
+            self.precision_of_its_own_size(&candidate)?
+        } else {
+            self.precision_of_a_channel(&candidate)?
+        };
         for k in 0..size {
             if precision[(k, k)] <= 0.0 {
                 return None;
@@ -189,6 +174,51 @@ impl<'d, 'a> System<'d, 'a> {
             + candidate.kind.occurs.odds().ln()
             - (candidate.forms as f64).ln();
         Some(Block::new(candidate, channels, precision, log_prior))
+    }
+
+    /// The channels in which `candidate` shows, and the precision of a prior under which it says half of what they measure.
+    fn precision_of_a_channel(&self, candidate: &Candidate) -> Option<(Vec<usize>, DMatrix<f64>)> {
+        let mut precision = DMatrix::zeros(candidate.size(), candidate.size());
+        let (mut channels, mut count) = (Vec::new(), 0.0);
+        for c in self.weighed(candidate) {
+            let mask = self.data.heard(c);
+            let plain = own(&candidate.columns, c, &mask);
+            let scale = HALF * self.weights.rows[c].scale;
+            if scale > 0.0 && plain.diagonal().iter().any(|x| *x > 0.0) {
+                precision += plain / (scale * scale);
+                count += mask.iter().sum::<f64>();
+                channels.push(c);
+            }
+        }
+        (count > 0.0).then(|| (channels, precision / count))
+    }
+
+    /// The same under which it is as large as the rows have it: no machine suggests how large something is that happens (local empirical Bayes, Hansen & Yu 2001, J. Am. Stat.
+    /// Assoc. 96:746). The prior says as much as all rows where they say nothing of it.
+    fn precision_of_its_own_size(&self, candidate: &Candidate) -> Option<(Vec<usize>, DMatrix<f64>)> {
+        let size = candidate.size();
+        let (mut normal, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
+        let mut channels = Vec::new();
+        for c in self.weighed(candidate) {
+            let weights = &self.channels[c].weights;
+            let of_channel = own(&candidate.columns, c, weights);
+            if of_channel.diagonal().iter().any(|x| *x > 0.0) {
+                let target: Vec<f64> = self.target[c].iter().zip(weights).map(|(x, w)| x * w).collect();
+                right += DVector::from_fn(size, |k, _| {
+                    candidate.columns[k][c].as_ref().map_or(0.0, |column| dot(column, &target))
+                });
+                normal += of_channel;
+                channels.push(c);
+            }
+        }
+        let explained = right.dot(&Cholesky::new(normal.clone())?.solve(&right));
+        let larger = (explained / size as f64 - 1.0).max(1.0);
+        Some((channels, normal / larger))
+    }
+
+    /// The channels of `candidate` that have rows with a weight.
+    fn weighed<'c>(&'c self, candidate: &'c Candidate) -> impl Iterator<Item = usize> + 'c {
+        candidate.channels.iter().copied().filter(|&c| self.channels[c].weights.iter().any(|w| *w != 0.0))
     }
 
     /// What the block number `index` explains beside the tolerances.
@@ -496,6 +526,14 @@ impl<'d, 'a> System<'d, 'a> {
         let members = fit.members.iter().map(|&member| self.candidate(member)).enumerate();
         let wanted = members.filter(|(_, candidate)| may(candidate));
         wanted.filter_map(|(place, candidate)| candidate.placed(arm, self.coefficients(fit, place))).collect()
+    }
+
+    /// The members of `fit` on `arm` in the recording number `stage` that an arm file can say, their journals where they begin there.
+    pub fn placed_in(&self, fit: &Fit, arm: &Arm, stage: usize) -> Vec<Placed> {
+        let placed = |(place, &member): (usize, &usize)| {
+            self.candidate(member).placed_in(arm, self.coefficients(fit, place), stage)
+        };
+        fit.members.iter().enumerate().filter_map(placed).collect()
     }
 
     /// The coefficients of the member number `place` of `fit`.

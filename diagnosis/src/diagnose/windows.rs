@@ -65,6 +65,11 @@ impl Torque {
         torque
     }
 
+    /// Number of rows that say something.
+    pub fn count(&self) -> usize {
+        self.rows.len()
+    }
+
     /// Sets what is `left` of it.
     pub fn set(&mut self, left: &[f64]) {
         let left: Vec<f64> = self.rows.iter().map(|row| left[*row]).collect();
