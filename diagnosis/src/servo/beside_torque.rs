@@ -12,7 +12,7 @@ use super::findings::{WIDTH, named_from};
 use super::parts::{Parts, moving_cut, rounding};
 use super::scores::{Deviations, deviations, gain};
 use super::torque_law::{Sheet, TorqueLaw};
-use super::torque_servos::{Simulated, delay_of, findings, with_servos};
+use super::torque_servos::{Simulated, delay_of, findings, number, with_servos};
 use super::tracks::{for_fit, for_lags, track};
 use crate::diagnose::{DiagnoseError, DiagnoseSettings, Diagnosis, Verdict, bounded};
 use crate::motion::Treatment;
@@ -188,7 +188,7 @@ impl Question<'_> {
 fn lateness(diagnosis: &Diagnosis) -> (f64, f64) {
     let mut late = 0.0;
     for table in diagnosis.model.effects.iter().filter(|table| table.kind == "time_delay") {
-        let delay = table.parameters.get("delay").and_then(Value::as_float).unwrap_or(0.0);
+        let delay = number(table, "delay").unwrap_or(0.0);
         match table.parameters.get("channel").and_then(Value::as_str) {
             Some("position") => late += delay,
             Some("torque") => late -= delay,

@@ -54,8 +54,7 @@ pub fn findings(file: &ArmFile, laws: &Laws, tolerances: &Tolerances) -> Vec<Fin
 
 fn servo(file: &ArmFile, joint: usize, law: &TorqueLaw, tolerances: &Tolerances) -> Finding {
     let (k, c) = (law.stiffness, law.damping);
-    let given =
-        |name: &str| Some(table_of(file, "servo", joint)?.parameters.get(name)?.as_float().unwrap_or(0.0));
+    let given = |name: &str| number(table_of(file, "servo", joint)?, name);
     let distance_from = |old: f64| {
         let damping = given("damping").unwrap_or(0.0);
         let of_stiffness = (k.0 / old).ln().abs() / (k.1 / k.0).hypot(tolerances.friction);
@@ -89,7 +88,7 @@ fn delay(file: &ArmFile, joint: usize, law: &TorqueLaw, late: f64, tolerances: &
 /// Delay of commands that `file` names at `joint`, s.
 pub fn delay_of(file: &ArmFile, joint: usize) -> f64 {
     let table = table_of(file, "command_delay", joint);
-    table.and_then(|table| table.parameters.get("delay")?.as_float()).unwrap_or(0.0)
+    table.and_then(|table| number(table, "delay")).unwrap_or(0.0)
 }
 
 fn finding(
@@ -122,6 +121,12 @@ fn finding(
 fn empty(file: &ArmFile, kind: &str, joint: usize) -> EffectTable {
     let name = file.arm.joints()[joint].name.clone();
     EffectTable { kind: kind.to_owned(), joint: Some(name), parameters: Table::new(), line: 0 }
+}
+
+/// The number `name` of `table`, which a file may write as an integer.
+pub fn number(table: &EffectTable, name: &str) -> Option<f64> {
+    let value = table.parameters.get(name)?;
+    value.as_float().or_else(|| value.as_integer().map(|whole| whole as f64))
 }
 
 /// The table of `file` of the effect `kind` at `joint`.
@@ -202,7 +207,7 @@ impl Simulated<'_> {
         let (joints, test) = ([finding.joint], &self.parts.test);
         let without = (finding.kind == "command_delay").then(|| {
             let mut servos = self.servos.clone();
-            let delay = finding.table.parameters.get("delay").and_then(Value::as_float).unwrap_or(0.0);
+            let delay = number(&finding.table, "delay").unwrap_or(0.0);
             servos.joints[finding.joint].delay -= delay;
             deviations_of(&servos, self.tracks)
         });
