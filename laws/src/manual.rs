@@ -24,7 +24,7 @@ pub fn manual() -> String {
     text.push_str(
         "\n# Commanded positions\n\n\
          What shows where a recording has commanded positions (`q_ref1`…). `compare` predicts the measured position with them, `diagnose` finds them where \
-         neither torques nor the tool were recorded.\n",
+         neither torques nor the tool were recorded, and servos and delays also beside torques, where servos make these torques of the commands.\n",
     );
     for kind in COMMANDED {
         describe(&mut text, kind);

@@ -7,15 +7,19 @@ use crate::joint::JointServo;
 use crate::rollout::ServoArm;
 
 /// Kinds of effects at a joint that a rollout knows; effects that change the arm itself act, too.
-const AT_JOINTS: [&str; 7] = [
+const AT_JOINTS: [&str; 9] = [
     "servo",
     "command_delay",
     "hard_stop",
     "coulomb_friction",
     "viscous_friction",
     "stribeck_friction",
+    "asymmetric_friction",
+    "presliding_friction",
     "rotor_inertia",
 ];
+/// What is recorded late of all joints.
+const LATE: &str = "time_delay";
 
 impl ServoArm {
     /// The arm of `file` with the servo of each joint; `None` if a joint has none.
@@ -46,18 +50,34 @@ impl ServoArm {
             servo.coulomb = (servo.coulomb + joint.friction.coulomb).max(0.0);
             servo.damping = (servo.damping + joint.friction.viscous).max(0.0);
         }
+        // An encoder that is read late shows all of the motion late, as if its commands were.
+        let late = encoders_late(file)?;
+        joints.iter_mut().for_each(|servo| servo.delay += late);
         Ok(Some(ServoArm { arm, joints }))
     }
 
     /// The effects of `file` that a rollout does not know, by kind.
     pub fn unused(file: &ArmFile) -> Vec<&str> {
-        let is_known = |name: &str| AT_JOINTS.contains(&name) || CHANGES_ARM.contains(&name);
+        let is_known = |name: &str| AT_JOINTS.contains(&name) || CHANGES_ARM.contains(&name) || name == LATE;
         let mut unused: Vec<&str> =
             file.effects.iter().map(|table| table.kind.as_str()).filter(|name| !is_known(name)).collect();
         unused.sort_unstable();
         unused.dedup();
         unused
     }
+}
+
+/// Time by which the encoders of `file` are read late, s.
+fn encoders_late(file: &ArmFile) -> Result<f64, LawError> {
+    let mut late = 0.0;
+    for table in file.effects.iter().filter(|table| table.kind == LATE) {
+        let Some(known) = kind(LATE) else { continue };
+        let values = Values::of(known, table, &file.arm)?;
+        if values.word("channel")? == "position" {
+            late += values.number("delay")?;
+        }
+    }
+    Ok(late)
 }
 
 /// Kinds of effects that change the arm that is integrated.
@@ -85,7 +105,14 @@ fn add(joint: &mut JointServo, name: &str, values: &Values) -> Result<(), LawErr
                 values.optional("upper")?.unwrap_or(f64::INFINITY),
             ];
         }
-        "coulomb_friction" => joint.coulomb += values.number("coulomb")?,
+        // Over the way in which presliding friction builds up a stiff servo does not tell it from a jump.
+        "coulomb_friction" | "presliding_friction" => joint.coulomb += values.number("coulomb")?,
+        "asymmetric_friction" => {
+            // Friction that differs between the directions is its mean with a constant torque, which moves the set-point.
+            let (forwards, backwards) = (values.number("positive")?, values.number("negative")?);
+            joint.coulomb += 0.5 * (forwards + backwards);
+            joint.offset -= 0.5 * (forwards - backwards) / joint.stiffness;
+        }
         "viscous_friction" => joint.damping += values.number("viscous")?,
         "rotor_inertia" => joint.rotor_inertia += values.number("inertia")?,
         _ => {

@@ -52,7 +52,7 @@ pub fn lag(tracks: &[Track], joint: usize) -> f64 {
 }
 
 /// The least of `of` between two bounds, to a hundredth of their distance (Kiefer 1953).
-fn golden([mut low, mut high]: [f64; 2], of: impl Fn(f64) -> f64) -> f64 {
+pub fn golden([mut low, mut high]: [f64; 2], of: impl Fn(f64) -> f64) -> f64 {
     let ratio = 0.5 * (5.0_f64.sqrt() - 1.0);
     let end = 0.01 * (high - low);
     while high - low > end {

@@ -25,7 +25,7 @@ mod solve;
 mod track;
 mod unknowns;
 
-pub use beginning::{Sight, lag, servos, sights};
+pub use beginning::{Sight, golden, lag, servos, sights};
 pub use command::Commands;
 pub use fit::{Fitted, Problem};
 pub use joint::{JointServo, Line};

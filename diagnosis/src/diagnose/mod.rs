@@ -64,6 +64,7 @@ pub use report::{
 };
 pub use search::AS_GOOD as NAMED_FROM;
 pub use set_up::diagnose;
+pub(crate) use thinning::bounded;
 pub use tolerance::Tolerances;
 pub use variables::Variable;
 pub use words::TO_TELL;

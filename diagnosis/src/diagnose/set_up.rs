@@ -58,7 +58,7 @@ impl Diagnosis {
     }
 }
 
-/// By torques and poses; where there are only commanded and measured positions, by these.
+/// By torques and poses, and by commanded positions beside them; where there are only commanded and measured positions, by these.
 fn by_channels(
     file: &ArmFile,
     recordings: &[Recording],
@@ -68,7 +68,8 @@ fn by_channels(
     if recordings.iter().all(commands_alone) {
         return servo::diagnose(file, recordings, settings, progress);
     }
-    engine::diagnose(file, recordings, settings, progress)
+    let diagnosis = engine::diagnose(file, recordings, settings, progress)?;
+    servo::add_servos(file, recordings, settings, diagnosis, progress)
 }
 
 fn in_words(findings: &[SetupFinding]) -> String {

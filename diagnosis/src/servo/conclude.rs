@@ -377,7 +377,7 @@ fn concerns(event: &Event, of: usize) -> bool {
 }
 
 /// The kinds found, with how often: `position servo at 5 joints, contact`.
-fn summary(effects: &[Effect]) -> String {
+pub fn summary(effects: &[Effect]) -> String {
     let mut counts: Vec<(&str, bool, usize)> = Vec::new();
     for effect in effects {
         match counts.iter_mut().find(|(kind, ..)| *kind == effect.kind) {
@@ -394,8 +394,8 @@ fn summary(effects: &[Effect]) -> String {
 }
 
 /// Gives each of `effects` its share of the squares that are gone: of those of a channel, the effects that show there have parts as their own squares are, which
-/// [`Conclusion::effect`] left in their place.
-fn share_out(effects: &mut [Effect], fit: &Fit) {
+/// stand in their place.
+pub fn share_out(effects: &mut [Effect], fit: &Fit) {
     let gone = |channel: &String| -> f64 {
         let square =
             |table: &BTreeMap<String, Rmse>| table.get(channel).map_or(0.0, |error| error.rmse.powi(2));

@@ -134,13 +134,13 @@ pub fn diagnose(
 }
 
 /// The least lag of a joint that follows later than its encoder's rounding hides, s.
-fn quickest(sights: &[Sight]) -> f64 {
+pub fn quickest(sights: &[Sight]) -> f64 {
     let late = sights.iter().filter(|sight| sight.error > sight.tick && sight.lag > 0.0);
     late.map(|sight| sight.lag).fold(f64::INFINITY, f64::min)
 }
 
 /// Whether the command of `joint` moves in `parts`.
-fn moves(tracks: &[Track], parts: &[Rows], joint: usize) -> bool {
+pub fn moves(tracks: &[Track], parts: &[Rows], joint: usize) -> bool {
     parts.iter().any(|(index, rows)| {
         let track = &tracks[*index];
         let first = track.commands[joint].held(track.stamps[rows.start]);
@@ -159,7 +159,7 @@ fn nearest(fit: &Problem, mut first: ServoArm, given: Option<&ServoArm>) -> Serv
 }
 
 /// Measured minus simulated positions of all recordings.
-fn deviations_of(model: &ServoArm, tracks: &[Track]) -> Deviations {
+pub fn deviations_of(model: &ServoArm, tracks: &[Track]) -> Deviations {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     freeplay_servo::each(tracks.len(), threads, |index| {
         deviations(&tracks[index], &simulated(model, &tracks[index]))
@@ -167,7 +167,7 @@ fn deviations_of(model: &ServoArm, tracks: &[Track]) -> Deviations {
 }
 
 /// What plain lags and filters without a name leave.
-fn rivals(fit: &[Rows], tracks: &[Track], sights: &[Sight]) -> (Deviations, Deviations) {
+pub fn rivals(fit: &[Rows], tracks: &[Track], sights: &[Sight]) -> (Deviations, Deviations) {
     let lags: Vec<f64> = sights.iter().map(|sight| sight.lag).collect();
     let filters = Filters::fit(tracks, fit, &lags);
     let lagged = tracks.iter().map(|track| deviations(track, &late(track, &lags)));

@@ -304,7 +304,7 @@ impl Numbers<'_> {
 }
 
 /// A distance of a joint of `kind`, rad (m), with the half of its interval: `37.2 ± 1.3 mrad (2.1°)`, or in mm.
-fn distance(kind: JointKind, value: f64, half: Option<f64>) -> String {
+pub fn distance(kind: JointKind, value: f64, half: Option<f64>) -> String {
     let (unit, degrees) = match kind {
         JointKind::Revolute => ("mrad", format!(" ({:.1}°)", value.to_degrees())),
         JointKind::Prismatic => ("mm", String::new()),
@@ -318,7 +318,7 @@ pub fn known(name: &str) -> &'static Kind {
     kind(name).unwrap_or(freeplay_laws::COMMANDED[0])
 }
 
-fn around(value: f64, deviation: f64) -> [f64; 2] {
+pub fn around(value: f64, deviation: f64) -> [f64; 2] {
     [value - WIDTH * deviation, value + WIDTH * deviation]
 }
 

@@ -1,4 +1,4 @@
-//! Commanded against measured positions: the servos of an arm, where a recording has nothing else. The files in the order in which data passes through them:
+//! Commanded against measured positions: the servos of an arm. The files in the order in which data passes through them:
 //!
 //! - `tracks`: recordings as rollouts take them.
 //! - `compare`: measured positions against those simulated from the commands.
@@ -7,8 +7,10 @@
 //! - `black_box`: filters without a name, to be beaten.
 //! - `scores`: errors on what no step has seen.
 //! - `events`: stops and contacts, which no servo explains.
+//! - `torque_law`, `beside_torque`, `torque_servos`: where torques were recorded, too, the law of each joint, whether it holds, what is said of it.
 //! - `findings`: the numbers as effects; `happenings`: events as effects; `passages`: rows for pictures; `conclude`: what is said; `diagnose`: all of it.
 
+mod beside_torque;
 mod black_box;
 mod compare;
 mod conclude;
@@ -21,8 +23,11 @@ mod parts;
 mod passages;
 mod rotors;
 mod scores;
+mod torque_law;
+mod torque_servos;
 mod tracks;
 
+pub use beside_torque::add_servos;
 pub use compare::compare_commands;
 pub use diagnose::diagnose;
 pub use tracks::commands_alone;

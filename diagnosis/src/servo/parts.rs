@@ -71,15 +71,18 @@ impl Parts {
     }
 }
 
-/// Rows by which the shares of a track's moving rows have passed.
+/// Rows by which the [`SHARES`] of a track's moving rows have passed.
 fn cuts(track: &Track) -> [usize; 2] {
+    SHARES.map(|share| moving_cut(track, share))
+}
+
+/// The row by which `share` of a track's moving rows has passed.
+pub fn moving_cut(track: &Track, share: f64) -> usize {
     let rows = track.stamps.len();
     let moves = |row: usize| track.measured.iter().any(|q| row > 0 && q[row] != q[row - 1]);
     let moving: Vec<usize> = (0..rows).filter(|row| moves(*row)).collect();
-    SHARES.map(|share| {
-        let at = (share * moving.len() as f64) as usize;
-        moving.get(at).copied().unwrap_or((share * rows as f64) as usize)
-    })
+    let at = (share * moving.len() as f64) as usize;
+    moving.get(at).copied().unwrap_or((share * rows as f64) as usize)
 }
 
 /// The problem of `parts` of `tracks`, in windows of at most `longest` s.

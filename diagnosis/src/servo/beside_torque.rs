@@ -1,0 +1,202 @@
+//! Servos of arms whose torques were recorded beside commanded and measured positions: the arm is the one that the torques told, its servos are those that make
+//! these torques of the commands. What the torques told stays as it is.
+
+use freeplay_arm::ArmFile;
+use freeplay_recording::{Group, Recording};
+use freeplay_servo::{ServoArm, Sight, Track, sights};
+use toml::Value;
+
+use super::compare::late;
+use super::diagnose::{deviations_of, moves, quickest, rivals};
+use super::findings::{WIDTH, named_from};
+use super::parts::{Parts, moving_cut, rounding};
+use super::scores::{Deviations, deviations, gain};
+use super::torque_law::{Sheet, TorqueLaw};
+use super::torque_servos::{Simulated, delay_of, findings, number, with_servos};
+use super::tracks::{for_fit, for_lags, track};
+use crate::diagnose::{DiagnoseError, DiagnoseSettings, Diagnosis, Verdict, bounded};
+use crate::motion::Treatment;
+
+/// Share of each recording that is fitted, by the rows in which something moves; the rest judges.
+const FITTED: f64 = 0.7;
+
+/// The servos of the joints, by torque.
+pub struct Laws {
+    /// The law of each joint; `None` for joints that are not commanded to move.
+    pub of_joint: Vec<Option<TorqueLaw>>,
+    /// By how much each delay is later for encoders that are behind the torques by one second more.
+    pub growth: Vec<f64>,
+    /// Standard deviation of the time by which the encoders are behind the torques, s.
+    pub deviation: f64,
+}
+
+/// Adds to `diagnosis`, which torques told, the servos that make these torques of the commanded positions of `recordings`, where there are any. A servo is there
+/// if at every joint that is commanded to move its law holds in torque and in position, on rows that took no part in its fit: it leaves no more of the measured torque than
+/// the arm's own laws, rounding of the encoder and tolerance do, and the positions simulated with it are nearer to the measured ones than the commands, however late they are taken.
+///
+/// # Errors
+/// [`DiagnoseError::Law`]: the effects of a model can't be taken.
+pub fn add_servos(
+    file: &ArmFile,
+    recordings: &[Recording],
+    settings: &DiagnoseSettings,
+    mut diagnosis: Diagnosis,
+    progress: &mut dyn FnMut(&str),
+) -> Result<Diagnosis, DiagnoseError> {
+    let has_both = |recording: &Recording| recording.q_ref.is_some() && recording.tau.is_some();
+    if diagnosis.verdict == Verdict::InsufficientData || !recordings.iter().all(has_both) {
+        return Ok(diagnosis);
+    }
+    progress("asking whether servos make the torques of the commanded positions");
+    let recordings = bounded(recordings, &mut Vec::new());
+    let whole: Vec<Track> = recordings.iter().map(track).collect();
+    let few: Vec<Track> = whole.iter().map(for_lags).collect();
+    let seen = sights(&file.arm, &few);
+    let tracks: Vec<Track> = whole.iter().map(|track| for_fit(track, quickest(&seen))).collect();
+    drop((whole, few));
+    let parts = in_two(&tracks);
+    let question =
+        Question { recordings: &recordings, tracks: &tracks, parts: &parts, sights: &seen, settings };
+    let Some(laws) = question.laws(file, &diagnosis) else { return Ok(diagnosis) };
+    progress("simulating the recordings from their commanded positions");
+    let found = findings(file, &laws, &settings.tolerances);
+    let model = with_servos(&diagnosis.model, &found, &laws, &seen);
+    let Some(mut servos) = ServoArm::of(&model)? else { return Ok(diagnosis) };
+    // The model has delays that are told from none; what is simulated here has them as the rows have.
+    for (joint, law) in laws.of_joint.iter().enumerate() {
+        let named = delay_of(&model, joint);
+        servos.joints[joint].delay += law.map_or(0.0, |law| law.delay.0 - named);
+    }
+    let given = ServoArm::of(file)?;
+    let before: Deviations = match &given {
+        Some(given) => deviations_of(given, &tracks),
+        None => tracks.iter().map(|track| deviations(track, &late(track, &vec![0.0; seen.len()]))).collect(),
+    };
+    let (lagged, filtered) = rivals(&parts.fit, &tracks, &seen);
+    let after = deviations_of(&servos, &tracks);
+    let joints: Vec<usize> = (0..seen.len()).filter(|joint| laws.of_joint[*joint].is_some()).collect();
+    let nearer = gain([&lagged, &after], &parts.test, &joints, &tracks, settings.seed);
+    if nearer.ci95[0] <= 0.0 {
+        return Ok(diagnosis);
+    }
+    let simulated = Simulated {
+        file,
+        recordings: &recordings,
+        tracks: &tracks,
+        parts: &parts,
+        sights: &seen,
+        settings,
+        joints,
+        servos,
+        before,
+        lagged,
+        filtered,
+        after,
+    };
+    simulated.add_to(&mut diagnosis, &found);
+    diagnosis.model = model;
+    Ok(diagnosis)
+}
+
+/// The last 30 % of each of `tracks` judge, the rest is fitted.
+fn in_two(tracks: &[Track]) -> Parts {
+    let cut = |track: &Track| moving_cut(track, FITTED);
+    let each = || tracks.iter().enumerate();
+    Parts {
+        fit: each().map(|(index, track)| (index, 0..cut(track))).collect(),
+        choice: Vec::new(),
+        test: each().map(|(index, track)| (index, cut(track)..track.stamps.len())).collect(),
+        words: "the last 30 % of each recording".to_owned(),
+    }
+}
+
+/// What is asked of recordings.
+struct Question<'a> {
+    recordings: &'a [Recording],
+    tracks: &'a [Track],
+    parts: &'a Parts,
+    sights: &'a [Sight],
+    settings: &'a DiagnoseSettings,
+}
+
+impl Question<'_> {
+    /// The laws of all joints, if at every joint that is commanded to move one holds.
+    fn laws(&self, file: &ArmFile, diagnosis: &Diagnosis) -> Option<Laws> {
+        let treated = |recording| Treatment::new(&file.arm, recording, &self.settings.treatment).ok();
+        let treatments: Vec<Treatment> = self.recordings.iter().map(treated).collect::<Option<_>>()?;
+        let joints = 0..self.sights.len();
+        let moving: Vec<usize> =
+            joints.clone().filter(|joint| moves(self.tracks, &self.parts.fit, *joint)).collect();
+        let sheets: Vec<Vec<Sheet>> =
+            moving.iter().map(|joint| self.sheets(*joint, &treatments)).collect::<Option<_>>()?;
+        let fitted = |late: f64| -> Option<Vec<TorqueLaw>> {
+            let of = |(joint, sheets): (&usize, &Vec<Sheet>)| {
+                TorqueLaw::fit(sheets, self.sights[*joint].lag, late)
+            };
+            moving.iter().zip(&sheets).map(of).collect()
+        };
+        let (late, deviation) = lateness(diagnosis);
+        let as_recorded = fitted(0.0)?;
+        let mut laws = as_recorded.clone();
+        let mut growth = vec![0.0; moving.len()];
+        if late != 0.0 {
+            // Servos know in time, or read the same late encoders as the recorder: the nearer of both.
+            let in_time = fitted(late)?;
+            let left = |laws: &[TorqueLaw]| laws.iter().map(|law| law.left.ln()).sum::<f64>();
+            if left(&in_time) < left(&as_recorded) {
+                let by = |(a, b): (&TorqueLaw, &TorqueLaw)| (a.delay.0 - b.delay.0) / late;
+                growth = in_time.iter().zip(&as_recorded).map(by).collect();
+                laws = in_time;
+            }
+        }
+        let mut all = Laws { of_joint: vec![None; joints.len()], growth: vec![0.0; joints.len()], deviation };
+        for ((joint, law), growth) in moving.into_iter().zip(laws).zip(growth) {
+            if !self.holds(joint, &law, diagnosis) {
+                return None;
+            }
+            (all.of_joint[joint], all.growth[joint]) = (Some(law), growth);
+        }
+        all.of_joint.iter().any(Option::is_some).then_some(all)
+    }
+
+    /// The sheets of `joint`; `None` if a recording has no whole columns of it.
+    fn sheets<'a>(&'a self, joint: usize, treatments: &'a [Treatment]) -> Option<Vec<Sheet<'a>>> {
+        let sheet = |(index, treatment): (usize, &'a Treatment)| {
+            let cut = self.tracks[index].stamps[self.parts.fit[index].1.end - 1];
+            Sheet::of(&self.recordings[index], treatment, joint, cut)
+        };
+        treatments.iter().enumerate().map(sheet).collect()
+    }
+
+    /// Whether `law` is one of a servo, told from none, that leaves no more of the torque of `joint` in the test part than together what the torques told of the arm leaves, what rounding
+    /// of the encoder makes of its stiffness, and the tolerance of a drive's numbers makes of the torque.
+    fn holds(&self, joint: usize, law: &TorqueLaw, diagnosis: &Diagnosis) -> bool {
+        let least = (2.0 * named_from(self.sights.len())).sqrt();
+        let (stiffness, deviation) = law.stiffness;
+        let channel = Group::Torque.column(joint);
+        let arms = diagnosis.fit.as_ref().and_then(|fit| fit.after.get(&channel)).map(|error| error.rmse);
+        let Some(arms) = arms else { return false };
+        let rounded = stiffness * rounding(self.sights[joint].tick);
+        stiffness > least * deviation
+            && law.damping.0 > -least * law.damping.1
+            && law.left_in_test
+                <= arms.hypot(rounded).hypot(self.settings.tolerances.friction * law.size_in_test)
+    }
+}
+
+/// Time by which encoders are behind torques in the model of `diagnosis`, and its standard deviation, s.
+fn lateness(diagnosis: &Diagnosis) -> (f64, f64) {
+    let mut late = 0.0;
+    for table in diagnosis.model.effects.iter().filter(|table| table.kind == "time_delay") {
+        let delay = number(table, "delay").unwrap_or(0.0);
+        match table.parameters.get("channel").and_then(Value::as_str) {
+            Some("position") => late += delay,
+            Some("torque") => late -= delay,
+            _ => {}
+        }
+    }
+    let found = diagnosis.effects.iter().filter(|effect| effect.kind == "time_delay");
+    let intervals = found.filter_map(|effect| effect.parameters.get("delay")?.ci95);
+    let deviation = intervals.map(|[low, high]| (high - low) / (2.0 * WIDTH));
+    (late, deviation.fold(0.0, f64::hypot))
+}
