@@ -77,9 +77,9 @@ impl Folder {
         Ok(is_own.then_some(file))
     }
 
-    /// What the system says of `name`, of a link itself.
+    /// What the system says of `name`, of a link itself. A file that is removed at this moment may be found without any name left: it is gone.
     pub(crate) fn status(&self, name: impl Arg) -> Option<Stat> {
-        statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW).ok()
+        statat(&self.0, name, AtFlags::SYMLINK_NOFOLLOW).ok().filter(|status| status.st_nlink > 0)
     }
 
     /// Bytes that are free in its file system.

@@ -216,6 +216,7 @@ fn run_of(name: &CStr) -> Option<&str> {
 mod tests {
     use std::os::unix::fs::{PermissionsExt, symlink};
     use std::path::PathBuf;
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     use rustix::fs::{CWD, FileType, Mode, mknodat};
     use tempfile::TempDir;
@@ -326,6 +327,25 @@ mod tests {
             assert!(left.contains(&at(id)), "{id}");
         }
         assert!(left.contains(&folder.path().join("freeplay-x_root")));
+    }
+
+    #[test]
+    fn a_segment_that_is_removed_at_this_moment_is_nobody_elses() {
+        let (folder, segments) = fresh();
+        let address = run("1-0000000a");
+        let path = folder.path().join("freeplay-1-0000000a_leaving");
+        let is_done = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !is_done.load(Ordering::Relaxed) {
+                    fs::write(&path, "").unwrap();
+                    fs::remove_file(&path).unwrap();
+                }
+            });
+            let seen = (0..20_000).try_for_each(|_| segments.see_own(&address));
+            is_done.store(true, Ordering::Relaxed);
+            seen.unwrap();
+        });
     }
 
     #[test]
