@@ -14,8 +14,8 @@ use freeplay_servo::{Commands, Rollout, ServoArm, State};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Joints of the arm, one behind the other: the first turns about the vertical, the others in the plane of gravity.
-const JOINTS: [&str; 3] = ["pan", "lift", "elbow"];
+mod drawn;
+use drawn::{JOINTS, link, servo};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -94,21 +94,9 @@ impl Case {
         let mut arm = String::from("name = \"three links\"\n");
         let mut effects = String::new();
         for (joint, name) in JOINTS.iter().enumerate() {
-            let (mass, length) = (rng.random_range(0.2..0.8), rng.random_range(0.15..0.35));
-            let axis = if joint == 0 { "[0.0, 0.0, 1.0]" } else { "[0.0, -1.0, 0.0]" };
-            let origin = if joint == 0 { 0.0 } else { length };
-            let inertia = mass * length * length / 12.0 + 1e-4;
-            arm += &format!(
-                "[[joint]]\nname = \"{name}\"\ntype = \"revolute\"\naxis = {axis}\norigin = {{ xyz = [{origin}, 0.0, 0.0] }}\nmass = {mass}\n\
-                 com = [{}, 0.0, 0.0]\ninertia = {{ ixx = {inertia}, iyy = {inertia}, izz = {inertia}, ixy = 0.0, ixz = 0.0, iyz = 0.0 }}\n",
-                0.5 * length
-            );
-            let stiffness = rng.random_range(8.0..40.0);
-            let lag = rng.random_range(0.02..0.1);
-            effects += &format!(
-                "[[effect]]\nkind = \"servo\"\njoint = \"{name}\"\nstiffness = {stiffness}\ndamping = {}\n",
-                stiffness * lag
-            );
+            arm += &link(&mut rng, joint);
+            let (table, stiffness) = servo(&mut rng, name);
+            effects += &table;
             let mut add = |chance: f64, kind: &str, number: &str, [low, high]: [f64; 2], more: &str| {
                 if rng.random_bool(chance) {
                     let x = rng.random_range(low..high);

@@ -33,8 +33,8 @@ struct Began {
     left: Vec<f64>,
 }
 
-/// What the `machine` with `effects` shows, each memory standing as the recording has it; `left` says what a prediction leaves of what was measured of one
-/// kind, row by row, if it was. The effects without a memory are worked out once, however many beginnings are tried.
+/// The prediction of the `machine` with `effects`, each memory in the state that fits the recording best; `left` gives measured minus predicted of one kind of channel,
+/// row by row, if that was measured. The effects without a memory are worked out once, however many beginnings are tried.
 ///
 /// # Errors
 /// Those of `machine`.
@@ -44,8 +44,8 @@ pub(crate) fn begun<'p>(
     left: impl Fn(&Prediction, Kind) -> Option<Vec<f64>>,
 ) -> Result<Prediction, LawError> {
     let mut best = machine(effects)?.prediction().clone();
-    let others: Vec<&Placed> = effects.iter().copied().filter(|law| told_by(law).is_empty()).collect();
-    let open: Vec<&Placed> = effects.iter().copied().filter(|law| !told_by(law).is_empty()).collect();
+    let (others, open): (Vec<&Placed>, Vec<&Placed>) =
+        effects.iter().copied().partition(|law| told_by(law).is_empty());
     if open.is_empty() {
         return Ok(best);
     }
@@ -80,12 +80,12 @@ pub(crate) fn begun<'p>(
     Ok(best)
 }
 
-/// Whether the memory of `law` stands between two stops, nobody says where.
+/// Whether the memory of `law` stands between two stops, and the file does not say where.
 fn is_between(law: &Placed) -> bool {
     law.effect.begun(Start::Between(0.0)).is_some()
 }
 
-/// What tells where the memory of `law` stands, if it has one and nobody says that; else nothing.
+/// The kinds of channel that tell where the memory of `law` stands: none if it has no memory, or if the file says where it stands.
 fn told_by(law: &Placed) -> Vec<Kind> {
     match law.joint {
         Some(joint) if is_between(law) => vec![Kind::Torque(joint)],

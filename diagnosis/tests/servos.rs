@@ -1,6 +1,8 @@
 //! Commanded against measured positions: servos that were simulated come back with their names, a stop and a contact are located; a real arm.
 #![allow(clippy::unwrap_used, reason = "a test ends at the first surprise")]
 
+mod common;
+
 use std::path::{Path, PathBuf};
 
 use freeplay_arm::{ArmFile, parse_toml, to_toml};
@@ -10,27 +12,7 @@ use freeplay_diagnosis::{
 use freeplay_recording::{Recording, read};
 use freeplay_servo::{Commands, Rollout, ServoArm, State};
 
-/// Two links one behind the other in the plane of gravity.
-const ARM: &str = r#"
-name = "two links"
-
-[[joint]]
-name = "shoulder"
-type = "revolute"
-axis = [0.0, -1.0, 0.0]
-mass = 0.5
-com = [0.1, 0.0, 0.0]
-inertia = { ixx = 0.015, iyy = 0.015, izz = 0.015, ixy = 0.0, ixz = 0.0, iyz = 0.0 }
-
-[[joint]]
-name = "elbow"
-type = "revolute"
-axis = [0.0, -1.0, 0.0]
-origin = { xyz = [0.25, 0.0, 0.0], rpy = [0.0, 0.0, 0.0] }
-mass = 0.4
-com = [0.1, 0.0, 0.0]
-inertia = { ixx = 0.01, iyy = 0.01, izz = 0.01, ixy = 0.0, ixz = 0.0, iyz = 0.0 }
-"#;
+use common::TWO_LINKS;
 
 /// Effects of the machine that the diagnosis does not know.
 const TRUTH: &str = r#"
@@ -117,7 +99,7 @@ const NEVER: [f64; 2] = [f64::INFINITY; 2];
 
 #[test]
 fn servos_a_stop_and_a_contact_are_named() {
-    let (plain, machine) = (file(ARM), file(&format!("{ARM}{TRUTH}")));
+    let (plain, machine) = (file(TWO_LINKS), file(&format!("{TWO_LINKS}{TRUTH}")));
     let recordings = [
         recorded(&machine, "a.csv", 0.0, 0.5, NEVER),
         recorded(&machine, "b.csv", 1.7, 0.7, NEVER),
@@ -160,7 +142,7 @@ fn servos_a_stop_and_a_contact_are_named() {
 /// A model with the right servos lacks nothing, and says so.
 #[test]
 fn the_machines_own_model_lacks_nothing() {
-    let machine = file(&format!("{ARM}{TRUTH}"));
+    let machine = file(&format!("{TWO_LINKS}{TRUTH}"));
     let recordings =
         [recorded(&machine, "a.csv", 0.0, 0.5, NEVER), recorded(&machine, "b.csv", 1.7, 0.7, NEVER)];
     let diagnosis = diagnose(&machine, &recordings, &DiagnoseSettings::default(), &mut |_| ()).unwrap();
@@ -170,7 +152,7 @@ fn the_machines_own_model_lacks_nothing() {
 
 #[test]
 fn commands_that_never_move_tell_nothing() {
-    let plain = file(ARM);
+    let plain = file(TWO_LINKS);
     let t: Vec<f64> = (0..400).map(|row| f64::from(row) * 0.02).collect();
     let columns = ["q1", "q2", "q_ref1", "q_ref2"].map(|name| (name.to_owned(), vec![0.1; t.len()]));
     let mut all = vec![("t".to_owned(), t)];

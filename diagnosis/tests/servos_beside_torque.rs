@@ -10,29 +10,7 @@ use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Effect, Verdict, compare_c
 use freeplay_recording::Recording;
 use freeplay_servo::{Commands, Rollout, ServoArm, State};
 
-use common::{arm, columns, even, link, recording, without};
-
-/// Two links one behind the other in the plane of gravity.
-const ARM: &str = r#"
-name = "two links"
-
-[[joint]]
-name = "shoulder"
-type = "revolute"
-axis = [0.0, -1.0, 0.0]
-mass = 0.5
-com = [0.1, 0.0, 0.0]
-inertia = { ixx = 0.015, iyy = 0.015, izz = 0.015, ixy = 0.0, ixz = 0.0, iyz = 0.0 }
-
-[[joint]]
-name = "elbow"
-type = "revolute"
-axis = [0.0, -1.0, 0.0]
-origin = { xyz = [0.25, 0.0, 0.0], rpy = [0.0, 0.0, 0.0] }
-mass = 0.4
-com = [0.1, 0.0, 0.0]
-inertia = { ixx = 0.01, iyy = 0.01, izz = 0.01, ixy = 0.0, ixz = 0.0, iyz = 0.0 }
-"#;
+use common::{TWO_LINKS, arm, columns, even, link, recording, without};
 
 /// Their servos: stiffness, damping.
 const SERVOS: [(&str, f64, f64); 2] = [("shoulder", 30.0, 1.8), ("elbow", 15.0, 0.7)];
@@ -44,7 +22,7 @@ const ROWS: usize = 4000;
 
 /// The machine whose commands are `delay` s late.
 fn machine(delay: f64) -> ArmFile {
-    let mut text = ARM.to_owned();
+    let mut text = TWO_LINKS.to_owned();
     for (joint, stiffness, damping) in SERVOS {
         text += &format!(
             "[[effect]]\nkind = \"servo\"\njoint = \"{joint}\"\nstiffness = {stiffness}\ndamping = {damping}\n"
@@ -124,7 +102,7 @@ fn without_commands(recording: &Recording) -> Recording {
 /// Late commands: both servos and the delay are named, the model simulates the recording, and what the torques tell is what they tell alone.
 #[test]
 fn servos_and_late_commands_are_named() {
-    let bare = parse_toml(ARM, "arm.toml".as_ref()).unwrap();
+    let bare = parse_toml(TWO_LINKS, "arm.toml".as_ref()).unwrap();
     let recordings =
         [("a.csv", 0.0), ("b.csv", 1.7)].map(|(name, phase)| recorded(&machine(0.02), name, phase, 0));
     let diagnosis = diagnosed(&bare, &recordings);
@@ -159,7 +137,7 @@ fn servos_and_late_commands_are_named() {
 /// Late encoders are told from late commands: the torques don't fit the motion either.
 #[test]
 fn late_encoders_are_no_late_commands() {
-    let bare = parse_toml(ARM, "arm.toml".as_ref()).unwrap();
+    let bare = parse_toml(TWO_LINKS, "arm.toml".as_ref()).unwrap();
     let recordings =
         [("a.csv", 0.0), ("b.csv", 1.7)].map(|(name, phase)| recorded(&machine(0.0), name, phase, 10));
     let diagnosis = diagnosed(&bare, &recordings);

@@ -8,8 +8,8 @@ use freeplay_servo::{Commands, Rollout, ServoArm, State};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Joints of the arm, one behind the other: the first turns about the vertical, the others in the plane of gravity.
-pub const JOINTS: [&str; 3] = ["pan", "lift", "elbow"];
+use crate::drawn::{JOINTS, link, servo};
+
 /// Delays that are drawn, s: the catalogue believes an encoder to be 15 ms late at most.
 const DELAYS: [f64; 2] = [0.004, 0.014];
 /// Steps of the machine, rows of a recording, s.
@@ -18,12 +18,12 @@ const ROW: usize = 5;
 /// Rows of a recording.
 const ROWS: usize = 5000;
 
-/// What is late.
+/// The part of a machine that is late.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Late {
     /// The commands reach the servos late.
     Commands,
-    /// What the encoders read is recorded late; the servos themselves know in time.
+    /// The recording has the encoders late; the servos read them in time.
     Encoders,
     /// Nothing.
     Nothing,
@@ -49,21 +49,9 @@ impl Case {
         let mut arm = String::from("name = \"three links\"\n");
         let mut effects = String::new();
         for (joint, name) in JOINTS.iter().enumerate() {
-            let (mass, length) = (rng.random_range(0.2..0.8), rng.random_range(0.15..0.35));
-            let axis = if joint == 0 { "[0.0, 0.0, 1.0]" } else { "[0.0, -1.0, 0.0]" };
-            let origin = if joint == 0 { 0.0 } else { length };
-            let inertia = mass * length * length / 12.0 + 1e-4;
-            arm += &format!(
-                "[[joint]]\nname = \"{name}\"\ntype = \"revolute\"\naxis = {axis}\norigin = {{ xyz = [{origin}, 0.0, 0.0] }}\nmass = {mass}\n\
-                 com = [{}, 0.0, 0.0]\ninertia = {{ ixx = {inertia}, iyy = {inertia}, izz = {inertia}, ixy = 0.0, ixz = 0.0, iyz = 0.0 }}\n",
-                0.5 * length
-            );
-            let stiffness = rng.random_range(8.0..40.0);
-            let lag = rng.random_range(0.02..0.1);
-            effects += &format!(
-                "[[effect]]\nkind = \"servo\"\njoint = \"{name}\"\nstiffness = {stiffness}\ndamping = {}\n",
-                stiffness * lag
-            );
+            arm += &link(&mut rng, joint);
+            let (table, stiffness) = servo(&mut rng, name);
+            effects += &table;
             if late == Late::Commands {
                 effects +=
                     &format!("[[effect]]\nkind = \"command_delay\"\njoint = \"{name}\"\ndelay = {delay}\n");

@@ -4,6 +4,8 @@
 #![allow(clippy::unwrap_used, reason = "an example ends at the first surprise")]
 
 mod case;
+#[path = "../drawn/mod.rs"]
+mod drawn;
 
 use std::collections::BTreeMap;
 
@@ -11,7 +13,8 @@ use freeplay_arm::{ArmFile, EffectTable, parse_toml};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, diagnose};
 use freeplay_recording::Recording;
 
-use case::{Case, JOINTS, Late};
+use case::{Case, Late};
+use drawn::JOINTS;
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

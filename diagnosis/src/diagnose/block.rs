@@ -28,11 +28,13 @@ pub(super) struct Channel {
 
 /// Products of a block in one channel, before the tolerances are eliminated.
 #[derive(Clone, Debug)]
-struct InChannel {
+pub(super) struct InChannel {
     /// NᵀWZ, rows as [`Channel::tolerances`].
     tolerances: DMatrix<f64>,
-    own: DMatrix<f64>,
-    target: DVector<f64>,
+    /// ZᵀWZ.
+    pub own: DMatrix<f64>,
+    /// ZᵀWy.
+    pub target: DVector<f64>,
 }
 
 /// Products of a block over all its channels, the tolerances eliminated.
@@ -132,7 +134,7 @@ impl Channel {
     }
 
     /// Products of the block of `columns` in this channel, which is number `c`.
-    fn of(&self, columns: &[Column], c: usize) -> InChannel {
+    pub fn of(&self, columns: &[Column], c: usize) -> InChannel {
         let part = |k: usize| columns[k][c].as_deref();
         let size = columns.len();
         let with = |rows: &[f64], k: usize| part(k).map_or(0.0, |column| dot(column, rows));

@@ -49,7 +49,7 @@ pub fn diagnose(
 }
 
 impl Diagnosis {
-    /// Whether a fault of the set-up that can't be mended ended the diagnosis: nothing was compared, and the model is as given.
+    /// True if a set-up fault that can't be mended ended the diagnosis before anything was compared: the model is then as given.
     pub fn ends_at_setup(&self) -> bool {
         self.verdict == Verdict::Setup
             && self.fit.is_none()

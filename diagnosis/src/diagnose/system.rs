@@ -200,14 +200,10 @@ impl<'d, 'a> System<'d, 'a> {
         let (mut normal, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
         let mut channels = Vec::new();
         for c in self.weighed(candidate) {
-            let weights = &self.channels[c].weights;
-            let of_channel = own(&candidate.columns, c, weights);
-            if of_channel.diagonal().iter().any(|x| *x > 0.0) {
-                let target: Vec<f64> = self.target[c].iter().zip(weights).map(|(x, w)| x * w).collect();
-                right += DVector::from_fn(size, |k, _| {
-                    candidate.columns[k][c].as_ref().map_or(0.0, |column| dot(column, &target))
-                });
-                normal += of_channel;
+            let of_channel = self.channels[c].of(&candidate.columns, c);
+            if of_channel.own.diagonal().iter().any(|x| *x > 0.0) {
+                right += of_channel.target;
+                normal += of_channel.own;
                 channels.push(c);
             }
         }

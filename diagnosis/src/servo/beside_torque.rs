@@ -24,7 +24,7 @@ const FITTED: f64 = 0.7;
 pub struct Laws {
     /// The law of each joint; `None` for joints that are not commanded to move.
     pub of_joint: Vec<Option<TorqueLaw>>,
-    /// By how much each delay is later for encoders that are behind the torques by one second more.
+    /// Growth of each delay, s, for each second by which the encoders are later behind the torques.
     pub growth: Vec<f64>,
     /// Standard deviation of the time by which the encoders are behind the torques, s.
     pub deviation: f64,
@@ -110,7 +110,7 @@ fn in_two(tracks: &[Track]) -> Parts {
     }
 }
 
-/// What is asked of recordings.
+/// The recordings, their commands and their parts: the input of the search for servo laws.
 struct Question<'a> {
     recordings: &'a [Recording],
     tracks: &'a [Track],
@@ -168,8 +168,8 @@ impl Question<'_> {
         treatments.iter().enumerate().map(sheet).collect()
     }
 
-    /// Whether `law` is one of a servo, told from none, that leaves no more of the torque of `joint` in the test part than together what the torques told of the arm leaves, what rounding
-    /// of the encoder makes of its stiffness, and the tolerance of a drive's numbers makes of the torque.
+    /// Whether `law` holds at `joint`. Its stiffness has to differ from zero by more than chance, its damping must not be negative beyond chance, and in the test part it leaves no more
+    /// torque than three errors together: that of the diagnosed arm, the rounding of the encoder times the stiffness, and the tolerance of friction times the torque.
     fn holds(&self, joint: usize, law: &TorqueLaw, diagnosis: &Diagnosis) -> bool {
         let least = (2.0 * named_from(self.sights.len())).sqrt();
         let (stiffness, deviation) = law.stiffness;

@@ -11,7 +11,7 @@ use crate::statistics::Moments;
 
 /// Steps of the delays that are tried, s, before the best is looked for between its neighbours: a quarter of the shortest lag of a servo.
 const APART: f64 = 0.005;
-/// By how much a delay may be beyond the measured lag, and below none, s: a minimum at an end is no minimum.
+/// The search for a delay goes so far beyond the measured lag, and below zero, s: the least at an end of the range would be no minimum.
 const BEYOND: f64 = 0.02;
 /// Length of a group of rows that is taken as independent of the others, s: many lags of a servo.
 const GROUP: f64 = 2.0;
@@ -48,7 +48,7 @@ impl<'a> Sheet<'a> {
             let long = ((GROUP / step.max(f64::EPSILON)) as usize).max(1);
             rows.clone().step_by(long).map(move |begin| begin..rows.end.min(begin + long))
         });
-        // What the low-pass smears over the cut belongs to no part.
+        // The low-pass smears rows over the cut: rows so near to it belong to neither part.
         let guard = treatment.filter().settling_time();
         let (mut fit, mut test) = (Vec::new(), Vec::new());
         for group in groups {

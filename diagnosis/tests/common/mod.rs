@@ -121,3 +121,25 @@ pub fn arm(joints: Vec<Joint>) -> Arm {
     Arm::new("made", joints, Isometry3::translation(0.4, 0.0, 0.0), Vector3::new(0.0, 0.0, -9.81))
         .expect("an arm")
 }
+
+/// Two links one behind the other in the plane of gravity.
+pub const TWO_LINKS: &str = r#"
+name = "two links"
+
+[[joint]]
+name = "shoulder"
+type = "revolute"
+axis = [0.0, -1.0, 0.0]
+mass = 0.5
+com = [0.1, 0.0, 0.0]
+inertia = { ixx = 0.015, iyy = 0.015, izz = 0.015, ixy = 0.0, ixz = 0.0, iyz = 0.0 }
+
+[[joint]]
+name = "elbow"
+type = "revolute"
+axis = [0.0, -1.0, 0.0]
+origin = { xyz = [0.25, 0.0, 0.0], rpy = [0.0, 0.0, 0.0] }
+mass = 0.4
+com = [0.1, 0.0, 0.0]
+inertia = { ixx = 0.01, iyy = 0.01, izz = 0.01, ixy = 0.0, ixz = 0.0, iyz = 0.0 }
+"#;
