@@ -1,6 +1,5 @@
 //! Faults that are not the controller's: the plant is killed, shared memory is full.
 
-use std::io::ErrorKind;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -64,10 +63,7 @@ fn plant_killed(
     let files = Files::write(&scenario, &Setup::new(&scenario)?, &out.join("plant-killed"))?;
     let recording = files.out.join(format!("{}.mcap", examined.name()));
     // That of an earlier exam in this folder would say that this motion has begun.
-    match std::fs::remove_file(&recording) {
-        Err(error) if error.kind() != ErrorKind::NotFound => return Err(Failure::internal(error)),
-        _ => {}
-    }
+    freeplay_storage::remove_file(&recording)?;
     let root = new_run()?;
     let mut plant = Running::alone(start_plant(examined, &files, root.address())?);
     let mut controller = start_controller(&scenario, examined, root.address())?;
