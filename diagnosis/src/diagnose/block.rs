@@ -4,6 +4,7 @@
 //! the weights move.
 
 use std::cell::OnceCell;
+use std::ops::Range;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -15,8 +16,11 @@ use super::data::Column;
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
     pub weights: Vec<f64>,
-    /// The tolerances that show, and their columns times the weights.
+    /// From the first row with a weight to the last: no other row takes part in a product.
+    pub span: Range<usize>,
+    /// The tolerances that show, and the span of their columns times the weights.
     pub tolerances: Vec<(usize, Vec<f64>)>,
+    /// The same of the target.
     target: Vec<f64>,
     /// Products of the tolerances that show: NᵀWN.
     pub gram: DMatrix<f64>,
@@ -24,6 +28,43 @@ pub(super) struct Channel {
     pub against: DVector<f64>,
     /// yᵀWy.
     pub square: f64,
+}
+
+/// How the weights of a channel moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Move {
+    /// To what they had not been just before.
+    On,
+    /// To what they were before they moved the last time.
+    Back,
+}
+
+/// What hangs on the weights of a channel: as it is under those of now, and as it was under those before. A set that is not accepted brings these back.
+#[derive(Clone, Debug)]
+pub(super) struct Weighed<T> {
+    now: OnceCell<T>,
+    before: OnceCell<T>,
+}
+
+impl<T> Default for Weighed<T> {
+    fn default() -> Self {
+        Self { now: OnceCell::new(), before: OnceCell::new() }
+    }
+}
+
+impl<T> Weighed<T> {
+    /// That of now, which is `made` if it is not known.
+    pub fn get_or_init(&self, made: impl FnOnce() -> T) -> &T {
+        self.now.get_or_init(made)
+    }
+
+    /// Follows the weights.
+    pub fn follow(&mut self, how: Move) {
+        std::mem::swap(&mut self.now, &mut self.before);
+        if how == Move::On {
+            self.now.take();
+        }
+    }
 }
 
 /// Products of a block in one channel, before the tolerances are eliminated.
@@ -58,14 +99,14 @@ pub(super) struct Block {
     pub precision: DMatrix<f64>,
     /// Half the log of its determinant, and the log of the prior odds.
     pub log_prior: f64,
-    channels: Vec<(usize, OnceCell<InChannel>)>,
+    channels: Vec<(usize, Weighed<InChannel>)>,
     products: OnceCell<Products>,
 }
 
 impl Block {
     /// The block of `candidate`, which shows in these `channels`.
     pub fn new(candidate: Candidate, channels: Vec<usize>, precision: DMatrix<f64>, log_prior: f64) -> Self {
-        let channels = channels.into_iter().map(|c| (c, OnceCell::new())).collect();
+        let channels = channels.into_iter().map(|c| (c, Weighed::default())).collect();
         Self { candidate, precision, log_prior, channels, products: OnceCell::new() }
     }
 
@@ -103,10 +144,10 @@ impl Block {
         self.products.take();
     }
 
-    /// Forgets what it has in the channels `moved`.
-    pub fn forget_channels(&mut self, moved: &[usize]) {
-        for (_, part) in self.channels.iter_mut().filter(|(c, _)| moved.contains(c)) {
-            part.take();
+    /// Follows the weights of the channels that `moved`.
+    pub fn follow(&mut self, moved: &[(usize, Move)]) {
+        for (c, part) in &mut self.channels {
+            moved.iter().filter(|(moved, _)| moved == c).for_each(|(_, how)| part.follow(*how));
         }
     }
 }
@@ -114,28 +155,30 @@ impl Block {
 impl Channel {
     /// That of the channel number `c`, whose rows have these `weights`.
     pub fn new(c: usize, tolerances: &[Column], target: &[Vec<f64>], weights: Vec<f64>) -> Self {
-        let weighed = |rows: &[f64]| -> Vec<f64> { rows.iter().zip(&weights).map(|(x, w)| x * w).collect() };
-        let is_silent = weights.iter().all(|w| *w == 0.0);
+        let span = span_of(&weights);
+        let weighed = |rows: &[f64]| weighed(&rows[span.clone()], &weights[span.clone()]);
         let shown: Vec<(usize, Vec<f64>)> = tolerances
             .iter()
             .enumerate()
-            .filter(|_| !is_silent)
+            .filter(|_| !span.is_empty())
             .filter_map(|(index, column)| Some((index, weighed(column[c].as_ref()?))))
             .collect();
-        let column = |index: usize| tolerances[index][c].as_deref().unwrap_or(&[]);
+        let column =
+            |index: usize| tolerances[index][c].as_deref().map_or(&[][..], |rows| &rows[span.clone()]);
         let gram = DMatrix::from_fn(shown.len(), shown.len(), |i, j| {
             if i <= j { dot(column(shown[i].0), &shown[j].1) } else { 0.0 }
         });
         let gram = &gram + gram.transpose() - DMatrix::from_diagonal(&gram.diagonal());
-        let against = DVector::from_fn(shown.len(), |i, _| dot(&shown[i].1, &target[c]));
+        let target_there = &target[c][span.clone()];
+        let against = DVector::from_fn(shown.len(), |i, _| dot(&shown[i].1, target_there));
         let target_weighed = weighed(&target[c]);
-        let square = dot(&target_weighed, &target[c]);
-        Self { tolerances: shown, target: target_weighed, gram, against, square, weights }
+        let square = dot(&target_weighed, target_there);
+        Self { tolerances: shown, target: target_weighed, gram, against, square, weights, span }
     }
 
     /// Products of the block of `columns` in this channel, which is number `c`.
     pub fn of(&self, columns: &[Column], c: usize) -> InChannel {
-        let part = |k: usize| columns[k][c].as_deref();
+        let part = |k: usize| columns[k][c].as_deref().map(|rows| &rows[self.span.clone()]);
         let size = columns.len();
         let with = |rows: &[f64], k: usize| part(k).map_or(0.0, |column| dot(column, rows));
         InChannel {
@@ -146,16 +189,31 @@ impl Channel {
     }
 }
 
+/// From the first row with a weight to the last.
+fn span_of(weights: &[f64]) -> Range<usize> {
+    let is_weighed = |w: &f64| *w != 0.0;
+    match weights.iter().position(is_weighed) {
+        Some(first) => first..weights.iter().rposition(is_weighed).map_or(first, |last| last + 1),
+        None => 0..0,
+    }
+}
+
+/// `rows` times their weights.
+pub(super) fn weighed(rows: &[f64], weights: &[f64]) -> Vec<f64> {
+    rows.iter().zip(weights).map(|(x, w)| x * w).collect()
+}
+
 /// ZᵀWZ of `columns` in the channel number `c`.
 pub(super) fn own(columns: &[Column], c: usize, weights: &[f64]) -> DMatrix<f64> {
     let size = columns.len();
+    let span = span_of(weights);
     let mut own = DMatrix::zeros(size, size);
     for (i, left) in columns.iter().enumerate() {
         let Some(left) = &left[c] else { continue };
-        let weighed: Vec<f64> = left.iter().zip(weights).map(|(x, w)| x * w).collect();
+        let weighed = weighed(&left[span.clone()], &weights[span.clone()]);
         for (j, right) in columns[..=i].iter().enumerate() {
             let Some(right) = &right[c] else { continue };
-            let product = dot(&weighed, right);
+            let product = dot(&weighed, &right[span.clone()]);
             (own[(i, j)], own[(j, i)]) = (product, product);
         }
     }

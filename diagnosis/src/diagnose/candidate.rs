@@ -4,7 +4,7 @@ use std::rc::Rc;
 
 use freeplay_arm::{Arm, EffectTable};
 use freeplay_laws::{
-    ABOUT, Injection, Kind as EffectKind, LawError, Place, Placed, Site, Start, Term, kinds,
+    ABOUT, ArmParts, Injection, Kind as EffectKind, LawError, Place, Placed, Site, Start, Term, kinds,
 };
 use freeplay_recording::Group;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -61,6 +61,8 @@ pub(crate) struct Candidate {
     pub forms: usize,
     /// Whether it changes what is read of the machine, and so acts on all that the machine does.
     pub is_read: bool,
+    /// Whether it changes the arm, and so acts on nothing that was found beside it.
+    pub changes_arm: bool,
     /// The effect parts its joint: by play in the bearing (first), by a spring or a gap in the gear (second).
     parts: [bool; 2],
     /// Where its journal is in its bearing as each recording begins, if it has one that was looked for.
@@ -111,6 +113,10 @@ impl Candidate {
         let terms: Vec<Term> = shown.iter().map(|&place| terms[place].clone()).collect();
         let placed = Placed::new(&table(kind, joint, data.arm(), terms[0].plus.clone()), data.arm());
         let is_read = placed.as_ref().is_ok_and(|placed| placed.effect.measures());
+        let mut arm = ArmParts::of(data.arm());
+        let changes_arm = placed
+            .as_ref()
+            .is_ok_and(|placed| placed.effect.arm(&mut arm).is_ok() && !arm.are_of(data.arm()));
         let mut injection = Injection::default();
         if let Ok(placed) = &placed {
             placed.effect.inject(&mut injection);
@@ -127,6 +133,7 @@ impl Candidate {
             channels,
             forms: 1,
             is_read,
+            changes_arm,
             parts,
             begins,
             shown,
@@ -138,6 +145,19 @@ impl Candidate {
     pub fn reformed(&self, data: &Data, form: Form) -> Option<Self> {
         let other = Self::beginning(data, self.kind, self.joint, form, self.begins.clone()).ok()??;
         (other.shown == self.shown).then_some(Self { forms: self.forms, ..other })
+    }
+
+    /// What tells it in another `form` from all others, and where the search for its journal begins.
+    pub fn name_in(&self, form: &Form) -> String {
+        format!(
+            "{} {:?} {form:?} {:?} {:?} {}",
+            self.kind.name, self.joint, self.begins, self.shown, self.forms
+        )
+    }
+
+    /// How many numbers its columns hold.
+    pub fn numbers_in_columns(&self) -> usize {
+        self.columns.iter().flatten().flatten().map(Vec::len).sum()
     }
 
     /// The same as one of so many forms that were laid out.

@@ -33,14 +33,14 @@ pub(super) fn against(columns: &[Column], target: &[Vec<f64>], channel: usize) -
     })
 }
 
-/// Inner product in four sums, which the processor takes at once.
+/// Inner product in sixteen sums: a processor adds several at once, and begins new ones before the first have ended.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (fours_a, rest_a) = a.as_chunks::<4>();
-    let (fours_b, rest_b) = b.as_chunks::<4>();
-    let mut sums = [0.0; 4];
-    for (a, b) in fours_a.iter().zip(fours_b) {
-        for k in 0..4 {
-            sums[k] += a[k] * b[k];
+    let (chunks_a, rest_a) = a.as_chunks::<16>();
+    let (chunks_b, rest_b) = b.as_chunks::<16>();
+    let mut sums = [0.0; 16];
+    for (a, b) in chunks_a.iter().zip(chunks_b) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
         }
     }
     let rest: f64 = rest_a.iter().zip(rest_b).map(|(a, b)| a * b).sum();

@@ -1,5 +1,7 @@
 //! Which set of effects is the most probable: add, drop, swap and nest, as long as the evidence rises.
 
+use std::collections::{BTreeMap, VecDeque};
+
 use freeplay_arm::Arm;
 use freeplay_laws::{Occurrence, changed};
 
@@ -36,6 +38,49 @@ pub(crate) struct Search<'d, 'a> {
     pub laid: Vec<usize>,
     /// All answers that were met, the best first.
     pub met: Vec<Answer>,
+    /// Forms that were tried of late.
+    tried: Tried,
+}
+
+/// Candidates in forms that were tried of late: most steps of a search try the same forms beside other members. They take no more memory than what was laid out.
+#[derive(Default)]
+struct Tried {
+    /// By kind, place and form; `None` where the motion shows nothing of it.
+    known: BTreeMap<String, Option<Candidate>>,
+    /// The same names, those that were tried first in front.
+    order: VecDeque<String>,
+    /// Numbers in the columns of all, and how many there may be.
+    numbers: [usize; 2],
+}
+
+impl Tried {
+    /// `candidate` in another `form`, from memory or made by `make`.
+    fn get(
+        &mut self,
+        candidate: &Candidate,
+        form: Form,
+        make: impl Fn(&Candidate, Form) -> Option<Candidate>,
+    ) -> Option<Candidate> {
+        let name = candidate.name_in(&form);
+        if let Some(known) = self.known.get(&name) {
+            return known.clone();
+        }
+        let made = make(candidate, form);
+        self.numbers[0] += made.as_ref().map_or(0, Candidate::numbers_in_columns);
+        self.known.insert(name.clone(), made.clone());
+        self.order.push_back(name);
+        while self.numbers[0] > self.numbers[1] {
+            let Some(first) = self.order.pop_front() else { break };
+            let gone = self.known.remove(&first).flatten();
+            self.numbers[0] -= gone.as_ref().map_or(0, Candidate::numbers_in_columns);
+        }
+        made
+    }
+
+    /// Forgets all: what they act on has changed.
+    fn clear(&mut self) {
+        *self = Self { numbers: [0, self.numbers[1]], ..Self::default() };
+    }
 }
 
 /// What a search found, for the next one.
@@ -49,8 +94,10 @@ pub(crate) struct Found {
 impl<'d, 'a> Search<'d, 'a> {
     /// A search among `candidates`.
     pub fn new(mut system: System<'d, 'a>, candidates: Vec<Candidate>) -> Self {
-        let laid = candidates.into_iter().filter_map(|candidate| system.take(candidate)).collect();
-        Self { system, laid, met: Vec::new() }
+        let laid: Vec<usize> =
+            candidates.into_iter().filter_map(|candidate| system.take(candidate)).collect();
+        let most = laid.iter().map(|&index| system.candidate(index).numbers_in_columns()).sum();
+        Self { system, laid, met: Vec::new(), tried: Tried { numbers: [0, most], ..Tried::default() } }
     }
 
     /// Searches from `known` alone and from that and what is common, and goes back to the best; `None` if the system is singular.
@@ -116,12 +163,16 @@ impl<'d, 'a> Search<'d, 'a> {
             return Some(answer.members.clone());
         }
         data.lay_upon(lasting);
+        self.tried.clear();
         Some(answer.members.iter().map(|&member| self.anew(member)).collect())
     }
 
     /// The number of the block `index` as it is on the machine of now.
     fn anew(&mut self, index: usize) -> usize {
         let candidate = self.system.candidate(index);
+        if candidate.changes_arm {
+            return index;
+        }
         let laid = candidate.reformed(self.system.data, candidate.form.clone());
         laid.and_then(|laid| self.system.take(laid)).unwrap_or(index)
     }
@@ -519,7 +570,9 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// The number of `index` in another `form` and what it explains beside `fit`, if that is more than `now`.
     fn try_form(&mut self, fit: &Fit, index: usize, form: Form, now: f64) -> Option<(usize, f64)> {
-        let other = self.system.candidate(index).reformed(self.system.data, form)?;
+        let data = self.system.data;
+        let candidate = self.system.candidate(index);
+        let other = self.tried.get(candidate, form, |one, form| one.reformed(data, form))?;
         let at = self.system.take(other)?;
         let gain = self.system.gains(fit, &[at]).pop().flatten().filter(|gain| gain.is_inside);
         match gain.filter(|gain| gain.value > now + WORTH) {

@@ -11,7 +11,7 @@ use freeplay_arm::Arm;
 use freeplay_laws::Placed;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
-use super::block::{Block, Channel, Products, half_log_determinant, own};
+use super::block::{Block, Channel, Move, Products, Weighed, half_log_determinant, own, weighed};
 use super::bvls::bounded;
 use super::candidate::Candidate;
 use super::columns::dot;
@@ -67,6 +67,8 @@ pub(crate) struct System<'d, 'a> {
     tolerances: Vec<Column>,
     precision: Vec<f64>,
     channels: Vec<Channel>,
+    /// The channels as they were before their weights moved the last time.
+    before: Vec<Option<Channel>>,
     factor: Cholesky<f64, Dyn>,
     /// K and NᵀWy with no tolerance held at an edge.
     free: (DMatrix<f64>, DVector<f64>),
@@ -84,17 +86,19 @@ pub(crate) struct System<'d, 'a> {
 /// Products of two blocks over the channels that both show in.
 #[derive(Debug)]
 struct Cross {
-    /// Those of each channel, as long as its weights are the same.
-    by_channel: Vec<(usize, Option<DMatrix<f64>>)>,
+    by_channel: Vec<(usize, Weighed<DMatrix<f64>>)>,
     /// Their sum, as long as no weights moved.
     sum: Option<DMatrix<f64>>,
 }
 
 impl Cross {
-    /// Forgets the products of the channels `moved`.
-    fn forget_channels(&mut self, moved: &[usize]) {
-        for (_, part) in self.by_channel.iter_mut().filter(|(c, _)| moved.contains(c)) {
-            (*part, self.sum) = (None, None);
+    /// Follows the weights of the channels that `moved`.
+    fn follow(&mut self, moved: &[(usize, Move)]) {
+        for (c, part) in &mut self.by_channel {
+            for (_, how) in moved.iter().filter(|(moved, _)| moved == c) {
+                part.follow(*how);
+                self.sum = None;
+            }
         }
     }
 }
@@ -132,7 +136,7 @@ impl<'d, 'a> System<'d, 'a> {
         let pins = vec![None; precision.len()];
         let free = normal_equations(&channels, &precision);
         let (factor, whitened_target) = eliminated(&free, &pins)?;
-        let (blocks, crosses) = (Vec::new(), RefCell::default());
+        let (before, blocks, crosses) = (vec![None; channels.len()], Vec::new(), RefCell::default());
         let log_volume = half_log_determinant(&factor);
         Some(Self {
             log_volume,
@@ -143,6 +147,7 @@ impl<'d, 'a> System<'d, 'a> {
             tolerances,
             precision,
             channels,
+            before,
             factor,
             free,
             whitened_target,
@@ -232,7 +237,7 @@ impl<'d, 'a> System<'d, 'a> {
 
     /// The channels of `candidate` that have rows with a weight.
     fn weighed<'c>(&'c self, candidate: &'c Candidate) -> impl Iterator<Item = usize> + 'c {
-        candidate.channels.iter().copied().filter(|&c| self.channels[c].weights.iter().any(|w| *w != 0.0))
+        candidate.channels.iter().copied().filter(|&c| !self.channels[c].span.is_empty())
     }
 
     /// What the block number `index` explains beside the tolerances.
@@ -251,9 +256,8 @@ impl<'d, 'a> System<'d, 'a> {
         let Cross { by_channel, sum } = crosses.entry((j, i)).or_insert_with(|| self.shared_channels(i, j));
         let plain = sum.get_or_insert_with(|| {
             let zeros = DMatrix::zeros(self.candidate(i).size(), self.candidate(j).size());
-            let parts = by_channel.iter_mut();
-            let parts = parts.map(|(c, part)| part.get_or_insert_with(|| self.cross_in(*c, i, j)));
-            parts.fold(zeros, |sum, part| sum + &*part)
+            let parts = by_channel.iter().map(|(c, part)| part.get_or_init(|| self.cross_in(*c, i, j)));
+            parts.fold(zeros, |sum, part| sum + part)
         });
         &*plain - through
     }
@@ -262,20 +266,20 @@ impl<'d, 'a> System<'d, 'a> {
     fn shared_channels(&self, i: usize, j: usize) -> Cross {
         let (left, right) = (self.candidate(i), self.candidate(j));
         let shared = left.channels.iter().filter(|c| right.channels.contains(c));
-        Cross { by_channel: shared.map(|&c| (c, None)).collect(), sum: None }
+        Cross { by_channel: shared.map(|&c| (c, Weighed::default())).collect(), sum: None }
     }
 
     /// ZᵢᵀWZⱼ in the channel number `c`.
     fn cross_in(&self, c: usize, i: usize, j: usize) -> DMatrix<f64> {
         let (left, right) = (self.candidate(i), self.candidate(j));
         let mut cross = DMatrix::zeros(left.size(), right.size());
-        let weights = &self.channels[c].weights;
+        let Channel { weights, span, .. } = &self.channels[c];
         for (b, column) in right.columns.iter().enumerate() {
             let Some(column) = &column[c] else { continue };
-            let weighed: Vec<f64> = column.iter().zip(weights).map(|(x, w)| x * w).collect();
+            let weighed = weighed(&column[span.clone()], &weights[span.clone()]);
             for (a, other) in left.columns.iter().enumerate() {
                 if let Some(other) = &other[c] {
-                    cross[(a, b)] = dot(other, &weighed);
+                    cross[(a, b)] = dot(&other[span.clone()], &weighed);
                 }
             }
         }
@@ -628,12 +632,19 @@ impl<'d, 'a> System<'d, 'a> {
         if moved.is_empty() {
             return Some(());
         }
+        let mut how = Vec::new();
         for &c in moved {
-            self.channels[c] =
-                Channel::new(c, &self.tolerances, &self.target, self.weights.rows[c].weights());
+            let weights = self.weights.rows[c].weights();
+            let is_back = self.before[c].as_ref().is_some_and(|before| before.weights == weights);
+            let now = match self.before[c].take().filter(|_| is_back) {
+                Some(before) => before,
+                None => Channel::new(c, &self.tolerances, &self.target, weights),
+            };
+            self.before[c] = Some(std::mem::replace(&mut self.channels[c], now));
+            how.push((c, if is_back { Move::Back } else { Move::On }));
         }
-        self.blocks.iter_mut().for_each(|block| block.forget_channels(moved));
-        self.crosses.borrow_mut().values_mut().for_each(|cross| cross.forget_channels(moved));
+        self.blocks.iter_mut().for_each(|block| block.follow(&how));
+        self.crosses.borrow_mut().values_mut().for_each(|cross| cross.follow(&how));
         self.free = normal_equations(&self.channels, &self.precision);
         self.log_volume = half_log_determinant(&Cholesky::new(self.free.0.clone())?);
         self.eliminate_anew()
