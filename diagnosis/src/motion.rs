@@ -92,7 +92,7 @@ impl Treatment {
         {
             treatment = lower;
             treatment.notes.push(format!(
-                "low-pass at {lower_hz:.1} Hz instead of {usual_hz:.1} Hz: above it the noise of the recorded motion asks for torque that was not measured (--lowpass sets another)"
+                "low-pass at {lower_hz:.1} Hz instead of {usual_hz:.1} Hz: above it the recorded positions hold more noise than motion (--lowpass sets another)"
             ));
         }
         Ok(treatment)
@@ -247,7 +247,22 @@ impl Treatment {
         self.motion_through(&self.fine, recording)
     }
 
+    /// The same of positions that are read with `noise`, by joint and grid point.
+    pub(crate) fn fine_motion_with(&self, recording: &Recording, noise: &[Vec<f64>]) -> Trajectory {
+        self.motion_of(&self.fine, recording, |joint, point| noise[joint][point])
+    }
+
     fn motion_through(&self, filter: &LowPass, recording: &Recording) -> Trajectory {
+        self.motion_of(filter, recording, |_, _| 0.0)
+    }
+
+    /// The motion of the recorded positions and what is `more` at each joint and grid point.
+    fn motion_of(
+        &self,
+        filter: &LowPass,
+        recording: &Recording,
+        more: impl Fn(usize, usize) -> f64,
+    ) -> Trajectory {
         let mut whole = Trajectory::default();
         let mut begin = 0;
         for stretch in &self.grid.stretches {
@@ -255,10 +270,12 @@ impl Treatment {
             whole.stretches.push(begin..begin + stretch.len);
             begin += stretch.len;
         }
-        for column in &recording.q {
+        for (number, column) in recording.q.iter().enumerate() {
             let mut joint = [const { Vec::new() }; 3];
-            for stretch in &self.grid.stretches {
-                let smooth = filter.apply(&self.grid.resample(stretch, recording, column));
+            for (stretch, points) in self.grid.stretches.iter().zip(&whole.stretches) {
+                let mut read = self.grid.resample(stretch, recording, column).into_owned();
+                read.iter_mut().zip(points.clone()).for_each(|(q, point)| *q += more(number, point));
+                let smooth = filter.apply(&read);
                 let (first, second) = derivatives(&smooth, self.grid.step);
                 joint.iter_mut().zip([smooth, first, second]).for_each(|(out, part)| out.extend(part));
             }
