@@ -194,7 +194,7 @@ impl Study<'_> {
         let heard = std::mem::replace(&mut data.heard, Part::ALL.to_vec());
         let sizes = Weights::new(data, self.target, Some(&left), self.settings.seed);
         // Where the rows are exact nothing wanders, and nothing happens that the laws don't say.
-        let happened = happenings(data, &left, &sizes, self.settings.seed).unwrap_or_default();
+        let happened = happenings(data, &left, &self.laid, &sizes, self.settings.seed).unwrap_or_default();
         data.heard = heard;
         happened
     }

@@ -117,10 +117,16 @@ fn between(begin: f64, end: f64) -> Table {
         .collect()
 }
 
-/// What happens in the rows that are heard and is not yet in what is `left` of them, as long as each is more probable than none. Rows are
+/// What happens in the rows that are heard and is not yet in what is `left` of them, as long as each is more probable than none, and no law of `lasting` says the same. Rows are
 /// taken as they differ from their past, so that a push is not counted as if it were as slow as what else is left. The evidence is that of the diagnosis. `None` if the system is
 /// singular.
-pub(crate) fn happenings(data: &Data, left: &[Vec<f64>], sizes: &Weights, seed: u64) -> Option<Vec<Event>> {
+pub(crate) fn happenings(
+    data: &Data,
+    left: &[Vec<f64>],
+    lasting: &[Candidate],
+    sizes: &Weights,
+    seed: u64,
+) -> Option<Vec<Event>> {
     // What was found wanders no more: the second time rows are as white as what it leaves.
     let (search, members) = found_among(data, left, &Whitening::of(data, left, sizes), Vec::new())?;
     if members.is_empty() {
@@ -131,6 +137,7 @@ pub(crate) fn happenings(data: &Data, left: &[Vec<f64>], sizes: &Weights, seed: 
     let rest = less(left, &said(&search, &members, left)?);
     let whitening = Whitening::of(data, &rest, sizes);
     let (mut search, members) = found_among(data, left, &whitening, known)?;
+    let members = beside_laws(&mut search, members, lasting)?;
     let odds = odds(data, &mut search, &members, &whitening.least())?;
     let rest = less(left, &said(&search, &members, left)?);
     let fit = search.system.fit(&members)?;
@@ -324,6 +331,21 @@ fn beside_shapes(
         (all, members) = (of_others, others);
     }
     Some(members)
+}
+
+/// Those of `members` that no law of `lasting` makes needless: pieces of a law look like pushes, and rows of which each says something new tell of laws that are too small to be
+/// named. `None` if the system is singular.
+fn beside_laws(search: &mut Search, members: Vec<usize>, lasting: &[Candidate]) -> Option<Vec<usize>> {
+    if members.is_empty() {
+        return Some(members);
+    }
+    search.laid = lasting.iter().filter_map(|law| search.system.take(law.clone())).collect();
+    let mut now = search.settled(members)?;
+    while let Some(better) = search.exchanged_whole(&now)? {
+        now = better;
+    }
+    now.members.retain(|&member| search.system.candidate(member).kind.happens());
+    Some(now.members)
 }
 
 /// Whether what happens in the form of `candidate` begins after its recording does, and ends before, if it ends at all: what is there from the first sample on may have been

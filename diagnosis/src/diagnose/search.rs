@@ -335,14 +335,16 @@ impl<'d, 'a> Search<'d, 'a> {
         self.laid.iter().copied().filter(|index| !is_taken(index)).collect()
     }
 
-    /// The best form of each effect that may join `members` and brings more than `least`, the best [`TRIED`] of them in order.
+    /// The best form of each effect that may join `members` and brings more than `least`, the best [`TRIED`] of them in order. A form whose coefficient is held at a bound
+    /// is where the search for a better one begins, if its law has others.
     fn nearest(&self, members: &[usize], least: f64) -> Option<Vec<usize>> {
         let fit = self.system.fit(members)?;
         let open = self.open(members);
         let gains = self.system.gains(&fit, &open);
         let worth = open.iter().zip(&gains).filter_map(|(&index, gain)| {
-            let gain = gain.as_ref().filter(|gain| gain.value > least && gain.is_inside)?;
-            Some((index, gain.value))
+            let gain = gain.as_ref().filter(|gain| gain.value > least)?;
+            let may_move = || !self.system.candidate(index).numbers().is_empty();
+            (gain.is_inside || may_move()).then_some((index, gain.value))
         });
         let mut worth: Vec<(usize, f64)> = worth.collect();
         worth.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -357,6 +359,12 @@ impl<'d, 'a> Search<'d, 'a> {
         Some(nearest)
     }
 
+    /// Whether the coefficients of `index` beside `members` are inside their bounds.
+    fn is_inside(&self, members: &[usize], index: usize) -> Option<bool> {
+        let gain = self.system.gains(&self.system.fit(members)?, &[index]).pop().flatten();
+        Some(gain.is_some_and(|gain| gain.is_inside))
+    }
+
     /// `now` with the effect that makes it most probable.
     pub fn added(&mut self, now: &Answer) -> Option<Option<Answer>> {
         if now.members.len() >= MOST * self.system.data.arm().dof() {
@@ -364,6 +372,9 @@ impl<'d, 'a> Search<'d, 'a> {
         }
         for index in self.nearest(&now.members, 0.0)? {
             let index = self.best_of_rivals(&now.members, index)?;
+            if !self.is_inside(&now.members, index)? {
+                continue;
+            }
             let mut members = now.members.clone();
             members.push(index);
             if let Some(better) = self.accepted(now, members)? {
@@ -479,8 +490,24 @@ impl<'d, 'a> Search<'d, 'a> {
 
     /// `now` with one effect more and without all members that it makes needless: one law in the place of several that imitate it.
     fn exchanged(&mut self, now: &Answer) -> Option<Option<Answer>> {
-        for index in self.nearest(&now.members, f64::NEG_INFINITY)? {
+        let nearest = self.nearest(&now.members, f64::NEG_INFINITY)?;
+        self.exchanged_for(now, &nearest)
+    }
+
+    /// The same with what explains most by itself: what many members say together leaves nothing to it.
+    pub fn exchanged_whole(&mut self, now: &Answer) -> Option<Option<Answer>> {
+        let nearest = self.nearest(&[], 0.0)?;
+        self.exchanged_for(now, &nearest)
+    }
+
+    /// The same with one of `others`, of which the first is tried first.
+    fn exchanged_for(&mut self, now: &Answer, others: &[usize]) -> Option<Option<Answer>> {
+        for &index in others {
             let Some(members) = self.thinned(&now.members, index)? else { continue };
+            let Some((&last, others)) = members.split_last() else { continue };
+            if !self.is_inside(others, last)? {
+                continue;
+            }
             if self.about(&members)? <= now.evidence + WORTH {
                 continue;
             }
