@@ -42,6 +42,13 @@ const LAST_WORDS: usize = 2000;
 /// What every run writes first and last.
 const RESULTS: [&str; 3] = ["scenario.toml", "task.toml", "summary.json"];
 
+/// Patience of runs in lockstep with built-in controllers that other commands start, s: these hang nowhere, and are slow where the machine has much else
+/// to do.
+pub const BUILT_IN_PATIENCE: f64 = 60.0;
+
+/// Endings of the files that a run has before its first tick: its recording, and what its processes said.
+const LEFT: [&str; 3] = ["mcap", "csv", "stderr"];
+
 /// Runs a scenario.
 #[derive(Args, Debug)]
 pub struct RunArgs {
@@ -237,8 +244,11 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
         }
     }
     // What other controllers came to is not lost with the one that failed.
-    if failure.is_none() || !runs.is_empty() {
+    if !runs.is_empty() {
         finish(args, &scenario, &setup, &files.out, &runs)?;
+    } else if !args.force {
+        // No result is lost: nothing that stands here was here before, and the same command may be tried again.
+        files.give_up(&contestants)?;
     }
     failure.map_or(Ok(exit), Err)
 }
@@ -319,6 +329,17 @@ impl Files {
             Self { scenario: out.join("scenario.toml"), task: setup.write_task(scenario, &out)?, out };
         write(&files.scenario, &absolute(scenario)?.to_toml().map_err(Failure::internal)?)?;
         Ok(files)
+    }
+
+    /// Removes them, and what the processes of runs of `contestants` that did not begin have left.
+    fn give_up(&self, contestants: &[ControllerSelection]) -> Result<(), Failure> {
+        let left = contestants
+            .iter()
+            .flat_map(|contestant| LEFT.map(|ending| self.out.join(format!("{}.{ending}", contestant.name))));
+        for file in left.chain([self.scenario.clone(), self.task.clone()]) {
+            remove_file(&file)?;
+        }
+        Ok(())
     }
 }
 

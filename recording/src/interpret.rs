@@ -34,10 +34,7 @@ pub(crate) fn interpret(
     form: Option<&Form>,
     place: &Place,
 ) -> Result<Interpreted, ReadError> {
-    let apply = |mapping: &Mapping, names: Vec<String>| {
-        let mapped = mapping.apply(names, numbered);
-        mapped.map_err(|source| ReadError::Mapping { place: place.clone(), source })
-    };
+    let apply = |mapping: &Mapping, names: Vec<String>| mapping.apply(names, numbered, place);
     if let Some(mapping) = mapping {
         let mapped = apply(mapping, names.clone())?;
         let sources = Some(mapping.sources(&mapped, &names, form));
@@ -65,8 +62,7 @@ pub(crate) fn interpret(
     }
     let file = place.file.file_name().unwrap_or_default().to_string_lossy();
     let Some(guess) = guess(&file, &names, sample, form) else { return Ok(own(names)) };
-    let mapping = Mapping::parse(&guess.toml, &place.file)
-        .map_err(|source| ReadError::Mapping { place: place.clone(), source })?;
+    let mapping = Mapping::parse(&guess.toml, &place.file)?;
     let (mapped, joints) = (apply(&mapping, names.clone())?, mapping.joints().to_vec());
     let sources = Some(mapping.sources(&mapped, &names, form));
     Ok(Interpreted { mapped, joints, guess: Some(guess), sources })

@@ -3,7 +3,7 @@
 use thiserror::Error;
 
 use crate::guess::words_of;
-use crate::names::list;
+use crate::names::{Group, list};
 use crate::recording::Recording;
 
 /// Why the joints of a recording are not paired with those of an arm.
@@ -22,6 +22,42 @@ pub enum JointsError {
         found: String,
         /// The joints of the arm.
         wanted: String,
+    },
+    /// A joint that was asked for is not there, or not told from another one.
+    #[error(
+        "{file}: no joint is told by the name {missing}; it has {found}: give each by its name, or by a part that no other has"
+    )]
+    NotAsked {
+        /// The recording.
+        file: String,
+        /// What was asked for.
+        missing: String,
+        /// The joints that it has.
+        found: String,
+    },
+    /// Joints without names, asked for by names of which there are more or fewer.
+    #[error(
+        "{file}: its joints have no names that could be {missing}; it has {found}: give a name for each of them, in this order, or some of these columns"
+    )]
+    Nameless {
+        /// The recording.
+        file: String,
+        /// What was asked for.
+        missing: String,
+        /// Columns of the joints.
+        found: String,
+    },
+    /// A joint that was asked for twice.
+    #[error("{file}: the joint {joint} is asked for as {first} and as {second}; give each joint once")]
+    AskedTwice {
+        /// The recording.
+        file: String,
+        /// The joint.
+        joint: String,
+        /// What was asked for first.
+        first: String,
+        /// What was asked for later.
+        second: String,
     },
 }
 
@@ -103,6 +139,52 @@ impl Recording {
         if !extra.is_empty() {
             self.notes.push(format!("joints that the model has not are left out: {}", list(&extra)));
         }
+        self.reorder(&order);
+        Ok(self)
+    }
+
+    /// The recording with the joints `asked` alone, in this order, each by its name or a part of it that no other has. Joints without names are told
+    /// by their columns, `q1` and on; or, if as many are asked for as there are, they get these names. A note says which joints are left out.
+    ///
+    /// # Errors
+    /// [`JointsError`] for a joint that is not there or is asked for twice.
+    pub fn only_joints(mut self, asked: &[String]) -> Result<Self, JointsError> {
+        let file = self.origin.display().to_string();
+        let columns: Vec<String> = (0..self.joints()).map(|joint| Group::Position.column(joint)).collect();
+        let has_names = !self.joint_names.is_empty();
+        let found = if has_names { self.joint_names.clone() } else { columns };
+        let places = places(asked, &found);
+        if !has_names && places.iter().all(Option::is_none) && asked.len() == found.len() {
+            self.notes.push(format!(
+                "joints get the names asked for in the order of their columns: {}",
+                list(asked)
+            ));
+            self.joint_names = asked.to_vec();
+            return Ok(self);
+        }
+        let Some(order) = places.iter().copied().collect::<Option<Vec<usize>>>() else {
+            let missing =
+                asked.iter().zip(&places).filter(|(_, place)| place.is_none()).map(|(name, _)| name.as_str());
+            let (missing, found) = (missing.collect::<Vec<_>>().join(", "), list(&found));
+            return Err(match has_names {
+                true => JointsError::NotAsked { file, missing, found },
+                false => JointsError::Nameless { file, missing, found },
+            });
+        };
+        for (index, place) in order.iter().enumerate() {
+            if let Some(earlier) = order[..index].iter().position(|other| other == place) {
+                let (first, second) = (asked[earlier].clone(), asked[index].clone());
+                return Err(JointsError::AskedTwice { file, joint: found[*place].clone(), first, second });
+            }
+        }
+        let left: Vec<String> = (0..found.len())
+            .filter(|joint| !order.contains(joint))
+            .map(|joint| found[joint].clone())
+            .collect();
+        if !left.is_empty() {
+            self.notes.push(format!("joints that were not asked for are left out: {}", list(&left)));
+        }
+        self.joint_names = found;
         self.reorder(&order);
         Ok(self)
     }
