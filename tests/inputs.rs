@@ -463,6 +463,7 @@ fn what_a_controller_cannot_use_is_bad_input() {
         for words in said {
             assert!(ran.stderr().contains(words), "{given}: {words:?} is not said: {}", ran.dump());
         }
+        assert!(!ran.out().exists(), "{given}: a second try finds the folder taken: {}", ran.dump());
     }
 }
 

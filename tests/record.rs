@@ -93,7 +93,7 @@ fn the_joints_that_are_asked_for_are_the_joints_that_are_imported() {
         |k: u32| (1..=6).map(|joint| f64::from(10 * joint + k).to_string()).collect::<Vec<_>>().join(",");
     let rows: String = (0..20).map(|k| format!("{},{}\n", f64::from(k) * 0.01, row(k))).collect();
     let plain = format!("t,{}\n{rows}", header.join(","));
-    let arm = ["base", "shoulder", "elbow", "roll", "pitch", "yaw"];
+    let arm = ["base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3"];
     let named = format!("time,{}\n{rows}", arm.map(|joint| format!("{joint}_pos")).join(","));
     let mut folder = with("plain.csv", &plain);
     std::fs::write(folder.path().join("named.csv"), named).expect("written");
@@ -105,19 +105,19 @@ fn the_joints_that_are_asked_for_are_the_joints_that_are_imported() {
         record(folder, &["import", file, "--joints", joints, "--out", "out.mcap", "--force"]).expect(code)
     };
     for file in ["named.csv", "named-mcap.mcap", "named-parquet.parquet", "named-csv.csv"] {
-        let ran = asked(folder, file, "yaw,shoulder", 0);
+        let ran = asked(folder, file, "wrist_3,shoulder", 0);
         let (names, q) = joints_of(&ran.folder, "out.mcap");
         assert_eq!(
             (names.join(","), q.len(), q[0][0], q[1][0]),
-            ("yaw,shoulder".to_owned(), 2, 60.0, 20.0),
+            ("wrist_3,shoulder".to_owned(), 2, 60.0, 20.0),
             "{file}"
         );
-        let ran = asked(ran.folder, file, "yaw,nose", 3);
+        let ran = asked(ran.folder, file, "wrist_3,nose", 3);
         let said = ran.stderr();
         for words in [file, "nose", "it has base, shoulder, elbow", "give each by its name"] {
             assert!(said.contains(words), "{words}: {}", ran.dump());
         }
-        let ran = asked(ran.folder, file, "yaw,yaw", 3);
+        let ran = asked(ran.folder, file, "wrist_3,wrist_3", 3);
         assert!(ran.stderr().contains("give each joint once"), "{}", ran.dump());
         folder = ran.folder;
     }

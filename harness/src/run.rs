@@ -10,8 +10,9 @@ use clap::Args;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
 use freeplay_fmi::guest::FmuController;
+use freeplay_recording::ReadError;
 use freeplay_shm::RunRoot;
-use freeplay_storage::{FileIdentity, read_text, remove_file};
+use freeplay_storage::{Entry, FileIdentity, list, read_text, remove_file};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{claim, write};
@@ -46,8 +47,8 @@ const RESULTS: [&str; 3] = ["scenario.toml", "task.toml", "summary.json"];
 /// to do.
 pub const BUILT_IN_PATIENCE: f64 = 60.0;
 
-/// Endings of the files that a run has before its first tick: its recording, and what its processes said.
-const LEFT: [&str; 3] = ["mcap", "csv", "stderr"];
+/// Endings of recordings.
+const RECORDED: [&str; 2] = ["mcap", "csv"];
 
 /// Runs a scenario.
 #[derive(Args, Debug)]
@@ -331,16 +332,43 @@ impl Files {
         Ok(files)
     }
 
-    /// Removes them, and what the processes of runs of `contestants` that did not begin have left.
+    /// Removes them, and what the processes of runs of `contestants` that did not begin have left; nothing where one of them recorded a tick.
     fn give_up(&self, contestants: &[ControllerSelection]) -> Result<(), Failure> {
-        let left = contestants
-            .iter()
-            .flat_map(|contestant| LEFT.map(|ending| self.out.join(format!("{}.{ending}", contestant.name))));
-        for file in left.chain([self.scenario.clone(), self.task.clone()]) {
-            remove_file(&file)?;
+        let named = |ending: &str| {
+            let file =
+                |contestant: &ControllerSelection| self.out.join(format!("{}.{ending}", contestant.name));
+            contestants.iter().map(file).collect::<Vec<PathBuf>>()
+        };
+        let recordings = RECORDED.map(named).concat();
+        if recordings.iter().any(|file| file.exists() && !is_without_samples(file)) {
+            return Ok(());
         }
-        Ok(())
+        let all = recordings.into_iter().chain(named("stderr"));
+        all.chain([self.scenario.clone(), self.task.clone()]).try_for_each(|file| Ok(remove_file(&file)?))
     }
+}
+
+/// Removes what the plant wrote of the run called `name` into the folder `out`.
+fn remove_run(out: &Path, name: &str) -> Result<(), Failure> {
+    let is_of_run = |entry: &Entry| {
+        let file = entry.path.file_name().unwrap_or_default().to_string_lossy();
+        let ending = file.strip_prefix(name).and_then(|rest| rest.strip_prefix('.'));
+        ending.is_some_and(|ending| {
+            ["json", "hlog"].contains(&ending) || RECORDED.contains(&ending) || ending.ends_with("hgrm")
+        })
+    };
+    for entry in list(out)?.into_iter().filter(is_of_run) {
+        remove_file(&entry.path)?;
+    }
+    Ok(())
+}
+
+/// Whether the recording `file` was begun and holds nothing.
+fn is_without_samples(file: &Path) -> bool {
+    matches!(
+        freeplay_recording::read_overview(file, None, 1),
+        Err(ReadError::NoSamples { .. } | ReadError::Empty { .. })
+    )
 }
 
 fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
@@ -452,7 +480,7 @@ fn play_watched(
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
             if exit == Exit::Input && summary.ending["braked"]["tick"] == 0 {
                 // A controller that refuses what it is given has not run: nothing may say that it has.
-                remove_file(&left)?;
+                remove_run(&files.out, &contestant.name)?;
                 return Err(Failure::input(format!(
                     "{} did not start; its message is above",
                     contestant.asked

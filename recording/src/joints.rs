@@ -5,6 +5,7 @@ use thiserror::Error;
 use crate::guess::words_of;
 use crate::names::{Group, list};
 use crate::recording::Recording;
+use crate::table::JOINTS_KEY;
 
 /// Why the joints of a recording are not paired with those of an arm.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -159,7 +160,7 @@ impl Recording {
                 "joints get the names asked for in the order of their columns: {}",
                 list(asked)
             ));
-            self.joint_names = asked.to_vec();
+            self.name_joints(asked.to_vec());
             return Ok(self);
         }
         let Some(order) = places.iter().copied().collect::<Option<Vec<usize>>>() else {
@@ -194,7 +195,7 @@ impl Recording {
         fn taken<T: Clone>(columns: &[T], order: &[usize]) -> Vec<T> {
             order.iter().map(|&place| columns[place].clone()).collect()
         }
-        self.joint_names = taken(&self.joint_names, order);
+        self.name_joints(taken(&self.joint_names, order));
         self.q = taken(&self.q, order);
         self.q_link = taken(&self.q_link, order);
         for group in [&mut self.qd, &mut self.tau, &mut self.q_ref].into_iter().flatten() {
@@ -203,11 +204,19 @@ impl Recording {
         if let Some(sources) = &mut self.sources {
             sources.reorder(order);
         }
-        let names = self.joint_names.join(",");
-        if let Some((_, written)) = self.metadata.iter_mut().find(|(key, _)| key == crate::table::JOINTS_KEY)
-        {
-            *written = names;
+    }
+
+    /// Calls the joints `names`, in the metadata, too, where files keep them.
+    fn name_joints(&mut self, names: Vec<String>) {
+        let written = names.join(",");
+        match self.metadata.iter_mut().find(|(key, _)| key == JOINTS_KEY) {
+            Some((_, old)) => *old = written,
+            None => {
+                self.metadata.push((JOINTS_KEY.to_owned(), written));
+                self.metadata.sort();
+            }
         }
+        self.joint_names = names;
     }
 }
 
