@@ -314,6 +314,8 @@ pub struct Files {
     pub scenario: PathBuf,
     /// What controllers are given.
     pub task: PathBuf,
+    /// The model that controllers are given, where it was written for them.
+    pub model: Option<PathBuf>,
     /// The folder of results.
     pub out: PathBuf,
 }
@@ -326,8 +328,11 @@ impl Files {
     pub fn write(scenario: &Scenario, setup: &Setup, out: &Path) -> Result<Self, Failure> {
         freeplay_terminal::files::make_folder(out)?;
         let out = std::path::absolute(out).map_err(Failure::input)?;
-        let files =
-            Self { scenario: out.join("scenario.toml"), task: setup.write_task(scenario, &out)?, out };
+        let model = out.join("model.toml");
+        let earlier = FileIdentity::of(&model);
+        let task = setup.write_task(scenario, &out)?;
+        let model = (FileIdentity::of(&model) != earlier).then_some(model);
+        let files = Self { scenario: out.join("scenario.toml"), task, model, out };
         write(&files.scenario, &absolute(scenario)?.to_toml().map_err(Failure::internal)?)?;
         Ok(files)
     }
@@ -344,7 +349,9 @@ impl Files {
             return Ok(());
         }
         let all = recordings.into_iter().chain(named("stderr"));
-        all.chain([self.scenario.clone(), self.task.clone()]).try_for_each(|file| Ok(remove_file(&file)?))
+        all.chain([self.scenario.clone(), self.task.clone()])
+            .chain(self.model.clone())
+            .try_for_each(|file| Ok(remove_file(&file)?))
     }
 }
 

@@ -36,14 +36,11 @@ impl Foreign {
     /// The columns of `recording`.
     pub fn of(recording: Recording) -> Self {
         let (names, columns) = recording.named().map(|(name, values)| (name, values.to_vec())).unzip();
-        let mut metadata = recording.metadata;
-        // A mapping may give the joints other names.
-        metadata.retain(|(key, _)| key != JOINTS_KEY);
         Self {
             names,
             columns,
             joints: recording.joint_names,
-            metadata,
+            metadata: recording.metadata,
             events: recording.events,
             truncated: recording.truncated,
             notes: recording.notes,
@@ -120,7 +117,12 @@ impl Foreign {
         table.check_size(rows as u64)?;
         table.joint_names = if interpreted.joints.is_empty() { self.joints } else { interpreted.joints };
         table.sources = interpreted.sources;
-        table.metadata = self.metadata;
+        let mut metadata = self.metadata;
+        if table.sources.is_some() && !table.joint_names.is_empty() {
+            // A mapping may give the joints other names.
+            metadata.retain(|(key, _)| key != JOINTS_KEY);
+        }
+        table.metadata = metadata;
         table.events = self.events;
         table.truncated = self.truncated;
         table.notes.extend(self.notes);

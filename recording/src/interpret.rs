@@ -36,11 +36,15 @@ pub(crate) fn interpret(
 ) -> Result<Interpreted, ReadError> {
     let apply = |mapping: &Mapping, names: Vec<String>| mapping.apply(names, numbered, place);
     if let Some(mapping) = mapping {
-        let mapped = apply(mapping, names.clone())?;
+        let mut mapped = apply(mapping, names.clone())?;
         let sources = Some(mapping.sources(&mapped, &names, form));
+        let carried = take_carried(&mut mapped);
         let mut joints = mapping.joints().to_vec();
         if joints.is_empty() && !numbered {
             joints = joints_of(&mapped.positions(), &names, sample);
+        }
+        if joints.is_empty() {
+            joints = carried;
         }
         return Ok(Interpreted { mapped, joints, guess: None, sources });
     }
@@ -70,14 +74,19 @@ pub(crate) fn interpret(
 
 /// Columns that have our names, and the joints' names where one of them carries these.
 fn own(names: Vec<String>) -> Interpreted {
-    let carried = names.iter().position(|name| name.starts_with(JOINTS_COLUMN));
-    let joints =
-        carried.map(|place| names[place][JOINTS_COLUMN.len()..].split(';').map(str::to_owned).collect());
     let mut mapped = Mapped::own(names);
-    if let Some(place) = carried {
-        mapped.remove(place);
-    }
-    Interpreted { mapped, joints: joints.unwrap_or_default(), guess: None, sources: None }
+    let joints = take_carried(&mut mapped);
+    Interpreted { mapped, joints, guess: None, sources: None }
+}
+
+/// Takes the column out whose name carries the joints' names; these names, none where there is no such column.
+fn take_carried(mapped: &mut Mapped) -> Vec<String> {
+    let Some(place) = mapped.names.iter().position(|name| name.starts_with(JOINTS_COLUMN)) else {
+        return Vec::new();
+    };
+    let joints = mapped.names[place][JOINTS_COLUMN.len()..].split(';').map(str::to_owned).collect();
+    mapped.remove(place);
+    joints
 }
 
 /// `names` of columns as they can be kept: each printable, there, and, where the contract does not know it, unlike the others.

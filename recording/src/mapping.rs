@@ -92,7 +92,7 @@ fn one() -> usize {
 
 /// A name, a name with `{}` for the joint's number, or all names.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(untagged, expecting = "a name in quotes, or a list of names")]
+#[serde(untagged, expecting = "expected a name in quotes, or a list of names")]
 enum Names {
     One(String),
     All(Vec<String>),
@@ -100,7 +100,7 @@ enum Names {
 
 /// A unit for all columns of a quantity, or one for each.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(untagged, expecting = "a unit in quotes, or a list of units")]
+#[serde(untagged, expecting = "expected a unit in quotes, or a list of units")]
 enum UnitNames {
     One(String),
     All(Vec<String>),
@@ -108,7 +108,7 @@ enum UnitNames {
 
 /// A factor for all columns of a quantity, or one for each.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(untagged, expecting = "a number, or a list of numbers")]
+#[serde(untagged, expecting = "expected a number, or a list of numbers")]
 enum Scale {
     One(f64),
     All(Vec<f64>),

@@ -136,6 +136,34 @@ fn what_a_mapping_gets_wrong_is_said_with_place_and_remedy() {
     assert!(error.contains("run.csv:4: column t"), "{error}");
 }
 
+/// A mapping names joints anew in files that name them already.
+#[test]
+fn a_mapping_names_joints_whatever_the_file_calls_them() {
+    let rows: String = (0..20).map(|k| format!("{k},{k},{},{}\n", 2 * k, 3 * k)).collect();
+    let folder = folder();
+    let all = freeplay_recording::read(
+        &written(&folder, "r.csv", format!("t,q1,q2,q3,joints=x;y;z\n{}", rows.replace('\n', ",0\n"))),
+        None,
+    );
+    let all = all.expect("it reads");
+    assert_eq!(all.joint_names.concat(), "xyz");
+    let toml = "joints = [\"a\", \"b\"]\n[t]\ncolumns = \"t\"\n[q]\ncolumns = [\"q3\", \"q1\"]\n";
+    let mapping = Mapping::load(&written(&folder, "map.toml", toml)).expect("a mapping");
+    for ending in ["csv", "parquet", "mcap"] {
+        let (file, again) =
+            (folder.path().join(format!("all.{ending}")), folder.path().join(format!("m.{ending}")));
+        freeplay_recording::export(&all, &file).expect("written");
+        let mapped = import_csv(&file, &mapping).unwrap_or_else(|error| panic!("{ending}: {error}"));
+        assert_eq!(
+            (mapped.joint_names.concat(), mapped.q[0][19], mapped.q[1][19]),
+            ("ab".into(), 57.0, 19.0)
+        );
+        freeplay_recording::export(&mapped, &again).expect("written");
+        let again = freeplay_recording::read(&again, None).expect("it reads");
+        assert_eq!(again.joint_names.concat(), "ab", "{ending}");
+    }
+}
+
 /// The header that `franka::logToCSV` writes, blanks included, cut to what it says of the state.
 #[test]
 fn a_libfranka_log_needs_no_mapping_file() {

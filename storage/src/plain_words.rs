@@ -4,12 +4,6 @@
 //! tables. The sentences are those of `serde` and of the standard library's `parse`; any other sentence passes as it is.
 
 /// `said` by a parser, in plain words; under a picture of the line, only the sentence changes.
-///
-/// ```
-/// use freeplay_storage::plain_words;
-/// assert_eq!(plain_words("invalid type: string \"fast\", expected f64"), "found text \"fast\", expected a number");
-/// assert_eq!(plain_words("EOF while parsing a list at line 3 column 1"), "line 3, column 1: the file ends inside a list");
-/// ```
 #[must_use]
 pub fn plain_words(said: &str) -> String {
     let said = without_error_number(said.trim_end());
