@@ -25,7 +25,15 @@ fn packages() -> BTreeMap<String, Value> {
         .expect("cargo runs");
     let metadata: Value = serde_json::from_slice(&output.stdout).expect("metadata is JSON");
     let packages = metadata["packages"].as_array().expect("packages");
-    packages.iter().map(|package| (short(package["name"].as_str().expect("name")), package.clone())).collect()
+    // A reader's own controllers are none of the project's crates.
+    let own = root().join("controllers");
+    let is_ours =
+        |package: &&Value| !Path::new(package["manifest_path"].as_str().expect("a path")).starts_with(&own);
+    packages
+        .iter()
+        .filter(is_ours)
+        .map(|package| (short(package["name"].as_str().expect("name")), package.clone()))
+        .collect()
 }
 
 /// The crates of the workspace that `package` depends on, development dependencies left out.

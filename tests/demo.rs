@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{Call, fresh_folder};
+use common::{Call, fresh_folder, send_signal};
 
 #[test]
 fn what_is_found_helps_the_controller() {
@@ -24,6 +24,22 @@ fn what_is_found_helps_the_controller() {
     for file in ["report.html", "friction/diagnosis.json", "friction/model.toml", "friction/report.html"] {
         assert!(ran.out().join(file).is_file(), "{file} is missing: {}", ran.dump());
     }
+}
+
+/// A run of the demonstration whose controller is gone, as one that a busy machine starves: that is no fault of the program, and no result blocks a
+/// second try.
+#[test]
+fn a_run_that_loses_its_controller_ends_with_the_code_of_a_missing_peer() {
+    let demo = ["demo", "--case", "friction", "--period", "3", "--out", "out"];
+    let started = Call::new(fresh_folder(), &demo).start();
+    send_signal(started.child_with("controller"), "KILL");
+    let ran = started.wait().expect(5);
+    assert!(ran.stderr().contains("lost its controller"), "{}", ran.dump());
+    let mut again = Call::new(fresh_folder(), &demo);
+    again.command.current_dir(ran.folder.path());
+    let again = again.start();
+    send_signal(again.child_with("controller"), "KILL");
+    again.wait().expect(5);
 }
 
 /// In half of the time: a detent beside the play has no name; what is learned of it takes it away on other paths without a tracker, a second

@@ -282,6 +282,7 @@ fn a_controller_that_never_comes_is_told_by_name() {
         for words in said {
             assert!(ran.stderr().contains(words), "{fault}: {words:?} is not said: {}", ran.dump());
         }
+        assert!(!ran.out().exists(), "{fault}: a second try finds the folder taken: {}", ran.dump());
     };
     // Most of the time they wait.
     thread::scope(|scope| {

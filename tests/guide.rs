@@ -156,6 +156,12 @@ fn working_in_python() {
 }
 
 #[test]
+fn spreading_a_campaign() {
+    let expected = if python().is_some() { 1 } else { 0 };
+    assert_eq!(play("campaigns.md"), expected);
+}
+
+#[test]
 fn writing_a_scenario() {
     assert_eq!(play("scenario.md"), 3);
 }
@@ -289,4 +295,38 @@ fn pages_write_to_places_of_their_own() {
         }
     }
     assert!(owners.len() > 40, "{} places", owners.len());
+}
+
+/// The reader types in the project's folder: nothing is to be written into a folder of its sources, be it in a console, in Python or in a sentence.
+#[test]
+fn pages_write_to_no_folder_of_the_project() {
+    let entries = std::fs::read_dir(root()).expect("the project").flatten();
+    let folders: Vec<String> = entries
+        .filter(|entry| entry.path().is_dir())
+        .map(|entry| entry.file_name().to_string_lossy().into_owned())
+        .collect();
+    assert!(folders.iter().any(|folder| folder == "exam"), "{folders:?}");
+    let guide =
+        std::fs::read_dir(root().join("docs/guide")).expect("a folder").flatten().map(|page| page.path());
+    let others = [
+        "README.md",
+        "python/README.md",
+        "docs/results.md",
+        "docs/python-reference.md",
+        "cli/src/campaign_command.rs",
+    ];
+    let mut count = 0;
+    for page in guide.chain(others.map(|name| root().join(name))) {
+        let text = std::fs::read_to_string(&page).expect("the page");
+        for start in ["--out ", "out=\""] {
+            for rest in text.split(start).skip(1) {
+                let place: String =
+                    rest.chars().take_while(|c| c.is_alphanumeric() || "-_./".contains(*c)).collect();
+                let place = place.trim_end_matches('/');
+                assert!(!folders.iter().any(|folder| folder == place), "{}: {start}{place}", page.display());
+                count += 1;
+            }
+        }
+    }
+    assert!(count > 40, "{count} places");
 }

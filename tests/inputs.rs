@@ -196,7 +196,7 @@ fn bad_scenarios() {
             &[("s.toml", "rate = \"fast\"\n")],
             &["s.toml"],
             3,
-            &["s.toml", "line 1", "\"fast\"", "expected f64"],
+            &["s.toml", "line 1", "\"fast\"", "expected a number"],
         ),
         (
             "variant",
@@ -272,7 +272,7 @@ fn bad_command_lines() {
         ),
         ("unknown inner key", &[], &["--set", "path.perod=1"], 2, &["--set path.perod=1", "`period`"]),
         ("no table", &[], &["--set", "seed.x=1"], 2, &["--set seed.x=1: seed is not a table"]),
-        ("type", &[], &["--set", "path.period=abc"], 2, &["path.period=abc", "\"abc\"", "expected f64"]),
+        ("type", &[], &["--set", "path.period=abc"], 2, &["path.period=abc", "\"abc\"", "expected a number"]),
         ("sign", &[], &["--set", "seed=-1"], 2, &["--set seed=-1", "-1"]),
         ("number", &[], &["--seed", "x"], 2, &["--seed", "'x'"]),
         ("flag", &[], &["--fast"], 2, &["--fast", "--help"]),
@@ -463,6 +463,7 @@ fn what_a_controller_cannot_use_is_bad_input() {
         for words in said {
             assert!(ran.stderr().contains(words), "{given}: {words:?} is not said: {}", ran.dump());
         }
+        assert!(!ran.out().exists(), "{given}: a second try finds the folder taken: {}", ran.dump());
     }
 }
 
@@ -592,6 +593,129 @@ fn weights_that_do_not_fit_end_a_run_before_its_report() {
         }
         for left in ["report.html", "summary.json", "narx-qp.json"] {
             assert!(!ran.out().join(left).exists(), "{name} left {left}: {}", ran.dump());
+        }
+    }
+}
+
+/// What no person has to know: types of the program, and sentences of its parsers.
+const JARGON: [&str; 22] = [
+    "f64",
+    "f32",
+    "u8",
+    "u32",
+    "u64",
+    "usize",
+    "i64",
+    "struct ",
+    "enum ",
+    "variant",
+    "untagged",
+    "newtype",
+    "sequence",
+    "unit value",
+    "literal",
+    "digit found",
+    "EOF",
+    "invalid type",
+    "invalid value",
+    "invalid length",
+    "os error",
+    "Some(",
+];
+
+/// The dotted keys of `table` that hold no table.
+fn keys(table: &toml::Table, before: &str) -> Vec<String> {
+    let of = |(key, value): (&String, &toml::Value)| match value {
+        toml::Value::Table(inner) if !inner.is_empty() => keys(inner, &format!("{before}{key}.")),
+        _ => vec![format!("{before}{key}")],
+    };
+    table.iter().flat_map(of).collect()
+}
+
+/// Runs `freeplay` with `arguments` in a folder with `files`; whether it refused them, in words of the person.
+fn refused_in_plain_words(files: Files, arguments: &[&str]) -> bool {
+    let folder = fresh_folder();
+    for (file, contents) in files {
+        std::fs::write(folder.path().join(file), contents).expect("written");
+    }
+    let ran = Call::new(folder, arguments).run();
+    let said = ran.stderr();
+    let jargon: Vec<&&str> = JARGON.iter().filter(|word| said.contains(**word)).collect();
+    assert!(jargon.is_empty(), "{arguments:?}: {jargon:?} in {said}");
+    if ran.output.status.code() == Some(0) {
+        return false;
+    }
+    println!("{}", said.lines().next().unwrap_or_default());
+    // A receipt that is none fails its verdict.
+    assert!(matches!(ran.output.status.code(), Some(1..=3)), "{}", ran.dump());
+    true
+}
+
+/// Each key of a scenario with a value of another kind, and documents with such values: no message names a type of the program.
+#[test]
+fn values_of_another_kind_are_refused_in_plain_words() {
+    let shown = Call::new(fresh_folder(), &["run", "--show"]).run().expect(0).stdout();
+    let all = keys(&shown.parse().expect("TOML"), "");
+    let mut refused = 0;
+    for key in &all {
+        for value in ["x", "-1.5", "[]", "{a=1}", "true"] {
+            let set = format!("{key}={value}");
+            refused += usize::from(refused_in_plain_words(&[], &["run", "--show", "--set", &set]));
+        }
+    }
+    println!("{refused} of {} values refused", 5 * all.len());
+    assert!(all.len() > 30 && refused > 3 * all.len());
+    let toml = [
+        "name = 3",
+        "urdf = []",
+        "gravity = [0, 1]",
+        "gravity = \"down\"",
+        "joint = 3",
+        "[[joint]]\nname = 1",
+        "[[joint]]\nname = \"a\"\ntype = \"ball\"",
+        "[[joint]]\nname = \"a\"\nmass = \"x\"",
+        "[[joint]]\nname = \"a\"\nlimits = 3",
+        "effect = 1",
+        "[tool]\nxyz = 1",
+        "a = =",
+        "name = x",
+        "name = \"x",
+    ];
+    for text in toml {
+        assert!(refused_in_plain_words(&[("a.toml", text)], &["arm", "a.toml"]), "{text}");
+    }
+    for text in [
+        "inputs = 1",
+        "[inputs]\na = 1",
+        "[inputs",
+        "[t]\ncolumns = 1\n[q]\ncolumns = [1]",
+        "skip = -1",
+        "separator = \";;\"",
+    ] {
+        let files = [("m.toml", text), ("r.csv", "t,q1\n0,0\n1,1\n")];
+        assert!(
+            refused_in_plain_words(&files, &["record", "info", "r.csv", "--mapping", "m.toml"]),
+            "{text}"
+        );
+    }
+    for text in [
+        "[",
+        "{",
+        "{\"a\":",
+        "\"",
+        "3",
+        "null",
+        "{\"schema\": 3}",
+        "{\"format\": 1}",
+        "{\"schema\": \"freeplay.diagnosis/1\"}",
+    ] {
+        for command in ["excite", "blind --verify"] {
+            let words: Vec<&str> = command
+                .split(' ')
+                .chain(["d.json", "--out", "out"])
+                .filter(|word| command == "excite" || !["--out", "out"].contains(word))
+                .collect();
+            assert!(refused_in_plain_words(&[("d.json", text)], &words), "{command}: {text}");
         }
     }
 }

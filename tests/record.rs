@@ -79,6 +79,119 @@ fn a_csv_in_degrees_is_imported_and_what_does_not_fit_is_said() {
     assert!(ran.stderr().contains("none.csv"), "{}", ran.dump());
 }
 
+/// Positions of the joints of the recording `name` in `folder`, with their names.
+fn joints_of(folder: &TempDir, name: &str) -> (Vec<String>, Vec<Vec<f64>>) {
+    let recording = freeplay_recording::read(&folder.path().join(name), None).expect("read");
+    (recording.joint_names, recording.q)
+}
+
+/// Whatever the kind of file, and whether its joints have names: `--joints` takes those, or says which it cannot tell.
+#[test]
+fn the_joints_that_are_asked_for_are_the_joints_that_are_imported() {
+    let header: Vec<String> = (1..=6).map(|joint| format!("q{joint}")).collect();
+    let row =
+        |k: u32| (1..=6).map(|joint| f64::from(10 * joint + k).to_string()).collect::<Vec<_>>().join(",");
+    let rows: String = (0..20).map(|k| format!("{},{}\n", f64::from(k) * 0.01, row(k))).collect();
+    let plain = format!("t,{}\n{rows}", header.join(","));
+    let arm = ["base", "shoulder", "elbow", "wrist_1", "wrist_2", "wrist_3"];
+    let named = format!("time,{}\n{rows}", arm.map(|joint| format!("{joint}_pos")).join(","));
+    let mut folder = with("plain.csv", &plain);
+    std::fs::write(folder.path().join("named.csv"), named).expect("written");
+    for (kind, ending) in [("mcap", "mcap"), ("parquet", "parquet"), ("csv", "csv")] {
+        let import = ["import", "named.csv", "--out", &format!("named-{kind}.{ending}"), "--force"];
+        folder = record(folder, &import).expect(0).folder;
+    }
+    let asked = |folder: TempDir, file: &str, joints: &str, code: i32| {
+        record(folder, &["import", file, "--joints", joints, "--out", "out.mcap", "--force"]).expect(code)
+    };
+    for file in ["named.csv", "named-mcap.mcap", "named-parquet.parquet", "named-csv.csv"] {
+        let ran = asked(folder, file, "wrist_3,shoulder", 0);
+        let (names, q) = joints_of(&ran.folder, "out.mcap");
+        assert_eq!(
+            (names.join(","), q.len(), q[0][0], q[1][0]),
+            ("wrist_3,shoulder".to_owned(), 2, 60.0, 20.0),
+            "{file}"
+        );
+        let ran = asked(ran.folder, file, "wrist_3,nose", 3);
+        let said = ran.stderr();
+        for words in [file, "nose", "it has base, shoulder, elbow", "give each by its name"] {
+            assert!(said.contains(words), "{words}: {}", ran.dump());
+        }
+        let ran = asked(ran.folder, file, "wrist_3,wrist_3", 3);
+        assert!(ran.stderr().contains("give each joint once"), "{}", ran.dump());
+        folder = ran.folder;
+    }
+    let ran = asked(folder, "plain.csv", "a,b", 3);
+    for words in ["plain.csv", "a, b", "q1, q2", "give a name for each"] {
+        assert!(ran.stderr().contains(words), "{words}: {}", ran.dump());
+    }
+    let ran = asked(ran.folder, "plain.csv", "q5,q2", 0);
+    let (_, q) = joints_of(&ran.folder, "out.mcap");
+    assert_eq!((q.len(), q[0][0], q[1][0]), (2, 50.0, 20.0));
+    let ran = asked(ran.folder, "plain.csv", "a,b,c,d,e,f", 0);
+    let (names, q) = joints_of(&ran.folder, "out.mcap");
+    assert_eq!((names.join(""), q.len(), q[5][0]), ("abcdef".to_owned(), 6, 60.0));
+}
+
+/// One mapping names and scales the columns of a recording alike, whatever its kind.
+#[test]
+fn a_mapping_reads_every_kind_of_file() {
+    const MAP: &str =
+        "joints = [\"a\", \"b\"]\n[t]\ncolumns = \"t\"\n[q]\ncolumns = [\"q2\", \"q6\"]\nscale = [1, -2]\n";
+    let (_ran, mcap) = recorded();
+    let folder = with("map.toml", MAP);
+    std::fs::copy(&mcap, folder.path().join("r.mcap")).expect("copied");
+    let mut folder = folder;
+    for kind in ["csv", "parquet"] {
+        folder = record(folder, &["export", "r.mcap", "--format", kind]).expect(0).folder;
+    }
+    let (_, all) = joints_of(&folder, "r.mcap");
+    for file in ["r.csv", "r.parquet", "r.mcap"] {
+        let ran = record(folder, &["import", file, "--mapping", "map.toml", "--out", "m.mcap", "--force"])
+            .expect(0);
+        let (names, q) = joints_of(&ran.folder, "m.mcap");
+        assert_eq!((names.join(""), q.len()), ("ab".to_owned(), 2), "{file}");
+        let doubled = all[5].iter().map(|q| -2.0 * q).collect::<Vec<_>>();
+        assert!(q[0] == all[1] && q[1] == doubled, "{file}");
+        let ran = record(ran.folder, &["info", file, "--mapping", "map.toml", "--format", "json"]).expect(0);
+        assert!(ran.stdout().contains("\"joints\": 2"), "{file}: {}", ran.dump());
+        folder = ran.folder;
+    }
+    std::fs::write(folder.path().join("map.toml"), MAP.replace("q6", "q7")).expect("written");
+    for file in ["r.csv", "r.parquet", "r.mcap"] {
+        let ran = record(folder, &["info", file, "--mapping", "map.toml"]).expect(3);
+        for words in ["map.toml:5:18: q.columns", file, "no column \"q7\"", "correct the name"] {
+            assert!(ran.stderr().contains(words), "{words}: {}", ran.dump());
+        }
+        folder = ran.folder;
+    }
+}
+
+/// A clock that jumps back ends every command that reads the file, with one message; rows that come late are put in their place with a note.
+#[test]
+fn a_clock_that_jumps_back_is_said() {
+    let file = |jump: f64| {
+        let time = |k: i32| 0.01 * f64::from(k) - if k < 200 { 0.0 } else { jump };
+        let row =
+            |k: i32| format!("{},{},{}\n", time(k), (0.01 * f64::from(k)).sin(), (0.01 * f64::from(k)).cos());
+        (0..400).fold("t,q1,tau1\n".to_owned(), |text, k| text + &row(k))
+    };
+    for jump in [0.015, 0.5, 2.0, 4.0] {
+        let folder = with("r.csv", &file(jump));
+        let ran = record(folder, &["info", "r.csv"]);
+        if jump > 3.0 {
+            // Nothing is mixed: what is behind the jump was recorded before.
+            let ran = ran.expect(0);
+            assert!(ran.stdout().contains("200 late, put in order"), "{}", ran.dump());
+            continue;
+        }
+        let ran = ran.expect(3);
+        for words in ["r.csv:202: column t", "the clock", "jumps back", "cut the file"] {
+            assert!(ran.stderr().contains(words), "{jump}: {words}: {}", ran.dump());
+        }
+    }
+}
+
 #[test]
 fn a_recorded_run_is_replayed_to_the_same_controller_and_to_another() {
     let (_ran, mcap) = recorded();

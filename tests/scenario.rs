@@ -67,7 +67,7 @@ fn what_is_wrong_is_said_with_line_and_column() {
         ("[[swap]]\ntick = 5\nto = \"nobody\"\n", "swap to \"nobody\"", "s.toml:1:3"),
         ("[sensors]\ntool.noise = -1\n", "sensors.tool", "s.toml:2:6"),
         ("rate = 1000\npuce = 3\n", "unknown field `puce`", "line 2, column 1"),
-        ("rate = \"fast\"\n", "invalid type: string \"fast\"", "line 1, column 8"),
+        ("rate = \"fast\"\n", "found text \"fast\", expected a number", "line 1, column 8"),
         ("[path\nperiod = 1\n", "TOML parse error", "line 1"),
     ];
     for (text, said, place) in cases {

@@ -24,6 +24,7 @@
 //! (rad or m), v (rad/s or m/s), a (rad/s² or m/s²) and tau (N·m or N). No function of the loop allocates, locks or logs.
 
 mod arm;
+mod brief;
 mod check;
 mod dynamics;
 pub mod export;

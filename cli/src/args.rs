@@ -146,8 +146,7 @@ fn quit(error: clap::Error) -> ! {
         std::env::args_os().map(|word| one_line(&word.to_string_lossy()).into_owned()).collect();
     // An argument with control characters is still wrong when it is escaped, and then it can be printed.
     let shown = understood().try_get_matches_from(words).err().unwrap_or(error);
-    // Where neither output can be written, nobody can read the message.
-    let _ = shown.print();
+    freeplay_terminal::command_line::print(&shown);
     std::process::exit(shown.exit_code())
 }
 
@@ -159,4 +158,63 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
             false => arg,
         })
         .mut_subcommands(with_negative_numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Command;
+    use freeplay_terminal::command_line::in_plain_words;
+
+    use super::understood;
+
+    /// What no person has to know: types of the program, and sentences of its parsers.
+    const JARGON: [&str; 12] = [
+        "digit found",
+        "float literal",
+        "in string",
+        "empty string",
+        "target type",
+        "..",
+        "u64",
+        "u32",
+        "usize",
+        "f64",
+        "variant",
+        "FromStr",
+    ];
+
+    /// Every option of `command` and of its own commands: the words before it, and its name.
+    fn options(command: &Command, before: &[String]) -> Vec<(Vec<String>, String)> {
+        let long =
+            |arg: &clap::Arg| arg.get_long().filter(|_| arg.get_action().takes_values()).map(str::to_owned);
+        let mut all: Vec<(Vec<String>, String)> =
+            command.get_arguments().filter_map(long).map(|name| (before.to_vec(), name)).collect();
+        for sub in command.get_subcommands() {
+            let words = [before, &[sub.get_name().to_owned()]].concat();
+            all.extend(options(sub, &words));
+        }
+        all
+    }
+
+    #[test]
+    fn a_refused_value_is_said_in_plain_words_whatever_the_option() {
+        let (mut refused, mut reworded) = (0, 0);
+        for (words, name) in options(&understood(), &["freeplay".to_owned()]) {
+            for value in ["x", "-1", "3.5", "1e999", "99999999999999999999999999", ""] {
+                let line = [words.as_slice(), &[format!("--{name}={value}")]].concat();
+                let Err(error) = understood().try_get_matches_from(&line) else { continue };
+                if error.kind() != clap::error::ErrorKind::ValueValidation {
+                    continue;
+                }
+                let plain = in_plain_words(&error);
+                reworded += usize::from(plain.is_some());
+                let said = plain.unwrap_or_else(|| error.to_string());
+                let first = said.lines().next().unwrap_or_default();
+                assert!(!JARGON.iter().any(|word| first.contains(word)), "{line:?}: {first}");
+                refused += 1;
+            }
+        }
+        println!("{refused} values refused, {reworded} reworded");
+        assert!(refused > 100 && reworded > 40);
+    }
 }

@@ -22,7 +22,7 @@ Give these options after the command and its own arguments:
   --keep            Keep the sealed recordings of blind
 
 A campaign that is started again continues where it stopped:
-  freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proof
+  freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proved
   freeplay campaign run s.toml --sweep path.period=6,12 --sweep=--seed=1,2,3 --out swept";
 
 /// Spreads a command over cores and machines, and merges what it leaves into one receipt.

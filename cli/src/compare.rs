@@ -38,7 +38,7 @@ pub struct CompareArgs {
     /// The recording, of any kind that `freeplay record` reads, from a machine or from `freeplay run`.
     #[arg(long, value_name = "FILE")]
     recording: PathBuf,
-    /// Mapping file that gives the meaning of the columns, such as the setup.toml of a diagnosis; for CSV.
+    /// Mapping file that gives the meaning of the columns, such as the setup.toml of a diagnosis.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
     /// Output format.

@@ -48,7 +48,7 @@ pub struct DiagnoseArgs {
     /// Recordings of one machine with the same columns, of any kind that `freeplay record` reads. A part of each is held out.
     #[arg(long, value_name = "FILE", num_args = 1.., required = true)]
     recording: Vec<PathBuf>,
-    /// Mapping file that gives the meaning of the columns, such as the setup.toml of a diagnosis; for CSV.
+    /// Mapping file that gives the meaning of the columns, such as the setup.toml of a diagnosis.
     #[arg(long, value_name = "FILE")]
     mapping: Option<PathBuf>,
     /// Output format.

@@ -90,7 +90,8 @@ struct ImportArgs {
     /// The bag's topic of geometry_msgs/msg/PoseStamped with the tool's pose in the base frame; without it: the only one.
     #[arg(long)]
     pose_topic: Option<String>,
-    /// The joints from base to tool, each by its name or a part of it that no other has; without it: all, in the order of the file.
+    /// The joints from base to tool, each by its name or a part of it that no other has, or by its column (q1) where joints have no names; without
+    /// it: all, in the order of the file.
     #[arg(long, value_delimiter = ',', value_name = "NAME,…")]
     joints: Vec<String>,
     /// The recording to write, .mcap, .csv or .parquet.
@@ -295,8 +296,8 @@ fn import(args: &ImportArgs) -> Result<Exit, Failure> {
     };
     let recording = freeplay_recording::import(&args.file, &ImportOptions { mapping, bag });
     let mut recording = recording.map_err(Failure::input)?;
-    if !args.joints.is_empty() && !is_named_as(&recording, &args.joints) {
-        recording = recording.for_joints(&args.joints).map_err(Failure::input)?;
+    if !args.joints.is_empty() {
+        recording = recording.only_joints(&args.joints).map_err(Failure::input)?;
     }
     let Some(guessed) = recording.guessed.take() else { return write(&recording, &args.out) };
     let beside = args.out.with_extension("mapping.toml");
@@ -309,12 +310,6 @@ fn import(args: &ImportArgs) -> Result<Exit, Failure> {
         beside.display()
     ))?;
     Ok(done)
-}
-
-/// Whether the joints of `recording` are those asked for, one by one.
-fn is_named_as(recording: &Recording, asked: &[String]) -> bool {
-    let names = &recording.joint_names;
-    names.len() == asked.len() && names.iter().zip(asked).all(|(name, asked)| name.contains(asked.as_str()))
 }
 
 /// Whether `out` may be written: it is not the source, and not there unless `force`.

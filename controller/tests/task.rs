@@ -44,10 +44,10 @@ fn paths_are_taken_from_the_folder_of_the_file() {
 fn bad_task_files_are_refused_with_the_place() {
     let cases = [
         ("", "model"),
-        ("model = 3", "expected a string"),
+        ("model = 3", "expected text in quotes"),
         ("model = \"paper\"\nmodle = 1", "line 2"),
         ("model = \"paper\"\nclearance = 0.0006", "unknown field `clearance`"),
-        ("model = \"paper\"\nmode = \"torq\"", "unknown variant `torq`"),
+        ("model = \"paper\"\nmode = \"torq\"", "unknown value `torq`"),
         ("model = \"paper\"\nrate = 0", "rate = 0 is out of range"),
         ("model = \"paper\"\nrate = nan", "rate = NaN is out of range"),
         ("model = \"paper\"\ngravity = [0, 0]", "array of length 3"),
@@ -55,7 +55,7 @@ fn bad_task_files_are_refused_with_the_place() {
         ("model = \"paper\"\n[gains]\nnatural_frequency = -1", "gains.natural_frequency = -1"),
         ("model = \"paper\"\n[gains]\ndamping_ratio = 1e9", "gains.damping_ratio"),
         ("model = \"paper\"\n[gains]\nki = 1", "unknown field `ki`"),
-        ("model = \"paper\"\n[path]\nkind = \"spiral\"", "unknown variant `spiral`"),
+        ("model = \"paper\"\n[path]\nkind = \"spiral\"", "unknown value `spiral`"),
         ("model = \"paper\"\nmodel = \"paper\"", "duplicate key"),
         ("\u{0}", "line 1"),
     ];

@@ -10,8 +10,9 @@ use clap::Args;
 use freeplay_controller::BUILT_IN;
 use freeplay_doctor::Examination;
 use freeplay_fmi::guest::FmuController;
+use freeplay_recording::ReadError;
 use freeplay_shm::RunRoot;
-use freeplay_storage::{FileIdentity, read_text, remove_file};
+use freeplay_storage::{Entry, FileIdentity, list, read_text, remove_file};
 use freeplay_terminal::arguments::Format;
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::files::{claim, write};
@@ -41,6 +42,13 @@ const LAST_WORDS: usize = 2000;
 
 /// What every run writes first and last.
 const RESULTS: [&str; 3] = ["scenario.toml", "task.toml", "summary.json"];
+
+/// Patience of runs in lockstep with built-in controllers that other commands start, s: these hang nowhere, and are slow where the machine has much else
+/// to do.
+pub const BUILT_IN_PATIENCE: f64 = 60.0;
+
+/// Endings of recordings.
+const RECORDED: [&str; 2] = ["mcap", "csv"];
 
 /// Runs a scenario.
 #[derive(Args, Debug)]
@@ -237,8 +245,11 @@ pub fn run(args: &RunArgs) -> Result<Exit, Failure> {
         }
     }
     // What other controllers came to is not lost with the one that failed.
-    if failure.is_none() || !runs.is_empty() {
+    if !runs.is_empty() {
         finish(args, &scenario, &setup, &files.out, &runs)?;
+    } else if !args.force {
+        // No result is lost: nothing that stands here was here before, and the same command may be tried again.
+        files.give_up(&contestants)?;
     }
     failure.map_or(Ok(exit), Err)
 }
@@ -303,6 +314,8 @@ pub struct Files {
     pub scenario: PathBuf,
     /// What controllers are given.
     pub task: PathBuf,
+    /// The model that controllers are given, where it was written for them.
+    pub model: Option<PathBuf>,
     /// The folder of results.
     pub out: PathBuf,
 }
@@ -315,11 +328,54 @@ impl Files {
     pub fn write(scenario: &Scenario, setup: &Setup, out: &Path) -> Result<Self, Failure> {
         freeplay_terminal::files::make_folder(out)?;
         let out = std::path::absolute(out).map_err(Failure::input)?;
-        let files =
-            Self { scenario: out.join("scenario.toml"), task: setup.write_task(scenario, &out)?, out };
+        let model = out.join("model.toml");
+        let earlier = FileIdentity::of(&model);
+        let task = setup.write_task(scenario, &out)?;
+        let model = (FileIdentity::of(&model) != earlier).then_some(model);
+        let files = Self { scenario: out.join("scenario.toml"), task, model, out };
         write(&files.scenario, &absolute(scenario)?.to_toml().map_err(Failure::internal)?)?;
         Ok(files)
     }
+
+    /// Removes them, and what the processes of runs of `contestants` that did not begin have left; nothing where one of them recorded a tick.
+    fn give_up(&self, contestants: &[ControllerSelection]) -> Result<(), Failure> {
+        let named = |ending: &str| {
+            let file =
+                |contestant: &ControllerSelection| self.out.join(format!("{}.{ending}", contestant.name));
+            contestants.iter().map(file).collect::<Vec<PathBuf>>()
+        };
+        let recordings = RECORDED.map(named).concat();
+        if recordings.iter().any(|file| file.exists() && !is_without_samples(file)) {
+            return Ok(());
+        }
+        let all = recordings.into_iter().chain(named("stderr"));
+        all.chain([self.scenario.clone(), self.task.clone()])
+            .chain(self.model.clone())
+            .try_for_each(|file| Ok(remove_file(&file)?))
+    }
+}
+
+/// Removes what the plant wrote of the run called `name` into the folder `out`.
+fn remove_run(out: &Path, name: &str) -> Result<(), Failure> {
+    let is_of_run = |entry: &Entry| {
+        let file = entry.path.file_name().unwrap_or_default().to_string_lossy();
+        let ending = file.strip_prefix(name).and_then(|rest| rest.strip_prefix('.'));
+        ending.is_some_and(|ending| {
+            ["json", "hlog"].contains(&ending) || RECORDED.contains(&ending) || ending.ends_with("hgrm")
+        })
+    };
+    for entry in list(out)?.into_iter().filter(is_of_run) {
+        remove_file(&entry.path)?;
+    }
+    Ok(())
+}
+
+/// Whether the recording `file` was begun and holds nothing.
+fn is_without_samples(file: &Path) -> bool {
+    matches!(
+        freeplay_recording::read_overview(file, None, 1),
+        Err(ReadError::NoSamples { .. } | ReadError::Empty { .. })
+    )
 }
 
 fn effective(args: &RunArgs) -> Result<Scenario, Failure> {
@@ -431,7 +487,7 @@ fn play_watched(
             let mut summary: RunSummary = serde_json::from_str(&text).map_err(Failure::internal)?;
             if exit == Exit::Input && summary.ending["braked"]["tick"] == 0 {
                 // A controller that refuses what it is given has not run: nothing may say that it has.
-                remove_file(&left)?;
+                remove_run(&files.out, &contestant.name)?;
                 return Err(Failure::input(format!(
                     "{} did not start; its message is above",
                     contestant.asked

@@ -11,6 +11,7 @@ use freeplay_laws::ClearanceTable;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::{ReflexSpec, SensorsSpec};
 use freeplay_report::paste::pasted;
+use freeplay_storage::plain_words;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -231,7 +232,7 @@ pub enum ScenarioError {
         path: PathBuf,
     },
     /// Not TOML, an unknown key or a value of the wrong type; the message shows line and column.
-    #[error("scenario {}: {source}", path.display())]
+    #[error("scenario {}: {}", path.display(), plain_words(&source.to_string()))]
     Syntax {
         /// The file.
         path: PathBuf,
@@ -330,11 +331,11 @@ impl Scenario {
             let value = parse_value(value.trim());
             insert(&mut table, key.trim(), value).map_err(|message| fault(&message))?;
             let checked: Result<Self, toml::de::Error> = table.clone().try_into();
-            checked.map_err(|error| fault(error.message()))?;
+            checked.map_err(|error| fault(&plain_words(error.message())))?;
         }
         table
             .try_into()
-            .map_err(|source: toml::de::Error| ScenarioError::Contradiction(source.message().to_owned()))
+            .map_err(|source: toml::de::Error| ScenarioError::Contradiction(plain_words(source.message())))
     }
 
     fn check(&self) -> Result<(), ScenarioError> {

@@ -191,12 +191,11 @@ impl Clearance {
     /// # Errors
     /// [`LawError::Unreadable`] for unknown or missing parameters, [`LawError::OutOfRange`] for values that cannot be.
     pub fn from_effect(effect: &EffectTable) -> Result<Self, LawError> {
-        let table: ClearanceTable =
-            effect.parameters.clone().try_into().map_err(|error: toml::de::Error| LawError::Unreadable {
-                kind: effect.kind.clone(),
-                line: effect.line,
-                message: error.message().to_owned(),
-            })?;
+        let table: ClearanceTable = effect.read(None).map_err(|message| LawError::Unreadable {
+            kind: effect.kind.clone(),
+            line: effect.line,
+            message,
+        })?;
         Self::new(&table).map_err(|error| error.at(effect.line))
     }
 

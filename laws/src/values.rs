@@ -163,9 +163,7 @@ impl Values {
     /// # Errors
     /// [`LawError::Unreadable`] for unknown or missing parameters.
     pub fn table_but<T: DeserializeOwned>(&self, name: &str) -> Result<T, LawError> {
-        let mut table = self.table.parameters.clone();
-        table.remove(name);
-        table.try_into().map_err(|error: toml::de::Error| self.unreadable(error.message().to_owned()))
+        self.table.read(Some(name)).map_err(|message| self.unreadable(message))
     }
 
     /// The line of the table in its file, from 1; 0 if it does not come from a file.

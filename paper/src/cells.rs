@@ -15,6 +15,7 @@ use freeplay_controller::narx_qp::NARX_QP;
 use freeplay_controller::quasi_static::QUASI_STATIC;
 use freeplay_path::{PathKind, PathSpec};
 use freeplay_plant::{DeviationStatistics, SensorsSpec, UsedByJoint};
+use freeplay_storage::plain_words;
 use freeplay_terminal::arguments::{Format, above_zero};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::layout::text_table;
@@ -277,7 +278,8 @@ fn pair(text: &str) -> Result<(usize, usize), String> {
 
 /// Lines of TOML, one for each KEY=VALUE of `flag`, as a table.
 fn options(flag: &str, lines: &[String]) -> Result<toml::Table, Failure> {
-    lines.join("\n").parse().map_err(|error| Failure::usage(format!("{flag}: {error}")))
+    let table: Result<toml::Table, toml::de::Error> = lines.join("\n").parse();
+    table.map_err(|error| Failure::usage(format!("{flag}: {}", plain_words(&error.to_string()))))
 }
 
 fn kind(name: &str) -> Result<PathKind, Failure> {

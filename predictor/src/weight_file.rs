@@ -15,6 +15,7 @@ use crate::narx::{Narx, NarxError, Provenance};
 use crate::network::{Network, NetworkError};
 use crate::scaling::Scaling;
 use crate::window::Layout;
+use freeplay_storage::plain_words;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -35,7 +36,7 @@ pub enum WeightFileError {
         source: std::io::Error,
     },
     /// It is not JSON, or a field is missing, unknown or of another type (line and column are given).
-    #[error("{origin}: not a readable weight file: {source}; give one that freeplay train wrote")]
+    #[error("{origin}: not a readable weight file: {}; give one that freeplay train wrote", plain_words(&source.to_string()))]
     Syntax {
         /// The file.
         origin: String,

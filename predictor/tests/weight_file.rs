@@ -78,7 +78,11 @@ fn bad_files_are_refused_with_their_reason() {
             |f| f["version"] = json!(2),
             |e| matches!(e, WeightFileError::OtherVersion { found: 2, .. }),
         ),
-        ("invalid type", |f| f["version"] = json!("1"), |e| matches!(e, WeightFileError::Syntax { .. })),
+        (
+            "found text \"1\", expected a whole number",
+            |f| f["version"] = json!("1"),
+            |e| matches!(e, WeightFileError::Syntax { .. }),
+        ),
         (
             "missing field `version`",
             |f| drop(f.as_object_mut().unwrap().remove("version")),
@@ -91,12 +95,12 @@ fn bad_files_are_refused_with_their_reason() {
         ),
         ("unknown field `extra`", |f| f["extra"] = json!(1), |e| matches!(e, WeightFileError::Syntax { .. })),
         (
-            "unknown variant `relu`",
+            "unknown value `relu`",
             |f| f["activation"] = json!("relu"),
             |e| matches!(e, WeightFileError::Syntax { .. }),
         ),
         (
-            "invalid value",
+            "found `-1`, expected a whole number of 0 or more",
             |f| f["layout"]["horizon"] = json!(-1),
             |e| matches!(e, WeightFileError::Syntax { .. }),
         ),
@@ -141,7 +145,7 @@ fn bad_files_are_refused_with_their_reason() {
             |e| matches!(e, WeightFileError::Model { source: NarxError::Scaling { kind: "output", .. }, .. }),
         ),
         (
-            "invalid type: null",
+            "found nothing, expected a number",
             |f| f["output_scaling"]["minimum"] = json!([null]),
             |e| matches!(e, WeightFileError::Syntax { .. }),
         ),

@@ -16,19 +16,19 @@ def main(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="freeplay campaign",
         description="Spreads a command over cores and machines and merges the results into one receipt. The same call again goes on where it stopped.",
-        epilog="freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proof\n"
+        epilog="freeplay campaign blind --cases 2000 --seed 7 --shards 100 --engine hyperqueue --out proved\n"
         "freeplay campaign run s.toml --sweep path.period=6,12 --sweep=--seed=1,2,3 --out swept",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument("command", help="blind, or run, faults, swap, cells, reference-runs, … with --sweep; then its own arguments")
     parser.add_argument("--out", required=True, metavar="DIR", help="folder for the results; every worker must see it under this path")
-    parser.add_argument("--shards", type=int, metavar="N", help="number of tasks; without it four for each worker (blind) or one for each case (sweep)")
+    parser.add_argument("--shards", type=_whole, metavar="N", help="number of tasks; without it four for each worker (blind) or one for each case (sweep)")
     parser.add_argument("--sweep", action="append", default=[], metavar="KEY=V,…", help="values of a key of the scenario, or of an option")
     parser.add_argument("--engine", default="local", choices=list(_campaign_engines.ENGINES), help="the engine that carries out the tasks")
-    parser.add_argument("--workers", type=int, metavar="N", help="tasks at a time; without it one for each core")
+    parser.add_argument("--workers", type=_whole, metavar="N", help="tasks at a time; without it one for each core")
     parser.add_argument("--cluster", metavar="ADDRESS", help="a running cluster: HyperQueue's server folder, Dask's scheduler, Slurm's partition")
-    parser.add_argument("--attempts", type=int, default=4, metavar="N", help="tries of a task that is killed or fails; 4 without it")
+    parser.add_argument("--attempts", type=_whole, default=4, metavar="N", help="tries of a task that is killed or fails; 4 without it")
     parser.add_argument("--keep", action="store_true", help="keep the sealed recordings of blind")
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress")
     given, rest = parser.parse_known_args(words)
@@ -38,6 +38,13 @@ def main(words: Sequence[str]) -> int:
     )  # fmt: skip
     print(f"{found!r}\nreceipt  {found.receipt}")
     return 0
+
+
+def _whole(word: str) -> int:
+    """A whole number of 1 or more."""
+    if not word.isascii() or not word.isdigit() or int(word) < 1:
+        raise argparse.ArgumentTypeError(f"{word!r}: give a whole number of 1 or more")
+    return int(word)
 
 
 def _swept(word: str) -> tuple[str, list[object]]:

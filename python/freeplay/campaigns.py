@@ -94,7 +94,7 @@ def campaign(
 
     Examples
     --------
-    >>> proof = campaign("blind", cases=2000, seed=7, engine="hyperqueue", out="proof")  # doctest: +SKIP
+    >>> proof = campaign("blind", cases=2000, seed=7, engine="hyperqueue", out="proved")  # doctest: +SKIP
     >>> swept = campaign("run", "s.toml", sweep={"clearance.joint_5": [2e-4, 4e-4]}, out="swept")  # doctest: +SKIP
     """
     if engine not in _campaign_engines.ENGINES:

@@ -6,7 +6,7 @@ use std::{fmt, io};
 use freeplay_storage::StorageError;
 use thiserror::Error;
 
-use crate::mapping::MappingError;
+use crate::mapping_error::MappingError;
 use crate::names::ColumnError;
 
 /// Where in a recording something is.
@@ -25,6 +25,8 @@ pub enum Row {
     Whole,
     /// A line of a CSV, counted from 1, the header included.
     Line(u64),
+    /// A line and a column of a text such as a mapping file, each counted from 1.
+    Cell(u64, u64),
     /// A message on the topic of a MCAP, counted from 1.
     Message(u64),
     /// A sample of a recording made in memory, counted from 1.
@@ -37,6 +39,7 @@ impl fmt::Display for Place {
         match self.row {
             Row::Whole => write!(f, "{file}"),
             Row::Line(line) => write!(f, "{file}:{line}"),
+            Row::Cell(line, column) => write!(f, "{file}:{line}:{column}"),
             Row::Message(message) => write!(f, "{file}, message {message}"),
             Row::Sample(sample) => write!(f, "{file}, sample {sample}"),
         }
@@ -143,7 +146,7 @@ pub enum ReadError {
     },
     /// Time that runs back and begins again, or stands still.
     #[error(
-        "{place}: column t: {value:?} does not come after {previous:?} in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each"
+        "{place}: column t: {value:?} does not come after {previous:?} in the row before: the clock stands still, jumps back or begins again here; cut the file into one recording each, or correct the times from here on"
     )]
     Time {
         /// The row.
@@ -224,13 +227,8 @@ pub enum ReadError {
         topics: String,
     },
     /// The mapping does not fit the file.
-    #[error("{place}: {source}")]
-    Mapping {
-        /// The header.
-        place: Place,
-        /// What does not fit.
-        source: MappingError,
-    },
+    #[error(transparent)]
+    Mapping(#[from] MappingError),
     /// A bag without joint states.
     #[error("{}: no topic of type {expected}; found: {topics}", file.display())]
     NoJointStates {

@@ -1,4 +1,4 @@
-//! A table in memory from a file that holds whole columns: Parquet, NumPy, MATLAB.
+//! A table in memory from a file that holds whole columns: Parquet, NumPy, MATLAB; or from a recording whose columns are to be named again.
 
 use std::collections::{BTreeMap, HashSet};
 
@@ -7,8 +7,8 @@ use crate::guess::Sample;
 use crate::interpret::{interpret, tidy};
 use crate::mapping::Mapping;
 use crate::read::Source;
-use crate::recording::Recording;
-use crate::table::Table;
+use crate::recording::{Event, Recording};
+use crate::table::{JOINTS_KEY, Table};
 
 /// Rows by which it is told what columns are.
 const SAMPLE: usize = 32;
@@ -27,10 +27,27 @@ pub(crate) struct Foreign {
     /// The joints' names, where the file has such a list.
     pub joints: Vec<String>,
     pub metadata: Vec<(String, String)>,
+    pub events: Vec<Event>,
+    pub truncated: bool,
     pub notes: Vec<String>,
 }
 
 impl Foreign {
+    /// The columns of `recording`.
+    pub fn of(recording: Recording) -> Self {
+        let (names, columns) = recording.named().map(|(name, values)| (name, values.to_vec())).unzip();
+        Self {
+            names,
+            columns,
+            joints: recording.joint_names,
+            metadata: recording.metadata,
+            events: recording.events,
+            truncated: recording.truncated,
+            notes: recording.notes,
+            ..Self::default()
+        }
+    }
+
     /// Adds a column.
     pub fn add(&mut self, name: String, values: Vec<f64>) {
         self.names.push(name);
@@ -100,7 +117,14 @@ impl Foreign {
         table.check_size(rows as u64)?;
         table.joint_names = if interpreted.joints.is_empty() { self.joints } else { interpreted.joints };
         table.sources = interpreted.sources;
-        table.metadata = self.metadata;
+        let mut metadata = self.metadata;
+        if table.sources.is_some() && !table.joint_names.is_empty() {
+            // A mapping may give the joints other names.
+            metadata.retain(|(key, _)| key != JOINTS_KEY);
+        }
+        table.metadata = metadata;
+        table.events = self.events;
+        table.truncated = self.truncated;
         table.notes.extend(self.notes);
         if let Some(guess) = interpreted.guess {
             table.take_guess(guess);

@@ -34,16 +34,17 @@ pub(crate) fn interpret(
     form: Option<&Form>,
     place: &Place,
 ) -> Result<Interpreted, ReadError> {
-    let apply = |mapping: &Mapping, names: Vec<String>| {
-        let mapped = mapping.apply(names, numbered);
-        mapped.map_err(|source| ReadError::Mapping { place: place.clone(), source })
-    };
+    let apply = |mapping: &Mapping, names: Vec<String>| mapping.apply(names, numbered, place);
     if let Some(mapping) = mapping {
-        let mapped = apply(mapping, names.clone())?;
+        let mut mapped = apply(mapping, names.clone())?;
         let sources = Some(mapping.sources(&mapped, &names, form));
+        let carried = take_carried(&mut mapped);
         let mut joints = mapping.joints().to_vec();
         if joints.is_empty() && !numbered {
             joints = joints_of(&mapped.positions(), &names, sample);
+        }
+        if joints.is_empty() {
+            joints = carried;
         }
         return Ok(Interpreted { mapped, joints, guess: None, sources });
     }
@@ -65,8 +66,7 @@ pub(crate) fn interpret(
     }
     let file = place.file.file_name().unwrap_or_default().to_string_lossy();
     let Some(guess) = guess(&file, &names, sample, form) else { return Ok(own(names)) };
-    let mapping = Mapping::parse(&guess.toml, &place.file)
-        .map_err(|source| ReadError::Mapping { place: place.clone(), source })?;
+    let mapping = Mapping::parse(&guess.toml, &place.file)?;
     let (mapped, joints) = (apply(&mapping, names.clone())?, mapping.joints().to_vec());
     let sources = Some(mapping.sources(&mapped, &names, form));
     Ok(Interpreted { mapped, joints, guess: Some(guess), sources })
@@ -74,14 +74,19 @@ pub(crate) fn interpret(
 
 /// Columns that have our names, and the joints' names where one of them carries these.
 fn own(names: Vec<String>) -> Interpreted {
-    let carried = names.iter().position(|name| name.starts_with(JOINTS_COLUMN));
-    let joints =
-        carried.map(|place| names[place][JOINTS_COLUMN.len()..].split(';').map(str::to_owned).collect());
     let mut mapped = Mapped::own(names);
-    if let Some(place) = carried {
-        mapped.remove(place);
-    }
-    Interpreted { mapped, joints: joints.unwrap_or_default(), guess: None, sources: None }
+    let joints = take_carried(&mut mapped);
+    Interpreted { mapped, joints, guess: None, sources: None }
+}
+
+/// Takes the column out whose name carries the joints' names; these names, none where there is no such column.
+fn take_carried(mapped: &mut Mapped) -> Vec<String> {
+    let Some(place) = mapped.names.iter().position(|name| name.starts_with(JOINTS_COLUMN)) else {
+        return Vec::new();
+    };
+    let joints = mapped.names[place][JOINTS_COLUMN.len()..].split(';').map(str::to_owned).collect();
+    mapped.remove(place);
+    joints
 }
 
 /// `names` of columns as they can be kept: each printable, there, and, where the contract does not know it, unlike the others.

@@ -3,8 +3,9 @@
 use thiserror::Error;
 
 use crate::guess::words_of;
-use crate::names::list;
+use crate::names::{Group, list};
 use crate::recording::Recording;
+use crate::table::JOINTS_KEY;
 
 /// Why the joints of a recording are not paired with those of an arm.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -22,6 +23,42 @@ pub enum JointsError {
         found: String,
         /// The joints of the arm.
         wanted: String,
+    },
+    /// A joint that was asked for is not there, or not told from another one.
+    #[error(
+        "{file}: no joint is told by the name {missing}; it has {found}: give each by its name, or by a part that no other has"
+    )]
+    NotAsked {
+        /// The recording.
+        file: String,
+        /// What was asked for.
+        missing: String,
+        /// The joints that it has.
+        found: String,
+    },
+    /// Joints without names, asked for by names of which there are more or fewer.
+    #[error(
+        "{file}: its joints have no names that could be {missing}; it has {found}: give a name for each of them, in this order, or some of these columns"
+    )]
+    Nameless {
+        /// The recording.
+        file: String,
+        /// What was asked for.
+        missing: String,
+        /// Columns of the joints.
+        found: String,
+    },
+    /// A joint that was asked for twice.
+    #[error("{file}: the joint {joint} is asked for as {first} and as {second}; give each joint once")]
+    AskedTwice {
+        /// The recording.
+        file: String,
+        /// The joint.
+        joint: String,
+        /// What was asked for first.
+        first: String,
+        /// What was asked for later.
+        second: String,
     },
 }
 
@@ -107,12 +144,58 @@ impl Recording {
         Ok(self)
     }
 
+    /// The recording with the joints `asked` alone, in this order, each by its name or a part of it that no other has. Joints without names are told
+    /// by their columns, `q1` and on; or, if as many are asked for as there are, they get these names. A note says which joints are left out.
+    ///
+    /// # Errors
+    /// [`JointsError`] for a joint that is not there or is asked for twice.
+    pub fn only_joints(mut self, asked: &[String]) -> Result<Self, JointsError> {
+        let file = self.origin.display().to_string();
+        let columns: Vec<String> = (0..self.joints()).map(|joint| Group::Position.column(joint)).collect();
+        let has_names = !self.joint_names.is_empty();
+        let found = if has_names { self.joint_names.clone() } else { columns };
+        let places = places(asked, &found);
+        if !has_names && places.iter().all(Option::is_none) && asked.len() == found.len() {
+            self.notes.push(format!(
+                "joints get the names asked for in the order of their columns: {}",
+                list(asked)
+            ));
+            self.name_joints(asked.to_vec());
+            return Ok(self);
+        }
+        let Some(order) = places.iter().copied().collect::<Option<Vec<usize>>>() else {
+            let missing =
+                asked.iter().zip(&places).filter(|(_, place)| place.is_none()).map(|(name, _)| name.as_str());
+            let (missing, found) = (missing.collect::<Vec<_>>().join(", "), list(&found));
+            return Err(match has_names {
+                true => JointsError::NotAsked { file, missing, found },
+                false => JointsError::Nameless { file, missing, found },
+            });
+        };
+        for (index, place) in order.iter().enumerate() {
+            if let Some(earlier) = order[..index].iter().position(|other| other == place) {
+                let (first, second) = (asked[earlier].clone(), asked[index].clone());
+                return Err(JointsError::AskedTwice { file, joint: found[*place].clone(), first, second });
+            }
+        }
+        let left: Vec<String> = (0..found.len())
+            .filter(|joint| !order.contains(joint))
+            .map(|joint| found[joint].clone())
+            .collect();
+        if !left.is_empty() {
+            self.notes.push(format!("joints that were not asked for are left out: {}", list(&left)));
+        }
+        self.joint_names = found;
+        self.reorder(&order);
+        Ok(self)
+    }
+
     /// Takes the joints at `order`, in that order.
     fn reorder(&mut self, order: &[usize]) {
         fn taken<T: Clone>(columns: &[T], order: &[usize]) -> Vec<T> {
             order.iter().map(|&place| columns[place].clone()).collect()
         }
-        self.joint_names = taken(&self.joint_names, order);
+        self.name_joints(taken(&self.joint_names, order));
         self.q = taken(&self.q, order);
         self.q_link = taken(&self.q_link, order);
         for group in [&mut self.qd, &mut self.tau, &mut self.q_ref].into_iter().flatten() {
@@ -121,11 +204,19 @@ impl Recording {
         if let Some(sources) = &mut self.sources {
             sources.reorder(order);
         }
-        let names = self.joint_names.join(",");
-        if let Some((_, written)) = self.metadata.iter_mut().find(|(key, _)| key == crate::table::JOINTS_KEY)
-        {
-            *written = names;
+    }
+
+    /// Calls the joints `names`, in the metadata, too, where files keep them.
+    fn name_joints(&mut self, names: Vec<String>) {
+        let written = names.join(",");
+        match self.metadata.iter_mut().find(|(key, _)| key == JOINTS_KEY) {
+            Some((_, old)) => *old = written,
+            None => {
+                self.metadata.push((JOINTS_KEY.to_owned(), written));
+                self.metadata.sort();
+            }
         }
+        self.joint_names = names;
     }
 }
 

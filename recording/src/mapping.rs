@@ -1,4 +1,4 @@
-//! What the columns of somebody else's CSV mean: a mapping file in TOML.
+//! What the columns of somebody else's recording mean: a mapping file in TOML.
 //!
 //! ```toml
 //! separator = ";"                 # optional, as are decimal and skip: else told from the file
@@ -32,19 +32,21 @@
 //! The columns of a file without a header are named by their numbers, `"1"`, `"2"` and on. There a name with `{}` and other letters stands for
 //! its share of the columns that no number claims, in the order of the list above.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Deserialize;
-use thiserror::Error;
 
 use crate::csv_form::{Form, Told};
+use crate::error::Place;
 use crate::mapped::{Mapped, Places};
+use crate::mapping_error::MappingError;
+use crate::mapping_text::MappingText;
 use crate::names::{Group, ORIENTATION, TOOL, list};
 use crate::recording::Recording;
 use crate::reread::{Relative, shifted, unwrapped};
 use crate::sources::{Quantity, Sources};
 
-/// What the columns of a foreign CSV mean.
+/// What the columns of a foreign recording mean.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Mapping {
@@ -64,6 +66,8 @@ pub struct Mapping {
     relative: Vec<Relative>,
     #[serde(default)]
     gravity_compensated: bool,
+    #[serde(skip)]
+    written: MappingText,
 }
 
 /// The columns of one quantity.
@@ -88,7 +92,7 @@ fn one() -> usize {
 
 /// A name, a name with `{}` for the joint's number, or all names.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a name in quotes, or a list of names")]
 enum Names {
     One(String),
     All(Vec<String>),
@@ -96,7 +100,7 @@ enum Names {
 
 /// A unit for all columns of a quantity, or one for each.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a unit in quotes, or a list of units")]
 enum UnitNames {
     One(String),
     All(Vec<String>),
@@ -104,82 +108,10 @@ enum UnitNames {
 
 /// A factor for all columns of a quantity, or one for each.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a number, or a list of numbers")]
 enum Scale {
     One(f64),
     All(Vec<f64>),
-}
-
-/// Why a mapping can't be used.
-#[derive(Debug, Error)]
-#[non_exhaustive]
-pub enum MappingError {
-    /// The file can't be read.
-    #[error("mapping {}: {source}; check the path and the permissions", file.display())]
-    Unreadable {
-        /// The file.
-        file: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// Not TOML, an unknown key, one missing or of the wrong type; the message shows line and column.
-    #[error("mapping {}: {source}", file.display())]
-    Syntax {
-        /// The file.
-        file: PathBuf,
-        /// Line, column and cause.
-        source: Box<toml::de::Error>,
-    },
-    /// A unit that the quantity is not given in.
-    #[error("mapping: {key}.unit = {unit:?} is none of its units: {known}")]
-    Unit {
-        /// The quantity.
-        key: &'static str,
-        /// What is given.
-        unit: String,
-        /// What may be given.
-        known: String,
-    },
-    /// A separator or decimal sign that no CSV has.
-    #[error("mapping: {key} = {value:?} is not a single ASCII character other than a digit or a quote")]
-    Sign {
-        /// The key.
-        key: &'static str,
-        /// What is given.
-        value: char,
-    },
-    /// A named column is not in the file.
-    #[error("mapping: {key}: the file has no column {column:?}; it has {found}")]
-    NoColumn {
-        /// The quantity.
-        key: &'static str,
-        /// The column.
-        column: String,
-        /// The columns that are there, shortened.
-        found: String,
-    },
-    /// Another number of columns, or of factors, than the quantity has.
-    #[error("mapping: {key}: {found} {what}, expected {expected}")]
-    Count {
-        /// The quantity.
-        key: &'static str,
-        /// Columns or factors.
-        what: &'static str,
-        /// How many there are.
-        found: usize,
-        /// How many there should be.
-        expected: usize,
-    },
-    /// One column for two quantities.
-    #[error("mapping: column {column:?} is named for {one} and for {other}; it can be but one")]
-    Twice {
-        /// The column.
-        column: String,
-        /// The first name of ours.
-        one: String,
-        /// The second.
-        other: String,
-    },
 }
 
 /// What a quantity is measured in: names of units with their factors to SI.
@@ -211,18 +143,53 @@ impl Mapping {
     /// # Errors
     /// See [`MappingError`].
     pub(crate) fn parse(text: &str, file: &Path) -> Result<Self, MappingError> {
-        let mapping: Self = toml::from_str(text)
-            .map_err(|source| MappingError::Syntax { file: file.to_path_buf(), source: Box::new(source) })?;
+        let written = MappingText::new(text, file);
+        let mapping: Self = toml::from_str(text).map_err(|error| written.syntax(&error))?;
+        let mapping = Self { written, ..mapping };
         for (key, value) in [("separator", mapping.separator), ("decimal", mapping.decimal)] {
             let Some(value) = value else { continue };
             if !value.is_ascii() || value.is_ascii_alphanumeric() || value == '"' {
-                return Err(MappingError::Sign { key, value });
+                return Err(MappingError::Sign { at: mapping.written.place(&[key], None), key, value });
             }
         }
         for (key, columns, units) in mapping.quantities() {
-            columns.factors(key, units)?;
+            columns.factors(key, units, &mapping.written)?;
+            mapping.check_finite(key, columns)?;
+        }
+        for relative in mapping.relative.iter().filter(|relative| !relative.factor.is_finite()) {
+            let at = mapping.written.place(&["relative", "factor"], None);
+            return Err(MappingError::NotFinite {
+                at,
+                key: "relative",
+                what: "factor",
+                value: relative.factor,
+            });
         }
         Ok(mapping)
+    }
+
+    /// Refuses numbers that are none in `columns`.
+    fn check_finite(&self, key: &'static str, columns: &Columns) -> Result<(), MappingError> {
+        let listed = |numbers: &Option<Scale>| match numbers {
+            None => Vec::new(),
+            Some(Scale::One(number)) => vec![*number],
+            Some(Scale::All(numbers)) => numbers.clone(),
+        };
+        for (what, numbers) in [
+            ("scale", listed(&columns.scale)),
+            ("offset", listed(&columns.offset)),
+            ("delay", vec![columns.delay]),
+        ] {
+            if let Some(&value) = numbers.iter().find(|number| !number.is_finite()) {
+                return Err(MappingError::NotFinite {
+                    at: self.written.place(&[key, what], None),
+                    key,
+                    what,
+                    value,
+                });
+            }
+        }
+        Ok(())
     }
 
     /// The logs that `franka::logToCSV` writes (libfranka, `src/log.cpp`): time in ms, joints counted from 0.
@@ -243,6 +210,7 @@ impl Mapping {
             orientation: None,
             relative: Vec::new(),
             gravity_compensated: false,
+            written: MappingText::new("", Path::new("the columns of a libfranka log")),
         }
     }
 
@@ -254,35 +222,40 @@ impl Mapping {
     /// What of `recording`, whose columns are named and scaled, is not yet as it is meant: jumps, zeros, relative positions, clocks.
     ///
     /// # Errors
-    /// [`MappingError::Count`] for another number of offsets than there are columns, or a relative joint that there is not.
+    /// [`MappingError::Count`] for another number of offsets than there are columns, [`MappingError::NoJoint`] for a relative joint that there is not.
     pub(crate) fn finish(&self, recording: &mut Recording) -> Result<(), MappingError> {
         let joints = recording.joints();
+        let finish = |columns: &Columns, key: &'static str, values: &mut [Vec<f64>], t: &[f64]| {
+            let count = values.len();
+            let mut each = values.iter_mut().enumerate();
+            each.try_for_each(|(index, column)| columns.finish(key, (index, count), t, column, &self.written))
+        };
         let [qd, tau, q_ref] = [&self.qd, &self.tau, &self.q_ref].map(Option::as_ref);
         let t = recording.t.clone();
-        self.q.finish("q", &t, &mut recording.q)?;
+        finish(&self.q, "q", &mut recording.q, &t)?;
         for (key, columns, values) in [
             ("qd", qd, &mut recording.qd),
             ("tau", tau, &mut recording.tau),
             ("q_ref", q_ref, &mut recording.q_ref),
         ] {
             if let (Some(columns), Some(values)) = (columns, values) {
-                columns.finish(key, &t, values)?;
+                finish(columns, key, values, &t)?;
             }
         }
         if let (Some(columns), Some(values)) = (&self.tool, &mut recording.tool) {
-            columns.finish("tool", &t, values)?;
+            finish(columns, "tool", values, &t)?;
         }
         if let (Some(columns), Some(values)) = (&self.orientation, &mut recording.orientation) {
-            columns.finish("orientation", &t, values)?;
+            finish(columns, "orientation", values, &t)?;
         }
         if let Some(columns) = &self.q_link {
             for (index, values) in recording.q_link.iter_mut().enumerate() {
                 if let Some(values) = values {
-                    columns.finish_one("q_link", (index, joints), &t, values)?;
+                    columns.finish("q_link", (index, joints), &t, values, &self.written)?;
                 }
             }
         }
-        self.relative.iter().try_for_each(|relative| relative.take_out(recording))
+        self.relative.iter().try_for_each(|relative| relative.take_out(recording, &self.written))
     }
 
     /// What it says of the form of the file.
@@ -296,8 +269,13 @@ impl Mapping {
         self.joints.as_deref().unwrap_or_default()
     }
 
-    /// The columns `names` of a file as ours; those of a file without a header are `numbered`.
-    pub(crate) fn apply(&self, names: Vec<String>, numbered: bool) -> Result<Mapped, MappingError> {
+    /// The columns `names` of the recording whose header stands at `header` as ours; those of a file without a header are `numbered`.
+    pub(crate) fn apply(
+        &self,
+        names: Vec<String>,
+        numbered: bool,
+        header: &Place,
+    ) -> Result<Mapped, MappingError> {
         let places = Places::of(&names);
         let mut ours: Vec<Option<String>> = vec![None; names.len()];
         let mut picks = Mapped::own(names.clone()).picks;
@@ -309,6 +287,7 @@ impl Mapping {
             share.map_or_else(|| columns.expand(&places, &starts), |(_, share)| share.clone())
         };
         let joints = expand("q", &self.q).len();
+        self.check_joints(joints)?;
         for (key, columns, units) in self.quantities() {
             let expanded = expand(key, columns);
             let expected = match key {
@@ -317,30 +296,31 @@ impl Mapping {
                 _ => expected_columns(key).unwrap_or(joints),
             };
             if expanded.len() != expected && key != "q_link" {
-                return Err(MappingError::Count { key, what: "columns", found: expanded.len(), expected });
+                return Err(self.count(key, "columns", "columns", (expanded.len(), expected)));
             }
-            let units = columns.factors(key, units)?;
-            for (index, column) in expanded.iter().enumerate().filter(|(_, column)| !column.is_empty()) {
+            let units = columns.factors(key, units, &self.written)?;
+            let is_needed = matches!(key, "t" | "q");
+            let named = expanded.iter().enumerate().filter(|(_, column)| is_needed || !column.is_empty());
+            for (index, column) in named {
+                let at = || self.written.place(&[key, "columns"], Some(column));
                 let Some(place) = places.get(column) else {
-                    return Err(MappingError::NoColumn { key, column: column.clone(), found: list(&names) });
+                    let (column, found, recording) = (column.clone(), list(&names), header.clone());
+                    return Err(MappingError::NoColumn { at: at(), key, recording, column, found });
                 };
                 let unit = match units.as_slice() {
                     [one] => *one,
-                    all => *all.get(index).ok_or(MappingError::Count {
-                        key,
-                        what: "units",
-                        found: all.len(),
-                        expected: expanded.len(),
-                    })?,
+                    all => *all
+                        .get(index)
+                        .ok_or_else(|| self.count(key, "unit", "units", (all.len(), expanded.len())))?,
                 };
-                let factor = unit * columns.scale(key, index, expanded.len())?;
+                let factor = unit * columns.scale(key, index, expanded.len(), &self.written)?;
                 if key == "t" && index == 1 {
                     picks[time].rest = Some((place, factor));
                     continue;
                 }
                 let name = our_name(key, index);
                 if let Some(one) = ours[place].replace(name.clone()) {
-                    return Err(MappingError::Twice { column: column.clone(), one, other: name });
+                    return Err(MappingError::Twice { at: at(), column: column.clone(), one, other: name });
                 }
                 picks[place].factor = factor;
                 time = if key == "t" { place } else { time };
@@ -349,6 +329,27 @@ impl Mapping {
         let names =
             names.into_iter().zip(ours).map(|(theirs, ours)| ours.unwrap_or_else(|| kept_name(theirs)));
         Ok(Mapped { names: names.collect(), picks, time })
+    }
+
+    /// Refuses another number of names than there are `joints`.
+    fn check_joints(&self, joints: usize) -> Result<(), MappingError> {
+        let names = self.joints().len();
+        if names == 0 || names == joints {
+            return Ok(());
+        }
+        let at = self.written.place(&["joints"], None);
+        Err(MappingError::Count { at, key: "joints", what: "names", found: names, expected: joints })
+    }
+
+    /// The error of a `found` number of `what` in the key `inner` of a quantity, where another is expected.
+    fn count(
+        &self,
+        key: &'static str,
+        inner: &str,
+        what: &'static str,
+        (found, expected): (usize, usize),
+    ) -> MappingError {
+        MappingError::Count { at: self.written.place(&[key, inner], None), key, what, found, expected }
     }
 
     /// Where the columns of `mapped` come from in a file with the columns `names`, and what this mapping does to them.
@@ -378,7 +379,7 @@ impl Mapping {
                     quantity.columns.push(name(rest));
                     quantity.scale.push(factor);
                 }
-                let offset = columns.offset.as_ref().and_then(|offset| offset.of(key, "", index, count).ok());
+                let offset = columns.offset.as_ref().and_then(|offset| offset.at(index, count));
                 quantity.offset.push(offset.unwrap_or(0.0));
             }
             sources.quantities.push(quantity);
@@ -457,10 +458,16 @@ impl Columns {
     }
 
     /// The factors from the units to SI: one for all columns, or one for each.
-    fn factors(&self, key: &'static str, units: Units) -> Result<Vec<f64>, MappingError> {
+    fn factors(
+        &self,
+        key: &'static str,
+        units: Units,
+        written: &MappingText,
+    ) -> Result<Vec<f64>, MappingError> {
         let factor = |unit: &String| {
             let known = units.iter().find(|(name, _)| name == unit);
             known.map(|(_, factor)| *factor).ok_or_else(|| MappingError::Unit {
+                at: written.place(&[key, "unit"], Some(unit)),
                 key,
                 unit: unit.clone(),
                 known: units.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", "),
@@ -474,25 +481,25 @@ impl Columns {
     }
 
     /// The factor beyond the unit of column `index` of `count`.
-    fn scale(&self, key: &'static str, index: usize, count: usize) -> Result<f64, MappingError> {
+    fn scale(
+        &self,
+        key: &'static str,
+        index: usize,
+        count: usize,
+        written: &MappingText,
+    ) -> Result<f64, MappingError> {
         let scale = self.scale.as_ref();
-        scale.map_or(Ok(1.0), |scale| scale.of(key, "factors in scale", index, count))
+        scale.map_or(Ok(1.0), |scale| scale.of((key, "scale", "factors in scale"), (index, count), written))
     }
 
-    /// What is no factor, of all `columns`.
-    fn finish(&self, key: &'static str, t: &[f64], columns: &mut [Vec<f64>]) -> Result<(), MappingError> {
-        let count = columns.len();
-        let mut each = columns.iter_mut().enumerate();
-        each.try_for_each(|(index, column)| self.finish_one(key, (index, count), t, column))
-    }
-
-    /// The same of column number `place.0` of `place.1`.
-    fn finish_one(
+    /// What is no factor, of column number `place.0` of `place.1`.
+    fn finish(
         &self,
         key: &'static str,
         place: (usize, usize),
         t: &[f64],
         column: &mut Vec<f64>,
+        written: &MappingText,
     ) -> Result<(), MappingError> {
         if self.unwrap
             && let Some(smooth) = unwrapped(column)
@@ -500,7 +507,7 @@ impl Columns {
             *column = smooth;
         }
         if let Some(offset) = &self.offset {
-            let offset = offset.of(key, "numbers in offset", place.0, place.1)?;
+            let offset = offset.of((key, "offset", "numbers in offset"), place, written)?;
             column.iter_mut().for_each(|x| *x -= offset);
         }
         if self.delay != 0.0 {
@@ -511,32 +518,40 @@ impl Columns {
 }
 
 impl Scale {
-    /// The number of column `index` of `count`; `what` these numbers are, for the error.
+    /// The number of column `index` of `count`; none where there are others than that many.
+    fn at(&self, index: usize, count: usize) -> Option<f64> {
+        match self {
+            Scale::One(factor) => Some(*factor),
+            Scale::All(factors) => factors.get(index).copied().filter(|_| factors.len() == count),
+        }
+    }
+
+    /// The same; `what` these numbers are: their quantity, their key, and words for the error.
     fn of(
         &self,
-        key: &'static str,
-        what: &'static str,
-        index: usize,
-        count: usize,
+        (key, inner, what): (&'static str, &str, &'static str),
+        (index, count): (usize, usize),
+        written: &MappingText,
     ) -> Result<f64, MappingError> {
-        match self {
-            Scale::One(factor) => Ok(*factor),
-            Scale::All(factors) if factors.len() == count => Ok(factors[index]),
-            Scale::All(factors) => {
-                Err(MappingError::Count { key, what, found: factors.len(), expected: count })
-            }
-        }
+        let found = if let Scale::All(factors) = self { factors.len() } else { 1 };
+        self.at(index, count).ok_or_else(|| MappingError::Count {
+            at: written.place(&[key, inner], None),
+            key,
+            what,
+            found,
+            expected: count,
+        })
     }
 }
 
 impl Relative {
     /// Takes the other joint's position out of the joint's, wherever positions and velocities were recorded.
-    fn take_out(&self, recording: &mut Recording) -> Result<(), MappingError> {
+    fn take_out(&self, recording: &mut Recording, written: &MappingText) -> Result<(), MappingError> {
         let joints = recording.joints();
-        for number in [self.joint, self.to] {
+        for (key, number) in [("joint", self.joint), ("to", self.to)] {
             if !(1..=joints).contains(&number) {
-                let what = "as a joint's number";
-                return Err(MappingError::Count { key: "relative", what, found: number, expected: joints });
+                let at = written.place(&["relative", key], None);
+                return Err(MappingError::NoJoint { at, number, joints });
             }
         }
         let (joint, to) = (self.joint - 1, self.to - 1);

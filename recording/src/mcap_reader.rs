@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{BufReader, Read};
 
+use freeplay_storage::plain_words;
 use mcap::records::{Channel, Record, SchemaHeader};
 
 use crate::error::{ReadError, Row};
@@ -217,8 +218,13 @@ impl Reading<'_> {
     }
 
     fn event(&mut self, offset: u64, data: &[u8]) -> Result<(), ReadError> {
-        let event = serde_json::from_slice(data)
-            .map_err(|error| damaged(self.source, offset, &format!("an event cannot be read: {error}")))?;
+        let event = serde_json::from_slice(data).map_err(|error| {
+            damaged(
+                self.source,
+                offset,
+                &format!("an event cannot be read: {}", plain_words(&error.to_string())),
+            )
+        })?;
         if self.events.len() < MAX_EVENTS {
             self.events.push(event);
         } else {

@@ -19,10 +19,13 @@ impl Reordered {
     }
 }
 
-/// Sorts the rows of `columns` by the column `time` and drops repeats; `None` if that makes the `positions` go farther to and fro than
-/// they do in the order of the file, as it does where a clock begins again and two motions would be mixed.
+/// Sorts the rows of `columns` by the column `time` and drops repeats; `None` where the clock jumps back instead of rows coming late: the times
+/// are steadier in the order of the file, or the `positions` go farther to and fro when sorted, since two motions would be mixed.
 pub(crate) fn sort(columns: &mut [Vec<f64>], time: usize, positions: &[usize]) -> Option<Reordered> {
     let t = &columns[time];
+    if is_clock_back(t) {
+        return None;
+    }
     let mut latest = f64::NEG_INFINITY;
     let is_late = |t: &&f64| {
         let late = **t < latest;
@@ -51,6 +54,41 @@ pub(crate) fn sort(columns: &mut [Vec<f64>], time: usize, positions: &[usize]) -
     Some(Reordered { late: late as u64, repeated })
 }
 
+/// Whether the times `t` are those of a clock that jumps back, not of rows that come late. A late row leaves a hole where it should be and fills it
+/// when sorted; times of a clock that jumps back are steady before and behind the jump, and mixed when sorted. Where the times behind a jump don't
+/// reach those before it, sorting mixes nothing.
+///
+/// Steps between times are taken as off the usual step by Laplace's law, in the order of the file and sorted, and the order of the file pays for place and
+/// size of each jump as in the Bayesian information criterion (Schwarz 1978): so stamps that shake by more than a step are no jumps.
+fn is_clock_back(t: &[f64]) -> bool {
+    let runs = t.chunk_by(|before, after| before <= after);
+    let mut spans: Vec<[f64; 2]> = runs.map(|run| [run[0], run[run.len() - 1]]).collect();
+    let jumps = spans.len().saturating_sub(1) as f64;
+    spans.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    if spans.windows(2).all(|pair| pair[0][1] <= pair[1][0]) {
+        return false;
+    }
+    let mut sorted = t.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let forward = |t: &[f64]| -> Vec<f64> {
+        t.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step >= 0.0).collect()
+    };
+    let [file, sorted] = [forward(t), forward(&sorted)];
+    let mut steps = file.clone();
+    if steps.is_empty() {
+        return false;
+    }
+    let middle = steps.len() / 2;
+    let usual = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    // A gap is no farther off than a step that is missing.
+    let off = |steps: &[f64]| {
+        steps.iter().map(|step| (step - usual).abs().min(usual)).sum::<f64>() / steps.len() as f64
+    };
+    let (count, gain) = (sorted.len() as f64, (off(&sorted) / off(&file)).ln());
+    // Times that are even to the bit make it infinite, and not a number where sorting leaves them even.
+    count * gain > 2.0 * jumps * count.ln()
+}
+
 /// Two motions that are mixed row by row go this many times as far as one after the other, at least.
 const MIXED: f64 = 2.0;
 
@@ -68,6 +106,61 @@ mod tests {
         let done = sort(&mut mixed, 0, &[1]);
         assert_eq!(done, Some(Reordered { late: 1, repeated: 1 }));
         assert_eq!(mixed, columns(&[0.0, 0.1, 0.2, 0.3, 0.4, 0.5]));
+    }
+
+    /// At rest and in motion: a clock that jumps back is not taken for rows that come late, nor the other way round; of stamps that shake, where the jump
+    /// is by many steps.
+    #[test]
+    fn a_clock_that_jumps_back_is_told_from_rows_that_come_late() {
+        let shaking =
+            |k: usize, shake: f64| 0.01 * (k as f64 + shake * (((k * 7919) % 101) as f64 / 101.0 - 0.5));
+        for shake in [0.0, 0.3, 0.8] {
+            let t: Vec<f64> = (0..1000).map(|k| shaking(k, shake)).collect();
+            for speed in [0.0, 1.0] {
+                let with = |t: &[f64], order: &[usize]| {
+                    vec![t.to_vec(), order.iter().map(|k| (speed * 0.01 * *k as f64).sin()).collect()]
+                };
+                let order: Vec<usize> = (0..1000).collect();
+                let small: &[f64] = if shake == 0.0 { &[0.025, 0.12] } else { &[] };
+                for &jump in small.iter().chain(&[0.5, 3.0]) {
+                    let back: Vec<f64> =
+                        t.iter().enumerate().map(|(k, t)| if k < 600 { *t } else { t - jump }).collect();
+                    assert_eq!(
+                        sort(&mut with(&back, &order), 0, &[1]),
+                        None,
+                        "{jump} s back, {shake}, {speed}"
+                    );
+                }
+                for late in [2, 40, 300] {
+                    let mut order = order.clone();
+                    (0..5).for_each(|k| {
+                        order[400 + late * k % 500..=400 + late * k % 500 + late.min(99)].rotate_left(1)
+                    });
+                    let stamps: Vec<f64> = order.iter().map(|k| t[*k]).collect();
+                    let mut columns = with(&stamps, &order);
+                    let done = sort(&mut columns, 0, &[1])
+                        .unwrap_or_else(|| panic!("{late} late, {shake}, {speed}"));
+                    assert!(done.late > 0 && done.repeated == 0, "{done:?}");
+                    assert_eq!(columns[0], t);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn stamps_that_shake_by_more_than_a_step_are_sorted() {
+        for shake in [3.0, 10.0] {
+            let noise = |k: i32| (f64::from(k).sin() * 43_758.545).rem_euclid(1.0);
+            let t: Vec<f64> = (0..1000).map(|k| f64::from(k) + shake * noise(k)).collect();
+            let done = sort(&mut [t, vec![0.0; 1000]], 0, &[1]).expect("late rows");
+            assert!(done.late > 100, "{done:?}");
+        }
+    }
+
+    #[test]
+    fn pieces_in_another_order_are_put_in_order() {
+        let t: Vec<f64> = (0..100).map(|k| 0.01 * f64::from(k) - if k < 50 { 0.0 } else { 7.0 }).collect();
+        assert_eq!(sort(&mut columns(&t), 0, &[1]), Some(Reordered { late: 50, repeated: 0 }));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::io::{Cursor, Read};
 use std::path::Path;
 
 use crate::error::{Place, ReadError, Row};
+use crate::foreign::Foreign;
 use crate::joint_states::{BagOptions, from_bag};
 use crate::mapping::Mapping;
 use crate::open::{self, Kind, open};
@@ -50,7 +51,7 @@ impl<'a> Source<'a> {
 /// What somebody else's recording is told by beside its content.
 #[derive(Debug, Clone, Default)]
 pub struct ImportOptions {
-    /// What the columns are, where that is not told by their names; of no use for a bag.
+    /// What the columns are, where that is not told by their names.
     pub mapping: Option<Mapping>,
     /// What to take from a bag.
     pub bag: BagOptions,
@@ -116,9 +117,7 @@ pub fn read_from(input: impl Read, origin: &Path, joints: Option<usize>) -> Resu
 fn read_as(source: &Source, options: &ImportOptions) -> Result<Recording, ReadError> {
     let mut recording = read_named(source, options)?;
     if let Some(mapping) = &options.mapping {
-        mapping
-            .finish(&mut recording)
-            .map_err(|error| ReadError::Mapping { place: source.place(Row::Whole), source: error })?;
+        mapping.finish(&mut recording)?;
     }
     Ok(recording)
 }
@@ -132,26 +131,24 @@ fn read_named(source: &Source, options: &ImportOptions) -> Result<Recording, Rea
             return lerobot::read_folder(path, source)?.into_recording(source, mapping);
         }
         if bag_folder::is_bag(path) {
-            return from_bag(&options.bag, source);
+            return named_again(source, options, |source| from_bag(&options.bag, source));
         }
     }
     let mut file = open(path)?;
     let source = &Source { size: Some(file.length()), ..*source };
     let head = open::head(&mut file, path)?;
     match Kind::of(&head) {
-        Kind::Mcap | Kind::Sqlite | Kind::Ros1 if mapping.is_some() => {
-            let what = "a mapping file is for columns of text, Parquet, .npz or .mat: turn this into CSV first, freeplay record export --format csv";
-            Err(ReadError::Unusable { file: path.to_path_buf(), what: what.to_owned() })
-        }
-        Kind::Mcap => match dispatch(Cursor::new(head).chain(file), source) {
-            Err(ReadError::NoTopic { .. }) => from_bag(&options.bag, source),
-            // Of a bag, too, only what is damaged is lost.
-            Err(error @ ReadError::Damaged { .. }) => from_bag(&options.bag, source).map_err(|_| error),
-            other => other,
-        },
-        Kind::Sqlite | Kind::Ros1 => from_bag(&options.bag, source),
+        Kind::Mcap => named_again(source, options, |source| {
+            match dispatch(Cursor::new(head).chain(file), source) {
+                Err(ReadError::NoTopic { .. }) => from_bag(&options.bag, source),
+                // Of a bag, too, only what is damaged is lost.
+                Err(error @ ReadError::Damaged { .. }) => from_bag(&options.bag, source).map_err(|_| error),
+                other => other,
+            }
+        }),
+        Kind::Sqlite | Kind::Ros1 => named_again(source, options, |source| from_bag(&options.bag, source)),
         Kind::Foreign(what) if what.contains("zstd") && is_named_as_bag(path) => {
-            from_bag(&options.bag, source)
+            named_again(source, options, |source| from_bag(&options.bag, source))
         }
         Kind::Parquet => {
             let mut foreign = parquet_reader::read(open(path)?, source)?;
@@ -163,6 +160,18 @@ fn read_named(source: &Source, options: &ImportOptions) -> Result<Recording, Rea
         Kind::Mat => mat_reader::read(&all_of(source)?, source)?.into_recording(source, mapping),
         Kind::Text | Kind::Foreign(_) => dispatch_mapped(Cursor::new(head).chain(file), source, mapping),
     }
+}
+
+/// What `read` makes of `source`, a file whose format names the columns; where there is a mapping, it names and scales these columns again.
+fn named_again(
+    source: &Source,
+    options: &ImportOptions,
+    read: impl FnOnce(&Source) -> Result<Recording, ReadError>,
+) -> Result<Recording, ReadError> {
+    let Some(mapping) = &options.mapping else { return read(source) };
+    // The mapping says how many joints there are, and needs all rows.
+    let recording = read(&Source { joints: None, overview: None, ..*source })?;
+    Foreign::of(recording).into_recording(source, Some(mapping))
 }
 
 /// Whether a compressed file says that a bag is in it.

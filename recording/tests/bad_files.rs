@@ -54,7 +54,7 @@ const CELLS: [(&str, &str); 12] = [
     ),
     (
         "t,q1\n0,0\n0,0\n0,1\n",
-        "run.csv:3: column t: 0.0 does not come after 0.0 in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each",
+        "run.csv:3: column t: 0.0 does not come after 0.0 in the row before: the clock stands still, jumps back or begins again here; cut the file into one recording each, or correct the times from here on",
     ),
     ("t,q1\n", "run.csv: no samples; record some motion"),
     ("", "run.csv: the file is empty; a CSV begins with a header such as t,q1,q2"),
@@ -69,7 +69,7 @@ const CELLS: [(&str, &str); 12] = [
     ),
     (
         "t,q1\n0,0\n0.01,0.1\n0.02,0.2\n0,5\n0.01,5.1\n0.02,5.2\n",
-        "run.csv:5: column t: 0.0 does not come after 0.02 in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each",
+        "run.csv:5: column t: 0.0 does not come after 0.02 in the row before: the clock stands still, jumps back or begins again here; cut the file into one recording each, or correct the times from here on",
     ),
 ];
 

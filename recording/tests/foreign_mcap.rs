@@ -117,7 +117,7 @@ fn each_foreign_form_has_its_message() {
         ),
         (
             message_of(&[tick(joints, rows(&[&[0.5, 1.0], &[0.5, 1.0]]))]),
-            "run.mcap, message 2: column t: 0.5 does not come after 0.5 in the row before, and the rows make no motion when sorted: does the clock begin again here? cut the file into one recording each".into(),
+            "run.mcap, message 2: column t: 0.5 does not come after 0.5 in the row before: the clock stands still, jumps back or begins again here; cut the file into one recording each, or correct the times from here on".into(),
         ),
         (
             message_of(&[tick("float64 t\nfloat64 q2\n", q())]),

@@ -82,32 +82,86 @@ fn degrees_millimetres_and_decimal_commas_become_si() {
 #[test]
 fn what_a_mapping_gets_wrong_is_said_with_place_and_remedy() {
     let replaced = |from: &str, to: &str| MAP.replacen(from, to, 1);
+    let added = |text: &str| format!("{MAP}{text}");
+    // What is said, behind the mapping file with line and column.
     let cases = [
         (
             replaced("unit = \"deg\"", "unit = \"grad\""),
-            "q.unit = \"grad\" is none of its units: rad, deg, m, mm",
+            "q.unit = \"grad\" is none of its units: rad, deg, m, mm; give one",
+        ),
+        (replaced("\"pos_{}\"", "\"joint{}\""), "run.csv:2 has no column \"joint1\"; it has Time, pos_1"),
+        (replaced("[\"v_a\", \"v_b\"]", "[\"v_a\"]"), "qd: 1 columns, expected 2; give one for each"),
+        (replaced("[2.0, -4.0]", "[2.0]"), "tau: 1 factors in scale, expected 2; give one for each"),
+        (replaced("[2.0, -4.0]", "[2.0, nan]"), "tau.scale holds NaN; give finite numbers"),
+        (replaced("[2.0, -4.0]", "[2.0, \"x\"]"), "expected a number, or a list of numbers"),
+        (replaced("\"X\", \"Y\", \"Z\"", "\"X\", \"Y\""), "tool: 2 columns, expected 3"),
+        (replaced("\"v_b\"", "\"pos_1\""), "column \"pos_1\" is named for q1 and for qd2; name it once"),
+        (replaced("separator", "seperator"), "unknown field `seperator`, expected one of"),
+        (replaced("unit = \"ms\"", "unit = 3"), "expected a unit in quotes, or a list of units"),
+        (replaced("decimal = \",\"", "decimal = \"7\""), "decimal = '7' cannot be; give a single"),
+        (replaced("decimal = \",\"", "decimal = 7"), "found `7`, expected a single character in quotes"),
+        (format!("joints = [\"a\"]\n{MAP}"), "joints: 1 names, expected 2; give one for each"),
+        (
+            added("\n[[relative]]\njoint = 1\nto = 7\nfactor = 1\n"),
+            "there is no joint 7; give a number from 1 to 2",
         ),
         (
-            replaced("\"pos_{}\"", "\"joint{}\""),
-            "run.csv:2: mapping: q: the file has no column \"joint1\"; it has Time, pos_1",
+            added("\n[[relative]]\njoint = 1\nto = 2\nfactor = inf\n"),
+            "relative.factor holds inf; give finite",
         ),
-        (replaced("[\"v_a\", \"v_b\"]", "[\"v_a\"]"), "mapping: qd: 1 columns, expected 2"),
-        (replaced("[2.0, -4.0]", "[2.0]"), "mapping: tau: 1 factors in scale, expected 2"),
-        (replaced("\"X\", \"Y\", \"Z\"", "\"X\", \"Y\""), "mapping: tool: 2 columns, expected 3"),
-        (replaced("\"v_b\"", "\"pos_1\""), "mapping: column \"pos_1\" is named for q1 and for qd2"),
-        (replaced("separator", "seperator"), "unknown field `seperator`"),
-        (replaced("unit = \"ms\"", "unit = 3"), "line 7, column"),
-        (replaced("decimal = \",\"", "decimal = \"7\""), "decimal = '7'"),
+        (added("\n[q_ref]\n"), "missing field `columns`"),
+        (added("\n[q_ref\n"), "unclosed table"),
     ];
     for (map, said) in &cases {
         let error = mapped(map, SEMICOLONS).expect_err(said);
         println!("{error}");
+        let place =
+            error.split_once("map.toml:").and_then(|(_, rest)| rest.split_once(": ")).map(|(place, _)| place);
+        let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+        assert!(
+            place.is_some_and(|place| place.split(':').count() == 2 && place.split(':').all(is_number)),
+            "{error}"
+        );
         assert!(error.contains(said), "{error}");
+        assert!(
+            !["untagged", "enum", "usize", "f64", "struct", "variant"]
+                .iter()
+                .any(|word| error.contains(word)),
+            "{error}"
+        );
     }
     let error = mapped(MAP, &SEMICOLONS.replace("0,25", "x")).expect_err("a bad cell");
     assert!(error.contains("run.csv:4: column tau2: \"-x\" is not a number"), "{error}");
     let error = mapped(MAP, &SEMICOLONS.replace("\n2,5;", "\n0;")).expect_err("time stands still");
     assert!(error.contains("run.csv:4: column t"), "{error}");
+}
+
+/// A mapping names joints anew in files that name them already.
+#[test]
+fn a_mapping_names_joints_whatever_the_file_calls_them() {
+    let rows: String = (0..20).map(|k| format!("{k},{k},{},{}\n", 2 * k, 3 * k)).collect();
+    let folder = folder();
+    let all = freeplay_recording::read(
+        &written(&folder, "r.csv", format!("t,q1,q2,q3,joints=x;y;z\n{}", rows.replace('\n', ",0\n"))),
+        None,
+    );
+    let all = all.expect("it reads");
+    assert_eq!(all.joint_names.concat(), "xyz");
+    let toml = "joints = [\"a\", \"b\"]\n[t]\ncolumns = \"t\"\n[q]\ncolumns = [\"q3\", \"q1\"]\n";
+    let mapping = Mapping::load(&written(&folder, "map.toml", toml)).expect("a mapping");
+    for ending in ["csv", "parquet", "mcap"] {
+        let (file, again) =
+            (folder.path().join(format!("all.{ending}")), folder.path().join(format!("m.{ending}")));
+        freeplay_recording::export(&all, &file).expect("written");
+        let mapped = import_csv(&file, &mapping).unwrap_or_else(|error| panic!("{ending}: {error}"));
+        assert_eq!(
+            (mapped.joint_names.concat(), mapped.q[0][19], mapped.q[1][19]),
+            ("ab".into(), 57.0, 19.0)
+        );
+        freeplay_recording::export(&mapped, &again).expect("written");
+        let again = freeplay_recording::read(&again, None).expect("it reads");
+        assert_eq!(again.joint_names.concat(), "ab", "{ending}");
+    }
 }
 
 /// The header that `franka::logToCSV` writes, blanks included, cut to what it says of the state.

@@ -9,7 +9,8 @@
 //! - an [`AtomicFile`] appears under its name whole or not at all; [`write()`] does the same for bytes in memory;
 //! - a [`LiveFile`] is the exception: a recording that is readable while it grows;
 //! - an [`Exposure`] tells that other users can change what is in a folder;
-//! - a [`StorageError`] names the operation, the path, the cause and the remedy; a [`Refusal`] is a cause of this crate.
+//! - a [`StorageError`] names the operation, the path, the cause and the remedy; a [`Refusal`] is a cause of this crate;
+//! - [`plain_words`] says what a parser finds wrong with a text in words of the person who wrote it.
 //!
 //! Every call to the operating system passes through one function of the module `call`. A debug build reads the variables
 //! `FREEPLAY_STORAGE_FAULT` and `FREEPLAY_STORAGE_LOG` there, lets the n-th call fail, and logs what a disk is told; a release build has
@@ -27,6 +28,7 @@ mod input;
 mod live;
 mod output_folder;
 mod path;
+mod plain_words;
 
 pub use atomic::{AtomicFile, TEMPORARY_SUFFIX, write};
 pub use error::{Operation, Refusal, StorageError};
@@ -41,3 +43,4 @@ pub use input::{
 pub use live::LiveFile;
 pub use output_folder::{Claim, OutputFolder};
 pub use path::{PATH_LIMIT, check_path};
+pub use plain_words::{plain_words, without_error_number};

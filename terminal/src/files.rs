@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use freeplay_storage::{Claim, Exposure, Operation, OutputFolder, Refusal, StorageError};
+use freeplay_storage::{Claim, Exposure, Operation, OutputFolder, Refusal, StorageError, plain_words};
 use serde::de::DeserializeOwned;
 
 use crate::exit::Failure;
@@ -46,7 +46,7 @@ pub fn read_json<T: DeserializeOwned>(path: &Path, what: &str) -> Result<T, Fail
     if text.trim().is_empty() {
         return Err(wrong("the file is empty".to_owned()));
     }
-    serde_json::from_str(&text).map_err(|error| wrong(error.to_string()))
+    serde_json::from_str(&text).map_err(|error| wrong(plain_words(&error.to_string())))
 }
 
 /// Makes the folder `path` and those above it.

@@ -1,6 +1,7 @@
 //! What every command does at its edges, towards a person, a shell and the system.
 //!
 //! - [`exit`]: the exit codes, and [`Failure`](exit::Failure), the error that ends a command with one of them.
+//! - [`command_line`]: what is wrong with a command line.
 //! - [`arguments`]: values of options that several commands share.
 //! - [`internal_fault`]: panics and failed allocations, as one line and an exit code.
 //! - [`output`]: results, on standard output.
@@ -16,6 +17,7 @@
 //! - [`hex`]: bytes as text.
 
 pub mod arguments;
+pub mod command_line;
 pub mod exit;
 pub mod files;
 pub mod guard;

@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 use clap::builder::styling::{AnsiColor, Style};
 use clap::{Args, ColorChoice, ValueEnum};
 use freeplay_report::one_line;
+use freeplay_storage::without_error_number;
 
 pub use crate::layout::width;
 use crate::output::tell;
@@ -86,13 +87,13 @@ pub fn is_coloured() -> bool {
 /// Says something worth knowing beside the results, unless --quiet.
 pub fn note(words: impl Display) {
     if !is_quiet() {
-        tell(&one_line(&words.to_string()));
+        tell(&one_line(&without_error_number(&words.to_string())));
     }
 }
 
 /// Says on standard error what went wrong, also with --quiet.
 pub fn fault(words: impl Display) {
-    tell(&format!("freeplay: {words}"));
+    tell(&format!("freeplay: {}", without_error_number(&words.to_string())));
 }
 
 /// Says what was done, with --verbose, after the seconds since the start.

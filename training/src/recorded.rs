@@ -9,6 +9,7 @@ use freeplay_controller::{Model, Task};
 use freeplay_harness::columns::path_columns;
 use freeplay_laws::Trajectory;
 use freeplay_recording::Recording;
+use freeplay_storage::plain_words;
 use freeplay_terminal::exit::Failure;
 use nalgebra::Vector3;
 
@@ -49,8 +50,9 @@ pub fn files(given: &Path) -> Result<Vec<PathBuf>, Failure> {
         ))
     };
     let text = freeplay_storage::read_text(&summary).map_err(|_| none())?;
-    let summary: serde_json::Value = serde_json::from_str(&text)
-        .map_err(|error| Failure::input(format!("{}: {error}", summary.display())))?;
+    let summary: serde_json::Value = serde_json::from_str(&text).map_err(|error| {
+        Failure::input(format!("{}: {}", summary.display(), plain_words(&error.to_string())))
+    })?;
     let runs = summary["runs"].as_array().map(Vec::as_slice).unwrap_or_default();
     let files: Vec<PathBuf> =
         runs.iter().filter_map(|run| run["recording"].as_str()).map(|name| given.join(name)).collect();

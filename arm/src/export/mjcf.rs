@@ -23,6 +23,7 @@ use super::rotation::quaternion;
 use super::xml::{Xml, number, numbers};
 use super::{Channel, Element, Exported, Mechanism, mjcf_joint, mjcf_tendon};
 use crate::arm::Arm;
+use crate::brief::brief;
 use crate::dynamics::mass_matrix::crba;
 use crate::workspace::Workspace;
 
@@ -81,10 +82,10 @@ fn unsaid_of_bodies(parts: &Parts) -> Vec<String> {
             format!("gain and offset of the torque measurement of {name}, whose control is a position")
         });
         let changed = Principal::of(&parts.joint.inertia).changed.map(|changed| {
-            format!("the inertia of the link of {name}: no real body has it, the nearest that MuJoCo takes differs by {} kg*m^2", number(changed))
+            format!("the inertia of the link of {name}: no real body has it, the nearest that MuJoCo takes differs by {} kg*m^2", brief(changed))
         });
         let negative = (parts.armature < 0.0).then(|| {
-            format!("rotor inertia of {name} ({}): MJCF has none below zero", number(parts.armature))
+            format!("rotor inertia of {name} ({}): MJCF has none below zero", brief(parts.armature))
         });
         changed.into_iter().chain(negative).chain(parts.below_zero()).chain(unread)
     };
@@ -105,7 +106,7 @@ fn stand_in(parts: &mut Parts, arm: &Arm, unsaid: &mut Vec<String>) -> f64 {
             joint.armature = STAND_IN * least;
             unsaid.push(format!(
                 "the inertia of the motor of {}, which the model does not name: MuJoCo needs one, {} kg*m^2 stands for it",
-                joint.joint.name, number(joint.armature)
+                joint.joint.name, brief(joint.armature)
             ));
         }
         gear.mobility = 1.0 / joint.armature + 1.0 / postures[0][index];
@@ -113,7 +114,7 @@ fn stand_in(parts: &mut Parts, arm: &Arm, unsaid: &mut Vec<String>) -> f64 {
             gear.damping = 2.0 / (gear.compliance * gear.mobility).sqrt();
             unsaid.push(format!(
                 "the damping of the flanks of {}, which the model does not name: {} stops the link on a flank without a bounce",
-                joint.joint.name, number(gear.damping)
+                joint.joint.name, brief(gear.damping)
             ));
         }
         if gear.compliance > 0.0 {
@@ -136,9 +137,9 @@ fn carry_friction(parts: &mut Parts, arm: &Arm, step: f64, unsaid: &mut Vec<Stri
             joint.armature = joint.armature.max(0.0) + least - felt;
             unsaid.push(format!(
                 "an inertia of {} kg*m^2 too much on {}: MuJoCo's friction of {} needs it, the links have too little",
-                number(least - felt),
+                brief(least - felt),
                 joint.joint.name,
-                number(joint.friction)
+                brief(joint.friction)
             ));
         }
     }

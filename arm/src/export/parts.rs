@@ -2,8 +2,8 @@
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion};
 
-use super::xml::number;
 use super::{Channel, Element, Mechanism};
+use crate::brief::brief;
 use crate::joint::{Joint, JointKind};
 
 /// One joint with its elements.
@@ -210,7 +210,7 @@ impl JointParts {
         ];
         let name = &self.joint.name;
         let words =
-            |(words, value)| format!("{words} of {name} ({}): there is none below zero", number(value));
+            |(words, value)| format!("{words} of {name} ({}): there is none below zero", brief(value));
         parts.into_iter().filter(|(_, value)| *value < 0.0).map(words).collect()
     }
 

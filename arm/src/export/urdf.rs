@@ -11,6 +11,7 @@ use super::parts::{JointParts, Parts};
 use super::rotation::roll_pitch_yaw;
 use super::xml::{Xml, number, numbers};
 use super::{Element, Exported, Mechanism};
+use crate::brief::brief;
 use crate::joint::{Joint, JointKind};
 
 /// Gravity that tools take for a URDF, m/s².
@@ -102,7 +103,7 @@ fn unsaid_of_arm(mechanism: &Mechanism) -> Vec<String> {
             format!(
                 "rotor inertia of {} ({} {}): URDF has none",
                 joint.name,
-                number(joint.rotor_inertia),
+                brief(joint.rotor_inertia),
                 match joint.kind {
                     JointKind::Revolute => "kg*m^2",
                     JointKind::Prismatic => "kg",
@@ -114,7 +115,7 @@ fn unsaid_of_arm(mechanism: &Mechanism) -> Vec<String> {
     if (strength - GRAVITY).abs() > 1e-9 {
         unsaid.push(format!(
             "gravity of {} m/s^2: URDF has none of its own, set it in your tool",
-            number(strength)
+            brief(strength)
         ));
     }
     unsaid

@@ -19,6 +19,9 @@ mod urdf_xml;
 
 use std::path::Path;
 
+use freeplay_storage::plain_words;
+use serde::de::DeserializeOwned;
+
 use crate::arm::Arm;
 
 use error::shortened;
@@ -42,6 +45,18 @@ pub struct EffectTable {
     pub parameters: toml::Table,
     /// Line of the file on which the table begins, from 1.
     pub line: usize,
+}
+
+impl EffectTable {
+    /// All parameters, but for the one called `without`, as a table of the effect's own.
+    ///
+    /// # Errors
+    /// What is unknown, missing or of another kind, in plain words.
+    pub fn read<T: DeserializeOwned>(&self, without: Option<&str>) -> Result<T, String> {
+        let mut table = self.parameters.clone();
+        without.map(|name| table.remove(name));
+        table.try_into().map_err(|error: toml::de::Error| plain_words(error.message()))
+    }
 }
 
 /// What a model file says.

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 
 use super::names::counted;
 use crate::arm::Arm;
+use crate::brief::brief;
 use crate::dynamics::inverse::gravity_torque;
 use crate::fitness::{Origin, Purpose};
 use crate::joint::{Inertia, JointKind};
@@ -88,7 +89,7 @@ fn sentence(found: Vec<(&str, String)>, remedy: &str) -> Option<String> {
 
 fn dense(bodies: &[&Body]) -> Option<String> {
     let odd = bodies.iter().filter(|body| body.density() > 1.0).map(|body| {
-        let [mass, density] = [body.inertia.mass, body.density()];
+        let (mass, density) = (brief(body.inertia.mass), body.density());
         (
             body.name.as_str(),
             format!("{mass} kg with its inertia is {density:.1e} times as dense as the densest metal"),
@@ -104,7 +105,7 @@ fn wide(bodies: &[&Body], size: f64) -> Option<String> {
             body.name.as_str(),
             format!(
                 "its inertia is that of {} kg {radius:.2} m away, and the arm is {size:.2} m long",
-                body.inertia.mass
+                brief(body.inertia.mass)
             ),
         )
     });
@@ -134,7 +135,7 @@ fn fast(arm: &Arm, origins: &[Origin]) -> Option<String> {
         };
         let speed = joint.limits.velocity * lever;
         (speed.is_finite() && speed > SOUND).then(|| {
-            let limit = joint.limits.velocity;
+            let limit = brief(joint.limits.velocity);
             (
                 at(origins, index, arm),
                 format!(
@@ -151,7 +152,10 @@ fn stuck(arm: &Arm, origins: &[Origin]) -> Option<String> {
     let odd = arm.joints().iter().enumerate().filter(|(_, joint)| joint.limits.lower == joint.limits.upper);
     let odd: Vec<(String, String)> = odd
         .map(|(index, joint)| {
-            (at(origins, index, arm), format!("its range is 0: lower = upper = {}", joint.limits.lower))
+            (
+                at(origins, index, arm),
+                format!("its range is 0: lower = upper = {}", brief(joint.limits.lower)),
+            )
         })
         .collect();
     sentence(
@@ -191,8 +195,8 @@ fn weak(arm: &Arm, origins: &[Origin]) -> Option<String> {
     let odd = arm.joints().iter().enumerate().filter(|(index, joint)| most[*index] > joint.limits.effort);
     let odd: Vec<(String, String)> = odd.map(|(index, joint)| {
         let unit = if joint.kind == JointKind::Revolute { "N·m" } else { "N" };
-        let [weight, limit] = [most[index], joint.limits.effort];
-        (at(origins, index, arm), format!("the arm's own weight asks it for up to {weight:.3} {unit}, its effort limit is {limit} {unit}"))
+        let [weight, limit] = [most[index], joint.limits.effort].map(brief);
+        (at(origins, index, arm), format!("the arm's own weight asks it for up to {weight} {unit}, its effort limit is {limit} {unit}"))
     }).collect();
     sentence(
         odd.iter().map(|(name, what)| (name.as_str(), what.clone())).collect(),

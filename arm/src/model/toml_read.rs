@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use freeplay_storage::plain_words;
 use nalgebra::{Isometry3, Matrix3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use toml::Spanned;
 
@@ -68,7 +69,7 @@ pub(super) fn parse(text: &str, path: &Path, selection: &Selection) -> Result<Ar
 /// A parser error with its place and, under the message, the line and the caret that the parser draws.
 fn syntax_error(origin: &str, text: &str, error: &toml::de::Error) -> ModelError {
     let at = Place::in_text(origin, text, error.span().map_or(0, |span| span.start));
-    let mut message = error.message().to_owned();
+    let mut message = plain_words(error.message());
     let drawn = error.to_string();
     for line in drawn.lines().skip(1).take_while(|line| line.contains('|') && line.len() <= LONGEST_LINE) {
         message.push('\n');

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use freeplay_shm::realtime::{RtReport, RtRequest, prepare};
 use freeplay_shm::{Address, ControllerLink, Hello, LinkError, MessageFault, RUN_ENV};
+use freeplay_storage::without_error_number;
 use thiserror::Error;
 
 use crate::answer_loop::{AnswerLoop, Stop, guarded};
@@ -182,7 +183,7 @@ pub fn serve(mut controller: impl Controller) -> ExitCode {
         Ok(ServeReport { ended: Ended::LastTick, .. }) => ExitCode::SUCCESS,
         Ok(ServeReport { ended: Ended::Interrupted, .. }) => ExitCode::from(130),
         Err(error) => {
-            eprintln!("{}: {error}", controller.name());
+            eprintln!("{}: {}", controller.name(), without_error_number(&error.to_string()));
             ExitCode::from(error.exit_code())
         }
     }

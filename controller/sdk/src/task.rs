@@ -21,6 +21,7 @@ use std::path::{Path, PathBuf};
 
 use freeplay_path::PathSpec;
 use freeplay_shm::Mode;
+use freeplay_storage::plain_words;
 #[cfg(feature = "schema")]
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -147,7 +148,7 @@ pub enum TaskError {
         source: std::io::Error,
     },
     /// The file is not TOML, or has an unknown key, a missing one or one of the wrong type. The message shows the line.
-    #[error("task file {origin}: {source}")]
+    #[error("task file {origin}: {}", plain_words(&source.to_string()))]
     Syntax {
         /// The file.
         origin: String,
@@ -167,7 +168,7 @@ pub enum TaskError {
         range: &'static str,
     },
     /// The options hold a key that the controller does not know, or a value of the wrong type.
-    #[error("options of the controller {controller}: {source}")]
+    #[error("options of the controller {controller}: {}", plain_words(&source.to_string()))]
     Options {
         /// Name of the controller.
         controller: String,

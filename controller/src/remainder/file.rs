@@ -16,6 +16,7 @@ use std::path::Path;
 
 use freeplay_predictor::Narx;
 use freeplay_predictor::weight_file::WeightFileError;
+use freeplay_storage::plain_words;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -39,7 +40,7 @@ pub enum WeightError {
         source: std::io::Error,
     },
     /// It is not JSON, or a field is missing, unknown or of another type (line and column are given).
-    #[error("{path}: not a weight file: {source}; give one that freeplay train --recording wrote")]
+    #[error("{path}: not a weight file: {}; give one that freeplay train --recording wrote", plain_words(&source.to_string()))]
     Syntax {
         /// The file.
         path: String,
@@ -211,7 +212,8 @@ impl WeightFile {
     /// # Errors
     /// [`WeightError::Inconsistent`] for parts that don't fit together.
     pub fn new(network: &Narx, learned: Learned) -> Result<WeightFile, WeightError> {
-        let inconsistent = |error: serde_json::Error| WeightError::Inconsistent { what: error.to_string() };
+        let inconsistent =
+            |error: serde_json::Error| WeightError::Inconsistent { what: plain_words(&error.to_string()) };
         let file = WeightFile {
             format: FORMAT.to_owned(),
             version: VERSION,
@@ -264,7 +266,8 @@ impl WeightFile {
     /// [`WeightError::Inconsistent`] for numbers that JSON cannot hold.
     pub fn to_json(&self) -> Result<String, WeightError> {
         let text = serde_json::to_string_pretty(self);
-        text.map(|text| text + "\n").map_err(|error| WeightError::Inconsistent { what: error.to_string() })
+        text.map(|text| text + "\n")
+            .map_err(|error| WeightError::Inconsistent { what: plain_words(&error.to_string()) })
     }
 
     /// The network, if all numbers fit together.

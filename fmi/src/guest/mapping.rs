@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use freeplay_controller_sdk::Answer;
 use freeplay_shm::State;
+use freeplay_storage::plain_words;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 
@@ -176,8 +177,10 @@ impl Mapping {
 impl Table {
     fn read(file: &Path) -> Result<Table, GuestError> {
         let text = freeplay_storage::read_text(file)?;
-        toml::from_str(&text)
-            .map_err(|error| GuestError::Mapping { file: file.to_path_buf(), what: error.to_string() })
+        toml::from_str(&text).map_err(|error| GuestError::Mapping {
+            file: file.to_path_buf(),
+            what: plain_words(&error.to_string()),
+        })
     }
 }
 

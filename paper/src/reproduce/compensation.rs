@@ -3,8 +3,9 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use freeplay_harness::run::BUILT_IN_PATIENCE;
 use freeplay_path::PathKind;
-use freeplay_terminal::exit::Failure;
+use freeplay_terminal::exit::{Exit, Failure};
 use serde::Serialize;
 use serde_json::Value;
 
@@ -83,6 +84,7 @@ pub fn play(task: &Task) -> Result<Played, Failure> {
         format!("path.kind={}", task.path.name()),
         format!("path.period={}", task.period),
         format!("clearance.joint_5.clearance={}", task.clearance * 1e-3),
+        format!("patience={BUILT_IN_PATIENCE}"),
     ];
     let mut command = Command::new(program);
     command.args(["run", "--quiet", "--pace", "lockstep", "--recording", "none", "--out"]).arg(folder.path());
@@ -91,8 +93,15 @@ pub fn play(task: &Task) -> Result<Played, Failure> {
     });
     let ended = command.stdin(Stdio::null()).stdout(Stdio::null()).output().map_err(Failure::internal)?;
     let said = || String::from_utf8_lossy(&ended.stderr).trim().to_owned();
-    let left = read(&folder.path().join("summary.json"))
-        .ok_or_else(|| Failure::internal(format!("freeplay run ended with {}: {}", ended.status, said())))?;
+    let failed = || {
+        let message = format!("freeplay run ended with {}: {}", ended.status, said());
+        match ended.status.code() {
+            Some(code) if code == Exit::Peer as i32 => Failure::peer(message),
+            Some(code) if code == Exit::Input as i32 => Failure::input(message),
+            _ => Failure::internal(message),
+        }
+    };
+    let left = read(&folder.path().join("summary.json")).ok_or_else(failed)?;
     Ok(Played { task: *task, left })
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use freeplay_storage::{EntryKind, list, open_without_links};
+use freeplay_storage::{EntryKind, list, open_without_links, plain_words};
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::parallel::on_cores;
 use freeplay_terminal::process::Running;
@@ -151,8 +151,9 @@ impl Analysts {
         Ok(match (ended, said) {
             (Err(why), _) => Answer::failed(why),
             (Ok(()), Err(error)) => Answer::failed(format!("its answer can't be read: {error}")),
-            (Ok(()), Ok(text)) => serde_json::from_str(&text)
-                .unwrap_or_else(|error| Answer::failed(format!("its answer can't be read: {error}"))),
+            (Ok(()), Ok(text)) => serde_json::from_str(&text).unwrap_or_else(|error| {
+                Answer::failed(format!("its answer can't be read: {}", plain_words(&error.to_string())))
+            }),
         })
     }
 

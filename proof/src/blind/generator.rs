@@ -10,7 +10,7 @@ use clap::Args;
 use freeplay_concealed::{
     Case, GenerateError, Made, Matrix, Quota, draw_set, make_case, make_here, write_sealed,
 };
-use freeplay_storage::{EntryKind, StorageError, list, remove_folder, set_times};
+use freeplay_storage::{EntryKind, StorageError, list, plain_words, remove_folder, set_times};
 use freeplay_terminal::exit::{Exit, Failure};
 use freeplay_terminal::output::say;
 use freeplay_terminal::parallel::on_cores;
@@ -138,7 +138,8 @@ pub fn generate(args: &GenerateArgs) -> Result<Exit, Failure> {
     die_with_parent(args.with_parent)?;
     let mut text = String::new();
     std::io::stdin().read_to_string(&mut text).map_err(Failure::input)?;
-    let order: Order = serde_json::from_str(&text).map_err(Failure::input)?;
+    let order: Order =
+        serde_json::from_str(&text).map_err(|error| Failure::input(plain_words(&error.to_string())))?;
     let cases = order.cases().map_err(Failure::internal)?;
     let open = order.open(cases.len());
     let tell = |line: &Told| say(&(serde_json::to_string(line).map_err(Failure::internal)? + "\n"));
@@ -233,8 +234,9 @@ fn made_until_killed(
         (None, _) => Ok((told, None)),
         (Some(error), Source::Own) => Err(Failure::internal(error)),
         (Some(error), Source::Program(path)) => Err(Failure::input(format!(
-            "{}: a line on its standard output breaks the contract of a generator: {error}",
-            path.display()
+            "{}: a line on its standard output breaks the contract of a generator: {}",
+            path.display(),
+            plain_words(&error.to_string())
         ))),
     }
 }

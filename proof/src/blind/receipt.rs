@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use freeplay_concealed::{Matrix, Quota};
-use freeplay_storage::{Refusal, read_bytes};
+use freeplay_storage::{Refusal, plain_words, read_bytes};
 use freeplay_terminal::exit::Failure;
 use serde::{Deserialize, Serialize};
 use serde_json::error::Category;
@@ -242,8 +242,15 @@ impl Form {
         let shown = path.display();
         let value = match strict::parse(&text(path)?) {
             Ok(value) => value,
-            Err(error) if error.classify() == Category::Data => return Ok(Form::Wrong(error.to_string())),
-            Err(error) => return Err(Failure::input(format!("{shown}: {error}; {WANTED}"))),
+            Err(error) if error.classify() == Category::Data => {
+                return Ok(Form::Wrong(plain_words(&error.to_string())));
+            }
+            Err(error) => {
+                return Err(Failure::input(format!(
+                    "{shown}: {}; {WANTED}",
+                    plain_words(&error.to_string())
+                )));
+            }
         };
         if value.get("schema").is_none() && value.get("parts").is_none() {
             return Err(Failure::input(format!("{shown}: this is not a receipt; {WANTED}")));
@@ -260,7 +267,7 @@ impl Form {
         }
         let receipt: Receipt = match serde_json::from_value(value.clone()) {
             Ok(receipt) => receipt,
-            Err(error) => return Ok(Form::Wrong(error.to_string())),
+            Err(error) => return Ok(Form::Wrong(plain_words(&error.to_string()))),
         };
         let known = serde_json::to_value(&receipt).map_err(Failure::internal)?;
         Ok(match difference(&value, &known) {
@@ -312,8 +319,9 @@ impl Receipt {
     /// A truth that is none.
     pub fn judged(&self) -> Result<Vec<Judged>, Failure> {
         let judged = self.cases.iter().map(|(name, record)| {
-            let truth: Truth = serde_json::from_value(record.truth.clone())
-                .map_err(|error| Failure::input(format!("the truth of {name}: {error}")))?;
+            let truth: Truth = serde_json::from_value(record.truth.clone()).map_err(|error| {
+                Failure::input(format!("the truth of {name}: {}", plain_words(&error.to_string())))
+            })?;
             Ok(Judged::new(name, truth, record.answer.clone()))
         });
         judged.collect()

@@ -8,6 +8,7 @@ use serde::de::{
 };
 use serde_json::{Map, Number, Value};
 
+use freeplay_storage::plain_words;
 use freeplay_terminal::exit::Failure;
 use freeplay_terminal::files::read_text;
 
@@ -29,8 +30,8 @@ pub fn read<T: DeserializeOwned>(path: &Path, what: &str) -> Result<T, Failure> 
     if text.trim().is_empty() {
         return Err(wrong("the file is empty".to_owned()));
     }
-    let value = parse(&text).map_err(|error| wrong(error.to_string()))?;
-    serde_json::from_value(value).map_err(|error| wrong(error.to_string()))
+    let value = parse(&text).map_err(|error| wrong(plain_words(&error.to_string())))?;
+    serde_json::from_value(value).map_err(|error| wrong(plain_words(&error.to_string())))
 }
 
 struct Strict(Value);

@@ -98,7 +98,9 @@ pub fn demo(args: &DemoArgs) -> Result<Exit, Failure> {
         ));
     }
     args.picture.as_deref().map_or(Ok(()), check_target)?;
-    let names: Vec<&str> = cases.iter().map(|case| case.name).chain(["report.html"]).collect();
+    // A machine that was not diagnosed is no result.
+    let results: Vec<String> = cases.iter().map(|case| format!("{}/report.html", case.name)).collect();
+    let names: Vec<&str> = results.iter().map(String::as_str).chain(["report.html"]).collect();
     let folder = claim(args.out.as_deref(), &names, args.force)?;
     let out = folder.path();
     let stop = Arc::new(AtomicBool::new(false));

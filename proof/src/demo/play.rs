@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use freeplay_arm::{ArmFile, to_toml};
 use freeplay_diagnosis::page::{Subject, document};
 use freeplay_diagnosis::{DiagnoseSettings, Diagnosis, Verdict, diagnose};
-use freeplay_harness::run::{ControllerSelection, Files, play};
+use freeplay_harness::run::{BUILT_IN_PATIENCE, ControllerSelection, Files, play};
 use freeplay_harness::scenario::{RecordingKind, Scenario};
 use freeplay_harness::setup::Setup;
 use freeplay_plant::{Channel, SensorsSpec};
@@ -100,6 +100,7 @@ pub fn outcome(
             recording: RecordingKind::Mcap,
             sensors: sensors(),
             seed,
+            patience: BUILT_IN_PATIENCE,
             ..Scenario::default()
         };
         scenario.path.period = period;
@@ -136,10 +137,22 @@ fn played(scenario: &Scenario, out: &Path, stop: &AtomicBool) -> Result<Played, 
     let files = Files::write(scenario, &setup, out)?;
     let (exit, summary) = play(scenario, &ControllerSelection::of(CONTROLLER)?, &files, 0.0, stop)?;
     let summary = summary.filter(|_| exit == Exit::Done);
-    let summary = summary.ok_or_else(|| Failure::internal(format!("a run in {} failed", out.display())))?;
+    let summary = summary.ok_or_else(|| Failure { exit, message: unfinished(exit, out) })?;
     let deviation = summary.deviation_mm["rms_after_start"].as_f64().unwrap_or(f64::NAN);
     let recording = summary.recording.ok_or_else(|| Failure::internal("a run left no recording"))?;
     Ok(Played { recording: files.out.join(recording), deviation })
+}
+
+/// What is to be said of a run in `out` that ended with `exit`.
+fn unfinished(exit: Exit, out: &Path) -> String {
+    let out = out.display();
+    match exit {
+        Exit::Peer => format!(
+            "the run in {out} lost its controller; its message is above: try again on a machine with less other work"
+        ),
+        Exit::Interrupted => format!("the run in {out} was interrupted"),
+        _ => format!("the run in {out} did not end well; its message is above"),
+    }
 }
 
 /// What a real machine would have recorded: joints, torques and the tracked tool, nothing of the truth.

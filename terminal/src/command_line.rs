@@ -1,0 +1,39 @@
+//! What is wrong with a command line, as its parser says it.
+
+use std::error::Error;
+use std::io::Write;
+
+use anstream::{AutoStream, ColorChoice};
+use freeplay_storage::plain_words;
+
+use crate::messages::color_among;
+
+/// Prints help, the version, or what is wrong with the command line: a value that is refused, in plain words.
+pub fn print(error: &clap::Error) {
+    // Where neither output can be written, nobody can read the message.
+    let _ = match in_plain_words(error) {
+        Some(message) => {
+            let choice = match color_among(std::env::args_os()) {
+                clap::ColorChoice::Auto => AutoStream::choice(&std::io::stderr()),
+                clap::ColorChoice::Always => ColorChoice::Always,
+                clap::ColorChoice::Never => ColorChoice::Never,
+            };
+            AutoStream::new(std::io::stderr(), choice).lock().write_all(message.as_bytes())
+        }
+        None => error.print(),
+    };
+}
+
+/// The message of `error` where it refuses a value in words of the program; none where it can be shown as it is.
+#[must_use]
+pub fn in_plain_words(error: &clap::Error) -> Option<String> {
+    let cause = error.source()?.to_string();
+    let (said, words) = (format!(": {cause}"), format!(": {}", plain_words(&cause)));
+    let message = error.render().ansi().to_string();
+    // The cause ends the message; the value before it may hold any words.
+    (said != words)
+        .then(|| {
+            message.rfind(&said).map(|at| message[..at].to_owned() + &words + &message[at + said.len()..])
+        })
+        .flatten()
+}
