@@ -27,9 +27,7 @@ use super::search::{AS_GOOD, Answer, Search};
 use super::system::{Fit, all_but};
 use super::words;
 use crate::residual::Kind as ChannelKind;
-
-/// Chance below which a part of the motion is named.
-const SIGNIFICANT: f64 = 0.05;
+use crate::statistics::ODDS;
 
 /// The diagnosis of recordings that can't tell, because of `lack`: what is wrong; what to do.
 pub(crate) fn insufficient(
@@ -532,7 +530,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
                     joint: joint.map(|joint| self.arm().joints()[joint].name.clone()),
                     channels,
                     share: sum / all.max(f64::MIN_POSITIVE),
-                    when: words::when(strongest.filter(|map| map.p < SIGNIFICANT)),
+                    when: words::when(strongest.filter(|map| map.p < 1.0 / ODDS)),
                     p: strongest.map_or(1.0, |map| map.p),
                 }
             })
@@ -587,7 +585,7 @@ impl<'d, 'a> Conclusion<'_, 'd, 'a> {
             let noise = ChannelNoise {
                 deviation: rms?.max(system.weights.noise[c]),
                 per_second: system.weights.rows[c].effective()
-                    / lasts.max(step * stretch.len().min(1) as f64).max(1e-9),
+                    / lasts.max(step * stretch.len().min(1) as f64).max(f64::MIN_POSITIVE),
             };
             Some((data.stages[0].channels[c].name.clone(), noise))
         };
