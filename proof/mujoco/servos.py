@@ -27,7 +27,9 @@ from rigid import Rigid
 from sensors import Recording
 
 STEP = 1e-3
-"""Step of a machine, s; delays are whole numbers of it."""
+"""Step of a servo, s; delays are whole numbers of it."""
+PARTS = 2
+"""Steps of MuJoCo in one of the servo's: half of one in time is what its integrator gives away, less than the tolerance of delays."""
 FAMILIES = {"planar": 0.3, "boom": 0.5, "bench": 0.2}
 """Arms by their shares: six joints take a diagnosis as long as ten cases of two."""
 SORTS = ("bare", "one", "own", "behind")
@@ -132,7 +134,7 @@ def mjcf(machine: Machine) -> str:
     """The machine as MJCF."""
     plan = Plan.plain(machine.arm)
     plan.body.loads, plan.body.gap = list(machine.loads), dict(machine.gap)
-    root = ET.fromstring(build.mjcf(plan, STEP if not machine.gap else 0.25 * STEP))
+    root = ET.fromstring(build.mjcf(plan, STEP / PARTS))
     actuators = ET.SubElement(root, "actuator")
     for joint, servo in zip(machine.arm.joints, machine.joints, strict=True):
         hinge = root.find(f".//joint[@name='{joint.name}']")
@@ -243,6 +245,8 @@ def _about(tables: list[Table], rng: Rng) -> list[Table]:
         parameters: dict[str, float] = table["parameters"]  # type: ignore[assignment]
 
         def known(name: str, value: float) -> float:
+            if name == "inertia":
+                return value * (1 + float(rng.uniform(-0.9, 0.9)) * tolerances.INERTIA)
             if name == "delay":
                 return value + float(rng.uniform(-0.9, 0.9)) * tolerances.DELAY
             return value if name in exact else value * (1 + float(rng.uniform(-0.9, 0.9)) * tolerances.FRICTION)
@@ -356,6 +360,8 @@ def _conceal(kind: str, sheet: Arm, machine: Machine, record: Record, rng: Rng) 
         machine.loads.append((mass, place))
         hidden = {"kind": kind, "joint": None, "parameters": {"mass": mass, "com": place.tolist()}}
     elif kind == "link_mass":
+        if number == 0 and sheet.dof > 2:
+            raise NotMade("the first link turns about the vertical and is never lifted")
         scale = float(spread(rng, 1.2, 1.6))
         link = machine.arm.joints[number].link
         machine.arm = machine.arm.with_joint(number, link=replace(link, mass=link.mass * scale, inertia=link.inertia * scale))
