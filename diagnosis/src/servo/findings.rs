@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{ArmFile, EffectTable, Joint, JointKind};
+use freeplay_arm::{ArmFile, EffectTable, Joint, JointKind, Workspace, crba};
 use freeplay_laws::{Kind, kind};
 use freeplay_servo::{Fitted, JointServo, Quantity, Sight, Unknown};
+use nalgebra::DMatrix;
 use toml::{Table, Value};
 
 use crate::diagnose::{Parameter, Tolerances, Untestable};
@@ -94,13 +95,22 @@ impl Numbers<'_> {
             Quantity::Lag | Quantity::Coulomb | Quantity::Stiction | Quantity::Deadband => {
                 tolerances.friction * old.abs()
             }
-            Quantity::Rotor => tolerances.inertia * old.abs(),
+            // What the joint moves is known no better, and is told by the same accelerations.
+            Quantity::Rotor => tolerances.inertia * (old.abs() + self.moved(self.unknowns[index].joint)),
             Quantity::Delay => tolerances.delay,
             Quantity::Offset => tolerances.zero,
             Quantity::LinkMass => tolerances.mass,
             Quantity::Payload | Quantity::Roll | Quantity::Pitch => 0.0,
         };
         (value - old).abs() / deviation.hypot(tolerance)
+    }
+
+    /// Inertia that `joint` moves where all joints are at zero, over the stiffness of its servo, s².
+    fn moved(&self, joint: usize) -> f64 {
+        let arm = &self.fitted.model.arm;
+        let mut mass = DMatrix::zeros(arm.dof(), arm.dof());
+        crba(arm, &mut Workspace::new(arm), &vec![0.0; arm.dof()], &mut mass);
+        mass[(joint, joint)] / self.servo(joint).stiffness
     }
 
     /// Standard deviations from nothing that a name needs: ½ z² is the ratio.
