@@ -78,7 +78,25 @@ pub(crate) struct System<'d, 'a> {
     pins: Vec<Option<f64>>,
     blocks: Vec<Block>,
     /// ZᵢᵀWZⱼ by the numbers of the later and the earlier block.
-    crosses: RefCell<BTreeMap<(usize, usize), DMatrix<f64>>>,
+    crosses: RefCell<BTreeMap<(usize, usize), Cross>>,
+}
+
+/// Products of two blocks over the channels that both show in.
+#[derive(Debug)]
+struct Cross {
+    /// Those of each channel, as long as its weights are the same.
+    by_channel: Vec<(usize, Option<DMatrix<f64>>)>,
+    /// Their sum, as long as no weights moved.
+    sum: Option<DMatrix<f64>>,
+}
+
+impl Cross {
+    /// Forgets the products of the channels `moved`.
+    fn forget_channels(&mut self, moved: &[usize]) {
+        for (_, part) in self.by_channel.iter_mut().filter(|(c, _)| moved.contains(c)) {
+            (*part, self.sum) = (None, None);
+        }
+    }
 }
 
 impl<'d, 'a> System<'d, 'a> {
@@ -230,23 +248,34 @@ impl<'d, 'a> System<'d, 'a> {
         }
         let through = self.products(i).whitened.tr_mul(&self.products(j).whitened);
         let mut crosses = self.crosses.borrow_mut();
-        let plain = crosses.entry((j, i)).or_insert_with(|| self.plain_cross(i, j));
+        let Cross { by_channel, sum } = crosses.entry((j, i)).or_insert_with(|| self.shared_channels(i, j));
+        let plain = sum.get_or_insert_with(|| {
+            let zeros = DMatrix::zeros(self.candidate(i).size(), self.candidate(j).size());
+            let parts = by_channel.iter_mut();
+            let parts = parts.map(|(c, part)| part.get_or_insert_with(|| self.cross_in(*c, i, j)));
+            parts.fold(zeros, |sum, part| sum + &*part)
+        });
         &*plain - through
     }
 
-    /// ZᵢᵀWZⱼ.
-    fn plain_cross(&self, i: usize, j: usize) -> DMatrix<f64> {
+    /// The channels in which the blocks `i` and `j` both show, without their products.
+    fn shared_channels(&self, i: usize, j: usize) -> Cross {
+        let (left, right) = (self.candidate(i), self.candidate(j));
+        let shared = left.channels.iter().filter(|c| right.channels.contains(c));
+        Cross { by_channel: shared.map(|&c| (c, None)).collect(), sum: None }
+    }
+
+    /// ZᵢᵀWZⱼ in the channel number `c`.
+    fn cross_in(&self, c: usize, i: usize, j: usize) -> DMatrix<f64> {
         let (left, right) = (self.candidate(i), self.candidate(j));
         let mut cross = DMatrix::zeros(left.size(), right.size());
-        for &c in left.channels.iter().filter(|c| right.channels.contains(c)) {
-            let weights = &self.channels[c].weights;
-            for (b, column) in right.columns.iter().enumerate() {
-                let Some(column) = &column[c] else { continue };
-                let weighed: Vec<f64> = column.iter().zip(weights).map(|(x, w)| x * w).collect();
-                for (a, other) in left.columns.iter().enumerate() {
-                    if let Some(other) = &other[c] {
-                        cross[(a, b)] += dot(other, &weighed);
-                    }
+        let weights = &self.channels[c].weights;
+        for (b, column) in right.columns.iter().enumerate() {
+            let Some(column) = &column[c] else { continue };
+            let weighed: Vec<f64> = column.iter().zip(weights).map(|(x, w)| x * w).collect();
+            for (a, other) in left.columns.iter().enumerate() {
+                if let Some(other) = &other[c] {
+                    cross[(a, b)] = dot(other, &weighed);
                 }
             }
         }
@@ -604,7 +633,7 @@ impl<'d, 'a> System<'d, 'a> {
                 Channel::new(c, &self.tolerances, &self.target, self.weights.rows[c].weights());
         }
         self.blocks.iter_mut().for_each(|block| block.forget_channels(moved));
-        self.crosses.borrow_mut().clear();
+        self.crosses.borrow_mut().values_mut().for_each(|cross| cross.forget_channels(moved));
         self.free = normal_equations(&self.channels, &self.precision);
         self.log_volume = half_log_determinant(&Cholesky::new(self.free.0.clone())?);
         self.eliminate_anew()
