@@ -235,8 +235,15 @@ impl Conclusion<'_> {
             let distance = self.numbers.distance(index, 0.0, &self.settings.tolerances).min(CERTAIN);
             0.5 * distance.powi(2) + lost(self.choice, &without, &fitted.noise) - here
         };
-        let (evidence, strongest) =
-            numbers.iter().map(|index| (evidence(*index), *index)).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        // As of any finding, a number has to be beyond what the fit leaves open.
+        let is_told = |index: &&usize| {
+            self.numbers.distance(**index, 0.0, &self.settings.tolerances) > self.numbers.named_from()
+        };
+        let (evidence, strongest) = numbers
+            .iter()
+            .filter(is_told)
+            .map(|index| (evidence(*index), *index))
+            .max_by(|a, b| a.0.total_cmp(&b.0))?;
         if evidence <= named_from(self.moves.len()) {
             return None;
         }
