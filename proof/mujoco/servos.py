@@ -366,6 +366,8 @@ def _conceal(kind: str, sheet: Arm, machine: Machine, record: Record, rng: Rng) 
         link = machine.arm.joints[number].link
         machine.arm = machine.arm.with_joint(number, link=replace(link, mass=link.mass * scale, inertia=link.inertia * scale))
         hidden = {"kind": kind, "joint": name, "parameters": {"scale": scale}}
+        if number == sheet.dof - 1:
+            hidden["equivalents"] = [{"kinds": ["payload"], "joint": None, "why": "mass of the last link and at the tool load all joints in one proportion"}]
     else:
         roll, pitch = (float(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.3)) for _ in range(2))
         about_x = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])
