@@ -1,7 +1,8 @@
 """Machines on position servos, recorded by commanded and measured positions alone.
 
-MuJoCo's position actuators drive the joints; commands reach them late by whole steps and are held. What is concealed stands in the truth beside the data sheet that is given:
-all of the servos (`bare`), one thing of a model that has the rest (`one`), nothing (`own`), or what no encoder on the motor's side shows (`behind`).
+MuJoCo's position actuators drive the joints; commands reach them late by whole steps and are held. The truth says what is concealed beside the data
+sheet that is given: all of the servos (`bare`), one thing of a model that has the rest (`one`), nothing (`own`), or what no encoder on the motor's side
+shows (`behind`).
 """
 
 from __future__ import annotations
@@ -367,7 +368,8 @@ def _conceal(kind: str, sheet: Arm, machine: Machine, record: Record, rng: Rng) 
         machine.arm = machine.arm.with_joint(number, link=replace(link, mass=link.mass * scale, inertia=link.inertia * scale))
         hidden = {"kind": kind, "joint": name, "parameters": {"scale": scale}}
         if number == sheet.dof - 1:
-            hidden["equivalents"] = [{"kinds": ["payload"], "joint": None, "why": "mass of the last link and at the tool load all joints in one proportion"}]
+            why = "mass of the last link and at the tool load all joints in one proportion"
+            hidden["equivalents"] = [{"kinds": ["payload"], "joint": None, "why": why}]
     else:
         roll, pitch = (float(rng.choice([-1.0, 1.0]) * rng.uniform(0.08, 0.3)) for _ in range(2))
         about_x = np.array([[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]])

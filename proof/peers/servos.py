@@ -1,7 +1,8 @@
 """Counts what is right where commanded and measured positions were all that was recorded: `python proof/peers/servos.py RECEIPT_OR_FOLDER...`
 
-Takes receipts of `freeplay blind --generator mujoco-servos` and folders of open cases that `measure.py` has answers for. A machine conceals several effects at once: a case is right where
-all are named and nothing else, partly right where what is named is there, wrong where something named is not there. Findings are counted one by one beside that.
+Takes receipts of `freeplay blind --generator mujoco-servos` and folders of open cases that `measure.py` has answers for. A machine conceals several
+effects at once: a case is right where all are named and nothing else, partly right where what is named is there, wrong where something named is not
+there. Findings are counted one by one beside that.
 """
 
 from __future__ import annotations
