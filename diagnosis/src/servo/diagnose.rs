@@ -53,8 +53,7 @@ pub fn diagnose(
         return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
     }
     let arm = given.as_ref().map_or(&file.arm, |given| &given.arm);
-    let (first, _) = first_model(arm, &fit);
-    let first = nearest(&fit, first, given.as_ref());
+    let first = nearest(&fit, first_model(arm, &fit).0, given.as_ref());
     let believed = unknowns(&seen, &first, settings.tolerances.zero);
     let believed: Vec<Unknown> = believed.into_iter().filter(|unknown| moves[unknown.joint]).collect();
     let (mut believed, rotors) = without_rotors(believed, &first);
@@ -115,7 +114,6 @@ pub fn diagnose(
     };
     let is_known: Vec<bool> = (0..moves.len()).map(|joint| numbers.is_known(joint)).collect();
     let rival = rivals(&parts.fit, &tracks, &seen);
-    let simulated = deviations_of(&fitted.model, &tracks);
     let events = with_stops(&tracks, &fitted, &is_known, &seen);
     let before = match &given {
         Some(given) => deviations_of(given, &tracks),
@@ -135,7 +133,7 @@ pub fn diagnose(
         before,
         lagged: rival.0,
         filtered: rival.1,
-        after: simulated,
+        after: deviations_of(&fitted.model, &tracks),
         events,
     };
     Ok(conclusion.diagnosis())
