@@ -21,7 +21,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--unknown", type=int, help="cases outside the catalogue")
     parser.add_argument("--double", type=int, help="cases with two effects")
     parser.add_argument("--kind", action="append", help="single effects of this kind only; may be given several times")
-    parser.add_argument("--family", choices=["catalogue", "friction", "pushes", "setup"], default="catalogue", help="which family of cases")
+    parser.add_argument("--family", choices=["catalogue", "friction", "pushes", "setup", "servos"], default="catalogue", help="which family of cases")
     parser.add_argument("--jobs", type=int, default=1, help="processes (1)")
     return parser.parse_args()
 

@@ -10,6 +10,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import TextIO
 import draw
 import families
 import files
+import servos
 import setup_faults
 from cases import CATALOGUE, Ask, Made, NotMade, make
 from draw import Quota
@@ -28,12 +30,12 @@ Outcome = dict[str, object]
 """`{"Made": {…}}` or `{"NotMade": {…}}`."""
 
 
-def sealed(folder: str, name: str, ask: Ask) -> Outcome:
+def sealed(folder: str, name: str, task: Callable[[], Made], words: str) -> Outcome:
     """Makes a case into `folder/name`; its truth is in what is returned alone."""
     try:
-        made = make(ask)
+        made = task()
     except NotMade as error:
-        return {"NotMade": {"asked": ask.words(), "why": str(error)}}
+        return {"NotMade": {"asked": words, "why": str(error)}}
     files.write(Path(folder) / name, made.model, made.recordings)
     return {"Made": {"name": name, "truth": made.truth}}
 
@@ -45,6 +47,7 @@ def answer(order: TextIO, out: TextIO) -> int:
         quota, seed, folder = Quota(**asked["quota"]), int(asked["seed"]), str(asked["folder"])
         wanted = [(int(case["index"]), str(case["name"])) for case in asked["cases"]]
         known = asked["schema"] == SCHEMA
+        of_servos = asked.get("family") == "servos"
     except (ValueError, KeyError, TypeError) as error:
         known, why = False, repr(error)
     else:
@@ -52,8 +55,8 @@ def answer(order: TextIO, out: TextIO) -> int:
     if not known:
         print(f"standard input is no order of the schema {SCHEMA}: {why}", file=sys.stderr)
         return 3
-    asks = draw.draw(quota, seed)
-    tasks: dict[int, Callable[[], Outcome]] = {index: partial(sealed, folder, name, asks[index]) for index, name in wanted}
+    drawn = of_servos_drawn(quota, seed) if of_servos else [(partial(make, ask), ask.words()) for ask in draw.draw(quota, seed)]
+    tasks: dict[int, Callable[[], Outcome]] = {index: partial(sealed, folder, name, *drawn[index]) for index, name in wanted}
 
     def tell(index: int, outcome: Outcome | None) -> None:
         out.write(json.dumps([index, outcome]) + "\n")
@@ -64,6 +67,11 @@ def answer(order: TextIO, out: TextIO) -> int:
     for index, outcome in spread(tasks, int(asked.get("jobs", 1))):
         tell(index, outcome)
     return 0
+
+
+def of_servos_drawn(quota: Quota, seed: int) -> list[tuple[Callable[[], Made], str]]:
+    """The machines on servos of a set: how to make each, and what it conceals in words."""
+    return [(partial(servos.make, *ask), f"servos, {ask[0]}, {ask[1]}") for ask in servos.drawn(asdict(quota), seed)]
 
 
 def spread(tasks: dict[int, Callable[[], Outcome]], jobs: int) -> Iterator[tuple[int, Outcome]]:
@@ -91,18 +99,24 @@ def opened(folder: str, name: str, task: Callable[[], Made], asked: str) -> Outc
     return {"Made": {"name": name, "truth": made.truth}}
 
 
-def asks_of(asked: argparse.Namespace) -> list[Ask]:
-    """The cases of the catalogue that the command line asks for."""
+def quota_of(asked: argparse.Namespace) -> Quota:
+    """How many cases of which sort the command line asks for."""
     counts = {name: getattr(asked, name) for name in ("single", "negative", "unknown", "double")}
     some = {name: count for name, count in counts.items() if count is not None}
-    quota = Quota(**some) if some else Quota.small(asked.cases)
     if asked.kind and not some:
-        quota = Quota(single=asked.cases)
-    return draw.draw(quota, asked.seed, tuple(asked.kind) if asked.kind else CATALOGUE)
+        return Quota(single=asked.cases)
+    return Quota(**some) if some else Quota.small(asked.cases)
+
+
+def asks_of(asked: argparse.Namespace) -> list[Ask]:
+    """The cases of the catalogue that the command line asks for."""
+    return draw.draw(quota_of(asked), asked.seed, tuple(asked.kind) if asked.kind else CATALOGUE)
 
 
 def tasks_of(asked: argparse.Namespace) -> list[tuple[Callable[[], Made], str]]:
     """How to make each of the cases that the command line asks for, and what it asks for in words."""
+    if asked.family == "servos":
+        return of_servos_drawn(quota_of(asked), asked.seed)
     if asked.family == "catalogue":
         return [(partial(make, ask), ask.words()) for ask in asks_of(asked)]
     numbers = range(asked.seed * 100_000, asked.seed * 100_000 + asked.cases)

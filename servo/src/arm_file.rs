@@ -53,7 +53,7 @@ impl ServoArm {
         // An encoder that is read late shows all of the motion late, as if its commands were.
         let late = encoders_late(file)?;
         joints.iter_mut().for_each(|servo| servo.delay += late);
-        Ok(Some(ServoArm { arm, joints }))
+        Ok(Some(ServoArm::new(arm, joints)))
     }
 
     /// The effects of `file` that a rollout does not know, by kind.

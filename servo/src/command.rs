@@ -40,6 +40,9 @@ impl Commands {
         while *cursor + 1 < self.stamps.len() && self.stamps[*cursor + 1] <= from {
             *cursor += 1;
         }
+        if self.stamps.get(*cursor + 1).is_none_or(|next| *next >= to) {
+            return self.set_point(joint, *cursor);
+        }
         let (mut index, mut begin, mut sum) = (*cursor, from, 0.0);
         while index + 1 < self.stamps.len() && self.stamps[index + 1] < to {
             sum += self.set_point(joint, index) * (self.stamps[index + 1] - begin);

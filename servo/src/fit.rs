@@ -353,7 +353,10 @@ impl Curvature {
         let least: Vec<f64> =
             unknowns.iter().zip(x).map(|(unknown, x)| unknown.quantity.least() - x).collect();
         let step = descend(&hessian, &self.gradient, &least);
-        x.iter().zip(step.iter()).zip(unknowns).map(|((x, d), u)| (x + d).max(u.quantity.least())).collect()
+        // A number whose change drives the simulation out of all numbers stays where it is.
+        let moved = |x: &f64, d: &f64| if d.is_finite() { x + d } else { *x };
+        let steps = x.iter().zip(step.iter()).zip(unknowns);
+        steps.map(|((x, d), unknown)| moved(x, d).max(unknown.quantity.least())).collect()
     }
 }
 

@@ -66,7 +66,9 @@ impl JointServo {
             return self.coulomb;
         }
         let ratio = v / self.stribeck_velocity;
-        self.coulomb + self.stiction * (-ratio * ratio).exp()
+        let square = ratio * ratio;
+        // e⁻⁴⁰ of it is less than rounding leaves of what holds an arm.
+        if square > 40.0 { self.coulomb } else { self.coulomb + self.stiction * (-square).exp() }
     }
 
     /// The servo's torque at the error `e` (rad) and speed `v` (rad/s), N·m.

@@ -5,6 +5,7 @@
 //! - [`Commands`]: the commands of one joint, held between their stamps.
 //! - [`JointServo`]: the law of one joint: servo, friction, limits, delay; a piece of it is a [`Line`].
 //! - [`ServoArm`]: the rigid arm with the servo of each joint, as an arm file has them.
+//! - [`Burden`]: what the arm carries and how it stands beside what its file says.
 //! - [`Sliding`]: one step with set-valued friction; [`Rollout`]: many of them from a [`State`] along the commands.
 //! - [`Track`]: a recording of commanded and measured positions; its windows begin anew from what was measured.
 //! - [`Sight`]: what a recording says of a joint before any rollout ([`sights`], [`lag`]); [`servos`], [`first_model`] to begin a fit from.
@@ -14,6 +15,7 @@
 mod arm_file;
 mod beginning;
 mod bounded;
+mod burden;
 mod command;
 mod fit;
 mod joint;
@@ -26,6 +28,7 @@ mod track;
 mod unknowns;
 
 pub use beginning::{Sight, golden, lag, servos, sights};
+pub use burden::Burden;
 pub use command::Commands;
 pub use fit::{Fitted, Problem};
 pub use joint::{JointServo, Line};

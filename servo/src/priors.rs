@@ -54,7 +54,7 @@ pub fn first_model(arm: &Arm, problem: &Problem) -> (ServoArm, Vec<Sight>) {
     let sights = sights(arm, problem.tracks);
     let of_share = |share: f64| {
         let joints = servos(arm, &sights, &vec![share; arm.dof()]);
-        let model = ServoArm { arm: arm.clone(), joints };
+        let model = ServoArm::new(arm.clone(), joints);
         let residuals = problem.residuals(&model);
         (model, residuals)
     };
@@ -66,5 +66,5 @@ pub fn first_model(arm: &Arm, problem: &Problem) -> (ServoArm, Vec<Sight>) {
         let order = (0..tried.len()).min_by(|&a, &b| losses[a][joint].total_cmp(&losses[b][joint]));
         tried[order.unwrap_or(0)].0.joints[joint]
     };
-    (ServoArm { arm: arm.clone(), joints: (0..arm.dof()).map(best).collect() }, sights)
+    (ServoArm::new(arm.clone(), (0..arm.dof()).map(best).collect()), sights)
 }

@@ -3,9 +3,11 @@
 use freeplay_arm::{Arm, Workspace, bias, crba};
 use nalgebra::DMatrix;
 
+use crate::burden::Burden;
 use crate::command::Commands;
 use crate::joint::{JointServo, Line};
 use crate::solve::Sliding;
+use crate::unknowns::Quantity;
 
 /// Longest step of the servos, s: that of a controller.
 const SERVO_STEP: f64 = 0.001;
@@ -13,10 +15,33 @@ const SERVO_STEP: f64 = 0.001;
 /// An arm and the servo of each of its joints.
 #[derive(Clone, Debug)]
 pub struct ServoArm {
-    /// The rigid arm.
+    /// The rigid arm, under its burden.
     pub arm: Arm,
     /// One servo a joint.
     pub joints: Vec<JointServo>,
+    /// What the arm carries beside what its file says; `None` where that was never asked.
+    pub burden: Option<Box<Burden>>,
+}
+
+impl ServoArm {
+    /// An arm with the servo of each of its joints, as its file has it.
+    pub fn new(arm: Arm, joints: Vec<JointServo>) -> ServoArm {
+        ServoArm { arm, joints, burden: None }
+    }
+
+    /// Gives the burden's number `quantity` of the link of `joint`, or of the whole arm, the value `x`. The arm stays as it is where there can be none under that.
+    pub(crate) fn bear(&mut self, joint: usize, quantity: Quantity, x: f64) {
+        let mut burden = self.burden.take().unwrap_or_else(|| Box::new(Burden::none(&self.arm)));
+        let before = burden.of(joint, quantity);
+        if x != before {
+            burden.set(joint, quantity, x);
+            match burden.arm() {
+                Some(arm) => self.arm = arm,
+                None => burden.set(joint, quantity, before),
+            }
+        }
+        self.burden = Some(burden);
+    }
 }
 
 /// Position and velocity of all joints.
@@ -144,10 +169,13 @@ impl Rollout {
             let piece = joint.line(error - 0.5 * h * self.state.v[i], self.state.v[i]);
             is_same &= piece.damping == self.pieces[i].damping && piece.stiffness == self.pieces[i].stiffness;
             self.pieces[i] = piece;
-            let momentum: f64 = self.mass.column(i).iter().zip(&self.state.v).map(|(m, v)| m * v).sum();
+            // Column by column is row by row of what is symmetric.
+            let row = &self.mass.as_slice()[i * n..(i + 1) * n];
+            let momentum: f64 = row.iter().zip(&self.state.v).map(|(m, v)| m * v).sum();
             self.right[i] = momentum + piece.stiffness * error + piece.constant - self.bias[i];
             self.friction[i] = joint.dry_friction(self.speed[i]);
-            self.bounds[i] = joint.stops.map(|stop| (stop - self.state.q[i]) / h);
+            let bound = |stop: f64| if stop.is_finite() { (stop - self.state.q[i]) / h } else { stop };
+            self.bounds[i] = joint.stops.map(bound);
         }
         if !is_same {
             let matrix = self.sliding.matrix_mut();

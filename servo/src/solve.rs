@@ -69,7 +69,8 @@ impl Sliding {
             let row = &self.matrix[i * n..(i + 1) * n];
             let coupled: f64 = row.iter().zip(w.iter()).map(|(a, w)| a * w).sum::<f64>() - row[i] * w[i];
             let free = b[i] - coupled;
-            let beyond = free - free.clamp(-friction[i], friction[i]);
+            // Speeds that have left all numbers come out as such, and end no process.
+            let beyond = free - free.max(-friction[i]).min(friction[i]);
             let speed = (beyond / row[i]).max(bounds[i][0]).min(bounds[i][1]);
             change = change.max((speed - w[i]).abs());
             size = size.max(speed.abs());
@@ -90,7 +91,11 @@ impl Sliding {
         if !self.is_factored {
             self.factorise(n);
         }
-        self.substitute(b, friction, w);
+        if self.free.iter().all(|is_free| *is_free) {
+            self.substitute_all(b, friction, w);
+        } else {
+            self.substitute(b, friction, w);
+        }
         for i in 0..n {
             let x = self.solution[i];
             let holds = if self.free[i] {
@@ -121,6 +126,21 @@ impl Sliding {
             }
         }
         self.is_factored = true;
+    }
+
+    /// The speeds with the factor where all joints slide as in `w`: the same as [`Sliding::substitute`], without looking who does.
+    #[inline]
+    fn substitute_all(&mut self, b: &[f64], friction: &[f64], w: &[f64]) {
+        let n = w.len();
+        for i in 0..n {
+            let (row, before) = (&self.factor[i * n..i * n + i], &self.solution[..i]);
+            let known: f64 = row.iter().zip(before).map(|(factor, x)| factor * x).sum();
+            self.solution[i] = (b[i] - friction[i].copysign(w[i]) - known) * self.factor[i * n + i];
+        }
+        for i in (0..n).rev() {
+            let known: f64 = (i + 1..n).map(|k| self.factor[k * n + i] * self.solution[k]).sum();
+            self.solution[i] = (self.solution[i] - known) * self.factor[i * n + i];
+        }
     }
 
     /// The speeds with the factor: those of joints that are held as they are in `w`. The factor's diagonal holds reciprocals.

@@ -53,14 +53,16 @@ impl Track {
         State { q, v }
     }
 
-    /// Measured minus simulated position of `model` on `rows`, `[row][joint]`; not a number where it was not measured.
+    /// Measured minus simulated position of `model` on `rows`, `[row][joint]`; not a number where it was not measured, infinite where the simulation left all numbers.
     pub fn residual(&self, model: &ServoArm, rollout: &mut Rollout, rows: &Range<usize>) -> Vec<f64> {
         let mut out = self.simulated(model, rollout, rows);
         let joints = self.measured.len();
         for (offset, row) in rows.clone().enumerate() {
             for joint in 0..joints {
                 let at = offset * joints + joint;
-                out[at] = self.measured[joint][row] - out[at];
+                let (measured, simulated) = (self.measured[joint][row], out[at]);
+                let is_lost = measured.is_finite() && !simulated.is_finite();
+                out[at] = if is_lost { f64::INFINITY } else { measured - simulated };
             }
         }
         out

@@ -27,9 +27,22 @@ pub enum Quantity {
     TorqueLimit,
     /// Natural logarithm of the speed limit in rad/s.
     SpeedLimit,
+    /// Mass at the tool beside what the arm file has, kg; of the whole arm.
+    Payload,
+    /// Natural logarithm of the true over the modelled mass of the joint's link.
+    LinkMass,
+    /// Roll of the base, rad; of the whole arm.
+    Roll,
+    /// Pitch of the base, rad; of the whole arm.
+    Pitch,
 }
 
 impl Quantity {
+    /// Whether it is the arm's, and not a servo's.
+    pub fn is_of_arm(self) -> bool {
+        matches!(self, Quantity::Payload | Quantity::LinkMass | Quantity::Roll | Quantity::Pitch)
+    }
+
     /// The least value that is physical.
     pub fn least(self) -> f64 {
         match self {
@@ -56,6 +69,8 @@ impl Quantity {
             Quantity::Deadband => joint.deadband,
             Quantity::TorqueLimit => (joint.torque_limit / joint.stiffness).ln(),
             Quantity::SpeedLimit => joint.speed_limit.ln(),
+            // No servo has it.
+            Quantity::Payload | Quantity::LinkMass | Quantity::Roll | Quantity::Pitch => 0.0,
         }
     }
 
@@ -81,6 +96,7 @@ impl Quantity {
             Quantity::Deadband => joint.deadband = x,
             Quantity::TorqueLimit => joint.torque_limit = stiffness * x.exp(),
             Quantity::SpeedLimit => joint.speed_limit = x.exp(),
+            Quantity::Payload | Quantity::LinkMass | Quantity::Roll | Quantity::Pitch => {}
         }
     }
 }
@@ -103,11 +119,17 @@ pub struct Unknown {
 impl Unknown {
     /// Its value in `arm`.
     pub fn of(&self, arm: &ServoArm) -> f64 {
+        if self.quantity.is_of_arm() {
+            return arm.burden.as_ref().map_or(0.0, |burden| burden.of(self.joint, self.quantity));
+        }
         self.quantity.of(&arm.joints[self.joint])
     }
 
     /// Gives it the value `x` in `arm`.
     pub fn set(&self, arm: &mut ServoArm, x: f64) {
+        if self.quantity.is_of_arm() {
+            return arm.bear(self.joint, self.quantity, x);
+        }
         self.quantity.set(&mut arm.joints[self.joint], x);
     }
 }

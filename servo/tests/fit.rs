@@ -24,7 +24,7 @@ fn truth() -> ServoArm {
         rotor_inertia: 0.01,
         ..JointServo::stiff(stiffness)
     };
-    ServoArm { arm: two_links(9.81), joints: vec![servo(30.0, 0.06, 0.02), servo(15.0, 0.05, 0.03)] }
+    ServoArm::new(two_links(9.81), vec![servo(30.0, 0.06, 0.02), servo(15.0, 0.05, 0.03)])
 }
 
 /// A recording of `truth` of `seconds` at 50 Hz, its encoders rounded, the first joint pressed aside by `pressed` rad for two seconds.
@@ -86,6 +86,7 @@ fn servos_come_back_from_a_recording() {
             Quantity::Stiction => 0.003,
             Quantity::Rotor => 3e-4,
             Quantity::Deadband | Quantity::TorqueLimit | Quantity::SpeedLimit => 0.0,
+            Quantity::Payload | Quantity::LinkMass | Quantity::Roll | Quantity::Pitch => 0.0,
         };
         assert!((value - true_value).abs() < slack, "{unknown:?}");
     }
@@ -128,4 +129,47 @@ fn a_lag_and_a_stiffness_show_before_any_rollout() {
         stamps: track.stamps.clone(),
     };
     assert!((lag(&[shifted], 0) - 0.05).abs() < 1e-3);
+}
+
+/// A payload that the model does not know is told from softer servos by how the droop goes with the pose, though nothing is known of the servos.
+#[test]
+fn a_payload_is_told_by_the_course_of_the_droop() {
+    let mut loaded = truth();
+    let payload =
+        Unknown { joint: 0, quantity: Quantity::Payload, expected: 0.0, deviation: 2.0, step: 0.06 };
+    payload.set(&mut loaded, 0.4);
+    let track = recorded(&loaded, 60, 0.0);
+    let tracks = std::slice::from_ref(&track);
+    let problem = Problem {
+        tracks,
+        windows: track.windows(0.1, 10.0).into_iter().map(|rows| (0, rows)).collect(),
+        counted: Vec::new(),
+        rounding: vec![TICK / 12.0_f64.sqrt(); 2],
+        longest_step: 0.005,
+        threads: 2,
+    };
+    let (first, seen) = first_model(&two_links(9.81), &problem);
+    let mut believed = unknowns(&seen, &first, 1e-4);
+    believed.push(payload);
+    let found = problem.fit(&first, &believed, &mut |_, _| {});
+    let (mass, deviation) = *found.values.last().unwrap();
+    println!("{mass:.3} ± {deviation:.3} kg of 0.4 kg");
+    assert!((mass - 0.4).abs() < 4.0 * deviation.max(0.01));
+    assert!(mass > 6.0 * deviation, "told from none");
+}
+
+/// A simulation that leaves all numbers is no explanation: its rows lose without bound, where rows that nobody measured lose nothing.
+#[test]
+fn a_simulation_without_numbers_explains_nothing() {
+    let track = recorded(&truth(), 10, 0.0);
+    let mut lost = truth();
+    lost.joints[0].damping = f64::NAN;
+    let rows = 0..track.stamps.len();
+    let residual = track.residual(&lost, &mut Rollout::new(&lost.arm, 0.005), &rows);
+    assert!(residual.iter().any(|r| r.is_infinite()));
+    let noise = freeplay_servo::Noise::of(
+        &[track.residual(&truth(), &mut Rollout::new(&lost.arm, 0.005), &rows)],
+        &[TICK; 2],
+    );
+    assert!(residual.iter().enumerate().map(|(at, r)| noise.loss(at % 2, *r)).sum::<f64>().is_infinite());
 }

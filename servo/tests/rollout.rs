@@ -20,7 +20,7 @@ fn motion(
     let stamps = stamps(count, step);
     let values: Vec<f64> = stamps.iter().map(|t| command(*t)).collect();
     let commands = [Commands::new(&stamps, &values)];
-    let model = ServoArm { arm: arm.clone(), joints: vec![servo] };
+    let model = ServoArm::new(arm.clone(), vec![servo]);
     let start = State { q: vec![0.0], v: vec![0.0] };
     let mut out = vec![0.0; count];
     Rollout::new(arm, longest).run(&model, &commands, &stamps, &start, &mut out);
@@ -61,7 +61,7 @@ fn the_terms_of_the_arm_need_no_steps_as_short_as_those_of_its_servos() {
         Commands::new(&times, &values)
     });
     let servo = JointServo { damping: 0.9, coulomb: 0.3, delay: 0.013, ..JointServo::stiff(12.0) };
-    let model = ServoArm { arm: arm.clone(), joints: vec![servo; 2] };
+    let model = ServoArm::new(arm.clone(), vec![servo; 2]);
     let start = State { q: vec![0.0; 2], v: vec![0.0; 2] };
     let [fine, coarse] = [0.001, 0.01].map(|longest| {
         let mut out = vec![0.0; 2 * times.len()];
@@ -149,7 +149,7 @@ fn energy_is_kept_or_falls() {
     let times = stamps(500, 0.01);
     let commands = [0, 1].map(|_| Commands::new(&times, &vec![0.0; times.len()]));
     let energies = |joint: JointServo, spread: f64| {
-        let model = ServoArm { arm: arm.clone(), joints: vec![joint; 2] };
+        let model = ServoArm::new(arm.clone(), vec![joint; 2]);
         let mut rollout = Rollout::new(&arm, 0.001);
         let mut state = State { q: vec![spread, -0.5 * spread], v: vec![0.0, 0.0] };
         let mut workspace = Workspace::new(&arm);
@@ -212,7 +212,7 @@ fn a_rollout_allocates_nothing() {
     let commands = [0, 1].map(|_| Commands::new(&times, &values));
     let servo =
         JointServo { damping: 0.5, coulomb: 0.1, stiction: 0.05, delay: 0.013, ..JointServo::stiff(20.0) };
-    let model = ServoArm { arm: arm.clone(), joints: vec![servo; 2] };
+    let model = ServoArm::new(arm.clone(), vec![servo; 2]);
     let start = State { q: vec![0.0; 2], v: vec![0.0; 2] };
     let mut rollout = Rollout::new(&arm, 0.01);
     let mut out = vec![0.0; 400];

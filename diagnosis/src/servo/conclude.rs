@@ -4,18 +4,19 @@ use std::collections::BTreeMap;
 
 use freeplay_arm::{ArmFile, EffectTable};
 use freeplay_recording::{Group, Recording};
-use freeplay_servo::{Problem, Quantity, ServoArm, Sight, Track};
+use freeplay_servo::{Problem, Quantity, ServoArm, Sight, Track, Unknown};
 use toml::Value;
 
+use super::burdens::Burdened;
 use super::compare::{simulated, unit};
 use super::events::{Event, What};
-use super::findings::{Finding, Numbers, known, named_from};
+use super::findings::{Finding, Numbers, around, known, named_from};
 use super::limits::lost;
 use super::parts::{Parts, Rows, rounding};
 use super::scores::{Deviations, deviations, errors, gain, rms};
 use crate::diagnose::{
-    DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Location, Rmse, Verdict, insufficient, odds, phrase,
-    statement,
+    Alternative, DiagnoseSettings, Diagnosis, Effect, Evidence, Fit, Location, Parameter, Rmse, Verdict,
+    insufficient, odds, phrase, statement,
 };
 
 /// Kinds of effects at joints that the findings stand in the place of.
@@ -35,6 +36,8 @@ pub struct Conclusion<'a> {
     pub choice: &'a Problem<'a>,
     pub sights: &'a [Sight],
     pub numbers: Numbers<'a>,
+    /// What the arm carries, or how it stands, beside what its model says.
+    pub burdened: Option<Burdened>,
     /// Joints whose commands move.
     pub moves: &'a [bool],
     /// The model that was given, if it has servos.
@@ -77,6 +80,15 @@ impl Conclusion<'_> {
         };
         model.effects.retain(|table| !is_replaced(table));
         model.effects.extend(found.iter().map(|finding| finding.table.clone()));
+        let burden = self.burdened.as_ref().and_then(|burdened| self.burden(burdened, &clean));
+        let alternatives =
+            self.burdened.iter().flat_map(|burdened| self.rivals(burdened)).collect::<Vec<_>>();
+        let is_open = burden.is_some() && !alternatives.is_empty();
+        effects.extend(burden);
+        // Masses inside their tolerances belong to the model that was simulated.
+        if let Some(burden) = &self.numbers.fitted.model.burden {
+            model.effects.extend(burden.tables());
+        }
         let (happened, stops) = self.happenings();
         effects.extend(happened);
         for stop in stops {
@@ -93,7 +105,11 @@ impl Conclusion<'_> {
         let base = Conclusion::insufficient(file, self.settings, "");
         let fit = self.fit(&clean);
         share_out(&mut effects, &fit);
-        let verdict = if effects.is_empty() { Verdict::NothingMissing } else { Verdict::Named };
+        let verdict = match (effects.is_empty(), is_open) {
+            (true, _) => Verdict::NothingMissing,
+            (false, true) => Verdict::OneOf,
+            (false, false) => Verdict::Named,
+        };
         Diagnosis {
             verdict,
             statement: self.statement(&effects, &clean),
@@ -105,6 +121,7 @@ impl Conclusion<'_> {
             passages: self.passages(),
             model,
             effects,
+            alternatives: if is_open { alternatives } else { Vec::new() },
             ..base
         }
     }
@@ -205,6 +222,91 @@ impl Conclusion<'_> {
             phrase,
             statement,
         }
+    }
+
+    /// What the arm carries, or how it stands, as an effect, if the data tell it from nothing.
+    fn burden(&self, burdened: &Burdened, clean: &[Rows]) -> Option<Effect> {
+        let (fitted, kind) = (self.numbers.fitted, known(burdened.kind));
+        let index = |unknown: &Unknown| self.numbers.unknowns.iter().position(|one| one == unknown);
+        let numbers: Vec<usize> = burdened.unknowns.iter().filter_map(index).collect();
+        let here = lost(self.choice, &fitted.model, &fitted.noise);
+        let evidence = |index: usize| {
+            let without = fitted.with(self.numbers.unknowns, index, 0.0);
+            let distance = self.numbers.distance(index, 0.0, &self.settings.tolerances).min(CERTAIN);
+            0.5 * distance.powi(2) + lost(self.choice, &without, &fitted.noise) - here
+        };
+        // As of any finding, a number has to be beyond what the fit leaves open.
+        let is_told = |index: &&usize| {
+            self.numbers.distance(**index, 0.0, &self.settings.tolerances) > self.numbers.named_from()
+        };
+        let (evidence, strongest) = numbers
+            .iter()
+            .filter(is_told)
+            .map(|index| (evidence(*index), *index))
+            .max_by(|a, b| a.0.total_cmp(&b.0))?;
+        if evidence <= named_from(self.moves.len()) {
+            return None;
+        }
+        let tables = fitted.model.burden.as_ref()?.tables();
+        let table = tables.into_iter().find(|table| table.kind == kind.name)?;
+        let interval = |name: &str| -> Option<[f64; 2]> {
+            let quantity = match name {
+                "mass" => Quantity::Payload,
+                "roll" => Quantity::Roll,
+                "pitch" => Quantity::Pitch,
+                _ => return None,
+            };
+            let at = numbers.iter().find(|at| self.numbers.unknowns[**at].quantity == quantity)?;
+            let (value, deviation) = fitted.values[*at];
+            // A payload is weighed against what the arm itself weighs out there.
+            let last = self.numbers.file.arm.joints().last().map_or(0.0, |joint| joint.inertia.mass);
+            let hidden = if quantity == Quantity::Payload { value.abs() + last } else { 0.0 };
+            Some(around(value, deviation.hypot(self.settings.tolerances.mass * hidden)))
+        };
+        let parameter = |(name, value): (String, Value)| {
+            let (unit, ci95) = (kind.unit(&name, None).to_owned(), interval(&name));
+            (name, Parameter { value, unit, ci95 })
+        };
+        let parameters: BTreeMap<String, Parameter> = table.parameters.into_iter().map(parameter).collect();
+        let without = self.left_by(&fitted.with(self.numbers.unknowns, strongest, 0.0), clean);
+        let joints = self.joints();
+        let square = |of: &Deviations| rms(of, clean, &joints).powi(2);
+        let phrase = phrase(kind, &parameters);
+        Some(Effect {
+            kind: kind.name,
+            equation: kind.equation,
+            source: kind.source,
+            evidence: Evidence {
+                log_odds: evidence,
+                odds: odds(evidence),
+                share: (square(&without) - square(&self.after)).max(0.0),
+                held_out_gain: gain([&without, &self.after], clean, &joints, self.tracks, self.settings.seed),
+                held_out: true,
+                channels: joints.iter().map(|joint| Group::Position.column(*joint)).collect(),
+            },
+            statement: format!(
+                "{} It is told by how the droop of the joints goes with the pose.",
+                statement(&phrase, None)
+            ),
+            phrase,
+            parameters,
+            joint: None,
+        })
+    }
+
+    /// What the recordings don't tell from `burdened`.
+    fn rivals(&self, burdened: &Burdened) -> Vec<Alternative> {
+        let one = |(kind, against): &(&'static str, f64)| Alternative {
+            kind,
+            joint: None,
+            instead_of: burdened.kind.to_owned(),
+            why_not: "it explains the recordings as well".to_owned(),
+            indistinguishable: true,
+            what_would_separate:
+                "record poses in which the links before and after it hang otherwise, or weigh it".to_owned(),
+            log_odds_against: *against,
+        };
+        burdened.rivals.iter().map(one).collect()
     }
 
     /// The model without `finding`, all else as it fits best then; `None` for the servo itself.

@@ -4,9 +4,12 @@ use std::collections::BTreeSet;
 
 use freeplay_arm::ArmFile;
 use freeplay_recording::Recording;
-use freeplay_servo::{Fitted, Problem, ServoArm, Sight, Track, Unknown, first_model, sights, unknowns};
+use freeplay_servo::{
+    Fitted, JointServo, Problem, ServoArm, Sight, Track, Unknown, first_model, sights, unknowns,
+};
 
 use super::black_box::Filters;
+use super::burdens::add_burden;
 use super::compare::{late, simulated};
 use super::conclude::Conclusion;
 use super::events::{Event, Judging, What};
@@ -50,8 +53,7 @@ pub fn diagnose(
         return Ok(Conclusion::insufficient(file, settings, "they are too short to be cut in three parts"));
     }
     let arm = given.as_ref().map_or(&file.arm, |given| &given.arm);
-    let (first, _) = first_model(arm, &fit);
-    let first = nearest(&fit, first, given.as_ref());
+    let first = nearest(&fit, first_model(arm, &fit).0, given.as_ref());
     let believed = unknowns(&seen, &first, settings.tolerances.zero);
     let believed: Vec<Unknown> = believed.into_iter().filter(|unknown| moves[unknown.joint]).collect();
     let (mut believed, rotors) = without_rotors(believed, &first);
@@ -59,13 +61,8 @@ pub fn diagnose(
         progress(&format!("fitting the servos to a few of the windows, step {step}"));
     });
     let is_known = |fitted: &Fitted| {
-        let numbers = Numbers {
-            file,
-            fitted,
-            unknowns: &believed,
-            sights: &seen,
-            friction: settings.tolerances.friction,
-        };
+        let numbers =
+            Numbers { file, fitted, unknowns: &believed, sights: &seen, tolerances: &settings.tolerances };
         (0..moves.len()).map(|joint| numbers.is_known(joint)).collect::<Vec<bool>>()
     };
     // What happened to the arm in the fit's recordings is no servo's: the fit goes on without it.
@@ -95,6 +92,15 @@ pub fn diagnose(
     let fitted = fit.leap(fitted, &believed, &mut |step, _| {
         progress(&format!("fitting the servos from other frictions and delays, step {step}"));
     });
+    progress("asking whether the arm carries more, or stands otherwise, than its model says");
+    let (fitted, burdened) = add_burden(
+        [&fit, &choice],
+        (file, given.as_ref()),
+        &settings.tolerances,
+        &mut believed,
+        fitted,
+        progress,
+    );
     let fitted = add_rotors([&fit, &choice], &rotors, &mut believed, fitted, progress);
     progress("asking whether a servo has limits");
     let fitted = add_limits([&fit, &choice], &seen, &mut believed, fitted, progress);
@@ -104,11 +110,10 @@ pub fn diagnose(
         fitted: &fitted,
         unknowns: &believed,
         sights: &seen,
-        friction: settings.tolerances.friction,
+        tolerances: &settings.tolerances,
     };
     let is_known: Vec<bool> = (0..moves.len()).map(|joint| numbers.is_known(joint)).collect();
     let rival = rivals(&parts.fit, &tracks, &seen);
-    let simulated = deviations_of(&fitted.model, &tracks);
     let events = with_stops(&tracks, &fitted, &is_known, &seen);
     let before = match &given {
         Some(given) => deviations_of(given, &tracks),
@@ -122,12 +127,13 @@ pub fn diagnose(
         choice: &choice,
         sights: &seen,
         numbers,
+        burdened,
         moves: &moves,
         given: given.as_ref(),
         before,
         lagged: rival.0,
         filtered: rival.1,
-        after: simulated,
+        after: deviations_of(&fitted.model, &tracks),
         events,
     };
     Ok(conclusion.diagnosis())
@@ -148,14 +154,24 @@ pub fn moves(tracks: &[Track], parts: &[Rows], joint: usize) -> bool {
     })
 }
 
-/// Of `first` and the model that was given the one that is nearer to the fit's part; the stops that are known hold in both.
+/// Joint by joint the servo of `first` or that of the model that was given, whichever is nearer to the fit's part: one thing that the model lacks at one joint says nothing against what it has at
+/// the others. The stops that are known hold in both.
 fn nearest(fit: &Problem, mut first: ServoArm, given: Option<&ServoArm>) -> ServoArm {
     let Some(given) = given else { return first };
     first.joints.iter_mut().zip(&given.joints).for_each(|(first, given)| first.stops = given.stops);
     let residuals = [&first, given].map(|model| fit.residuals(model));
     let noise = freeplay_servo::Noise::of(&residuals[0], &fit.rounding);
-    let [of_first, of_given] = residuals.map(|residuals| fit.losses(&residuals, &noise).iter().sum::<f64>());
-    if of_given < of_first { given.clone() } else { first }
+    let [of_first, of_given] = residuals.map(|residuals| fit.losses(&residuals, &noise));
+    for (joint, first) in first.joints.iter_mut().enumerate() {
+        if of_given[joint] < of_first[joint] {
+            let given = given.joints[joint];
+            // Of a stiction that is not there no model says at which speed it is gone.
+            let stribeck_velocity =
+                if given.stiction == 0.0 { first.stribeck_velocity } else { given.stribeck_velocity };
+            *first = JointServo { stribeck_velocity, ..given };
+        }
+    }
+    first
 }
 
 /// Measured minus simulated positions of all recordings.

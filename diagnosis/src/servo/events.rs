@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use freeplay_arm::{Workspace, forward_kinematics, gravity_torque, jacobian};
+use freeplay_arm::{Workspace, forward_kinematics, jacobian, rnea};
 use freeplay_servo::{Noise, ServoArm, Track};
 use nalgebra::{DMatrix, DVector};
 
@@ -146,22 +146,31 @@ impl Judging<'_> {
         events
     }
 
-    /// By how much each joint is held off where its servo and its load would have it, `[row][joint]`, rad (m): friction may do that up to its amount over the
+    /// By how much each joint is held off where its servo, its load and its inertia would have it, `[row][joint]`, rad (m): friction may do that up to its amount over the
     /// stiffness, and where in that band a joint rests depends on all that was before. What is beyond needs another cause.
     fn held_off(&self, track: &Track, rows: &Range<usize>) -> Vec<f64> {
         let arm = &self.model.arm;
         let mut workspace = Workspace::new(arm);
-        let (mut q, mut load) = (vec![0.0; arm.dof()], vec![0.0; arm.dof()]);
+        let [mut q, mut v, mut a, mut load] = [0; 4].map(|_| vec![0.0; arm.dof()]);
         let mut all = Vec::with_capacity(rows.len() * arm.dof());
         for row in rows.clone() {
-            (0..arm.dof()).for_each(|joint| q[joint] = track.measured[joint][row]);
-            gravity_torque(arm, &mut workspace, &q, &mut load);
             let (before, after) = (row.saturating_sub(1), (row + 1).min(track.stamps.len() - 1));
-            let span = track.stamps[after] - track.stamps[before];
+            let [t, t_before, t_after] = [row, before, after].map(|row| track.stamps[row]);
+            for joint in 0..arm.dof() {
+                let at = |row: usize| track.measured[joint][row];
+                q[joint] = at(row);
+                v[joint] = (at(after) - at(before)) / (t_after - t_before);
+                // The mean over an event is the change of its speed, whatever the encoder's steps are.
+                let is_inside = before < row && row < after;
+                let slopes =
+                    [(at(after) - q[joint]) / (t_after - t), (q[joint] - at(before)) / (t - t_before)];
+                a[joint] = if is_inside { (slopes[0] - slopes[1]) * 2.0 / (t_after - t_before) } else { 0.0 };
+            }
+            rnea(arm, &mut workspace, &q, &v, &a, &mut load);
             all.extend(self.model.joints.iter().enumerate().map(|(joint, servo)| {
-                let v = (track.measured[joint][after] - track.measured[joint][before]) / span;
-                let error = track.commands[joint].at(servo, track.stamps[row]) - q[joint];
-                (servo.torque(error, v) - load[joint]) / servo.stiffness
+                let error = track.commands[joint].at(servo, t) - q[joint];
+                let needed = load[joint] + servo.rotor_inertia * a[joint];
+                (servo.torque(error, v[joint]) - needed) / servo.stiffness
             }));
         }
         all

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use freeplay_arm::{ArmFile, EffectTable, Joint, JointKind};
+use freeplay_arm::{ArmFile, EffectTable, Joint, JointKind, Workspace, crba};
 use freeplay_laws::{Kind, kind};
 use freeplay_servo::{Fitted, JointServo, Quantity, Sight, Unknown};
+use nalgebra::DMatrix;
 use toml::{Table, Value};
 
 use crate::diagnose::{Parameter, Tolerances, Untestable};
@@ -71,8 +72,8 @@ pub struct Numbers<'a> {
     pub unknowns: &'a [Unknown],
     /// What the recordings say of each joint before.
     pub sights: &'a [Sight],
-    /// Deviation of nominal friction, as a share of it.
-    pub friction: f64,
+    /// How far a machine may be off its model.
+    pub tolerances: &'a Tolerances,
 }
 
 impl Numbers<'_> {
@@ -94,11 +95,22 @@ impl Numbers<'_> {
             Quantity::Lag | Quantity::Coulomb | Quantity::Stiction | Quantity::Deadband => {
                 tolerances.friction * old.abs()
             }
-            Quantity::Rotor => tolerances.inertia * old.abs(),
+            // What the joint moves is known no better, and is told by the same accelerations.
+            Quantity::Rotor => tolerances.inertia * (old.abs() + self.moved(self.unknowns[index].joint)),
             Quantity::Delay => tolerances.delay,
             Quantity::Offset => tolerances.zero,
+            Quantity::LinkMass => tolerances.mass,
+            Quantity::Payload | Quantity::Roll | Quantity::Pitch => 0.0,
         };
         (value - old).abs() / deviation.hypot(tolerance)
+    }
+
+    /// Inertia that `joint` moves where all joints are at zero, over the stiffness of its servo, s².
+    fn moved(&self, joint: usize) -> f64 {
+        let arm = &self.fitted.model.arm;
+        let mut mass = DMatrix::zeros(arm.dof(), arm.dof());
+        crba(arm, &mut Workspace::new(arm), &vec![0.0; arm.dof()], &mut mass);
+        mass[(joint, joint)] / self.servo(joint).stiffness
     }
 
     /// Standard deviations from nothing that a name needs: ½ z² is the ratio.
@@ -114,9 +126,10 @@ impl Numbers<'_> {
         &self.fitted.model.joints[joint]
     }
 
-    /// Deviation of the logarithm of the stiffness of `joint`.
+    /// Deviation of the logarithm of the stiffness of `joint`: what tells it is a load that the model knows as well as its masses.
     fn stiffness_deviation(&self, joint: usize) -> f64 {
-        self.of(joint, Quantity::Stiffness).map_or(f64::INFINITY, |(_, deviation)| deviation)
+        let of_fit = self.of(joint, Quantity::Stiffness).map_or(f64::INFINITY, |(_, deviation)| deviation);
+        of_fit.hypot(self.tolerances.mass)
     }
 
     /// Whether the load told the stiffness of `joint`.
@@ -200,7 +213,7 @@ impl Numbers<'_> {
         // What the model has already counts in N·m: where no load tells the stiffness, nothing beside it is known.
         let expected = nominal / servo.stiffness;
         let of_model = |share: f64| if expected > 0.0 { expected * share } else { 0.0 };
-        let of_nominal = of_model(self.friction.hypot(self.stiffness_deviation(joint)));
+        let of_nominal = of_model(self.tolerances.friction.hypot(self.stiffness_deviation(joint)));
         let deviations = (ratio - expected).abs() / deviation.hypot(of_nominal);
         let is_named = deviations > self.named_from();
         if !is_named && nominal == 0.0 {
@@ -228,7 +241,8 @@ impl Numbers<'_> {
     fn delay(&self, joint: usize) -> Option<Finding> {
         let (delay, deviation) = self.of(joint, Quantity::Delay)?;
         (delay > self.named_from() * deviation).then(|| {
-            let numbers = vec![("delay", delay, Some(around(delay, deviation)))];
+            let interval = around(delay, deviation.hypot(self.tolerances.delay));
+            let numbers = vec![("delay", delay, Some(interval))];
             let finding = self.finding("command_delay", joint, numbers, String::new());
             Finding { absent: Some((Quantity::Delay, 0.0)), ..finding }
         })
@@ -293,7 +307,7 @@ impl Numbers<'_> {
             ),
             (
                 "payload",
-                "without torques a payload can't be told from softer servos, unless the model knows their stiffness",
+                "without torques a payload far out on the last link is told from softer servos only by how droop goes with the pose, not at the last joint alone",
             ),
             ("joint_elasticity", "what gives behind the encoder needs the tool or the link's encoder"),
             ("backlash", "what is loose behind the encoder needs the tool or the link's encoder"),

@@ -4,6 +4,7 @@
 //! - `compare`: measured positions against those simulated from the commands.
 //! - `parts`: what is fitted, what chooses and what judges.
 //! - `limits`: limits and dead bands, weighed one by one; the fit itself is in the crate `freeplay-servo`.
+//! - `burdens`, `rotors`: what the arm carries, how it stands, inertia of its motors, asked for when the servos are known.
 //! - `black_box`: filters without a name, to be beaten.
 //! - `scores`: errors on what no step has seen.
 //! - `events`: stops and contacts, which no servo explains.
@@ -12,6 +13,7 @@
 
 mod beside_torque;
 mod black_box;
+mod burdens;
 mod compare;
 mod conclude;
 mod diagnose;

@@ -71,7 +71,7 @@ impl Order {
     fn case_count(&self, source: &Source) -> Result<usize, GenerateError> {
         match source {
             Source::Own => Ok(self.cases()?.len()),
-            Source::Program(_) => Ok(self.quota.cases()),
+            Source::Program(..) => Ok(self.quota.cases()),
         }
     }
 
@@ -79,7 +79,7 @@ impl Order {
     fn asked_at(&self, index: usize, source: &Source) -> Result<String, GenerateError> {
         match source {
             Source::Own => Ok(self.asked(&self.cases()?[index])),
-            Source::Program(_) => Ok(format!("case {index}")),
+            Source::Program(..) => Ok(format!("case {index}")),
         }
     }
 
@@ -233,7 +233,7 @@ fn made_until_killed(
     match (garbled, source) {
         (None, _) => Ok((told, None)),
         (Some(error), Source::Own) => Err(Failure::internal(error)),
-        (Some(error), Source::Program(path)) => Err(Failure::input(format!(
+        (Some(error), Source::Program(path, _)) => Err(Failure::input(format!(
             "{}: a line on its standard output breaks the contract of a generator: {}",
             path.display(),
             plain_words(&error.to_string())

@@ -80,7 +80,7 @@ pub struct BlindArgs {
     full: bool,
     #[command(flatten)]
     sweep: Sweep,
-    /// Generator of the recordings: mujoco (needs Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
+    /// Generator of the recordings: mujoco, or mujoco-servos for commanded and measured positions alone (both need Python with the package mujoco; FREEPLAY_PYTHON names one), or an executable or a Python
     /// file or folder that keeps the contract of proof/mujoco/README.md. Without it: this program, by the crate concealed.
     #[arg(long, value_name = "PROGRAM", conflicts_with_all = ["matrix", "merge", "analyse", "score", "verify"])]
     generator: Option<PathBuf>,

@@ -15,13 +15,17 @@ use super::names::name;
 
 /// The name of the generator in MuJoCo.
 pub const MUJOCO: &str = "mujoco";
+/// The name of the same generator where it makes machines on servos, recorded by commanded and measured positions.
+const MUJOCO_SERVOS: &str = "mujoco-servos";
+/// What its order calls these machines.
+const SERVOS: &str = "servos";
 /// The schema of an order to another program.
 const SCHEMA: &str = "freeplay.generator/1";
 /// The file that Python starts in a folder.
 const START: &str = "__main__.py";
 
 /// The generator in MuJoCo, file by file. It is part of the executable, so that the hash of the executable binds it.
-const FILES: [(&str, &str); 21] = [
+const FILES: [(&str, &str); 22] = [
     (START, include_str!("../../mujoco/__main__.py")),
     ("arms.py", include_str!("../../mujoco/arms.py")),
     ("body_laws.py", include_str!("../../mujoco/body_laws.py")),
@@ -40,6 +44,7 @@ const FILES: [(&str, &str); 21] = [
     ("rigid.py", include_str!("../../mujoco/rigid.py")),
     ("sensor_laws.py", include_str!("../../mujoco/sensor_laws.py")),
     ("sensors.py", include_str!("../../mujoco/sensors.py")),
+    ("servos.py", include_str!("../../mujoco/servos.py")),
     ("setup_faults.py", include_str!("../../mujoco/setup_faults.py")),
     ("strength.py", include_str!("../../mujoco/strength.py")),
     ("tolerances.py", include_str!("../../mujoco/tolerances.py")),
@@ -59,8 +64,8 @@ pub struct Other {
 pub enum Source {
     /// This executable, by the crate `concealed`.
     Own,
-    /// The program at this path: an executable, or a file or folder for Python.
-    Program(PathBuf),
+    /// The program at this path: an executable, or a file or folder for Python; and the family of cases that it is asked for, if it knows more than one.
+    Program(PathBuf, Option<&'static str>),
 }
 
 impl Source {
@@ -71,13 +76,14 @@ impl Source {
     pub fn named(generator: Option<&Path>, folder: &Path) -> Result<(Self, Option<Other>), Failure> {
         let Some(path) = generator else { return Ok((Self::Own, None)) };
         let given = path.display().to_string();
-        let path =
-            if path == Path::new(MUJOCO) { written(&folder.join("generator"))? } else { path.to_owned() };
+        let family = (given == MUJOCO_SERVOS).then_some(SERVOS);
+        let is_own = given == MUJOCO || family.is_some();
+        let path = if is_own { written(&folder.join("generator"))? } else { path.to_owned() };
         let path = std::path::absolute(&path).map_err(Failure::input)?;
         let mut files = Vec::new();
         hashes(&path, "", &mut files)?;
         let sha256 = hash::of_json("generator", &json!(files));
-        Ok((Self::Program(path), Some(Other { name: given, sha256 })))
+        Ok((Self::Program(path, family), Some(Other { name: given, sha256 })))
     }
 
     /// Starts the process that does an order from its standard input.
@@ -87,8 +93,8 @@ impl Source {
     pub fn start(&self) -> Result<Child, Failure> {
         let mut command = match self {
             Self::Own => own()?,
-            Self::Program(path) if is_python(path) => python(path),
-            Self::Program(path) => Command::new(path),
+            Self::Program(path, _) if is_python(path) => python(path),
+            Self::Program(path, _) => Command::new(path),
         };
         command.stdin(Stdio::piped()).stdout(Stdio::piped());
         command.spawn().map_err(|error| {
@@ -110,24 +116,28 @@ impl Source {
     pub fn order(&self, order: &Order) -> Result<String, Failure> {
         let value = match self {
             Self::Own => serde_json::to_value(order).map_err(Failure::internal)?,
-            Self::Program(_) => asked_of_another(order)?,
+            Self::Program(_, family) => asked_of_another(order, *family)?,
         };
         Ok(value.to_string())
     }
 
     fn is_python(&self) -> bool {
-        matches!(self, Self::Program(path) if is_python(path))
+        matches!(self, Self::Program(path, _) if is_python(path))
     }
 }
 
 /// The order in the words of the contract: which cases under which names, in which folder.
-fn asked_of_another(order: &Order) -> Result<Value, Failure> {
+fn asked_of_another(order: &Order, family: Option<&str>) -> Result<Value, Failure> {
     let folder = std::path::absolute(&order.folder).map_err(Failure::input)?;
     let case = |index: usize| json!({ "index": index, "name": name(&order.names, index) });
     let cases: Vec<Value> = order.open(order.quota.cases()).into_iter().map(case).collect();
-    Ok(json!({
+    let mut asked = json!({
         "schema": SCHEMA, "seed": order.seed, "quota": order.quota, "folder": folder, "jobs": order.jobs, "cases": cases,
-    }))
+    });
+    if let Some(family) = family {
+        asked["family"] = json!(family);
+    }
+    Ok(asked)
 }
 
 fn own() -> Result<Command, Failure> {
