@@ -10,8 +10,10 @@ use super::tolerance::Nuisance;
 use crate::numbers::{ROUNDING, SAME, doublings};
 use crate::residual::Kind;
 
-/// Knots of the hat functions in position, in load and in speed.
+/// Knots of the hat functions in position.
 const KNOTS: usize = 8;
+/// Knots of those in load and in speed: with as many as in position the shapes say so much of the slow LWR 4+ that too many of its rows count.
+const SPEED_KNOTS: usize = 5;
 /// Ways, as shares of what a joint goes, within which friction follows a reversal.
 const WAYS: [f64; 2] = [0.003, 0.03];
 /// Knots of the hat functions in time, for what happens at a time or drifts.
@@ -36,8 +38,8 @@ impl Knots {
                 let speed: Vec<f64> = v.iter().map(|v| v.abs()).collect();
                 let position = quantiles(q, KNOTS);
                 let reach = position[position.len() - 1] - position[0];
-                let load = quantiles(&stage.load()[joint], KNOTS);
-                Knots { load, speed: quantiles(&speed, KNOTS), reach: reach.max(f64::MIN_POSITIVE), position }
+                let load = quantiles(&stage.load()[joint], SPEED_KNOTS);
+                Knots { load, speed: quantiles(&speed, SPEED_KNOTS), reach: reach.max(f64::MIN_POSITIVE), position }
             })
             .collect()
     }
