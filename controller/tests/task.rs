@@ -50,7 +50,7 @@ fn bad_task_files_are_refused_with_the_place() {
         ("model = \"paper\"\nmode = \"torq\"", "unknown value `torq`"),
         ("model = \"paper\"\nrate = 0", "rate = 0 is out of range"),
         ("model = \"paper\"\nrate = nan", "rate = NaN is out of range"),
-        ("model = \"paper\"\ngravity = [0, 0]", "array of length 3"),
+        ("model = \"paper\"\ngravity = [0, 0]", "expected a list of 3 values"),
         ("model = \"paper\"\ngravity = [0.0, 0.0, inf]", "gravity = inf"),
         ("model = \"paper\"\n[gains]\nnatural_frequency = -1", "gains.natural_frequency = -1"),
         ("model = \"paper\"\n[gains]\ndamping_ratio = 1e9", "gains.damping_ratio"),

@@ -10,7 +10,7 @@ use proc_macro2::{TokenStream, TokenTree};
 use syn::visit::{self, Visit};
 
 /// Made-up numbers that a part of the crate may have: as many as it has. The goal is 60 for all of it.
-const BUDGET: [(&str, usize); 3] = [("servo", 42), ("conventions", 89), ("", 91)];
+const BUDGET: [(&str, usize); 3] = [("servo", 47), ("conventions", 89), ("", 91)];
 
 /// A number that the crate is written with.
 #[derive(Debug)]

@@ -156,7 +156,7 @@ impl Mapping {
             columns.factors(key, units, &mapping.written)?;
             mapping.check_finite(key, columns)?;
         }
-        for relative in mapping.relative.iter().filter(|relative| !relative.factor.is_finite()) {
+        if let Some(relative) = mapping.relative.iter().find(|relative| !relative.factor.is_finite()) {
             let at = mapping.written.place(&["relative", "factor"], None);
             return Err(MappingError::NotFinite {
                 at,
@@ -304,7 +304,7 @@ impl Mapping {
             for (index, column) in named {
                 let at = || self.written.place(&[key, "columns"], Some(column));
                 let Some(place) = places.get(column) else {
-                    let (column, found, recording) = (column.clone(), list(&names), header.clone());
+                    let (column, found, recording) = (column.clone(), list(&names), Box::new(header.clone()));
                     return Err(MappingError::NoColumn { at: at(), key, recording, column, found });
                 };
                 let unit = match units.as_slice() {

@@ -68,7 +68,7 @@ pub enum MappingError {
         /// The quantity.
         key: &'static str,
         /// The recording, at its header.
-        recording: Place,
+        recording: Box<Place>,
         /// The column.
         column: String,
         /// The columns that are there, shortened.
