@@ -39,7 +39,12 @@ impl Knots {
                 let position = quantiles(q, KNOTS);
                 let reach = position[position.len() - 1] - position[0];
                 let load = quantiles(&stage.load()[joint], SPEED_KNOTS);
-                Knots { load, speed: quantiles(&speed, SPEED_KNOTS), reach: reach.max(f64::MIN_POSITIVE), position }
+                Knots {
+                    load,
+                    speed: quantiles(&speed, SPEED_KNOTS),
+                    reach: reach.max(f64::MIN_POSITIVE),
+                    position,
+                }
             })
             .collect()
     }
