@@ -228,7 +228,7 @@ pub enum ReadError {
     },
     /// The mapping does not fit the file.
     #[error(transparent)]
-    Mapping(#[from] MappingError),
+    Mapping(Box<MappingError>),
     /// A bag without joint states.
     #[error("{}: no topic of type {expected}; found: {topics}", file.display())]
     NoJointStates {
@@ -344,4 +344,10 @@ pub enum WriteError {
         /// The file.
         file: PathBuf,
     },
+}
+
+impl From<MappingError> for ReadError {
+    fn from(error: MappingError) -> Self {
+        Self::Mapping(Box::new(error))
+    }
 }
