@@ -90,14 +90,16 @@ fn noise(model: &[Vec<f64>], white: &[Vec<f64>], measured: &[Vec<f64>]) -> Vec<N
     };
     let mut sum = 0.0;
     let share = |noise: f64, of: f64| if of > 0.0 { noise / of } else { 0.0 };
-    let of_band = |((model, white), measured): ((&[Vec<f64>], &[Vec<f64>]), &[Vec<f64>])| {
-        let (asked, seen) = (band(model), band(measured));
-        let [of_asked, of_white] = [&asked, &band(white)].map(|band| Moments::of(band).rms.powi(2));
-        let noise = of_white.max(incoherent(&asked, &seen));
-        sum += noise;
-        Noise { below: share(sum, whole), of_band: share(noise, of_asked) }
-    };
-    model.windows(2).zip(white.windows(2)).zip(measured.windows(2)).map(of_band).collect()
+    let bands = model.windows(2).zip(white.windows(2)).zip(measured.windows(2));
+    bands
+        .map(|((model, white), measured)| {
+            let (asked, seen) = (band(model), band(measured));
+            let [of_asked, of_white] = [&asked, &band(white)].map(|band| Moments::of(band).rms.powi(2));
+            let noise = of_white.max(incoherent(&asked, &seen));
+            sum += noise;
+            Noise { below: share(sum, whole), of_band: share(noise, of_asked) }
+        })
+        .collect()
 }
 
 /// The power that was `asked` for and exceeds what was `seen` by far, as far as it has nothing to do with it.

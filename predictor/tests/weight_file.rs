@@ -169,7 +169,7 @@ fn text_that_is_no_file_is_refused() {
     let huge = file().to_string().replace("0.001", "1e999");
     assert_ne!(huge, file().to_string());
     let error = Narx::from_json(&huge, "weights.json").unwrap_err();
-    assert!(error.to_string().contains("number out of range at line 1"), "{error}");
+    assert!(error.to_string().contains("number out of range"), "{error}");
     let folder = tempfile::tempdir().unwrap();
     let missing = Narx::load(&folder.path().join("none.json")).unwrap_err();
     assert!(matches!(&missing, WeightFileError::Io { .. }) && missing.to_string().contains("none.json"));
